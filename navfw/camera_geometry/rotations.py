@@ -10,16 +10,15 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-Doubles = npt.NDArray[np.float64]
+from navfw.numerics.arrays import Array
 
 SMALL = 1e-12
 """Angle [rad] or sine below which the first-order formula is exact."""
 
 
 @numba.njit(cache=True, error_model="numpy")
-def rotation_matrix(vector: Doubles) -> Doubles:
+def rotation_matrix(vector: Array) -> Array:
     """Rotation (3, 3) about ``vector`` (3,) by its length [rad] (Rodrigues' formula)."""
     x, y, z = vector[0], vector[1], vector[2]
     angle = math.sqrt(x * x + y * y + z * z)
@@ -40,7 +39,7 @@ def rotation_matrix(vector: Doubles) -> Doubles:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def rotation_vector(r: Doubles) -> Doubles:
+def rotation_vector(r: Array) -> Array:
     """Rotation vector (3,) [rad] of ``r`` (3, 3), of an angle below pi."""
     x, y, z = 0.5 * (r[2, 1] - r[1, 2]), 0.5 * (r[0, 2] - r[2, 0]), 0.5 * (r[1, 0] - r[0, 1])
     sine = math.sqrt(x * x + y * y + z * z)

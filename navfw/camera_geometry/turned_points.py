@@ -10,16 +10,15 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-Doubles = npt.NDArray[np.float64]
+from navfw.numerics.arrays import Array
 
 BEHIND = 1e-9
 """Depth of a turned ray, in focal lengths, up to which it has no image."""
 
 
 @numba.njit(cache=True, error_model="numpy")
-def turn_point(x: float, y: float, r: Doubles, focal: float) -> tuple[float, float]:
+def turn_point(x: float, y: float, r: Array, focal: float) -> tuple[float, float]:
     """The image point (x, y) [px] after its ray is rotated by ``r`` (3, 3).
 
     NaN where the rotated ray points behind the camera.
@@ -32,7 +31,7 @@ def turn_point(x: float, y: float, r: Doubles, focal: float) -> tuple[float, flo
 
 
 @numba.njit(cache=True, error_model="numpy")
-def turn_points(points: Doubles, r: Doubles, focal: float) -> Doubles:
+def turn_points(points: Array, r: Array, focal: float) -> Array:
     """``turn_point`` of each of ``points`` (n, 2) [px]."""
     out = np.empty_like(points)
     for i in range(points.shape[0]):
@@ -41,7 +40,7 @@ def turn_points(points: Doubles, r: Doubles, focal: float) -> Doubles:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def undo_turn(points: Doubles, vectors: Doubles, r: Doubles, focal: float) -> Doubles:
+def undo_turn(points: Array, vectors: Array, r: Array, focal: float) -> Array:
     """Flow ``vectors`` (n, 2) [px] at ``points`` without the part due to the rotation ``r``."""
     out = turn_points(points - vectors, r, focal)
     for i in range(points.shape[0]):
@@ -51,15 +50,15 @@ def undo_turn(points: Doubles, vectors: Doubles, r: Doubles, focal: float) -> Do
 
 
 @numba.njit(cache=True, error_model="numpy")
-def turning_slope(x: float, y: float, axis: Doubles, focal: float) -> tuple[float, float]:
+def turning_slope(x: float, y: float, axis: Array, focal: float) -> tuple[float, float]:
     """Motion [px/rad] of the image point (x, y) while its ray turns about ``axis`` (3,)."""
     wx, wy, wz = axis[0], axis[1], axis[2]
     u = -wx * x * y / focal + wy * (focal + x * x / focal) - wz * y
     return u, -wx * (focal + y * y / focal) + wy * x * y / focal + wz * x
 
 
-def rotate_points(points: Doubles, rotation: Doubles, focal: float) -> Doubles:
+def rotate_points(points: Array, rotation: Array, focal: float) -> Array:
     """``turn_point`` of each of ``points`` (..., 2) [px] for arrays of any layout."""
     flat = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
-    turned: Doubles = turn_points(flat, np.ascontiguousarray(rotation, dtype=np.float64), focal)
+    turned: Array = turn_points(flat, np.ascontiguousarray(rotation, dtype=np.float64), focal)
     return turned.reshape(points.shape)

@@ -11,12 +11,10 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from navfw.camera_geometry.turned_points import turning_slope
 from navfw.numerics.algebra_kernels import solve_system
-
-Doubles = npt.NDArray[np.float64]
+from navfw.numerics.arrays import Array
 
 CAUCHY = 2.385**2
 """Squared width of the Cauchy weights [sigma^2]; 2.385 sigma is 95 % efficient on normal errors."""
@@ -27,10 +25,10 @@ def epipolar_residual(
     point: tuple[float, float],
     vector: tuple[float, float],
     focal: float,
-    translation: Doubles,
+    translation: Array,
     hole: float,
-    axes: Doubles,
-    row: Doubles,
+    axes: Array,
+    row: Array,
 ) -> float:
     """Distance [px] of a derotated flow ``vector`` at ``point`` from its epipolar line.
 
@@ -74,7 +72,7 @@ def cauchy_weight(residual: float, sigma: float, weight: float) -> float:
 
 @numba.njit(cache=True)
 def add_equations(
-    matrix: Doubles, right: Doubles, slopes: Doubles, offsets: Doubles, weights: Doubles
+    matrix: Array, right: Array, slopes: Array, offsets: Array, weights: Array
 ) -> None:
     """Add the equations ``slopes @ parameters = -offsets`` to normal equations.
 
@@ -103,13 +101,13 @@ def add_equations(
 
 @numba.njit(cache=True)
 def fit_reweighted(
-    offsets: Doubles,
-    slopes: Doubles,
-    sigma: Doubles,
-    weight: Doubles,
-    prior: Doubles,
+    offsets: Array,
+    slopes: Array,
+    sigma: Array,
+    weight: Array,
+    prior: Array,
     iterations: int,
-) -> tuple[Doubles, Doubles]:
+) -> tuple[Array, Array]:
     """Parameters that bring ``offsets + slopes @ parameters`` to zero, by Cauchy weights.
 
     Args:
@@ -143,7 +141,7 @@ def fit_reweighted(
 
 
 @numba.njit(cache=True)
-def _solved(matrix: Doubles, right: Doubles) -> Doubles:
+def _solved(matrix: Array, right: Array) -> Array:
     """Solution (k,) of ``matrix`` (k, k) times it = ``right`` (k,)."""
     solution = np.empty_like(right)
     if right.size == 2:

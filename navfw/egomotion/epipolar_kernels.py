@@ -10,7 +10,6 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from navfw.camera_geometry.rotations import rotation_matrix, rotation_vector
 from navfw.camera_geometry.turned_points import turn_point, turn_points, turning_slope
@@ -22,8 +21,7 @@ from navfw.egomotion.epipolar_fit import (
     fit_reweighted,
 )
 from navfw.numerics.algebra_kernels import bilinear, dot, multiply, solve_system
-
-Doubles = npt.NDArray[np.float64]
+from navfw.numerics.arrays import Array
 
 _COARSE = 0.5
 """Standard deviation [px] of residuals because the directions searched are not the right one."""
@@ -38,15 +36,15 @@ _MEDIAN_LENGTH = 1.18
 
 @numba.njit(cache=True, error_model="numpy")
 def fit_rotation(
-    points: Doubles,
-    past: Doubles,
-    sigma: Doubles,
-    weight: Doubles,
+    points: Array,
+    past: Array,
+    sigma: Array,
+    weight: Array,
     focal: float,
-    start: Doubles,
-    prior: Doubles,
+    start: Array,
+    prior: Array,
     iterations: int,
-) -> Doubles:
+) -> Array:
     """The rotation (3, 3) that explains the vectors best if the camera does nothing but turn.
 
     Args:
@@ -94,9 +92,9 @@ def _residual(
     point: tuple[float, float],
     vector: tuple[float, float],
     focal: float,
-    direction: Doubles,
-    axes: Doubles,
-    row: Doubles,
+    direction: Array,
+    axes: Array,
+    row: Array,
 ) -> float:
     """``epipolar_residual`` with HOLE filled: there it is the length of ``vector``."""
     residual: float = epipolar_residual(point, vector, focal, direction, HOLE, axes, row)
@@ -110,9 +108,9 @@ def _direction_slopes(
     point: tuple[float, float],
     vector: tuple[float, float],
     focal: float,
-    direction: Doubles,
-    basis: Doubles,
-    slopes: Doubles,
+    direction: Array,
+    basis: Array,
+    slopes: Array,
 ) -> None:
     """Set ``slopes`` (2,) to the residual's derivatives [px/rad] along ``basis`` (2, 3)."""
     x, y = point
@@ -132,15 +130,15 @@ def _direction_slopes(
 
 @numba.njit(cache=True, error_model="numpy")
 def rate_directions(
-    points: Doubles,
-    past: Doubles,
-    sigma: Doubles,
-    weight: Doubles,
+    points: Array,
+    past: Array,
+    sigma: Array,
+    weight: Array,
     focal: float,
-    directions: Doubles,
-    prior: Doubles,
+    directions: Array,
+    prior: Array,
     iterations: int,
-) -> tuple[Doubles, Doubles]:
+) -> tuple[Array, Array]:
     """Cost of each direction of translation, with the best rotation for it.
 
     Args:
@@ -184,16 +182,16 @@ def rate_directions(
 
 @numba.njit(cache=True, error_model="numpy")
 def fit_motion(
-    points: Doubles,
-    past: Doubles,
-    sigma: Doubles,
-    weight: Doubles,
+    points: Array,
+    past: Array,
+    sigma: Array,
+    weight: Array,
     focal: float,
-    start: tuple[Doubles, Doubles],
-    prior: tuple[Doubles, Doubles],
-    heading: tuple[Doubles, Doubles],
+    start: tuple[Array, Array],
+    prior: tuple[Array, Array],
+    heading: tuple[Array, Array],
     iterations: int,
-) -> tuple[Doubles, Doubles, Doubles, Doubles]:
+) -> tuple[Array, Array, Array, Array]:
     """Rotation and direction of translation that minimise the epipolar residuals.
 
     Gauss-Newton with Cauchy weights over five parameters: a small rotation about the current
@@ -262,7 +260,7 @@ def fit_motion(
 
 
 @numba.njit(cache=True)
-def tangents(direction: Doubles) -> Doubles:
+def tangents(direction: Array) -> Array:
     """Two orthonormal vectors (2, 3) perpendicular to the unit vector ``direction`` (3,).
 
     The first lies in the camera's horizontal plane: it is a change of bearing.

@@ -11,13 +11,10 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from navfw.egomotion.epipolar_fit import CAUCHY
 from navfw.numerics.algebra_kernels import dot, solve_system
-
-Doubles = npt.NDArray[np.float64]
-Floats = npt.NDArray[np.float32]
+from navfw.numerics.arrays import Array, Floats
 
 UNKNOWNS = 5
 """x, y [m], yaw [rad] of the robot in its past base_link; gain - 1 and offset [grey levels] of the
@@ -44,14 +41,14 @@ _WELSCH = 2.985**2
 @numba.njit(cache=True, error_model="numpy")
 def _residuals(
     past: Floats,
-    values: Doubles,
-    ground: Doubles,
-    farness: Doubles,
-    camera: Doubles,
-    base_from_camera: Doubles,
-    at: Doubles,
-    offsets: Doubles,
-    slopes: Doubles,
+    values: Array,
+    ground: Array,
+    farness: Array,
+    camera: Array,
+    base_from_camera: Array,
+    at: Array,
+    offsets: Array,
+    slopes: Array,
 ) -> None:
     """Residuals (n,) [grey levels] at the parameters ``at``, and their slopes (UNKNOWNS + 1, n).
 
@@ -110,12 +107,12 @@ def _residuals(
 
 @numba.njit(cache=True, error_model="numpy")
 def _weighted_sums(
-    weights: Doubles,
-    offsets: Doubles,
-    slopes: Doubles,
-    scaled: Doubles,
-    matrix: Doubles,
-    right: Doubles,
+    weights: Array,
+    offsets: Array,
+    slopes: Array,
+    scaled: Array,
+    matrix: Array,
+    right: Array,
 ) -> None:
     """Set ``matrix`` (m, m), the weighted products of ``slopes`` (m, n), and ``right`` (m,).
 
@@ -132,16 +129,16 @@ def _weighted_sums(
 @numba.njit(cache=True, error_model="numpy")
 def register_floor(
     past: Floats,
-    values: Doubles,
-    ground: Doubles,
-    farness: Doubles,
-    camera: Doubles,
-    base_from_camera: Doubles,
-    start: Doubles,
-    prior: Doubles,
+    values: Array,
+    ground: Array,
+    farness: Array,
+    camera: Array,
+    base_from_camera: Array,
+    start: Array,
+    prior: Array,
     least: float,
     iterations: int,
-) -> tuple[Doubles, Doubles, float, float, float]:
+) -> tuple[Array, Array, float, float, float]:
     """The motion over the floor that explains the present image by the past one.
 
     Args:

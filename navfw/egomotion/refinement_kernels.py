@@ -6,12 +6,9 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from navfw.egomotion.epipolar_fit import epipolar_residual, fit_reweighted
-
-Doubles = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from navfw.numerics.arrays import Array, Mask
 
 MIN_SIGMA = 1e-6
 """Least standard deviation of a residual [px]: a processor may call its vectors exact."""
@@ -19,17 +16,17 @@ MIN_SIGMA = 1e-6
 
 @numba.njit(cache=True)
 def refine_rotation(
-    points: Doubles,
-    derotated: Doubles,
-    sigma: Doubles,
-    confidence: Doubles,
-    translation: Doubles,
+    points: Array,
+    derotated: Array,
+    sigma: Array,
+    confidence: Array,
+    translation: Array,
     focal: float,
-    axes: Doubles,
-    prior: Doubles,
+    axes: Array,
+    prior: Array,
     settings: tuple[float, float, float],
     iterations: int,
-) -> tuple[Doubles, Doubles, Doubles, Doubles]:
+) -> tuple[Array, Array, Array, Array]:
     """Small rotation that minimises the distances of the flow from its epipolar lines (METHOD 2.6).
 
     The fit of the camera's motion with the direction of translation known and the rotation about
@@ -80,13 +77,13 @@ def refine_rotation(
 
 @numba.njit(cache=True)
 def weigh_residuals(
-    residual: Doubles,
-    allowed: Doubles,
+    residual: Array,
+    allowed: Array,
     consistent: Mask,
-    confidence: Doubles,
+    confidence: Array,
     certain: float,
     doubt: float,
-) -> tuple[Doubles, Doubles]:
+) -> tuple[Array, Array]:
     """Confidence (n,) of vectors given their epipolar residuals, and inconsistency (n,).
 
     A vector is inconsistent with the motion if it is not ``consistent`` and its ``residual`` [px]

@@ -6,7 +6,6 @@ from typing import Annotated, ClassVar, Literal
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from navfw.flow.confidence import local_spread, match_sigma, ramp
@@ -18,13 +17,10 @@ from navfw.flow.registration_confidence import (
     judge_registration,
     uniqueness,
 )
+from navfw.numerics.arrays import Floats, Indices, Mask
 from navfw.robot import RobotModel
 from navfw.signals import Array, FramePair, Image
 from navfw.signals.immutable import read_only
-
-Integers = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float32]
-Flags = npt.NDArray[np.bool_]
 
 #: Correlation length of the errors of grey values [px]: nearer samples share their errors.
 _CORRELATION_LENGTH = 3.0
@@ -140,7 +136,7 @@ class BlockMatching(MatchedFlow):
         confidence *= ramp(deviation.astype(np.float64), low, high)
         return vectors, confidence, sigma
 
-    def whole_pixel_loop(self, pair: FramePair) -> Integers:
+    def whole_pixel_loop(self, pair: FramePair) -> Indices:
         """Displacements (rows, cols, 2) [px], now - past, by OpenCV's matcher, window by window.
 
         Finds the same peaks as the compiled correlation: its reference in tests and the baseline
@@ -148,7 +144,7 @@ class BlockMatching(MatchedFlow):
         """
         now, past = np.asarray(pair.now.image), np.asarray(pair.past.image)
         search, (height, width) = self.params.search, past.shape
-        peaks: Integers = np.zeros((len(self._y_windows), len(self._x_windows), 2), np.int64)
+        peaks: Indices = np.zeros((len(self._y_windows), len(self._x_windows), 2), np.int64)
         for r, (top, bottom) in enumerate(self._y_windows):
             y0, y1 = max(0, top - search), min(height, bottom + search)
             for c, (left, right) in enumerate(self._x_windows):
@@ -166,7 +162,7 @@ class BlockMatching(MatchedFlow):
         past: Image,
         visible: tuple[int, int, int, int],
         scores: Floats,
-        textured: Flags,
+        textured: Mask,
     ) -> tuple[Array, Array, Array]:
         """Vectors, confidence and sigma by affine registration from the correlation's peaks."""
         p = self.params

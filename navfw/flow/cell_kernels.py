@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-Doubles = npt.NDArray[np.float64]
-Floats = npt.NDArray[np.float32]
-Bytes = npt.NDArray[np.uint8]
-Mask = npt.NDArray[np.bool_]
+from navfw.numerics.arrays import Array, Bytes, Floats, Mask
 
 
 @numba.njit(cache=True)
@@ -47,7 +43,7 @@ def match_cells(
 
 @numba.njit(cache=True)
 def unwarp_cells(
-    centres: Doubles, back: Floats, warp: Doubles, border: Doubles, good: Mask, vectors: Doubles
+    centres: Array, back: Floats, warp: Array, border: Array, good: Mask, vectors: Array
 ) -> None:
     """Set ``vectors`` (rows, cols, 2) [px] of cells in the images before floor alignment.
 

@@ -8,11 +8,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-Ints = npt.NDArray[np.int64]
-Doubles = npt.NDArray[np.float64]
-Ints32 = npt.NDArray[np.int32]
-Floats = npt.NDArray[np.float32]
-Bytes = npt.NDArray[np.uint8]
+from navfw.numerics.arrays import Array, Bytes, Floats, Indices, Int32s
 
 #: Score of displacements whose window would leave the visible part of the past image.
 OUTSIDE = np.float32(-2.0)
@@ -21,7 +17,7 @@ _LOW = np.int64((1 << 32) - 1)
 
 
 @numba.njit(cache=True)
-def _integrals(image: Bytes) -> tuple[Ints32, Ints32]:
+def _integrals(image: Bytes) -> tuple[Int32s, Int32s]:
     """Integral images of the grey values and of their squares, (height + 1, width + 1).
 
     The sums may wrap around in int32. Sums over windows, which are their differences, stay below
@@ -42,7 +38,7 @@ def _integrals(image: Bytes) -> tuple[Ints32, Ints32]:
 
 
 @numba.njit(cache=True)
-def _between_rows(integral: Ints32, y0: int, y1: int, line: Ints32) -> None:
+def _between_rows(integral: Int32s, y0: int, y1: int, line: Int32s) -> None:
     """Sums over rows [y0, y1) and the columns before each, from an integral image."""
     above, below = integral[y0], integral[y1]
     for x in range(line.size):
@@ -51,7 +47,7 @@ def _between_rows(integral: Ints32, y0: int, y1: int, line: Ints32) -> None:
 
 @numba.njit(cache=True, error_model="numpy")
 def _describe_windows(
-    line: Ints32, line2: Ints32, width: int, height: int, greys: Doubles, scales: Doubles
+    line: Int32s, line2: Int32s, width: int, height: int, greys: Array, scales: Array
 ) -> None:
     """Set sum(g) and 1 / sqrt(n sum(g^2) - sum(g)^2) of the windows at each column of a band.
 
@@ -71,7 +67,7 @@ def _describe_windows(
 
 @numba.njit(cache=True)
 def _column_sums(
-    now: Bytes, past: Bytes, right: int, down: int, y_edges: Ints, sums: Ints32
+    now: Bytes, past: Bytes, right: int, down: int, y_edges: Indices, sums: Int32s
 ) -> None:
     """Set ``sums``: products of ``now`` and ``past`` summed over the rows up to each edge.
 
@@ -101,7 +97,7 @@ def _column_sums(
 
 @numba.njit(cache=True)
 def _window_sums(
-    sums: Ints32, x_windows: Ints, y_windows: Ints, run: Ints, out: Doubles, index: int
+    sums: Int32s, x_windows: Indices, y_windows: Indices, run: Indices, out: Array, index: int
 ) -> None:
     """Sum the column sums (2, ...) of two displacements over each window: out[row, col, index ...].
 
@@ -128,8 +124,8 @@ def _window_sums(
 def correlate(
     now: Bytes,
     past: Bytes,
-    x_windows: Ints,
-    y_windows: Ints,
+    x_windows: Indices,
+    y_windows: Indices,
     search: int,
     visible: tuple[int, int, int, int],
 ) -> tuple[Floats, Floats]:
@@ -206,7 +202,7 @@ def correlate(
 
 
 @numba.njit(cache=True)
-def _templates(now: Bytes, x_windows: Ints, y_windows: Ints) -> tuple[Doubles, Doubles, Floats]:
+def _templates(now: Bytes, x_windows: Indices, y_windows: Indices) -> tuple[Array, Array, Floats]:
     """Grey sum, 1 / sqrt(n sum(g^2) - sum(g)^2) (0 if untextured) and deviation of each window."""
     rows, cols = y_windows.shape[0], x_windows.shape[0]
     totals = np.zeros((rows, cols), np.float64)
@@ -235,10 +231,10 @@ def find_peaks(
     scores: Floats,
 ) -> tuple[
     npt.NDArray[np.int64],
-    Doubles,
-    Doubles,
-    Doubles,
-    Doubles,
+    Array,
+    Array,
+    Array,
+    Array,
     npt.NDArray[np.bool_],
 ]:
     """Highest score of each window, refined to subpixel accuracy by a quadratic surface.

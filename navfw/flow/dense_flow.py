@@ -7,17 +7,15 @@ from typing import Annotated
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from navfw.flow.aligned_past import is_visible
 from navfw.flow.confidence import match_sigma, ramp
 from navfw.flow.gradient import gradient_products, smaller_eigenvalue
 from navfw.flow.grid_flow import MatchedFlow
+from navfw.numerics.arrays import Floats
 from navfw.robot import RobotModel
 from navfw.signals import Array, Image
-
-Dense = npt.NDArray[np.float32]
 
 #: Least standard deviation of a cell's mean vector [px].
 SIGMA_FLOOR = 0.05
@@ -65,7 +63,7 @@ class DenseFlow(MatchedFlow):
         self._pixel_x, self._pixel_y = x, y
 
     @abstractmethod
-    def _dense(self, now: Image, past: Image) -> Dense:
+    def _dense(self, now: Image, past: Image) -> Floats:
         """Displacement (height, width, 2) [px], past - now, of each pixel of ``now``."""
 
     def _match(
@@ -93,27 +91,27 @@ class DenseFlow(MatchedFlow):
 class _Cells:
     """Means over the grid's cells of the pixels visible in the past image (``seen`` is 1)."""
 
-    def __init__(self, rows: int, cols: int, seen: Dense) -> None:
+    def __init__(self, rows: int, cols: int, seen: Floats) -> None:
         self._rows, self._cols = rows, cols
         self._seen = seen
         self.pixels = float(seen.size / (rows * cols))
         self.share = self._sum(seen) / self.pixels
         self._count = np.maximum(self._sum(seen), 1.0)
 
-    def _sum(self, dense: Dense) -> Array:
+    def _sum(self, dense: Floats) -> Array:
         height, width = dense.shape
         small = cv2.resize(dense, (self._cols, self._rows), interpolation=cv2.INTER_AREA)
         mean: Array = np.asarray(small, dtype=np.float64)
         return np.asarray(mean * (height * width / (self._rows * self._cols)))
 
-    def mean(self, dense: Dense) -> Array:
+    def mean(self, dense: Floats) -> Array:
         """(rows, cols) mean of ``dense`` (height, width)."""
         return np.asarray(self._sum(dense * self._seen) / self._count)
 
-    def variance(self, dense: Dense) -> Array:
+    def variance(self, dense: Floats) -> Array:
         """(rows, cols) population variance of ``dense`` (height, width)."""
         # centred first: float32 squares of grey values would lose digits
-        centred: Dense = dense - np.float32(dense.mean())
+        centred: Floats = dense - np.float32(dense.mean())
         squares: Array = self.mean(centred * centred) - self.mean(centred) ** 2
         return np.maximum(squares, 0.0)
 
@@ -121,8 +119,8 @@ class _Cells:
 def _agreement(cells: _Cells, now: Image, moved: Image) -> tuple[Array, Array]:
     """Normalised correlation of the two images in each cell, and the variance of ``now``."""
     grey = np.float32(128.0)
-    a: Dense = now.astype(np.float32) - grey
-    b: Dense = moved.astype(np.float32) - grey
+    a: Floats = now.astype(np.float32) - grey
+    b: Floats = moved.astype(np.float32) - grey
     var_a, var_b = cells.variance(a), cells.variance(b)
     covariance = cells.mean(a * b) - cells.mean(a) * cells.mean(b)
     return covariance / np.sqrt(np.maximum(var_a * var_b, 1e-3)), var_a

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from navfw.flow.cell_kernels import match_cells, unwarp_cells
 from navfw.flow.dense_flow import Dense
 from navfw.flow.grid import check_frame
+from navfw.numerics.arrays import Floats
 from navfw.numerics.linear_systems import inverse
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
@@ -41,7 +42,6 @@ _COARSE_STRIDE = 8
 SIGMA = 0.2
 """Standard deviation of a cell's mean flow [px], measured on rendered frames."""
 
-Floats = npt.NDArray[np.float32]
 
 _UNIT = np.eye(3)
 

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics.arrays import Floats
 from navfw.signals import Image
 
-Floats = npt.NDArray[np.float32]
 Floating = npt.NDArray[np.floating[Any]]
 
 

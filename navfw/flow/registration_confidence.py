@@ -7,12 +7,9 @@ from typing import Any
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from navfw.flow.confidence import ramp
-
-Doubles = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
+from navfw.numerics.arrays import Array, Mask
 
 #: Correlation of a peak: confidence rises from 0 at the first to 1 at the second value. Below the
 #: first there is no registration: an affine motion can also be fitted to an accidental similarity.
@@ -49,7 +46,7 @@ def _uniqueness(height: float, second: float, inner: bool) -> float:
 
 
 @numba.njit(cache=True)
-def uniqueness(height: Doubles, second: Doubles, inner: Flags) -> Doubles:
+def uniqueness(height: Array, second: Array, inner: Mask) -> Array:
     """1 for a unique peak, 0 if another displacement fits as well (METHOD 2.9); (rows, cols).
 
     ``height`` is the score of the peak, ``second`` the highest one elsewhere. Limits are stricter
@@ -64,15 +61,15 @@ def uniqueness(height: Doubles, second: Doubles, inner: Flags) -> Doubles:
 
 @numba.njit(cache=True, error_model="numpy")
 def judge_registration(
-    score: Doubles,
-    share: Doubles,
-    mixture: Doubles,
-    noise: Doubles,
-    shift: Doubles,
-    peak: Doubles,
-    unique: Doubles,
+    score: Array,
+    share: Array,
+    mixture: Array,
+    noise: Array,
+    shift: Array,
+    peak: Array,
+    unique: Array,
     limits: tuple[float, float],
-) -> tuple[Doubles, Doubles]:
+) -> tuple[Array, Array]:
     """Confidence and sigma [px] of registered windows; all arrays are (rows, cols).
 
     ``score``, ``share`` and ``mixture`` are those of ``navfw.flow.registration.Registration``,

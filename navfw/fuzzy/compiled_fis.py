@@ -22,9 +22,8 @@ from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
 from navfw.fuzzy.inference_kernels import infer
 from navfw.fuzzy.interpolation_kernels import fuzzify
 from navfw.fuzzy.rulebase import RuleBase, Variable
+from navfw.numerics.arrays import Indices
 from navfw.signals import Array
-
-Indices = npt.NDArray[np.int64]
 
 _METHODS = {
     "centroid": defuzzification_kernels.CENTROID,

@@ -11,13 +11,10 @@ from __future__ import annotations
 import math
 
 import numba
-import numpy as np
-import numpy.typing as npt
 
 from navfw.fuzzy.interpolation_kernels import interpolate, interval_of
+from navfw.numerics.arrays import Indices
 from navfw.signals import Array
-
-Indices = npt.NDArray[np.int64]
 
 CENTROID, BISECTOR, MOM, SOM, LOM = 0, 1, 2, 3, 4
 

@@ -12,10 +12,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics.arrays import Floats
 from navfw.signals import Array
 from navfw.topomap import TopoMap
-
-Floats = npt.NDArray[np.float32]
 
 _MAX_HALF_WIDTH = 1.5
 """Upper bound on a passage's half width [m]; also used where the width is unknown."""

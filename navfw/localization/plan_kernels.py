@@ -14,9 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.numerics.algebra_kernels import dot, solve_system
+from navfw.numerics.arrays import Floats
 from navfw.signals import Array
-
-Floats = npt.NDArray[np.float32]
 
 
 @numba.njit(cache=True, error_model="numpy")

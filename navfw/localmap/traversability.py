@@ -18,9 +18,9 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.localmap.occupancy_grid import OccupancyGrid
+from navfw.numerics.arrays import Bytes
 from navfw.signals import Belief, PassageQuery, PassageStatus, Pose
 
-Bits = npt.NDArray[np.uint8]
 Cells = npt.NDArray[np.intp]
 """(k,) flat indices of cells."""
 Metres = Annotated[float, Field(ge=0.0, le=5.0)]
@@ -163,7 +163,7 @@ def _cut(
 
 def _draw(
     occupancy: OccupancyGrid,
-    strip: Bits,
+    strip: Bytes,
     start: tuple[float, float],
     end: tuple[float, float],
     half: float,
@@ -175,7 +175,7 @@ def _draw(
 
 def _gate(
     occupancy: OccupancyGrid,
-    strip: Bits,
+    strip: Bytes,
     start: tuple[float, float],
     end: tuple[float, float],
     half: float,
@@ -193,7 +193,7 @@ def _gate(
     return cells[(along >= -cell) & (along <= 2.0 * cell) & (np.abs(aside) <= half)]
 
 
-def _connected(free: Bits, near: Cells, gate: Cells) -> bool:
+def _connected(free: Bytes, near: Cells, gate: Cells) -> bool:
     """Whether one connected free area reaches from near the robot to the gate."""
     areas, labels = cv2.connectedComponents(free, connectivity=4)
     reached = np.zeros(areas, np.bool_)
@@ -202,5 +202,5 @@ def _connected(free: Bits, near: Cells, gate: Cells) -> bool:
     return bool(reached[labels.ravel()[gate]].any())
 
 
-def _cells_of(marked: Bits) -> Cells:
+def _cells_of(marked: Bytes) -> Cells:
     return np.flatnonzero(marked.view(np.bool_))

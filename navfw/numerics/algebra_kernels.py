@@ -12,8 +12,9 @@ from llvmlite import ir
 from numba.core import cgutils, errors, types
 from numba.extending import intrinsic
 
-Doubles = npt.NDArray[np.float64]
-Vector = npt.NDArray[np.float32] | Doubles
+from navfw.numerics.arrays import Array
+
+Vector = npt.NDArray[np.float32] | Array
 
 LANES = 16
 """Number of partial sums of a scalar product. Two of AVX2's registers of float32, four of float64:
@@ -108,7 +109,7 @@ def dot(a: Vector, b: Vector) -> float:
 
 
 @numba.njit(cache=True)
-def bilinear(a: Doubles, matrix: Doubles, b: Doubles) -> float:
+def bilinear(a: Array, matrix: Array, b: Array) -> float:
     """``a @ matrix @ b`` of the vectors ``a`` (n,) and ``b`` (m,)."""
     total = 0.0
     for i in range(a.size):
@@ -118,7 +119,7 @@ def bilinear(a: Doubles, matrix: Doubles, b: Doubles) -> float:
 
 
 @numba.njit(cache=True)
-def multiply(a: Doubles, b: Doubles) -> Doubles:
+def multiply(a: Array, b: Array) -> Array:
     """Product (n, m) of the matrices ``a`` (n, k) and ``b`` (k, m)."""
     result = np.zeros((a.shape[0], b.shape[1]))
     for i in range(a.shape[0]):
@@ -129,7 +130,7 @@ def multiply(a: Doubles, b: Doubles) -> Doubles:
 
 
 @numba.njit(cache=True)
-def solve_system(matrix: Doubles, right: Doubles) -> Doubles:
+def solve_system(matrix: Array, right: Array) -> Array:
     """The vector (n,) that ``matrix`` (n, n) turns into ``right`` (n,); NaN if it is singular."""
     solution = right.copy().reshape((right.size, 1))
     if solve_in_place(matrix.copy(), solution) == 0.0:
@@ -138,7 +139,7 @@ def solve_system(matrix: Doubles, right: Doubles) -> Doubles:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def solve_in_place(matrix: Doubles, right: Doubles) -> float:
+def solve_in_place(matrix: Array, right: Array) -> float:
     """Solve ``matrix`` (n, n) times X = ``right`` (n, m) by Gaussian elimination; its determinant.
 
     Rows are exchanged for the largest pivot. ``right`` becomes X, ``matrix`` is overwritten. With

@@ -13,35 +13,35 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-Doubles = npt.NDArray[np.float64]
+from navfw.numerics.arrays import Array
 
 
-def arccos(values: npt.ArrayLike) -> Doubles:
+def arccos(values: npt.ArrayLike) -> Array:
     """Angles [rad] in [0, pi] of which ``values`` in [-1, 1] are the cosines."""
     return _unary(_arccos, values)
 
 
-def arctan2(y: npt.ArrayLike, x: npt.ArrayLike) -> Doubles:
+def arctan2(y: npt.ArrayLike, x: npt.ArrayLike) -> Array:
     """Angles [rad] in [-pi, pi] of the points (x, y), broadcast against each other."""
     return _binary(_arctan2, y, x)
 
 
-def exp(values: npt.ArrayLike) -> Doubles:
+def exp(values: npt.ArrayLike) -> Array:
     """E to the power of ``values``, which are below 700."""
     return _unary(_exp, values)
 
 
-def log(values: npt.ArrayLike) -> Doubles:
+def log(values: npt.ArrayLike) -> Array:
     """Natural logarithms of ``values`` above 0."""
     return _unary(_log, values)
 
 
-def power(base: npt.ArrayLike, exponent: npt.ArrayLike) -> Doubles:
+def power(base: npt.ArrayLike, exponent: npt.ArrayLike) -> Array:
     """``base`` to the power of ``exponent``, broadcast against each other."""
     return _binary(_power, base, exponent)
 
 
-def _unary(kernel: Callable[[Doubles, Doubles], None], values: npt.ArrayLike) -> Doubles:
+def _unary(kernel: Callable[[Array, Array], None], values: npt.ArrayLike) -> Array:
     arguments = np.array(values, dtype=np.float64, order="C")
     flat = arguments.reshape(-1)
     kernel(flat, flat)
@@ -49,10 +49,10 @@ def _unary(kernel: Callable[[Doubles, Doubles], None], values: npt.ArrayLike) ->
 
 
 def _binary(
-    kernel: Callable[[Doubles, Doubles, Doubles], None],
+    kernel: Callable[[Array, Array, Array], None],
     first: npt.ArrayLike,
     second: npt.ArrayLike,
-) -> Doubles:
+) -> Array:
     one, other = (
         np.array(values, dtype=np.float64, order="C")
         for values in np.broadcast_arrays(first, second)
@@ -63,30 +63,30 @@ def _binary(
 
 
 @numba.njit(cache=True)
-def _arccos(values: Doubles, results: Doubles) -> None:
+def _arccos(values: Array, results: Array) -> None:
     for i in range(values.size):
         results[i] = math.acos(values[i])
 
 
 @numba.njit(cache=True)
-def _arctan2(y: Doubles, x: Doubles, results: Doubles) -> None:
+def _arctan2(y: Array, x: Array, results: Array) -> None:
     for i in range(y.size):
         results[i] = math.atan2(y[i], x[i])
 
 
 @numba.njit(cache=True)
-def _exp(values: Doubles, results: Doubles) -> None:
+def _exp(values: Array, results: Array) -> None:
     for i in range(values.size):
         results[i] = math.exp(values[i])
 
 
 @numba.njit(cache=True)
-def _log(values: Doubles, results: Doubles) -> None:
+def _log(values: Array, results: Array) -> None:
     for i in range(values.size):
         results[i] = math.log(values[i])
 
 
 @numba.njit(cache=True)
-def _power(base: Doubles, exponent: Doubles, results: Doubles) -> None:
+def _power(base: Array, exponent: Array, results: Array) -> None:
     for i in range(base.size):
         results[i] = math.pow(base[i], exponent[i])

@@ -6,11 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.numerics.algebra_kernels import solve_in_place
+from navfw.numerics.arrays import Array
 
-Doubles = npt.NDArray[np.float64]
 
-
-def solve(matrix: npt.ArrayLike, right: npt.ArrayLike) -> Doubles:
+def solve(matrix: npt.ArrayLike, right: npt.ArrayLike) -> Array:
     """X (n,) or (n, m) such that ``matrix`` (n, n) times X is ``right``, of the shape of X.
 
     Raises:
@@ -25,7 +24,7 @@ def solve(matrix: npt.ArrayLike, right: npt.ArrayLike) -> Doubles:
     return solution
 
 
-def inverse(matrix: npt.ArrayLike) -> Doubles:
+def inverse(matrix: npt.ArrayLike) -> Array:
     """Inverse (n, n) of ``matrix``.
 
     Raises:

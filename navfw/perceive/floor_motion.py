@@ -15,13 +15,11 @@ from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from navfw.numerics.arrays import Mask
 from navfw.perceive.plane_warp import PlaneWarp
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField, Image
-
-Mask = npt.NDArray[np.bool_]
 
 _PITCHES = np.radians(np.arange(-10.0, 32.5, 2.5))
 """Pitches of the camera that are tried [rad], nose down."""

@@ -8,9 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics.arrays import Floats
 from navfw.signals import Array, CameraMotion, Image
-
-Grey = npt.NDArray[np.float32]
 
 NOISE = 3.0
 """Standard deviation of the difference of two images of one surface [grey levels]."""
@@ -35,8 +34,8 @@ class PlaneWarp:
     ``focal`` [px] is the focal length, ``grid`` the (rows, columns) by which they are compared.
     """
 
-    now: Grey
-    past: Grey
+    now: Floats
+    past: Floats
     motion: CameraMotion
     focal: float
     grid: tuple[int, int]
@@ -92,6 +91,6 @@ def _cells_of(image: npt.NDArray[np.generic], grid: tuple[int, int]) -> Array:
     return cells.reshape(rows, height // rows, cols, width // cols)
 
 
-def _smooth(image: Image) -> Grey:
+def _smooth(image: Image) -> Floats:
     blurred = cv2.GaussianBlur(image.astype(np.float32), (0, 0), SMOOTHING)
     return np.asarray(blurred, dtype=np.float32)

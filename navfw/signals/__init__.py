@@ -9,6 +9,7 @@ y down). Arrays over the grid have shape (rows, cols) with row 0 at the top of t
 
 from __future__ import annotations
 
+from navfw.numerics.arrays import Array, Image, Mask
 from navfw.signals.commands import (
     Command,
     Explain,
@@ -21,15 +22,7 @@ from navfw.signals.flow import (
     Odometry,
     YawCorrection,
 )
-from navfw.signals.geometry import (
-    Array,
-    Image,
-    Mask,
-    Pose,
-    Twist,
-    position_sigma,
-    wrap_angle,
-)
+from navfw.signals.geometry import Pose, Twist, position_sigma, wrap_angle
 from navfw.signals.obstacles import Conflicts, OccupiedDisc
 from navfw.signals.percepts import (
     Label,

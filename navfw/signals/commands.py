@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from navfw.signals.geometry import Array, Twist
+from navfw.numerics.arrays import Array
+from navfw.signals.geometry import Twist
 from navfw.signals.immutable import freeze
 
 Explain = Callable[[int, int], Sequence[Mapping[str, Any]]]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from navfw.numerics.arrays import Array
 from navfw.numerics.products import product
-from navfw.signals.geometry import Array, Pose, Twist
+from navfw.signals.geometry import Pose, Twist
 from navfw.signals.immutable import freeze
 from navfw.signals.sensors import Frame
 

@@ -1,4 +1,4 @@
-"""Poses and velocities in the plane, and array types."""
+"""Poses and velocities in the plane."""
 
 from __future__ import annotations
 
@@ -6,13 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from navfw.numerics.arrays import Array
 from navfw.numerics.products import product
-
-Array = npt.NDArray[np.float64]
-Image = npt.NDArray[np.uint8]
-Mask = npt.NDArray[np.bool_]
 
 
 def wrap_angle(angle: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from navfw.signals.geometry import Array
+from navfw.numerics.arrays import Array
 from navfw.signals.immutable import freeze
 
 

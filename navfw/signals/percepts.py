@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from navfw.signals.geometry import Array
+from navfw.numerics.arrays import Array
 from navfw.signals.immutable import freeze
 
 

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from navfw.signals.geometry import Array, Pose, position_sigma
+from navfw.numerics.arrays import Array
+from navfw.signals.geometry import Pose, position_sigma
 from navfw.signals.immutable import freeze
 
 

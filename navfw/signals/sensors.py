@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from navfw.signals.geometry import Image
+from navfw.numerics.arrays import Image
 from navfw.signals.immutable import freeze
 
 

@@ -12,14 +12,12 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from navfw.config.input_file import read_input, shown_path
 from navfw.errors import ConfigError
+from navfw.numerics.arrays import Indices
 from navfw.numerics.products import product
 from navfw.signals import Array
-
-Corners = npt.NDArray[np.int64]
 
 MAX_TRIANGLES = 20_000
 """Largest number of triangles of a mesh: each image that shows it draws them all."""
@@ -38,7 +36,7 @@ class TriangleMesh:
     """Vertices (N, 3) [m] and triangles (M, 3), counter-clockwise as seen from outside."""
 
     vertices: Array
-    faces: Corners
+    faces: Indices
 
     @property
     def corners(self) -> Array:

@@ -14,13 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics.arrays import Floats
 from navfw.numerics.products import product
 from navfw.signals import Array, Image, Mask
 from navfw.sim.meshes import Mesh
 from navfw.sim.raster_kernels import cover
 from navfw.sim.raster_shading import shade
-
-Floats = npt.NDArray[np.float32]
 
 _NORMALIZATIONS = 4
 """TinyRenderer normalises normals at every use; after this many times they are unchanged."""

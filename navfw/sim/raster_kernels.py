@@ -11,12 +11,8 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float32]
-Ints = npt.NDArray[np.int32]
-Flags = npt.NDArray[np.bool_]
-Doubles = npt.NDArray[np.float64]
+from navfw.numerics.arrays import Array, Floats, Int32s, Mask
 
 _ZERO, _ONE, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 _MIN_DOUBLE_AREA = 1e-2
@@ -79,7 +75,7 @@ def _clip_edge(a: Floats, b: Floats, out: Floats, count: int) -> int:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _sides(screen: Floats, sides: Doubles) -> None:
+def _sides(screen: Floats, sides: Array) -> None:
     """Fill ``sides`` (3, 5) of a triangle with corners ``screen`` (3, 3), for ``_span``.
 
     Columns: first and last row of a side; its least and greatest x at row 0; dx per row.
@@ -101,7 +97,7 @@ def _sides(screen: Floats, sides: Doubles) -> None:
 
 
 @numba.njit(cache=True)
-def _span(sides: Doubles, y: int, first: float, last: float) -> tuple[int, int]:
+def _span(sides: Array, y: int, first: float, last: float) -> tuple[int, int]:
     """The range of columns within first ... last in which row ``y`` may intersect a triangle."""
     low, high = np.inf, -np.inf
     for k in range(3):
@@ -122,7 +118,7 @@ def _fill(
     near: float,
     far: float,
     nearest: Floats,
-    faces: Ints,
+    faces: Int32s,
     weights: Floats,
 ) -> None:
     """Draw one triangle into the images of depth (``nearest``), of ``faces`` and of ``weights``.
@@ -181,15 +177,15 @@ def _fill(
 @numba.njit(cache=True, error_model="numpy")
 def cover(
     points: Floats,
-    corners: Ints,
-    runs: Ints,
-    shown: Flags,
+    corners: Int32s,
+    runs: Int32s,
+    shown: Mask,
     models: Floats,
     view: Floats,
     projection: Floats,
-    eye: Doubles,
+    eye: Array,
     nearest: Floats,
-    faces: Ints,
+    faces: Int32s,
     weights: Floats,
     screens: Floats,
 ) -> None:
@@ -253,7 +249,7 @@ def _outside_view(a: Floats, b: Floats, c: Floats) -> bool:
 
 
 @numba.njit(cache=True)
-def _faces_eye(a: Floats, b: Floats, c: Floats, eye: Doubles) -> bool:
+def _faces_eye(a: Floats, b: Floats, c: Floats, eye: Array) -> bool:
     """Whether the eye is in front of a triangle with these corners in the map. Double precision."""
     ax, ay, az = np.float64(a[0]), np.float64(a[1]), np.float64(a[2])
     ux, uy, uz = b[0] - ax, b[1] - ay, b[2] - az
@@ -271,7 +267,7 @@ def _draw_triangle(
     near: float,
     far: float,
     nearest: Floats,
-    faces: Ints,
+    faces: Int32s,
     weights: Floats,
     screen: Floats,
 ) -> None:

@@ -9,12 +9,8 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float32]
-Ints = npt.NDArray[np.int32]
-Longs = npt.NDArray[np.int64]
-Bytes = npt.NDArray[np.uint8]
+from navfw.numerics.arrays import Bytes, Floats, Indices, Int32s
 
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _WHITE, _BRIGHTEST = np.uint8(255), np.float32(255.0)
@@ -27,11 +23,11 @@ _NOTHING, _OUTSIDE = -1, -2
 
 @numba.njit(cache=True, error_model="numpy")
 def shade(
-    faces: Ints,
+    faces: Int32s,
     weights: Floats,
     screens: Floats,
     surfaces: Floats,
-    tables: Longs,
+    tables: Indices,
     texels: Bytes,
     light: Floats,
     ambient: float,
@@ -70,7 +66,7 @@ def shade(
 
 @numba.njit(cache=True, error_model="numpy")
 def _mix(
-    faces: Ints, weights: Floats, screens: Floats, y: int, surfaces: Floats, mixed: Floats
+    faces: Int32s, weights: Floats, screens: Floats, y: int, surfaces: Floats, mixed: Floats
 ) -> None:
     """Normal and texture coordinates of each pixel of row ``y``: ``mixed`` (5, width)."""
     for x in range(faces.size):
@@ -110,7 +106,7 @@ def _light(mixed: Floats, light: Floats, diffuse: np.float32, lit: Floats) -> No
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _locate(faces: Ints, mixed: Floats, tables: Longs, places: Longs) -> None:
+def _locate(faces: Int32s, mixed: Floats, tables: Indices, places: Indices) -> None:
     """``places`` (width,) = indices of the texels of one row's pixels."""
     for i in range(places.size):
         face = faces[i]
@@ -126,7 +122,7 @@ def _locate(faces: Ints, mixed: Floats, tables: Longs, places: Longs) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _paint(colours: Bytes, places: Longs, ambient: np.float32, lit: Floats, row: Bytes) -> None:
+def _paint(colours: Bytes, places: Indices, ambient: np.float32, lit: Floats, row: Bytes) -> None:
     """``row`` (width, 3) = lit colours of one row's texels ``colours``."""
     for i in range(places.size):
         for c in range(3):

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from navfw.numerics.arrays import Indices
 from navfw.signals import Array, Mask
-
-Indices = npt.NDArray[np.int64]
 
 _CELL = 0.02
 """Edge of a cell [m]."""

@@ -6,14 +6,9 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from navfw.numerics.algebra_kernels import dot, fma
-
-Ints = npt.NDArray[np.int64]
-Doubles = npt.NDArray[np.float64]
-Floats = npt.NDArray[np.float32]
-Flags = npt.NDArray[np.bool_]
+from navfw.numerics.arrays import Array, Floats, Indices, Mask
 
 #: Number of unknowns: displacement (x, y), then the change of each over half a window in x and y.
 UNKNOWNS = 6
@@ -23,7 +18,7 @@ GAIN = 2.0
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _factorize(matrix: Doubles, lower: Doubles) -> bool:
+def _factorize(matrix: Array, lower: Array) -> bool:
     """Cholesky factor, its diagonal inverted; False if ``matrix`` is not positive definite."""
     for i in range(UNKNOWNS):
         for j in range(i):
@@ -41,7 +36,7 @@ def _factorize(matrix: Doubles, lower: Doubles) -> bool:
 
 
 @numba.njit(cache=True)
-def _solve(lower: Doubles, right: Doubles, out: Doubles) -> None:
+def _solve(lower: Array, right: Array, out: Array) -> None:
     """Solve (L L^T) out = right for L from ``_factorize``."""
     for i in range(UNKNOWNS):
         total = right[i]
@@ -56,7 +51,7 @@ def _solve(lower: Doubles, right: Doubles, out: Doubles) -> None:
 
 
 @numba.njit(cache=True)
-def _axis(first: int, last: int, step: int, width: float) -> tuple[Ints, Floats, Floats]:
+def _axis(first: int, last: int, step: int, width: float) -> tuple[Indices, Floats, Floats]:
     """Sampled pixels of [first, last), their positions in [-1, 1] in the window, root weights."""
     count = (last - first + step - 1) // step
     begin = first + (last - first - 1 - (count - 1) * step) // 2
@@ -76,8 +71,8 @@ def _read(
     now: Floats,
     gradient_x: Floats,
     gradient_y: Floats,
-    columns: tuple[Ints, Floats, Floats],
-    lines: tuple[Ints, Floats, Floats],
+    columns: tuple[Indices, Floats, Floats],
+    lines: tuple[Indices, Floats, Floats],
     places: Floats,
     grey: Floats,
     steep: Floats,
@@ -129,7 +124,7 @@ def _sample(
     past: Floats,
     places: Floats,
     grey: Floats,
-    warp: Doubles,
+    warp: Array,
     mean: float,
     limits: tuple[int, int, int, int],
     samples: Floats,
@@ -171,10 +166,10 @@ def register(
     past: Floats,
     gradient_x: Floats,
     gradient_y: Floats,
-    x_windows: Ints,
-    y_windows: Ints,
-    start: Doubles,
-    active: Flags,
+    x_windows: Indices,
+    y_windows: Indices,
+    start: Array,
+    active: Mask,
     limits: tuple[int, int, int, int],
     step: int,
     width: float,
@@ -182,7 +177,7 @@ def register(
     iterations: int,
     tolerance: float,
     reach: float,
-) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles, Doubles]:
+) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Register each active window of ``now`` with ``past`` by an affine motion (Gauss-Newton).
 
     Args:

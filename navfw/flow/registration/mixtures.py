@@ -6,16 +6,14 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-Doubles = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
+from navfw.numerics.arrays import Array, Mask
 
 
 @numba.njit(cache=True)
 def find_mixtures(
-    vectors: Doubles, gradients: Doubles, trusted: Flags, x_centres: Doubles, y_centres: Doubles
-) -> Doubles:
+    vectors: Array, gradients: Array, trusted: Mask, x_centres: Array, y_centres: Array
+) -> Array:
     """Disagreement (rows, cols) [px] of each window's affine motion with both its neighbours.
 
     A window across a depth edge can fit both surfaces by a steep gradient of the flow that neither

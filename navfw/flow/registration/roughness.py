@@ -6,14 +6,12 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-Doubles = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
+from navfw.numerics.arrays import Array, Mask
 
 
 @numba.njit(cache=True)
-def roughness(vectors: Doubles, variance: Doubles, trusted: Flags, least: int) -> float:
+def roughness(vectors: Array, variance: Array, trusted: Mask, least: int) -> float:
     """Median over the field of the second differences in units of their standard deviation.
 
     Along a row or a column of cells three vectors of one surface lie almost on a line, so what is

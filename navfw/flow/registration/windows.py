@@ -10,11 +10,9 @@ import numpy.typing as npt
 
 from navfw.flow.registration.affine_kernels import register
 from navfw.flow.registration.mixtures import find_mixtures
+from navfw.numerics.arrays import Floats, Indices
 from navfw.numerics.functions import exp
 from navfw.signals import Array, Image
-
-Integers = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float32]
 
 #: Standard deviation of the smoothing before registration [px]: without it interpolation is wrong
 #: at edges.
@@ -59,7 +57,7 @@ class Registration:
     mixture: Array
 
 
-def grid_windows(size: int, count: int, window: int, margin: int) -> Integers:
+def grid_windows(size: int, count: int, window: int, margin: int) -> Indices:
     """(count, 2) first pixel and end (exclusive) of the windows along one axis of an image.
 
     They are as many as the grid's cells, around their centres, ``window`` wide, clipped to the
@@ -73,8 +71,8 @@ def grid_windows(size: int, count: int, window: int, margin: int) -> Integers:
 def register_windows(
     now: Image,
     past: Image,
-    x_windows: Integers,
-    y_windows: Integers,
+    x_windows: Indices,
+    y_windows: Indices,
     start: Array,
     active: npt.NDArray[np.bool_],
     visible: tuple[int, int, int, int],
