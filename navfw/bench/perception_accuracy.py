@@ -27,8 +27,8 @@ import numpy as np
 from navfw.bench.perception_samples import VIEWS_PER_WORLD, PerceptionSample, samples_of_world
 from navfw.bench.view_truth import ViewTruth, true_term
 from navfw.interfaces import Perception
-from navfw.offis.distances import TERMS
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
+from navfw.offis.nearness import TERMS
 from navfw.offis.offis import Offis
 from navfw.offis.pyramid import QUADRANTS
 from navfw.robot import RobotModel

@@ -15,7 +15,7 @@ import numpy as np
 
 from navfw.errors import InputError
 from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
-from navfw.localization.landmark_existence import LandmarkExistence
+from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.situation_model import SITUATIONS, SituationTable, learn_table
 from navfw.missions.situation_samples import SituationDrive, record_situations
 from navfw.process.work_progress import PartReport, told, untold

@@ -39,7 +39,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from navfw.offis.distances import find_distances
+from navfw.offis.nearness import find_distances
 from navfw.offis.pyramid import QUADRANTS
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, Pose
@@ -290,7 +290,7 @@ def truth_of(
 
 def true_term(distance: float, speed: float) -> str:
     """The distance term by ``distance.yaml`` for a distance [m] at a speed [m/s]."""
-    from navfw.offis.distances import TERMS
+    from navfw.offis.nearness import TERMS
 
     found = find_distances(np.array([1.0 / distance]), np.ones(1), speed)
     return TERMS[int(found.term[0])]

@@ -28,6 +28,6 @@ def explain(
     if json:
         print_json(explanation)
     else:
-        from navfw.mofis.explanation_text import explanation_lines
+        from navfw.mofis.explanation import explanation_lines
 
         typer.echo("\n".join(explanation_lines(explanation)))

@@ -25,8 +25,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from navfw.process.heartbeat import HEARTBEAT_SIZE, HeartbeatMonitor, set_memory
 from navfw.process.interruption import ignore_signals, set_handlers
+from navfw.process.watchdog import HEARTBEAT_SIZE, HeartbeatMonitor, set_memory
 
 PATIENCE = 10.0
 """Wall time [s] for a run to end by itself after a signal, or beyond its wall-clock limit."""

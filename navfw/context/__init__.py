@@ -7,8 +7,7 @@ alone, so that interfaces and MOFIS share it without a circle.
 from __future__ import annotations
 
 from navfw.context.command_grid import CommandGrid, CommandGridParams, peak
-from navfw.context.decision_context import Context
-from navfw.context.quadrant_distances import QuadrantDistances, quadrant_distances
+from navfw.context.decision_context import Context, QuadrantDistances, quadrant_distances
 
 __all__ = [
     "CommandGrid",

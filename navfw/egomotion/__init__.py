@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from navfw.egomotion.camera_motion import camera_motion
-from navfw.egomotion.odometer import Odometer
-from navfw.egomotion.odometry_history import OdometryHistory
+from navfw.egomotion.odometer import Odometer, OdometryHistory
 from navfw.egomotion.pairing import FrameBuffer, PairingParams, seeing_speed
 
 __all__ = [

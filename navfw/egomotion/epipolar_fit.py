@@ -12,7 +12,7 @@ import math
 import numba
 import numpy as np
 
-from navfw.camera_geometry.turned_points import turning_slope
+from navfw.camera_geometry.rotations import turning_slope
 from navfw.numerics.algebra_kernels import solve_system
 from navfw.numerics.arrays import Array
 

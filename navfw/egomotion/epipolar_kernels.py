@@ -11,8 +11,13 @@ import math
 import numba
 import numpy as np
 
-from navfw.camera_geometry.rotations import rotation_matrix, rotation_vector
-from navfw.camera_geometry.turned_points import turn_point, turn_points, turning_slope
+from navfw.camera_geometry.rotations import (
+    rotation_matrix,
+    rotation_vector,
+    turn_point,
+    turn_points,
+    turning_slope,
+)
 from navfw.egomotion.epipolar_fit import (
     CAUCHY,
     add_equations,

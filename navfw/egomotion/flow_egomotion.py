@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from navfw.camera_geometry.rotations import rotation_matrix, rotation_vector
-from navfw.camera_geometry.turned_points import rotate_points
+from navfw.camera_geometry.rotations import rotate_points, rotation_matrix, rotation_vector
 from navfw.egomotion.epipolar_kernels import (
     fit_motion,
     fit_rotation,

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navfw.camera_geometry.derotation import derotated_vectors
-from navfw.camera_geometry.rotations import rotation_matrix
+from navfw.camera_geometry.rotations import derotated_vectors, rotation_matrix
 from navfw.egomotion.refinement_kernels import refine_rotation, weigh_residuals
 from navfw.numerics.products import product
 from navfw.robot import CameraModel

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.camera_geometry.turned_points import turn_point
+from navfw.camera_geometry.rotations import turn_point
 from navfw.numerics.linear_systems import inverse
 from navfw.numerics.products import product
 from navfw.robot import CameraModel

@@ -10,8 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from navfw.flow.aligned_past import is_visible
-from navfw.flow.confidence import match_sigma, ramp
-from navfw.flow.gradient import gradient_products, smaller_eigenvalue
+from navfw.flow.confidence import gradient_products, match_sigma, ramp, smaller_eigenvalue
 from navfw.flow.grid_flow import MatchedFlow
 from navfw.numerics.arrays import Floats
 from navfw.robot import RobotModel

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from navfw import interfaces
-from navfw.camera_geometry.turned_points import rotate_points
+from navfw.camera_geometry.rotations import rotate_points
 from navfw.flow.aligned_past import align_past, visible_in_past
 from navfw.flow.confidence import SIGMA_UNKNOWN, check_ramps, is_frozen
 from navfw.flow.grid import check_frame, check_grid, grid_points

@@ -9,8 +9,13 @@ import numpy as np
 from pydantic import Field
 
 from navfw.flow.aligned_past import is_visible
-from navfw.flow.confidence import SIGMA_UNKNOWN, local_spread, ramp
-from navfw.flow.gradient import gradient_products, smaller_eigenvalue
+from navfw.flow.confidence import (
+    SIGMA_UNKNOWN,
+    gradient_products,
+    local_spread,
+    ramp,
+    smaller_eigenvalue,
+)
 from navfw.flow.grid import grid_points
 from navfw.flow.grid_flow import MatchedFlow
 from navfw.robot import CameraModel, RobotModel

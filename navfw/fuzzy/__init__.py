@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from navfw.fuzzy.fired_rules import FiredRule, explain
+from navfw.fuzzy.compiled_fis import FiredRule, explain
 from navfw.fuzzy.rulebase import Rule, RuleBase, Variable
 from navfw.fuzzy.rulefile import (
     TermCorners,

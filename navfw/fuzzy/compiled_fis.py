@@ -10,20 +10,40 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import accumulate
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import RuleBaseError, UnknownNameError
 from navfw.fuzzy import defuzzification_kernels, inference_kernels
-from navfw.fuzzy.fired_rules import FiredRule, explain
 from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
 from navfw.fuzzy.inference_kernels import infer
 from navfw.fuzzy.interpolation_kernels import fuzzify
 from navfw.fuzzy.rulebase import RuleBase, Variable
 from navfw.numerics.arrays import Indices
 from navfw.signals import Array
+
+
+class FiredRule(TypedDict):
+    """A rule's sentence as in its file, and its strength in [0, 1], weight included."""
+
+    rule: str
+    strength: float
+
+
+def explain(rule_base: RuleBase, firing: Array, minimum: float = 0.05) -> list[FiredRule]:
+    """The rules with a strength of at least ``minimum`` in ``firing`` (rules,), strongest first.
+
+    Rules of equal strength keep the order of the rule base. A rule of strength 0 is never listed.
+    """
+    found = [
+        FiredRule(rule=rule.sentence, strength=float(strength))
+        for rule, strength in zip(rule_base.rules, firing, strict=True)
+        if strength > 0.0 and strength >= minimum
+    ]
+    return sorted(found, key=lambda fired: -fired["strength"])
+
 
 _METHODS = {
     "centroid": defuzzification_kernels.CENTROID,

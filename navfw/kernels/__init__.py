@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from navfw.kernels.kernel_list import Kernel, groups_of, listed_kernels
-from navfw.kernels.kernel_types import parse_types
+from navfw.kernels.kernel_list import Kernel, groups_of, listed_kernels, parse_types
 from navfw.kernels.parallel_compilation import CompilationState, compile_kernels
 
 __all__ = [

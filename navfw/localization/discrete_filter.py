@@ -13,8 +13,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from navfw.interfaces import Params
-from navfw.localization.landmark_existence import LandmarkExistence
-from navfw.localization.landmark_model import ELSEWHERE_DENSITY
+from navfw.localization.landmark_model import ELSEWHERE_DENSITY, LandmarkExistence
 from navfw.localization.landmark_observations import LandmarkObservation, consistent_observations
 from navfw.localization.lattice import Lattice
 from navfw.localization.place_posterior import COUNT

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from navfw.interfaces import Localizer
-from navfw.localization.landmark_existence import LandmarkExistence
+from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.landmark_observations import LandmarkObserver
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
 from navfw.localization.place_posterior import PlacePosterior, known_start, probability_within

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from navfw.errors import MapError
 from navfw.interfaces import Localizer
-from navfw.localization.landmark_existence import LandmarkExistence
+from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
 from navfw.localization.place_posterior import PlacePosterior, probability_within
 from navfw.localization.plan_field import PlanField

@@ -9,8 +9,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from navfw.localization.landmark_existence import LandmarkExistence
-from navfw.localization.landmark_model import GATE, Association, associate
+from navfw.localization.landmark_model import GATE, Association, LandmarkExistence, associate
 from navfw.localization.landmark_observations import LandmarkObservation, consistent_observations
 from navfw.localization.motion_model import (
     REST,

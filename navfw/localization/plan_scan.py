@@ -1,14 +1,19 @@
-"""What a percept shows of walls: points on upright surfaces, in base_link, with their sigmas."""
+"""What a percept shows of walls: points on upright surfaces, in base_link, with their sigmas.
+
+The memory keeps scans in the odom frame while the robot moves.
+"""
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
-from navfw.signals import Array, Label, Percept
+from navfw.signals import Array, Label, Percept, Pose
 
 _MIN_HEIGHT, MAX_HEIGHT = 0.12, 2.0
 """Heights [m above the floor] between which seen points count: below is the floor with its error,
@@ -61,3 +66,43 @@ def scan_of(percept: Percept, robot: RobotModel) -> PlanScan:
     relative = np.maximum(percept.sigma[used] * depth, MIN_SIGMA)
     sigma = relative * depth * np.hypot(rays[:, 0], rays[:, 1])
     return PlanScan(points, np.ascontiguousarray(sigma), np.tile(lens, (len(points), 1)))
+
+
+class ScanMemory:
+    """Scans with their poses in ``odom``, over the last ``length`` [m] of the way."""
+
+    def __init__(self, length: float) -> None:
+        self._length = length
+        self._scans: deque[tuple[float, Pose, PlanScan]] = deque()
+
+    def __len__(self) -> int:
+        return len(self._scans)
+
+    def add(self, driven: float, odom: Pose, scan: PlanScan) -> None:
+        """Add a scan that was seen from ``odom`` after ``driven`` [m]."""
+        self._scans.append((driven, odom, scan))
+        while driven - self._scans[0][0] > self._length:
+            self._scans.popleft()
+
+    @property
+    def newest(self) -> tuple[float, Pose]:
+        """Way [m] and pose in ``odom`` of the newest scan."""
+        driven, odom, _ = self._scans[-1]
+        return driven, odom
+
+    @property
+    def poses(self) -> Iterator[Pose]:
+        """The poses in ``odom``, oldest first."""
+        return (odom for _, odom, _ in self._scans)
+
+    def cloud(self, here: Pose, count: int) -> PlanScan:
+        """About ``count`` points of all scans, evenly picked, seen from odom pose ``here``."""
+        points, sigma, origins = [], [], []
+        for _, odom, scan in self._scans:
+            pose = here.relative(odom)
+            points.append(pose.points_to_parent(scan.points))
+            origins.append(pose.points_to_parent(scan.origins))
+            sigma.append(scan.sigma)
+        step = max(1, sum(map(len, sigma)) // count)
+        picked = (np.concatenate(part)[::step] for part in (points, sigma, origins))
+        return PlanScan(*map(np.ascontiguousarray, picked))

@@ -12,8 +12,7 @@ import math
 import numpy as np
 
 from navfw.localization.plan_field import PlanField
-from navfw.localization.plan_scan import PlanScan
-from navfw.localization.scan_memory import ScanMemory
+from navfw.localization.plan_scan import PlanScan, ScanMemory
 from navfw.signals import Array, Pose, wrap_angle
 from navfw.topomap.occupancy_map import OccupancyMap
 

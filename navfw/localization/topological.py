@@ -14,7 +14,7 @@ from pydantic import Field
 
 from navfw.interfaces import Localizer
 from navfw.localization.discrete_filter import Cluster, DiscreteFilter, DiscreteParams
-from navfw.localization.landmark_existence import LandmarkExistence
+from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.landmark_observations import LandmarkObservation, LandmarkObserver
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
 from navfw.localization.passage_walls import (
@@ -25,8 +25,7 @@ from navfw.localization.passage_walls import (
     passage_axes,
 )
 from navfw.localization.place_posterior import PlacePosterior, probability_within
-from navfw.localization.plan_scan import PlanScan, scan_of
-from navfw.localization.scan_memory import ScanMemory
+from navfw.localization.plan_scan import PlanScan, ScanMemory, scan_of
 from navfw.localization.situation_model import observed_situations, situation_table
 from navfw.robot import RobotModel
 from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle

@@ -44,7 +44,7 @@ def locate_moving_objects(flow: FlowField, camera: CameraModel) -> tuple[MovingO
     Raises ValueError when ``flow`` still contains rotation.
     """
     if not flow.derotated:
-        raise ValueError("moving objects need derotated flow (navfw.camera_geometry.derotation)")
+        raise ValueError("moving objects need derotated flow (navfw.camera_geometry.rotations)")
     if flow.motion.dt <= 0.0:
         return ()
     fall = camera.fall_per_depth(flow.points)

@@ -46,7 +46,7 @@ def find_stixels(flow: FlowField, camera: CameraModel) -> Stixels | None:
     Raises ValueError when ``flow`` still contains rotation.
     """
     if not flow.derotated:
-        raise ValueError("stixels need derotated flow (navfw.camera_geometry.derotation)")
+        raise ValueError("stixels need derotated flow (navfw.camera_geometry.rotations)")
     motion = flow.motion
     if motion.baseline < MIN_BASELINE or abs(camera.pitch) > _MAX_PITCH:
         return None

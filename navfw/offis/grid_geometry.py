@@ -9,9 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.offis.floor import floor_nearness
+from navfw.offis.fuzzy_systems import FuzzyEvaluation, infer_rows, load_system
+from navfw.offis.percept_kernels import blind_border
 from navfw.offis.pyramid import Pyramid
 from navfw.robot import RobotModel
-from navfw.signals import Array
+from navfw.signals import Array, FlowField
 
 _LOW_SHARE = 0.3
 """Weight of cells below the horizon in the fits of planes.
@@ -99,3 +101,50 @@ class GridGeometry:
             mount_height=float(camera.mount_height),
             wall_height=wall_height,
         )
+
+
+_BEYOND = 1.4
+"""Nearness of such an obstacle relative to the least nearness outside the search range; a typical
+value from measurements."""
+
+SLACK = 1.5
+"""Distance [px] beyond the outermost column up to which the past image still shows enough of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class BlindBorders:
+    """``hidden`` (2, columns): nearness [1/m] of the inferred obstacle and its degree in [0, 1]."""
+
+    hidden: Array
+    evaluation: FuzzyEvaluation
+
+
+def find_blind_borders(
+    flow: FlowField, geometry: GridGeometry, focal: float, longest: float
+) -> BlindBorders:
+    """Infer near obstacles at both borders of ``flow``.
+
+    ``longest`` [px] is the longest vector that the flow processor can measure.
+    """
+    motion = flow.motion
+    found = blind_border(
+        flow.points.reshape(-1, 2),
+        geometry.fall,
+        geometry.column,
+        flow.vectors.reshape(-1, 2),
+        flow.confidence.reshape(-1),
+        motion.rotation,
+        focal,
+        float(geometry.off_axis[0].max()) + SLACK,
+        float(motion.translation[2]),
+        longest,
+    )
+    evaluation = infer_rows(load_system("border"), np.ascontiguousarray(found[:, :2].T))
+    degree = evaluation.degree("border", "near") * (found[:, 1] >= 0.0)
+    hidden = np.zeros((2, flow.shape[1]))
+    last_left, first_right = int(found[0, 3]), int(found[1, 3])
+    if degree[0] > 0.0:
+        hidden[0, : last_left + 1], hidden[1, : last_left + 1] = _BEYOND * found[0, 2], degree[0]
+    if degree[1] > 0.0:
+        hidden[0, first_right:], hidden[1, first_right:] = _BEYOND * found[1, 2], degree[1]
+    return BlindBorders(hidden, evaluation)

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navfw.offis.blind_borders import BlindBorders
-from navfw.offis.grid_geometry import GridGeometry
+from navfw.offis.grid_geometry import BlindBorders, GridGeometry
 from navfw.offis.nearness import Nearness
 from navfw.offis.percept_kernels import object_cells, object_nearness
 from navfw.offis.pyramid import Channels

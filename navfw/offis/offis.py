@@ -14,12 +14,10 @@ import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from navfw.interfaces import Perception
-from navfw.offis.blind_borders import find_blind_borders
-from navfw.offis.distances import TERMS, Distances, find_distances
 from navfw.offis.elementary_situations import FLOOR_IN_FRONT, find_situations, front_features
 from navfw.offis.floor import FloorModel
-from navfw.offis.grid_geometry import GridGeometry
-from navfw.offis.nearness import Nearness, triangulate
+from navfw.offis.grid_geometry import GridGeometry, find_blind_borders
+from navfw.offis.nearness import TERMS, Distances, Nearness, find_distances, triangulate
 from navfw.offis.object_cells import find_objects, object_channels, raw_channels
 from navfw.offis.percept_explanation import OffisResults, PerceptExplanation
 from navfw.offis.planes import Planes, find_planes, pairs_of

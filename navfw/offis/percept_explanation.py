@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from navfw.offis.blind_borders import BlindBorders
-from navfw.offis.distances import Distances
 from navfw.offis.elementary_situations import FLOOR_IN_FRONT, Situations
 from navfw.offis.fuzzy_systems import FuzzyEvaluation
+from navfw.offis.grid_geometry import BlindBorders
+from navfw.offis.nearness import Distances
 from navfw.offis.planes import Planes
 from navfw.offis.pyramid import Pyramid, RegionStatistics
 from navfw.offis.slopes import SIDES, Slopes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from navfw.offis.distances import TERMS
+from navfw.offis.nearness import TERMS
 from navfw.offis.pyramid import position
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from navfw.camera_geometry import rotations
-from navfw.camera_geometry.turned_points import rotate_points
+from navfw.camera_geometry.rotations import rotate_points
 from navfw.egomotion.flow_egomotion import (
     FREE_TURN,
     Egomotion,

@@ -10,7 +10,7 @@ from typing import cast
 
 import numpy as np
 
-from navfw.camera_geometry.derotation import derotate
+from navfw.camera_geometry.rotations import derotate
 from navfw.egomotion.flow_egomotion import MotionKind
 from navfw.egomotion.refinement import RefinementParams, refine
 from navfw.errors import InputError

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import ConfigError
-from navfw.mofis.explanation_text import explanation_lines
+from navfw.mofis.explanation import explanation_lines
 from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of
 from navfw.report.report_page import reduced_source

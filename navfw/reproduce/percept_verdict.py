@@ -11,8 +11,8 @@ import math
 
 from navfw.bench.real_labels import Judgement
 from navfw.bench.view_truth import DOMINANT, HIDDEN, ViewTruth
-from navfw.offis.distances import TERMS
 from navfw.offis.elementary_situations import TABLE
+from navfw.offis.nearness import TERMS
 from navfw.signals import Percept
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from navfw.bench.real_labels import Judgement, SentenceVerdict
 from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
-from navfw.camera_geometry.derotation import derotate
+from navfw.camera_geometry.rotations import derotate
 from navfw.egomotion.camera_motion import camera_motion
 from navfw.egomotion.refinement import refine
 from navfw.flow.block_matching import BlockMatching

@@ -23,10 +23,11 @@ from navfw.signals.flow import (
     YawCorrection,
 )
 from navfw.signals.geometry import Pose, Twist, position_sigma, wrap_angle
-from navfw.signals.obstacles import Conflicts, OccupiedDisc
 from navfw.signals.percepts import (
+    Conflicts,
     Label,
     MovingObject,
+    OccupiedDisc,
     Percept,
     Sight,
     Stixels,

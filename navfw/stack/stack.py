@@ -12,8 +12,7 @@ from navfw.config.input_file import shown_path
 from navfw.context import CommandGrid
 from navfw.egomotion import seeing_speed
 from navfw.egomotion.floor_odometry import FloorOdometry
-from navfw.egomotion.odometer import Odometer
-from navfw.egomotion.odometry_history import OdometryHistory
+from navfw.egomotion.odometer import Odometer, OdometryHistory
 from navfw.errors import ConfigError
 from navfw.guard import PluginGuard
 from navfw.guard.guarded_stages import (

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from navfw.camera_geometry.derotation import derotate
+from navfw.camera_geometry.rotations import derotate
 from navfw.egomotion.camera_motion import with_yaw_sigma
 from navfw.egomotion.pairing import FrameBuffer
 from navfw.egomotion.refinement import refine
-from navfw.flow.horizon import above_horizon
+from navfw.flow.grid import above_horizon
 from navfw.guard.guarded_stages import GuardedFlow, GuardedPerception
 from navfw.movers import MultiViewDetector
 from navfw.robot import RobotModel

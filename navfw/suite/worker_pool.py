@@ -25,9 +25,9 @@ from types import TracebackType
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 from navfw.errors import SimulationError
-from navfw.process.heartbeat import HEARTBEAT_SIZE, HeartbeatMonitor, set_memory
 from navfw.process.interruption import check_interrupted, interruptible
 from navfw.process.process_memory import peak_memory_mb
+from navfw.process.watchdog import HEARTBEAT_SIZE, HeartbeatMonitor, set_memory
 from navfw.suite.failure_causes import Cause
 
 _RECYCLE = 100

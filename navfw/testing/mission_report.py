@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import groupby
 
-from navfw.mofis.explanation_text import explanation_lines
+from navfw.mofis.explanation import explanation_lines
 from navfw.recording.run_folder import PICTURE, RECORDING
 from navfw.recording.run_log import RunLog
 from navfw.testing.mission_run import MissionRun

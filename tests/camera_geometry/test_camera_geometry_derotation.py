@@ -8,7 +8,7 @@ from flow_scene import exact_field, turn_about
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.camera_geometry.derotation import derotate, rotational_flow
+from navfw.camera_geometry.rotations import derotate, rotational_flow
 from navfw.egomotion import camera_motion
 from navfw.flow.grid import grid_points
 from navfw.robot import CameraModel, RobotModel

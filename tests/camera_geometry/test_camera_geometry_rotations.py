@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from navfw.camera_geometry.rotations import rotation_matrix, rotation_vector
-from navfw.camera_geometry.turned_points import (
+from navfw.camera_geometry.rotations import (
     rotate_points,
+    rotation_matrix,
+    rotation_vector,
     turn_point,
     turning_slope,
     undo_turn,

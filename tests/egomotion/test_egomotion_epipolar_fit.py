@@ -11,8 +11,7 @@ from flow_scene import exact_field, turn_about
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.camera_geometry.rotations import rotation_matrix
-from navfw.camera_geometry.turned_points import turn_point
+from navfw.camera_geometry.rotations import rotation_matrix, turn_point
 from navfw.egomotion import camera_motion
 from navfw.egomotion.epipolar_fit import epipolar_residual, fit_reweighted
 from navfw.egomotion.epipolar_kernels import fit_motion

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from navfw.camera_geometry.derotation import derotate
+from navfw.camera_geometry.rotations import derotate
 from navfw.egomotion.camera_motion import camera_motion
 from navfw.errors import ConfigError
 from navfw.flow.cell_kernels import match_cells

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.flow.registration import Registration, register_windows
-from navfw.flow.registration.mixtures import find_mixtures
+from navfw.flow.registration.windows import find_mixtures
 from navfw.signals import Array, Image
 
 X = np.array([[20, 44], [60, 84], [100, 124]])

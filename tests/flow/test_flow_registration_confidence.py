@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from navfw.flow import registration_confidence as judged
+from navfw.flow import block_matching as judged
+from navfw.flow.block_matching import judge_registration, uniqueness
 from navfw.flow.confidence import ramp
-from navfw.flow.registration_confidence import judge_registration, uniqueness
 from navfw.signals import Array
 
 SHAPE = (12, 16)

@@ -13,17 +13,19 @@ from collections.abc import Iterable, Iterator
 import numba
 import pytest
 
-from navfw.process.heartbeat import (
+from navfw.process.watchdog import (
     GRACE,
     HEARTBEAT_SIZE,
     MAX_GAP,
+    PERIOD,
     HeartbeatMonitor,
+    PluginTimeout,
+    Watchdog,
     begin_call,
     end_call,
     postpone,
     set_memory,
 )
-from navfw.process.watchdog import PERIOD, PluginTimeout, Watchdog
 
 
 def hang() -> None:

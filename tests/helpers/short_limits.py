@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import navfw.cli
-import navfw.process.heartbeat
+import navfw.process.watchdog
 from navfw.guard.plugin_guard import PluginGuard
 
 if __name__ == "__main__":
     PluginGuard.__init__.__defaults__ = (6.0, 20.0)
-    navfw.process.heartbeat.GRACE = 1.0
+    navfw.process.watchdog.GRACE = 1.0
     navfw.cli.main()

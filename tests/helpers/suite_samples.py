@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from navfw.process.atomic import atomic_file
-from navfw.process.heartbeat import begin_call
+from navfw.process.watchdog import begin_call
 from navfw.suite.case import Case, Job
 from navfw.suite.case_rows import case_columns
 from navfw.suite.run_table import RunRow

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from navfw.localization.bayes import Bayes
 from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
-from navfw.localization.landmark_existence import LandmarkExistence
+from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.landmark_observations import LandmarkObserver
 from navfw.localization.lattice import MAX_STATES, Lattice
 from navfw.robot import RobotModel

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.landmark_model import (
     ELSEWHERE_DENSITY,
     GATE,
+    LandmarkExistence,
     associate,
     expected_measurement,
     joseph,

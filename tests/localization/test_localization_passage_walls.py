@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plan_samples import wall_percept
 
-from navfw.localization.landmark_existence import LandmarkExistence
+from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
 from navfw.localization.passage_walls import PassageAxis, corridor_fix, door_fix, passage_axes
 from navfw.localization.plan_scan import PlanScan

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from navfw.errors import ConfigError, InputError, UnknownNameError
 from navfw.localization.bayes import Bayes
 from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
-from navfw.localization.landmark_existence import LandmarkExistence
+from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.situation_model import (
     FLOOR,
     SITUATIONS,

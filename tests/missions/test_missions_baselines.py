@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from navfw.errors import WorldError
-from navfw.flow.horizon import above_horizon
+from navfw.flow.grid import above_horizon
 from navfw.missions.missionfile import load_mission
 from navfw.missions.oracle import SimulatorTruth
 from navfw.missions.session import MissionResult, prepare

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from offis_scenes import Scene, ideal_flow, wall_ahead
 
-from navfw.offis.blind_borders import find_blind_borders
-from navfw.offis.grid_geometry import GridGeometry
+from navfw.offis.grid_geometry import GridGeometry, find_blind_borders
 from navfw.offis.offis import Offis
 from navfw.robot import RobotModel
 from navfw.signals import Array, FlowField, Twist

@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from navfw.camera_geometry.derotation import rotational_flow
+from navfw.camera_geometry.rotations import rotational_flow
 from navfw.config.lookup import find
 from navfw.reproduce.office_scenes import SCENES, hand_held
 from navfw.reproduce.paper_tables import (

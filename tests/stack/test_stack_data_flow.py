@@ -10,7 +10,7 @@ import pytest
 from architecture_sources import ROOT, imports, tree_of
 from stack_samples import GOAL, ROBOT, START, drive, sample_stack
 
-from navfw.camera_geometry.derotation import rotational_flow
+from navfw.camera_geometry.rotations import rotational_flow
 from navfw.context import Context
 from navfw.egomotion import Odometer
 from navfw.egomotion.floor_odometry import FloorOdometry
