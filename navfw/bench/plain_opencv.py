@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 
 from navfw.flow.confidence import SIGMA_UNKNOWN
-from navfw.flow.dense_flow import Dense
 from navfw.flow.grid_flow import GridFlow, MatchedFlow
+from navfw.numerics.arrays import Floats
 from navfw.robot import RobotModel
 from navfw.signals import Array, Image
 
-_DenseMethod = Callable[[Image, Image], Dense]
+_DenseMethod = Callable[[Image, Image], Floats]
 """Displacement (height, width, 2) [px] of each pixel of the first image in the second."""
 
 _DIS = {
@@ -94,15 +94,15 @@ def _dis(preset: str, finest: int) -> _DenseMethod:
     dis = cv2.DISOpticalFlow.create(_DIS[preset])
     dis.setFinestScale(finest)
 
-    def method(now: Image, past: Image) -> Dense:
+    def method(now: Image, past: Image) -> Floats:
         return np.asarray(dis.calc(now, past, np.zeros((*now.shape, 2), np.float32)), np.float32)
 
     return method
 
 
 def _farneback(window: int) -> _DenseMethod:
-    def method(now: Image, past: Image) -> Dense:
-        start: Dense = np.zeros((*now.shape, 2), np.float32)
+    def method(now: Image, past: Image) -> Floats:
+        start: Floats = np.zeros((*now.shape, 2), np.float32)
         flow = cv2.calcOpticalFlowFarneback(
             *(now, past, start),
             pyr_scale=0.5,

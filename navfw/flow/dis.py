@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from navfw.flow.dense_flow import Dense, DenseFlow
+from navfw.flow.dense_flow import DenseFlow
+from navfw.numerics.arrays import Floats
 from navfw.robot import RobotModel
 from navfw.signals import Image
 
@@ -41,6 +42,6 @@ class Dis(DenseFlow):
         self._dis = cv2.DISOpticalFlow.create(_PRESETS[self.params.preset])
         self._dis.setFinestScale(self.params.finest_scale)
 
-    def _dense(self, now: Image, past: Image) -> Dense:
-        start: Dense = np.zeros((*now.shape, 2), dtype=np.float32)
+    def _dense(self, now: Image, past: Image) -> Floats:
+        start: Floats = np.zeros((*now.shape, 2), dtype=np.float32)
         return np.asarray(self._dis.calc(now, past, start), dtype=np.float32)

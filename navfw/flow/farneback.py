@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from navfw.flow.dense_flow import Dense, DenseFlow
+from navfw.flow.dense_flow import DenseFlow
+from navfw.numerics.arrays import Floats
 from navfw.signals import Image
 
 
@@ -33,9 +34,9 @@ class Farneback(DenseFlow):
 
     params: Params
 
-    def _dense(self, now: Image, past: Image) -> Dense:
+    def _dense(self, now: Image, past: Image) -> Floats:
         p = self.params
-        start: Dense = np.zeros((*now.shape, 2), dtype=np.float32)
+        start: Floats = np.zeros((*now.shape, 2), dtype=np.float32)
         flow = cv2.calcOpticalFlowFarneback(
             now,
             past,

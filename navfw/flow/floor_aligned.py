@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.flow.cell_kernels import match_cells, unwarp_cells
-from navfw.flow.dense_flow import Dense
 from navfw.flow.grid import check_frame
 from navfw.numerics.arrays import Floats
 from navfw.numerics.linear_systems import inverse
@@ -108,9 +107,9 @@ class FloorAlignedFlow:
         )
         now = np.ascontiguousarray(pair.now.image[self._top :, self._left : self._left + cols])
         past = np.asarray(warped, dtype=np.uint8)
-        start: Dense = np.zeros((rows, cols, 2), dtype=np.float32)
+        start: Floats = np.zeros((rows, cols, 2), dtype=np.float32)
         dis = self._coarse_dis if coarse else self._dis
-        back: Dense = np.asarray(dis.calc(now, past, start), dtype=np.float32)
+        back: Floats = np.asarray(dis.calc(now, past, start), dtype=np.float32)
         good = self._matches(now, past, back)
         vectors = np.empty_like(self._centres)
         unwarp_cells(self._centres, self._means(back), warp, self._border, good, vectors)
@@ -129,7 +128,7 @@ class FloorAlignedFlow:
         shift = _UNIT + motion.translation[:, None] * self._down / height
         return np.asarray(product(self._intrinsics, motion.rotation.T, shift, self._rays))
 
-    def _matches(self, now: Image, past: Image, back: Dense) -> npt.NDArray[np.bool_]:
+    def _matches(self, now: Image, past: Image, back: Floats) -> npt.NDArray[np.bool_]:
         """Whether the past image matches the current one along the flow, for each cell."""
         moved = cv2.remap(
             past,
