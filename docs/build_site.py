@@ -1,6 +1,6 @@
 """Build the site of the documentation, without warnings, into ``dist/site`` or ``--out``.
 
-Its pages are those of this folder, sections of the README, and pages made here: the Python API
+Its pages are those of this folder, two sections of the README, and pages made here: the Python API
 from docstrings, the options of all commands, the notebook. ``docs/zensical.toml`` has their order::
 
     uv run --group docs python docs/build_site.py
@@ -34,7 +34,6 @@ ROOT = DOCS.parent
 README_PAGES = {
     "index.md": "How it works",
     "first-run.md": "Commands",
-    "first-behavior.md": "Write a behaviour",
 }
 """The sections of the README that are pages of the site; the first one with what precedes it."""
 
@@ -122,7 +121,7 @@ def _relinked(text: str) -> str:
         target = link[0].removeprefix("docs/")
         return PROJECT_PAGES.get(target, target.replace(".ipynb", ".md"))
 
-    return _LINK.sub(on_site, text).replace("[LICENSE](LICENSE)", "LICENSE")
+    return _LINK.sub(on_site, text).replace("[licence](LICENSE)", "licence")
 
 
 def build(out: Path) -> int:

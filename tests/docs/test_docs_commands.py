@@ -11,10 +11,11 @@ from typing import Any
 
 import pytest
 import typer.main
-from docs_pages import PAGES, ROOT, blocks_of, table
+from docs_pages import PAGES, ROOT, blocks_of, load_module, table
 from typer.testing import CliRunner, Result
 
 from navfw.cli import app
+from navfw.recording import palette
 
 QUICK = (
     "plan ",
@@ -84,6 +85,17 @@ def test_a_quick_command_succeeds_and_prints_what_is_shown(
     assert result.exit_code == 0, result.output
     printed = [row.rstrip() for row in result.output.splitlines()]
     assert [row for row in shown if row not in printed] == []
+
+
+def test_the_picture_of_a_run_shows_camera_and_path(folder: Path) -> None:
+    drawing = load_module(ROOT / "docs" / "draw_run.py")
+    view, path = drawing.draw_view(folder / "straight", 3.0), drawing.draw_path(folder / "straight")
+    assert view.shape == (drawing.HEIGHT, drawing.WIDTH, 3)
+    assert path.shape[0] == drawing.HEIGHT
+    flow = (view == palette.bgr(palette.FLOW)).all(axis=2)
+    assert flow[: drawing.HEIGHT // 2].sum() > 100  # arrows
+    (image,) = re.findall(r"docs/images/[\w-]+\.png", (ROOT / "README.md").read_text())
+    assert (ROOT / image).stat().st_size < 500_000
 
 
 def test_the_code_that_reads_a_recording_runs(

@@ -35,7 +35,7 @@ WITH_RUNS = [
 
 
 def test_the_pages_have_all_the_files_of_their_examples() -> None:
-    assert set(files_of(ROOT / "README.md")) == {
+    assert set(files_of(ROOT / "docs" / "first-behavior.md")) == {
         "behaviors/cautious.py",
         "behaviors/cautious.yaml",
         "stacks/careful.yaml",
@@ -84,7 +84,8 @@ def test_the_pages_show_the_parts_that_navfw_new_writes(
 
 def test_the_pages_show_the_behavior_and_the_world_of_a_new_project(tmp_path: Path) -> None:
     write_project(tmp_path / "mine")
-    shown = files_of(ROOT / "README.md") | files_of(ROOT / "docs" / "worlds.md")
+    pages = (ROOT / "docs" / name for name in ("first-behavior.md", "worlds.md"))
+    shown = {name: text for page in pages for name, text in files_of(page).items()}
     written = {name: tmp_path / "mine" / name for name in shown}
     same = {n for n, file in written.items() if file.is_file() and file.read_text() == shown[n]}
     assert same == {
@@ -104,7 +105,7 @@ def test_the_behaviour_is_found_and_keeps_the_contract() -> None:
     check_behavior(behavior)
     (listed,) = (row for row in registry.listing("behavior") if row["name"] == "cautious")
     assert [parameter["name"] for parameter in listed["parameters"]] == ["terms", "weight"]
-    # the README's files must not hide that a shipped one is broken, nor break one
+    # the page's files must not hide that a shipped one is broken, nor break one
     assert [row["name"] for row in registry.broken() if "cautious" in row["source"]] == []
 
 
@@ -245,6 +246,6 @@ def test_worlds_missions_stacks_and_values_of_commands_exist(page: Path) -> None
             assert f"navfw: {error}\n" in page.read_text(encoding="utf-8")
 
 
-def test_the_stack_of_the_readme_lists_what_it_says(project: Path) -> None:
+def test_the_stack_of_the_first_behaviour_lists_what_it_says(project: Path) -> None:
     config = load_stack(project / "stacks" / "careful.yaml", default_registry())
     assert json.dumps(config.behaviors["cautious"].as_data()) == '{"cautious": {"weight": 0.7}}'

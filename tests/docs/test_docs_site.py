@@ -56,11 +56,10 @@ def test_the_navigation_has_every_page_once(assembled: Path) -> None:
 
 def test_the_readme_is_on_the_site(assembled: Path) -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    page = (assembled / "pages" / "first-behavior.md").read_text(encoding="utf-8")
-    assert page.startswith("# Write a behaviour\n")
-    assert re.findall(r"^\*\*`.*$", page, re.MULTILINE) == re.findall(
-        r"^\*\*`.*$", readme, re.MULTILINE
-    )
+    page = (assembled / "pages" / "first-run.md").read_text(encoding="utf-8")
+    assert page.startswith("# Commands\n")
+    commands = re.findall(r"^\| `navfw.*?\|", readme, re.MULTILINE)
+    assert re.findall(r"^\| `navfw.*?\|", page, re.MULTILINE) == commands != []
     assert "](docs/" not in "".join(
         made.read_text(encoding="utf-8") for made in (assembled / "pages").glob("*.md")
     )
