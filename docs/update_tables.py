@@ -26,8 +26,21 @@ from navfw.recording.channel_list import CHANNELS
 DOCS = Path(__file__).parent
 
 _KEYS = re.compile(r"(<!-- keys: ([\w.]+):([\w.]+) -->\n).*?(<!-- end -->)", re.DOTALL)
-_NESTED = re.compile(r"a mapping to values, each .*")
 _PATTERN = re.compile(r"(?<=that matches )\^.*?\$")
+_NUMBER = re.compile(r"a (whole )?number((?: (?:and )?[<>]=? [^ ]+)+)")
+_SHORTER = (
+    (re.compile(r"a mapping to values, each .*"), "mapping"),
+    (re.compile(r"true or false"), "boolean"),
+    (re.compile(r"(?: and)? with length [<>]= \d+(?: and(?= that))?"), ""),
+    (re.compile(r"a list of values, each a list of (\d+) numbers"), r"lists of \1 numbers"),
+    (re.compile(r"a list of values, each text or a mapping"), "texts or mappings"),
+    (re.compile(r"a list of "), ""),
+    (re.compile(r"a mapping(?: to \w+)?"), "mapping"),
+    (re.compile(r"a whole number"), "integer"),
+    (re.compile(r"a number"), "number"),
+    (re.compile(r"one of "), ""),
+)
+"""How a table shortens the words of error messages, in this order."""
 _CHANNELS = re.compile(r"(<!-- channels -->\n).*?(<!-- end -->)", re.DOTALL)
 _KINDS = re.compile(r"(<!-- kinds -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -71,25 +84,39 @@ def kinds_table() -> str:
 
 
 def _described(annotation: Any, metadata: list[Any]) -> str:
-    text = _NESTED.sub("a mapping", describe(annotation, metadata))
+    """The values of a key; null is not named, since it is the same as to leave the key out."""
+    text = describe(annotation, metadata).removesuffix(" or null")
+    text = _NUMBER.sub(_interval, text)
+    for long, short in _SHORTER:
+        text = long.sub(short, text)
     return _PATTERN.sub(lambda pattern: f"`{pattern[0]}`", text)
 
 
+def _interval(number: re.Match[str]) -> str:
+    """Bounds as an interval: ``[0, 1]``, ``(0, 1]`` without 0, ``integer [0, 9]``."""
+    bounds = re.findall(r"([<>]=?) ([^ ]+)", number[2])
+    low = max(((float(value), sign, value) for sign, value in bounds if ">" in sign), default=None)
+    high = min(((float(value), sign, value) for sign, value in bounds if "<" in sign), default=None)
+    left = "(-inf" if low is None else f"{'[' if '=' in low[1] else '('}{low[2]}"
+    right = "inf)" if high is None else f"{high[2]}{']' if '=' in high[1] else ')'}"
+    return f"{'integer ' if number[1] else ''}{left}, {right}"
+
+
 def _default(value: object) -> str:
-    if isinstance(value, dict) and value:
-        return "see its keys"
+    """A default as in a file; empty for null, for what is empty, and for keys of its own."""
+    if isinstance(value, dict) or value in (None, "", []):
+        return ""
     if isinstance(value, float):
         return f"`{value:.6g}`"
-    if value in (None, "", [], {}):
-        return "none"
     return f"`{json.dumps(value)}`" if not isinstance(value, str) else f"`{value}`"
 
 
 def _about(name: str, annotation: Any) -> str:
     """What a key without a description is about: the first line of its kind, or of its model."""
-    models = [KINDS[name]] if name in KINDS else list(_models_in(annotation))
-    lines = [(model.__doc__ or "").strip().splitlines()[0] for model in models]
-    return lines[0] if lines else ""
+    if name in KINDS:
+        return f"a [plugin](plugins.md) of the kind `{name}`"
+    lines = [(model.__doc__ or "").strip().splitlines()[0] for model in _models_in(annotation)]
+    return lines[0].removesuffix(".") if lines else ""
 
 
 def _models_in(annotation: Any) -> Iterator[type]:
