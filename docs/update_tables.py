@@ -114,7 +114,7 @@ def _default(value: object) -> str:
 def _about(name: str, annotation: Any) -> str:
     """What a key without a description is about: the first line of its kind, or of its model."""
     if name in KINDS:
-        return f"a [plugin](plugins.md) of the kind `{name}`"
+        return "[plugin](plugins.md)"
     lines = [(model.__doc__ or "").strip().splitlines()[0] for model in _models_in(annotation)]
     return lines[0].removesuffix(".") if lines else ""
 
