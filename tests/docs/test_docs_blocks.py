@@ -40,7 +40,6 @@ PROSE = {
     "README.md": "the chain of stages",
     "architecture.md": "the chain of stages",
     "clusters.md": "needs several machines; tests/suite drives runs on Dask",
-    
 }
 """Blocks of text that are neither run nor checked, by page, with what they are."""
 
