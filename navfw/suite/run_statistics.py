@@ -19,16 +19,12 @@ def wilson(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, 
     >>> round(low, 4), high
     (0.9812, 1.0)
     """
+    from scipy.stats import binomtest
+
     if runs == 0:
         return 0.0, 1.0
-    z = NormalDist().inv_cdf(0.5 + 0.5 * confidence)
-    share = successes / runs
-    spread = 1.0 + z * z / runs
-    middle = (share + z * z / (2.0 * runs)) / spread
-    half = z / spread * math.sqrt(share * (1.0 - share) / runs + z * z / (4.0 * runs * runs))
-    low = 0.0 if successes == 0 else max(0.0, middle - half)
-    high = 1.0 if successes == runs else min(1.0, middle + half)
-    return low, high
+    interval = binomtest(successes, runs).proportion_ci(confidence, method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 def mcnemar_exact(only_a: int, only_b: int) -> float:
@@ -39,12 +35,10 @@ def mcnemar_exact(only_a: int, only_b: int) -> float:
     >>> mcnemar_exact(0, 5)
     0.0625
     """
+    from scipy.stats import binomtest
+
     pairs = only_a + only_b
-    tail = ways = 1  # the number of ways to choose none of the pairs
-    for k in range(1, min(only_a, only_b) + 1):
-        ways = ways * (pairs - k + 1) // k
-        tail += ways
-    return min(1.0, tail / (1 << pairs) * 2)  # integers: exact for any number of pairs
+    return float(binomtest(min(only_a, only_b), pairs).pvalue) if pairs else 1.0
 
 
 def paired_interval(
