@@ -27,7 +27,7 @@ from navfw.flow.ideal import Ideal
 from navfw.flow.lucas_kanade import LucasKanade
 from navfw.flow.registered import Registered
 from navfw.interfaces import FlowProcessor
-from navfw.process.work_progress import PartReport, told, untold
+from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair
 
@@ -98,7 +98,7 @@ def bench_flow(
     robot: RobotModel | None = None,
     worlds: Sequence[str] = WORLDS,
     processors: Mapping[str, FlowProcessor] | None = None,
-    report: PartReport = untold,
+    report: ProgressCallback = silent,
 ) -> dict[str, Any]:
     """Measure ``processors`` (default: all) at ``places`` random poses of each world.
 
@@ -115,10 +115,12 @@ def bench_flow(
     robot = RobotModel() if robot is None else robot
     processors = all_processors(robot) if processors is None else processors
     rendered = rendered_pairs(load_worlds(worlds), robot, places, seed)
-    pairs = list(told(rendered, "flow: rendering", report, len(worlds) * places * len(MOTIONS)))
+    pairs = list(
+        with_progress(rendered, "flow: rendering", report, len(worlds) * places * len(MOTIONS))
+    )
     measured = {}
     for name, processor in processors.items():
-        shown = told(pairs, f"flow: {name}", report)
+        shown = with_progress(pairs, f"flow: {name}", report)
         measured[name] = _summary(measure(processor, shown, worlds), worlds)
     report("flow: matchTemplate")
     return {

@@ -29,7 +29,7 @@ from navfw.errors import InputError
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import FlowProcessor
 from navfw.perceive.working_size import WorkingSize
-from navfw.process.work_progress import PartReport, told, untold
+from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion
 
@@ -109,7 +109,7 @@ def _unaided(
 def bench_flow_sets(
     sets: Sequence[TrueSet],
     processors: _Processors | None = None,
-    report: PartReport = untold,
+    report: ProgressCallback = silent,
 ) -> dict[str, Any]:
     """The processors (default: all that ship, and OpenCV's) on each set; plain data.
 
@@ -141,7 +141,7 @@ class _Answers:
 
 
 def measure_set(
-    chosen: TrueSet, processors: Mapping[str, FlowProcessor], report: PartReport = untold
+    chosen: TrueSet, processors: Mapping[str, FlowProcessor], report: ProgressCallback = silent
 ) -> dict[str, Any]:
     """Cost and errors of ``processors`` on one set; plain data.
 
@@ -166,7 +166,7 @@ def measure_set(
     lengths = []
     for processor in processors.values():
         processor.compute(chosen.pairs[0].pair)  # compiles kernels, which is not timed
-    for true in told(chosen.pairs, f"pairs of {chosen.name}", report):
+    for true in with_progress(chosen.pairs, f"pairs of {chosen.name}", report):
         for name, processor in processors.items():
             begun = time.thread_time()
             flow = processor.compute(true.pair)

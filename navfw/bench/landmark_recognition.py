@@ -13,7 +13,7 @@ import numpy as np
 from navfw.features.aruco import Aruco
 from navfw.features.posters import Posters
 from navfw.interfaces import FeatureRecognizer
-from navfw.process.work_progress import PartReport, told, untold
+from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Image, LandmarkDetection, Pose
 from navfw.sim.sensor_models import SensorParams
@@ -56,7 +56,7 @@ def view_of(
     return image, math.atan2(left, ahead), math.hypot(ahead, left)
 
 
-def bench_landmarks(views: int, seed: int = 0, report: PartReport = untold) -> dict[str, Any]:
+def bench_landmarks(views: int, seed: int = 0, report: ProgressCallback = silent) -> dict[str, Any]:
     """Detection rate, errors and time by kind, distance and angle; plain data.
 
     ``views`` images are rendered for each kind, distance and angle. ``report`` is called with
@@ -87,7 +87,7 @@ def _bench_kind(
     robot: RobotModel,
     views: int,
     rng: np.random.Generator,
-    report: PartReport,
+    report: ProgressCallback,
 ) -> dict[str, Any]:
     world = _hall(kind)
     recognizer.set_map(_map(kind))
@@ -96,7 +96,9 @@ def _bench_kind(
     spent = rendered = 0.0
     mark = world.landmarks[0]
     with Simulation(world, large, Pose(2.0, 6.0, 0.0), 0, SensorParams.preset("perfect")) as sim:
-        for distance, angle in told([*product(DISTANCES, _ANGLES)], f"positions: {kind}", report):
+        for distance, angle in with_progress(
+            [*product(DISTANCES, _ANGLES)], f"positions: {kind}", report
+        ):
             errors = []
             for _ in range(views):
                 begun = clock.perf_counter()

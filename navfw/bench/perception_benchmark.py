@@ -19,7 +19,7 @@ from navfw.bench import (
 )
 from navfw.errors import InputError
 from navfw.process.atomic import AtomicFolder
-from navfw.process.work_progress import PartReport, untold
+from navfw.process.work_progress import ProgressCallback, silent
 
 Table = tuple[str, Sequence[str], Sequence[Sequence[object]]]
 """Title, columns, rows."""
@@ -116,7 +116,7 @@ def bench_perception(
     seed: int | None = None,
     workers: int = 1,
     data: Mapping[str, Path] | None = None,
-    report: PartReport = untold,
+    report: ProgressCallback = silent,
 ) -> dict[str, Any]:
     """Measure accuracy, flow, computing time and recorded images; plain data.
 

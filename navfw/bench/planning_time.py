@@ -13,7 +13,7 @@ import networkx as nx
 import numpy as np
 
 from navfw.papfis.routes import Endpoint, Route, Router
-from navfw.process.work_progress import PartReport, told, untold
+from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
 from navfw.topomap import Passage, Place, TopoMap
 
@@ -27,7 +27,7 @@ Result = TypeVar("Result")
 
 
 def bench_planning(
-    places: int = 10_000, repeats: int = 20, seed: int = 0, report: PartReport = untold
+    places: int = 10_000, repeats: int = 20, seed: int = 0, report: ProgressCallback = silent
 ) -> dict[str, Any]:
     """Plan ``repeats`` long routes through a generated map, and again with a passage closed.
 
@@ -48,7 +48,7 @@ def bench_planning(
     times: dict[str, list[float]] = {
         key: [] for key in ("costs_ms", "first_plan_ms", "replan_ms", "networkx_ms")
     }
-    for start, goal in told(_far_pairs(topo_map, repeats, rng), "routes", report):
+    for start, goal in with_progress(_far_pairs(topo_map, repeats, rng), "routes", report):
         spent, router = _timed(lambda: Router(topo_map, robot))
         times["costs_ms"].append(spent)
         graph = _priced(topo_map, router)

@@ -31,7 +31,7 @@ from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver import Perceiver
 from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.plugins import Registry
-from navfw.process.work_progress import PartReport, untold
+from navfw.process.work_progress import ProgressCallback, silent
 from navfw.signals import Array
 
 _LEAD = 6
@@ -103,7 +103,7 @@ def bench_real(
     split: str,
     flows: Sequence[str],
     registry: Registry,
-    report: PartReport = untold,
+    report: ProgressCallback = silent,
 ) -> dict[str, Any]:
     """Verdicts of the labelled frames of ``split`` ("tuning", "test" or "all").
 

@@ -18,7 +18,7 @@ from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.situation_model import SITUATIONS, SituationTable, learn_table
 from navfw.missions.situation_samples import SituationDrive, record_situations
-from navfw.process.work_progress import PartReport, told, untold
+from navfw.process.work_progress import ProgressCallback, silent, with_progress
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
@@ -57,7 +57,7 @@ class LearntSituations:
 
 
 def learn_situations(
-    plan: SuitePlan, registry: Registry, report: PartReport = untold
+    plan: SuitePlan, registry: Registry, report: ProgressCallback = silent
 ) -> LearntSituations:
     """Drive all runs of a suite and learn a table from them.
 
@@ -68,7 +68,7 @@ def learn_situations(
 
     """
     drives: dict[str, list[SituationDrive]] = {}
-    for case in told(plan.cases, "drives", report):
+    for case in with_progress(plan.cases, "drives", report):
         drive = record_situations(case.session(registry))
         drives.setdefault(case.entry, []).append(drive)
     accuracy = {}

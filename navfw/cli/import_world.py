@@ -14,7 +14,7 @@ from navfw.cli.options import Json
 from navfw.cli.output import print_json, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
-from navfw.process.work_progress import PartReport, untold
+from navfw.process.work_progress import ProgressCallback, silent
 
 IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
 """Files that are imported as the image of a floor plan."""
@@ -153,7 +153,7 @@ def _import_files(
     for number, (file, folder) in enumerate(folders.items()):
         bar.update(number, len(folders), file.name)
         try:
-            made.append(_import_file(file, folder, options, untold))
+            made.append(_import_file(file, folder, options, silent))
         except InputError as error:
             failed.append(error)
     bar.update(len(folders), len(folders))
@@ -161,7 +161,7 @@ def _import_files(
 
 
 def _import_file(
-    source: Path, folder: Path, options: _ImportOptions, report: PartReport
+    source: Path, folder: Path, options: _ImportOptions, report: ProgressCallback
 ) -> _Imported:
     """Import one file of either kind."""
     kind = source.suffix.lower()
@@ -172,7 +172,9 @@ def _import_file(
     return _import_gazebo(source, folder, options, report)
 
 
-def _import_plan(source: Path, out: Path, options: _ImportOptions, report: PartReport) -> _Imported:
+def _import_plan(
+    source: Path, out: Path, options: _ImportOptions, report: ProgressCallback
+) -> _Imported:
     from navfw.worldgen.plan_import import import_plan, read_cleaning, read_plan
 
     steps = read_cleaning({"speckle": options.speckle, "gap": options.gap})
@@ -203,7 +205,7 @@ def _import_plan(source: Path, out: Path, options: _ImportOptions, report: PartR
 
 
 def _import_gazebo(
-    source: Path, out: Path, options: _ImportOptions, report: PartReport
+    source: Path, out: Path, options: _ImportOptions, report: ProgressCallback
 ) -> _Imported:
     from navfw.worldgen.gazebo_import import import_world
     from navfw.worldgen.generated_world import MISSION

@@ -19,7 +19,7 @@ import numpy as np
 from navfw.missions.runner import run_task
 from navfw.missions.session import Session
 from navfw.process.process_memory import peak_memory_mb
-from navfw.process.work_progress import PartReport, told, untold
+from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.recording.run_log import RunLog
 from navfw.signals import Pose
 from navfw.sim.movers import MoverTrack
@@ -68,7 +68,7 @@ class Lap:
 
 
 def bench_loop(
-    session: Session, seconds: float, repeats: int, report: PartReport = untold
+    session: Session, seconds: float, repeats: int, report: ProgressCallback = silent
 ) -> dict[str, Any]:
     """Drive the first ``seconds`` [s] of a mission ``repeats`` times on one core.
 
@@ -79,7 +79,7 @@ def bench_loop(
         report("warming up")
         _drive(session, min(_WARM_UP, seconds))
         reference, memory = None, None
-        for _ in told(range(repeats), "laps", report):
+        for _ in with_progress(range(repeats), "laps", report):
             drive = _drive(session, seconds)
             if reference is None:
                 memory = peak_memory_mb()  # before PyBullet's renderer is loaded

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from navfw.bench.perception_samples import PerceptionSample, samples_of_world
 from navfw.offis.offis import Offis
 from navfw.offis.pyramid import QUADRANTS, Channels, Pyramid
-from navfw.process.work_progress import PartReport, told, untold
+from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.reproduce.percept_verdict import check_percept
 from navfw.robot import RobotModel
 from navfw.signals import Array, FlowField, Twist
@@ -48,7 +48,7 @@ Answers = Mapping[str, Sequence[bool | None]]
 """Whether the answer for each view is right, by question; None where it is not judged."""
 
 
-def compare_metrics(views: int, seed: int, report: PartReport = untold) -> dict[str, Any]:
+def compare_metrics(views: int, seed: int, report: ProgressCallback = silent) -> dict[str, Any]:
     """Both comparisons on ``views`` views of a ``seed``, with ideal flow and with block matching.
 
     Shares of correct results: ``offis[setting][flow]`` with ``quadrant``, ``distance`` and
@@ -57,14 +57,14 @@ def compare_metrics(views: int, seed: int, report: PartReport = untold) -> dict[
     called with each part.
     """
     drawn = islice(_samples(seed), views)
-    samples = list(told(drawn, "section 4.3: rendering views", report, views))
+    samples = list(with_progress(drawn, "section 4.3: rendering views", report, views))
     flows = {
         "ideal": [(s.ideal, s.view.twist) for s in samples],
         "block matching": [(s.flow, s.twist) for s in samples],
     }
     offis = {
         name: {kind: _perceived(SETTINGS[name], seen, samples) for kind, seen in flows.items()}
-        for name in told(SETTINGS, "section 4.3: settings of OFFIS", report)
+        for name in with_progress(SETTINGS, "section 4.3: settings of OFFIS", report)
     }
     numbers = {
         name: {

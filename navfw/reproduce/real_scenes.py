@@ -22,7 +22,7 @@ from navfw.perceive.overlay import draw
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.plugins import Registry
-from navfw.process.work_progress import PartReport
+from navfw.process.work_progress import ProgressCallback
 from navfw.signals import Image
 
 
@@ -83,7 +83,9 @@ def chosen_frames(labels: Sequence[FrameLabel]) -> list[FrameLabel]:
     return chosen
 
 
-def real_scenes(data: Path, registry: Registry, report: PartReport) -> dict[FrameLabel, RealScene]:
+def real_scenes(
+    data: Path, registry: Registry, report: ProgressCallback
+) -> dict[FrameLabel, RealScene]:
     """Every labelled frame of the recordings in ``data``; pictures of the chosen ones.
 
     Raises:

@@ -13,7 +13,7 @@ from navfw.bench.real_labels import FrameLabel
 from navfw.config.lookup import find
 from navfw.plugins import default_registry
 from navfw.process.atomic import AtomicFolder
-from navfw.process.work_progress import PartReport, untold
+from navfw.process.work_progress import ProgressCallback, silent
 from navfw.recording.run_folder import plain_json
 from navfw.reproduce.metric_comparison import compare_metrics
 from navfw.reproduce.paper_tables import (
@@ -44,7 +44,7 @@ def reproduce(
     seed: int,
     views: int,
     data: Path | None = None,
-    report: PartReport = untold,
+    report: ProgressCallback = silent,
 ) -> dict[str, Any]:
     """Write the reproduction to the folder ``out``, atomically; returns the result as plain data.
 

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import networkx as nx
 
 from navfw.errors import MapError
-from navfw.process.work_progress import PartReport, told, untold
+from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
 from navfw.signals import Array
 from navfw.topomap.clearance_grid import ClearanceGrid
@@ -53,7 +53,7 @@ def build_map(
     grid: ClearanceGrid,
     robot: RobotModel | None = None,
     rooms: Mapping[str, Bounds] | None = None,
-    report: PartReport = untold,
+    report: ProgressCallback = silent,
 ) -> TopoMap:
     """The map of the free space in ``grid`` for ``robot`` (default: ``RobotModel()``).
 
@@ -71,7 +71,7 @@ def build_map(
     if not graph:
         raise MapError(f"no space is free for a robot of radius {robot.radius:g} m", key=name)
     lines = _StraightLines(grid, need)
-    for a, b, data in told(list(graph.edges(data=True)), "lines", report):
+    for a, b, data in with_progress(list(graph.edges(data=True)), "lines", report):
         lines.add_line(graph, min(a, b), max(a, b), data["line"])
     for node in nx.isolates(graph):
         lines.point_of(graph, node)

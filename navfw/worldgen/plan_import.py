@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from navfw.errors import InputError, MapError
 from navfw.missions.missionspec import MissionSpec
-from navfw.process.work_progress import PartReport, untold
+from navfw.process.work_progress import ProgressCallback, silent
 from navfw.signals import Array, Pose
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.shapes import Rectangle
@@ -128,7 +128,7 @@ def import_plan(
     plan: OccupancyMap,
     name: str,
     cleaning: PlanCleaning | None = None,
-    report: PartReport = untold,
+    report: ProgressCallback = silent,
 ) -> ImportedPlan:
     """Import a floor plan as a world called ``name``; ``report`` is called with each part.
 
@@ -232,7 +232,7 @@ def _wall(name: str, shape: Rectangle, texture: str) -> WallSpec:
 
 
 def _topological_map(
-    world: WorldSpec, plan: OccupancyMap, size: tuple[float, float], report: PartReport
+    world: WorldSpec, plan: OccupancyMap, size: tuple[float, float], report: ProgressCallback
 ) -> TopoMap:
     solids = FloorPlan.from_world(world)
 

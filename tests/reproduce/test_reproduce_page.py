@@ -19,7 +19,7 @@ from labelled_frames import label, save_approach
 
 from navfw.bench import real_benchmark
 from navfw.plugins import default_registry
-from navfw.process.work_progress import untold
+from navfw.process.work_progress import silent
 from navfw.recording.run_folder import plain_json
 from navfw.reproduce.real_scenes import (
     RECORDINGS,
@@ -78,7 +78,7 @@ class Outline(HTMLParser):
 
 @pytest.mark.thorough
 def test_the_same_recordings_give_the_same_result_and_digest(written: Written) -> None:
-    again = real_scenes(written.data, default_registry(), untold)
+    again = real_scenes(written.data, default_registry(), silent)
     assert plain_json(real_as_data(again)) == written.result["real"]
     facts = {k: v for k, v in written.result.items() if k not in ("digest", "timings")}
     text = json.dumps(facts, sort_keys=True).encode()

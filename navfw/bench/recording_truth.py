@@ -1,0 +1,170 @@
+"""Headings, nearness and yaw rates on recorded sequences: by poses, depth images and the gyro."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from navfw.bench.recorded_pairs import HOLOLENS_UNIT, DepthFile, TumRecording, read_poses
+from navfw.config.input_file import is_file
+from navfw.errors import ConfigError
+from navfw.perceive.gyro_record import GyroRecord, load_gyro_record
+from navfw.perceive.image_times import ImageTimes, load_image_times
+from navfw.perceive.pair_result import PairResult
+from navfw.perceive.working_size import WorkingSize
+from navfw.signals import Array, Label
+
+_READINGS = "readings.csv"
+"""File of a recording with a gyro: a row for each image, with its time and the gyro's rates."""
+
+MIN_PAIRS = 10
+"""Least number of pairs for a correlation."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedGyro:
+    """The ``times`` of a recording's images by name, and the ``record`` of its gyro."""
+
+    times: ImageTimes
+    record: GyroRecord
+
+
+def recorded_gyro(folder: Path, images: Iterable[Path]) -> RecordedGyro | None:
+    """The gyro of the recording in ``folder``; None without one.
+
+    ``images`` are all images of the recording in their order.
+
+    Raises:
+        ConfigError: the readings are not one for each image.
+        InputError: the readings cannot be read.
+
+    """
+    file = folder / _READINGS
+    if not is_file(file):
+        return None
+    listed = load_image_times(file)
+    names = [image.name for image in images]
+    if len(names) != len(listed.times):
+        raise ConfigError(
+            f"expected a row for each of {len(names)} images, found {len(listed.times)}", file=file
+        )
+    by_name = dict(zip(names, listed.times, strict=True))
+    return RecordedGyro(ImageTimes(listed.file, listed.times, by_name), load_gyro_record(file))
+
+
+def yaw_rates(results: Iterable[PairResult], start: float, record: GyroRecord) -> Array:
+    """Yaw rates (n, 2) [rad/s] of pairs: by the camera, by the gyro; positive to the left.
+
+    ``start`` [s] is the time of the first image on the gyro's clock. Pairs in gaps of the
+    ``record`` are left out.
+    """
+    rows = []
+    for result in results:
+        end = start + result.time
+        measured = record.rotation_between(end - result.dt, end)
+        if measured is not None:
+            rows.append((result.rotation_vector[2] / result.dt, measured[2] / result.dt))
+    return np.array(rows, dtype=np.float64).reshape(-1, 2)
+
+
+def yaw_summary(rates: Array) -> dict[str, Any]:
+    """Number of pairs, and correlation and slope of the camera's ``rates`` over the gyro's."""
+    summary: dict[str, Any] = {"yaw_pairs": len(rates), "yaw_correlation": None, "yaw_slope": None}
+    if len(rates) >= MIN_PAIRS and float(rates.std(axis=0).min()) > 0.0:
+        camera, gyro = rates.T
+        summary["yaw_correlation"] = round(float(np.corrcoef(camera, gyro)[0, 1]), 4)
+        summary["yaw_slope"] = round(float(camera @ gyro / (gyro @ gyro)), 4)
+    return summary
+
+
+def camera_poses(data: Path, folder: str) -> Mapping[str, Array]:
+    """Poses (4, 4), camera to world, of the images in ``folder`` by file name; may be empty.
+
+    Raises:
+        ConfigError: a file of poses cannot be read.
+
+    """
+    root = data / folder.split("/", maxsplit=1)[0]
+    if folder.startswith("hololens_office"):
+        names = sorted(path.name for path in (root / "images").glob("*.png"))
+        return dict(zip(names, read_poses(root), strict=False))
+    if folder.startswith("tum_fr1"):
+        return {image.colour.name: image.pose for image in TumRecording(root).images}
+    return {}
+
+
+def heading_error(result: PairResult, past: Array, now: Array) -> float:
+    """Angle [deg] between the heading of a pair and the true one, from the poses (4, 4)."""
+    shift = now[:3, :3].T @ (now[:3, 3] - past[:3, 3])
+    length = float(np.linalg.norm(shift))
+    cosine = float(result.egomotion.direction @ shift) / max(length, 1e-12)
+    return math.degrees(math.acos(min(max(cosine, -1.0), 1.0)))
+
+
+def camera_way(past: Array, now: Array) -> float:
+    """Distance [m] between the places of two poses (4, 4)."""
+    return float(np.linalg.norm(now[:3, 3] - past[:3, 3]))
+
+
+TRUSTED_SIGMA = 0.15
+"""Largest standard deviation of a trusted cell, relative to its nearness: the median of a normal
+error is then 10 %."""
+
+MIN_CELLS = 8
+"""Least number of trusted cells of a pair for its scale."""
+
+
+@dataclass(frozen=True, slots=True)
+class NearnessErrors:
+    """Of the cells with a truth: their ``number``, and the relative errors of the trusted ones.
+
+    ``by_way`` (n,) are the errors if the camera's way between the images is known; ``up_to_scale``
+    (n,) those after one common factor for the cells of a pair, since images alone have no scale.
+    """
+
+    number: int
+    by_way: Array
+    up_to_scale: Array
+
+
+def depth_files(data: Path, folder: str) -> Mapping[str, DepthFile]:
+    """Depth images of the colour images in ``folder`` by file name; may be empty.
+
+    Raises:
+        ConfigError: a list of images cannot be read.
+
+    """
+    root = data / folder.split("/", maxsplit=1)[0]
+    if folder.startswith("hololens_office"):
+        files = (root / "depth").glob("*.png")
+        return {file.name: DepthFile(file, HOLOLENS_UNIT) for file in files}
+    if folder.startswith("tum_fr1"):
+        return {image.colour.name: image.depth for image in TumRecording(root).images}
+    return {}
+
+
+def nearness_errors(
+    result: PairResult, size: WorkingSize, depth: Array, way: float
+) -> NearnessErrors:
+    """Errors of the cells of a pair, by ``depth`` (height, width) [m] of its second image.
+
+    ``way`` [m] is the true length of the camera's way between the images.
+    """
+    percept = result.percept
+    x, y = np.floor(size.to_image(percept.points)).astype(np.int64).transpose(2, 0, 1)
+    true = depth[np.clip(y, 0, depth.shape[0] - 1), np.clip(x, 0, depth.shape[1] - 1)]
+    measured = true > 0.0
+    trusted = measured & (percept.label != Label.UNKNOWN) & result.known
+    trusted &= percept.sigma <= TRUSTED_SIGMA * percept.nearness
+    number = int(measured.sum())
+    if int(trusted.sum()) < MIN_CELLS:
+        return NearnessErrors(number, np.empty(0), np.empty(0))
+    # both in ways of the camera: the percept's metres are nominal
+    ratio = percept.nearness[trusted] * result.flow.motion.baseline * true[trusted] / way
+    common = float(np.median(ratio))
+    return NearnessErrors(number, np.abs(ratio - 1.0), np.abs(ratio / common - 1.0))

@@ -1,0 +1,87 @@
+"""Tables of results: what a column is called, and how the values of its records read.
+
+One table has two renderers: ``navfw.cli.output.print_tables`` on a terminal, and
+``ResultTable.markdown`` for files and pages.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+
+def shown(value: object, form: str = "", unit: str = "", missing: str = "-") -> str:
+    """A value as text, by a format specification and with a ``unit`` after it.
+
+    ``missing`` stands for None and for numbers that are not finite.
+
+    >>> shown(0.1234, ".1%"), shown(12.34, ".1f", "s"), shown(None)
+    ('12.3 %', '12.3 s', '-')
+    """
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return missing
+    text = format(value, form)
+    if form.endswith("%"):
+        text = text.replace("%", " %")
+    return f"{text} {unit}" if unit else text
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column: its title, the value of a record, and how the value reads (see ``shown``).
+
+    ``value`` is a key of the records, or a function of a record.
+    """
+
+    title: str
+    value: str | Callable[[Any], object]
+    form: str = ""
+    unit: str = ""
+    missing: str = "-"
+
+    def cell(self, record: Any) -> str:
+        """The text of the column for a record."""
+        value = self.value(record) if callable(self.value) else record[self.value]
+        return shown(value, self.form, self.unit, self.missing)
+
+
+@dataclass(frozen=True, slots=True)
+class ResultTable:
+    """A table with a row for each of its records; ``title`` says what it shows."""
+
+    title: str
+    columns: Sequence[Column]
+    records: Sequence[Any]
+
+    @property
+    def head(self) -> list[str]:
+        """The titles of the columns."""
+        return [column.title for column in self.columns]
+
+    @property
+    def rows(self) -> list[list[str]]:
+        """The text of each column, for each record."""
+        return [[column.cell(record) for column in self.columns] for record in self.records]
+
+    def markdown(self) -> str:
+        """The table in Markdown, without its title."""
+        return markdown_table(self.head, self.rows)
+
+    def section(self) -> str:
+        """The table in Markdown, below its title as a heading."""
+        return f"## {self.title}\n\n{self.markdown()}"
+
+
+def named(records: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The ``records`` with their names as ``name``."""
+    return [{"name": name, **record} for name, record in records.items()]
+
+
+def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table; all columns but the first are aligned to the right."""
+    lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
+    return "".join(
+        "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |\n" for row in lines
+    )
