@@ -84,7 +84,7 @@ def _margin(text: str) -> float:
 
 
 def _print_comparison(found: dict[str, Any]) -> None:
-    from navfw.suite.summary_table import comparison_rows
+    from navfw.suite.paired_comparison import comparison_rows
 
     typer.echo(f"{found['pairs']} pairs, {found['unpaired']} unpaired runs")
     rows = comparison_rows(found)

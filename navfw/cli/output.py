@@ -8,9 +8,12 @@ import json
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
+
+if TYPE_CHECKING:
+    from navfw.process.result_table import ResultTable
 
 ItemT = TypeVar("ItemT")
 
@@ -97,11 +100,11 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[object]], nothin
     console().print(table)
 
 
-def print_tables(tables: Iterable[tuple[str, Sequence[str], Sequence[Sequence[object]]]]) -> None:
-    """Print tables, given as (title, columns, rows), on stdout."""
-    for title, columns, rows in tables:
-        typer.echo(f"\n{title}")
-        print_table(columns, rows, "nothing")
+def print_tables(tables: Iterable[ResultTable]) -> None:
+    """Print tables with their titles on stdout."""
+    for table in tables:
+        typer.echo(f"\n{table.title}")
+        print_table(table.head, table.rows, "nothing")
 
 
 def _is_fd_1(stream: Any) -> bool:

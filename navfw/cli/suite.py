@@ -213,9 +213,10 @@ def _print_json(done: SuiteResult, table: Path) -> None:
 
 
 def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
-    from navfw.suite.summary_table import summary_table
+    from navfw.suite.suite_summary import summary_table
 
-    print_table(*summary_table(summary), "No runs.")
+    table = summary_table(summary)
+    print_table(table.head, table.rows, "No runs.")
     for cause, count in summary["causes"].items():
         seeds = [row.seed for row in rows if row.failure == cause]
         some = ", ".join(map(str, seeds[:8])) + (", ..." if len(seeds) > 8 else "")

@@ -13,11 +13,11 @@ from navfw.suite.paired_comparison import (
     PairedChanges,
     RunPair,
     compare_tables,
+    comparison_rows,
     of_variant,
     pair_up,
 )
 from navfw.suite.suite_folder import SuiteFolder
-from navfw.suite.summary_table import comparison_rows
 
 
 def comparison_report(

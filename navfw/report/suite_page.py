@@ -10,8 +10,7 @@ from navfw.report.report_page import render_page
 from navfw.report.run_lines import RunLine, RunLines
 from navfw.suite.run_table import RunRow
 from navfw.suite.suite_folder import SuiteFolder
-from navfw.suite.suite_summary import summarize
-from navfw.suite.summary_table import summary_table
+from navfw.suite.suite_summary import summarize, summary_table
 
 _MAX_REACHED = 2000
 """Largest number of successful runs on a page; the table has all of them."""
@@ -32,7 +31,7 @@ def suite_report(folder: SuiteFolder, page: Path) -> tuple[str, list[str]]:
         name: part["expect"] for name, part in last.get("by_entry", {}).items() if "expect" in part
     }
     summary = summarize(rows, expected)
-    columns, table = summary_table(summary)
+    table = summary_table(summary)
     lines = RunLines(folder, page)
     groups = _groups(rows, summary["causes"], lines)
     reached = [row for row in rows if row.succeeded]
@@ -42,8 +41,8 @@ def suite_report(folder: SuiteFolder, page: Path) -> tuple[str, list[str]]:
         folder=str(folder.path),
         revisions=[str(revision) for revision in last.get("revisions", [])],
         complete=bool(last.get("complete")) and last.get("missions") == len(rows),
-        columns=columns,
-        table=table,
+        columns=table.head,
+        table=table.rows,
         died=summary["died"],
         groups=groups,
         reached=lines.of(reached[:_MAX_REACHED]),

@@ -28,6 +28,7 @@ from typing import Any
 
 from navfw.config.input_file import is_file, read_input_text
 from navfw.errors import ConfigError, UnknownNameError
+from navfw.process.result_table import markdown_table
 from navfw.recording.provenance import DIRTY
 from navfw.results.result_file import (
     Figures,
@@ -36,7 +37,6 @@ from navfw.results.result_file import (
     StoredValues,
     load_results,
 )
-from navfw.suite.markdown_table import pipe_table
 from navfw.suite.suitefile import list_suites
 
 TEMPLATE = "template.md"
@@ -180,7 +180,7 @@ class _Writer:
     def _suite_table(self, *names: str) -> str:
         found = [result for result in self._of_suites(names) if not result.variant]
         rows = [[_label(result), *self._figure_cells(result, result.figures)] for result in found]
-        return pipe_table(["suite", *_SUITE_COLUMNS], rows) if rows else ""
+        return markdown_table(["suite", *_SUITE_COLUMNS], rows) if rows else ""
 
     def _part_table(self, *names: str) -> str:
         rows = [
@@ -189,7 +189,7 @@ class _Writer:
             if not result.variant
             for part, figures in (result.parts or {_label(result): result.figures}).items()
         ]
-        return pipe_table(["part", *_SUITE_COLUMNS], rows) if rows else ""
+        return markdown_table(["part", *_SUITE_COLUMNS], rows) if rows else ""
 
     def _variant_table(self, name: str) -> str:
         found = [result for result in self._of_suites([name]) if result.variant]
@@ -206,7 +206,7 @@ class _Writer:
             for result in found
         ]
         columns = ["variant", *_SUITE_COLUMNS[:-2], "p", *entries, *_SUITE_COLUMNS[-2:]]
-        return pipe_table(columns, rows) if rows else ""
+        return markdown_table(columns, rows) if rows else ""
 
     def _sizing_table(self, *names: str) -> str:
         rows = []
@@ -221,7 +221,7 @@ class _Writer:
                 f"{_number(result.disk_kb, 1)} kB",
             ]
             rows.append([_label(result), str(figures.runs), *cells, *self._origin(result)])
-        return pipe_table(_SIZING_COLUMNS, rows) if rows else ""
+        return markdown_table(_SIZING_COLUMNS, rows) if rows else ""
 
     def _run_table(self, *patterns: str) -> str:
         rows = []
@@ -230,7 +230,7 @@ class _Writer:
                 continue
             if any(fnmatchcase(result.name, pattern) for pattern in patterns):
                 rows.append([*_run_cells(result), *self._origin(result)])
-        return pipe_table(_RUN_COLUMNS, rows) if rows else ""
+        return markdown_table(_RUN_COLUMNS, rows) if rows else ""
 
     def _value_table(self, name: str, *wanted: str) -> str:
         result = self._results.get(name)
@@ -241,7 +241,7 @@ class _Writer:
             label, _, rest = text.rpartition("=")
             key, _, shape = rest.partition(":")
             rows.append([label, _formatted(result, key, shape), *self._origin(result)])
-        return pipe_table(["quantity", "value", "revision", "machine"], rows)
+        return markdown_table(["quantity", "value", "revision", "machine"], rows)
 
     def _called(self, name: str) -> list[StoredResult]:
         """The result of that name; else all of that suite, driven as the suite has it."""
@@ -261,7 +261,7 @@ class _Writer:
             for number, machine in enumerate(self._machines)
         ]
         columns = ("machine", "processor", "cores", "Python", "system")
-        return pipe_table(columns, rows) if rows else ""
+        return markdown_table(columns, rows) if rows else ""
 
     def _figure_cells(self, result: StoredSuiteResult, figures: Figures) -> list[str]:
         time = figures.mean_time_s

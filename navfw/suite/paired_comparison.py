@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
 from navfw.errors import InputError, UnknownNameError
+from navfw.process.result_table import shown
 from navfw.suite.run_statistics import mcnemar_exact, median_interval, paired_interval
 from navfw.suite.run_table import RunKey, RunRow
 
@@ -133,13 +134,13 @@ def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[st
 
     """
     pairs = pair_up(first, second)
-    found = {**_numbers(pairs), "unpaired": len(first) + len(second) - 2 * len(pairs)}
+    compared = {**_numbers(pairs), "unpaired": len(first) + len(second) - 2 * len(pairs)}
     names = dict.fromkeys(pair.configuration for pair in pairs)
     if len(names) > 1 and "" not in names:
-        found["by_configuration"] = {
+        compared["by_configuration"] = {
             name: _numbers([pair for pair in pairs if pair.configuration == name]) for name in names
         }
-    return found
+    return compared
 
 
 def _numbers(pairs: Sequence[RunPair]) -> dict[str, Any]:
@@ -195,3 +196,60 @@ def _named(row: RunRow) -> dict[str, Any]:
         "spl": row.spl,
         "picture": row.picture,
     }
+
+
+# --- for printing --------------------------------------------------------------------------------
+
+
+def comparison_rows(compared: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    """Name, value of A, value of B, and the difference with its interval, of ``compare_tables``.
+
+    Success and SPL of each variant, or stack, come last.
+    """
+    rows = _pair_rows(compared)
+    for name, configuration in compared.get("by_configuration", {}).items():
+        rows += [(f"{name}: {what}", a, b, by) for what, a, b, by in _pair_rows(configuration)[:2]]
+    return rows
+
+
+def _pair_rows(compared: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    """Success, SPL, time where there are some, and collisions of pairs."""
+    success = _difference(
+        compared["success_difference"], compared["success_interval"], 100.0, 1, " %"
+    )
+    rows = [
+        (
+            "success",
+            shown(compared["success_a"], ".1%"),
+            shown(compared["success_b"], ".1%"),
+            f"{success}; only B {len(compared['gained'])}, only A {len(compared['lost'])};"
+            f" McNemar exact p = {compared['p']:.3g}",
+        ),
+        (
+            "SPL",
+            f"{compared['spl_a']:.3f}",
+            f"{compared['spl_b']:.3f}",
+            f"median {_difference(compared['spl_difference'], compared['spl_interval'], 1.0, 3)}",
+        ),
+    ]
+    if compared["both_reached"]:
+        times = _difference(
+            compared["time_difference_s"], compared["time_interval_s"], 1.0, 1, " s"
+        )
+        note = f"median {times} in {compared['both_reached']} pairs of successes"
+        rows.append(
+            ("time", f"{compared['time_a_s']:.1f} s", f"{compared['time_b_s']:.1f} s", note)
+        )
+    rows.append(("collisions", str(compared["collisions_a"]), str(compared["collisions_b"]), ""))
+    return rows
+
+
+def _difference(
+    value: float, ends: tuple[float, float] | None, factor: float, digits: int, unit: str = ""
+) -> str:
+    """A difference with its interval, if it has one."""
+    text = f"{factor * value:+.{digits}f}{unit}"
+    if ends is None:
+        return text
+    low, high = (f"{factor * end:+.{digits}f}" for end in ends)
+    return f"{text} [{low}, {high}]"

@@ -28,10 +28,10 @@ from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import REPORT, plain_json
 from navfw.suite.case import RECORDINGS
 from navfw.suite.journal_recovery import ready_journal
-from navfw.suite.markdown_table import markdown_table
 from navfw.suite.run_journal import JournalDamagedError, RunJournal
 from navfw.suite.run_table import RunRow, read_table, write_table
 from navfw.suite.suite_plan import SuitePlan
+from navfw.suite.suite_summary import markdown_summary
 
 TABLE, SUMMARY, _ABOUT, _PICTURES = "table.csv", "summary.json", "suite.json", "pictures"
 _MARKDOWN, _JOURNAL = "table.md", "journal.sqlite"
@@ -224,7 +224,7 @@ class SuiteFolder:
         """Replace the table and the summary."""
         write_table(self.table, rows)
         self._write(SUMMARY, summary)
-        write_text(self.path / _MARKDOWN, markdown_table(summary))
+        write_text(self.path / _MARKDOWN, markdown_summary(summary))
 
     def tidy(self) -> None:
         """Remove the folder of pictures if it is empty."""

@@ -1,13 +1,15 @@
-"""The summary of a table of runs."""
+"""The summary of a table of runs, and its tables for terminal, report and Markdown."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from statistics import fmean, median
 from typing import Any
 
 from navfw.missions.outcome import Outcome
+from navfw.process.result_table import Column, ResultTable, named, shown
 from navfw.suite.failure_causes import Cause
 from navfw.suite.run_statistics import mcnemar_exact, wilson
 from navfw.suite.run_table import RunRow
@@ -15,6 +17,9 @@ from navfw.suite.suitefile import Expect
 
 ENOUGH = 0.9
 """Smallest share of successful runs with which an entry with ``expect: arrival`` passes."""
+
+_P_SHOWN = 1e-4
+"""Values of p below this are shown as "< 0.0001"."""
 
 
 def summarize(rows: Sequence[RunRow], expect: Mapping[str, Expect] | None = None) -> dict[str, Any]:
@@ -79,8 +84,8 @@ def _passed(row: RunRow, wanted: Expect) -> bool:
     if wanted == "arrival":
         return row.succeeded
     ended = {Outcome.REACHED, Outcome.STUCK, Outcome.TIMEOUT, Outcome.LOST, Outcome.UNSURE}
-    told = {Cause.SENSOR_FAILED, Cause.NOTHING_SEEN, Cause.PLUGIN_FAILED}
-    stopped = row.outcome == Outcome.FAULT and row.cause in told
+    with_reason = {Cause.SENSOR_FAILED, Cause.NOTHING_SEEN, Cause.PLUGIN_FAILED}
+    stopped = row.outcome == Outcome.FAULT and row.cause in with_reason
     return not row.collisions and (row.outcome in ended or stopped)
 
 
@@ -135,3 +140,103 @@ def _mean(values: Iterable[float]) -> float | None:
 
 def _median(values: Sequence[float]) -> float | None:
     return median(values) if values else None
+
+
+# --- tables ---------------------------------------------------------------------------------------
+
+
+def _columns(digits: int) -> list[Column]:
+    """The columns of the figures of runs; shares in percent and times have ``digits`` decimals."""
+    share = f".{digits}%"
+    return [
+        Column("runs", "missions"),
+        Column("success [95 %]", lambda part: _success(part, digits)),
+        Column("collided", "collision_rate", share, missing=""),
+        Column("SPL", "spl", ".2f", missing=""),
+        Column("SCT", "sct", ".2f", missing=""),
+        Column("BARN", "barn_score", ".3f", missing=""),
+        Column("time", "mean_time_s", f".{digits}f", "s", missing=""),
+        Column("clearance", "min_clearance_m", ".2f", "m", missing=""),
+        Column("faults", "plugin_faults", missing=""),
+    ]
+
+
+_BRIEF = {"runs", "success [95 %]", "collided", "SPL", "time", "faults"}
+"""The columns of the table in Markdown."""
+
+
+def summary_table(summary: Mapping[str, Any]) -> ResultTable:
+    """A row for each entry, then each stack or variant, then all; for terminal and report.
+
+    Without other parts there is one row. ``passes`` is the last column where an entry expects
+    something.
+    """
+    parts = dict(summary["by_entry"])
+    for kind in ("stack", "variant"):
+        for name, numbers in summary.get(f"by_{kind}", {}).items():
+            parts[f"all, {kind} {name}"] = numbers
+    if len(parts) > 1:
+        parts["all"] = summary
+    columns = [Column("", "name"), *_columns(1)]
+    if any("expect" in part for part in parts.values()):
+        columns.append(Column("passes", _passes))
+    return ResultTable("summary", columns, named(parts))
+
+
+def markdown_summary(summary: Mapping[str, Any]) -> str:
+    """One row per variant, with its success in every entry; without variants, one row per entry.
+
+    Success in percent with its Wilson interval (95 %); ``p`` is of McNemar's exact test against the
+    first variant. Time is the mean over the runs that reached their goals. ``faults`` counts plugin
+    faults.
+    """
+    columns = [column for column in _columns(0) if column.title in _BRIEF]
+    if "by_variant" in summary:
+        return _variant_table(summary, columns).markdown()
+    parts = dict(summary["by_entry"])
+    parts |= {f"all, {name}": part for name, part in summary.get("by_stack", {}).items()}
+    if len(parts) > 1:
+        parts["all"] = summary
+    return ResultTable("summary", [Column("entry", "name"), *columns], named(parts)).markdown()
+
+
+def _variant_table(summary: Mapping[str, Any], columns: Sequence[Column]) -> ResultTable:
+    entries = list(summary["by_entry"])
+    variants = named(summary["by_variant"])
+    variants[0]["p"] = None  # it is compared with itself
+    for name, reason in summary.get("skipped", {}).items():
+        nothing = dict.fromkeys(variants[0])
+        skipped = {"name": name, "missions": 0, "skipped": reason, "by_entry": {}}
+        variants.append({**nothing, **skipped})
+    of_entries = [
+        Column(entry, partial(_success_in, entry), ".0%", missing="") for entry in entries
+    ]
+    head, p = Column("variant", "name"), Column("p", _chance, missing="")
+    return ResultTable("variants", [head, *columns, p, *of_entries], variants)
+
+
+def _success(part: Mapping[str, Any], digits: int) -> str:
+    """The share of runs that succeeded, with its interval."""
+    if "skipped" in part:
+        return f"skipped: {part['skipped']}"
+    low, high = (f"{100.0 * part[key]:.{digits}f}" for key in ("success_low", "success_high"))
+    return f"{shown(part['success'], f'.{digits}%', missing='')} [{low}, {high}]".strip()
+
+
+def _success_in(entry: str, variant: Mapping[str, Any]) -> float | None:
+    share: float | None = variant["by_entry"].get(entry, {}).get("success")
+    return share
+
+
+def _chance(part: Mapping[str, Any]) -> str | None:
+    p = part["p"]
+    if p is None:
+        return None
+    return f"< {_P_SHOWN:g}" if p < _P_SHOWN else f"{p:.2g}"
+
+
+def _passes(part: Mapping[str, Any]) -> str:
+    if "expect" not in part:
+        return ""
+    word = "yes" if part["passes"] else "NO"
+    return f"{word}, {part['passed']} of {part['missions']} ({part['expect']})"

@@ -13,13 +13,12 @@ from suite_samples import row
 from navfw.errors import InputError, MissingExtraError, UnknownNameError
 from navfw.mofis import navground
 from navfw.plugins import default_registry
-from navfw.suite.markdown_table import markdown_table
 from navfw.suite.paired_comparison import compare_tables, of_variant
 from navfw.suite.run_table import RunRow, read_table, write_table
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan, plan_runs
 from navfw.suite.suite_run import run_suite
-from navfw.suite.suite_summary import summarize
+from navfw.suite.suite_summary import markdown_summary, summarize
 from navfw.suite.suitefile import find_suite, load_suite
 
 SUITE = """\
@@ -127,7 +126,7 @@ def test_the_summary_is_per_variant_and_overall() -> None:
 
 def test_the_markdown_table_has_a_row_per_variant_and_a_column_per_entry() -> None:
     summary = {**summarize(rows()), "skipped": {"navground": "needs | navground"}}
-    lines = markdown_table(summary).splitlines()
+    lines = markdown_summary(summary).splitlines()
     head = "| variant | runs | success [95 %] | collided | SPL | time | faults | p | rooms |"
     assert lines[0] == head
     assert lines[2] == "| default | 8 | 100 % [68, 100] | 0 % | 0.90 | 20 s | 0 |  | 100 % |"
@@ -135,7 +134,7 @@ def test_the_markdown_table_has_a_row_per_variant_and_a_column_per_entry() -> No
     assert "| 0.031 | 25 % |" in lines[3]
     assert lines[4].startswith(r"| navground | 0 | skipped: needs \| navground |")
     assert len({line.replace(r"\|", "").count("|") for line in lines}) == 1
-    plain = markdown_table(summarize([row(1), row(2, entry="poles")])).splitlines()
+    plain = markdown_summary(summarize([row(1), row(2, entry="poles")])).splitlines()
     assert [line.split(" | ")[0] for line in plain[2:]] == ["| rooms", "| poles", "| all"]
 
 
@@ -168,7 +167,7 @@ def test_a_suite_writes_the_table_of_variants(tmp_path: Path) -> None:
     ]
     summary = json.loads((out.path / "summary.json").read_text())
     assert list(summary["by_variant"]) == ["default", "paper", "no-memory"]
-    assert (out.path / "table.md").read_text() == markdown_table(summary)
+    assert (out.path / "table.md").read_text() == markdown_summary(summary)
 
 
 def test_all_variants_of_the_shipped_ablations_are_valid() -> None:
