@@ -22,7 +22,7 @@ from navfw.config.lookup import find
 from navfw.egomotion.refinement import refine
 from navfw.interfaces import FlowProcessor, Perception
 from navfw.plugins import default_registry
-from navfw.reproduce.rendered_views import RenderedPair, ViewRenderer
+from navfw.reproduce.paper_tables import RenderedPair, ViewRenderer
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Label, Percept, Pose
 from navfw.sim.worldfile import load_world

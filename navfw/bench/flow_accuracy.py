@@ -1,6 +1,6 @@
 """Errors of flow processors on rendered frames, calibration of their sigma, computing time.
 
-The truth follows from the depth and motion of rendered pairs (``navfw.bench.flow_pairs``). Times
+The truth follows from the depth and motion of rendered pairs (``navfw.bench.true_pairs``). Times
 are CPU times of single calls, since other programs on the same cores disturb wall times more.
 """
 
@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
@@ -17,9 +17,15 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.bench.flow_pairs import MOTIONS, WORLDS, TruePair, load_worlds, rendered_pairs
-from navfw.bench.flow_report import SIGMA_BINS
-from navfw.bench.true_flow import true_flow
+from navfw.bench.true_pairs import (
+    MOTIONS,
+    WORLDS,
+    TruePair,
+    load_worlds,
+    pixels,
+    rendered_pairs,
+    true_flow,
+)
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.dis import Dis
 from navfw.flow.farneback import Farneback
@@ -27,10 +33,13 @@ from navfw.flow.ideal import Ideal
 from navfw.flow.lucas_kanade import LucasKanade
 from navfw.flow.registered import Registered
 from navfw.interfaces import FlowProcessor
+from navfw.process.result_table import Column, ResultTable, named, shown
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair
+from navfw.signals import Array, CameraMotion, Frame, FramePair
 
+SIGMA_BINS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, np.inf)
+"""Limits [px] of the intervals of sigma in the calibration table."""
 TRUSTED = 0.3
 """Least confidence of the vectors that are evaluated."""
 _EDGE_REACH = 12
@@ -60,23 +69,33 @@ class TruePairSource:
         return self.now.motion
 
 
-@dataclass
-class FlowErrors:
-    """Errors of the trusted vectors of one processor; arrays of the same length n.
+@dataclass(frozen=True, slots=True)
+class FlowAnswer:
+    """The answer of a processor on one pair; arrays (rows, cols).
 
-    ``off`` (n, 2) [px] is measured minus true flow, ``sigma`` [px] the processor's own estimate of
-    the error, ``edge`` whether a depth edge lies within the window, ``motion`` and ``world``
-    indices into ``motions`` and ``worlds`` of the benchmark. ``cells`` counts all cells by motion,
-    trusted or not; ``milliseconds`` are the times of the calls.
+    ``off`` (rows, cols, 2) [px] is measured minus true flow, ``true`` (rows, cols, 2) [px] the
+    latter, ``sigma`` [px] the processor's own estimate of the error. ``valid`` is where there is a
+    truth, ``trusted`` where the processor has a confidence of TRUSTED as well; ``ms`` the CPU time
+    of the call.
     """
 
+    points: Array
     off: Array
+    true: Array
     sigma: Array
-    edge: npt.NDArray[np.bool_]
-    motion: npt.NDArray[np.int64]
-    world: npt.NDArray[np.int64]
-    cells: npt.NDArray[np.int64]
-    milliseconds: list[float] = field(default_factory=list)
+    valid: npt.NDArray[np.bool_]
+    trusted: npt.NDArray[np.bool_]
+    ms: float
+
+
+def answer(processor: FlowProcessor, pair: TruePair) -> FlowAnswer:
+    """The answer of ``processor`` on a pair, compared with the true flow."""
+    begun = time.thread_time()
+    flow = processor.compute(pair.pair)
+    spent = 1e3 * (time.thread_time() - begun)
+    true, valid = true_flow(flow.points, pair, processor.robot.camera)
+    trusted = (flow.confidence >= TRUSTED) & valid
+    return FlowAnswer(flow.points, flow.vectors - true, true, flow.sigma, valid, trusted, spent)
 
 
 def all_processors(robot: RobotModel) -> dict[str, FlowProcessor]:
@@ -120,8 +139,8 @@ def bench_flow(
     )
     measured = {}
     for name, processor in processors.items():
-        shown = with_progress(pairs, f"flow: {name}", report)
-        measured[name] = _summary(measure(processor, shown, worlds), worlds)
+        true_pairs = with_progress(pairs, f"flow: {name}", report)
+        measured[name] = measure(processor, true_pairs, worlds)
     report("flow: matchTemplate")
     return {
         "pairs": len(pairs),
@@ -137,58 +156,56 @@ def bench_flow(
 
 def measure(
     processor: FlowProcessor, pairs: Iterable[TruePair], worlds: Sequence[str] = WORLDS
-) -> FlowErrors:
-    """Run ``processor`` over ``pairs`` and compare each trusted vector with the true one."""
-    camera = processor.robot.camera
-    motions, world_names = list(MOTIONS), list(worlds)
+) -> dict[str, Any]:
+    """Run ``processor`` over ``pairs`` and compare each trusted vector with the true one.
+
+    Plain data: the values of a processor in ``bench_flow``.
+    """
     truth = TruePairSource()
     if isinstance(processor, Ideal):
         processor.set_truth(truth)
-    parts: list[tuple[Array, ...]] = []
-    cells = np.zeros(len(motions), np.int64)
-    costs: list[float] = []
-    for true in pairs:
-        truth.now = true
-        if not costs:
-            processor.compute(true.pair)  # compiles kernels, which is not timed
-        begun = time.thread_time()
-        flow = processor.compute(true.pair)
-        costs.append(1e3 * (time.thread_time() - begun))
-        off, trusted = _compare(flow, true, camera)
-        motion, world = motions.index(true.name), world_names.index(true.world)
-        cells[motion] += trusted.size
-        edge = _edges(true.depth, flow.points, camera)[trusted]
-        count = int(trusted.sum())
-        parts.append(
-            (off[trusted], flow.sigma[trusted], edge, np.full(count, motion), np.full(count, world))
-        )
-    off, sigma, edge, motion_of, world_of = (
-        np.concatenate(part) for part in zip(*parts, strict=True)
-    )
-    return FlowErrors(
-        off, sigma, edge.astype(bool), motion_of.astype(int), world_of.astype(int), cells, costs
+    answers: list[FlowAnswer] = []
+    edges, names = [], []
+    for pair in pairs:
+        truth.now = pair
+        if not answers:
+            processor.compute(pair.pair)  # compiles kernels, which is not timed
+        answers.append(answer(processor, pair))
+        edges.append(_edges(pair.depth, answers[-1].points, processor.robot.camera))
+        names.append((pair.name, pair.world))
+    off, sigma, trusted = (
+        np.stack([getattr(a, field) for a in answers]) for field in ("off", "sigma", "trusted")
     )
 
+    def of(chosen: npt.NDArray[np.bool_], cells: int) -> dict[str, Any]:
+        return statistics(off[trusted & chosen], sigma[trusted & chosen], cells)
 
-def _compare(
-    flow: FlowField, true: TruePair, camera: CameraModel
-) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Errors (rows, cols, 2) [px], and which vectors are trusted and have a truth."""
-    vectors, known = true_flow(flow.points, true, camera)
-    return flow.vectors - vectors, (flow.confidence >= TRUSTED) & known
+    def with_name(name: str, cells: int | None = None) -> dict[str, Any]:
+        chosen = np.array([name in pair for pair in names])[:, None, None]
+        return of(chosen, int(chosen.sum()) * trusted[0].size if cells is None else cells)
+
+    return {
+        **statistics(off[trusted], sigma[trusted], trusted.size),
+        "ms": median(a.ms for a in answers),
+        "by_motion": {name: with_name(name) for name in MOTIONS},
+        "by_world": {name: with_name(name, trusted.size // len(worlds)) for name in worlds},
+        "edges": of(np.stack(edges), 0),
+        "smooth": of(~np.stack(edges), 0),
+        "calibration": _calibration(off[trusted], sigma[trusted]),
+    }
 
 
-def _edges(depth: npt.NDArray[np.float32], points: Array, camera: CameraModel) -> Array:
-    """1 (rows, cols) where a depth edge lies within _EDGE_REACH of a point, 0 elsewhere."""
+def _edges(
+    depth: npt.NDArray[np.float32], points: Array, camera: CameraModel
+) -> npt.NDArray[np.bool_]:
+    """Where (rows, cols) a depth edge lies within _EDGE_REACH of a point."""
     nearness = 1.0 / depth.astype(np.float64)
     step = np.zeros_like(nearness)
     step[:, 1:] = np.abs(np.diff(nearness, axis=1))
     step[1:] = np.maximum(step[1:], np.abs(np.diff(nearness, axis=0)))
     jumps = (step > _EDGE_STEP * np.maximum(nearness, 1e-3)).astype(np.uint8)
     near = cv2.dilate(jumps, np.ones((2 * _EDGE_REACH, 2 * _EDGE_REACH), np.uint8))
-    x = np.clip(points[..., 0] + 0.5 * camera.width, 0, camera.width - 1).astype(np.int64)
-    y = np.clip(points[..., 1] + 0.5 * camera.height, 0, camera.height - 1).astype(np.int64)
-    return np.asarray(near, dtype=np.float64)[y, x]
+    return np.asarray(near, dtype=np.bool_)[pixels(points, camera)]
 
 
 def statistics(off: Array, sigma: Array, cells: int) -> dict[str, Any]:
@@ -216,46 +233,66 @@ def statistics(off: Array, sigma: Array, cells: int) -> dict[str, Any]:
     }
 
 
-def _summary(errors: FlowErrors, worlds: Sequence[str]) -> dict[str, Any]:
-    total = int(errors.cells.sum())
-
-    def of(chosen: npt.NDArray[np.bool_], cells: int) -> dict[str, Any]:
-        return statistics(errors.off[chosen], errors.sigma[chosen], cells)
-
-    return {
-        **statistics(errors.off, errors.sigma, total),
-        "ms": median(errors.milliseconds),
-        "by_motion": {
-            name: of(errors.motion == k, int(errors.cells[k])) for k, name in enumerate(MOTIONS)
-        },
-        "by_world": {
-            name: of(errors.world == k, total // len(worlds)) for k, name in enumerate(worlds)
-        },
-        "edges": of(errors.edge, 0),
-        "smooth": of(~errors.edge, 0),
-        "calibration": _calibration(errors),
-    }
-
-
-def _calibration(errors: FlowErrors) -> list[dict[str, Any]]:
+def _calibration(off: Array, sigma: Array) -> list[dict[str, Any]]:
     rows = []
     for low, high in itertools.pairwise(SIGMA_BINS):
-        chosen = (errors.sigma >= low) & (errors.sigma < high)
+        chosen = (sigma >= low) & (sigma < high)
         if not chosen.any():
             continue
-        off, sigma = errors.off[chosen], errors.sigma[chosen]
-        part = statistics(off, sigma, 0)
+        within = statistics(off[chosen], sigma[chosen], 0)
         rows.append(
             {
                 "sigma_from": float(low),
                 "sigma_to": float(high) if np.isfinite(high) else None,
-                "n": part["n"],
-                "rms": float(np.sqrt((off**2).mean())),
-                "within_1_sigma": part["within_1_sigma"],
-                "within_2_sigma": part["within_2_sigma"],
+                "n": within["n"],
+                "rms": float(np.sqrt((off[chosen] ** 2).mean())),
+                "within_1_sigma": within["within_1_sigma"],
+                "within_2_sigma": within["within_2_sigma"],
             }
         )
     return rows
+
+
+def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
+    """Tables of all processors, of their errors by motion, and of the calibration of sigma."""
+    processors: dict[str, dict[str, Any]] = result["processors"]
+    columns = [
+        Column("processor", "name"),
+        Column("trusted", "coverage", ".1%"),
+        Column("median", "epe_median", ".3g"),
+        Column("95 %", "epe_p95", ".3g"),
+        Column("over 0.5 px", "over_half_px", ".1%"),
+        Column("within 2 sigma", "within_2_sigma", ".1%"),
+        Column("ms", "ms", ".3g"),
+    ]
+    title = f"Flow on {result['pairs']} rendered pairs, end-point errors [px]"
+    yield ResultTable(title, columns, named(processors))
+    motions = [
+        {"motion": motion}
+        | {name: _spread(processor["by_motion"][motion]) for name, processor in processors.items()}
+        for motion in result["motions"]
+    ]
+    columns = [Column(name, name) for name in ("motion", *processors)]
+    yield ResultTable("End-point errors [px], median / 95 %, by motion", columns, motions)
+    title = "Root mean square error of the components [px], share within two sigma, by sigma"
+    columns = [Column(name, name) for name in ("sigma [px]", *processors)]
+    yield ResultTable(title, columns, list(_calibration_rows(processors)))
+
+
+def _spread(errors: Mapping[str, Any]) -> str:
+    return " / ".join(shown(errors[key], ".2f") for key in ("epe_median", "epe_p95"))
+
+
+def _calibration_rows(processors: Mapping[str, Mapping[str, Any]]) -> Iterator[dict[str, str]]:
+    for low, high in itertools.pairwise(SIGMA_BINS):
+        sigma = f"{low:g} to {high:g}" if np.isfinite(high) else f"above {low:g}"
+        row = {"sigma [px]": sigma, **dict.fromkeys(processors, "-")}
+        for name, processor in processors.items():
+            for interval in processor["calibration"]:
+                if interval["sigma_from"] == low:
+                    within = shown(interval["within_2_sigma"], ".1%")
+                    row[name] = f"{interval['rms']:.2f}, {within}"
+        yield row
 
 
 # --- reference: a loop over matchTemplate - ------------------------------------------------------

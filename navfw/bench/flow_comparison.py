@@ -1,7 +1,7 @@
 """``navfw bench flow``: every flow processor beside OpenCV's, on real and on rendered pairs.
 
 The true flow follows from depth and motion, on real pairs without the error of the recording that
-OpenCV's DIS shows (``navfw.bench.true_flow``). On real pairs no processor is told anything about
+OpenCV's DIS shows (``navfw.bench.true_pairs``). On real pairs no processor is told anything about
 the motion, as by ``navfw perceive`` without a gyro; on rendered pairs all use the simulated gyro.
 Times are CPU times of single calls, the processors called in turns on each pair.
 """
@@ -9,35 +9,150 @@ Times are CPU times of single calls, the processors called in turns on each pair
 from __future__ import annotations
 
 import itertools
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, ClassVar
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.bench.flow_accuracy import TRUSTED, all_processors
-from navfw.bench.flow_pairs import WORLDS, TruePair, load_worlds, rendered_pairs
-from navfw.bench.hololens_recording import HololensRecording, hololens_pairs
-from navfw.bench.plain_opencv import plain_processors, reference_processor
-from navfw.bench.true_flow import true_flow, with_recording_error
-from navfw.bench.tum_recording import TumRecording, tum_camera, tum_pairs
+from navfw.bench.flow_accuracy import TRUSTED, FlowAnswer, all_processors, answer
+from navfw.bench.recorded_pairs import (
+    HololensRecording,
+    RecordedFrame,
+    TumRecording,
+    frame_pairs,
+    tum_camera,
+)
+from navfw.bench.true_pairs import (
+    WORLDS,
+    TruePair,
+    load_worlds,
+    rendered_pairs,
+    with_recording_error,
+)
 from navfw.errors import InputError
+from navfw.flow.confidence import SIGMA_UNKNOWN
+from navfw.flow.grid_flow import GridFlow, MatchedFlow
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import FlowProcessor
+from navfw.numerics.arrays import Floats
 from navfw.perceive.working_size import WorkingSize
+from navfw.process.result_table import Column, ResultTable, named
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
-from navfw.signals import Array, CameraMotion
+from navfw.signals import Array, CameraMotion, Image
+
+_DenseMethod = Callable[[Image, Image], Floats]
+"""Displacement (height, width, 2) [px] of each pixel of the first image in the second."""
+
+_DIS = {
+    "ultrafast": cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
+    "fast": cv2.DISOPTICAL_FLOW_PRESET_FAST,
+    "medium": cv2.DISOPTICAL_FLOW_PRESET_MEDIUM,
+}
+
+
+class PlainDense(MatchedFlow):
+    """A dense method of OpenCV, at the pixels of the cells' centres."""
+
+    name: ClassVar[str] = "plain_dense"
+
+    def __init__(self, robot: RobotModel, method: _DenseMethod) -> None:
+        super().__init__(robot, GridFlow.Params())
+        self._method = method
+
+    def _match(
+        self, now: Image, past: Image, visible: tuple[int, int, int, int]
+    ) -> tuple[Array, Array, Array]:
+        dense = self._method(now, past)
+        height, width = now.shape
+        # a cell's centre lies between pixels where the cell has an even number of them
+        x = (self._points[..., 0] + 0.5 * width - 0.5).astype(np.float32)
+        y = (self._points[..., 1] + 0.5 * height - 0.5).astype(np.float32)
+        back = cv2.remap(dense, x, y, cv2.INTER_LINEAR)
+        shape = self._points.shape[:2]
+        return -np.asarray(back, dtype=np.float64), np.ones(shape), np.full(shape, SIGMA_UNKNOWN)
+
+
+class PlainPoints(MatchedFlow):
+    """OpenCV's pyramidal Lucas-Kanade at the cells' centres; confidence 1 where it finds a point.
+
+    ``window`` [px] is the side of a window, ``levels`` the number of halvings of the image.
+    """
+
+    name: ClassVar[str] = "plain_points"
+
+    def __init__(self, robot: RobotModel, window: int, levels: int) -> None:
+        super().__init__(robot, GridFlow.Params())
+        self._size, self._levels = (window, window), levels
+        pixels = self._points + 0.5 * np.array([robot.camera.width, robot.camera.height]) - 0.5
+        self._seeds = pixels.reshape(-1, 1, 2).astype(np.float32)
+
+    def _match(
+        self, now: Image, past: Image, visible: tuple[int, int, int, int]
+    ) -> tuple[Array, Array, Array]:
+        matches, status, _ = cv2.calcOpticalFlowPyrLK(
+            now, past, self._seeds, self._seeds.copy(), winSize=self._size, maxLevel=self._levels
+        )
+        shape = self._points.shape[:2]
+        vectors = (self._seeds - np.asarray(matches)).reshape(self._points.shape).astype(np.float64)
+        confidence = np.asarray(status).reshape(shape).astype(np.float64)
+        return vectors, confidence, np.full(shape, SIGMA_UNKNOWN)
+
+
+def plain_processors(robot: RobotModel) -> dict[str, MatchedFlow]:
+    """OpenCV's processors by name: DIS by preset and finest scale, LK and Farneback by window."""
+    dis = {
+        f"cv_dis_{preset}_{finest}": PlainDense(robot, _dis(preset, finest))
+        for preset in _DIS
+        for finest in (0, 1, 2)
+    }
+    points = {f"cv_lk_{window}": PlainPoints(robot, window, 3) for window in (11, 15, 21)}
+    farneback = {f"cv_farneback_{n}": PlainDense(robot, _farneback(n)) for n in (9, 15)}
+    return {**dis, **points, **farneback}
+
+
+def reference_processor(robot: RobotModel) -> MatchedFlow:
+    """The most accurate of OpenCV's processors, and the most costly one."""
+    return PlainDense(robot, _dis("medium", 0))
+
+
+def _dis(preset: str, finest: int) -> _DenseMethod:
+    dis = cv2.DISOpticalFlow.create(_DIS[preset])
+    dis.setFinestScale(finest)
+
+    def method(now: Image, past: Image) -> Floats:
+        return np.asarray(dis.calc(now, past, np.zeros((*now.shape, 2), np.float32)), np.float32)
+
+    return method
+
+
+def _farneback(window: int) -> _DenseMethod:
+    def method(now: Image, past: Image) -> Floats:
+        start: Floats = np.zeros((*now.shape, 2), np.float32)
+        flow = cv2.calcOpticalFlowFarneback(
+            *(now, past, start),
+            pyr_scale=0.5,
+            levels=3,
+            winsize=window,
+            iterations=3,
+            poly_n=5,
+            poly_sigma=1.1,
+            flags=0,
+        )
+        return np.asarray(flow, np.float32)
+
+    return method
+
 
 _Processors = Callable[[RobotModel], Mapping[str, FlowProcessor]]
 """_Processors by name, for the camera of a robot."""
 PARTS = {"all": slice(None), "odd": slice(0, None, 2), "even": slice(1, None, 2)}
 """Parts of the pairs of each sequence, by their number from 1: parameters are tuned on odd ones."""
-Table = tuple[str, Sequence[str], Sequence[Sequence[object]]]
 
 _RECORDED = {"hololens_office": (1, 2), "tum_fr1": (1, 2, 3)}
 """Folders of recorded pairs, and the distances between the images of a pair [images]."""
@@ -64,24 +179,26 @@ def recorded_sets(
         ConfigError: a set lacks a file, or a file cannot be read.
 
     """
-    found = []
-    there = [name for name in _RECORDED if (folder / name).is_dir() and only in (None, name)]
-    if "hololens_office" in there:
-        recorded = HololensRecording(folder / "hololens_office", ROWS, COLS)
-        strides = [hololens_pairs(recorded, stride) for stride in _RECORDED["hololens_office"]]
-        robot = RobotModel(camera=recorded.camera)
-        found.append(TrueSet("hololens_office", robot, _unaided(strides, part, robot)))
-    if "tum_fr1" in there:
-        working = WorkingSize.of(640, 480, ROWS, COLS)
-        size, sequence = (working.cut_width, working.cut_height), TumRecording(folder / "tum_fr1")
-        strides = [
-            tum_pairs(folder / "tum_fr1", size, sequence, stride) for stride in _RECORDED["tum_fr1"]
-        ]
-        robot = RobotModel(camera=tum_camera(size))
-        found.append(TrueSet("tum_fr1", robot, _unaided(strides, part, robot)))
-    if not found:
+    names = [name for name in _RECORDED if (folder / name).is_dir() and only in (None, name)]
+    if not names:
         raise InputError(f"holds none of {', '.join(_RECORDED)}", file=folder, key="--data")
-    return found
+    sets = []
+    for name in names:
+        robot, frames = _recorded_frames(name, folder / name)
+        pairs = [list(frame_pairs(name, frames, stride))[part] for stride in _RECORDED[name]]
+        unaided = _unaided(itertools.chain.from_iterable(pairs), robot)
+        sets.append(TrueSet(name, robot, unaided))
+    return sets
+
+
+def _recorded_frames(name: str, folder: Path) -> tuple[RobotModel, list[RecordedFrame]]:
+    """A robot with the camera of a recording, and the recording's frames."""
+    if name == "hololens_office":
+        walk = HololensRecording(folder, ROWS, COLS)
+        return RobotModel(camera=walk.camera), walk.frames
+    working = WorkingSize.of(640, 480, ROWS, COLS)
+    size = (working.cut_width, working.cut_height)
+    return RobotModel(camera=tum_camera(size)), TumRecording(folder).frames(size)
 
 
 def rendered_set(
@@ -93,17 +210,15 @@ def rendered_set(
     return TrueSet("rendered", robot, pairs[part])
 
 
-def _unaided(
-    strides: Sequence[Iterator[TruePair]], part: slice, robot: RobotModel
-) -> list[TruePair]:
+def _unaided(pairs: Iterable[TruePair], robot: RobotModel) -> list[TruePair]:
     """The pairs without the measured motion, and without the error of the recorded one."""
-    reference, found = reference_processor(robot), []
-    for true in itertools.chain.from_iterable(list(pairs)[part] for pairs in strides):
+    reference, corrected = reference_processor(robot), []
+    for true in pairs:
         still = CameraMotion(np.eye(3), np.zeros(3), true.pair.motion.dt)
         unaided = replace(true, pair=replace(true.pair, motion=still))
         flow = reference.compute(unaided.pair)
-        found.append(with_recording_error(unaided, flow, robot.camera))
-    return found
+        corrected.append(with_recording_error(unaided, flow, robot.camera))
+    return corrected
 
 
 def bench_flow_sets(
@@ -129,17 +244,6 @@ def _every_processor(robot: RobotModel) -> dict[str, FlowProcessor]:
     return {**shipped, **plain_processors(robot)}
 
 
-@dataclass
-class _Answers:
-    """Answers of one processor on all pairs; lists of arrays (rows, cols), one for each pair."""
-
-    error: list[Array] = field(default_factory=list)
-    trusted: list[npt.NDArray[np.bool_]] = field(default_factory=list)
-    known: list[npt.NDArray[np.bool_]] = field(default_factory=list)
-    within: list[npt.NDArray[np.bool_]] = field(default_factory=list)
-    milliseconds: list[float] = field(default_factory=list)
-
-
 def measure_set(
     chosen: TrueSet, processors: Mapping[str, FlowProcessor], report: ProgressCallback = silent
 ) -> dict[str, Any]:
@@ -161,60 +265,68 @@ def measure_set(
 
     Values without any point are None.
     """
-    camera = chosen.robot.camera
-    answers = {name: _Answers() for name in processors}
-    lengths = []
+    answers: dict[str, list[FlowAnswer]] = {name: [] for name in processors}
     for processor in processors.values():
         processor.compute(chosen.pairs[0].pair)  # compiles kernels, which is not timed
-    for true in with_progress(chosen.pairs, f"pairs of {chosen.name}", report):
+    for pair in with_progress(chosen.pairs, f"pairs of {chosen.name}", report):
         for name, processor in processors.items():
-            begun = time.thread_time()
-            flow = processor.compute(true.pair)
-            answers[name].milliseconds.append(1e3 * (time.thread_time() - begun))
-            vectors, known = true_flow(flow.points, true, camera)
-            error = np.hypot(*np.moveaxis(flow.vectors - vectors, -1, 0))
-            answers[name].error.append(error)
-            answers[name].known.append(known)
-            answers[name].trusted.append((flow.confidence >= TRUSTED) & known)
-            answers[name].within.append(error < 2.0 * flow.sigma)
-        lengths.append(np.hypot(vectors[..., 0], vectors[..., 1])[known])
+            answers[name].append(answer(processor, pair))
     plain = frozenset(plain_processors(chosen.robot))
-    common = np.logical_and.reduce([a.trusted for k, a in answers.items() if k not in plain])
+    stacked = {name: _StackedAnswers.of(of_pairs) for name, of_pairs in answers.items()}
+    common = np.logical_and.reduce([s.trusted for name, s in stacked.items() if name not in plain])
+    lengths = [np.hypot(a.true[..., 0], a.true[..., 1])[a.valid] for a in [*answers.values()][-1]]
     return {
         "pairs": len(chosen.pairs),
-        "width": camera.width,
-        "height": camera.height,
+        "width": chosen.robot.camera.width,
+        "height": chosen.robot.camera.height,
         "flow_median_px": float(np.median(np.concatenate(lengths))),
         "common": int(common.sum()),
-        "processors": {name: _figures(name, answers, common, plain) for name in processors},
+        "processors": {name: _figures(name, stacked, common, plain) for name in processors},
     }
+
+
+@dataclass(frozen=True, slots=True)
+class _StackedAnswers:
+    """End-point errors [px] of one processor on n pairs (n, rows, cols), and its median time."""
+
+    error: Array
+    valid: npt.NDArray[np.bool_]
+    trusted: npt.NDArray[np.bool_]
+    within: npt.NDArray[np.bool_]
+    ms: float
+
+    @classmethod
+    def of(cls, answers: Sequence[FlowAnswer]) -> _StackedAnswers:
+        error = np.stack([np.hypot(a.off[..., 0], a.off[..., 1]) for a in answers])
+        within = error < 2.0 * np.stack([a.sigma for a in answers])
+        valid, trusted = (
+            np.stack([getattr(a, name) for a in answers]) for name in ("valid", "trusted")
+        )
+        return cls(error, valid, trusted, within, median(a.ms for a in answers))
 
 
 def _figures(
     name: str,
-    answers: Mapping[str, _Answers],
+    answers: Mapping[str, _StackedAnswers],
     common: npt.NDArray[np.bool_],
     plain: frozenset[str],
 ) -> dict[str, Any]:
-    own = answers[name]
-    trusted, error, cost = np.array(own.trusted), np.array(own.error), median(own.milliseconds)
-    mean, points = _mean(error[trusted]), int(np.sum(own.known))
+    own, first = answers[name], next(iter(answers.values()))
+    mean, points = _mean(own.error[own.trusted]), int(own.valid.sum())
     beaten_by = []
     for other in plain & answers.keys() - {name}:
         rival = answers[other]
-        better = _mean(np.array(rival.error)[trusted & np.array(rival.trusted)])
-        if mean is None or better is None:
-            continue
-        if median(rival.milliseconds) < cost and better < mean:
+        better = _mean(rival.error[own.trusted & rival.trusted])
+        if mean is not None and better is not None and rival.ms < own.ms and better < mean:
             beaten_by.append(other)
     return {
-        "ms": cost,
-        "coverage": float(trusted.sum()) / points if points else 0.0,
+        "ms": own.ms,
+        "coverage": float(own.trusted.sum()) / points if points else 0.0,
         "epe": mean,
-        "epe_median": float(np.median(error[trusted])) if trusted.any() else None,
-        "epe_common": _mean(error[common]),
-        "epe_at_first": _mean(error[trusted & np.array(next(iter(answers.values())).trusted)]),
-        "within_2_sigma": None if name in plain else _mean(np.array(own.within)[trusted]),
+        "epe_median": float(np.median(own.error[own.trusted])) if own.trusted.any() else None,
+        "epe_common": _mean(own.error[common]),
+        "epe_at_first": _mean(own.error[own.trusted & first.trusted]),
+        "within_2_sigma": None if name in plain else _mean(own.within[own.trusted]),
         "beaten_by": sorted(beaten_by),
     }
 
@@ -223,38 +335,24 @@ def _mean(values: npt.NDArray[Any]) -> float | None:
     return float(values.mean()) if values.size else None
 
 
-def comparison_tables(result: Mapping[str, Any]) -> Iterator[Table]:
-    """A table of each set for printing."""
+def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
+    """A table of each set."""
     for name, facts in result["sets"].items():
-        measured = result[name]
+        processors = result[name]
+        columns = [
+            Column("processor", "name"),
+            Column("ms", "ms", ".2f"),
+            Column("trusted", "coverage", ".0%"),
+            Column("own points", "epe", ".3f"),
+            Column("median", "epe_median", ".3f"),
+            Column(f"points of {next(iter(processors))}", "epe_at_first", ".3f"),
+            Column("common points", "epe_common", ".3f"),
+            Column("within 2 sigma", "within_2_sigma", ".1%"),
+            Column("beaten by, of OpenCV", lambda processor: len(processor["beaten_by"])),
+        ]
         title = (
             f"{name}: {facts['pairs']} pairs of {facts['width']} x {facts['height']} px,"
             f" flow {facts['flow_median_px']:.1f} px (median),"
             f" {facts['common']} common points; mean end-point errors [px]"
         )
-        errors = ("own points", "median", f"points of {next(iter(measured))}", "common points")
-        keys = ("epe", "epe_median", "epe_at_first", "epe_common")
-        rows = [
-            (
-                processor,
-                f"{found['ms']:.2f}",
-                f"{100 * found['coverage']:.0f} %",
-                *(_number(found[key]) for key in keys),
-                _percent(found["within_2_sigma"]),
-                len(found["beaten_by"]),
-            )
-            for processor, found in measured.items()
-        ]
-        yield (
-            title,
-            ("processor", "ms", "trusted", *errors, "within 2 sigma", "beaten by, of OpenCV"),
-            rows,
-        )
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"
-
-
-def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{100 * value:.1f} %"
+        yield ResultTable(title, columns, named(processors))

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import product
 from typing import Any
 
 import numpy as np
 
+from navfw.bench.true_pairs import exposed
 from navfw.features.aruco import Aruco
 from navfw.features.posters import Posters
 from navfw.interfaces import FeatureRecognizer
+from navfw.process.result_table import Column, ResultTable
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Image, LandmarkDetection, Pose
@@ -29,8 +31,6 @@ _SIZES: Mapping[str, float] = {"aruco": 0.25, "poster": 0.5}
 """Side lengths [m]."""
 _ON_MAP = 10
 """Number of landmarks on the map: with a single one none could be mistaken for another."""
-_NOISE = 2.0
-"""Standard deviation of the image noise [grey levels]."""
 _MAX_BEARING = 0.55
 """Largest bearing [rad] of the landmark in the image."""
 
@@ -106,8 +106,7 @@ def _bench_kind(
                 aside = float(rng.uniform(-_MAX_BEARING, _MAX_BEARING))
                 clean, bearing, away = view_of(sim, mark, distance, turn, aside)
                 rendered += clock.perf_counter() - begun
-                noisy = clean + _NOISE * rng.standard_normal(clean.shape)
-                image = np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+                image = exposed(clean, rng)
                 begun = clock.perf_counter()
                 seen = recognizer.recognize(Frame(0.0, image))
                 spent += clock.perf_counter() - begun
@@ -137,14 +136,14 @@ def _error(detection: LandmarkDetection, bearing: float, away: float) -> tuple[f
 def _row(
     distance: float, angle: int, views: int, errors: list[tuple[float, float, float]]
 ) -> dict[str, Any]:
-    found = np.array(errors).reshape(-1, 3)
-    seen = len(found) > 0
+    measured = np.array(errors).reshape(-1, 3)
+    seen = len(measured) > 0
     return {
         "distance_m": distance,
         "angle_deg": angle,
-        "detected": len(found) / views,
-        "bearing_rms_deg": math.degrees(_rms(found[:, 0])) if seen else None,
-        "range_rms_m": _rms(found[:, 1]) if seen else None,
+        "detected": len(measured) / views,
+        "bearing_rms_deg": math.degrees(_rms(measured[:, 0])) if seen else None,
+        "range_rms_m": _rms(measured[:, 1]) if seen else None,
     }
 
 
@@ -171,24 +170,28 @@ def _hall(kind: str) -> WorldSpec:
 def _map(kind: str) -> TopoMap:
     size = _SIZES[kind]
     marks = [Landmark(f"mark-{i}", kind, i, 0.0, 0.0, 0.0, size=size) for i in range(_ON_MAP)]
-    return TopoMap("hall", [Place("here", 2.0, 6.0)], [], landmarks=marks)
+    return TopoMap("hall", [Place("start", 2.0, 6.0)], [], landmarks=marks)
 
 
-def tables(result: dict[str, Any]) -> list[tuple[str, list[str], list[tuple[str, ...]]]]:
-    """Tables for printing: title, columns, rows."""
-    out = []
-    for kind, found in result["kinds"].items():
-        columns = ["distance [m]", *(f"{angle} deg" for angle in _ANGLES), "range error [m]"]
-        rows = []
+def tables(result: dict[str, Any]) -> Iterator[ResultTable]:
+    """A table of each kind of landmark: the detection rate by distance (rows) and angle."""
+    for kind, measured in result["kinds"].items():
+        columns = [
+            Column("distance [m]", "distance_m", "g"),
+            *(Column(f"{angle} deg", f"{angle} deg", ".2f") for angle in _ANGLES),
+            Column("range error [m]", "range_rms_m", ".3f"),
+        ]
+        by_distance = []
         for distance in DISTANCES:
-            here = [row for row in found["rows"] if row["distance_m"] == distance]
-            errors = [row["range_rms_m"] for row in here if row["range_rms_m"] is not None]
-            worst = f"{_rms(np.array(errors)):.3f}" if errors else "-"
-            rows.append((f"{distance:g}", *(f"{row['detected']:.2f}" for row in here), worst))
+            views = [row for row in measured["rows"] if row["distance_m"] == distance]
+            errors = [row["range_rms_m"] for row in views if row["range_rms_m"] is not None]
+            rates = {f"{row['angle_deg']} deg": row["detected"] for row in views}
+            error = _rms(np.array(errors)) if errors else None
+            by_distance.append({"distance_m": distance, **rates, "range_rms_m": error})
         title = (
-            f"{kind}, {found['size_m']:g} m: detection rate;"
-            f" {found['recognize_ms']:.1f} ms per frame ({found['render_ms']:.1f} ms to render it),"
-            f" {found['false_per_frame']:.4f} false detections per frame"
+            f"{kind}, {measured['size_m']:g} m: detection rate;"
+            f" {measured['recognize_ms']:.1f} ms per frame"
+            f" ({measured['render_ms']:.1f} ms to render it),"
+            f" {measured['false_per_frame']:.4f} false detections per frame"
         )
-        out.append((title, columns, rows))
-    return out
+        yield ResultTable(title, columns, by_distance)

@@ -1,5 +1,9 @@
 """Samples for measuring perception: rendered frame pair, measured motion, flow, and truth.
 
+A view is a pose of the robot with the motion that led to it, drawn so that it shows a wanted
+situation (a door, a corner, ...) or without such a condition. ``navfw.bench.view_truth`` finds the
+true situation from the geometry.
+
 The robot stands still while the gyro's bias is estimated, then drives the view's arc. Gyro and
 encoders are read at control rate with the noise of the chosen sensors; the odometer and the frame
 buffer of the default stack choose the pair. Only its two frames are rendered, from the true poses
@@ -8,25 +12,65 @@ and with image noise. Pitch and roll are zero.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import count
 
 import numpy as np
 
-from navfw.bench.random_views import YARD, RandomView, random_views, random_world
+from navfw.bench.random_world import random_world
+from navfw.bench.true_pairs import arc, exposed, true_field
 from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
+from navfw.camera_geometry.rotations import derotate
 from navfw.egomotion.camera_motion import camera_motion
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.pairing import FrameBuffer, PairingParams
 from navfw.egomotion.refinement import refine
 from navfw.flow.block_matching import BlockMatching
 from navfw.robot import RobotModel
-from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair, Image, Pose, Twist
-from navfw.sim.camera import DepthImage
+from navfw.signals import (
+    CameraMotion,
+    FlowField,
+    Frame,
+    FramePair,
+    Pose,
+    Twist,
+    wrap_angle,
+)
+from navfw.sim.floorplan import FloorPlan
 from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
 from navfw.sim.simulation import Simulation
+from navfw.sim.solids import opening_segment, wall_segments
 from navfw.sim.worldspec import WorldSpec
+
+_AIMS = ("corridor", "door", "corner", "wall", "slope wall", "anywhere")
+"""The situations that views are drawn for; ``anywhere`` sets no condition."""
+
+MARGIN = 0.1
+"""Least clearance [m] of the robot's body in every view."""
+
+_TRIES = 200
+"""Number of draws for a view; the second half accepts views without the wanted situation."""
+
+_STRAIGHT_SHARE = 0.5
+"""Share of the views on a straight path; the others are on an arc."""
+
+
+@dataclass(frozen=True, slots=True)
+class RandomView:
+    """``pose`` of the robot in the map while it drives with ``twist``; ``aim`` is one of _AIMS."""
+
+    pose: Pose
+    twist: Twist
+    aim: str
+
+    def before(self, seconds: float) -> Pose:
+        """The robot's pose ``seconds`` [s] earlier on the same arc."""
+        return self.pose.compose(arc(-self.twist.v * seconds, -self.twist.w * seconds))
+
 
 VIEWS_PER_WORLD = 12
 """Views in each world: many enough that building worlds costs little, few enough for variety."""
@@ -64,12 +108,30 @@ def samples_of_world(
     )
     if not chosen:
         return
-    aside = Pose(-0.5 * YARD, 0.5 * YARD, 0.0)
-    with Simulation(world, robot, aside, seed=0, sensors=sensors) as sim:
+    with Simulation(world, robot, chosen[0].pose, seed=0, sensors=sensors) as sim:
         for view in chosen:
             sample = _sample(rng, sim, walls, view, sensors)
             if sample is not None:
                 yield sample
+
+
+def drawn_samples(seed: int, workers: int = 1) -> Iterator[PerceptionSample]:
+    """An endless sequence of samples, world by world, in an order independent of ``workers``.
+
+    ``workers`` is the number of processes that make them.
+    """
+    if workers <= 1:
+        for number in count():
+            yield from samples_of_world(seed, number)
+    with multiprocessing.get_context("spawn").Pool(workers) as pool:
+        for first in count(0, 2 * workers):
+            jobs = [(seed, number) for number in range(first, first + 2 * workers)]
+            for samples in pool.imap(_samples_of_job, jobs):
+                yield from samples
+
+
+def _samples_of_job(job: tuple[int, int]) -> list[PerceptionSample]:
+    return list(samples_of_world(*job))
 
 
 def _sample(
@@ -80,15 +142,15 @@ def _sample(
     sensors: SensorParams,
 ) -> PerceptionSample | None:
     robot = sim.robot
-    found = _pair(rng, robot, view, sensors)
-    if found is None:
+    measured = _pair(rng, robot, view, sensors)
+    if measured is None:
         return None
-    motion, twist, past_time, now_time = found
+    motion, twist, past_time, now_time = measured
     past_pose = view.before(now_time - past_time)
     past, _ = sim.render_from(past_pose)
     now, depth = sim.render_from(view.pose)
     frames = [
-        Frame(t, _noisy(rng, image, sensors.image_noise))
+        Frame(t, exposed(image, rng, sensors.image_noise))
         for t, image in ((past_time, past), (now_time, now))
     ]
     processor = _processor()
@@ -100,7 +162,9 @@ def _sample(
         furnished=_furnished(sim.world),
         flow=flow,
         twist=twist,
-        ideal=ideal_flow(raw.points, depth, true_motion, robot.camera.focal, now_time),
+        ideal=derotate(
+            true_field(raw.points, depth, true_motion, robot.camera, now_time), robot.camera
+        ),
         truth=truth_of(walls, view.pose, view.twist.v, depth, robot),
     )
 
@@ -149,36 +213,123 @@ def _pair(
 _NO_IMAGE = np.zeros((1, 1), np.uint8)
 
 
-def _noisy(rng: np.random.Generator, image: Image, sigma: float) -> Image:
-    noise = rng.normal(0.0, sigma, image.shape)
-    return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
+# --- views ----------------------------------------------------------------------------------------
 
 
-def ideal_flow(
-    points: Array, depth: DepthImage, motion: CameraMotion, focal: float, time: float
-) -> FlowField:
-    """Derotated flow without error at ``points`` (rows, cols, 2) [px], from true depth and motion.
+def random_views(
+    rng: np.random.Generator,
+    world: WorldSpec,
+    robot: RobotModel,
+    number: int,
+    situations: Callable[[Pose], Sequence[str]],
+) -> list[RandomView]:
+    """At most ``number`` views of ``world``, for the _AIMS in turn, with MARGIN to everything.
 
-    ``depth`` (height, width) [m], ``focal`` [px], ``time`` [s] of the current frame. Points at
-    infinite depth (the sky) have confidence 0.
+    ``situations`` gives the elementary situations that the walls form at a pose. Speeds are
+    uniform in 0.1 to 0.4 m/s; half of the views are on a straight path, the others turn at up to
+    0.6 rad/s. Fewer views are returned if the world has too little free space.
     """
-    height, width = depth.shape
-    nearness = np.where(np.isfinite(depth), 1.0 / np.maximum(depth, 1e-3), 0.0)
-    column = np.clip(points[..., 0] + 0.5 * width, 1.0, width - 1.0).astype(int)
-    row = np.clip(points[..., 1] + 0.5 * height, 1.0, height - 1.0).astype(int)
-    # points lie between pixels: nearness is linear on a plane, so the mean of the four is exact
-    around = [nearness[row - i, column - j] for i in (0, 1) for j in (0, 1)]
-    q = np.mean(around, axis=0, dtype=np.float64)
-    seen = np.min(around, axis=0) > 0.0
-    s = motion.translation
-    e = points * s[2] - focal * s[:2]
-    vectors = e * (q / (1.0 + s[2] * q))[..., None]
-    return FlowField(
-        time=time,
-        points=points,
-        vectors=vectors,
-        confidence=seen.astype(np.float64),
-        sigma=np.full(seen.shape, 0.02),
-        motion=motion,
-        derotated=True,
+    plan = FloorPlan.from_world(world, robot.height)
+    first = int(rng.integers(len(_AIMS)))
+    views: list[RandomView] = []
+    for i in range(number):
+        aim = _AIMS[(first + i) % len(_AIMS)]
+        for attempt in range(_TRIES):
+            pose = _aimed(rng, world, aim)
+            turning = rng.random() >= _STRAIGHT_SHARE
+            rate = float(rng.uniform(-0.6, 0.6)) if turning else 0.0
+            view = RandomView(pose, Twist(float(rng.uniform(0.1, 0.4)), rate), aim)
+            if not _is_free(plan, view, robot):
+                continue
+            shown = aim == "anywhere" or any(
+                situation.removeprefix("left ").removeprefix("right ") == aim
+                for situation in situations(pose)
+            )
+            if shown or attempt > _TRIES // 2:
+                views.append(view)
+                break
+    return views
+
+
+def _aimed(rng: np.random.Generator, world: WorldSpec, aim: str) -> Pose:
+    if aim == "corridor":
+        return _along_corridor(rng, world)
+    if aim == "door":
+        return _towards(rng, _door(rng, world), (0.7, 3.2), 0.9, 0.12)
+    if aim == "corner":
+        return _towards(rng, _corner(rng, world), (0.8, 5.0), 0.75, 0.12)
+    if aim == "wall":
+        return _towards(rng, _wall_point(rng, world), (0.5, 5.0), 0.28, 0.0)
+    if aim == "slope wall":
+        return _towards(rng, _wall_point(rng, world), (0.5, 5.0), 1.0, 0.0)
+    return Pose(
+        float(rng.uniform(*world.x)),
+        float(rng.uniform(*world.y)),
+        float(rng.uniform(-math.pi, math.pi)),
     )
+
+
+def _along_corridor(rng: np.random.Generator, world: WorldSpec) -> Pose:
+    corridor = world.rooms[0]
+    yaw = float(rng.uniform(-0.35, 0.35)) + float(rng.choice([0.0, math.pi]))
+    return Pose(float(rng.uniform(*corridor.x)), float(rng.uniform(*corridor.y)), wrap_angle(yaw))
+
+
+_Facing = tuple[float, float, float]  # x, y [m] of a target, direction [rad] towards the viewer
+
+
+def _towards(
+    rng: np.random.Generator,
+    target: _Facing,
+    distances: tuple[float, float],
+    aslant: float,
+    beside: float,
+) -> Pose:
+    """A pose with the optical axis on ``target``, off by up to ``beside`` [rad].
+
+    The viewing direction is up to ``aslant`` [rad] off the target's; ``distances`` [m] is the
+    interval of the distance.
+    """
+    x, y, facing = target
+    distance = float(rng.uniform(*distances))
+    direction = facing + float(rng.uniform(-aslant, aslant))
+    yaw = direction + math.pi + float(rng.uniform(-beside, beside))
+    return Pose(
+        x + distance * math.cos(direction), y + distance * math.sin(direction), wrap_angle(yaw)
+    )
+
+
+def _door(rng: np.random.Generator, world: WorldSpec) -> _Facing:
+    doors = [(wall, opening) for wall in world.walls for opening in wall.openings]
+    wall, opening = doors[int(rng.integers(len(doors)))]
+    index = opening_segment(wall, opening)
+    assert index is not None  # noqa: S101 - checked before
+    side = wall_segments(wall)[index].yaw + float(rng.choice([-0.5, 0.5])) * math.pi
+    return (*opening.at, side)
+
+
+def _corner(rng: np.random.Generator, world: WorldSpec) -> _Facing:
+    room = world.rooms[int(rng.integers(1, len(world.rooms)))]
+    x, y = float(rng.choice(room.x)), float(rng.choice(room.y))
+    middle_x, middle_y = sum(room.x) / 2.0, sum(room.y) / 2.0
+    inward = math.atan2(math.copysign(1.0, middle_y - y), math.copysign(1.0, middle_x - x))
+    return x, y, inward
+
+
+def _wall_point(rng: np.random.Generator, world: WorldSpec) -> _Facing:
+    segments = [segment for wall in world.walls for segment in wall_segments(wall)]
+    lengths = np.array([segment.length for segment in segments])
+    segment = segments[int(rng.choice(len(segments), p=lengths / lengths.sum()))]
+    along = float(rng.uniform(0.1, 0.9)) * segment.length
+    x = segment.start[0] + along * math.cos(segment.yaw)
+    y = segment.start[1] + along * math.sin(segment.yaw)
+    return x, y, segment.yaw + float(rng.choice([-0.5, 0.5])) * math.pi
+
+
+def _is_free(plan: FloorPlan, view: RandomView, robot: RobotModel) -> bool:
+    """Whether the robot keeps MARGIN at its pose and on the last second of its path."""
+    poses = [view.before(seconds) for seconds in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    points = np.array([(pose.x, pose.y) for pose in poses])
+    x0, y0, x1, y1 = plan.bounds
+    inside = (points > (x0, y0)).all() and (points < (x1, y1)).all()
+    return bool(inside) and float(plan.clearances(points).min()) > robot.radius + MARGIN

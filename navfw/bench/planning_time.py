@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from statistics import median
 from typing import Any, TypeVar
@@ -13,6 +13,7 @@ import networkx as nx
 import numpy as np
 
 from navfw.papfis.routes import Endpoint, Route, Router
+from navfw.process.result_table import Column, ResultTable
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
 from navfw.topomap import Passage, Place, TopoMap
@@ -59,8 +60,8 @@ def bench_planning(
         _check(graph, route, way)
         times["replan_ms"].append(_replan(topo_map, router, route, graph))
     summary = {
-        key: {"median": median(some), "min": min(some), "max": max(some)}
-        for key, some in times.items()
+        key: {"median": median(spans), "min": min(spans), "max": max(spans)}
+        for key, spans in times.items()
     }
     reference = summary["networkx_ms"]["median"]
     return {
@@ -72,6 +73,29 @@ def bench_planning(
         "first_plan_over_networkx": summary["first_plan_ms"]["median"] / reference,
         "replan_over_networkx": summary["replan_ms"]["median"] / reference,
     }
+
+
+def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
+    """The times of each step, and the ratio of the medians to that of networkx."""
+    steps = {
+        "all costs, when loading": "costs",
+        "first plan": "first_plan",
+        "new plan after a closure": "replan",
+        "networkx.astar_path": "networkx",
+    }
+    times = [
+        {"step": step, "ratio": result.get(f"{key}_over_networkx"), **result[f"{key}_ms"]}
+        for step, key in steps.items()
+    ]
+    columns = [
+        Column("", "step"),
+        Column("median", "median", ".1f"),
+        Column("least", "min", ".1f"),
+        Column("most", "max", ".1f"),
+        Column("over networkx", "ratio", ".2f"),
+    ]
+    size = f"{result['places']} places, {result['passages']} passages"
+    yield ResultTable(f"{size}, {result['repeats']} routes [ms]", columns, times)
 
 
 def large_map(places: int, rng: np.random.Generator) -> TopoMap:
@@ -151,15 +175,15 @@ def _replan(topo_map: TopoMap, router: Router, route: Route, graph: nx.Graph) ->
     """Time [ms] to close the middle passage of the route and to plan another route."""
     middle = len(route.passages) // 2
     closed, place = route.passages[middle], topo_map.places[route.places[middle]]
-    here = Endpoint(place.x, place.y, place.name)
+    now = Endpoint(place.x, place.y, place.name)
 
     def plan() -> Route:
         router.close(closed)
-        return router.route(here, route.goal)
+        return router.route(now, route.goal)
 
     spent, other = _timed(plan)
     graph.remove_edge(closed.a, closed.b)
-    _check(graph, other, _reference(topo_map, graph, here, route.goal))
+    _check(graph, other, _reference(topo_map, graph, now, route.goal))
     return spent
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -17,10 +17,19 @@ from typing import Any
 
 import numpy as np
 
-from navfw.bench.real_depth import NearnessErrors, depth_files, nearness_errors
 from navfw.bench.real_labels import FrameLabel, Judgement, SentenceVerdict, judge, load_labels
-from navfw.bench.real_poses import camera_poses, camera_way, heading_error
-from navfw.bench.real_yaw import RecordedGyro, recorded_gyro, yaw_rates, yaw_summary
+from navfw.bench.recording_truth import (
+    NearnessErrors,
+    RecordedGyro,
+    camera_poses,
+    camera_way,
+    depth_files,
+    heading_error,
+    nearness_errors,
+    recorded_gyro,
+    yaw_rates,
+    yaw_summary,
+)
 from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
 from navfw.perceive.calibration_file import CameraCalibration
@@ -31,6 +40,7 @@ from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver import Perceiver
 from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.plugins import Registry
+from navfw.process.result_table import Column, ResultTable
 from navfw.process.work_progress import ProgressCallback, silent
 from navfw.signals import Array
 
@@ -39,20 +49,47 @@ _LEAD = 6
 
 
 @dataclass(frozen=True, slots=True)
-class RealCamera:
-    """What is known of a recording: horizontal field of view [deg] or None, frame rate [1/s]."""
+class LabelledRecording:
+    """A recording: its camera, what it shows, its source, its licence.
+
+    ``hfov`` is the camera's horizontal field of view [deg] or None, ``rate`` the frame rate [1/s].
+    Without a ``licence`` no frame may be shown.
+    """
 
     hfov: float | None
     rate: float
+    what: str
+    source: str
+    licence: str | None
 
 
-CAMERAS = {
-    "donkeycar/images": RealCamera(None, 20.0),
-    "car_gyro_lab/images": RealCamera(None, 20.0),
-    "hololens_office/images": RealCamera(57.2, 10.0),
-    "tum_fr1/rgb": RealCamera(63.5, 30.0),
-    "approach": RealCamera(None, 10.0),
-    "corridor_udes": RealCamera(None, 1.0),  # single photographs
+RECORDINGS = {
+    "donkeycar/images": LabelledRecording(
+        None, 20.0, "a small car on an indoor track", "autorope/donkeycar, tub of its tests", "MIT"
+    ),
+    "car_gyro_lab/images": LabelledRecording(
+        None, 20.0, "a small car in the aisle of a computer lab", "unnamed", None
+    ),
+    "hololens_office/images": LabelledRecording(
+        57.2, 10.0, "a walk along an office corridor", "ardaduz/deep-video-mvs", "MIT"
+    ),
+    "tum_fr1/rgb": LabelledRecording(
+        63.5,
+        30.0,
+        "desks of an office, camera in the hand",
+        "TUM RGB-D benchmark, Sturm et al. 2012",
+        "CC BY 4.0",
+    ),
+    "approach": LabelledRecording(
+        None, 10.0, "an approach to a wall", "Huizerd/AE4317_Autonomous_Flight_of_MAVs", "MIT"
+    ),
+    "corridor_udes": LabelledRecording(
+        None,
+        1.0,
+        "single photographs of university corridors, without flow",
+        "introlab/rtabmap",
+        "BSD",
+    ),
 }
 """The recordings with labels, by folder."""
 
@@ -81,9 +118,9 @@ class _Findings:
 
     def row(self) -> dict[str, Any]:
         """The findings as plain data; None for what cannot be judged."""
-        cells = sum(found.number for found in self.nearness)
-        by_way = [error for found in self.nearness for error in found.by_way]
-        up_to_scale = [error for found in self.nearness for error in found.up_to_scale]
+        cells = sum(errors.number for errors in self.nearness)
+        by_way = [error for errors in self.nearness for error in errors.by_way]
+        up_to_scale = [error for errors in self.nearness for error in errors.up_to_scale]
         return {
             "verdicts": {str(verdict): self.verdicts[verdict] for verdict in SentenceVerdict},
             "statements": dict(sorted(self.statements.items())),
@@ -120,7 +157,7 @@ def bench_real(
 
     """
     parts = labelled_parts(split)
-    found: dict[str, Any] = {}
+    by_flow: dict[str, Any] = {}
     for flow in flows:
         rows: dict[str, dict[str, Any]] = {"parts": {}, "singles": {}}
         total = _Findings()
@@ -131,40 +168,42 @@ def bench_real(
             rows["singles" if single else "parts"][part] = findings.row()
             if not single:
                 total.add(findings)
-        found[flow] = {**rows, "total": total.row()}
+        by_flow[flow] = {**rows, "total": total.row()}
     frames = sum(len(labels) for labels in parts.values() if not labels[0].single)
-    return {"split": split, "frames": frames, "flows": found}
+    return {"split": split, "frames": frames, "flows": by_flow}
 
 
-def real_rows(result: dict[str, Any]) -> list[list[str]]:
-    """Rows of text: flow, part, verdicts, share right or partly, headings, nearness, yaw rate."""
-    rows = []
-    for flow, found in result["flows"].items():
-        singles = {f"{part} (single)": row for part, row in found["singles"].items()}
-        for part, row in [*found["parts"].items(), ("all", found["total"]), *singles.items()]:
-            verdicts = row["verdicts"]
-            frames = max(sum(verdicts.values()), 1)
-            good = verdicts["right"] + verdicts["partly"]
-            rows.append(
-                [
-                    flow,
-                    part,
-                    *(str(verdicts[verdict]) for verdict in SentenceVerdict),
-                    f"{good / frames:.0%}",
-                    f"{row['headings_known']} of {row['pairs']}",
-                    _text(row["heading_sigma_deg"], ".1f"),
-                    _text(row["heading_error_deg"], ".1f"),
-                    _text(row["nearness_trusted"], ".0%"),
-                    _text(row["nearness_error"], ".1%"),
-                    _text(row["yaw_correlation"], ".3f"),
-                    _text(row["yaw_slope"], ".3f"),
-                ]
-            )
-    return rows
+def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
+    """The parts, their total and the single photographs, by flow processor."""
+    rows = [
+        {"flow": flow, "part": part, **row, **row["verdicts"]}
+        for flow, measured in result["flows"].items()
+        for part, row in (
+            *measured["parts"].items(),
+            ("all", measured["total"]),
+            *((f"{part} (single)", row) for part, row in measured["singles"].items()),
+        )
+    ]
+    columns = [
+        Column("flow", "flow"),
+        Column("part", "part"),
+        *(Column(verdict, verdict) for verdict in SentenceVerdict),
+        Column("good", _good, ".0%"),
+        Column("headings", lambda row: f"{row['headings_known']} of {row['pairs']}"),
+        Column("sigma [deg]", "heading_sigma_deg", ".1f"),
+        Column("error [deg]", "heading_error_deg", ".1f"),
+        Column("trusted", "nearness_trusted", ".0%"),
+        Column("nearness error", "nearness_error", ".1%"),
+        Column("yaw r", "yaw_correlation", ".3f"),
+        Column("yaw slope", "yaw_slope", ".3f"),
+    ]
+    yield ResultTable(f"{result['frames']} frames of the split {result['split']}", columns, rows)
 
 
-def _text(value: float | None, form: str) -> str:
-    return "-" if value is None else format(value, form)
+def _good(row: Mapping[str, Any]) -> float:
+    """The share of frames whose sentence is right or partly so."""
+    counts: Mapping[str, int] = row["verdicts"]
+    return (counts["right"] + counts["partly"]) / max(sum(counts.values()), 1)
 
 
 def _median(values: Sequence[float], digits: int) -> float | None:
@@ -202,37 +241,37 @@ def open_part(
     folder = labels[0].folder
     recording = _recording(data, folder)
     images = _images_of(recording.images, data / folder, labels)
-    lens, given = recording.lens, recording.camera.hfov
+    lens, hfov = recording.lens, recording.about.hfov
     source = recording.opened(images, lens.calibration)
-    options = PerceiverOptions(hfov=lens.known_hfov(given), flow=flow)
+    options = PerceiverOptions(hfov=lens.known_hfov(hfov), flow=flow)
     return OpenedPart(source, Perceiver(options, source, registry), recording.gyro)
 
 
 @dataclass(frozen=True)
 class _Recording:
-    """All ``images`` of a recording by its ``camera``, and its gyro if it has one."""
+    """All ``images`` of a recording, what is known ``about`` it, and its gyro if it has one."""
 
     images: list[Path]
-    camera: RealCamera
+    about: LabelledRecording
     gyro: RecordedGyro | None
 
     def opened(self, images: list[Path], calibration: CameraCalibration | None) -> ImageSource:
         """Some of its images with their times."""
         if self.gyro is not None:
             return open_source(images, None, calibration, self.gyro.times)
-        return open_source(images, self.camera.rate, calibration)
+        return open_source(images, self.about.rate, calibration)
 
     @cached_property
     def lens(self) -> LensEstimate:
         """The lens by all images: it is the same in all parts."""
-        return estimate_lens(self.opened(self.images, None), self.camera.hfov)
+        return estimate_lens(self.opened(self.images, None), self.about.hfov)
 
 
-@lru_cache(maxsize=len(CAMERAS))
+@lru_cache(maxsize=len(RECORDINGS))
 def _recording(data: Path, folder: str) -> _Recording:
     images = _images(data / folder)
     gyro = recorded_gyro(data / folder.split("/", maxsplit=1)[0], images)
-    return _Recording(images, CAMERAS[folder], gyro)
+    return _Recording(images, RECORDINGS[folder], gyro)
 
 
 def judge_result(result: PairResult | None, label: FrameLabel) -> Judgement:
@@ -243,40 +282,40 @@ def judge_result(result: PairResult | None, label: FrameLabel) -> Judgement:
 
 
 def _part(data: Path, labels: Sequence[FrameLabel], flow: str, registry: Registry) -> _Findings:
-    """What is found in one part."""
+    """The findings in one part."""
     folder = labels[0].folder
     opened = open_part(data, labels, flow, registry)
     source, perceiver, gyro = opened.source, opened.perceiver, opened.gyro
     results = {Path(item.name).name: result for item, result in perceiver.results()}
-    found = _judged(results, labels)
+    findings = _judged(results, labels)
     if gyro is not None and source.start is not None:
-        found.yaw.append(yaw_rates(results.values(), source.start, gyro.record))
+        findings.yaw.append(yaw_rates(results.values(), source.start, gyro.record))
     poses, depths = camera_poses(data, folder), depth_files(data, folder)
     for name, result in results.items():
         past, now = poses.get(Path(result.past).name), poses.get(name)
         if past is None or now is None:
             continue
         if math.isfinite(result.egomotion.heading_sigma):
-            found.heading_errors.append(heading_error(result, past, now))
+            findings.heading_errors.append(heading_error(result, past, now))
         # depth images are those of the images as they were taken
         if name in depths and perceiver.size is not None and source.hfov is None:
             depth, way = depths[name].read(), camera_way(past, now)
-            found.nearness.append(nearness_errors(result, perceiver.size, depth, way))
-    return found
+            findings.nearness.append(nearness_errors(result, perceiver.size, depth, way))
+    return findings
 
 
 def _judged(results: Mapping[str, PairResult], labels: Sequence[FrameLabel]) -> _Findings:
     """Verdicts by the labels, and the headings, of ``results`` by the name of the image."""
-    found = _Findings(pairs=len(results))
+    findings = _Findings(pairs=len(results))
     for label in labels:
         judged = judge_result(results.get(label.file), label)
-        found.verdicts[judged.verdict] += 1
-        found.statements.update(
+        findings.verdicts[judged.verdict] += 1
+        findings.statements.update(
             f"{name} {'right' if true else 'wrong'}" for name, true in judged.statements.items()
         )
     sigmas = [result.egomotion.heading_sigma for result in results.values()]
-    found.heading_sigmas += [math.degrees(sigma) for sigma in sigmas if math.isfinite(sigma)]
-    return found
+    findings.heading_sigmas += [math.degrees(sigma) for sigma in sigmas if math.isfinite(sigma)]
+    return findings
 
 
 def _images(folder: Path) -> list[Path]:

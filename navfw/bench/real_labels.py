@@ -101,12 +101,12 @@ def judge(sentence: str, nearest: Mapping[str, str], label: FrameLabel) -> Judge
     ``nearest`` has the distance term of each quadrant that layer 1 names. What the label leaves
     open is not judged.
     """
-    found = {
+    statements = {
         "nearest": _nearest(sentence, nearest, label),
         "front": _front(sentence, label),
         "floor": _floor(sentence, label),
     }
-    return Judgement({name: true for name, true in found.items() if true is not None})
+    return Judgement({name: true for name, true in statements.items() if true is not None})
 
 
 def _nearest(sentence: str, nearest: Mapping[str, str], label: FrameLabel) -> bool | None:
@@ -123,7 +123,9 @@ def _nearest(sentence: str, nearest: Mapping[str, str], label: FrameLabel) -> bo
 
 
 def _front(sentence: str, label: FrameLabel) -> bool | None:
-    said = next((part for part in sentence.split("; ") if part.startswith("Front is ")), "")
+    said = next(
+        (statement for statement in sentence.split("; ") if statement.startswith("Front is ")), ""
+    )
     alternatives = said.removeprefix("Front is ").removeprefix("a ").split(" or ")
     named = {FRONTS[name] for name in alternatives if name in FRONTS}
     if not named or label.front == "unknown":

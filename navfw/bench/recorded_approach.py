@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from navfw.config.input_file import is_file, open_input
 from navfw.errors import ConfigError
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.divergence import ContactFilter, Expansion, fit_expansion
+from navfw.process.result_table import Column, ResultTable
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
 
@@ -101,6 +102,17 @@ def _by_time(true: Array, errors: Array, raw_errors: Array) -> list[dict[str, An
     ]
 
 
+def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
+    """The errors by intervals of the true time."""
+    columns = [
+        Column("time to impact [s]", lambda row: f"{row['from_s']:g} to {row['to_s']:g}"),
+        Column("frames", "n"),
+        Column("median relative error", "median_rel_error", ".1%"),
+        Column("unsmoothed", "raw_median", ".1%"),
+    ]
+    yield ResultTable("Recorded approach: time to contact", columns, result["by_time"])
+
+
 def _paired(folder: Path) -> tuple[list[Image], Array, float, int]:
     """Frames in order, time to impact [s] of each, frame interval [s], number of recorded times.
 
@@ -141,9 +153,9 @@ def _contact_times(images: Sequence[Image], step: float) -> tuple[Array, Array]:
     for past, now in itertools.pairwise(images):
         predicted = smoother.time_to_contact - step
         rate = step / (predicted + step) if math.isfinite(predicted) and predicted > 0.0 else 0.0
-        found = _growth(matcher, past, now, min(rate, 0.7))
-        smoothed.append(smoother.update(step, found, step))
-        raw.append(found.time_to_contact(step) if found is not None else math.nan)
+        growth = _growth(matcher, past, now, min(rate, 0.7))
+        smoothed.append(smoother.update(step, growth, step))
+        raw.append(growth.time_to_contact(step) if growth is not None else math.nan)
     return np.array(raw), np.array(smoothed)
 
 
@@ -163,13 +175,13 @@ def _growth(matcher: BlockMatching, past: Image, now: Image, predicted: float) -
         past, from_now, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     )
     seen = np.asarray(magnified, dtype=np.uint8) if zoom else past
-    found = fit_expansion(matcher.compute(FramePair(Frame(0.0, seen), Frame(1.0, now), STILL)))
-    if found is None:
+    rest = fit_expansion(matcher.compute(FramePair(Frame(0.0, seen), Frame(1.0, now), STILL)))
+    if rest is None:
         return None
     # compose the predicted growth with the measured remainder
-    rate = 1.0 - keep * (1.0 - found.rate)
-    focus = keep * found.rate * found.focus / rate if rate else found.focus
-    return Expansion(rate, keep * found.sigma, focus, found.support)
+    rate = 1.0 - keep * (1.0 - rest.rate)
+    focus = keep * rest.rate * rest.focus / rate if rate else rest.focus
+    return Expansion(rate, keep * rest.sigma, focus, rest.support)
 
 
 def _cells(size: int) -> int:

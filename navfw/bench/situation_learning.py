@@ -7,7 +7,7 @@ without a table.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.situation_model import SITUATIONS, SituationTable, learn_table
 from navfw.missions.situation_samples import SituationDrive, record_situations
+from navfw.process.result_table import Column, ResultTable, named
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ def learn_situations(
         for entry, own in drives.items():
             others = [drive for name, rest in drives.items() if name != entry for drive in rest]
             accuracy[entry] = _accuracy(own, _table(others))
-    everything = [drive for part in drives.values() for drive in part]
+    everything = [drive for of_entry in drives.values() for drive in of_entry]
     return LearntSituations(_table(everything), len(everything), accuracy)
 
 
@@ -88,57 +89,57 @@ def _table(drives: Sequence[SituationDrive]) -> SituationTable:
 
 
 def _accuracy(drives: Sequence[SituationDrive], table: SituationTable) -> dict[str, float]:
-    found = {"drives": float(len(drives))}
-    for start, known in (("known", True), ("unknown", False)):
+    accuracy = {"drives": float(len(drives))}
+    for start, at_start in (("known", True), ("unknown", False)):
         for name, used in (("without", None), ("with", table)):
-            pairs = [place_accuracy(drive, used, known) for drive in drives]
+            pairs = [place_accuracy(drive, used, known_start=at_start) for drive in drives]
             right, probability = np.mean(pairs, axis=0).tolist()
-            found[f"{start}_right_{name}"] = right
-            found[f"{start}_probability_{name}"] = probability
-    return found
+            accuracy[f"{start}_right_{name}"] = right
+            accuracy[f"{start}_probability_{name}"] = probability
+    return accuracy
 
 
 def place_accuracy(
-    drive: SituationDrive, table: SituationTable | None, known: bool
+    drive: SituationDrive, table: SituationTable | None, *, known_start: bool
 ) -> tuple[float, float]:
     """Accuracy of the discrete filter with odometry and ``table``, without landmarks.
 
     The share of time in which the most probable place is the true one, and the mean probability
-    of the true place. With ``known`` the filter starts at the true place, else from a uniform
+    of the true place. With ``known_start`` the filter starts at the true place, else from a uniform
     distribution.
     """
     existence = LandmarkExistence(_PRIOR)
     belief = DiscreteFilter(drive.topo_map, DiscreteParams(), _PRIOR, existence, table)
-    belief.initialize(drive.start if known else None, drive.samples[0].odometry)
+    belief.initialize(drive.start if known_start else None, drive.samples[0].odometry)
     right, probability = [], []
     for number, sample in enumerate(drive.samples):
         belief.predict(sample.odometry)
         belief.observe_situations(sample.situations)
         if number % EVERY == 0:
             places = belief.place_probabilities
-            there = drive.place_at(sample.true)
-            right.append(int(places.argmax()) == there)
-            probability.append(float(places[there]))
+            true_place = drive.place_at(sample.true)
+            right.append(int(places.argmax()) == true_place)
+            probability.append(float(places[true_place]))
     return float(np.mean(right)), float(np.mean(probability))
 
 
-def tables(learnt: LearntSituations) -> list[tuple[str, list[str], list[list[str]]]]:
-    """The table and the accuracies for printing: title, columns, rows."""
+def tables(learnt: LearntSituations) -> Iterator[ResultTable]:
+    """The table of situations and the accuracies for printing."""
+    data = learnt.as_data()
     shares = [
-        [kind, f"{learnt.table.observations.get(kind, 0.0):.0f}", *(f"{p:.2f}" for p in row)]
-        for kind, row in learnt.table.seen_at.items()
+        {"place": place, "observations": data["observations"].get(place, 0.0), **row}
+        for place, row in data["seen_at"].items()
     ]
-    found = [("probability of each situation", ["place", "observations", *SITUATIONS], shares)]
-    keys = [
-        f"{start}_{what}_{name}"
-        for start in ("known", "unknown")
-        for what in ("right", "probability")
-        for name in ("without", "with")
-    ]
-    accuracies = [
-        [entry, f"{numbers['drives']:.0f}", *(f"{numbers[key]:.2f}" for key in keys)]
-        for entry, numbers in learnt.accuracy.items()
-    ]
-    columns = ["entry", "drives", *(key.replace("_", " ") for key in keys)]
-    title = "place without landmarks, by start; table learnt on the other entries"
-    return [*found, (title, columns, accuracies)] if accuracies else found
+    counts = [Column("place", "place"), Column("observations", "observations", ".0f")]
+    situations = [Column(name, name, ".2f") for name in SITUATIONS]
+    yield ResultTable("probability of each situation", [*counts, *situations], shares)
+    if learnt.accuracy:
+        title = "place without landmarks, by start; table learnt on the other entries"
+        columns = [Column("entry", "name"), Column("drives", "drives", ".0f")]
+        columns += [
+            Column(f"{start} {what} {name}", f"{start}_{what}_{name}", ".2f")
+            for start in ("known", "unknown")
+            for what in ("right", "probability")
+            for name in ("without", "with")
+        ]
+        yield ResultTable(title, columns, named(data["accuracy"]))

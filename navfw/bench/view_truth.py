@@ -171,12 +171,12 @@ class WallGeometry:
         """
         depth, face = self.cast(pose, camera)
         left, right = self._halves(pose, depth, face)
-        found = []
+        situations = []
         if self._door_ahead(pose, camera, depth, 0.5 if possible else 1.0):
-            found.append("door")
+            situations.append("door")
         if min(left.share, right.share) >= (MAJORITY if possible else DOMINANT):
-            found += self._from_planes(left, right)
-        return tuple(found) or ("mixed",)
+            situations += self._from_planes(left, right)
+        return tuple(situations) or ("mixed",)
 
     def halves(self, pose: Pose, camera: CameraModel) -> tuple[HalfPlane, HalfPlane]:
         """The largest planes of the left and of the right half of the image."""
@@ -209,10 +209,10 @@ class WallGeometry:
         if self._plane[left.face] == self._plane[right.face]:
             aslant = abs(slope_left)
             side = "left" if slope_left > 0.0 else "right"
-            found = ["wall"] if aslant <= _ORTHOGONAL + _FUZZY else []
+            situations = ["wall"] if aslant <= _ORTHOGONAL + _FUZZY else []
             if _ORTHOGONAL - _FUZZY <= aslant <= _STEEP:
-                found.append(f"{side} slope wall")
-            return found
+                situations.append(f"{side} slope wall")
+            return situations
         if min(slope_left, slope_right) > _STEEP:
             facing = float(self._normal[left.face] @ self._normal[right.face])
             return ["corridor"] if facing < -math.cos(math.radians(10.0)) else []
@@ -227,7 +227,7 @@ class WallGeometry:
         towards = -self._normal[face]  # nearness grows along it
         return math.atan2(float(towards @ right), float(towards @ ahead))
 
-    def _door_ahead(self, pose: Pose, camera: CameraModel, depth: Array, part: float) -> bool:
+    def _door_ahead(self, pose: Pose, camera: CameraModel, depth: Array, scale: float) -> bool:
         eye, ahead, right = _axes(pose, camera)
         for middle, half, yaw in self._gaps:
             along = np.array([math.cos(yaw), math.sin(yaw)]) * half
@@ -237,8 +237,8 @@ class WallGeometry:
                 continue
             x0, x1 = sorted((camera.focal * (ends @ right) / far).tolist())
             quarter = 0.375 * camera.width
-            side = part * _DOOR_SIDE
-            if x1 - x0 < part * DOOR_WIDTH or x0 > -side or x1 < side:
+            side = scale * _DOOR_SIDE
+            if x1 - x0 < scale * DOOR_WIDTH or x0 > -side or x1 < side:
                 continue
             if x0 < -quarter or x1 > quarter:
                 continue
@@ -261,9 +261,11 @@ def truth_of(
     halves = np.s_[: rows // 2], np.s_[rows // 2 :]
     sides = np.s_[: columns // 2], np.s_[columns // 2 :]
     # P1 upper right, P2 upper left, P3 lower left, P4 lower right
-    parts = [nearness[halves[i], sides[j]] for i, j in ((0, 1), (0, 0), (1, 0), (1, 1))]
-    each = [float(np.partition(part.ravel(), -_CELL_AREA)[-_CELL_AREA]) for part in parts]
-    biggest = max(each)
+    quadrants = [nearness[halves[i], sides[j]] for i, j in ((0, 1), (0, 0), (1, 0), (1, 1))]
+    largest = [
+        float(np.partition(quadrant.ravel(), -_CELL_AREA)[-_CELL_AREA]) for quadrant in quadrants
+    ]
+    biggest = max(largest)
     distance = 1.0 / max(biggest, 1e-3)
 
     walls_depth, _ = walls.cast(pose, camera)
@@ -275,9 +277,9 @@ def truth_of(
     hidden = [float(hides[:, side].sum() / max(expected[:, side].sum(), 1)) for side in sides]
     situations = walls.situations(pose, camera)
     return ViewTruth(
-        nearness=tuple(each),
-        certain=_alike(each, ALIKE),
-        possible=_alike(each, _UNLIKE),
+        nearness=tuple(largest),
+        certain=_alike(largest, ALIKE),
+        possible=_alike(largest, _UNLIKE),
         distance=distance,
         term=true_term(distance, speed),
         situations=("hidden",) if max(hidden) > HIDDEN else situations,
@@ -292,8 +294,8 @@ def true_term(distance: float, speed: float) -> str:
     """The distance term by ``distance.yaml`` for a distance [m] at a speed [m/s]."""
     from navfw.offis.nearness import TERMS
 
-    found = find_distances(np.array([1.0 / distance]), np.ones(1), speed)
-    return TERMS[int(found.term[0])]
+    inferred = find_distances(np.array([1.0 / distance]), np.ones(1), speed)
+    return TERMS[int(inferred.term[0])]
 
 
 def _alike(nearness: list[float], share: float) -> frozenset[str]:

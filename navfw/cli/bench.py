@@ -1,18 +1,24 @@
-"""``navfw bench``: time of the loop and of planning; accuracy and time of perception."""
+"""``navfw bench``: time of the loop and of planning; accuracy and time of perception and flow."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.bench_flow import flow
-from navfw.cli.bench_landmarks import landmarks
-from navfw.cli.bench_real import real
 from navfw.cli.options import Json, NoiseSeed, Robot, Stack, of_robot
-from navfw.cli.output import print_json, print_table, print_tables, quiet_stdout
+from navfw.cli.output import print_json, print_tables, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
+from navfw.errors import InputError
+
+if TYPE_CHECKING:
+    from navfw.process.result_table import ResultTable
+    from navfw.process.work_progress import ProgressCallback
+
+_SPLITS = ("tuning", "test", "all")
 
 
 def add_to(app: typer.Typer) -> None:
@@ -25,6 +31,32 @@ def add_to(app: typer.Typer) -> None:
     group.command()(planning)
     group.command()(landmarks)
     app.add_typer(group, name="bench")
+
+
+def _bench(
+    command: str,
+    options: Mapping[str, object],
+    measure: Callable[[ProgressCallback], dict[str, Any]],
+    show: Callable[[dict[str, Any]], None],
+    *,
+    json: bool,
+    quiet: bool,
+) -> dict[str, Any]:
+    """Measure with a progress bar, add the provenance, and print the result as JSON or ``show`` it.
+
+    ``options`` are those that repeat the measurement.
+    """
+    with quiet_stdout():
+        from navfw.recording.provenance import provenance
+
+        with ProgressBar("bench", quiet=quiet) as bar:
+            result = measure(bar.show_part)
+        result["provenance"] = provenance(f"navfw bench {command}", options)
+    if json:
+        print_json(result)
+    else:
+        show(result)
+    return result
 
 
 def loop(
@@ -44,19 +76,40 @@ def loop(
     with quiet_stdout():
         from navfw.missions.loop_timing import bench_loop
         from navfw.missions.session import prepare
-        from navfw.recording.provenance import provenance
 
         session = prepare(world, mission, seed=seed, stack=stack, overrides=of_robot(robot))
-        with ProgressBar("bench", quiet=quiet) as bar:
-            result = bench_loop(session, seconds, repeats, bar.show_part)
-        options = {"world": world, "mission": mission, "seed": seed, "stack": stack}
-        options |= {} if robot is None else {"robot": robot}
-        options |= {"seconds": f"{seconds:g}", "repeats": repeats}
-        result["provenance"] = provenance("navfw bench loop", options)
-    if json:
-        print_json(result)
-    else:
-        _print(result)
+    options = {"world": world, "mission": mission, "seed": seed, "stack": stack}
+    options |= {} if robot is None else {"robot": robot}
+    options |= {"seconds": f"{seconds:g}", "repeats": repeats}
+    measure = partial(bench_loop, session, seconds, repeats)
+    _bench("loop", options, measure, _print_loop, json=json, quiet=quiet)
+
+
+def _print(
+    tables: Callable[[dict[str, Any]], Iterable[ResultTable]], result: dict[str, Any]
+) -> None:
+    print_tables(tables(result))
+
+
+def _print_loop(result: dict[str, Any]) -> None:
+    typer.echo(
+        f"loop {result['loop_wall_s']:.2f} s for {result['sim_time_s']:.1f} s simulated:"
+        f" {result['real_time_factor']:.1f} x real time"
+    )
+    for raster, wall, ratio in (
+        ("PyBullet", "render_physics_wall_s", "loop_over_render"),
+        ("navfw's raster", "own_render_physics_wall_s", "loop_over_own_render"),
+    ):
+        low, high = result["spread"][ratio]
+        typer.echo(
+            f"rendering by {raster} and physics alone {result[wall]:.2f} s:"
+            f" the loop takes {result[ratio]:.2f} times that ({low:.2f} to {high:.2f})"
+        )
+    typer.echo(f"rendering by PyBullet {result['pybullet_render_ms']:.2f} ms per frame")
+    typer.echo("computing time per camera frame:")
+    for stage, milliseconds in result["stage_ms"].items():
+        typer.echo(f"  {stage:<12} {milliseconds:7.2f} ms")
+    typer.echo(f"peak memory {result['peak_memory_mb']:.0f} MB")
 
 
 _RandomViews = Annotated[int, typer.Option(min=12, help="Number of random views.")]
@@ -97,6 +150,7 @@ def perception(
 ) -> None:
     """Measure accuracy and speed of perception. Covers flow, situations and recorded images."""
     with quiet_stdout():
+        from navfw.bench.perception_accuracy import HELD_OUT_SEED
         from navfw.bench.perception_benchmark import (
             SampleSizes,
             bench_perception,
@@ -105,27 +159,21 @@ def perception(
             tables,
             write_page,
         )
-        from navfw.recording.provenance import provenance, usable_cores
-        from navfw.recording.run_folder import plain_json
+        from navfw.recording.provenance import usable_cores
 
         recorded = None if data is None else find_data(data)
         folder = None if out is None else page_folder(out)
-        sizes = SampleSizes(poses=poses, comparisons=comparisons, places=places)
-        processes = workers or usable_cores()
-        with ProgressBar("bench", quiet=quiet) as bar:
-            result = plain_json(bench_perception(sizes, seed, processes, recorded, bar.show_part))
-        options = {"poses": poses, "comparisons": comparisons, "places": places}
-        options |= {"seed": result["accuracy"]["seed"]} | ({"data": "DIR"} if data else {})
-        result["provenance"] = provenance("navfw bench perception", options)
-        if folder is not None:
-            with folder:
-                write_page(result, folder.path)
-    if json:
-        print_json(result)
-        return
-    print_tables(tables(result))
-    if out is not None:
-        typer.echo(f"page {out / 'index.md'}")
+        seed = HELD_OUT_SEED if seed is None else seed
+    options: dict[str, object] = {"poses": poses, "comparisons": comparisons, "places": places}
+    options |= {"seed": seed} | ({"data": "DIR"} if data else {})
+    sizes = SampleSizes(poses=poses, comparisons=comparisons, places=places)
+    measure = partial(bench_perception, sizes, seed, workers or usable_cores(), recorded)
+    result = _bench("perception", options, measure, partial(_print, tables), json=json, quiet=quiet)
+    if folder is not None:
+        with quiet_stdout(), folder:
+            write_page(result, folder.path)
+        if not json:
+            typer.echo(f"page {folder.target / 'index.md'}")
 
 
 def planning(
@@ -139,49 +187,93 @@ def planning(
 ) -> None:
     """Time planning on a large map. Compares PAPFIS with A* of networkx."""
     with quiet_stdout():
-        from navfw.bench.planning_time import bench_planning
-        from navfw.recording.provenance import provenance
+        from navfw.bench.planning_time import bench_planning, tables
 
-        with ProgressBar("bench", quiet=quiet) as bar:
-            result = bench_planning(places, repeats, seed, bar.show_part)
-        options = {"places": places, "repeats": repeats, "seed": seed}
-        result["provenance"] = provenance("navfw bench planning", options)
-    if json:
-        print_json(result)
-        return
-    typer.echo(f"{result['places']} places, {result['passages']} passages, {repeats} routes [ms]")
-    rows = [
-        (what, *(f"{result[key][part]:.1f}" for part in ("median", "min", "max")))
-        for what, key in (
-            ("all costs, when loading", "costs_ms"),
-            ("first plan", "first_plan_ms"),
-            ("new plan after a closure", "replan_ms"),
-            ("networkx.astar_path", "networkx_ms"),
+    options = {"places": places, "repeats": repeats, "seed": seed}
+    measure = partial(bench_planning, places, repeats, seed)
+    _bench("planning", options, measure, partial(_print, tables), json=json, quiet=quiet)
+
+
+def flow(
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder with the data sets hololens_office and tum_fr1.", show_default=False
+        ),
+    ] = None,
+    places: Annotated[
+        int,
+        typer.Option(min=0, max=1000, help="Poses in each rendered world; 0: recorded pairs only."),
+    ] = 6,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the rendered pairs.")] = 0,
+    part: Annotated[
+        str, typer.Option(help="Pairs of each sequence, by their number: all, odd or even.")
+    ] = "all",
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure cost, error and sigma of flow. Compares the processors with OpenCV's."""
+    with quiet_stdout():
+        from navfw.bench.flow_comparison import (
+            PARTS,
+            bench_flow_sets,
+            recorded_sets,
+            rendered_set,
+            tables,
         )
-    ]
-    print_table(["", "median", "least", "most"], rows, "nothing")
-    typer.echo(
-        f"time over that of networkx: first plan {result['first_plan_over_networkx']:.2f},"
-        f" new plan {result['replan_over_networkx']:.2f}"
-    )
+
+    if part not in PARTS:
+        raise InputError(f"must be one of {', '.join(PARTS)}, got {part!r}", key="--part")
+    if data is None and not places:
+        raise InputError("must be at least 1 without --data, got 0", key="--places")
+
+    def measure(report: ProgressCallback) -> dict[str, Any]:
+        report("reading and rendering pairs")
+        sets = [] if data is None else recorded_sets(data, PARTS[part])
+        sets += [rendered_set(places, seed, PARTS[part])] if places else []
+        return bench_flow_sets(sets, report=report)
+
+    options = {"places": places, "seed": seed, "part": part} | ({"data": "DIR"} if data else {})
+    _bench("flow", options, measure, partial(_print, tables), json=json, quiet=quiet)
 
 
-def _print(result: dict[str, Any]) -> None:
-    typer.echo(
-        f"loop {result['loop_wall_s']:.2f} s for {result['sim_time_s']:.1f} s simulated:"
-        f" {result['real_time_factor']:.1f} x real time"
-    )
-    for raster, wall, ratio in (
-        ("PyBullet", "render_physics_wall_s", "loop_over_render"),
-        ("navfw's raster", "own_render_physics_wall_s", "loop_over_own_render"),
-    ):
-        low, high = result["spread"][ratio]
-        typer.echo(
-            f"rendering by {raster} and physics alone {result[wall]:.2f} s:"
-            f" the loop takes {result[ratio]:.2f} times that ({low:.2f} to {high:.2f})"
-        )
-    typer.echo(f"rendering by PyBullet {result['pybullet_render_ms']:.2f} ms per frame")
-    typer.echo("computing time per camera frame:")
-    for stage, milliseconds in result["stage_ms"].items():
-        typer.echo(f"  {stage:<12} {milliseconds:7.2f} ms")
-    typer.echo(f"peak memory {result['peak_memory_mb']:.0f} MB")
+def landmarks(
+    views: Annotated[
+        int, typer.Option(min=1, max=1000, help="Views at each distance and angle.")
+    ] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the views and their noise.")] = 0,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure landmark recognition. Varies distance and angle, and measures the time per frame."""
+    with quiet_stdout():
+        from navfw.bench.landmark_recognition import bench_landmarks, tables
+
+    options = {"views": views, "seed": seed}
+    measure = partial(bench_landmarks, views, seed)
+    _bench("landmarks", options, measure, partial(_print, tables), json=json, quiet=quiet)
+
+
+def real(
+    data: Annotated[Path, typer.Option(help="Folder of the recordings.", show_default=False)],
+    split: Annotated[str, typer.Option(help="Labelled frames: tuning, test or all.")] = "test",
+    flow: Annotated[
+        list[str] | None,
+        typer.Option(help="Flow processor, repeatable. Default: perceive's and OpenCV's."),
+    ] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Judge perception on real frames by labels. Counts right, partly right, wrong and silent."""
+    with quiet_stdout():
+        from navfw.bench.real_benchmark import bench_real, tables
+        from navfw.perceive.perceiver_options import PerceiverOptions
+        from navfw.plugins import default_registry
+
+        registry = default_registry()
+    if split not in _SPLITS:
+        raise InputError(f"must be one of {', '.join(_SPLITS)}, got {split!r}", key="--split")
+    names = flow or [PerceiverOptions().flow, "dis", "lucas_kanade", "farneback"]
+    options = {"data": "DIR", "split": split}
+    measure = partial(bench_real, data, split, names, registry)
+    _bench("real", options, measure, partial(_print, tables), json=json, quiet=quiet)

@@ -93,9 +93,11 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[object]], nothin
     if not rows:
         typer.echo(nothing)
         return
-    table = Table(*columns, box=SIMPLE_HEAD, pad_edge=False)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    # as Text: rich would read a unit such as [m] as markup
+    for title in columns:
+        table.add_column(Text(title))
     for row in rows:
-        # as Text: rich would read a unit such as [m] as markup
         table.add_row(*(cell if isinstance(cell, Text) else Text(str(cell)) for cell in row))
     console().print(table)
 

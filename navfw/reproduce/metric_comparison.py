@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from navfw.bench.perception_samples import PerceptionSample, samples_of_world
+from navfw.bench.perception_accuracy import check_percept
+from navfw.bench.perception_samples import PerceptionSample, drawn_samples
 from navfw.offis.offis import Offis
 from navfw.offis.pyramid import QUADRANTS, Channels, Pyramid
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
-from navfw.reproduce.percept_verdict import check_percept
 from navfw.robot import RobotModel
 from navfw.signals import Array, FlowField, Twist
 from navfw.suite.run_statistics import mcnemar_exact
@@ -56,7 +56,7 @@ def compare_metrics(views: int, seed: int, report: ProgressCallback = silent) ->
     by 10-fold cross-validation. ``claims`` has the paper's claim for each of them. ``report`` is
     called with each part.
     """
-    drawn = islice(_samples(seed), views)
+    drawn = islice(drawn_samples(seed), views)
     samples = list(with_progress(drawn, "section 4.3: rendering views", report, views))
     flows = {
         "ideal": [(s.ideal, s.view.twist) for s in samples],
@@ -92,21 +92,14 @@ def compare_metrics(views: int, seed: int, report: ProgressCallback = silent) ->
     }
 
 
-def _samples(seed: int) -> Any:
-    number = 0
-    while True:
-        yield from samples_of_world(seed, number)
-        number += 1
-
-
-def _shares(found: Mapping[str, Mapping[str, Answers]]) -> dict[str, Any]:
+def _shares(answers_of: Mapping[str, Mapping[str, Answers]]) -> dict[str, Any]:
     """Shares of right answers instead of the answers; None of no answers."""
     return {
         name: {
             kind: {what: _share(answers[what]) for what in answers}
             for kind, answers in kinds.items()
         }
-        for name, kinds in found.items()
+        for name, kinds in answers_of.items()
     }
 
 
@@ -167,15 +160,15 @@ def _features(flow: FlowField, layers: int, variances: bool) -> Array:
     With ``variances`` the standard deviations [px] come after the means.
     """
     pyramid = Pyramid(flow.shape, layers)
-    known = (flow.confidence > 0.0).astype(np.float64)
-    size = np.where(known[..., None] > 0.0, np.abs(flow.vectors), 0.0)
+    measured = (flow.confidence > 0.0).astype(np.float64)
+    size = np.where(measured[..., None] > 0.0, np.abs(flow.vectors), 0.0)
     values = np.stack([size[..., 0], size[..., 0], size[..., 1]])
-    regions = pyramid.statistics(Channels(values, np.stack([known] * 3), known))
+    regions = pyramid.statistics(Channels(values, np.stack([measured] * 3), measured))
     first, count = (4, 16) if layers == 2 else (0, 4)  # of the deepest layer
-    part = slice(first, first + count)
-    columns = [regions.mu_u[part], regions.mu_v[part]]
+    deepest = slice(first, first + count)
+    columns = [regions.mu_u[deepest], regions.mu_v[deepest]]
     if variances:
-        columns += [np.sqrt(regions.var_u[part]), np.sqrt(regions.var_v[part])]
+        columns += [np.sqrt(regions.var_u[deepest]), np.sqrt(regions.var_v[deepest])]
     # logarithms turn the ratios between regions, which the paper's rules use, into differences
     return np.asarray(np.log(np.concatenate(columns) + 0.05))
 
@@ -200,17 +193,17 @@ def _classified(features: Sequence[Array], samples: Sequence[PerceptionSample]) 
 
 def _cross_validated(table: Array, labels: Sequence[str]) -> list[str]:
     """The label of each row by a linear discriminant trained on the other folds."""
-    found = [""] * len(labels)
+    inferred = [""] * len(labels)
     fold = np.arange(len(labels)) % _FOLDS
     for k in range(_FOLDS):
         training, test = fold != k, fold == k
         if not test.any() or not training.any():
             continue
-        known = [label for label, use in zip(labels, training, strict=True) if use]
-        inferred = _discriminate(table[training], known, table[test])
-        for index, label in zip(np.flatnonzero(test), inferred, strict=True):
-            found[index] = label
-    return found
+        training_labels = [label for label, use in zip(labels, training, strict=True) if use]
+        answers = _discriminate(table[training], training_labels, table[test])
+        for index, label in zip(np.flatnonzero(test), answers, strict=True):
+            inferred[index] = label
+    return inferred
 
 
 def _discriminate(training: Array, labels: Sequence[str], test: Array) -> list[str]:

@@ -2,38 +2,152 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from statistics import median
-from time import perf_counter
 from typing import Any
 
+import numpy as np
+
+from navfw.bench.perception_accuracy import judge_percept, no_situation
+from navfw.bench.perception_benchmark import median_ms
+from navfw.bench.real_labels import Judgement, SentenceVerdict
+from navfw.bench.true_pairs import exposed, true_field
+from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
+from navfw.camera_geometry.rotations import derotate
 from navfw.config.lookup import find
+from navfw.egomotion.camera_motion import camera_motion
+from navfw.egomotion.refinement import refine
 from navfw.flow.block_matching import BlockMatching
+from navfw.flow.grid import grid_points
 from navfw.offis.offis import Offis
-from navfw.reproduce.office_scenes import COLS, ROWS, SCENES, SPEED, STEP, OfficeScene, hand_held
-from navfw.reproduce.paper_trajectory import (
+from navfw.reproduce.paper_scenes import (
+    COLS,
+    ROWS,
+    SCENES,
+    SPEED,
     START,
+    STEP,
     WAYPOINTS,
+    OfficeScene,
     TrajectoryPoint,
     TrajectoryWaypoint,
     before,
     drive,
-)
-from navfw.reproduce.percept_verdict import no_situation
-from navfw.reproduce.rendered_views import (
-    CheckedPercept,
-    RenderedPair,
-    ViewRenderer,
-    checked_percept,
-    derotated,
-    matched_flow,
-    not_derotated,
-    true_flow,
+    hand_held,
 )
 from navfw.robot import RobotModel
-from navfw.signals import FlowField, FramePair, Pose
+from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Percept, Pose, Twist
+from navfw.sim.camera import DepthImage
+from navfw.sim.sensor_models import SensorParams
+from navfw.sim.simulation import Simulation
 from navfw.sim.worldfile import load_world
+from navfw.sim.worldspec import WorldSpec
+
+
+@dataclass(frozen=True, slots=True)
+class RenderedPair:
+    """A rendered image pair with its ground truth.
+
+    ``depth`` (height, width) [m] belongs to the second image; ``motion`` is the camera's true
+    motion, ``twist`` the robot's.
+    """
+
+    pair: FramePair
+    depth: DepthImage
+    motion: CameraMotion
+    twist: Twist
+    truth: ViewTruth
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedPercept:
+    """A percept of OFFIS from ``flow``, judged by the truth of its view."""
+
+    flow: FlowField
+    percept: Percept
+    judgement: Judgement
+
+    @property
+    def right(self) -> bool:
+        """Whether no statement is wrong."""
+        return self.judgement.verdict is SentenceVerdict.RIGHT
+
+
+class ViewRenderer:
+    """Renders image pairs with a robot's camera in a world; a context manager.
+
+    ``seed`` is that of the image noise. The robot's body stays at ``start``.
+    """
+
+    def __init__(self, world: WorldSpec, robot: RobotModel, start: Pose, seed: int) -> None:
+        self.robot = robot
+        self._walls = WallGeometry(world)
+        self._rng = np.random.default_rng(seed)
+        # rendered at twice the size and averaged, against aliasing
+        self._sim = Simulation(world, robot, start, 0, SensorParams(supersample=2))
+
+    def __enter__(self) -> ViewRenderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._sim.close()
+
+    def render(self, past: Pose, now: Pose, dt: float) -> RenderedPair:
+        """The images from two poses, ``dt`` [s] apart."""
+        robot = self.robot
+        before, _ = self._sim.render_from(past)
+        after, depth = self._sim.render_from(now)
+        motion = camera_motion(robot, past, now, dt, slip=0.0)
+        step = past.relative(now)
+        twist = Twist(float(np.hypot(step.x, step.y)) / dt, step.yaw / dt)
+        frames = Frame(0.0, exposed(before, self._rng)), Frame(dt, exposed(after, self._rng))
+        return RenderedPair(
+            FramePair(*frames, motion),
+            depth,
+            motion,
+            twist,
+            truth_of(self._walls, now, twist.v, depth, robot),
+        )
+
+
+def true_flow(view: RenderedPair, robot: RobotModel, rows: int = 12, cols: int = 16) -> FlowField:
+    """The true flow of ``view``, rotation included: the paper's synthetic mode (sec 6.1)."""
+    points, camera = grid_points(robot.camera, rows, cols), robot.camera
+    return true_field(points, view.depth, view.motion, camera, view.pair.now.time)
+
+
+def matched_flow(
+    view: RenderedPair, robot: RobotModel, params: BlockMatching.Params, *, gyro: bool
+) -> FlowField:
+    """Flow of ``view`` by block matching; without ``gyro`` no rotation is predicted."""
+    motion = view.motion if gyro else _unturned(view.motion)
+    pair = dataclasses.replace(view.pair, motion=motion)
+    return BlockMatching(robot, params).compute(pair)
+
+
+def derotated(flow: FlowField, robot: RobotModel, *, with_refinement: bool) -> FlowField:
+    """``flow`` without its rotational part: from the gyro alone, or refined by the flow."""
+    if with_refinement:
+        return refine(flow, robot.camera).apply(flow, robot.camera)
+    return derotate(flow, robot.camera)
+
+
+def not_derotated(flow: FlowField) -> FlowField:
+    """``flow`` unchanged but labelled as without rotation: the error of the paper's waypoint 3."""
+    return dataclasses.replace(flow, motion=_unturned(flow.motion), derotated=True)
+
+
+def _unturned(motion: CameraMotion) -> CameraMotion:
+    return dataclasses.replace(motion, rotation=np.eye(3))
+
+
+def checked_percept(offis: Offis, flow: FlowField, view: RenderedPair) -> CheckedPercept:
+    """The percept of ``offis`` from derotated ``flow``, judged by the truth of ``view``."""
+    offis.reset()
+    percept = offis.perceive(flow, view.twist)
+    return CheckedPercept(flow, percept, judge_percept(percept, view.truth))
+
 
 PERIOD = 0.15
 """Time between the two images at a waypoint [s]."""
@@ -139,21 +253,21 @@ def checks(rows: list[WaypointRow]) -> dict[str, bool]:
     """
     fast = next(row for row in rows if row.waypoint.number == FAST)
     others = [row for row in rows if row is not fast]
-    found = {}
+    results = {}
     for kind in ("ideal", "block matching"):
-        found[f"fast turn: correct with derotation, {kind} flow"] = fast.percepts[
+        results[f"fast turn: correct with derotation, {kind} flow"] = fast.percepts[
             kind, "removed", "normalised"
         ].right
         for mode in ("normalised", "raw means"):
-            found[f"fast turn: wrong without derotation, {kind} flow, {mode}"] = not fast.percepts[
-                kind, "left in", mode
-            ].right
+            results[
+                f"fast turn: wrong without derotation, {kind} flow, {mode}"
+            ] = not fast.percepts[kind, "left in", mode].right
     for rotation, name in (("removed", "with"), ("left in", "without")):
-        found[
+        results[
             f"other waypoints: nearest object, and front where Table 1 has it, correct {name}"
             " derotation, ideal flow"
         ] = all(_as_table1(row, rotation) for row in others)
-    return found
+    return results
 
 
 def _as_table1(row: WaypointRow, rotation: str) -> bool:
@@ -165,36 +279,22 @@ def _as_table1(row: WaypointRow, rotation: str) -> bool:
 def timings(rows: list[WaypointRow], scenes: list[SceneRow], repeats: int = 30) -> dict[str, float]:
     """Median times [ms] of one OFFIS inference (obstacles and situation), and of one flow field."""
     robot, held = RobotModel(), hand_held()
-    offis, other = Offis(robot), Offis(held)
-    normal = [(row.percepts["ideal", "removed", "normalised"].flow, row.view) for row in rows]
-    small = [(row.percepts["block matching", "normalised"].flow, row.view) for row in scenes]
-    matching = BlockMatching(robot)
+    offis, other, matching = Offis(robot), Offis(held), BlockMatching(robot)
+    normal = [(row.percepts["ideal", "removed", "normalised"].flow, row.view.twist) for row in rows]
+    small = [(row.percepts["block matching", "normalised"].flow, row.view.twist) for row in scenes]
     pairs = [row.view.pair for row in rows]
+    matched = max(repeats // 3, 3) * len(pairs)
     return {
-        "offis_12x16_ms": _offis_time(offis, normal, repeats),
-        "offis_10x15_ms": _offis_time(other, small, repeats),
-        "block_matching_12x16_ms": _matching_time(matching, pairs, repeats),
+        "offis_12x16_ms": median_ms(
+            lambda k: offis.perceive(*normal[k % len(normal)]), repeats * len(normal)
+        ),
+        "offis_10x15_ms": median_ms(
+            lambda k: other.perceive(*small[k % len(small)]), repeats * len(small)
+        ),
+        "block_matching_12x16_ms": median_ms(
+            lambda k: matching.compute(pairs[k % len(pairs)]), matched
+        ),
     }
-
-
-def _offis_time(offis: Offis, seen: list[tuple[FlowField, RenderedPair]], repeats: int) -> float:
-    times = []
-    for _ in range(repeats):
-        for flow, view in seen:
-            begun = perf_counter()
-            offis.perceive(flow, view.twist)
-            times.append(perf_counter() - begun)
-    return 1e3 * median(times)
-
-
-def _matching_time(matching: BlockMatching, pairs: list[FramePair], repeats: int) -> float:
-    times = []
-    for _ in range(max(repeats // 3, 3)):
-        for pair in pairs:
-            begun = perf_counter()
-            matching.compute(pair)
-            times.append(perf_counter() - begun)
-    return 1e3 * median(times)
 
 
 def as_data(rows: list[WaypointRow], scenes: list[SceneRow]) -> dict[str, Any]:

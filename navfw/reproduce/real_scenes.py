@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from navfw.bench.real_benchmark import judge_result, labelled_parts, open_part
+from navfw.bench.real_benchmark import RECORDINGS, judge_result, labelled_parts, open_part
 from navfw.bench.real_labels import FrameLabel, Judgement, SentenceVerdict
 from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
@@ -24,40 +24,6 @@ from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.plugins import Registry
 from navfw.process.work_progress import ProgressCallback
 from navfw.signals import Image
-
-
-@dataclass(frozen=True, slots=True)
-class LabelledRecording:
-    """A recording: what it shows, its source, its licence; without one no frame may be shown."""
-
-    what: str
-    source: str
-    licence: str | None
-
-
-RECORDINGS = {
-    "donkeycar/images": LabelledRecording(
-        "a small car on an indoor track", "autorope/donkeycar, tub of its tests", "MIT"
-    ),
-    "car_gyro_lab/images": LabelledRecording(
-        "a small car in the aisle of a computer lab", "unnamed", None
-    ),
-    "hololens_office/images": LabelledRecording(
-        "a walk along an office corridor", "ardaduz/deep-video-mvs", "MIT"
-    ),
-    "tum_fr1/rgb": LabelledRecording(
-        "desks of an office, camera in the hand",
-        "TUM RGB-D benchmark, Sturm et al. 2012",
-        "CC BY 4.0",
-    ),
-    "approach": LabelledRecording(
-        "an approach to a wall", "Huizerd/AE4317_Autonomous_Flight_of_MAVs", "MIT"
-    ),
-    "corridor_udes": LabelledRecording(
-        "single photographs of university corridors, without flow", "introlab/rtabmap", "BSD"
-    ),
-}
-"""The recordings with labels, by folder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,11 +74,11 @@ def real_scenes(
             key="--data",
         )
     chosen = set(chosen_frames([label for labels in parts.values() for label in labels]))
-    found: dict[FrameLabel, RealScene] = {}
+    scenes: dict[FrameLabel, RealScene] = {}
     for part, labels in parts.items():
         report(f"Table 3 on photographs: {part}")
-        found |= _part_scenes(data, labels, chosen, registry)
-    return found
+        scenes |= _part_scenes(data, labels, chosen, registry)
+    return scenes
 
 
 def _part_scenes(
@@ -120,7 +86,7 @@ def _part_scenes(
 ) -> dict[FrameLabel, RealScene]:
     """The labelled frames of one part; silent where there is no result."""
     named = {label.file: label for label in labels}
-    found = {label: RealScene(label, "", (), Judgement({}), None) for label in labels}
+    scenes = {label: RealScene(label, "", (), Judgement({}), None) for label in labels}
     perceiver = open_part(data, labels, PerceiverOptions().flow, registry).perceiver
     for item, result in perceiver.results():
         label = named.get(Path(item.name).name)
@@ -130,8 +96,8 @@ def _part_scenes(
         shown = label in chosen and RECORDINGS[label.folder].licence is not None
         if shown and perceiver.size is not None:
             picture = draw(item.image, result, perceiver.size)
-        found[label] = _scene(label, result, picture)
-    return found
+        scenes[label] = _scene(label, result, picture)
+    return scenes
 
 
 def _scene(label: FrameLabel, result: PairResult, picture: Image | None) -> RealScene:
@@ -139,10 +105,10 @@ def _scene(label: FrameLabel, result: PairResult, picture: Image | None) -> Real
     return RealScene(label, result.percept.sentence, result.notes, judged, picture)
 
 
-def real_as_data(found: Mapping[FrameLabel, RealScene]) -> dict[str, Any]:
+def real_as_data(scenes: Mapping[FrameLabel, RealScene]) -> dict[str, Any]:
     """The verdicts of all frames by recording, and the chosen frames, as plain data."""
-    folders = {label.folder for label in found}
-    shown = [found[label] for label in chosen_frames(list(found))]
+    folders = {label.folder for label in scenes}
+    shown = [scenes[label] for label in chosen_frames(list(scenes))]
     return {
         "flow": PerceiverOptions().flow,
         "missing": [folder for folder in RECORDINGS if folder not in folders],
@@ -152,13 +118,13 @@ def real_as_data(found: Mapping[FrameLabel, RealScene]) -> dict[str, Any]:
                 "what": recording.what,
                 "source": recording.source,
                 "licence": recording.licence,
-                "single": any(s.single for s in found if s.folder == folder),
-                "verdicts": _verdicts([s for s in found.values() if s.label.folder == folder]),
+                "single": any(s.single for s in scenes if s.folder == folder),
+                "verdicts": _verdicts([s for s in scenes.values() if s.label.folder == folder]),
             }
             for folder, recording in RECORDINGS.items()
             if folder in folders
         ],
-        "total": _verdicts([s for s in found.values() if not s.label.single]),
+        "total": _verdicts([s for s in scenes.values() if not s.label.single]),
         "scenes": [_as_data(scene) for scene in shown],
     }
 

@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
-from navfw.bench.real_labels import FrameLabel
+import cv2
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from navfw.bench.real_labels import FrameLabel, SentenceVerdict
 from navfw.config.lookup import find
+from navfw.offis.pyramid import position
 from navfw.plugins import default_registry
 from navfw.process.atomic import AtomicFolder
+from navfw.process.result_table import shown
 from navfw.process.work_progress import ProgressCallback, silent
 from navfw.recording.run_folder import plain_json
 from navfw.reproduce.metric_comparison import compare_metrics
+from navfw.reproduce.paper_scenes import drive
 from navfw.reproduce.paper_tables import (
+    FAST,
+    PERIOD,
     SceneRow,
     WaypointRow,
     as_data,
@@ -25,13 +36,168 @@ from navfw.reproduce.paper_tables import (
     table3,
     timings,
 )
-from navfw.reproduce.paper_trajectory import drive
 from navfw.reproduce.real_scenes import RealScene, chosen_frames, real_as_data, real_scenes
-from navfw.reproduce.reproduction_page import write_page
 from navfw.reproduce.reproduction_pictures import draw_map, scene_picture, waypoint_picture
-from navfw.reproduce.reproduction_summary import summary
 from navfw.signals import Image
 from navfw.sim.worldfile import load_world
+
+SIGNIFICANT = 0.05
+"""Largest p of a difference that is taken for more than chance."""
+
+_KINDS = tuple(product(("ideal", "block matching"), ("normalised", "raw means")))
+"""Flow and mode of the sentences."""
+
+
+def summary(result: Mapping[str, Any]) -> dict[str, list[str]]:
+    """What came out of each experiment, as sentences by its title.
+
+    ``result`` has ``table2``, ``table3``, ``real`` and ``metrics`` as plain data.
+    """
+    return {
+        "Table 2": list(_table2(result["table2"])),
+        "Table 3, rendered": list(_table3(result["table3"])),
+        "Table 3, photographs": list(_real(result["real"])),
+        "Section 4.3": list(_claims(result["metrics"]["claims"])),
+    }
+
+
+def _table2(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    yield f"All {len(rows)} places are judged."
+    for flow, mode in _KINDS:
+        counts = [
+            f"{_counts(_chosen(rows, flow=flow, mode=mode, rotation=rotation))} with the rotation"
+            f" {rotation}"
+            for rotation in ("removed", "left in")
+        ]
+        yield f"{flow.capitalize()} flow, {mode}: {'; '.join(counts)}."
+    fast = [row for row in rows if row["waypoint"] == FAST]
+    verdicts = "; ".join(
+        f"{reading['flow']} flow, rotation {reading['rotation']}: {reading['verdict']}"
+        for reading in _chosen(fast, mode="normalised")
+    )
+    yield f"Waypoint {FAST}, where the paper's conclusion is false, normalised: {verdicts}."
+    none = [str(row["waypoint"]) for row in rows if row["truth"]["no_situation"]]
+    if none:
+        yield (
+            f"At {len(none)} places (waypoints {', '.join(none)}) the geometry forms none of Table"
+            " 1's situations; the reason stands beside each."
+        )
+
+
+def _table3(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    yield f"All {len(rows)} situations are judged."
+    for flow, mode in _KINDS:
+        yield f"{flow.capitalize()} flow, {mode}: {_counts(_chosen(rows, flow=flow, mode=mode))}."
+
+
+def _real(real: Mapping[str, Any] | None) -> Iterator[str]:
+    if real is None:
+        yield "Missing: no recordings were given (--data DIR)."
+        return
+    sequences = [row for row in real["recordings"] if not row["single"]]
+    yield (
+        f"{sum(real['total'].values())} labelled frames of {len(sequences)} recordings:"
+        f" {_verdicts(real['total'])}."
+    )
+    yield from (
+        f"{sum(row['verdicts'].values())} single photographs, about which nothing should be said:"
+        f" {_verdicts(row['verdicts'])}."
+        for row in real["recordings"]
+        if row["single"]
+    )
+
+
+def _verdicts(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
+
+
+def _claims(claims: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    held = [claim for claim in claims if claim["confirmed"]]
+    missed = [claim for claim in claims if not claim["confirmed"]]
+    yield (
+        "The paper's claim, that two layers of means classify at least as well as one layer of"
+        f" means and variances, is confirmed in {len(held)} of {len(claims)} comparisons: better by"
+        f" more than chance (p < {SIGNIFICANT:g}) in {_significant(held)}, alike on every view in"
+        f" {sum(claim['differ'] == 0 for claim in held)}. It is not confirmed in {len(missed)}:"
+        f" worse by more than chance in {_significant(missed)}."
+    )
+    yield from (f"Not confirmed: {_claim_text(claim)}." for claim in missed)
+
+
+def _significant(claims: Sequence[Mapping[str, Any]]) -> int:
+    """How many of the ``claims`` rest on differences that are more than chance."""
+    return sum(claim["p"] < SIGNIFICANT for claim in claims)
+
+
+def _claim_text(claim: Mapping[str, Any]) -> str:
+    """One comparison of section 4.3 with its figures."""
+    question = {
+        "quadrant": "nearest quadrant",
+        "distance": "distance of the nearest object",
+        "situation": "situation in front",
+    }[claim["what"]]
+    figures = f"{claim['two_layers_right']} against {claim['one_layer_right']} of {claim['views']}"
+    chance = f"answers that differ: {claim['differ']}, p = {claim['p']:.2g}"
+    return f"{question} by {claim['by']}, {claim['flow']} flow: {figures} right ({chance})"
+
+
+def _counts(readings: Sequence[Mapping[str, Any]]) -> str:
+    """How many of the ``readings`` have which verdict: "8 right, 2 partly"."""
+    verdicts = [reading["verdict"] for reading in readings]
+    return _verdicts({str(verdict): verdicts.count(verdict) for verdict in SentenceVerdict})
+
+
+def _chosen(rows: Sequence[Mapping[str, Any]], **wanted: str) -> list[Mapping[str, Any]]:
+    return [
+        reading
+        for row in rows
+        for reading in row["readings"]
+        if all(reading[key] == value for key, value in wanted.items())
+    ]
+
+
+TEMPLATE = "reproduction.html"
+QUALITY = 82
+"""Quality of the pictures, of 100: flow arrows stay sharp, and the page stays below 8 MB."""
+
+
+def write_page(result: Mapping[str, Any], pictures: Mapping[str, Image]) -> str:
+    """The page of a ``result`` as HTML.
+
+    ``pictures`` (height, width, 3) have the names ``map``, ``waypoint-N``, ``scene-N``, and
+    ``real-K`` for the K-th frame of the recordings if it may be shown.
+    """
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(percent=partial(shown, form=".0%"), positions=_positions)
+    return environment.get_template(TEMPLATE).render(
+        **result,
+        pictures={name: _embedded(picture) for name, picture in pictures.items()},
+        fast=FAST,
+        period=PERIOD,
+        flows=("ideal", "block matching"),
+        rotations=("removed", "left in"),
+        modes=("normalised", "raw means"),
+    )
+
+
+def _embedded(picture: Image) -> dict[str, Any]:
+    """A picture as data within the page, with its size."""
+    code = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])[1].tobytes()
+    data = base64.b64encode(code).decode("ascii")
+    height, width = picture.shape[:2]
+    return {"source": f"data:image/webp;base64,{data}", "width": width, "height": height}
+
+
+def _positions(names: list[str]) -> str:
+    """Quadrants in words: ``["P2", "P3"]`` as "upper left and lower left"."""
+    return " and ".join(position(name) for name in names)
+
 
 _PAPER_TIMES = {"obstacles_s": 0.16, "situation_synthetic_s": 0.58, "situation_real_s": 0.62}
 """Times of OFFIS [s] in the paper, on an Athlon XP 2600+ at 2.09 GHz."""
@@ -64,14 +230,14 @@ def reproduce(
         rows = table2(seed)
         report("Table 3: the office")
         scenes = table3(seed)
-        found = {
+        experiments = {
             "seed": seed,
             **as_data(rows, scenes),
             "real": None if data is None else real_as_data(real),
             "metrics": compare_metrics(views, seed, report),
             "checks": checks(rows),
         }
-        result = plain_json({**found, "summary": summary(found)})
+        result = plain_json({**experiments, "summary": summary(experiments)})
         digest = hashlib.sha256(json.dumps(result, sort_keys=True).encode()).hexdigest()
         report("times")
         times = {**timings(rows, scenes), "paper": dict(_PAPER_TIMES)}

@@ -12,8 +12,8 @@ import numpy as np
 from navfw.perceive.lettering import write
 from navfw.perceive.overlay import draw_flow
 from navfw.recording.palette import FURNITURE, WALL
+from navfw.reproduce.paper_scenes import TrajectoryPoint
 from navfw.reproduce.paper_tables import FAST, SceneRow, WaypointRow
-from navfw.reproduce.paper_trajectory import TrajectoryPoint
 from navfw.signals import FlowField, Image
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldspec import WorldSpec
@@ -64,11 +64,11 @@ def _panel(image: Image, flow: FlowField | None, title: str) -> Image:
     return np.concatenate([strip, colour])
 
 
-def _beside(parts: list[Image]) -> Image:
-    gap = np.full((parts[0].shape[0], 8, 3), 255, dtype=np.uint8)
-    joined = [parts[0]]
-    for part in parts[1:]:
-        joined += [gap, part]
+def _beside(panels: list[Image]) -> Image:
+    gap = np.full((panels[0].shape[0], 8, 3), 255, dtype=np.uint8)
+    joined = [panels[0]]
+    for panel in panels[1:]:
+        joined += [gap, panel]
     return np.concatenate(joined, axis=1)
 
 

@@ -81,9 +81,9 @@ def seed_range(seeds: Iterable[int], file: str | Path | None = None) -> str:
         InputError: seeds are missing in between.
 
     """
-    known = set(seeds)
-    first, last = min(known), max(known)
-    if missing := set(range(first, last + 1)) - known:
+    numbers = set(seeds)
+    first, last = min(numbers), max(numbers)
+    if missing := set(range(first, last + 1)) - numbers:
         what = f"expected one range of seeds, but {min(missing)} is missing in {first}:{last + 1}"
         raise InputError(what, file=file)
     return f"{first}:{last + 1}"
@@ -103,7 +103,7 @@ def _of_suite(folder: SuiteFolder, name: str | None, *, total: bool) -> list[Sto
     rows = read_table(folder.table)
     size = sum(file.stat().st_size for file, _ in files_in(folder.path))
     entries = summary["by_entry"]
-    expect = {entry: part["expect"] for entry, part in entries.items() if "expect" in part}
+    expect = {entry: figures["expect"] for entry, figures in entries.items() if "expect" in figures}
     compared = {} if total else summarize(rows).get("by_variant", {})
     results: list[StoredResult] = []
     for variant in [""] if total else dict.fromkeys(row.variant for row in rows):
@@ -222,7 +222,7 @@ def _values(data: Mapping[str, Any], depth: int = MAX_DEPTH) -> dict[str, Any]:
             inner = _values(value, depth - 1) if depth > 1 else {}
             kept |= {key: inner} if inner else {}
             continue
-        parts = value if isinstance(value, list) else [value]
-        if len(parts) <= _MAX_LIST and not any(isinstance(part, dict | list) for part in parts):
+        items = value if isinstance(value, list) else [value]
+        if len(items) <= _MAX_LIST and not any(isinstance(item, dict | list) for item in items):
             kept[key] = value
     return kept

@@ -144,9 +144,9 @@ def _check_overlaps(folder: Path, results: Sequence[StoredSuiteResult]) -> None:
 def _load(file: Path) -> StoredResult:
     document = load_yaml(file)  # JSON is YAML, and this keeps the line of every key
     data = document.data if isinstance(document.data, dict) else {}
-    found = data.get("format")
-    if found != FORMAT:
-        what = f"expected {FORMAT}, got {found!r}; add the result anew with navfw results add"
+    version = data.get("format")
+    if version != FORMAT:
+        what = f"expected {FORMAT}, got {version!r}; add the result anew with navfw results add"
         raise ConfigError(what, file=file, line=document.line_of(("format",)), key="format")
     result = _validated(document, str(data.get("kind")))
     if result.name != file.stem:
@@ -170,9 +170,9 @@ def save_result(folder: Path, result: StoredResult) -> Path:
 
     """
     file = folder / f"{result.name}.json"
-    known = _command_in(file)
-    if known not in (None, result.command):
-        raise ConfigError(f"holds the result of `{known}`; choose another --name", file=file)
+    command = _command_in(file)
+    if command not in (None, result.command):
+        raise ConfigError(f"holds the result of `{command}`; choose another --name", file=file)
     data = {"format": FORMAT, **result.model_dump(mode="json", exclude_defaults=True)}
     data["kind"] = result.kind
     write_text(file, json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n")

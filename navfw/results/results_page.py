@@ -22,13 +22,15 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from navfw.config.input_file import is_file, read_input_text
 from navfw.errors import ConfigError, UnknownNameError
-from navfw.process.result_table import markdown_table
+from navfw.process.result_table import Column, ResultTable, markdown_table, shown
 from navfw.recording.provenance import DIRTY
 from navfw.results.result_file import (
     Figures,
@@ -55,40 +57,53 @@ _PLACEHOLDER = re.compile(r"\{\{\s*(.*?)\s*\}\}", re.DOTALL)
 _MARKED = re.compile(r"<!-- result: (\S+) -->(.*?)<!-- end -->", re.DOTALL)
 _REVISION_DIGITS = 9
 
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """A row of a table: its label, the result, and the figures of a suite that it shows."""
+
+    label: str
+    result: StoredSuiteResult
+    figures: Figures
+
+
 _SUITE_COLUMNS = (
-    "seeds",
-    "reached [95 %]",
-    "collisions (by the robot)",
-    "SPL",
-    "SCT",
-    "time",
-    "estimate's error",
-    "causes of failure",
-    "revision",
-    "machine",
+    Column("seeds", lambda line: line.result.seeds),
+    Column("reached [95 %]", lambda line: _arrivals(line.figures)),
+    Column(
+        "collisions (by the robot)",
+        lambda line: f"{line.figures.collisions} ({line.figures.collisions_by_robot})",
+    ),
+    Column("SPL", lambda line: line.figures.spl, ".2f", missing=""),
+    Column("SCT", lambda line: line.figures.sct, ".2f", missing=""),
+    Column("time", lambda line: line.figures.mean_time_s, ".1f", "s", missing=""),
+    Column("estimate's error", lambda line: _estimate_error(line.figures)),
+    Column("causes of failure", lambda line: _causes(line.figures)),
 )
 _SIZING_COLUMNS = (
-    "suite",
-    "runs",
-    "runs per core-hour",
-    "10,000 runs on a core",
-    "memory of a process, largest",
-    "on disk, per run",
-    "revision",
-    "machine",
+    Column("suite", lambda line: line.label),
+    Column("runs", lambda line: line.figures.runs),
+    Column("runs per core-hour", lambda line: 3600.0 / line.figures.cpu_time_s, ".0f"),
+    Column(
+        "10,000 runs on a core", lambda line: 10_000.0 * line.figures.cpu_time_s / 3600, ".1f", "h"
+    ),
+    Column(
+        "memory of a process, largest", lambda line: line.figures.memory_mb, ".0f", "MB", missing=""
+    ),
+    Column("on disk, per run", lambda line: line.result.disk_kb, ".1f", "kB", missing=""),
 )
 _RUN_COLUMNS = (
-    "run",
-    "seed",
-    "stack",
-    "outcome",
-    "driven",
-    "time",
-    "estimate's error: p95, largest",
-    "place known after",
-    "collisions",
-    "revision",
-    "machine",
+    Column("run", lambda run: f"{run.values['world']} `{run.values['mission']}`"),
+    Column("seed", lambda run: run.seeds),
+    Column("stack", lambda run: ", ".join(run.stacks)),
+    Column("outcome", lambda run: run.values["outcome"]),
+    Column("driven", lambda run: run.values["path_length_m"], ".1f", "m"),
+    Column("time", lambda run: run.values["sim_time_s"], ".1f", "s"),
+    Column("estimate's error: p95, largest", lambda run: _estimate_errors(run.values)),
+    Column(
+        "place known after", lambda run: run.values.get("localized_after_s"), ".1f", "s", missing=""
+    ),
+    Column("collisions", lambda run: run.values["collisions"]),
 )
 
 
@@ -171,76 +186,77 @@ class _Writer:
         return self._verbs[verb](*words)
 
     def _of_suites(self, names: Sequence[str]) -> list[StoredSuiteResult]:
-        known = {*list_suites(), *(result.suite for result in self._suites)}
+        suites = {*list_suites(), *(result.suite for result in self._suites)}
         for name in names:
-            if name not in known:
-                raise UnknownNameError("suite", name, known)
+            if name not in suites:
+                raise UnknownNameError("suite", name, suites)
         return [result for name in names for result in self._suites if result.suite == name]
 
+    def _table(self, columns: Iterable[Column], records: Sequence[Any]) -> str:
+        """A table with the origin of each record in its last columns; empty without records."""
+        origin = Column("revision", _short), Column("machine", self._letter_of)
+        return ResultTable("", [*columns, *origin], records).markdown() if records else ""
+
+    def _letter_of(self, record: _Line | StoredResult) -> str:
+        return _letter(self._machines.index(_result_of(record).machine))
+
     def _suite_table(self, *names: str) -> str:
-        found = [result for result in self._of_suites(names) if not result.variant]
-        rows = [[_label(result), *self._figure_cells(result, result.figures)] for result in found]
-        return markdown_table(["suite", *_SUITE_COLUMNS], rows) if rows else ""
+        lines = [
+            _Line(_label(result), result, result.figures)
+            for result in self._of_suites(names)
+            if not result.variant
+        ]
+        return self._table([Column("suite", lambda line: line.label), *_SUITE_COLUMNS], lines)
 
     def _part_table(self, *names: str) -> str:
-        rows = [
-            [part, *self._figure_cells(result, figures)]
+        lines = [
+            _Line(part, result, figures)
             for result in self._of_suites(names)
             if not result.variant
             for part, figures in (result.parts or {_label(result): result.figures}).items()
         ]
-        return markdown_table(["part", *_SUITE_COLUMNS], rows) if rows else ""
+        return self._table([Column("part", lambda line: line.label), *_SUITE_COLUMNS], lines)
 
     def _variant_table(self, name: str) -> str:
-        found = [result for result in self._of_suites([name]) if result.variant]
-        found.sort(key=lambda result: bool(result.against))  # stable: the first variant leads
-        entries = list(dict.fromkeys(entry for result in found for entry in result.parts))
-        rows = [
-            [
-                result.variant,
-                *self._figure_cells(result, result.figures)[:-2],
-                "" if result.p is None else f"{result.p:.2g}",
-                *(_reached(result.parts[e]) if e in result.parts else "" for e in entries),
-                *self._origin(result),
-            ]
-            for result in found
+        variants = [result for result in self._of_suites([name]) if result.variant]
+        variants.sort(key=lambda result: bool(result.against))  # stable: the first variant leads
+        entries = dict.fromkeys(entry for result in variants for entry in result.parts)
+        columns = [
+            Column("variant", lambda line: line.label),
+            *_SUITE_COLUMNS,
+            Column("p", lambda line: line.result.p, ".2g", missing=""),
+            *(Column(entry, partial(_reached_in, entry), missing="") for entry in entries),
         ]
-        columns = ["variant", *_SUITE_COLUMNS[:-2], "p", *entries, *_SUITE_COLUMNS[-2:]]
-        return markdown_table(columns, rows) if rows else ""
+        lines = [_Line(result.variant, result, result.figures) for result in variants]
+        return self._table(columns, lines)
 
     def _sizing_table(self, *names: str) -> str:
-        rows = []
-        for result in self._of_suites(names):
-            figures = result.figures
-            if result.variant or not figures.cpu_time_s:
-                continue
-            cells = [
-                f"{3600.0 / figures.cpu_time_s:.0f}",
-                f"{10_000.0 * figures.cpu_time_s / 3600.0:.1f} h",
-                f"{_number(figures.memory_mb, 0)} MB",
-                f"{_number(result.disk_kb, 1)} kB",
-            ]
-            rows.append([_label(result), str(figures.runs), *cells, *self._origin(result)])
-        return markdown_table(_SIZING_COLUMNS, rows) if rows else ""
+        lines = [
+            _Line(_label(result), result, result.figures)
+            for result in self._of_suites(names)
+            if not result.variant and result.figures.cpu_time_s
+        ]
+        return self._table(_SIZING_COLUMNS, lines)
 
     def _run_table(self, *patterns: str) -> str:
-        rows = []
-        for result in self._results.values():
-            if not isinstance(result, StoredValues) or result.kind != "run":
-                continue
-            if any(fnmatchcase(result.name, pattern) for pattern in patterns):
-                rows.append([*_run_cells(result), *self._origin(result)])
-        return markdown_table(_RUN_COLUMNS, rows) if rows else ""
+        runs = [
+            result
+            for result in self._results.values()
+            if isinstance(result, StoredValues) and result.kind == "run"
+            if any(fnmatchcase(result.name, pattern) for pattern in patterns)
+        ]
+        return self._table(_RUN_COLUMNS, runs)
 
     def _value_table(self, name: str, *wanted: str) -> str:
         result = self._results.get(name)
         if not isinstance(result, StoredValues):
             return ""
+        origin = [_short(result), self._letter_of(result)]
         rows = []
         for text in wanted:
             label, _, rest = text.rpartition("=")
-            key, _, shape = rest.partition(":")
-            rows.append([label, _formatted(result, key, shape), *self._origin(result)])
+            key, _, form = rest.partition(":")
+            rows.append([label, _formatted(result, key, form), *origin])
         return markdown_table(["quantity", "value", "revision", "machine"], rows)
 
     def _called(self, name: str) -> list[StoredResult]:
@@ -249,51 +265,36 @@ class _Writer:
             return [self._results[name]]
         return [r for r in self._suites if r.suite == name == _label(r) and not r.variant]
 
-    def _value(self, name: str, key: str, shape: str = "") -> str:
+    def _value(self, name: str, key: str, form: str = "") -> str:
         values = [_value_at(result, key) for result in self._called(name)]
         if len(values) > 1 and not all(isinstance(value, int) for value in values):
             raise ValueError(f"only counts can be added up, and there are {len(values)} results")
-        return format(sum(values) if len(values) > 1 else values[0], shape) if values else ""
+        return format(sum(values) if len(values) > 1 else values[0], form) if values else ""
 
     def _machine_table(self) -> str:
-        rows = [
-            [_letter(number), machine.processor, str(machine.cores), machine.python, machine.system]
-            for number, machine in enumerate(self._machines)
+        columns = [
+            Column("machine", lambda machine: _letter(self._machines.index(machine))),
+            Column("processor", lambda machine: machine.processor),
+            Column("cores", lambda machine: machine.cores),
+            Column("Python", lambda machine: machine.python),
+            Column("system", lambda machine: machine.system),
         ]
-        columns = ("machine", "processor", "cores", "Python", "system")
-        return markdown_table(columns, rows) if rows else ""
-
-    def _figure_cells(self, result: StoredSuiteResult, figures: Figures) -> list[str]:
-        time = figures.mean_time_s
-        return [
-            result.seeds,
-            _arrivals(figures),
-            f"{figures.collisions} ({figures.collisions_by_robot})",
-            _number(figures.spl),
-            _number(figures.sct),
-            "" if time is None else f"{time:.1f} s",
-            _number(figures.estimate_error_m) + ", " + _number(figures.estimate_error_max_m) + " m",
-            "; ".join(f"{cause} {count}" for cause, count in figures.causes.items()) or "none",
-            *self._origin(result),
-        ]
-
-    def _origin(self, result: StoredResult) -> list[str]:
-        return [_short(result), _letter(self._machines.index(result.machine))]
+        return ResultTable("", columns, self._machines).markdown() if self._machines else ""
 
 
-def _formatted(result: StoredResult, key: str, shape: str) -> str:
+def _formatted(result: StoredResult, key: str, form: str) -> str:
     value = _value_at(result, key)
-    return " to ".join(format(v, shape) for v in (value if isinstance(value, list) else [value]))
+    return " to ".join(format(v, form) for v in (value if isinstance(value, list) else [value]))
 
 
 def _value_at(result: StoredResult, key: str) -> Any:
     """The value at a dotted key: of a suite's figures, or of a benchmark's or a run's values."""
     suite = isinstance(result, StoredSuiteResult)
     data: Any = result.model_dump(mode="json")["figures" if suite else "values"]
-    for part in key.split("."):
-        if not isinstance(data, Mapping) or part not in data:
+    for name in key.split("."):
+        if not isinstance(data, Mapping) or name not in data:
             raise UnknownNameError("value", key, data if isinstance(data, Mapping) else ())
-        data = data[part]
+        data = data[name]
     return data
 
 
@@ -321,24 +322,32 @@ def _reached(figures: Figures) -> str:
     return f"{figures.reached} of {figures.runs}"
 
 
-def _run_cells(result: StoredValues) -> list[str]:
-    values: Mapping[str, Any] = result.values
-    place = values.get("localized_after_s")
-    errors = (_number(values.get(f"estimate_error_{name}_m"), 3) for name in ("p95", "max"))
-    return [
-        f"{values['world']} `{values['mission']}`",
-        result.seeds,
-        ", ".join(result.stacks),
-        str(values["outcome"]),
-        f"{values['path_length_m']:.1f} m",
-        f"{values['sim_time_s']:.1f} s",
-        ", ".join(f"{error} m" for error in errors if error),
-        "" if place is None else f"{place:.1f} s",
-        str(values["collisions"]),
-    ]
+def _reached_in(entry: str, line: _Line) -> str | None:
+    parts = line.result.parts
+    return _reached(parts[entry]) if entry in parts else None
 
 
-def _short(result: StoredResult) -> str:
+def _estimate_error(figures: Figures) -> str:
+    errors = figures.estimate_error_m, figures.estimate_error_max_m
+    return ", ".join(shown(error, ".2f", missing="") for error in errors) + " m"
+
+
+def _estimate_errors(values: Mapping[str, Any]) -> str:
+    errors = (values.get(f"estimate_error_{name}_m") for name in ("p95", "max"))
+    return ", ".join(shown(error, ".3f", "m") for error in errors if error is not None)
+
+
+def _causes(figures: Figures) -> str:
+    return "; ".join(f"{cause} {count}" for cause, count in figures.causes.items()) or "none"
+
+
+def _result_of(record: _Line | StoredResult) -> StoredResult:
+    return record.result if isinstance(record, _Line) else record
+
+
+def _short(record: _Line | StoredResult) -> str:
+    """The revision that a record was measured at, shortened."""
+    result = _result_of(record)
     if not result.dirty:
         return result.revision if " " in result.revision else result.revision[:_REVISION_DIGITS]
     return result.revision.removesuffix(DIRTY)[:_REVISION_DIGITS] + DIRTY
@@ -346,7 +355,3 @@ def _short(result: StoredResult) -> str:
 
 def _letter(number: int) -> str:
     return chr(ord("A") + number)
-
-
-def _number(value: float | None, digits: int = 2) -> str:
-    return "" if value is None else f"{value:.{digits}f}"

@@ -59,17 +59,17 @@ def summarize(rows: Sequence[RunRow], expect: Mapping[str, Expect] | None = None
 
 def _by_variant(rows: Sequence[RunRow]) -> dict[str, Any]:
     """The summary of each variant, in the order of the table."""
-    parts: dict[str, list[RunRow]] = {}
+    by_variant: dict[str, list[RunRow]] = {}
     for row in rows:
-        parts.setdefault(row.variant, []).append(row)
-    first = {_run(row): row.succeeded for row in next(iter(parts.values()))}
+        by_variant.setdefault(row.variant, []).append(row)
+    first = {_run(row): row.succeeded for row in next(iter(by_variant.values()))}
     numbers = {}
-    for name, part in parts.items():
-        both = [(first[_run(row)], row.succeeded) for row in part if _run(row) in first]
+    for name, of_variant in by_variant.items():
+        both = [(first[_run(row)], row.succeeded) for row in of_variant if _run(row) in first]
         numbers[name] = {
-            **_numbers(part),
+            **_numbers(of_variant),
             "p": mcnemar_exact(both.count((True, False)), both.count((False, True))),
-            "by_entry": _split(part, lambda row: row.entry),
+            "by_entry": _split(of_variant, lambda row: row.entry),
         }
     return numbers
 
@@ -134,8 +134,8 @@ def _given(values: Iterable[float | None]) -> list[float]:
 
 
 def _mean(values: Iterable[float]) -> float | None:
-    given = list(values)
-    return fmean(given) if given else None
+    numbers = list(values)
+    return fmean(numbers) if numbers else None
 
 
 def _median(values: Sequence[float]) -> float | None:

@@ -14,7 +14,8 @@ from scipy.io import savemat
 
 from navfw.bench.flow_comparison import measure_set, recorded_sets
 from navfw.bench.recorded_approach import bench_approach
-from navfw.bench.tum_recording import FR1_DISTORTION, FR1_MATRIX, tum_pairs
+from navfw.bench.recorded_pairs import FR1_DISTORTION, FR1_MATRIX, TumRecording, frame_pairs
+from navfw.bench.true_pairs import TruePair
 from navfw.errors import ConfigError, InputError
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.dis import Dis
@@ -147,6 +148,10 @@ def test_real_frames_geometry_is_right(tum: Path) -> None:
             assert measured["epe_median"] < 0.25 + 0.02 * exact
 
 
+def tum_pairs(folder: Path, size: tuple[int, int]) -> list[TruePair]:
+    return list(frame_pairs("tum_fr1", TumRecording(folder).frames(size)))
+
+
 def test_depth_is_carried_to_the_colour_images_pose(tum: Path) -> None:
     first, second = tum_pairs(tum, (160, 120))
     known = second.depth > 0
@@ -159,13 +164,13 @@ def test_depth_is_carried_to_the_colour_images_pose(tum: Path) -> None:
 
 def test_a_recording_that_lacks_something_is_refused(tum: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"rgb\.txt: there is no such file"):
-        list(tum_pairs(tmp_path, (160, 120)))
+        tum_pairs(tmp_path, (160, 120))
     copy = tmp_path / "copy"
     shutil.copytree(tum, copy)
     (copy / "groundtruth.txt").write_text("0 1 2\nnonsense\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"groundtruth\.txt:1: has 3 values; expected timestamp"):
-        list(tum_pairs(copy, (160, 120)))
+        tum_pairs(copy, (160, 120))
     shutil.rmtree(copy / "depth")
     shutil.copy(tum / "groundtruth.txt", copy)
     with pytest.raises(InputError, match="expected two colour images"):
-        list(tum_pairs(copy, (160, 120)))
+        tum_pairs(copy, (160, 120))

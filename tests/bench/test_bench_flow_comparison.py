@@ -18,16 +18,17 @@ from typer.testing import CliRunner
 from navfw.bench import flow_comparison
 from navfw.bench.flow_comparison import (
     PARTS,
+    PlainDense,
+    PlainPoints,
     TrueSet,
     bench_flow_sets,
-    comparison_tables,
     measure_set,
+    plain_processors,
     recorded_sets,
     rendered_set,
+    tables,
 )
-from navfw.bench.flow_pairs import TruePair
-from navfw.bench.plain_opencv import PlainDense, PlainPoints, plain_processors
-from navfw.bench.true_flow import true_flow, with_recording_error
+from navfw.bench.true_pairs import TruePair, true_flow, with_recording_error
 from navfw.cli import app
 from navfw.errors import ConfigError, InputError
 from navfw.flow.block_matching import BlockMatching
@@ -88,10 +89,10 @@ def test_the_geometry_of_a_recorded_walk_is_right(data: Path) -> None:
         assert measured["coverage"] > 0.6
         assert measured["ms"] > 0.0
     assert processors["cv_lk_15"]["within_2_sigma"] is None
-    ((title, columns, rows),) = comparison_tables(result)
-    assert title.startswith("hololens_office: 5 pairs of ")
-    assert [row[0] for row in rows] == ["block_matching", "cv_lk_15"]
-    assert all(len(row) == len(columns) for row in rows)
+    (table,) = tables(result)
+    assert table.title.startswith("hololens_office: 5 pairs of ")
+    assert [row[0] for row in table.rows] == ["block_matching", "cv_lk_15"]
+    assert all(len(row) == len(table.head) for row in table.rows)
 
 
 def test_parts_share_no_pair(data: Path) -> None:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from navfw.bench.perception_time import (
+from navfw.bench.perception_benchmark import (
     MAX_DIFFERENCE,
     compare_rule_bases,
     time_flow,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from labelled_frames import label, save_approach
@@ -12,7 +13,7 @@ from perceive_images import save, texture
 from typer.testing import CliRunner
 
 from navfw.bench import real_benchmark
-from navfw.bench.real_benchmark import CAMERAS, bench_real, real_rows
+from navfw.bench.real_benchmark import RECORDINGS, bench_real, tables
 from navfw.bench.real_labels import SentenceVerdict, judge, load_labels
 from navfw.cli import app
 from navfw.errors import ConfigError
@@ -65,7 +66,7 @@ def test_a_sentence_is_judged_by_the_rule(
 def test_the_labels_are_read_and_their_cameras_are_known() -> None:
     labels = load_labels()
     assert len(labels) > 240
-    assert {found.folder for found in labels} == set(CAMERAS)
+    assert {frame.folder for frame in labels} == set(RECORDINGS)
 
 
 @pytest.fixture
@@ -76,6 +77,12 @@ def approach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+def rows_of(result: dict[str, Any]) -> list[list[str]]:
+    (table,) = tables(result)
+    assert all(len(row) == len(table.head) for row in table.rows)
+    return table.rows
+
+
 @pytest.mark.thorough
 def test_the_benchmark_counts_verdicts_and_headings(approach: Path) -> None:
     result = bench_real(approach, "tuning", ["dis"], default_registry())
@@ -84,7 +91,7 @@ def test_the_benchmark_counts_verdicts_and_headings(approach: Path) -> None:
     assert row["verdicts"]["right"] == 2, row
     assert row["statements"] == {"front right": 2, "nearest right": 2}
     assert row["pairs"] == 4
-    assert real_rows(result)[-1][:6] == ["dis", "all", "2", "0", "0", "0"]
+    assert rows_of(result)[-1][:6] == ["dis", "all", "2", "0", "0", "0"]
     assert bench_real(approach, "test", ["dis"], default_registry())["frames"] == 0
 
 
@@ -102,7 +109,7 @@ def test_photographs_without_a_neighbour_are_not_in_the_total(
     assert sum(found["total"]["verdicts"].values()) == 1
     assert list(found["singles"]) == ["corridor_a"]
     assert found["singles"]["corridor_a"]["verdicts"]["silent"] == 1
-    assert real_rows(result)[-1][:2] == ["dis", "corridor_a (single)"]
+    assert rows_of(result)[-1][:2] == ["dis", "corridor_a (single)"]
 
 
 def test_what_is_missing_is_named(approach: Path) -> None:

@@ -10,9 +10,15 @@ import numpy as np
 import pytest
 from perceive_images import HEIGHT, WIDTH, save, texture, wall_at
 
-from navfw.bench.real_depth import DepthFile, depth_files, nearness_errors
-from navfw.bench.real_poses import camera_way
-from navfw.bench.real_yaw import recorded_gyro, yaw_rates, yaw_summary
+from navfw.bench.recorded_pairs import DepthFile
+from navfw.bench.recording_truth import (
+    camera_way,
+    depth_files,
+    nearness_errors,
+    recorded_gyro,
+    yaw_rates,
+    yaw_summary,
+)
 from navfw.errors import ConfigError
 from navfw.perceive.image_sources import open_source
 from navfw.perceive.pair_result import PairResult

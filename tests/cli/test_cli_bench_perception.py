@@ -12,14 +12,14 @@ from typer.testing import CliRunner
 from navfw.bench import (
     flow_accuracy,
     flow_comparison,
-    flow_pairs,
     perception_accuracy,
-    perception_time,
+    perception_benchmark,
     recorded_approach,
+    true_pairs,
 )
 from navfw.bench.flow_comparison import TrueSet
-from navfw.bench.flow_pairs import TruePair
 from navfw.bench.perception_benchmark import TARGETS, Target
+from navfw.bench.true_pairs import TruePair
 from navfw.cli import app
 from navfw.flow.farneback import Farneback
 from navfw.interfaces import FlowProcessor
@@ -63,7 +63,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
     def run_flow(places: int, seed: int, report: object) -> dict[str, Any]:
         arguments["flow"] = places, seed
-        worlds, motions = ("empty",), {"2 cm": flow_pairs.MOTIONS["2 cm"]}
+        worlds, motions = ("empty",), {"2 cm": true_pairs.MOTIONS["2 cm"]}
         monkeypatch.setattr(flow_accuracy, "MOTIONS", motions)
         errors = flow_accuracy.statistics(np.ones((4, 2)), np.full(4, 2.0), 8)
         part = {**errors, "ms": 1.0, "by_motion": {"2 cm": errors}, "calibration": []}
@@ -85,7 +85,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         row = {"from_s": 0.0, "to_s": 5.0, "n": 9, "median_rel_error": 0.02, "raw_median": 0.1}
         return {"ttc_median_rel_error": 0.02, "by_time": [row]}
 
-    monkeypatch.setattr(perception_time, "run", run_speed)
+    monkeypatch.setattr(perception_benchmark, "time_perception", run_speed)
     monkeypatch.setattr(flow_accuracy, "bench_flow", run_flow)
     monkeypatch.setattr(perception_accuracy, "run", run_accuracy)
     monkeypatch.setattr(recorded_approach, "bench_approach", run_approach)
@@ -133,6 +133,7 @@ def test_data_and_page(measured: dict[str, Any], tmp_path: Path) -> None:
     assert {path.name for path in out.iterdir()} == {"index.md", "result.json", "flow.png"}
     page = (out / "index.md").read_text()
     assert "| 0 to 5 | 9 | 2.0 % | 10.0 % |" in page
+    assert "| nearest quadrant correct | 0.97 | 0.97 | at least 0.95 | yes |" in page
     assert "![error and time of the processors](flow.png)" in page
 
 

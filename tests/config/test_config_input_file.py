@@ -56,7 +56,7 @@ ALLOWED = {
         "os.open": "the null device",
     },
     "navfw/perceive/gyro_record.py": {"csv.reader": "of text already read"},
-    "navfw/bench/hololens_recording.py": {"np.loadtxt": "of lines already read"},
+    "navfw/bench/recorded_pairs.py": {"np.loadtxt": "of lines already read"},
     "navfw/bench/recorded_approach.py": {"loadmat": "of an opened input"},
     "navfw/sim/engine.py": {"os.open": "the null device"},
     "navfw/recording/video_output.py": {"av.open": "a file to write"},

@@ -53,11 +53,11 @@ def test_a_drive_has_a_sample_for_each_frame_and_a_spaced_one_for_each_quarter_m
 
 def test_odometry_from_a_known_start_gives_the_place(drive: SituationDrive) -> None:
     table = learn_table(drive.observations())
-    right, probability = place_accuracy(drive, table, known=True)
+    right, probability = place_accuracy(drive, table, known_start=True)
     assert right > 0.8
     assert probability > 0.5
     for heard in (None, situation_table("learnt")):
-        _, unknown = place_accuracy(drive, heard, known=False)
+        _, unknown = place_accuracy(drive, heard, known_start=False)
         assert unknown < 0.7 * probability
 
 

@@ -9,8 +9,8 @@ from typing import cast
 
 import pytest
 
+from navfw.bench.perception_accuracy import judge_percept, no_situation
 from navfw.bench.view_truth import HalfPlane, ViewTruth
-from navfw.reproduce.percept_verdict import judge_percept, no_situation
 from navfw.signals import Percept
 
 WALL = ViewTruth(

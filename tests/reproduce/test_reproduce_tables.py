@@ -8,9 +8,18 @@ import re
 import numpy as np
 import pytest
 
+from navfw.bench.perception_accuracy import front_of
 from navfw.camera_geometry.rotations import rotational_flow
 from navfw.config.lookup import find
-from navfw.reproduce.office_scenes import SCENES, hand_held
+from navfw.reproduce.paper_scenes import (
+    FAST_TURN,
+    SCENES,
+    WAYPOINTS,
+    before,
+    drive,
+    hand_held,
+    length,
+)
 from navfw.reproduce.paper_tables import (
     FAST,
     SceneRow,
@@ -19,10 +28,8 @@ from navfw.reproduce.paper_tables import (
     checks,
     table2,
     table3,
+    true_flow,
 )
-from navfw.reproduce.paper_trajectory import FAST_TURN, WAYPOINTS, before, drive, length
-from navfw.reproduce.percept_verdict import front_of
-from navfw.reproduce.rendered_views import true_flow
 from navfw.reproduce.reproduction_pictures import draw_map, scene_picture, waypoint_picture
 from navfw.robot import RobotModel
 from navfw.sim import FloorPlan, load_world
