@@ -86,9 +86,9 @@ def tune(
         from navfw.process.target_lock import TargetLock
         from navfw.suite.run_engine import engine_or_processes
         from navfw.suite.suitefile import load_suite
-        from navfw.tune.case_driving import driver
         from navfw.tune.stack_study import StackStudy
         from navfw.tune.study_folder import StudyFolder
+        from navfw.tune.trials import driver
 
         suite = load_suite(file)
         study = StackStudy.plan(

@@ -176,22 +176,22 @@ def search_space(
 
     """
     plugins = {choice.name: choice for choice in config.stages.values()} | dict(config.behaviors)
-    found: dict[str, Coordinate] = {}
+    coordinates: dict[str, Coordinate] = {}
     for text in parameters:
         name, _, parameter = text.partition(".")
         numbers = _numbers(name, _plugin(plugins, name, "--param"))
         if parameter and f"{name}.{parameter}" not in numbers:
             _refuse_parameter(plugins[name], name, parameter, numbers)
-        found |= {p: n for p, n in numbers.items() if not parameter or p == text}
+        coordinates |= {p: n for p, n in numbers.items() if not parameter or p == text}
     for text in rules:
         name, _, wanted = text.partition(".")
         inputs = _break_points(name, _plugin(plugins, name, "--rules"), robot)
         if wanted and wanted not in inputs:
             raise UnknownNameError(f"input of {name}", wanted, inputs, key="--rules")
-        found |= {c.path: c for key, c in inputs.items() if not wanted or key == wanted}
-    if not found:
+        coordinates |= {c.path: c for key, c in inputs.items() if not wanted or key == wanted}
+    if not coordinates:
         raise ConfigError("nothing to tune: name a plugin with bounded numbers", key="--param")
-    return SearchSpace(tuple(found.values()))
+    return SearchSpace(tuple(coordinates.values()))
 
 
 def _plugin(plugins: Mapping[str, Choice], name: str, key: str) -> Choice:
@@ -202,7 +202,7 @@ def _plugin(plugins: Mapping[str, Choice], name: str, key: str) -> Choice:
 
 def _numbers(name: str, choice: Choice) -> dict[str, Coordinate]:
     """The numbers of a plugin's parameters that have both bounds, by path."""
-    found: dict[str, Coordinate] = {}
+    numbers: dict[str, Coordinate] = {}
     for field, info in choice.plugin.Params.model_fields.items():
         if info.annotation not in (int, float):
             continue
@@ -218,10 +218,10 @@ def _numbers(name: str, choice: Choice) -> dict[str, Coordinate]:
         inset = 1e-3 * (high - low) * (info.annotation is float)  # bounds may be excluded
         now = float(getattr(choice.params, field))
         ends = min(low + inset, now), max(high - inset, now)
-        found[f"{name}.{field}"] = TunedNumber(
+        numbers[f"{name}.{field}"] = TunedNumber(
             f"{name}.{field}", *ends, info.annotation is int, now
         )
-    return found
+    return numbers
 
 
 def _refuse_parameter(
@@ -245,4 +245,4 @@ def _break_points(name: str, choice: Choice, robot: RobotModel) -> dict[str, Bre
         variable.name: BreakPoints(f"{name}.terms.{variable.name}", base, variable)
         for variable in base.inputs.values()
     }
-    return {key: found for key, found in inputs.items() if found.points}
+    return {key: points for key, points in inputs.items() if points.points}

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from statistics import fmean
 from typing import Any
 
+import numpy as np
 from optuna.trial import FrozenTrial
 
 from navfw.config.lookup import find
@@ -16,13 +18,49 @@ from navfw.plugins import Registry
 from navfw.robot import RobotModel
 from navfw.stack.stackfile import StackConfig, load_stack
 from navfw.suite.case import Case
+from navfw.suite.run_table import RunRow
 from navfw.suite.suite_plan import SuitePlan, plan_runs
 from navfw.suite.suitefile import Suite, parse_seeds
-from navfw.tune.objectives import Objectives
 from navfw.tune.search_space import SearchSpace, search_space
 from navfw.tune.study_folder import StudyFolder
-from navfw.tune.tuning import Drive, best_of, run_trials, with_settings
-from navfw.tune.validated_difference import validated_difference
+from navfw.tune.trials import Drive, Objectives, best_of, run_trials, with_settings
+
+_RESAMPLES = 9999
+"""Number of bootstrap samples."""
+
+
+def validated_difference(
+    before: Sequence[RunRow], after: Sequence[RunRow], objectives: Objectives
+) -> dict[str, Any]:
+    """The mean difference of the score, tuned minus untuned, over the same runs in the same order.
+
+    ``interval`` is its 95 % bootstrap interval over runs (percentiles). ``better`` is whether all
+    of it is above 0.
+    """
+    from scipy.stats import bootstrap
+
+    scores = [[objectives.score(row) for row in rows] for rows in (before, after)]
+    differences = np.subtract(scores[1], scores[0])
+    low = high = float(differences.mean())
+    if np.ptp(differences) > 0.0:
+        interval = bootstrap(
+            (differences,),
+            np.mean,
+            n_resamples=_RESAMPLES,
+            method="percentile",
+            rng=np.random.default_rng(0),
+        ).confidence_interval
+        low, high = float(interval.low), float(interval.high)
+    return {
+        "runs": len(differences),
+        "score_before": fmean(scores[0]),
+        "score_after": fmean(scores[1]),
+        "difference": float(differences.mean()),
+        "interval": [low, high],
+        "better": low > 0.0,
+        "before": objectives.parts(before),
+        "after": objectives.parts(after),
+    }
 
 
 @dataclass(frozen=True)
@@ -120,7 +158,7 @@ class StackStudy:
         drawn = folder.write_importance(study)
         before = list(drive(self.validation))
         after = list(drive(with_settings(self.validation, self.space, settings)))
-        found = {
+        validation = {
             **validated_difference(before, after, self.objectives),
             "trial": best.number,
             "training_score": best.value,
@@ -128,8 +166,8 @@ class StackStudy:
             "stack": str(folder.stack),
             "importance": drawn,
         }
-        folder.write_validation(found)
-        return found
+        folder.write_validation(validation)
+        return validation
 
 
 def _fingerprint(plan: SuitePlan) -> str:

@@ -18,7 +18,7 @@ from navfw.config.input_file import is_file
 from navfw.errors import ConfigError, InputError
 from navfw.process.atomic import atomic_file, write_text
 from navfw.stack.stackfile import StackConfig
-from navfw.tune.tuning import SETTINGS, finished, sampler_and_pruner
+from navfw.tune.trials import SETTINGS, finished, sampler_and_pruner
 
 _NAME = "navfw"
 _IDENTITY = "identity"
@@ -91,11 +91,11 @@ class StudyFolder:
             study.set_user_attr(_IDENTITY, dict(identity))
         return study
 
-    def _check(self, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-        other = [name for name in wanted if found.get(name) != wanted[name]]
+    def _check(self, stored: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+        other = [name for name in wanted if stored.get(name) != wanted[name]]
         if other:
             name = other[0]
-            what = f"the study in it has another {name}: {_short(found.get(name))}, not"
+            what = f"the study in it has another {name}: {_short(stored.get(name))}, not"
             what += f" {_short(wanted[name])}; give the same options, or another --out"
             raise InputError(what, file=self.path)
 
@@ -140,14 +140,14 @@ class StudyFolder:
         names = list(shares)[::-1]
         axes.barh(names, [shares[name] for name in names])
         axes.set_xlabel("share of the score's variation (PED-ANOVA)")
-        with atomic_file(self.path / "importance.png") as part:
-            figure.savefig(part, format="png", dpi=120)
+        with atomic_file(self.path / "importance.png") as stream:
+            figure.savefig(stream, format="png", dpi=120)
         plt.close(figure)
         return True
 
-    def write_validation(self, found: Mapping[str, Any]) -> None:
+    def write_validation(self, validation: Mapping[str, Any]) -> None:
         """The comparison on validation seeds."""
-        write_text(self.path / "validation.json", json.dumps(dict(found), indent=2) + "\n")
+        write_text(self.path / "validation.json", json.dumps(dict(validation), indent=2) + "\n")
 
     def settings_of(self, trial: optuna.trial.FrozenTrial) -> dict[str, object]:
         """The values of the stack that a trial took, by path."""

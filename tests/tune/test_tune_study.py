@@ -33,11 +33,10 @@ from navfw.suite.worker_pool import WorkerFailure
 pytest.importorskip("optuna", reason="needs the extra tune: uv sync --extra tune")
 
 from navfw.suite.run_engine import engine_or_processes
-from navfw.tune.case_driving import driver
-from navfw.tune.objectives import Objectives
 from navfw.tune.search_space import BreakPoints, search_space
 from navfw.tune.stack_study import StackStudy
 from navfw.tune.study_folder import StudyFolder
+from navfw.tune.trials import Objectives, driver
 
 DETUNED = "base: default\nbehaviors:\n  avoid: {spare: 0.9}\n"
 BEST = 0.06

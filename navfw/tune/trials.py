@@ -1,20 +1,77 @@
-"""The trials of a study: each drives the training runs with other settings of the stack."""
+"""Drives the runs of a trial by an engine, a few at a time, so that it can be pruned."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 from statistics import fmean
 
 import optuna
 from optuna.trial import FrozenTrial, Trial, TrialState
 
-from navfw.errors import RuleBaseError
-from navfw.suite.case import Case
+from navfw.errors import InputError, RuleBaseError, UnknownNameError
+from navfw.suite.case import Case, Job
+from navfw.suite.case_rows import row_of
+from navfw.suite.run_engine import Engine
 from navfw.suite.run_table import RunRow
-from navfw.tune.objectives import Objectives
+from navfw.suite.worker_pool import WorkerFailure
 from navfw.tune.search_space import SearchSpace
+
+CLEAR = 0.5
+"""Clearance [m] from which more of it counts no more."""
+
+SCORES: Mapping[str, Callable[[RunRow], float]] = {
+    "success": lambda row: float(row.succeeded),
+    "spl": lambda row: row.spl or 0.0,
+    "sct": lambda row: row.sct or 0.0,
+    "clearance": lambda row: min(max(row.clearance_p05_m or 0.0, 0.0) / CLEAR, 1.0),
+}
+"""The scores of a run; ``clearance`` is its 5th percentile, in units of ``CLEAR``."""
+
+
+@dataclass(frozen=True)
+class Objectives:
+    """Weights of the scores, summing to 1."""
+
+    weights: dict[str, float]
+
+    @classmethod
+    def parse(cls, texts: Sequence[str]) -> Objectives:
+        """From ``NAME`` or ``NAME=WEIGHT``.
+
+        >>> Objectives.parse(["success=3", "spl"]).weights
+        {'success': 0.75, 'spl': 0.25}
+
+        Raises:
+            InputError: there is no such score, or a weight is no positive number.
+
+        """
+        weights: dict[str, float] = {}
+        for text in texts:
+            name, equals, number = text.partition("=")
+            if name not in SCORES:
+                raise UnknownNameError("objective", name, SCORES, key="--objective")
+            try:
+                weight = float(number) if equals else 1.0
+            except ValueError:
+                weight = 0.0
+            if not 0.0 < weight < 1e6:
+                what = f"expected NAME=WEIGHT with a positive weight, got {text!r}"
+                raise InputError(what, key="--objective")
+            weights[name] = weight
+        total = sum(weights.values())
+        return cls({name: weight / total for name, weight in weights.items()})
+
+    def score(self, row: RunRow) -> float:
+        """The score of a run, in [0, 1]."""
+        return sum(weight * SCORES[name](row) for name, weight in self.weights.items())
+
+    def parts(self, rows: Sequence[RunRow]) -> dict[str, float]:
+        """The mean of each score over runs."""
+        return {name: sum(SCORES[name](row) for row in rows) / len(rows) for name in self.weights}
+
 
 Drive = Callable[[Sequence[Case]], Iterator[RunRow]]
 """Drives cases, and yields a row for each, in their order."""
@@ -107,3 +164,35 @@ def with_settings(
     """``cases`` with these values of the stack, over those that the suite sets."""
     changes = space.overrides(settings)
     return [replace(case, overrides=(*case.overrides, *changes)) for case in cases]
+
+
+def driver(engine: Engine) -> Drive:
+    """A ``Drive`` by ``engine``: as many runs at once as it has places for.
+
+    A run that dies with its process is driven again, once; then it counts as a fault.
+    """
+
+    def drive(cases: Sequence[Case]) -> Iterator[RunRow]:
+        first = 0
+        while first < len(cases):
+            some = cases[first : first + engine.capacity]
+            first += len(some)
+            yield from _rows(engine, some)
+
+    return drive
+
+
+def _rows(engine: Engine, cases: Sequence[Case]) -> list[RunRow]:
+    results = _results(engine, cases)
+    again = [case for case in cases if _died(results[case.index])]
+    results |= _results(engine, again)
+    return [row_of(case, results[case.index]) for case in cases]
+
+
+def _results(engine: Engine, cases: Sequence[Case]) -> dict[int, RunRow | WorkerFailure]:
+    jobs = [Job(case, Path(), "none") for case in cases]
+    return {job.case.index: result for job, result in engine.run(jobs)}
+
+
+def _died(result: RunRow | WorkerFailure) -> bool:
+    return isinstance(result, WorkerFailure) and result.repeatable
