@@ -2,22 +2,165 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any
 
 import gymnasium
 import numpy as np
+from pydantic import Field
 
-from navfw.config.overrides import Settings
+from navfw.config.document import YamlDocument
+from navfw.config.lookup import find, find_mission
+from navfw.config.overrides import Settings, override_texts
+from navfw.config.strict_model import StrictModel
+from navfw.config.yamlfile import validate
 from navfw.errors import InputError, UnknownNameError
 from navfw.gym.agent_plugins import ACTIONS, Action, AgentChoice
-from navfw.gym.episodes import Episodes
 from navfw.gym.observation_kinds import KINDS, AgentView, Observation
-from navfw.gym.reward import RemainingWay, RewardWeights, reward_terms
 from navfw.missions.outcome import Outcome
+from navfw.missions.progress_checkers import GoalChecker
+from navfw.missions.session import Session
 from navfw.missions.stepped_session import SteppedSession, TickView
-from navfw.signals import Image
+from navfw.plugins import Registry, default_registry
+from navfw.signals import Image, Pose
 from navfw.stack import Stack
-from navfw.suite.suitefile import parse_seeds
+from navfw.suite.case import Case
+from navfw.suite.entry_cases import with_seed
+from navfw.suite.suitefile import EntrySpec, parse_seeds
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """Sessions by seed, with an agent in the place of one stage; the same as in a suite."""
+
+    case: Case
+    entry: EntrySpec
+    registry: Registry
+
+    @classmethod
+    def of(
+        cls,
+        action: str,
+        *,
+        family: str | None,
+        difficulty: float | tuple[float, float],
+        world: str | None,
+        mission: str | None,
+        stack: str | None,
+        changes: Settings,
+    ) -> Episodes:
+        """The episodes of a family, or of a world's mission.
+
+        Raises:
+            InputError: it is neither or both, or one of the names does not exist.
+
+        """
+        if (family is None) == (world is None) or (world is None) != (mission is None):
+            raise InputError(
+                "expected either a family, or a world and a mission: "
+                'gymnasium.make("navfw/Mission-v0", world="office", mission="lobby-to-lab")'
+            )
+        overrides = (*override_texts(changes), *ACTIONS[action].overrides())
+        file = "" if stack is None else str(find("stack", stack).absolute())
+        case = Case(0, family or world or "", 0, file, stack or "", "", "", overrides)
+        entry = EntrySpec(world=world, family=family)
+        if family is not None:
+            entry = EntrySpec(family=family, difficulty=difficulty)
+            case = replace(case, family=family, mission_name="cross")
+        elif world is not None and mission is not None:
+            case = replace(
+                case,
+                world=str(find("world", world).absolute()),
+                mission=str(find_mission(world, mission).absolute()),
+                world_name=world,
+                mission_name=Path(mission).stem,
+            )
+        registry = default_registry()
+        for kind in ACTIONS.values():
+            registry.register(kind.plugin, "navfw.gym")
+        return cls(case, entry, registry)
+
+    def session(self, seed: int) -> Session:
+        """The run of ``seed``, which determines the world of a family, and all noise.
+
+        Raises:
+            InputError: the seed is out of range, or world, mission or stack is wrong.
+
+        """
+        parse_seeds(f"{seed}:{seed + 1}")
+        return with_seed(self.case, self.entry, seed).session(self.registry)
+
+
+class RewardWeights(StrictModel):
+    """The weight of each term of the reward."""
+
+    progress: Annotated[
+        float, Field(description="of each metre by which the way through all goals gets shorter")
+    ] = 1.0
+    time: Annotated[float, Field(description="of each second")] = -0.1
+    reached: Annotated[float, Field(description="once, if the mission succeeds")] = 10.0
+    collided: Annotated[float, Field(description="once, at a collision or fall")] = -10.0
+    failed: Annotated[
+        float, Field(description="once, if the mission ends otherwise, but for its time limit")
+    ] = -5.0
+
+    @classmethod
+    def of(cls, weights: Mapping[str, float]) -> RewardWeights:
+        """The weights in ``weights``; those left out have their defaults.
+
+        Raises:
+            ConfigError: there is no such term, or a weight is no number.
+
+        """
+        return validate(YamlDocument("reward", dict(weights)), cls)
+
+
+def reward_terms(
+    weights: RewardWeights, progress: float, time: float, outcome: Outcome | None
+) -> dict[str, float]:
+    """Each term of the reward of a step that took ``time`` [s] and brought ``progress`` [m].
+
+    ``outcome`` is the mission's, or None if it goes on.
+    """
+    terms = {"progress": weights.progress * progress, "time": weights.time * time}
+    if outcome is not None and outcome.succeeded:
+        terms["reached"] = weights.reached
+    elif outcome is Outcome.COLLIDED:
+        terms["collided"] = weights.collided
+    elif outcome is not None and outcome is not Outcome.TIMEOUT:
+        terms["failed"] = weights.failed
+    return terms
+
+
+class RemainingWay:
+    """The length [m] of the shortest way through the goals that are left, from the true pose.
+
+    Doors that an event closes count as they are at the start.
+    """
+
+    def __init__(self, session: Session) -> None:
+        task = session.task
+        radius = task.robot.radius
+        self._checker = GoalChecker(task.goals, task.success_radius)
+        self._fields = [
+            session.plan.distance_field((goal.x, goal.y), radius) for goal in task.goals
+        ]
+        legs = [
+            field.at(goal.x, goal.y)
+            for (goal, _), field in zip(pairwise(task.goals), self._fields[1:], strict=True)
+        ]
+        self._behind = [sum(legs[index:]) for index in range(len(task.goals))]
+
+    def update(self, pose: Any) -> float:
+        """The length from the true ``pose`` (3,): x, y [m], yaw [rad]."""
+        place = Pose(*(float(value) for value in pose))
+        self._checker.update(place)
+        index = min(self._checker.next, len(self._fields) - 1)
+        return self._fields[index].at(place.x, place.y) + self._behind[index]
+
 
 Seen = dict[str, Any]
 """An observation: arrays by name."""
@@ -59,9 +202,9 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         reward: dict[str, float] | None = None,
         render_mode: str | None = None,
     ) -> None:
-        for what, name, known in (("observation", observation, KINDS), ("action", action, ACTIONS)):
-            if name not in known:
-                raise UnknownNameError(what, name, known, key=what)
+        for what, name, names in (("observation", observation, KINDS), ("action", action, ACTIONS)):
+            if name not in names:
+                raise UnknownNameError(what, name, names, key=what)
         self._seeds = parse_seeds(seeds)
         self._weights = RewardWeights.of(reward or {})
         self._episodes = Episodes.of(

@@ -44,8 +44,8 @@ def _box(low: float, high: float, *shape: int) -> spaces.Box:
 
 def _clipped(values: Any, box: spaces.Box) -> Array:
     """``values`` as an element of ``box``; what is not a number becomes 0."""
-    known = np.nan_to_num(np.asarray(values, dtype=np.float64), posinf=math.inf, neginf=-math.inf)
-    clipped: Array = np.clip(known, box.low, box.high).astype(box.dtype)
+    finite = np.nan_to_num(np.asarray(values, dtype=np.float64), posinf=math.inf, neginf=-math.inf)
+    clipped: Array = np.clip(finite, box.low, box.high).astype(box.dtype)
     return clipped
 
 
