@@ -16,8 +16,10 @@ NavfwError
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Self
 
 _NEAR = 0.52
 """Least similarity of a name that is meant: "bride" and "bright" have 0.55, "latency" and
@@ -54,14 +56,26 @@ class InputError(NavfwError):
         line: int | None = None,
         key: str | None = None,
     ) -> None:
+        super().__init__(message)
+        self._place(file, line, key)
+
+    def located(
+        self, *, file: str | Path | None = None, line: int | None = None, key: str | None = None
+    ) -> Self:
+        """A copy of this error with a place of its cause, before the place that it has, if any."""
+        located = type(self).__new__(type(self), str(self))
+        located.__dict__.update(self.__dict__)
+        located._place(file, line, key)
+        return located
+
+    def _place(self, file: str | Path | None, line: int | None, key: str | None) -> None:
         self.file = None if file is None else str(file)
         self.line = line
         self.key = key
         where = self.file or ""
         if line is not None:
             where += f":{line}" if where else f"line {line}"
-        parts = [part for part in (where, key) if part]
-        super().__init__(": ".join([*parts, message]))
+        self.args = (": ".join([*(part for part in (where, key) if part), str(self)]),)
 
 
 class ConfigError(InputError):
@@ -126,3 +140,18 @@ class MapError(InputError):
 
 class SimulationError(NavfwError):
     """The simulator failed, independently of the input."""
+
+
+@contextmanager
+def locating(
+    *,
+    file: str | Path | None = None,
+    line: int | None = None,
+    key: str | None = None,
+    only: type[InputError] = InputError,
+) -> Iterator[None]:
+    """Give errors in the block a place before their own; ``only`` to errors of that class."""
+    try:
+        yield
+    except only as error:
+        raise error.located(file=file, line=line, key=key) from None

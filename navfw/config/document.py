@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -18,7 +19,7 @@ from ruamel.yaml.reader import ReaderError
 
 from navfw.config.input_file import read_input_text, shown_path
 from navfw.config.yaml_compose import compose_quickly
-from navfw.errors import ConfigError
+from navfw.errors import ConfigError, InputError, locating
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 """The path of a value in a document: mapping keys and list indices, outermost first."""
@@ -88,6 +89,17 @@ class YamlDocument:
         1
         """
         return self.origin_of(tuple(path)).line
+
+    def locating(
+        self, path: KeyPath, key: str = "", only: type[InputError] = InputError
+    ) -> AbstractContextManager[None]:
+        """Give errors in the block, ``only`` those of a class, the place of ``path`` in the file.
+
+        ``key`` is shown instead of the path, an option that has set the value instead of both.
+        """
+        origin = self.origin_of(path)
+        shown = origin.option or key or key_text(path)
+        return locating(file=origin.file, line=origin.line, key=shown, only=only)
 
     def at(self, path: KeyPath) -> Data:
         """The data at ``path``; None where there is nothing."""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence, Sized
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -87,6 +89,20 @@ def problems_of(
         else:
             problems[problem] = None
     return list(problems)
+
+
+@contextmanager
+def rewording(what: str = "", prefix: str = "", file: str | Path | None = None) -> Iterator[None]:
+    """A ValidationError in the block becomes a ConfigError about the first wrong key of ``file``.
+
+    ``what`` begins its message, ``prefix`` the key. It is for data that have no lines.
+    """
+    try:
+        yield
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = prefix + key_text(first["loc"])
+        raise ConfigError(f"{what}{first['msg']}", file=file, key=key or None) from None
 
 
 def _order(problem: FileProblem) -> tuple[bool, int]:

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from navfw.config.document import KeyPath, YamlDocument, key_text
 from navfw.config.yamlfile import validate
-from navfw.errors import ConfigError, PluginError, UnknownNameError
+from navfw.errors import ConfigError, PluginError, UnknownNameError, locating
 from navfw.interfaces import MissionEvent
 from navfw.missions.event_clock import Event
 from navfw.missions.eventspec import BehaviorFault, EventSpec, NearTrigger
@@ -74,10 +74,8 @@ def _parts(
         "line": origin.line,
         "key": key_text((*path, name)),
     }
-    try:
+    with locating(**where, only=UnknownNameError):
         plugin = cast(type[MissionEvent], plugins.get("event", name))
-    except UnknownNameError as error:
-        raise UnknownNameError(error.what, error.name, error.known, **where) from None
     event = plugin(robot, validate(document, plugin.Params, (*path, name)))
     trigger = spec.model_dump(exclude_unset=True, exclude={"plugin"})
     try:

@@ -5,8 +5,7 @@ The schema is in ``navfw.missions.missionspec``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from navfw.config.document import KeyPath, YamlDocument, key_text, load_yaml
+from navfw.config.document import KeyPath, YamlDocument, load_yaml
 from navfw.config.lookup import find
 from navfw.config.overrides import Override, apply_overrides
 from navfw.errors import ConfigError, UnknownNameError, WorldError
@@ -81,7 +80,7 @@ class MissionFile:
         def check(place: Place) -> None:
             plan.check_free(place.x, place.y, radius, f"the start {place.name!r}")
 
-        with self._located(("start",)):
+        with self.document.locating(("start",), only=WorldError):
             return replace(self, start=draw_start(self.starts, seed, check))
 
     def check(self, plan: FloorPlanQueries) -> float:
@@ -97,29 +96,20 @@ class MissionFile:
         total, here = 0.0, (self.start.x, self.start.y)
         legs: dict[tuple[tuple[float, float], tuple[float, float]], float] = {}
         body = "the start" if robot.footprint is None else "part of the robot's body at the start"
-        with self._located(("start",)):
+        with self.document.locating(("start",), only=WorldError):
             for x, y, disc_radius in robot.discs:
                 plan.check_free(*self.start.to_parent(x, y), disc_radius, body)
         for index, goal in enumerate(self.goals):
             there = (goal.x, goal.y)
             if (here, there) not in legs:  # repeated in every round
                 what = f"the goal {goal.place!r}" if goal.place else "the goal"
-                with self._located(("goals", index % len(self.spec.goals))):
+                key = ("goals", index % len(self.spec.goals))
+                with self.document.locating(key, only=WorldError):
                     plan.check_free(*there, radius, what)
                     legs[here, there] = plan.shortest_path(here, there, radius)[0]
             total += legs[here, there]
             here = there
         return total
-
-    @contextmanager
-    def _located(self, path: KeyPath) -> Iterator[None]:
-        """Give a WorldError the file, line and key of this part of the mission."""
-        try:
-            yield
-        except WorldError as error:
-            origin = self.document.origin_of(path)
-            key = origin.option or key_text(path)
-            raise WorldError(str(error), file=origin.file, line=origin.line, key=key) from None
 
 
 def load_mission(path: str | Path, overrides: Sequence[str | Override] = ()) -> MissionFile:
@@ -150,10 +140,8 @@ def load_mission(path: str | Path, overrides: Sequence[str | Override] = ()) -> 
 
 
 def _find_map(path: Path, document: YamlDocument, name: str) -> TopoMap:
-    try:
+    with document.locating(("map",), only=UnknownNameError):
         file = find("map", name, base=path.parent)
-    except UnknownNameError as error:
-        raise _unknown(document, ("map",), error.what, name, error.known) from None
     return load_map(file, check_landmark_kind)
 
 
@@ -178,14 +166,11 @@ def _starts(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tup
         return ()
     found = start_candidates(topo_map, [goal for goal in spec.goals if isinstance(goal, str)])
     if not found:
-        origin = document.origin_of(("start",))
-        raise ConfigError(
-            f"no place to start from: the map {topo_map.name!r} has only doors, dangers and goals; "
-            "add a place, or give a start",
-            file=origin.file,
-            line=origin.line,
-            key=origin.option or "start",
-        )
+        with document.locating(("start",)):
+            raise ConfigError(
+                f"no place to start from: the map {topo_map.name!r} has only doors, dangers and"
+                " goals; add a place, or give a start"
+            )
     return tuple(found)
 
 
@@ -202,28 +187,16 @@ def _goals(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tupl
 
 
 def _place(document: YamlDocument, path: KeyPath, topo_map: TopoMap, name: str) -> Place:
-    try:
-        return topo_map.places[name]
-    except KeyError:
-        raise _unknown(document, path, "place", name, topo_map.places) from None
+    with document.locating(path):
+        if name not in topo_map.places:
+            raise UnknownNameError("place", name, topo_map.places)
+    return topo_map.places[name]
 
 
-def _unknown(
-    document: YamlDocument, path: KeyPath, what: str, name: str, known: Iterable[str]
-) -> UnknownNameError:
-    origin = document.origin_of(path)
-    key = origin.option or key_text(path)
-    return UnknownNameError(what, name, known, file=origin.file, line=origin.line, key=key)
-
-
-def _mapless(document: YamlDocument, path: KeyPath, name: str) -> ConfigError:
-    origin = document.origin_of(path)
+def _mapless(name: str) -> ConfigError:
     return ConfigError(
         f"the place {name!r} needs a map, and the mission names none: add 'map: NAME', or give"
-        " coordinates",
-        file=origin.file,
-        line=origin.line,
-        key=origin.option or key_text(path),
+        " coordinates"
     )
 
 
@@ -231,19 +204,18 @@ def _map_of_goals(document: YamlDocument, spec: MissionSpec) -> TopoMap:
     """A map for a mission without one: start and goals, joined by straight passages."""
     points: list[tuple[float, float]] = []
     if isinstance(spec.start, PlaceStart):
-        raise _mapless(document, ("start", "place"), spec.start.place)
+        with document.locating(("start", "place")):
+            raise _mapless(spec.start.place)
     if not isinstance(spec.start, tuple):
-        origin = document.origin_of(("start",))
-        raise ConfigError(
-            "an unknown start needs a map, and the mission names none: add 'map: NAME'",
-            file=origin.file,
-            line=origin.line,
-            key=origin.option or "start",
-        )
+        with document.locating(("start",)):
+            raise ConfigError(
+                "an unknown start needs a map, and the mission names none: add 'map: NAME'"
+            )
     points.append(spec.start[:2])
     for index, goal in enumerate(spec.goals):
         if not isinstance(goal, PointGoal):
-            raise _mapless(document, ("goals", index), goal)
+            with document.locating(("goals", index)):
+                raise _mapless(goal)
         points.append((goal.x, goal.y))
     if spec.rounds > 1:
         points.append(points[1])  # the next round

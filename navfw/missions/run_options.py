@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from navfw.config.lookup import find
 from navfw.config.overrides import Override, parse_override
@@ -33,12 +32,8 @@ def chosen_stack(mission: MissionFile, stack: str | Path | None = None) -> Path:
     if stack is not None:
         return find("stack", stack)
     unnamed = _DEFAULT_STACK if mission.topo_map.floor_plan is None else _FLOOR_PLAN_STACK
-    try:
+    with mission.document.locating(("stack",), only=UnknownNameError):
         return find("stack", mission.spec.stack or unnamed)
-    except UnknownNameError as error:
-        origin = mission.document.origin_of(("stack",))
-        where: dict[str, Any] = {"file": origin.file, "line": origin.line, "key": "stack"}
-        raise UnknownNameError(error.what, error.name, error.known, **where) from None
 
 
 def split_overrides(overrides: Sequence[str]) -> tuple[list[Override], list[str]]:

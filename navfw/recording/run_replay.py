@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
+from navfw.config.problems import rewording
 from navfw.errors import ConfigError, InputError
 from navfw.features.landmark_appearance import check_landmark_kind
 from navfw.plugins.fault_injection import Failure, inject_faults
@@ -202,11 +203,8 @@ def _recorded_events(folder: Path) -> list[_RecordedEvent]:
     events = read_result(folder).get("events", [])
     if not isinstance(events, list):
         raise ConfigError("expected a list", file=folder / RESULT, key="events")
-    try:
+    with rewording(prefix="events.", file=folder / RESULT):
         return [_RecordedEvent.model_validate(event) for event in events]
-    except ValidationError as error:
-        where = ".".join(["events", *map(str, error.errors()[0]["loc"])])
-        raise ConfigError(error.errors()[0]["msg"], file=folder / RESULT, key=where) from None
 
 
 def replay_commands(
@@ -245,9 +243,5 @@ def compare_commands(recording: SensorRecording, commands: Array) -> ReplayResul
 def _mission(result: dict[str, Any], folder: Path) -> _RecordedMission:
     config = result.get("config")
     data = config.get("mission") if isinstance(config, dict) else None
-    try:
+    with rewording(prefix="config.mission.", file=folder / RESULT):
         return _RecordedMission.model_validate(data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(["config", "mission", *map(str, first["loc"])])
-        raise ConfigError(first["msg"], file=folder / RESULT, key=where) from None

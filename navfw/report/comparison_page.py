@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from navfw.errors import InputError
+from navfw.errors import locating
 from navfw.report.report_page import render_page
 from navfw.report.run_lines import RunLine, RunLines, relative_link
 from navfw.report.suite_page import finished_rows
@@ -38,11 +38,9 @@ def comparison_report(
     """
     suites = (first, second)
     finished = [finished_rows(suite) for suite in suites]
-    try:
+    with locating(file=f"{first.path}, {second.path}"):
         rows = [of_variant(*chosen) for chosen in zip(finished, variants, strict=True)]
         found = compare_tables(*rows)
-    except InputError as error:
-        raise InputError(f"{first.path}, {second.path}: {error}") from None
     pairs = pair_up(*rows)
     changes = PairedChanges.of(pairs)
     neither = [pair for pair in pairs if not pair.a.succeeded and not pair.b.succeeded]

@@ -8,11 +8,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from navfw.config.folder_files import files_in
 from navfw.config.input_file import is_file, is_folder
 from navfw.config.json_file import read_json_object
+from navfw.config.problems import rewording
 from navfw.errors import ConfigError, InputError
 from navfw.recording.run_folder import RESULT, plain_json, read_result
 from navfw.results.result_file import (
@@ -56,7 +55,7 @@ def collect(source: Path, name: str | None = None, *, total: bool = False) -> li
         InputError: there is nothing of that kind, it is incomplete, or of several revisions.
 
     """
-    try:
+    with rewording(file=source):
         if is_file(source / "suite.json"):
             return _of_suite(SuiteFolder(source), name, total=total)
         if is_folder(source):
@@ -65,10 +64,6 @@ def collect(source: Path, name: str | None = None, *, total: bool = False) -> li
         if "run_folder" in data:
             return [_of_run(read_result(str(data["run_folder"])), name)]
         return [_of_bench(data, source, name)]
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"]))
-        raise ConfigError(f"{first['msg']}", file=source, key=key) from None
 
 
 def seed_range(seeds: Iterable[int], file: str | Path | None = None) -> str:

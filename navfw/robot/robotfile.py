@@ -21,7 +21,6 @@ from navfw.config.document import Data, KeyPath, YamlDocument, load_yaml
 from navfw.config.layering import layered, on_its_base
 from navfw.config.lookup import find
 from navfw.config.yamlfile import validate
-from navfw.errors import ConfigError, UnknownNameError
 from navfw.robot import RobotModel
 from navfw.robot.urdf import urdf_path
 from navfw.robot.urdf_drive import with_urdf
@@ -88,20 +87,8 @@ def with_robot(mission: YamlDocument, folder: Path) -> YamlDocument:
     if not isinstance(name, str):
         return mission  # the mission's schema says what is wrong
     origin = mission.origin_of((_SECTION, "base"))
-    try:
+    with mission.locating((_SECTION, "base"), key=_SECTION):
         file = find("robot", name, base=None if origin.option else folder)
-    except UnknownNameError as error:
-        raise UnknownNameError(
-            error.what,
-            error.name,
-            error.known,
-            file=origin.file,
-            line=origin.line,
-            key=origin.option or _SECTION,
-        ) from None
-    except ConfigError as error:
-        key = origin.option or _SECTION
-        raise ConfigError(str(error), file=origin.file, line=origin.line, key=key) from None
     robot = _read(file)
     validate(robot, RobotSpec)
     changes = {key: value for key, value in section.items() if key != "base"}

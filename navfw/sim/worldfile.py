@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
-from navfw.config.document import KeyPath, YamlDocument, key_text, load_yaml
+from navfw.config.document import YamlDocument, load_yaml
 from navfw.config.yamlfile import validate
-from navfw.errors import ConfigError
 from navfw.sim.furniture_mesh import furniture_mesh
 from navfw.sim.picture_textures import read_picture
 from navfw.sim.world_check import check_world
@@ -37,22 +34,12 @@ def _with_files(document: YamlDocument, world: WorldSpec, folder: Path) -> World
     for name, texture in world.textures.items():
         if texture.picture is not None:
             path = str((folder / texture.picture).absolute())
-            with _located(document, ("textures", name, "picture")):
+            with document.locating(("textures", name, "picture")):
                 read_picture(path)
             textures[name] = texture.model_copy(update={"picture": path})
     for i, mesh in enumerate(world.meshes):
         path = str((folder / mesh.file).absolute())
-        with _located(document, ("meshes", i, "file")):
+        with document.locating(("meshes", i, "file")):
             furniture_mesh(path, mesh.scale, mesh.up)
         meshes[i] = mesh.model_copy(update={"file": path})
     return world.model_copy(update={"textures": textures, "meshes": tuple(meshes)})
-
-
-@contextmanager
-def _located(document: YamlDocument, key: KeyPath) -> Iterator[None]:
-    """Errors in the block get the world's file, line and key before their own place."""
-    try:
-        yield
-    except ConfigError as error:
-        where = {"file": document.file, "line": document.line_of(key), "key": key_text(key)}
-        raise ConfigError(str(error), **where) from None  # type: ignore[arg-type]

@@ -189,14 +189,12 @@ def _refuse_oracles(document: YamlDocument, choices: Mapping[str, Choice]) -> No
     """Raise ConfigError if a plugin needs truth that the stack file does not admit to using."""
     for section, choice in choices.items():
         if choice.plugin.oracle:
-            origin = document.origin_of((section.split(".")[0], choice.name))
-            raise ConfigError(
-                f"{choice.name} needs the simulator's truth, which no robot has; for evaluation, "
-                "say `oracle: true` in the stack file: the results are then marked by it",
-                file=origin.file,
-                line=origin.line,
-                key=section,
-            )
+            with document.locating((section.split(".")[0], choice.name), key=section):
+                raise ConfigError(
+                    f"{choice.name} needs the simulator's truth, which no robot has; for"
+                    " evaluation, say `oracle: true` in the stack file: the results are then marked"
+                    " by it"
+                )
 
 
 def _choose(
@@ -204,13 +202,8 @@ def _choose(
 ) -> Choice:
     """The plugin chosen in ``section``, with its parameters checked against its own model."""
     at: KeyPath = (section, name)
-    try:
+    with document.locating(at, key=section, only=UnknownNameError):
         plugin = plugins.get(kind, name)
-    except UnknownNameError as error:
-        origin = document.origin_of(at)
-        raise UnknownNameError(
-            error.what, error.name, error.known, file=origin.file, line=origin.line, key=section
-        ) from None
     return Choice(name, plugin, validate(document, plugin.Params, at))
 
 

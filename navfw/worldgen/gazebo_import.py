@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pydantic import ValidationError
 
+from navfw.config.problems import rewording
 from navfw.errors import InputError, WorldError
 from navfw.missions.missionspec import MissionSpec
 from navfw.sim.floorplan import FloorPlan
@@ -96,12 +96,8 @@ def import_world(
             option for option, at in (("--start", start), ("--goal", goal)) if at is None
         )
         raise InputError(f"has no start and goal of its own: give {missing}", file=path)
-    try:
+    with rewording("is out of range: ", file=path):
         world = _world(path, found, barn, [start[:2], goal])
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"]))
-        raise InputError(f"is out of range: {first['msg']}", file=path, key=key) from None
     check_world(world, file=path)
     return ImportedWorld(
         world=world,
@@ -211,12 +207,8 @@ def _mission(path: Path, start: Start, goal: Goal, barn: bool) -> MissionSpec:
             "robot": FAST_ROBOT,
             "stack": POLES_STACK,
         }
-    try:
+    with rewording("start or goal is out of range: "):
         return MissionSpec.model_validate(data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"]))
-        raise InputError(f"start or goal is out of range: {first['msg']}", key=key) from None
 
 
 def _shortest_path(path: Path, world: WorldSpec, start: Start, goal: Goal) -> float:

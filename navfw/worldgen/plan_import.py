@@ -11,8 +11,8 @@ from pathlib import Path
 
 import networkx as nx
 import numpy as np
-from pydantic import ValidationError
 
+from navfw.config.problems import rewording
 from navfw.errors import InputError, MapError
 from navfw.missions.missionspec import MissionSpec
 from navfw.process.work_progress import ProgressCallback, silent
@@ -117,11 +117,8 @@ def read_cleaning(options: Mapping[str, float | None]) -> PlanCleaning:
 
     """
     given = {name: value for name, value in options.items() if value is not None}
-    try:
+    with rewording(prefix="--"):
         return PlanCleaning(**given)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise InputError(str(first["msg"]), key=f"--{first['loc'][0]}") from None
 
 
 def import_plan(
