@@ -44,8 +44,8 @@ if TYPE_CHECKING:
 class Params(BaseModel):
     """The base of every plugin's parameters: unknown keys are errors, values are frozen.
 
-    One declaration gives validation, ``navfw plugins`` listings, YAML and ``--set`` overrides; give
-    each field a ``Field(description=...)`` with its unit, and bounds.
+    One declaration gives validation, listings (``navfw list plugins``), YAML and ``--set``
+    overrides; give each field a ``Field(description=...)`` with its unit, and bounds.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -262,7 +262,7 @@ class MissionEvent(Plugin):
 
 
 class WorldFamily(Plugin):
-    """A family of generated worlds, for ``navfw generate`` and suites."""
+    """A family of generated worlds, for ``navfw world new`` and suites."""
 
     kind = "family"
 

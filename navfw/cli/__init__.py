@@ -14,8 +14,8 @@ import sys
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
+from navfw.cli.command_groups import PanelGroup
 from navfw.cli.standard_streams import standard_streams
 from navfw.cli.supervisor import supervise
 from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
@@ -26,37 +26,43 @@ from navfw.process.interruption import ignore_signals, interruptible
 __all__ = ["COMMANDS", "app", "main"]
 
 COMMANDS = (
-    "navfw.cli.run",
-    "navfw.cli.replay",
-    "navfw.cli.explain",
-    "navfw.cli.report",
-    "navfw.cli.plan",
-    "navfw.cli.map",
-    "navfw.cli.learn",
-    "navfw.cli.perceive",
-    "navfw.cli.reproduce",
-    "navfw.cli.listings",
-    "navfw.cli.check",
-    "navfw.cli.new",
-    "navfw.cli.schema",
-    "navfw.cli.generate",
-    "navfw.cli.import_world",
-    "navfw.cli.bench",
-    "navfw.cli.suite",
-    "navfw.cli.compare",
-    "navfw.cli.warm",
-    "navfw.cli.tune",
-    "navfw.cli.results",
-    "navfw.cli.trust",
+    "run",
+    "recordings",
+    "perceive",
+    "listings",
+    "report",
+    "world",
+    "map",
+    "suite",
+    "tune",
+    "new",
+    "check",
+    "trust",
+    "warm",
+    "bench",
+    "results",
+    "reproduce",
 )
-"""Modules with commands, in the order of ``navfw --help``."""
+"""The modules with commands."""
+
+PANELS = {
+    "Drive": ("run", "replay", "perceive"),
+    "Look": ("list", "explain", "report"),
+    "Make": ("world", "map"),
+    "Measure": ("suite", "tune"),
+    "Project": ("new", "check", "schema", "trust", "warm"),
+    "Develop navfw": ("bench", "results", "reproduce"),
+}
+"""The commands by their heading in ``navfw --help``."""
 
 
-class _Group(TyperGroup):
+class _Navfw(PanelGroup):
     """Prints a ``NavfwError`` as one message on stderr and exits with its code.
 
     Before a project's plugins are executed for the first time it asks, where there is a terminal.
     """
+
+    panels = PANELS
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -70,7 +76,7 @@ class _Group(TyperGroup):
 
 app = typer.Typer(
     name="navfw",
-    cls=_Group,
+    cls=_Navfw,
     help="Drive a one-camera robot by fuzzy behaviours, with an explanation of every command.",
     no_args_is_help=True,
     rich_markup_mode=None,  # rich would drop units such as [m] and defaults in brackets
@@ -102,7 +108,7 @@ def _root(
 
 
 for _module in COMMANDS:
-    importlib.import_module(_module).add_to(app)
+    importlib.import_module(f"navfw.cli.{_module}").add_to(app)
 accept_trust(app)
 
 

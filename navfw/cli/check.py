@@ -1,4 +1,4 @@
-"""``navfw check [PATH...]``: check files and plugins, and tell all errors at once."""
+"""``navfw check [PATH...]`` and ``navfw schema KIND``: data files by their kind, and plugins."""
 
 from __future__ import annotations
 
@@ -9,16 +9,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from navfw.cli.output import print_json, quiet_stdout
+from navfw.config.file_kinds import FILE_KINDS, FileKind, kind_called
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
 
 Checked = dict[str, Any]
+PLUGIN_FOLDERS = ("behaviors", "plugins")
+_SUFFIXES = {".yaml", ".yml"}
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add the command."""
+    """Add the commands."""
     app.command()(check)
+    app.command()(schema)
 
 
 def check(
@@ -26,8 +30,7 @@ def check(
         list[Path] | None,
         typer.Argument(
             metavar="[PATH]...",
-            help="Files, plugin files, or folders of a project; by default the project one stands"
-            " in.",
+            help="Files, plugin files, or folders of a project; by default the current project.",
             show_default=False,
         ),
     ] = None,
@@ -41,19 +44,33 @@ def check(
     """
     with quiet_stdout():
         checked = list(_checked(paths or [_project()]))
-    wrong = sum(each["error"] is not None for each in checked)
+    wrong = sum(row["error"] is not None for row in checked)
     if json:
         print_json(checked)
     else:
-        for each in checked:
-            for note in each["notes"]:
+        for row in checked:
+            for note in row["notes"]:
                 typer.echo(f"note: {note}")
-        for each in checked:
-            if each["error"] is not None:
-                typer.echo(each["error"])
+        for row in checked:
+            if row["error"] is not None:
+                typer.echo(row["error"])
         typer.echo(f"{len(checked)} checked, {wrong} wrong")
     if wrong:
         raise typer.Exit(2)
+
+
+def schema(
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help=f"Kind of file: {', '.join(sorted(FILE_KINDS))}.")
+    ],
+) -> None:
+    """Print the JSON Schema of a kind of file. Editors complete and explain keys by it.
+
+    It gives keys, types and bounds. What files say of each other is checked by navfw check.
+    """
+    with quiet_stdout():
+        content = kind_called(kind).schema()
+    print_json(content)
 
 
 def _project() -> Path:
@@ -75,7 +92,6 @@ def _project() -> Path:
 
 def _checked(paths: list[Path]) -> Iterator[Checked]:
     """A row for each data file and each plugin in ``paths``."""
-    from navfw.cli.file_check import data_files
     from navfw.config.input_file import no_such_file
     from navfw.plugins import default_registry
 
@@ -88,41 +104,88 @@ def _checked(paths: list[Path]) -> Iterator[Checked]:
     plugins |= {
         file.resolve()
         for folder in folders
-        for part in (folder, folder / "behaviors", folder / "plugins")
-        for file in part.glob("*.py")
-        if part != folder or folder.name in {"behaviors", "plugins"}
+        for with_plugins in (folder, *(folder / name for name in PLUGIN_FOLDERS))
+        for file in with_plugins.glob("*.py")
+        if with_plugins != folder or folder.name in PLUGIN_FOLDERS
     }
-    known = default_registry()
+    registry = default_registry()
     for folder in sorted({file.parent for file in plugins}):
-        known.discover_folder(folder)
-    yield from _plugins(known, plugins)
-    data = [file for folder in folders for file in data_files(folder)]
-    yield from _data([*(file for file in files if file.suffix != ".py"), *data], known)
+        registry.discover_folder(folder)
+    yield from _check_plugins(registry, plugins)
+    for file in (*files, *(file for folder in folders for file in data_files(folder))):
+        if file.suffix != ".py":
+            yield _check_data_file(file, registry)
 
 
-def _plugins(registry: Registry, files: set[Path]) -> Iterator[Checked]:
+def _check_plugins(registry: Registry, files: set[Path]) -> Iterator[Checked]:
     """A row for each plugin that is in one of ``files``."""
     for row in registry.listing():
         if Path(row["source"]).resolve() in files:
             yield {key: row[key] for key in ("name", "kind", "source", "notes", "error")}
 
 
-def _data(files: list[Path], registry: Registry) -> Iterator[Checked]:
-    """A row for each data file; its kind is None where it cannot be told."""
-    from navfw.cli.file_check import check_file, kind_of_file
+def _check_data_file(file: Path, registry: Registry) -> Checked:
+    """A row for a data file; its kind is None where it cannot be known."""
     from navfw.config.input_file import shown_path
     from navfw.errors import InputError
 
-    for file in files:
-        error = check_file(file, registry)
-        try:
-            kind = kind_of_file(file)
-        except InputError:
-            kind = None
-        yield {
-            "name": file.stem,
-            "kind": kind,
-            "source": shown_path(file),
-            "notes": [],
-            "error": None if error is None else str(error),
-        }
+    kind = error = None
+    try:
+        file_kind = kind_of_file(file)
+        kind = file_kind.title or file_kind.name
+        file_kind.check_file(file, registry)
+    except InputError as reason:
+        error = str(reason)
+    return {
+        "name": file.stem,
+        "kind": kind,
+        "source": shown_path(file),
+        "notes": [],
+        "error": error,
+    }
+
+
+def data_files(folder: Path) -> list[Path]:
+    """The data files in ``folder``, of a project or one of its parts, in the order of their names.
+
+    Rule bases beside a plugin's file are not among them: they are checked with the plugin.
+    """
+    files = {
+        file
+        for kind in FILE_KINDS.values()
+        for pattern in kind.patterns
+        for file in folder.glob(pattern)
+    }
+    if any(folder.resolve().name in kind.folders for kind in FILE_KINDS.values()):
+        files.update(folder.glob("*"))
+    return sorted(file for file in files if _is_data_file(file))
+
+
+def _is_data_file(file: Path) -> bool:
+    of_plugin = file.parent.name in PLUGIN_FOLDERS and file.with_suffix(".py").exists()
+    return file.suffix in _SUFFIXES and not file.name.startswith((".", "_")) and not of_plugin
+
+
+def kind_of_file(path: Path) -> FileKind:
+    """The kind of the data file at ``path``: by its own name, its folder's, or its keys.
+
+    Raises:
+        ConfigError: neither is that of a kind, or the file cannot be read.
+
+    """
+    from navfw.config.document import load_yaml
+    from navfw.config.input_file import shown_path
+    from navfw.errors import ConfigError, did_you_mean
+
+    kinds = FILE_KINDS.values()
+    for kind in kinds:
+        if path.name == kind.file_name or path.absolute().parent.name in kind.folders:
+            return kind
+    data = load_yaml(path).data
+    for kind in kinds:
+        if isinstance(data, dict) and kind.key and kind.key in data:
+            return kind
+    keys = [kind.key for kind in kinds if kind.key]
+    near = did_you_mean(next(iter(data), "") if isinstance(data, dict) else "", keys)
+    what = f"no file of navfw: none of the keys {', '.join(keys)}; {near}"
+    raise ConfigError(what, file=shown_path(path))

@@ -1,6 +1,6 @@
-"""Names that the shell completes: worlds, missions, maps, stacks, robots, suites, behaviours.
+"""Names that the shell completes: of data files, and of settings.
 
-Each function returns the names that begin with ``incomplete``. They list files and execute no code
+Each completer returns the names that begin with ``incomplete``. They list files and execute no code
 of a project: a behaviour has the name of its file. Whatever is wrong, a shell must not see an
 error in the middle of a line: then nothing is completed.
 """
@@ -12,15 +12,7 @@ from functools import wraps
 
 import typer
 
-from navfw.config.lookup import (
-    list_maps,
-    list_missions,
-    list_robots,
-    list_stacks,
-    list_worlds,
-    plugin_files,
-    plugin_folders,
-)
+from navfw.config.lookup import list_files, list_missions, plugin_files, plugin_folders
 from navfw.errors import InputError
 
 Names = Callable[[typer.Context], Iterable[str]]
@@ -44,43 +36,20 @@ def _completer(names: Names) -> _Completer:
     return complete
 
 
-@_completer
-def complete_world(_: typer.Context) -> Iterable[str]:
-    """The worlds."""
-    return (found.name for found in list_worlds())
+def completer_of(kind: str) -> _Completer:
+    """What completes the names of files of a kind of ``FILE_KINDS``."""
+
+    def names(_: typer.Context) -> Iterable[str]:
+        return (file.name for file in list_files(kind))
+
+    return _completer(names)
 
 
 @_completer
 def complete_mission(ctx: typer.Context) -> Iterable[str]:
     """The missions of the world typed before."""
     world = ctx.params.get("world")
-    return (found.name for found in list_missions(world)) if world else ()
-
-
-@_completer
-def complete_map(_: typer.Context) -> Iterable[str]:
-    """The maps."""
-    return (found.name for found in list_maps())
-
-
-@_completer
-def complete_stack(_: typer.Context) -> Iterable[str]:
-    """The stacks."""
-    return (found.name for found in list_stacks())
-
-
-@_completer
-def complete_robot(_: typer.Context) -> Iterable[str]:
-    """The robots."""
-    return (found.name for found in list_robots())
-
-
-@_completer
-def complete_suite(_: typer.Context) -> Iterable[str]:
-    """The suites."""
-    from navfw.suite.suitefile import list_suites
-
-    return sorted(list_suites())
+    return (mission.name for mission in list_missions(world)) if world else ()
 
 
 @_completer

@@ -1,4 +1,4 @@
-"""``navfw import``: worlds from Gazebo files, or from floor plans as of ROS' map_server."""
+"""``navfw world import``: worlds from Gazebo files, or from floor plans as of ROS' map_server."""
 
 from __future__ import annotations
 
@@ -20,12 +20,7 @@ IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
 """Files that are imported as the image of a floor plan."""
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("import")(_import_)
-
-
-def _import_(
+def import_(
     source: Annotated[
         list[Path],
         typer.Argument(
@@ -67,8 +62,8 @@ def _import_(
     Drive in one with navfw run FOLDER MISSION. Of several files, one that cannot be imported costs
     itself alone; exit with 2 if there is one.
     """
-    begin = _numbers("--start", start, ("X", "Y", "YAW"))
-    end = _numbers("--goal", goal, ("X", "Y"))
+    begin = numbers_of("--start", start, ("X", "Y", "YAW"))
+    end = numbers_of("--goal", goal, ("X", "Y"))
     options = _ImportOptions(begin, end, skip_unsupported, models, resolution, speckle, gap)
     folders = _folders(source, out)
     with ProgressBar("import", "files", quiet=quiet) as bar, quiet_stdout():
@@ -82,7 +77,7 @@ def _import_(
 
 @dataclass(frozen=True, slots=True)
 class _ImportOptions:
-    """The options of ``navfw import`` that belong to one kind of file."""
+    """The options of ``navfw world import`` that belong to one kind of file."""
 
     start: tuple[float, ...] | None
     goal: tuple[float, ...] | None
@@ -253,7 +248,7 @@ def _print(made: Sequence[_Imported], *, single: bool, json: bool) -> None:
             typer.echo(line)
 
 
-def _numbers(option: str, text: str | None, names: tuple[str, ...]) -> tuple[float, ...] | None:
+def numbers_of(option: str, text: str | None, names: tuple[str, ...]) -> tuple[float, ...] | None:
     """The numbers of an option such as ``--goal 1.5,-2``; None where it is not given."""
     if text is None:
         return None

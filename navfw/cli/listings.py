@@ -1,4 +1,4 @@
-"""``navfw worlds``, ``missions``, ``maps``, ``stacks``, ``robots``, ``plugins``: listings."""
+"""``navfw list KIND``: worlds, missions, maps and other files by name, and plugins."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from navfw.cli.command_groups import SuggestingGroup
 from navfw.cli.options import World
 from navfw.cli.output import console, print_json, print_table, quiet_stdout
+from navfw.config.file_kinds import FILE_KINDS, FileKind
 
 if TYPE_CHECKING:
     from navfw.config.lookup import NamedFile
@@ -20,78 +22,56 @@ Row = dict[str, Any]
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add the listing commands."""
-    app.command()(worlds)
-    app.command()(missions)
-    app.command()(maps)
-    app.command()(stacks)
-    app.command()(robots)
-    app.command()(plugins)
+    """Add ``list`` with a command for each kind."""
+    group = typer.Typer(cls=SuggestingGroup)
+    group.callback(invoke_without_command=True)(kinds)
+    for kind in FILE_KINDS.values():
+        if kind.name == "mission":
+            group.command()(missions)
+        elif kind.plural:
+            group.command(kind.plural, help=f"List the {kind.plural}.")(_lister(kind))
+    group.command()(plugins)
+    app.add_typer(group, name="list")
 
 
-def worlds(json: Json = False) -> None:
-    """List the worlds with their missions."""
-    from navfw.config.lookup import list_missions, list_worlds
+def kinds(ctx: typer.Context, json: Json = False) -> None:
+    """List worlds, missions and other files by name, and plugins.
 
-    def read(found: NamedFile) -> Row:
-        return {"missions": [mission.name for mission in list_missions(found.name)]}
+    Without a kind, list the kinds with their numbers; plugins are counted without executing any.
+    """
+    if ctx.invoked_subcommand is not None:
+        return
+    from navfw.config.lookup import list_files, plugin_files, plugin_folders
+    from navfw.plugins.registry import BUILT_IN
 
-    rows = _rows(list_worlds(), _describe, read)
-    _show(rows, ["missions", "source"], "There are no worlds.", as_json=json)
+    counts = {
+        kind.plural: len(list_files(kind.name)) for kind in FILE_KINDS.values() if kind.plural
+    }
+    counts["plugins"] = sum(len(plugin_files(folder)) for folder in plugin_folders())
+    counts["plugins"] += sum(map(len, BUILT_IN.values()))
+    if json:
+        print_json([{"name": name, "count": count} for name, count in counts.items()])
+    else:
+        print_table(["kind", "number"], list(counts.items()), "There are no files.")
 
 
 def missions(world: World, json: Json = False) -> None:
     """List the missions of a world."""
     from navfw.config.lookup import list_missions
 
-    def read(found: NamedFile) -> Row:
-        from navfw.cli.file_summaries import mission_summary
-
-        return mission_summary(found.path)
-
-    rows = _rows(list_missions(world), read)
     nothing = f"The world {world} has no missions."
-    _show(rows, ["start", "goals", "timeout", "source"], nothing, as_json=json)
+    _show(FILE_KINDS["mission"], list_missions(world), nothing, as_json=json)
 
 
-def maps(json: Json = False) -> None:
-    """List the topological maps."""
-    from navfw.config.lookup import list_maps
+def _lister(kind: FileKind) -> Callable[[bool], None]:
+    """The command that lists the files of a kind."""
 
-    def read(found: NamedFile) -> Row:
-        from navfw.cli.file_summaries import map_summary
+    def command(json: Json = False) -> None:
+        from navfw.config.lookup import list_files
 
-        return map_summary(found.path)
+        _show(kind, list_files(kind.name), f"There are no {kind.plural}.", as_json=json)
 
-    _show(
-        _rows(list_maps(), read), ["places", "edges", "source"], "There are no maps.", as_json=json
-    )
-
-
-def stacks(json: Json = False) -> None:
-    """List the stacks with their plugins."""
-    from navfw.config.lookup import list_stacks
-
-    def read(found: NamedFile) -> Row:
-        from navfw.cli.file_summaries import stack_summary
-
-        return stack_summary(found.path)
-
-    rows = _rows(list_stacks(), read)
-    _show(rows, ["plugins", "source"], "There are no stacks.", as_json=json)
-
-
-def robots(json: Json = False) -> None:
-    """List the robots."""
-    from navfw.config.lookup import list_robots
-
-    def read(found: NamedFile) -> Row:
-        from navfw.cli.file_summaries import robot_summary
-
-        return robot_summary(found.path)
-
-    rows = _rows(list_robots(), read)
-    _show(rows, ["body", "speed", "camera", "source"], "There are no robots.", as_json=json)
+    return command
 
 
 def plugins(
@@ -116,39 +96,27 @@ def plugins(
         raise typer.Exit(2)
 
 
-def _describe(found: NamedFile) -> Row:
-    from navfw.cli.file_summaries import world_summary
-
-    return world_summary(found.path)
-
-
-def _rows(files: Iterable[NamedFile], *readers: Callable[[NamedFile], Row]) -> list[Row]:
-    """A row per file; the row of an invalid file holds its error."""
+def _row(kind: FileKind, file: NamedFile) -> Row:
+    """The row of a file; that of an invalid one holds its error."""
     from navfw.config.input_file import shown_path
+    from navfw.config.lookup import list_missions
     from navfw.errors import InputError
 
-    rows = []
-    for found in files:
-        row: Row = {"name": found.name, "description": ""}
-        error = None
-        for read in readers:
-            try:
-                row |= read(found)
-            except InputError as reason:
-                error = str(reason)
-        rows.append(
-            row
-            | {
-                "status": "ok" if error is None else "broken",
-                "source": found.source,
-                "path": shown_path(found.path),
-                "error": error,
-            }
-        )
-    return rows
+    row: Row = {"name": file.name, "description": ""}
+    if kind.name == "world":
+        row["missions"] = [mission.name for mission in list_missions(file.name)]
+    error = None
+    try:
+        row |= kind.summary_of(file.path)
+    except InputError as reason:
+        error = str(reason)
+    status = "ok" if error is None else "broken"
+    where = {"source": file.source, "path": shown_path(file.path)}
+    return row | {"status": status, **where, "error": error}
 
 
-def _show(rows: list[Row], columns: list[str], nothing: str, *, as_json: bool) -> None:
+def _show(kind: FileKind, files: Iterable[NamedFile], nothing: str, *, as_json: bool) -> None:
+    rows, columns = [_row(kind, file) for file in files], [*kind.columns, "source"]
     if as_json:
         print_json(rows)
         return

@@ -1,16 +1,22 @@
-"""``navfw map``: show, check, build, convert and learn topological maps; export floor plans."""
+"""``navfw map``: show, check, build and convert topological maps, plan on them, and learn them."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.map_learn import learn
+from navfw.cli.command_groups import command_group
+from navfw.cli.map_learning import learn_landmarks, learn_situations
 from navfw.cli.options import Json, Map, World
 from navfw.cli.output import print_json, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
+
+if TYPE_CHECKING:
+    from navfw.recording.top_view import WorldOutline
+    from navfw.sim.floorplan import FloorPlan
+    from navfw.topomap import TopoMap
 
 _OverWorld = Annotated[
     str | None,
@@ -20,11 +26,8 @@ _OverWorld = Annotated[
 
 def add_to(app: typer.Typer) -> None:
     """Add ``map`` with its commands."""
-    group = typer.Typer(
-        help="Show, check, build, convert and learn maps; export floor plans.",
-        no_args_is_help=True,
-    )
-    for command in (show, check, build, convert, learn, export):
+    group = command_group("Show, check, build, convert and learn maps, and plan on them.")
+    for command in (show, check, build, plan, learn_landmarks, learn_situations, convert, export):
         group.command()(command)
     app.add_typer(group, name="map")
 
@@ -36,15 +39,14 @@ def show(
     json: Json = False,
 ) -> None:
     """Draw a map over its world's floor plan."""
-    from navfw.cli.map_inputs import find_map, outline_for
     from navfw.recording.map_picture import draw_map
     from navfw.topomap.map_formats import SUFFIXES
 
     with quiet_stdout():
-        topo_map = find_map(map_)
-        outline = outline_for(topo_map, world)
-        given = Path(map_)
-        stem = given.stem if given.suffix.lower() in SUFFIXES else given.name
+        topo_map = _find_map(map_)
+        outline = _outline_for(topo_map, world)
+        named = Path(map_)
+        stem = named.stem if named.suffix.lower() in SUFFIXES else named.name
         path = out or Path(f"{stem}.png")
         draw_map(path, topo_map, outline)
     kinds: dict[str, int] = {}
@@ -71,12 +73,11 @@ def show(
 
 def check(map_: Map, world: _OverWorld = None, json: Json = False) -> None:
     """Check a map and its world. Exit with 1 if there are problems."""
-    from navfw.cli.map_inputs import find_map, floor_plan
     from navfw.topomap.map_check import check_map
 
     with quiet_stdout():
-        topo_map = find_map(map_)
-        plan = floor_plan(topo_map, world)
+        topo_map = _find_map(map_)
+        plan = _floor_plan(topo_map, world)
         problems = check_map(topo_map, None if plan is None else plan.clearances)
     rows = [problem.as_data() for problem in problems]
     if json:
@@ -143,11 +144,10 @@ def convert(
     json: Json = False,
 ) -> None:
     """Convert a map to another format. Formats: YAML, GraphML, GeoJSON of Nav2's route server."""
-    from navfw.cli.map_inputs import find_map
     from navfw.topomap.map_formats import save_map
 
     with quiet_stdout():
-        topo_map = find_map(source, both_ways)
+        topo_map = _find_map(source, both_ways)
         save_map(topo_map, out)
     places, edges = len(topo_map.places), len(topo_map.passages)
     if json:
@@ -181,3 +181,106 @@ def export(
         print_json({**summary, "resolution_m": resolution, "occupied": int(plan.occupied.sum())})
         return
     typer.echo(f"{out}, {picture}: {columns} x {rows} cells of {resolution:g} m")
+
+
+def plan(
+    map_: Map,
+    start: Annotated[str, typer.Argument(help="Name of a place, or x,y [m].")],
+    goal: Annotated[str, typer.Argument(help="Name of a place, or x,y [m].")],
+    avoid: Annotated[
+        list[str] | None,
+        typer.Option(help="Close the passage PLACE:PLACE. May be repeated."),
+    ] = None,
+    world: Annotated[
+        str | None,
+        typer.Option(help="World to draw in the plot [default: the world with the map's name]."),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="PNG file to draw the route to.", show_default=False)
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Plan a route without driving it. Lists the cost of each passage and the rules behind it."""
+    from navfw.papfis.route_plan import plan_route
+
+    with quiet_stdout():
+        topo_map = _find_map(map_)
+        made = plan_route(topo_map, start, goal, avoid=avoid or [])
+        route: dict[str, Any] = {"map": topo_map.name, **made.explain()}
+        if plot is not None:
+            from navfw.recording.map_picture import draw_map
+
+            draw_map(
+                plot, topo_map, _outline_for(topo_map, world), made.route, avoid=route["closed"]
+            )
+            route["plot"] = str(plot)
+    if json:
+        print_json(route)
+    else:
+        _print_route(route, start, goal)
+
+
+def _print_route(route: dict[str, Any], start: str, goal: str) -> None:
+    typer.echo(
+        f"{start} to {goal}: {route['length']:.1f} m, cost {route['cost']:.1f},"
+        f" {len(route['places'])} places"
+    )
+    names = route["places"]
+    rows = [
+        (
+            names[i + 1],
+            f"{passage['length']:.2f}",
+            f"{passage['cost']:.2f}",
+            f"{passage['penalty']:.2f}" + (", avoided" if passage["avoided"] else ""),
+            "; ".join(f"{rule['strength']:.2f} {rule['rule']}" for rule in passage["rules"][:2]),
+        )
+        for i, passage in enumerate(route["passages"])
+    ]
+    if names:
+        typer.echo(f"first {names[0]}, then")
+    print_table(["to", "m", "cost", "penalty", "because"], rows, "no passages")
+    if "plot" in route:
+        typer.echo(f"plot {route['plot']}")
+
+
+def _find_map(name: str, both_ways: bool = False) -> TopoMap:
+    """The map called ``name``, or in the file ``name`` of any supported format.
+
+    Raises:
+        InputError: it does not exist, or its file is invalid.
+
+    """
+    from navfw.config.lookup import find
+    from navfw.features.landmark_appearance import check_landmark_kind
+    from navfw.topomap.map_formats import SUFFIXES, load_any_map
+
+    path = Path(name)
+    foreign = path.suffix.lower() in SUFFIXES and path.suffix.lower() not in {".yaml", ".yml"}
+    return load_any_map(path if foreign else find("map", name), both_ways, check_landmark_kind)
+
+
+def _floor_plan(topo_map: TopoMap, world: str | None) -> FloorPlan | None:
+    """The floor plan of ``world``; by default of the world with the map's name, None without one.
+
+    Raises:
+        InputError: ``world`` does not exist, or its file is invalid.
+
+    """
+    from navfw.config.lookup import find, list_files
+    from navfw.sim.floorplan import FloorPlan
+    from navfw.sim.worldfile import load_world
+
+    if world is None:
+        worlds = {world_file.name: world_file.path for world_file in list_files("world")}
+        file = worlds.get(topo_map.name)
+    else:
+        file = find("world", world)
+    return None if file is None else FloorPlan.from_world(load_world(file))
+
+
+def _outline_for(topo_map: TopoMap, world: str | None) -> WorldOutline | None:
+    """The outline, seen from above, of the world of ``floor_plan``; None without one."""
+    from navfw.missions.world_outline import outline_of
+
+    plan = _floor_plan(topo_map, world)
+    return None if plan is None else outline_of(plan)

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from navfw.cli.command_groups import command_group
 from navfw.scaffold.part_kinds import PARTS
 
 _Name = Annotated[
@@ -17,20 +18,11 @@ _Name = Annotated[
 
 def add_to(app: typer.Typer) -> None:
     """Add ``new`` with its commands."""
-    group = typer.Typer(
-        help="Begin a project, or a part of one.", no_args_is_help=True, rich_markup_mode=None
-    )
-    group.callback()(_group)
+    group = command_group("Begin a project, or a part of one.")
     group.command()(project)
     for kind, part in PARTS.items():
-        group.command(kind, help=f"{part.help} They go into the project one stands in.")(
-            _writer(kind)
-        )
+        group.command(kind, help=f"{part.help} They go into the current project.")(_writer(kind))
     app.add_typer(group, name="new")
-
-
-def _group() -> None:
-    """Begin a project, or a part of one."""
 
 
 def project(

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+from collections.abc import Iterator, Sequence
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from navfw.cli.completion import (
-    complete_map,
-    complete_mission,
-    complete_robot,
-    complete_stack,
-    complete_suite,
-    complete_world,
-)
+from navfw.cli.completion import complete_mission, completer_of
+from navfw.errors import locating
+
+if TYPE_CHECKING:
+    from navfw.suite.case import Case
+    from navfw.suite.run_engine import Engine
 
 World = Annotated[
     str,
-    typer.Argument(metavar="WORLD", help="Name or file of a world.", autocompletion=complete_world),
+    typer.Argument(
+        metavar="WORLD", help="Name or file of a world.", autocompletion=completer_of("world")
+    ),
 ]
 Mission = Annotated[
     str,
@@ -31,21 +34,27 @@ Mission = Annotated[
 ]
 Map = Annotated[
     str,
-    typer.Argument(metavar="MAP", help="Name or file of a map.", autocompletion=complete_map),
+    typer.Argument(
+        metavar="MAP", help="Name or file of a map.", autocompletion=completer_of("map")
+    ),
 ]
 Recorded = Annotated[
     Path, typer.Argument(metavar="RUN_FOLDER", help="Run folder written by navfw run --record.")
 ]
 Suite = Annotated[
     str,
-    typer.Argument(metavar="SUITE", help="Name or file of a suite.", autocompletion=complete_suite),
+    typer.Argument(
+        metavar="SUITE", help="Name or file of a suite.", autocompletion=completer_of("suite")
+    ),
 ]
-Stack = Annotated[str, typer.Option(help="Name or file of a stack.", autocompletion=complete_stack)]
+Stack = Annotated[
+    str, typer.Option(help="Name or file of a stack.", autocompletion=completer_of("stack"))
+]
 Robot = Annotated[
     str | None,
     typer.Option(
         help="Name or file of a robot [default: that of the mission, or default].",
-        autocompletion=complete_robot,
+        autocompletion=completer_of("robot"),
     ),
 ]
 VariantA = Annotated[
@@ -69,16 +78,11 @@ def of_robot(name: str | None) -> tuple[str, ...]:
 
     """
     from navfw.config.lookup import find
-    from navfw.errors import ConfigError, UnknownNameError
 
     if name is None:
         return ()
-    try:
+    with locating(key="--robot"):
         file = find("robot", name)
-    except UnknownNameError as error:
-        raise UnknownNameError(error.what, error.name, error.known, key="--robot") from None
-    except ConfigError as error:
-        raise ConfigError(str(error), key="--robot") from None
     return (f"robot={json.dumps(name if file.stem == name else str(file.absolute()))}",)
 
 
@@ -99,3 +103,50 @@ Video = Annotated[
         show_default=False,
     ),
 ]
+
+
+class EngineKind(StrEnum):
+    """What drives the runs."""
+
+    PROCESSES = "processes"
+    DASK = "dask"
+
+
+Workers = Annotated[int, typer.Option(min=1, max=256, help="Processes, each with one thread.")]
+Limit = Annotated[float, typer.Option(min=1.0, help="Largest wall time of a run [s].")]
+Memory = Annotated[float, typer.Option(min=100.0, help="Largest memory of a run's process [MB].")]
+EngineName = Annotated[
+    EngineKind, typer.Option("--engine", help="Processes of this machine, or a cluster of Dask.")
+]
+Scheduler = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Of --engine dask: tcp://HOST:PORT.")
+]
+
+
+def check_engine(engine: EngineKind, scheduler: str | None) -> None:
+    """Raise typer.BadParameter unless an address is given for Dask, and for Dask alone."""
+    if (engine is EngineKind.DASK) != (scheduler is not None):
+        what = "needs --engine dask" if scheduler else "needs --scheduler tcp://HOST:PORT"
+        raise typer.BadParameter(what, param_hint="--scheduler" if scheduler else "--engine dask")
+
+
+@contextlib.contextmanager
+def dask_engine(
+    scheduler: str | None, cases: Sequence[Case], *, limit: float, memory: float
+) -> Iterator[Engine | None]:
+    """The engine at a scheduler of Dask; None without one.
+
+    Raises:
+        MissingExtraError: Dask is not installed.
+        InputError: the scheduler cannot be reached, or its workers differ from this machine.
+
+    """
+    if scheduler is None:
+        yield None
+        return
+    from navfw.suite.dask_engine import DaskEngine
+    from navfw.suite.job_package import JobPackage
+
+    package = JobPackage.of(cases)
+    with DaskEngine(scheduler, package, limit=limit, memory=memory) as engine:
+        yield engine

@@ -1,22 +1,35 @@
-"""``navfw report RUN|SUITE...``: one HTML file of a run, a suite or two, which needs no network."""
+"""``navfw report RUN|SUITE...``: one HTML file of a run, a suite or two, which needs no network.
+
+Two suites are compared run by run, in text as well.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from navfw.cli.options import VariantA, VariantB
-from navfw.cli.output import print_status, quiet_stdout
+from navfw.cli.output import print_json, print_status, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
-from navfw.errors import InputError
+from navfw.errors import InputError, locating
 
 if TYPE_CHECKING:
     from navfw.suite.suite_folder import SuiteFolder
 
 Variants = tuple[str | None, str | None]
 """The variants of A and B to compare; None for all."""
+
+MAX_SHOWN = 25
+"""Largest number of runs to print of each kind; ``--json`` has all."""
+
+_FailIfWorse = Annotated[
+    str | None,
+    typer.Option(metavar="SHARE", help="Two suites: exit with 1 if success fell by more, as 1%."),
+]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -43,22 +56,74 @@ def report(
     ] = None,
     variant_a: VariantA = None,
     variant_b: VariantB = None,
+    fail_if_worse: _FailIfWorse = None,
+    text: Annotated[
+        bool,
+        typer.Option("--text", help="Compare two suites, or their table.csv, without a page."),
+    ] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="As --text, but print one JSON object with all runs.")
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a report of a run, of a suite, or of two suites side by side, as one HTML file.
+    """Write a report of a run or of a suite, or compare two suites.
 
-    Recorded runs of a suite get reports of their own, if they have none yet.
+    A report is one HTML file. Two suites are compared run by run; the comparison is printed, too,
+    the worst regressions first. Recorded runs of a suite get reports of their own, if they have
+    none yet.
     """
-    if len(folder) > 2:
+    variants = (variant_a, variant_b)
+    _check_options(
+        len(folder),
+        {"--variant-a": variant_a, "--variant-b": variant_b, "--fail-if-worse": fail_if_worse}
+        | {"--text": text, "--json": json},
+    )
+    if out is not None and (text or json):
+        what = "is for the page, which --text and --json leave out"
+        raise typer.BadParameter(what, param_hint="--out")
+    margin = None if fail_if_worse is None else _margin(fail_if_worse)
+    comparison: dict[str, Any] | None = None
+    if text or json:
+        comparison = _compare(folder, variants)
+    else:
+        with quiet_stdout(), ProgressBar("report", "recorded runs", quiet=quiet) as bar:
+            target, notes = _write(folder, variants, out, bar)
+            comparison = _compare(folder, variants) if len(folder) == 2 else None
+        for what in notes:
+            print_status(f"navfw: left out: {what}")
+    if comparison is not None and json:
+        print_json(comparison)
+    elif comparison is not None:
+        _print_comparison(comparison)
+    if not (text or json):
+        typer.echo(f"report: {target}")
+    if comparison is not None and margin is not None:
+        _exit_if_worse(comparison, margin)
+
+
+def _check_options(folders: int, for_two: Mapping[str, object]) -> None:
+    """Raise typer.BadParameter for too many folders, or for an option that needs two of them."""
+    if folders > 2:
         raise typer.BadParameter("at most two folders", param_hint="RUN|SUITE...")
-    if len(folder) < 2 and (variant_a or variant_b):
-        name = "--variant-a" if variant_a else "--variant-b"
-        raise typer.BadParameter("needs two suites to compare", param_hint=name)
-    with quiet_stdout(), ProgressBar("report", "recorded runs", quiet=quiet) as bar:
-        target, notes = _write(folder, (variant_a, variant_b), out, bar)
-    for what in notes:
-        print_status(f"navfw: left out: {what}")
-    typer.echo(f"report: {target}")
+    for name, value in for_two.items():
+        if folders < 2 and value:
+            raise typer.BadParameter("needs two suites to compare", param_hint=name)
+
+
+def _compare(paths: list[Path], variants: Variants) -> dict[str, Any]:
+    """The comparison of two suites' folders or tables, as plain data."""
+    from navfw.config.input_file import is_folder
+    from navfw.suite.paired_comparison import compare_tables, of_variant
+    from navfw.suite.run_table import read_table
+    from navfw.suite.suite_folder import SuiteFolder
+
+    tables = [SuiteFolder(path).rows() if is_folder(path) else read_table(path) for path in paths]
+    with locating(file=", ".join(map(str, paths))):
+        comparison = compare_tables(
+            *(of_variant(rows, name) for rows, name in zip(tables, variants, strict=True))
+        )
+    reports = [SuiteFolder(path).report if is_folder(path) else path for path in paths]
+    return {**comparison, "reports": [str(file) for file in reports]}
 
 
 def _write(
@@ -139,3 +204,54 @@ def _is_run(folder: Path) -> bool:
         what = f"is neither the folder of a run (it has no {RESULT}) nor of a suite (it has no"
         raise InputError(f"{what} journal.sqlite, and no table.csv)", file=folder)
     return False
+
+
+def _exit_if_worse(comparison: Mapping[str, Any], margin: float) -> None:
+    """Exit with 1 if B succeeds more rarely than A by more than ``margin``, a share of the runs."""
+    fallen = (len(comparison["lost"]) - len(comparison["gained"])) / comparison["pairs"]
+    if fallen > margin + 1e-9:
+        print_status(f"navfw: success fell by {_percent(fallen)}, more than {_percent(margin)}")
+        raise typer.Exit(1)
+
+
+def _margin(text: str) -> float:
+    """A share from ``1%`` or ``0.01``.
+
+    Raises:
+        InputError: it is neither, or outside of 0 to 100 %.
+
+    """
+    number, percent = text.removesuffix("%").strip(), text.endswith("%")
+    try:
+        share = float(number) / (100.0 if percent else 1.0)
+    except ValueError:
+        share = math.nan
+    if not 0.0 <= share <= 1.0:
+        what = f"expected a share of the runs such as 1% or 0.01, got {text!r:.40}"
+        raise InputError(what, key="--fail-if-worse")
+    return share
+
+
+def _print_comparison(comparison: dict[str, Any]) -> None:
+    from navfw.suite.paired_comparison import comparison_rows
+
+    typer.echo(f"{comparison['pairs']} pairs, {comparison['unpaired']} unpaired runs")
+    rows = comparison_rows(comparison)
+    width = max(10, *(len(name) for name, *_ in rows))
+    for name, a, b, difference in rows:
+        typer.echo(f"{name:<{width}} {a} -> {b}" + (f"  ({difference})" if difference else ""))
+    for word in ("lost", "worse", "gained", "better"):
+        for run in comparison[word][:MAX_SHOWN]:
+            where = f"{run['entry']} / {run['world']} / {run['mission']}, seed {run['seed']}"
+            if "by_configuration" in comparison:
+                where += f", {run['variant'] or run['stack']}"
+            reached = word in {"worse", "better"}
+            why = f"SPL {run['spl']:.2f}" if reached else f"{run['outcome']}: {run['cause']}"
+            typer.echo(f"  {word}: {where} ({why}) {run['picture']}".rstrip())
+        if len(comparison[word]) > MAX_SHOWN:
+            typer.echo(f"  {word}: and {len(comparison[word]) - MAX_SHOWN} more")
+    typer.echo(f"reports    {', '.join(comparison['reports'])}")
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1f} %"

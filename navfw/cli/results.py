@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from navfw.cli.command_groups import command_group
 from navfw.cli.output import print_status
 from navfw.config.input_file import is_file, is_folder, read_input_text
 from navfw.errors import InputError
@@ -19,9 +20,7 @@ _FOLDER = Path("docs") / "results"
 
 def add_to(app: typer.Typer) -> None:
     """Add ``results`` with its commands."""
-    group = typer.Typer(
-        help="Keep measured results, and write a page from them.", no_args_is_help=True
-    )
+    group = command_group("Keep measured results, and write a page from them.")
     group.command()(add)
     group.command()(write)
     app.add_typer(group, name="results")

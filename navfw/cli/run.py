@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Self
 
 import typer
 
-from navfw.cli.completion import complete_setting, complete_stack
+from navfw.cli.completion import complete_setting, completer_of
 from navfw.cli.options import Json, Live, LivePort, Mission, Record, Robot, Video, World, of_robot
 from navfw.cli.output import console, print_json, quiet_stdout
+from navfw.cli.recordings import VIDEO, write_video
 from navfw.cli.supervisor import announce, announce_end
-from navfw.cli.video import VIDEO, write_video
 from navfw.cli.warm import compile_with_progress
 from navfw.errors import InputError
 from navfw.process.interruption import check_interrupted, deferred, interruptible
@@ -69,7 +69,7 @@ def run(
         str | None,
         typer.Option(
             help="Name or file of a stack [default: that of the mission, or default].",
-            autocompletion=complete_stack,
+            autocompletion=completer_of("stack"),
         ),
     ] = None,
     robot: Robot = None,

@@ -1,7 +1,7 @@
 """Standard output and error that are closed, full, or read by nobody: no traceback.
 
-``navfw worlds > /dev/full`` ends with a message and exit code 1, ``navfw worlds | head -0`` with
-exit code 1, and with a closed standard output everything runs without it.
+``navfw list worlds > /dev/full`` ends with a message and exit code 1, ``navfw list worlds | head
+-0`` with exit code 1, and with a closed standard output everything runs without it.
 """
 
 from __future__ import annotations

@@ -11,18 +11,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.completion import complete_setting, complete_stack
-from navfw.cli.engine_options import (
+from navfw.cli.completion import complete_setting, completer_of
+from navfw.cli.options import (
     EngineKind,
     EngineName,
+    Json,
     Limit,
     Memory,
+    Robot,
     Scheduler,
+    Suite,
     Workers,
     check_engine,
     dask_engine,
+    of_robot,
 )
-from navfw.cli.options import Json, Robot, Suite, of_robot
 from navfw.cli.output import print_json, print_status, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.warm import compile_with_progress
@@ -60,7 +63,7 @@ Stacks = Annotated[
     list[str] | None,
     typer.Option(
         help="Name or file of a stack, instead of those of the suite. May be repeated.",
-        autocompletion=complete_stack,
+        autocompletion=completer_of("stack"),
     ),
 ]
 Overrides = Annotated[

@@ -7,17 +7,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.engine_options import (
+from navfw.cli.options import (
     EngineKind,
     EngineName,
+    Json,
     Limit,
     Memory,
     Scheduler,
+    Stack,
+    Suite,
     Workers,
     check_engine,
     dask_engine,
 )
-from navfw.cli.options import Json, Stack, Suite
 from navfw.cli.output import print_json, quiet_stdout
 
 if TYPE_CHECKING:
@@ -75,9 +77,9 @@ def tune(
     resume: Resume = False,
     json: Json = False,
 ) -> None:
-    """Tune parameters and break points of rules on a suite; write a stack file, and validate it.
+    """Tune parameters and break points of rules on a suite.
 
-    The stack itself is not changed. Needs the extra tune.
+    Writes a stack file, and validates it; the stack itself is not changed. Needs the extra tune.
     """
     check_engine(engine, scheduler)
     with quiet_stdout():

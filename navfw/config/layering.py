@@ -8,8 +8,8 @@ from pathlib import Path
 from types import MappingProxyType
 
 from navfw.config.document import Data, KeyPath, Origin, YamlDocument, load_yaml
-from navfw.config.lookup import Kind, find
-from navfw.errors import ConfigError, UnknownNameError
+from navfw.config.lookup import find
+from navfw.errors import ConfigError
 
 
 def layered(
@@ -34,7 +34,7 @@ def layered(
 def on_its_base(
     document: YamlDocument,
     path: Path,
-    kind: Kind,
+    kind: str,
     replaced: Container[str] = (),
     load: Callable[[Path], YamlDocument] = load_yaml,
     above: tuple[Path, ...] = (),
@@ -51,24 +51,11 @@ def on_its_base(
     name = document.data.get("base")
     if not isinstance(name, str):
         return document
-    origin = document.origin_of(("base",))
-    key = origin.option or "base"
-    try:
-        file = find(kind, name, base=path.parent)
-    except UnknownNameError as error:
-        raise UnknownNameError(
-            error.what, error.name, error.known, file=origin.file, line=origin.line, key=key
-        ) from None
-    except ConfigError as error:
-        raise ConfigError(str(error), file=origin.file, line=origin.line, key=key) from None
     seen = (*above, path.resolve())
-    if file.resolve() in seen:
-        raise ConfigError(
-            f"the {kind} is based on itself; name another one",
-            file=origin.file,
-            line=origin.line,
-            key=key,
-        )
+    with document.locating(("base",)):
+        file = find(kind, name, base=path.parent)
+        if file.resolve() in seen:
+            raise ConfigError(f"the {kind} is based on itself; name another one")
     base = on_its_base(load(file), file, kind, replaced, load, seen)
     return layered(base, document, replaced)
 

@@ -1,14 +1,12 @@
-"""Find worlds, missions, maps, stacks, robots and behaviours by name or path.
+"""Find the files of a project, and navfw's own, by name or path; their kinds are ``FILE_KINDS``.
 
 A project is the nearest folder, from the working folder upwards, that has a ``navfw.toml`` or a
 ``pyproject.toml`` with a ``[tool.navfw]`` table. The search ends below the first folder that
 another user owns or that anyone may write to, as ``/tmp``: a project planted there is never used.
 The working folder itself is always looked at.
 
-A project has the same shape as navfw's repository:
-``worlds/<world>/world.yaml``, ``worlds/<world>/missions/*.yaml``, ``maps/*.yaml``,
-``stacks/*.yaml``, ``robots/*.yaml``, ``behaviors/*.py``. A file of the project takes precedence
-over the shipped one of the same name.
+A project has the same shape as navfw's repository, with plugins in ``behaviors/*.py``. A file of
+the project takes precedence over the shipped one of the same name.
 """
 
 from __future__ import annotations
@@ -20,36 +18,26 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+from navfw.config.file_kinds import FILE_KINDS
 from navfw.config.input_file import is_file, no_such_file, read_input_text
 from navfw.config.ownership import own_folders
 from navfw.errors import ConfigError, UnknownNameError
 
-Kind: TypeAlias = Literal["world", "map", "stack", "robot", "mission"]
 _SUFFIXES = {".yaml", ".yml"}
 _PACKAGE = Path(__file__).parents[1]
 _MAX_PROJECT = 500_000
 """Largest size of a ``pyproject.toml`` [byte]."""
 
+_Source: TypeAlias = Literal["project", "shipped"]
+
 
 @dataclass(frozen=True)
 class NamedFile:
-    """A world, mission, map, stack or robot: name, file, and whether the project's or shipped."""
+    """A file of one of ``FILE_KINDS``: its name, and whether it is the project's or shipped."""
 
     name: str
     path: Path
-    source: Literal["project", "shipped"]
-
-
-@dataclass(frozen=True)
-class _DataFolders:
-    """The data folders of the project, or the shipped ones."""
-
-    source: Literal["project", "shipped"]
-    worlds: Path
-    maps: Path
-    stacks: Path
-    robots: Path
-    behaviors: Path
+    source: _Source
 
 
 def project_folder(start: Path | None = None) -> Path | None:
@@ -99,29 +87,26 @@ def shipped_folder() -> Path:
     return installed if installed.is_dir() else _PACKAGE.parent
 
 
-def _data_folders(start: Path | None = None) -> list[_DataFolders]:
-    shipped = shipped_folder()
-    found = [
-        _DataFolders(
-            "shipped",
-            shipped / "worlds",
-            shipped / "maps",
-            _PACKAGE / "stack" / "stacks",
-            _PACKAGE / "robot" / "robots",
-            shipped / "behaviors",
-        )
-    ]
+def _own_project(start: Path | None = None) -> Path | None:
+    """The project around ``start``; None in a checkout of navfw, whose files are the shipped."""
     project = project_folder(start)
-    if project is not None and project.resolve() != shipped.resolve():
-        parts = ("worlds", "maps", "stacks", "robots", "behaviors")
-        folders = (project / part for part in parts)
-        found.insert(0, _DataFolders("project", *folders))
-    return found
+    shipped = shipped_folder().resolve()
+    return None if project is None or project.resolve() == shipped else project
+
+
+def _roots(room: str = "") -> list[tuple[_Source, Path]]:
+    """The folders that the patterns of files begin in: the project, and the shipped one.
+
+    ``room`` is the folder of navfw's package that has the shipped files, if one has.
+    """
+    project = _own_project()
+    roots: list[tuple[_Source, Path]] = [] if project is None else [("project", project)]
+    return [*roots, ("shipped", _PACKAGE / room if room else shipped_folder())]
 
 
 def plugin_folders() -> list[Path]:
     """Folders with plugins: the shipped one, then the project's ``behaviors`` and ``plugins``."""
-    shipped = _data_folders()[-1].behaviors
+    shipped = shipped_folder() / "behaviors"
     return [shipped] * shipped.is_dir() + project_plugin_folders()
 
 
@@ -130,8 +115,8 @@ def project_plugin_folders(start: Path | None = None) -> list[Path]:
 
     None in a checkout of navfw: what it ships is no project.
     """
-    folders = [part.behaviors for part in _data_folders(start) if part.source == "project"]
-    folders += [folder.with_name("plugins") for folder in folders]
+    project = _own_project(start)
+    folders = () if project is None else (project / "behaviors", project / "plugins")
     return [folder for folder in folders if folder.is_dir()]
 
 
@@ -146,13 +131,19 @@ def plugin_files(folder: Path) -> list[Path]:
     return sorted(path for path in files if not path.name.startswith(("_", ".")))
 
 
-def list_worlds() -> list[NamedFile]:
-    """All worlds by name; ``path`` is the world file."""
+def list_files(kind: str) -> list[NamedFile]:
+    """All files of a kind of ``FILE_KINDS`` by name; those of missions are ``world/mission``."""
+    if kind == "mission":
+        return [
+            NamedFile(f"{world.name}/{mission.name}", mission.path, mission.source)
+            for world in list_files("world")
+            for mission in list_missions(world.name)
+        ]
+    about = FILE_KINDS[kind]
     return _first_of_each_name(
-        NamedFile(file.parent.name, file, part.source)
-        for part in _data_folders()
-        for file in sorted(part.worlds.glob("*/world.yaml"))
-        if is_file(file) and not file.parent.name.startswith((".", "_"))
+        file
+        for source, root in _roots(about.room)
+        for file in _matching(root, about.pattern, source)
     )
 
 
@@ -164,41 +155,17 @@ def list_missions(world: str | Path) -> list[NamedFile]:
         ConfigError: ``world`` is a path, and no such file exists.
 
     """
-    file = find("world", world)
-    folders: list[tuple[Literal["project", "shipped"], Path]] = []
-    by_name = [(part.source, part.worlds / file.parent.name) for part in _data_folders()]
-    if any(file.parent.resolve() == folder.resolve() for _, folder in by_name):
-        folders += by_name
-    else:
-        folders.append(("project", file.parent))
+    folder = find("world", world).parent
+    by_name = [(source, root / "worlds" / folder.name) for source, root in _roots()]
+    if not any(folder.resolve() == other.resolve() for _, other in by_name):
+        by_name = [("project", folder)]
     return _first_of_each_name(
-        found for source, folder in folders for found in _yaml_files(folder / "missions", source)
+        file for source, other in by_name for file in _matching(other, "missions/*.yaml", source)
     )
 
 
-def list_maps() -> list[NamedFile]:
-    """All topological maps by name."""
-    return _first_of_each_name(
-        f for part in _data_folders() for f in _yaml_files(part.maps, part.source)
-    )
-
-
-def list_stacks() -> list[NamedFile]:
-    """All stack files by name."""
-    return _first_of_each_name(
-        f for part in _data_folders() for f in _yaml_files(part.stacks, part.source)
-    )
-
-
-def list_robots() -> list[NamedFile]:
-    """All robot files by name."""
-    return _first_of_each_name(
-        f for part in _data_folders() for f in _yaml_files(part.robots, part.source)
-    )
-
-
-def find(kind: Kind, name: str | Path, base: Path | None = None) -> Path:
-    """The file of a world, map, stack, robot or mission.
+def find(kind: str, name: str | Path, base: Path | None = None) -> Path:
+    """The file of a kind of ``FILE_KINDS`` that has this name.
 
     ``name`` is a path (relative to ``base``, or to the working folder) when it ends in ``.yaml`` or
     contains a ``/``; a world may be given by its folder. The name of a mission is
@@ -214,24 +181,7 @@ def find(kind: Kind, name: str | Path, base: Path | None = None) -> Path:
         world, _, mission = text.partition("/")
         return find_mission(world, mission)
     as_path = _as_path(kind, name, base)
-    if as_path is not None:
-        return as_path
-    match kind:
-        case "world":
-            known = list_worlds()
-        case "map":
-            known = list_maps()
-        case "stack":
-            known = list_stacks()
-        case "robot":
-            known = list_robots()
-        case "mission":
-            known = [
-                NamedFile(f"{world.name}/{mission.name}", mission.path, mission.source)
-                for world in list_worlds()
-                for mission in list_missions(world.name)
-            ]
-    return _pick(kind, text, known)
+    return _pick(kind, text, list_files(kind)) if as_path is None else as_path
 
 
 def find_mission(world: str | Path, name: str | Path) -> Path:
@@ -249,34 +199,36 @@ def find_mission(world: str | Path, name: str | Path) -> Path:
     return _pick("mission", str(name), list_missions(world))
 
 
-def _as_path(kind: Kind, name: str | Path, base: Path | None) -> Path | None:
+def _as_path(kind: str, name: str | Path, base: Path | None) -> Path | None:
     path = (base or Path()) / name
     text = str(name)
-    looks_like_path = path.suffix in _SUFFIXES or "/" in text or "\\" in text
-    if kind == "world" and is_file(path / "world.yaml"):
-        return path / "world.yaml"
-    if not looks_like_path:
+    in_folder = FILE_KINDS[kind].file_name
+    if in_folder is not None and is_file(path / in_folder):
+        return path / in_folder
+    if path.suffix not in _SUFFIXES and "/" not in text and "\\" not in text:
         return None
     if not is_file(path):
         raise no_such_file(path)
     return path
 
 
-def _pick(what: str, name: str, known: list[NamedFile]) -> Path:
-    for found in known:
-        if found.name == name:
-            return found.path
-    raise UnknownNameError(what, name, (found.name for found in known))
+def _pick(kind: str, name: str, files: list[NamedFile]) -> Path:
+    for file in files:
+        if file.name == name:
+            return file.path
+    raise UnknownNameError(kind, name, (file.name for file in files))
 
 
-def _yaml_files(folder: Path, source: Literal["project", "shipped"]) -> Iterator[NamedFile]:
-    for file in sorted(folder.glob("*.yaml")):
-        if is_file(file) and not file.name.startswith((".", "_")):
-            yield NamedFile(file.stem, file, source)
+def _matching(root: Path, pattern: str, source: _Source) -> Iterator[NamedFile]:
+    """The files below ``root``; a file with a fixed name is called as its folder."""
+    for file in sorted(root.glob(pattern)):
+        name = file.stem if "*" in pattern.rsplit("/", maxsplit=1)[-1] else file.parent.name
+        if is_file(file) and not name.startswith((".", "_")):
+            yield NamedFile(name, file, source)
 
 
-def _first_of_each_name(found: Iterator[NamedFile]) -> list[NamedFile]:
+def _first_of_each_name(files: Iterator[NamedFile]) -> list[NamedFile]:
     by_name: dict[str, NamedFile] = {}
-    for item in found:
-        by_name.setdefault(item.name, item)
-    return sorted(by_name.values(), key=lambda item: item.name)
+    for file in files:
+        by_name.setdefault(file.name, file)
+    return sorted(by_name.values(), key=lambda file: file.name)

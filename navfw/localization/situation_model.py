@@ -1,7 +1,7 @@
 """Likelihood of the places of a map, given the situation that OFFIS reports (METHOD 4.4).
 
 A table holds, for each kind of place, the probability of each situation there. The one that ships
-was learnt on simulated drives with known poses; ``navfw learn situations`` learns others.
+was learnt on simulated drives with known poses; ``navfw map learn-situations`` learns others.
 """
 
 from __future__ import annotations

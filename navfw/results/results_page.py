@@ -29,7 +29,8 @@ from pathlib import Path
 from typing import Any
 
 from navfw.config.input_file import is_file, read_input_text
-from navfw.errors import ConfigError, UnknownNameError
+from navfw.config.lookup import list_files
+from navfw.errors import ConfigError, UnknownNameError, locating
 from navfw.process.result_table import Column, ResultTable, markdown_table, shown
 from navfw.recording.provenance import DIRTY
 from navfw.results.result_file import (
@@ -39,7 +40,6 @@ from navfw.results.result_file import (
     StoredValues,
     load_results,
 )
-from navfw.suite.suitefile import list_suites
 
 TEMPLATE = "template.md"
 """The template's name, beside the results."""
@@ -147,14 +147,12 @@ def fill(template: str, results: Sequence[StoredResult], file: Path, lines_befor
 
     def replaced(match: re.Match[str]) -> str:
         line = template.count("\n", 0, match.start()) + 1
-        try:
-            verb, *words = shlex.split(match[1]) or [""]
-            return writer.write(verb, words).rstrip("\n") or _NOT_MEASURED
-        except UnknownNameError as error:
-            names = error.what, error.name, error.known
-            raise UnknownNameError(*names, file=file, line=line) from None
-        except (TypeError, ValueError) as error:
-            raise ConfigError(f"{match[0]}: {error}", file=file, line=line) from None
+        with locating(file=file, line=line):
+            try:
+                verb, *words = shlex.split(match[1]) or [""]
+                return writer.write(verb, words).rstrip("\n") or _NOT_MEASURED
+            except (TypeError, ValueError) as error:
+                raise ConfigError(f"{match[0]}: {error}") from None
 
     return _PLACEHOLDER.sub(replaced, template)
 
@@ -186,7 +184,8 @@ class _Writer:
         return self._verbs[verb](*words)
 
     def _of_suites(self, names: Sequence[str]) -> list[StoredSuiteResult]:
-        suites = {*list_suites(), *(result.suite for result in self._suites)}
+        shipped = {file.name for file in list_files("suite")}
+        suites = shipped | {result.suite for result in self._suites}
         for name in names:
             if name not in suites:
                 raise UnknownNameError("suite", name, suites)

@@ -1,4 +1,4 @@
-"""Write a part into the project one stands in: a behaviour, a stage, a world, a mission, a suite.
+"""Write a part into the current project: a behaviour, a stage, a world, a mission, a suite.
 
 The kinds are those of ``navfw.scaffold.part_kinds``; all files of a part are written, or none.
 """
@@ -7,18 +7,17 @@ from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from navfw.config.document import load_yaml
+from navfw.config.file_kinds import FILE_KINDS
 from navfw.config.input_file import read_input_text, shown_path
 from navfw.config.lookup import (
     NamedFile,
-    list_maps,
+    list_files,
     list_missions,
-    list_stacks,
-    list_worlds,
     plugin_files,
     plugin_folders,
     project_folder,
@@ -28,7 +27,6 @@ from navfw.plugins.registry import BUILT_IN
 from navfw.process.atomic import write_text
 from navfw.scaffold.new_project import TEMPLATES
 from navfw.scaffold.part_kinds import PARTS, NameRule
-from navfw.suite.suitefile import list_suites
 
 _MAX_TEMPLATE = 1_000_000
 """Largest size of a template, and of the mission that another one begins as [byte]."""
@@ -94,19 +92,12 @@ def _check_spelling(name: str, rule: NameRule) -> None:
 
 def _taken(sort: str, world: str) -> dict[str, str]:
     """Names that are taken among things of that ``sort``, each with where it is."""
-    listed: dict[str, Callable[[], list[NamedFile]]] = {
-        "map": list_maps,
-        "mission": lambda: list_missions(world),
-        "stack": list_stacks,
-        "world": list_worlds,
-    }
-    if sort in listed:
-        return {found.name: shown_path(found.path) for found in listed[sort]()}
-    if sort == "suite":
-        return {name: shown_path(file) for name, file in list_suites().items()}
+    if sort in FILE_KINDS:
+        files = list_missions(world) if sort == "mission" else list_files(sort)
+        return {file.name: shown_path(file.path) for file in files}
     shipped = {name: "navfw" for names in BUILT_IN.values() for name in names}
-    files = (file for folder in plugin_folders() for file in plugin_files(folder))
-    return shipped | {file.stem: shown_path(file) for file in files}
+    plugins = (file for folder in plugin_folders() for file in plugin_files(folder))
+    return shipped | {file.stem: shown_path(file) for file in plugins}
 
 
 def _model(world: str) -> NamedFile:

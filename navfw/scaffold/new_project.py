@@ -11,12 +11,13 @@ import json
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
+from navfw.config.file_kinds import FILE_KINDS
 from navfw.config.input_file import shown_path
 from navfw.config.lookup import project_folder
 from navfw.errors import ConfigError
 from navfw.process.atomic import AtomicFolder
-from navfw.scaffold.file_schemas import editor_settings
 
 TEMPLATES = Path(__file__).parent / "templates"
 """The templates: of a project's files in ``project``, of its parts' in ``parts``."""
@@ -44,7 +45,7 @@ def write_project(folder: Path) -> list[str]:
         what = f"is within the project {shown_path(around)}; choose a folder outside of it"
         raise ConfigError(what, file=folder)
     names = {_name(file): file for file in sorted(_PROJECT.rglob("*")) if file.is_file()}
-    settings = {f".vscode/{name}": content for name, content in editor_settings().items()}
+    settings = {f".vscode/{name}": content for name, content in _editor_settings().items()}
     with AtomicFolder(folder, _NOTHING, "DIR") as target:
         for name, template in names.items():
             (target.path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -54,6 +55,16 @@ def write_project(folder: Path) -> list[str]:
             text = json.dumps(content, indent=2) + "\n"
             (target.path / name).write_text(text, encoding="utf-8")
     return sorted((*names, *settings))
+
+
+def _editor_settings() -> dict[str, Any]:
+    """Files of ``.vscode`` with their content: each kind's schema, and where it applies.
+
+    They are understood by editors with the YAML language server, VS Code's YAML extension first.
+    """
+    schemas = {f"schemas/{kind.name}.json": kind.schema() for kind in FILE_KINDS.values()}
+    patterns = {f"./.vscode/schemas/{kind.name}.json": kind.pattern for kind in FILE_KINDS.values()}
+    return {"settings.json": {"yaml.schemas": patterns}, **schemas}
 
 
 def _name(template: Path) -> str:

@@ -64,7 +64,7 @@ def _world_files(suite: Suite, given: str, worlds: Path | None) -> list[Path]:
     files = sorted(folder.glob("*/world.yaml"), key=lambda file: _natural(file.parent.name))
     if not files:
         what = "contains no worlds" if is_folder(folder) else "there is no such folder"
-        help_ = "name a folder of worlds (as navfw import writes them) with --worlds"
+        help_ = "name a folder of worlds (as navfw world import writes them) with --worlds"
         raise ConfigError(f"{what}; {help_}", file=shown_path(folder))
     return files
 

@@ -32,10 +32,10 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from navfw.config.document import KeyPath, YamlDocument, key_text, load_yaml
-from navfw.config.lookup import project_folder, shipped_folder
+from navfw.config.lookup import find
 from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
-from navfw.errors import ConfigError, InputError, UnknownNameError
+from navfw.errors import ConfigError, InputError
 from navfw.missions.eventspec import EventSpec
 from navfw.sim.worldspec import MAX_CONTRAST
 
@@ -203,14 +203,8 @@ class Suite:
         path: KeyPath = ("variants", variant) if variant else ("entries", index)
         if key is not None:
             path = (*path, key)
-        where = {
-            "file": self.document.file,
-            "line": self.document.line_of(path),
-            "key": key_text(path),
-        }
-        if isinstance(error, UnknownNameError) and error.line is None:
-            return UnknownNameError(error.what, error.name, error.known, **where)  # type: ignore[arg-type]
-        return InputError(str(error), **where)  # type: ignore[arg-type]
+        line = self.document.line_of(path)
+        return error.located(file=self.document.file, line=line, key=key_text(path))
 
 
 def load_suite(name: str | Path) -> Suite:
@@ -221,7 +215,7 @@ def load_suite(name: str | Path) -> Suite:
         ConfigError: the file breaks the schema, or two entries have the same name.
 
     """
-    file = find_suite(name)
+    file = find("suite", name)
     document = load_yaml(file)
     spec = validate(document, SuiteSpec)
     suite = Suite(file.stem, file, document, spec)
@@ -232,32 +226,6 @@ def load_suite(name: str | Path) -> Suite:
             raise suite.located(ConfigError(what), index)
         titles[entry.title] = index
     return suite
-
-
-def find_suite(name: str | Path) -> Path:
-    """The file of a suite: a path, or a name in ``worlds/suites`` (the project's, or shipped).
-
-    Raises:
-        UnknownNameError: there is no suite of that name.
-
-    """
-    text = str(name)
-    if Path(text).suffix in {".yaml", ".yml"} or "/" in text or "\\" in text:
-        return Path(text)
-    known = list_suites()
-    if text not in known:
-        raise UnknownNameError("suite", text, known)
-    return known[text]
-
-
-def list_suites() -> dict[str, Path]:
-    """All suites by name; those of the project take precedence over shipped ones."""
-    folders = [shipped_folder(), *([project] if (project := project_folder()) else [])]
-    return {
-        file.stem: file
-        for folder in folders
-        for file in sorted((folder / "worlds" / "suites").glob("*.yaml"))
-    }
 
 
 def parse_seeds(text: str) -> range:

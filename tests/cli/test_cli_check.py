@@ -115,7 +115,7 @@ def test_every_error_is_told_at_once(project: Path) -> None:
 
 def test_plugins_lists_a_behaviour_without_covering_rules_as_broken(project: Path) -> None:
     write(project, BAD)
-    done = CliRunner().invoke(app, ["plugins", "--kind", "behavior", "--json"])
+    done = CliRunner().invoke(app, ["list", "plugins", "--kind", "behavior", "--json"])
     status = {row["name"]: row["status"] for row in json.loads(done.stdout)}
     assert done.exit_code == 2
     broken = {name for name, each in status.items() if each == "broken"}

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from navfw.config.lookup import list_robots, list_stacks, list_worlds
+from navfw.config.lookup import list_files
 
 
 def completed(line: str, **more: str) -> list[str]:
@@ -53,9 +53,11 @@ def test_names_are_completed(line: str) -> None:
 
 
 def test_every_name_is_offered() -> None:
-    assert completed("navfw run ") == [found.name for found in list_worlds()]
-    assert completed("navfw run office patrol --stack ") == [found.name for found in list_stacks()]
-    assert completed("navfw suite rooms --robot ") == [found.name for found in list_robots()]
+    assert completed("navfw run ") == [found.name for found in list_files("world")]
+    assert completed("navfw run office patrol --stack ") == [
+        found.name for found in list_files("stack")
+    ]
+    assert completed("navfw suite rooms --robot ") == [found.name for found in list_files("robot")]
 
 
 def test_bash_completes_by_the_installed_script(tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ def size(picture: Path) -> tuple[int, int]:
 
 
 def test_a_plan_as_json() -> None:
-    data = json_of("plan", "hospital", "reception", "ward-3")
+    data = json_of("map", "plan", "hospital", "reception", "ward-3")
     assert data["map"] == "hospital"
     assert data["places"][-1] == "ward-3"
     assert 20.0 < data["length"] < data["cost"]
@@ -42,9 +42,8 @@ def test_a_plan_as_json() -> None:
 
 def test_a_plan_as_text_and_its_plot(tmp_path: Path) -> None:
     picture = tmp_path / "way.png"
-    text = ran(
-        "plan", "office", "lobby", "lab", "--avoid", "lab-door:lab-entrance", "--plot", str(picture)
-    )
+    avoid = ("--avoid", "lab-door:lab-entrance")
+    text = ran("map", "plan", "office", "lobby", "lab", *avoid, "--plot", str(picture))
     assert text.startswith("lobby to lab: ")
     assert "kitchen-lab-door" in text
     assert "IF danger IS none" in text
@@ -54,11 +53,14 @@ def test_a_plan_as_text_and_its_plot(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["plan", "office", "lobby", "lba"], ["place 'lba'", "did you mean 'lab'"]),
-        (["plan", "ofice", "lobby", "lab"], ["map 'ofice'", "did you mean 'office'"]),
-        (["plan", "office", "lobby", "lab", "--avoid", "lab"], ["PLACE:PLACE"]),
-        (["plan", "office", "lobby", "lab", "--avoid", "lab:lobby"], ["no passage between"]),
-        (["plan", "office", "9,99", "lab"], ["the start (9.00, 99.00) is", "away from everything"]),
+        (["map", "plan", "office", "lobby", "lba"], ["place 'lba'", "did you mean 'lab'"]),
+        (["map", "plan", "ofice", "lobby", "lab"], ["map 'ofice'", "did you mean 'office'"]),
+        (["map", "plan", "office", "lobby", "lab", "--avoid", "lab"], ["PLACE:PLACE"]),
+        (["map", "plan", "office", "lobby", "lab", "--avoid", "lab:lobby"], ["no passage between"]),
+        (
+            ["map", "plan", "office", "9,99", "lab"],
+            ["the start (9.00, 99.00) is", "away from everything"],
+        ),
         (["map", "show", "office", "--world", "ofice"], ["world 'ofice'"]),
         (["map", "convert", "office", "office.txt"], [".graphml", "office.txt"]),
         (["map", "convert", "none.geojson", "a.yaml"], ["none.geojson", "no such file"]),

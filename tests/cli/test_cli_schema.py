@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.config.document import load_yaml
+from navfw.config.file_kinds import FILE_KINDS
 from navfw.config.lookup import shipped_folder
-from navfw.scaffold.file_schemas import MODELS
 
 ROOT = shipped_folder()
 EXAMPLES = {
@@ -25,7 +25,7 @@ EXAMPLES = {
 }
 
 
-@pytest.mark.parametrize("kind", MODELS)
+@pytest.mark.parametrize("kind", FILE_KINDS)
 def test_the_schema_knows_every_key_of_a_shipped_file(kind: str) -> None:
     done = CliRunner().invoke(app, ["schema", kind])
     assert done.exit_code == 0, done.output

@@ -31,7 +31,7 @@ class Hover(Behavior):
     name = "hover"
     def propose(self, context): pass
 '''
-PLUGINS = ("plugins", "--kind", "behavior")
+PLUGINS = ("list", "plugins", "--kind", "behavior")
 PROCESS = [sys.executable, "-c", "from navfw.cli import main; main()"]
 
 
@@ -66,7 +66,7 @@ def executed(project: Path) -> bool:
         PLUGINS,
         ("run", "empty", "straight"),
         ("suite", "rooms", "--seeds", "0:1"),
-        ("generate", "no-such-family"),
+        ("world", "new", "no-such-family"),
     ],
 )
 def test_without_trust_nothing_is_executed_or_written(words: list[str], project: Path) -> None:
@@ -170,32 +170,37 @@ def test_settings_of_libraries_need_trust_before_any_command(
 ) -> None:
     (project / "behaviors" / "hover.py").unlink()
     (project / name).touch()
-    done = invoke("worlds")
+    done = invoke("list", "worlds")
     assert (done.exit_code, done.stdout) == (2, "")
     assert done.stderr.startswith(f"navfw: {project}: not trusted")
     assert name in done.stderr
     assert f"navfw trust '{project}'" in done.stderr
-    for words in (("--help",), ("worlds", "--help"), ("worlds", "--trust"), ("trust", ".")):
+    for words in (
+        ("--help",),
+        ("list", "worlds", "--help"),
+        ("list", "worlds", "--trust"),
+        ("trust", "."),
+    ):
         assert invoke(*words).exit_code == 0
-    assert invoke("worlds").exit_code == 0
+    assert invoke("list", "worlds").exit_code == 0
     (tmp_path / name).touch()  # in no project
     os.chdir(tmp_path)
-    assert invoke("worlds").exit_code == 2
+    assert invoke("list", "worlds").exit_code == 2
     assert invoke("trust", ".").exit_code == 0
-    assert invoke("worlds").exit_code == 0
+    assert invoke("list", "worlds").exit_code == 0
 
 
 def test_a_cache_of_compiled_code_in_the_working_folder_is_not_loaded(project: Path) -> None:
     (project / "behaviors" / "hover.py").unlink()
     (project / ".numba_config.yaml").write_text("cache_dir: cache\n")
-    words = [*PROCESS, "plan", "office", "lobby", "lab"]
+    words = [*PROCESS, "map", "plan", "office", "lobby", "lab"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)  # noqa: S603 - this Python
     assert done.returncode == 2
     assert not (project / "cache").exists()
 
 
 def on_terminal(answer: str) -> tuple[int, str, str]:
-    """Exit code, stdout, and what the terminal shows of ``navfw plugins`` with that answer."""
+    """Exit code, stdout, and what the terminal shows of ``navfw list plugins`` with that answer."""
     screen, terminal = pty.openpty()
     with subprocess.Popen(  # noqa: S603 - this Python, words of our own
         [*PROCESS, *PLUGINS], stdin=terminal, stderr=terminal, stdout=subprocess.PIPE, text=True

@@ -50,7 +50,7 @@ def names(found: list[lookup.NamedFile]) -> list[str]:
 
 
 def test_shipped_files_are_found_by_name(shipped: Path) -> None:
-    assert names(lookup.list_worlds()) == ["empty (shipped)", "office (shipped)"]
+    assert names(lookup.list_files("world")) == ["empty (shipped)", "office (shipped)"]
     assert names(lookup.list_missions("office")) == ["patrol (shipped)", "to-lab (shipped)"]
     assert lookup.find("world", "office") == shipped / "worlds/office/world.yaml"
     assert lookup.find("map", "office") == shipped / "maps/office.yaml"
@@ -70,9 +70,7 @@ def test_shipped_files_are_found_by_name(shipped: Path) -> None:
         ("mission", "office-to-lab", "office/to-lab"),
     ],
 )
-def test_unknown_names_get_the_nearest(
-    shipped: Path, kind: lookup.Kind, name: str, near: str
-) -> None:
+def test_unknown_names_get_the_nearest(shipped: Path, kind: str, name: str, near: str) -> None:
     with pytest.raises(UnknownNameError, match=f"did you mean '{near}'"):
         lookup.find(kind, name)
 
@@ -102,12 +100,16 @@ def test_a_project_adds_files_and_takes_precedence(shipped: Path, project: Path)
     write(project / "worlds/barn/world.yaml")
     write(project / "worlds/_draft/world.yaml")
     write(project / "stacks/mine.yaml")
-    assert names(lookup.list_worlds()) == ["barn (project)", "empty (shipped)", "office (project)"]
+    assert names(lookup.list_files("world")) == [
+        "barn (project)",
+        "empty (shipped)",
+        "office (project)",
+    ]
     assert lookup.find("world", "office") == own
-    assert "mine (project)" in names(lookup.list_stacks())
-    assert "default (shipped)" in names(lookup.list_stacks())
+    assert "mine (project)" in names(lookup.list_files("stack"))
+    assert "default (shipped)" in names(lookup.list_files("stack"))
     robot = write(project / "robots/default.yaml")
-    assert "default (project)" in names(lookup.list_robots())
+    assert "default (project)" in names(lookup.list_files("robot"))
     assert lookup.find("robot", "default") == robot
 
 
@@ -134,7 +136,7 @@ def test_the_checkout_is_not_its_own_second_project(
     write(shipped / "navfw.toml", "")
     monkeypatch.chdir(shipped)
     assert lookup.plugin_folders() == [shipped / "behaviors"]
-    assert names(lookup.list_worlds()) == ["empty (shipped)", "office (shipped)"]
+    assert names(lookup.list_files("world")) == ["empty (shipped)", "office (shipped)"]
 
 
 @pytest.mark.parametrize(
@@ -233,7 +235,7 @@ def test_a_missing_path_names_the_nearest_file(shipped: Path, tmp_path: Path) ->
 def test_the_real_shipped_folder_has_its_behaviors() -> None:
     assert lookup.shipped_folder() == HOME
     assert HOME / "behaviors" in lookup.plugin_folders()
-    assert "default" in [found.name for found in lookup.list_stacks()]
+    assert "default" in [found.name for found in lookup.list_files("stack")]
 
 
 def test_an_installed_package_contains_the_shipped_files(

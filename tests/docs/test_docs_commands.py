@@ -18,12 +18,12 @@ from navfw.cli import app
 from navfw.recording import palette
 
 QUICK = (
-    "plan ",
+    "map plan ",
     "map show hospital",
     "map check",
     "map build",
     "map convert",
-    "plugins",
+    "list plugins",
     "explain ",
     "replay ",
     "run empty straight --record",
@@ -114,7 +114,7 @@ def test_the_code_that_reads_a_recording_runs(
 @pytest.mark.parametrize(
     ("command", "heading"),
     [
-        ("plan hospital reception ward-3", "## Plan"),
+        ("map plan hospital reception ward-3", "## Plan"),
         ("map show office", "## Maps"),
         ("map check office", "## Maps"),
         ("map build office --out draft.yaml", "## Maps"),

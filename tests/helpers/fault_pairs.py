@@ -7,7 +7,7 @@ from itertools import combinations
 from navfw.missions.session import Session
 from navfw.plugins import Registry
 from navfw.suite.case_session import generated_session, prepared_session
-from navfw.suite.suitefile import EntrySpec, find_suite, load_suite
+from navfw.suite.suitefile import EntrySpec, load_suite
 
 SEED = 0
 _FAMILIES = ("corridors", "rooms")
@@ -16,7 +16,7 @@ _FAMILIES = ("corridors", "rooms")
 
 def survivable_entries() -> list[EntrySpec]:
     """The entries with a fault with which the robot has to arrive."""
-    entries = load_suite(find_suite("faults")).spec.entries
+    entries = load_suite("faults").spec.entries
     return [entry for entry in entries if entry.expect == "arrival" and entry.events]
 
 

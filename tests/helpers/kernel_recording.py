@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 from numba.extending import is_jitted
 
-from navfw.config.lookup import list_stacks
+from navfw.config.lookup import list_files
 from navfw.kernels.kernel_list import KERNEL_FILE
 from navfw.missions.session import prepare
 
@@ -54,7 +54,7 @@ def listed_calls() -> Calls:
 def main() -> None:
     """Add what drives of four simulated seconds call, with every stack that ships."""
     total = listed_calls()
-    stacks = [stack.name for stack in list_stacks() if stack.name != "navground"]
+    stacks = [stack.name for stack in list_files("stack") if stack.name != "navground"]
     for module, functions in calls_of_drives(stacks, 4.0).items():
         for name, signatures in functions.items():
             known = total.setdefault(module, {}).get(name, [])

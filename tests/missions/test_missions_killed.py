@@ -136,7 +136,7 @@ def kill(started: Started, index: int) -> None:
         started.send(signal.SIGKILL, group=index % 3 == 0)
 
 
-@pytest.mark.parametrize(("words", "code"), [(("worlds",), 0), (WORDS, 1)])
+@pytest.mark.parametrize(("words", "code"), [(("list", "worlds"), 0), (WORDS, 1)])
 def test_a_signal_after_the_end_changes_nothing(
     words: tuple[str, ...], code: int, tmp_path: Path
 ) -> None:

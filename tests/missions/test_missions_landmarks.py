@@ -60,7 +60,17 @@ def test_landmarks_are_learnt_on_a_drive(tmp_path: Path) -> None:
     file = tmp_path / "learnt.yaml"
     done = CliRunner().invoke(
         app,
-        ["map", "learn", "office", "lobby-to-lab", "--out", str(file), "--least", "2", "--json"],
+        [
+            "map",
+            "learn-landmarks",
+            "office",
+            "lobby-to-lab",
+            "--out",
+            str(file),
+            "--least",
+            "2",
+            "--json",
+        ],
     )
     assert done.exit_code == 0, done.output
     answer = json.loads(done.stdout)

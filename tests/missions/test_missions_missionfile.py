@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from navfw.config.lookup import NamedFile, find, list_missions, list_worlds
+from navfw.config.lookup import NamedFile, find, list_files, list_missions
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
 from navfw.missions.missionfile import MissionFile, load_mission
 from navfw.missions.run_options import chosen_stack
@@ -146,7 +146,9 @@ def test_the_shortest_path_leads_through_all_goals_in_order(
     assert there > math.hypot(lab.x - 1.2, lab.y - 1.2)
 
 
-SHIPPED = [(world.name, found) for world in list_worlds() for found in list_missions(world.name)]
+SHIPPED = [
+    (world.name, found) for world in list_files("world") for found in list_missions(world.name)
+]
 
 
 @pytest.mark.parametrize(("world", "found"), SHIPPED, ids=[f"{w}/{f.name}" for w, f in SHIPPED])

@@ -66,7 +66,7 @@ def test_the_command_writes_a_table_that_localisers_load(tmp_path: Path) -> None
     suite, out = tmp_path / "tiny.yaml", tmp_path / "tables" / "mine.yaml"
     suite.write_text(SUITE)
     done = CliRunner().invoke(
-        app, ["learn", "situations", str(suite), "--seeds", "3:4", "--out", str(out), "--json"]
+        app, ["map", "learn-situations", str(suite), "--seeds", "3:4", "--out", str(out), "--json"]
     )
     assert done.exit_code == 0, done.output
     answer = json.loads(done.stdout)
@@ -85,7 +85,7 @@ def test_the_command_writes_a_table_that_localisers_load(tmp_path: Path) -> None
 
 
 def test_a_folder_is_no_file_to_write(tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["learn", "situations", "--out", str(tmp_path)])
+    done = CliRunner().invoke(app, ["map", "learn-situations", "--out", str(tmp_path)])
     assert done.exit_code == 2
     assert "got a folder" in done.output
 

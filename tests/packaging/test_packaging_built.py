@@ -101,12 +101,12 @@ def test_the_wheel_contains_every_data_file(installed: Path) -> None:
 def test_an_installed_navfw_lists_its_files_from_any_folder(
     installed: Path, tmp_path: Path
 ) -> None:
-    done = navfw(installed, tmp_path, "worlds", "--json")
+    done = navfw(installed, tmp_path, "list", "worlds", "--json")
     assert done.returncode == 0, done.stderr
     rows = json.loads(done.stdout)
     assert {"office", "paper-room", "empty"} <= {row["name"] for row in rows}
     assert {(row["source"], row["status"]) for row in rows} == {("shipped", "ok")}
-    done = navfw(installed, tmp_path, "plugins", "--json")
+    done = navfw(installed, tmp_path, "list", "plugins", "--json")
     assert done.returncode == 0, done.stderr
     plugins = json.loads(done.stdout)
     assert {"avoid", "go_to_xy", "travel"} <= {row["name"] for row in plugins}

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from navfw.config.document import parse_yaml
 from navfw.config.layering import layered
-from navfw.config.lookup import find, list_stacks
+from navfw.config.lookup import find, list_files
 from navfw.errors import InputError
 from navfw.plugins import default_registry
 from navfw.stack.stackfile import load_stack
@@ -27,7 +27,7 @@ def differing(name: str) -> set[str]:
     return {key for key in default if default[key] != other[key]}
 
 
-@pytest.mark.parametrize("name", [found.name for found in list_stacks()])
+@pytest.mark.parametrize("name", [found.name for found in list_files("stack")])
 def test_every_shipped_stack_loads(name: str) -> None:
     assert shipped(name)["behaviors"]
 
@@ -43,7 +43,7 @@ def test_variations_of_the_default_stack_differ_in_few_keys() -> None:
 
 
 def test_only_two_shipped_stacks_use_the_simulators_truth() -> None:
-    oracles = {found.name for found in list_stacks() if shipped(found.name)["oracle"]}
+    oracles = {found.name for found in list_files("stack") if shipped(found.name)["oracle"]}
     assert oracles == {"oracle", "navground"}
 
 

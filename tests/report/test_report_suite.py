@@ -130,13 +130,17 @@ def later(tmp_path: Path) -> Path:
 
 def test_two_suites_stand_side_by_side(suite: Path, later: Path) -> None:
     done = invoke("report", suite, later)
-    assert (done.exit_code, done.stdout) == (0, f"report: {later / 'comparison.html'}\n")
+    assert done.exit_code == 0
+    comparison, _, report = done.stdout.rstrip("\n").rpartition("\n")
+    assert report == f"report: {later / 'comparison.html'}"
+    assert comparison == invoke("report", suite, later, "--text").stdout.rstrip("\n")
+    assert comparison.startswith("5 pairs, 0 unpaired runs\n")
     page = (later / "comparison.html").read_text(encoding="utf-8")
     heads = re.findall(r"<h2>(.+?)</h2>", page)
     assert heads == ["Lost: 1", "Worse: 1", "Gained: 2", "Better: 0", "Failed in both: 1"]
     assert page.count("data:image/webp;base64,") == 6
     assert 'href="../a/pictures/run-2.png"' in page
-    shown = invoke("compare", suite, later).stdout
+    shown = invoke("report", "--text", suite, later).stdout
     assert "40.0 % -> 60.0 %" in shown
     difference = re.search(r"success .*\((.+)\)", shown)
     assert difference is not None
@@ -180,14 +184,14 @@ def test_suites_with_variants_are_compared_variant_by_variant(
     assert re.findall(r'data-run="([^"]+)"', page) == [
         f"rooms / rooms-{seed} / cross, seed {seed}, paper" for seed in (2, 3)
     ]
-    shown = invoke("compare", *suites).stdout
+    shown = invoke("report", "--text", *suites).stdout
     assert "paper: success   100.0 % -> 33.3 %" in shown
     assert "lost: rooms / rooms-2 / cross, seed 2, paper (stuck" in shown
 
 
 def test_compare_names_the_reports_that_are_there(suite: Path, later: Path) -> None:
     invoke("report", suite)
-    shown = invoke("compare", suite, later).stdout
+    shown = invoke("report", "--text", suite, later).stdout
     assert f"reports    {suite / 'report.html'}, {later}\n" in shown
 
 

@@ -1,4 +1,4 @@
-"""``navfw suite`` and ``navfw compare`` as subprocesses."""
+"""``navfw suite`` and ``navfw report --text`` as subprocesses."""
 
 from __future__ import annotations
 
@@ -120,9 +120,9 @@ def processes_in(group: int) -> bool:
         (["suite", "mine/mission.yaml", "--seeds", "0:1"], "did you mean 'straight'?"),
         (["suite", "mine/folder.yaml", "--seeds", "0:1"], "there is no such folder"),
         (["suite", "mine/wall.yaml", "--seeds", "0:1"], "mine/wall.yaml:2: entries[0]:"),
-        (["compare", "a.csv", "tiny.yaml"], "there is no such file"),
-        (["compare", "a.csv", "b.csv", "--fail-if-worse", "much"], "such as 1% or 0.01"),
-        (["compare", "tiny.yaml", "tiny.yaml"], "is not a table of navfw suite"),
+        (["report", "--text", "a.csv", "tiny.yaml"], "there is no such file"),
+        (["report", "--text", "a.csv", "b.csv", "--fail-if-worse", "much"], "such as 1% or 0.01"),
+        (["report", "--text", "tiny.yaml", "tiny.yaml"], "is not a table of navfw suite"),
     ],
 )
 def test_bad_input_gives_one_message_and_leaves_no_files(
@@ -177,11 +177,11 @@ def test_compare_prints_the_paired_numbers(folder: Path) -> None:
         folder / "a" / "table.csv", [row(s, "stuck" if s < 6 else "reached") for s in range(9)]
     )
     write_table(folder / "b.csv", [row(seed) for seed in range(9)])
-    done = navfw("compare", "a", "b.csv", "--json")
+    done = navfw("report", "--text", "a", "b.csv", "--json")
     assert done.exit_code == 0, done.output
     answer = json.loads(done.stdout)
     assert (answer["pairs"], answer["success_b"], answer["p"]) == (9, 1.0, 0.03125)
-    shown = navfw("compare", "a", "b.csv").stdout
+    shown = navfw("report", "--text", "a", "b.csv").stdout
     assert "33.3 % -> 100.0 %" in shown
     assert "p = 0.0312" in shown
     assert "reports    a/table.csv, b.csv" in shown
@@ -191,7 +191,7 @@ def test_compare_prints_the_paired_numbers(folder: Path) -> None:
 def test_compare_fails_if_b_is_worse(margin: str, code: int, folder: Path) -> None:
     write_table(folder / "a.csv", [row(seed) for seed in range(8)])
     write_table(folder / "b.csv", [row(s, "stuck" if s < 2 else "reached") for s in range(8)])
-    done = navfw("compare", "a.csv", "b.csv", "--fail-if-worse", margin)
+    done = navfw("report", "--text", "a.csv", "b.csv", "--fail-if-worse", margin)
     assert done.exit_code == code
     assert ("success fell by 25.0 %" in done.stderr) == bool(code)
-    assert navfw("compare", "b.csv", "a.csv", "--fail-if-worse", margin).exit_code == 0
+    assert navfw("report", "--text", "b.csv", "a.csv", "--fail-if-worse", margin).exit_code == 0

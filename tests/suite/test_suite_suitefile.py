@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from navfw.config.lookup import list_files
 from navfw.errors import InputError
 from navfw.suite.entry_cases import draw_difficulty
-from navfw.suite.suitefile import list_suites, load_suite, parse_seeds
+from navfw.suite.suitefile import load_suite, parse_seeds
 
 
 def suite(folder: Path, text: str) -> Path:
@@ -68,7 +69,7 @@ def test_an_unknown_suite_is_refused_with_the_nearest_name() -> None:
         load_suite("ofice")
 
 
-@pytest.mark.parametrize("name", sorted(list_suites()))
+@pytest.mark.parametrize("name", [suite.name for suite in list_files("suite")])
 def test_shipped_suites_can_be_loaded(name: str) -> None:
     assert load_suite(name).spec.description
 
@@ -79,7 +80,7 @@ def test_a_project_can_have_suites(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     (tmp_path / "worlds" / "suites" / "office.yaml").write_text("entries: [{family: rooms}]")
     monkeypatch.chdir(tmp_path)
     assert load_suite("office").spec.entries[0].family == "rooms"
-    assert "paper-room" in list_suites()
+    assert "paper-room" in [suite.name for suite in list_files("suite")]
 
 
 def test_seeds_are_half_open() -> None:

@@ -19,7 +19,7 @@ from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan, plan_runs
 from navfw.suite.suite_run import run_suite
 from navfw.suite.suite_summary import markdown_summary, summarize
-from navfw.suite.suitefile import find_suite, load_suite
+from navfw.suite.suitefile import load_suite
 
 SUITE = """\
 entries:
@@ -172,7 +172,7 @@ def test_a_suite_writes_the_table_of_variants(tmp_path: Path) -> None:
 
 def test_all_variants_of_the_shipped_ablations_are_valid() -> None:
     pytest.importorskip("navground", reason="the extra navground is not installed")
-    suite = load_suite(find_suite("ablations"))
+    suite = load_suite("ablations")
     plan = plan_runs(suite, range(8000, 8001), default_registry())
     assert not plan.skipped
     assert len(plan.cases) == len(suite.spec.entries) * len(suite.spec.variants)

@@ -241,7 +241,7 @@ def test_real_barn_worlds() -> None:
 
 def test_import_command(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    words = ["import", str(barn(tmp_path)), "--out", str(out), "--json"]
+    words = ["world", "import", str(barn(tmp_path)), "--out", str(out), "--json"]
     answer = CliRunner().invoke(app, words)
     assert answer.exit_code == 0, answer.stderr
     data = json.loads(answer.stdout)
@@ -249,10 +249,10 @@ def test_import_command(tmp_path: Path) -> None:
     assert load_world(out / "world.yaml").name == "hall"
     path = sdf(tmp_path, UNSUPPORTED["sphere"])
     more = ["--start", "-1,0,0.5", "--goal", "2,-3"]
-    answer = CliRunner().invoke(app, ["import", str(path), "--out", str(out), *more])
+    answer = CliRunner().invoke(app, ["world", "import", str(path), "--out", str(out), *more])
     assert answer.exit_code == 2
     assert "'ball'" in answer.stderr
-    skipping = ["import", str(path), "--out", str(out), *more, "--skip-unsupported"]
+    skipping = ["world", "import", str(path), "--out", str(out), *more, "--skip-unsupported"]
     answer = CliRunner().invoke(app, skipping)
     assert answer.exit_code == 0, answer.stderr
     assert "left out: line" in answer.stderr
@@ -267,7 +267,7 @@ def test_several_files_are_imported_and_a_damaged_one_costs_itself_alone(tmp_pat
     broken = tmp_path / "broken.world"
     broken.write_text("<sdf><world>")
     out = tmp_path / "out"
-    words = ["import", str(files[0]), str(broken), str(files[1]), "--out", str(out)]
+    words = ["world", "import", str(files[0]), str(broken), str(files[1]), "--out", str(out)]
     answer = CliRunner().invoke(app, [*words, "--json"])
     assert answer.exit_code == 2
     folders = [made["folder"] for made in json.loads(answer.stdout)]
@@ -286,7 +286,7 @@ def test_two_files_of_one_name_are_refused_before_anything_is_written(tmp_path: 
     twin = tmp_path / "other" / file.name
     twin.write_bytes(file.read_bytes())
     out = tmp_path / "out"
-    answer = CliRunner().invoke(app, ["import", str(file), str(twin), "--out", str(out)])
+    answer = CliRunner().invoke(app, ["world", "import", str(file), str(twin), "--out", str(out)])
     assert (answer.exit_code, answer.stdout) == (2, "")
     assert f"{twin}: a second file called '{file.stem}'" in answer.stderr
     assert not out.exists()
@@ -294,7 +294,7 @@ def test_two_files_of_one_name_are_refused_before_anything_is_written(tmp_path: 
 
 def test_generate_command(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    words = ["generate", "clutter", "--seed", "4", "--difficulty", "0.25", "--out", str(out)]
+    words = ["world", "new", "clutter", "--seed", "4", "--difficulty", "0.25", "--out", str(out)]
     answer = CliRunner().invoke(app, [*words, "--json"])
     assert answer.exit_code == 0, answer.stderr
     data = json.loads(answer.stdout)
@@ -314,7 +314,7 @@ def test_generate_command(tmp_path: Path) -> None:
 )
 def test_generate_reports_invalid_arguments(words: list[str], message: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    answer = CliRunner().invoke(app, ["generate", *words, "--out", str(out)])
+    answer = CliRunner().invoke(app, ["world", "new", *words, "--out", str(out)])
     assert answer.exit_code == 2
     assert message in answer.stderr
     assert not out.exists()

@@ -297,7 +297,17 @@ def test_command(tmp_path: Path) -> None:
     world = tmp_path / "world"
     world.mkdir()
     path, out = sdf(world, "model://hut/b.obj"), tmp_path / "out"
-    words = ["import", str(path), "--out", str(out), "--start", "2,-2,1.57", "--goal", "2,2"]
+    words = [
+        "world",
+        "import",
+        str(path),
+        "--out",
+        str(out),
+        "--start",
+        "2,-2,1.57",
+        "--goal",
+        "2,2",
+    ]
     answer = CliRunner().invoke(app, words)
     assert answer.exit_code == 2
     assert "line 4" in answer.stderr

@@ -112,12 +112,14 @@ def test_plans_that_cannot_be_right() -> None:
 def test_the_command(tmp_path: Path) -> None:
     save_ros_map(PLANS["thick-walls"](), tmp_path / "hall.yaml")
     out = ["--out", str(tmp_path / "w")]
-    result = CliRunner().invoke(app, ["import", str(tmp_path / "hall.yaml"), *out, "--json"])
+    result = CliRunner().invoke(
+        app, ["world", "import", str(tmp_path / "hall.yaml"), *out, "--json"]
+    )
     assert result.exit_code == 0, result.output
     data = json.loads(result.stdout)
     assert (data["walls"], data["doors"]) == (16, 6)
     assert math.isclose(data["size_m"][0], 16.8)
-    image = ["import", str(tmp_path / "hall.png"), *out]
+    image = ["world", "import", str(tmp_path / "hall.png"), *out]
     for options, message in (
         ([], "give --resolution"),
         (["--resolution", "0"], "expected 0.001 to 10 m"),
@@ -128,7 +130,7 @@ def test_the_command(tmp_path: Path) -> None:
         assert result.exit_code == 2, options
         assert message in result.output
     assert cv2.imwrite(str(tmp_path / "hall.bmp"), np.full((80, 120), 255, np.uint8))
-    bare = ["import", str(tmp_path / "hall.bmp"), *out, "--resolution", "0.1"]
+    bare = ["world", "import", str(tmp_path / "hall.bmp"), *out, "--resolution", "0.1"]
     result = CliRunner().invoke(app, bare)
     assert result.exit_code == 0, result.output
     assert "4 walls, 12 x 8 m" in result.output

@@ -1,17 +1,24 @@
-"""``navfw replay RUN_FOLDER``: run the stack on recorded sensor readings."""
+"""``navfw replay`` and ``navfw explain``: what a recorded run did; and the option ``--video``."""
 
 from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
 from navfw.cli.options import Json, Recorded, Video
-from navfw.cli.output import print_json, quiet_stdout
-from navfw.cli.video import VIDEO, write_video
+from navfw.cli.output import print_json, print_status, quiet_stdout
+from navfw.cli.progress_bar import ProgressBar
+
+VIDEO = "--video"
+"""The option, for messages."""
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add the command."""
+    """Add the commands."""
     app.command()(replay)
+    app.command()(explain)
 
 
 def replay(
@@ -50,3 +57,36 @@ def replay(
             typer.echo(f"  recorded  {result.recorded_hash}")
         typer.echo(f"  commands  {result.command_hash}")
     raise typer.Exit(0 if result.same else 1)
+
+
+def explain(
+    folder: Recorded,
+    at: Annotated[float, typer.Option("--at", help="Time since the start of the run [s].")],
+    json: Json = False,
+) -> None:
+    """Explain the command at one moment. Lists the behaviours, and the rules that fired."""
+    with quiet_stdout():
+        from navfw.recording.run_replay import explain_at
+
+        explanation = explain_at(folder, at)
+    if json:
+        print_json(explanation)
+    else:
+        from navfw.mofis.explanation_text import explanation_lines
+
+        typer.echo("\n".join(explanation_lines(explanation)))
+
+
+def write_video(folder: Path, target: Path, *, quiet: bool) -> None:
+    """Write the recording in a run folder as a video, and say where on stderr.
+
+    Raises:
+        InputError: the recording is damaged, or the video cannot be written.
+
+    """
+    from navfw.report.run_video import write_run_video
+
+    with ProgressBar("video", "pictures", quiet=quiet) as bar:
+        write_run_video(folder, target, VIDEO, bar.update)
+    if not quiet:
+        print_status(f"video: {target}")

@@ -1,4 +1,8 @@
-"""Rows of the listings, read from a file alone: worlds are not built and maps not checked."""
+"""``navfw check`` and ``navfw list`` of data files whose kind needs more than a load.
+
+The functions are named in ``navfw.config.file_kinds``. Checks are those before a run. Summaries are
+read from a file alone: worlds are not built, and maps not checked.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,12 @@ from pydantic import BaseModel, ConfigDict
 
 from navfw.config.document import load_yaml
 from navfw.config.yamlfile import validate
+from navfw.errors import InputError
 from navfw.stack.stack_document import read_stack
 from navfw.topomap.mapspec import MAX_BYTES, MAX_NODES
 
 if TYPE_CHECKING:
+    from navfw.plugins import Registry
     from navfw.robot import RobotModel
 
 
@@ -37,6 +43,11 @@ class _MapSummary(_FileSummary):
     edges: list[Any] = []
 
 
+class _SuiteSummary(_FileSummary):
+    entries: list[Any]
+    variants: dict[str, Any] = {}
+
+
 class _StackSummary(_FileSummary):
     flow: dict[str, Any]
     perception: dict[str, Any]
@@ -51,8 +62,43 @@ class _StackSummary(_FileSummary):
 SummaryT = TypeVar("SummaryT", bound=_FileSummary)
 
 
-def world_summary(path: Path) -> dict[str, Any]:
-    """The description in a world file."""
+def check_map(path: Path, registry: Registry) -> None:
+    """Check a map by itself, and its kinds of landmark."""
+    from navfw.topomap.mapfile import load_map
+
+    def landmark_kind(name: str) -> str:
+        try:
+            return registry.get("landmark", name).name
+        except InputError as error:
+            raise ValueError(str(error)) from None
+
+    load_map(path, landmark_kind)
+
+
+def check_mission(path: Path, registry: Registry) -> None:
+    """Check a mission with its world, its map and its stack, as before a run."""
+    from navfw.missions.missionfile import load_mission
+    from navfw.missions.session import prepare
+
+    folder = path.absolute().parents[1]
+    if (folder / "world.yaml").is_file():
+        prepare(folder, path.absolute(), registry=registry)
+    elif path.absolute().parent.name == "missions" and folder.parent.name == "worlds":
+        prepare(folder.name, path.absolute(), registry=registry)  # of a shipped world
+    else:
+        load_mission(path)
+
+
+def check_stack(path: Path, registry: Registry) -> None:
+    """Check a stack with all parameters of its plugins, and the files that these read."""
+    from navfw.stack.stackfile import load_stack
+
+    for chosen in load_stack(path, registry).plugins:
+        chosen.check_files()
+
+
+def description(path: Path) -> dict[str, Any]:
+    """The description in a file."""
     return {"description": _read(path, _FileSummary).description}
 
 
@@ -78,6 +124,16 @@ def stack_summary(path: Path) -> dict[str, Any]:
     return {
         "description": spec.description,
         "plugins": {stage: list(chosen) for stage, chosen in stages.items()},
+    }
+
+
+def suite_summary(path: Path) -> dict[str, Any]:
+    """The description of a suite, and the numbers of its entries and variants."""
+    spec = _read(path, _SuiteSummary)
+    return {
+        "description": spec.description,
+        "entries": len(spec.entries),
+        "variants": len(spec.variants),
     }
 
 

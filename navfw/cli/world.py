@@ -1,0 +1,178 @@
+"""``navfw world``: generate worlds, import them, and show what is in them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from navfw.cli.command_groups import command_group
+from navfw.cli.completion import completer_of
+from navfw.cli.import_world import import_, numbers_of
+from navfw.cli.options import Json, World
+from navfw.cli.output import print_json, quiet_stdout
+from navfw.errors import WorldError, locating
+
+if TYPE_CHECKING:
+    from navfw.sim.worldspec import WorldSpec
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add ``world`` with its commands."""
+    group = command_group("Generate, import and show worlds.")
+    group.command()(new)
+    group.command("import")(import_)
+    group.command()(show)
+    app.add_typer(group, name="world")
+
+
+def new(
+    family: Annotated[str, typer.Argument(help="Family: see navfw list plugins --kind family.")],
+    seed: Annotated[int, typer.Option(help="Seed; the same one gives the same world.")] = 0,
+    difficulty: Annotated[float, typer.Option(help="Difficulty from 0 (easy) to 1.")] = 0.5,
+    contrast: Annotated[
+        float | None,
+        typer.Option(help="Contrast of every surface [grey levels] [default: each its own]."),
+    ] = None,
+    look: Annotated[
+        Literal["plain", "photo"] | None,
+        typer.Option(help="Surfaces: painted walls with skirting; or like photographs."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder to write [default: generated/FAMILY-SEED].")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Generate a world from a seed. Drive in it with navfw run FOLDER cross."""
+    from navfw.worldgen import generate as make
+    from navfw.worldgen.generated_world import MISSION
+
+    with quiet_stdout():
+        made = make(family, seed, difficulty, contrast, look)
+        folder = made.write(out or Path("generated") / f"{family}-{seed}")
+    world = made.world
+    if json:
+        print_json(
+            {
+                "folder": str(folder),
+                "family": family,
+                "seed": seed,
+                "difficulty": difficulty,
+                "contrast": contrast,
+                "look": look,
+                "mission": MISSION,
+                "map": made.has_map,
+                "description": world.description,
+                "shortest_path_m": made.shortest,
+                "timeout_s": made.mission.timeout,
+                "size_m": [world.x[1] - world.x[0], world.y[1] - world.y[0]],
+                "boxes": len(world.boxes),
+                "cylinders": len(world.cylinders),
+                "movers": len(world.movers),
+                "attempts": made.attempt + 1,
+            }
+        )
+        return
+    typer.echo(f"{folder}: {world.description}")
+    typer.echo(f"{made.shortest:.1f} m from start to goal; navfw run {folder} {MISSION}")
+
+
+def show(
+    world: World,
+    at: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,YAW", help="Draw what the camera sees there instead [m, rad]."),
+    ] = None,
+    robot: Annotated[
+        str,
+        typer.Option(
+            help="With --at: name or file of the robot with the camera.",
+            autocompletion=completer_of("robot"),
+        ),
+    ] = "default",
+    out: Annotated[
+        Path | None,
+        typer.Option(help="PNG file to write [default: WORLD-plan.png, or WORLD-camera.png]."),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Draw the floor plan of a world, or with --at what a robot's camera sees in it."""
+    from navfw.config.lookup import find, list_missions
+    from navfw.process.atomic import output_file
+
+    pose = numbers_of("--at", at, ("X", "Y", "YAW"))
+    file = find("world", world)
+    path = out or Path(f"{file.parent.name}-{'plan' if pose is None else 'camera'}.png")
+    output_file(path, "--out")
+    with quiet_stdout():
+        from navfw.sim.worldfile import load_world
+
+        spec = load_world(file)
+        if pose is None:
+            _draw_plan(path, spec)
+        else:
+            _draw_view(path, spec, pose, robot)
+    width, height = spec.x[1] - spec.x[0], spec.y[1] - spec.y[0]
+    missions = [mission.name for mission in list_missions(world)]
+    if json:
+        print_json(
+            {
+                "world": spec.name,
+                "description": spec.description,
+                "size_m": [width, height],
+                "rooms": [room.name for room in spec.rooms],
+                "missions": missions,
+                "at": None if pose is None else list(pose),
+                "picture": str(path),
+            }
+        )
+        return
+    typer.echo(f"{spec.name}, {width:g} x {height:g} m: {spec.description}")
+    typer.echo(f"missions {', '.join(missions) or 'none'}")
+    typer.echo(f"picture {path}" + ("" if at is None else f", from {at} by the camera of {robot}"))
+
+
+def _draw_plan(path: Path, world: WorldSpec) -> None:
+    """Write a picture of the floor plan, with the names of rooms, as PNG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    from navfw.missions.world_outline import outline_of
+    from navfw.process.atomic import atomic_file
+    from navfw.recording.top_view import draw_outline, style_axes
+    from navfw.sim.floorplan import FloorPlan
+
+    x0, y0, x1, y1 = (plan := FloorPlan.from_world(world)).bounds
+    scale = min(16.0 / (x1 - x0), 11.0 / (y1 - y0))
+    figure = Figure(figsize=((x1 - x0) * scale + 0.8, (y1 - y0) * scale + 0.8))
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot(aspect="equal", xlim=(x0, x1), ylim=(y0, y1), title=world.name)
+    draw_outline(axes, outline_of(plan), edge=0.6, wall_edge=0.4)
+    for room in world.rooms:
+        axes.text(sum(room.x) / 2.0, sum(room.y) / 2.0, room.name, ha="center", color="#3A3A3A")
+    style_axes(axes)
+    with atomic_file(path, parents=True) as part:
+        metadata = {"Software": "navfw"}
+        figure.savefig(part, dpi=110, format="png", bbox_inches="tight", metadata=metadata)
+
+
+def _draw_view(path: Path, world: WorldSpec, pose: tuple[float, ...], robot: str) -> None:
+    """Write the first frame of ``robot``'s camera at ``pose`` (x, y [m], yaw [rad]) as PNG."""
+    import cv2
+
+    from navfw.process.atomic import atomic_file
+    from navfw.robot.robotfile import load_robot
+    from navfw.signals import Pose
+    from navfw.sim.simulation import Simulation
+
+    with locating(key="--robot"):
+        model = load_robot(robot)
+    with (
+        locating(key="--at", only=WorldError),
+        Simulation(world, model, Pose(*pose), seed=0) as sim,
+    ):
+        frame = sim.read().frame
+    assert frame is not None  # noqa: S101 - the camera's clock begins with the simulation
+    with atomic_file(path, parents=True) as part:
+        part.write_bytes(cv2.imencode(".png", frame.image)[1].tobytes())

@@ -1,0 +1,182 @@
+"""The kinds of files that people write, in one table: a further kind is one entry here.
+
+An entry says where a project has such files and names, as ``module:name``, what describes, loads,
+checks and lists them. These are imported when they are needed, so that names are found quickly.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from navfw.errors import UnknownNameError
+
+
+@dataclass(frozen=True)
+class FileKind:
+    """A kind of file.
+
+    ``pattern`` is where a project has such files, and ``also_in`` further folders; navfw's own are
+    in ``room``, a folder of the package, where one is given. ``model`` is the pydantic model of
+    their content, ``key`` a top-level key that only they have, ``title`` how messages call them.
+
+    ``load`` is a function of a path that raises an InputError where the file is wrong; ``check``,
+    in its place, one of a path and the plugins, for what depends on more than the file.
+    ``plural`` is the word for them in ``navfw list``, which shows the ``columns`` that
+    ``summary``, a function of a path, gives besides the description.
+    """
+
+    name: str
+    pattern: str
+    model: str
+    also_in: tuple[str, ...] = ()
+    load: str = ""
+    check: str = ""
+    key: str = ""
+    title: str = ""
+    plural: str = ""
+    summary: str = "navfw.cli.data_files:description"
+    columns: tuple[str, ...] = ()
+    room: str = ""
+
+    @property
+    def folders(self) -> tuple[str, ...]:
+        """The names of folders that have the files, such as ``maps``; none for worlds."""
+        return () if self.file_name else (self.pattern.split("/")[-2], *self.also_in)
+
+    @property
+    def patterns(self) -> list[str]:
+        """The patterns of the files in a project, and in each folder on the way to them."""
+        parts = self.pattern.replace("*.yaml", "*").split("/")
+        whole = len(parts) if self.file_name else len(parts) - 1
+        tails = ["/".join(parts[first:]) for first in range(whole)]
+        return [*tails, *(f"{folder}/*" for folder in self.also_in)]
+
+    @property
+    def file_name(self) -> str | None:
+        """The name that all files of the kind have: ``world.yaml``; None where they differ."""
+        name = self.pattern.split("/")[-1]
+        return None if "*" in name else name
+
+    def schema(self) -> dict[str, Any]:
+        """The JSON Schema: keys, types and bounds."""
+        model = _imported(self.model)
+        about = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+        return {**about, **model.model_json_schema()}
+
+    def check_file(self, path: Path, plugins: object) -> None:
+        """Load the file at ``path``, and check what can be checked without a run.
+
+        Raises:
+            InputError: the file, or one that it names, is wrong.
+
+        """
+        if self.check:
+            _imported(self.check)(path, plugins)
+        else:
+            _imported(self.load)(os.path.join(".", path))  # noqa: PTH118 - a path, never a name
+
+    def summary_of(self, path: Path) -> dict[str, Any]:
+        """What ``navfw list`` shows of the file at ``path``: ``description`` and ``columns``.
+
+        Raises:
+            InputError: the file cannot be read, or lacks what is shown.
+
+        """
+        summary: dict[str, Any] = _imported(self.summary)(path)
+        return summary
+
+
+def kind_called(name: str) -> FileKind:
+    """The kind of that name.
+
+    Raises:
+        UnknownNameError: there is none.
+
+    """
+    if name not in FILE_KINDS:
+        raise UnknownNameError("kind of file", name, FILE_KINDS)
+    return FILE_KINDS[name]
+
+
+def _imported(target: str) -> Any:
+    module, _, name = target.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
+_KINDS = (
+    FileKind(
+        name="world",
+        plural="worlds",
+        pattern="worlds/*/world.yaml",
+        key="walls",
+        model="navfw.sim.worldspec:WorldSpec",
+        load="navfw.sim.worldfile:load_world",
+        columns=("missions",),
+    ),
+    FileKind(
+        name="mission",
+        plural="missions",
+        pattern="worlds/*/missions/*.yaml",
+        key="goals",
+        model="navfw.missions.missionspec:MissionSpec",
+        check="navfw.cli.data_files:check_mission",
+        summary="navfw.cli.data_files:mission_summary",
+        columns=("start", "goals", "timeout"),
+    ),
+    FileKind(
+        name="map",
+        plural="maps",
+        pattern="maps/*.yaml",
+        key="places",
+        model="navfw.topomap.mapspec:MapSpec",
+        check="navfw.cli.data_files:check_map",
+        summary="navfw.cli.data_files:map_summary",
+        columns=("places", "edges"),
+    ),
+    FileKind(
+        name="stack",
+        plural="stacks",
+        pattern="stacks/*.yaml",
+        key="behaviors",
+        model="navfw.stack.stackfile:StackSpec",
+        check="navfw.cli.data_files:check_stack",
+        summary="navfw.cli.data_files:stack_summary",
+        columns=("plugins",),
+        room="stack",
+    ),
+    FileKind(
+        name="robot",
+        plural="robots",
+        pattern="robots/*.yaml",
+        model="navfw.robot.robotfile:RobotSpec",
+        load="navfw.robot.robotfile:load_robot",
+        summary="navfw.cli.data_files:robot_summary",
+        columns=("body", "speed", "camera"),
+        room="robot",
+    ),
+    FileKind(
+        name="suite",
+        plural="suites",
+        pattern="worlds/suites/*.yaml",
+        key="entries",
+        model="navfw.suite.suitefile:SuiteSpec",
+        load="navfw.suite.suitefile:load_suite",
+        summary="navfw.cli.data_files:suite_summary",
+        columns=("entries", "variants"),
+    ),
+    FileKind(
+        name="rules",
+        title="rule base",
+        pattern="behaviors/*.yaml",
+        also_in=("plugins",),
+        key="rules",
+        model="navfw.fuzzy.rulespec:RuleBaseSpec",
+        load="navfw.fuzzy.rulefile:load_rule_base",
+    ),
+)
+FILE_KINDS = {kind.name: kind for kind in _KINDS}
+"""The kinds of files by name."""

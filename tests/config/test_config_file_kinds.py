@@ -1,0 +1,87 @@
+"""A kind of file is one entry of the table: all that names, lists or checks files knows it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from typer.testing import CliRunner
+
+from navfw.cli import app
+from navfw.cli.completion import completer_of
+from navfw.config.document import load_yaml
+from navfw.config.file_kinds import FILE_KINDS, FileKind
+from navfw.config.lookup import find, list_files
+from navfw.config.strict_model import StrictModel
+from navfw.config.yamlfile import validate
+from navfw.errors import ConfigError, UnknownNameError
+
+
+class NoteSpec(StrictModel):
+    """The content of a note."""
+
+    text: str
+
+
+def load_note(path: str) -> NoteSpec:
+    """The note in a file."""
+    return validate(load_yaml(path), NoteSpec)
+
+
+@pytest.fixture
+def notes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A project with files of a kind that navfw does not have."""
+    module = ModuleType("notes_of_a_test")
+    vars(module).update(NoteSpec=NoteSpec, load_note=load_note)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    kind = FileKind(
+        name="note",
+        plural="notes",
+        pattern="notes/*.yaml",
+        key="text",
+        model="notes_of_a_test:NoteSpec",
+        load="notes_of_a_test:load_note",
+    )
+    monkeypatch.setitem(FILE_KINDS, "note", kind)
+    for name, text in {
+        "navfw.toml": "",
+        "notes/a.yaml": "text: x\n",
+        "b.yaml": "text: 1\n",
+    }.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_further_kind_is_found_completed_checked_and_described(notes: Path) -> None:
+    assert [file.name for file in list_files("note")] == ["a"]
+    assert find("note", "a") == notes / "notes/a.yaml"
+    with pytest.raises(UnknownNameError, match="unknown note 'b': known: a"):
+        find("note", "b")
+    assert completer_of("note")(None, "") == ["a"]  # type: ignore[arg-type]
+    checked = json.loads(CliRunner().invoke(app, ["check", "--json", "b.yaml", "."]).stdout)
+    assert [(row["kind"], row["error"]) for row in checked] == [
+        ("note", "b.yaml:1: text: expected text, got 1; quote it to make it text"),
+        ("note", None),
+    ]
+    schema = json.loads(CliRunner().invoke(app, ["schema", "note"]).stdout)
+    assert list(schema["properties"]) == ["text"]
+    counted = json.loads(CliRunner().invoke(app, ["list", "--json"]).stdout)
+    assert {"name": "notes", "count": 1} in counted
+
+
+def test_a_kind_says_what_is_wrong_in_its_file(notes: Path) -> None:
+    (notes / "notes/a.yaml").write_text("txt: x\n")
+    with pytest.raises(ConfigError, match=r"notes/a.yaml:1: txt: unknown key"):
+        FILE_KINDS["note"].check_file(Path("notes/a.yaml"), None)
+
+
+@pytest.mark.parametrize("kind", FILE_KINDS.values(), ids=lambda kind: kind.name)
+def test_every_kind_has_files_and_what_it_names(kind: FileKind) -> None:
+    assert list_files(kind.name)
+    assert bool(kind.load) != bool(kind.check)
+    assert kind.schema()["type"] == "object"
