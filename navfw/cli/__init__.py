@@ -1,7 +1,8 @@
 """The ``navfw`` command: it parses arguments, calls the other packages and prints results.
 
-Each module of ``COMMANDS`` has a function ``add_to(app)`` that adds its commands. All modules are
-imported for every ``navfw --help``; expensive imports are therefore inside the commands.
+A command is the function of its name in a module of ``PANELS``; a group of commands is added by the
+function ``add_to(app)`` of its module. All modules are imported for every ``navfw --help``;
+expensive imports are therefore inside the commands.
 
 Exit codes: 0 success, 1 the command ran and failed, 2 an argument, option or file is wrong, 3 it
 ran, but its results could not be written completely.
@@ -23,37 +24,23 @@ from navfw.config.project_code import asking, trusting
 from navfw.errors import InputError, NavfwError
 from navfw.process.interruption import ignore_signals, interruptible
 
-__all__ = ["COMMANDS", "app", "main"]
-
-COMMANDS = (
-    "run",
-    "recordings",
-    "perceive",
-    "listings",
-    "report",
-    "world",
-    "map",
-    "suite",
-    "tune",
-    "new",
-    "check",
-    "trust",
-    "warm",
-    "bench",
-    "results",
-    "reproduce",
-)
-"""The modules with commands."""
+__all__ = ["PANELS", "app", "main"]
 
 PANELS = {
-    "Drive": ("run", "replay", "perceive"),
-    "Look": ("list", "explain", "report"),
-    "Make": ("world", "map"),
-    "Measure": ("suite", "tune"),
-    "Project": ("new", "check", "schema", "trust", "warm"),
-    "Develop navfw": ("bench", "results", "reproduce"),
+    "Drive": {"run": "run", "replay": "recordings", "perceive": "perceive"},
+    "Look": {"list": "listings", "explain": "recordings", "report": "report"},
+    "Make": {"world": "world", "map": "map"},
+    "Measure": {"suite": "suite", "tune": "tune"},
+    "Project": {
+        "new": "new",
+        "check": "check",
+        "schema": "check",
+        "trust": "trust",
+        "warm": "warm",
+    },
+    "Develop navfw": {"bench": "bench", "results": "results", "reproduce": "reproduce"},
 }
-"""The commands by their heading in ``navfw --help``."""
+"""The commands by their heading in ``navfw --help``, each with its module."""
 
 
 class _Navfw(PanelGroup):
@@ -107,8 +94,13 @@ def _root(
         ctx.with_resource(trusting())
 
 
-for _module in COMMANDS:
-    importlib.import_module(f"navfw.cli.{_module}").add_to(app)
+for _commands in PANELS.values():
+    for _name, _module_name in _commands.items():
+        _module = importlib.import_module(f"navfw.cli.{_module_name}")
+        if hasattr(_module, "add_to"):
+            _module.add_to(app)
+        else:
+            app.command()(getattr(_module, _name))
 accept_trust(app)
 
 

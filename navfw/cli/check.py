@@ -19,12 +19,6 @@ PLUGIN_FOLDERS = ("behaviors", "plugins")
 _SUFFIXES = {".yaml", ".yml"}
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the commands."""
-    app.command()(check)
-    app.command()(schema)
-
-
 def check(
     paths: Annotated[
         list[Path] | None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, ClassVar
 
 import typer
@@ -34,7 +34,7 @@ class SuggestingGroup(TyperGroup):
 class PanelGroup(SuggestingGroup):
     """Shows its commands under the headings of ``panels``."""
 
-    panels: ClassVar[Mapping[str, Sequence[str]]] = {}
+    panels: ClassVar[Mapping[str, Iterable[str]]] = {}
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write a line for each command."""

@@ -27,11 +27,6 @@ if TYPE_CHECKING:
     Assessed: TypeAlias = tuple[PairResult, dict[str, float | str]]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(perceive)
-
-
 _Hfov = Annotated[
     float | None,
     typer.Option(

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from dataclasses import dataclass, replace
-from types import TracebackType
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 import typer
 
 LINE_PERIOD = 10.0
 """Interval between two lines where stderr is not a terminal [s]."""
+
+LINE_WIDTH = 200
+"""Largest length of such a line of ``show_line`` [characters]."""
 
 REFRESH_PERIOD = 0.1
 """Shortest interval between two pictures of the bar [s]: drawing it takes milliseconds."""
@@ -23,42 +26,39 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="Print no progress.")]
 """The option ``--quiet`` of commands with long work."""
 
 
-class ProgressBar:
-    """Shows ``update`` or ``show_part``; nothing before the first one, and nothing with ``quiet``.
+class ProgressBar(contextlib.ExitStack):
+    """Shows ``update``, ``show_part`` or ``show_line``; nothing before, and nothing with ``quiet``.
 
     ``work`` says what is done, ``unit`` what ``update`` counts. Rate and time left are means since
     the first update; no time left is given before something is done. Where stdout is the same
-    terminal, what is printed there while the bar is shown appears above it.
+    terminal, what is printed there while the bar is shown appears above it. Elsewhere there is a
+    line every ``period`` [s].
 
     A ``moving`` bar goes on between updates: a thread draws time elapsed and time left. It is for
     work of other processes, which the drawing does not disturb.
     """
 
     def __init__(
-        self, work: str, unit: str = "", *, quiet: bool = False, moving: bool = False
+        self,
+        work: str = "",
+        unit: str = "",
+        *,
+        quiet: bool = False,
+        moving: bool = False,
+        period: float | None = None,
     ) -> None:
+        super().__init__()
         self._work = work
         self._unit = unit
         self._quiet = quiet
         self._moving = moving
+        self._period = LINE_PERIOD if period is None else period
         self._part = ""
         self._count: _Count | None = None
         self._next_line = 0.0
         self._next_picture = 0.0
         self._bar: Any = None
         self._task: Any = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._bar is not None:
-            self._bar.stop()
 
     def update(self, done: int, total: int, now: str = "") -> None:
         """Show that ``done`` of ``total`` are done; ``now`` names what is in progress.
@@ -71,19 +71,12 @@ class ProgressBar:
         if self._count is None:
             unit = "" if self._part else f" {self._unit}"
             self._count = _Count(unit, done, total, done, clock, clock)
-            if self._bar is None and sys.stderr.isatty():
-                self._start()
         self._count = replace(self._count, done=done, total=total, updated=clock)
-        if self._bar is not None:
-            shown = {"count": self._count, "now": now or self._part}
-            self._bar.update(self._task, completed=done, total=total or None, **shown)
-            if clock >= self._next_picture or done == total > 0:
-                self._next_picture = clock + REFRESH_PERIOD
-                self._bar.refresh()
-        elif clock >= self._next_line or done == total > 0:
-            self._next_line = clock + LINE_PERIOD
-            parts = (part for part in (self._part, self._count.text(clock), now) if part)
-            typer.echo(f"{self._work}: {': '.join(parts)}", err=True)
+        parts = (part for part in (self._part, self._count.text(clock), now) if part)
+        line = f"{self._work}: {': '.join(parts)}"
+        shown = {"count": self._count, "now": now or self._part}
+        shown |= {"completed": done, "total": total or None}
+        self._show(clock, line, shown, last=done == total > 0)
 
     def show_part(self, part: str, done: int = 0, total: int = 0) -> None:
         """``update`` of one part of work whose parts differ: each has its own rate and time left.
@@ -94,17 +87,45 @@ class ProgressBar:
             self._part, self._count, self._next_line, self._next_picture = part, None, 0.0, 0.0
         self.update(done, total)
 
+    def show_line(self, text: str) -> None:
+        """Show a line of text instead of a bar; it is cut where there is no terminal."""
+        if not self._quiet:
+            self._show(time.monotonic(), text[:LINE_WIDTH], {"now": text}, last=False)
+
+    def note(self, text: str) -> None:
+        """Print a line that stays."""
+        if self._bar is None:
+            typer.echo(text, err=True)
+        else:
+            self._bar.console.print(text, markup=False)
+
+    def _show(self, clock: float, line: str, shown: dict[str, Any], *, last: bool) -> None:
+        """Show on a terminal the fields ``shown``, elsewhere the ``line``, unless too soon."""
+        if self._bar is None and sys.stderr.isatty():
+            self._start()
+        if self._bar is not None:
+            self._bar.update(self._task, **shown)
+            if clock >= self._next_picture or last:
+                self._next_picture = clock + REFRESH_PERIOD
+                self._bar.refresh()
+        elif clock >= self._next_line or last:
+            self._next_line = clock + self._period
+            typer.echo(line, err=True)
+
     def _start(self) -> None:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
         from rich.table import Column
 
-        now = Column(no_wrap=True, overflow="ellipsis")
-        self._bar = Progress(
+        counting = [
             TextColumn("{task.description}", markup=False),
             BarColumn(20),
             *([TimeElapsedColumn()] if self._moving else []),
             TextColumn("{task.fields[count]}", markup=False),
+        ]
+        now = Column(no_wrap=True, overflow="ellipsis")
+        self._bar = Progress(
+            *(counting if self._count is not None else []),
             TextColumn("{task.fields[now]}", markup=False, table_column=now),
             console=Console(stderr=True),
             auto_refresh=self._moving,
@@ -114,6 +135,7 @@ class ProgressBar:
         )
         self._task = self._bar.add_task(self._work, count="", now="")
         self._bar.start()
+        self.callback(self._bar.stop)
 
 
 @dataclass(frozen=True)

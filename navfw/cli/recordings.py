@@ -15,12 +15,6 @@ VIDEO = "--video"
 """The option, for messages."""
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the commands."""
-    app.command()(replay)
-    app.command()(explain)
-
-
 def replay(
     folder: Recorded,
     video: Video = None,
@@ -72,7 +66,7 @@ def explain(
     if json:
         print_json(explanation)
     else:
-        from navfw.mofis.explanation_text import explanation_lines
+        from navfw.mofis.explanation import explanation_lines
 
         typer.echo("\n".join(explanation_lines(explanation)))
 

@@ -32,11 +32,6 @@ _FailIfWorse = Annotated[
 ]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(report)
-
-
 def report(
     folder: Annotated[
         list[Path],

@@ -13,11 +13,6 @@ from navfw.cli.output import print_json, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(reproduce)
-
-
 def reproduce(
     out: Annotated[Path, typer.Option(help="Folder to write.")] = Path("reproduction"),
     data: Annotated[

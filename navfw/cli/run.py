@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-import sys
 import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Self
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
 from navfw.cli.completion import complete_setting, completer_of
 from navfw.cli.options import Json, Live, LivePort, Mission, Record, Robot, Video, World, of_robot
 from navfw.cli.output import console, print_json, quiet_stdout
+from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.recordings import VIDEO, write_video
 from navfw.cli.supervisor import announce, announce_end
 from navfw.cli.warm import compile_with_progress
@@ -33,9 +32,6 @@ LINE_PERIOD = 5.0
 _NOT_SAVED = 3
 """Exit code of a finished drive whose run folder could not be written completely."""
 
-_LINE_WIDTH = 200
-"""Largest length of such a line [characters]."""
-
 COMPILING_NOTICE_AFTER = 3.0
 """Time without progress after which ``COMPILING`` is printed, if a kernel is compiled [s]."""
 
@@ -52,11 +48,6 @@ Settings = Annotated[
         " sensors.preset=poor. May be repeated.",
     ),
 ]
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(run)
 
 
 def run(
@@ -89,7 +80,7 @@ def run(
         bool, typer.Option("--gui", help="Show a window that follows the robot.")
     ] = False,
     json: Json = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Drive a mission. Exit with 0 for success, 1 for failure, 2 for invalid input.
 
@@ -198,7 +189,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
                 as_json=request.json,
                 limit=request.limit,
             )
-            with _ProgressLine(quiet=request.quiet) as line:
+            with _RunProgress(quiet=request.quiet) as line:
                 result = session.run(
                     line.show,
                     gui=request.gui,
@@ -280,64 +271,29 @@ def _clearance(nearest: float) -> str:
     return f"at least {nearest:.2f} m" if math.isfinite(nearest) else "no obstacle near"
 
 
-class _ProgressLine:
-    """Progress on stderr: a live line on a terminal, otherwise a line every ``LINE_PERIOD``."""
+class _RunProgress(ProgressBar):
+    """The state of a run as a line; and a notice where a kernel that is compiled delays it."""
 
     def __init__(self, *, quiet: bool) -> None:
-        self._quiet = quiet
-        self._live: Any = None
-        self._next_line = 0.0
+        super().__init__(quiet=quiet, period=LINE_PERIOD)
         self._shown = time.monotonic()
-        self._over = threading.Event()
-
-    def __enter__(self) -> Self:
-        if not self._quiet and sys.stderr.isatty():
-            from rich.console import Console
-            from rich.live import Live
-
-            screen = Console(stderr=True)
-            self._live = Live(console=screen, transient=True, refresh_per_second=10)
-            self._live.start()
-        if not self._quiet:
-            self._shown = time.monotonic()
-            threading.Thread(target=self._explain_delay, daemon=True).start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._over.set()
-        if self._live is not None:
-            self._live.stop()
+        over = threading.Event()
+        self.callback(over.set)
+        if not quiet:
+            threading.Thread(target=self._explain_delay, args=(over,), daemon=True).start()
 
     def show(self, progress: Progress) -> None:
         """Show the state of the run."""
-        if self._quiet:
-            return
         self._shown = time.monotonic()
-        if self._live is not None:
-            from rich.text import Text
+        self.show_line(_line(progress))
 
-            self._live.update(Text(_line(progress), no_wrap=True, overflow="ellipsis"))
-            return
-        now = time.monotonic()
-        if now >= self._next_line:
-            self._next_line = now + LINE_PERIOD
-            typer.echo(_line(progress)[:_LINE_WIDTH], err=True)
-
-    def _explain_delay(self) -> None:
+    def _explain_delay(self, over: threading.Event) -> None:
         """Print ``COMPILING`` once if there is no progress for a while because of a kernel."""
         from navfw.process.watchdog import compiling
 
-        while not self._over.wait(0.1 * COMPILING_NOTICE_AFTER):
+        while not over.wait(0.1 * COMPILING_NOTICE_AFTER):
             if compiling() and time.monotonic() - self._shown > COMPILING_NOTICE_AFTER:
-                if self._live is None:
-                    typer.echo(COMPILING, err=True)
-                else:
-                    self._live.console.print(COMPILING)
+                self.note(COMPILING)
                 return
 
 

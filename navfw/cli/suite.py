@@ -50,11 +50,6 @@ class Keep(StrEnum):
     NONE = "none"
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(suite)
-
-
 Seeds = Annotated[str, typer.Option(metavar="A:B", help="Seeds from A to B - 1.")]
 _SuiteOut = Annotated[
     Path | None, typer.Option(help="Folder for the table [default: runs/SUITE-A-B].")

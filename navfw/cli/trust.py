@@ -25,11 +25,6 @@ TrustOnce = Annotated[
 ]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(trust)
-
-
 def trust(
     folder: Annotated[
         Path | None, typer.Argument(metavar="DIR", help="Folder of a project.")

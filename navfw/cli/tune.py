@@ -26,11 +26,6 @@ if TYPE_CHECKING:
     from optuna.trial import FrozenTrial
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(tune)
-
-
 _Trials = Annotated[int, typer.Option(min=1, max=100_000, help="Number of trials in all.")]
 Training = Annotated[str, typer.Option(metavar="A:B", help="Training seeds from A to B - 1.")]
 Validation = Annotated[

@@ -7,11 +7,6 @@ import typer
 from navfw.cli.progress_bar import ProgressBar, Quiet
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(warm)
-
-
 def warm(
     quiet: Quiet = False,
 ) -> None:

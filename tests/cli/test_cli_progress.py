@@ -24,11 +24,10 @@ def progress(seconds: float) -> Progress:
 def test_without_a_terminal_there_is_a_line_every_few_seconds(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with run._ProgressLine(quiet=False) as line:
+    with run._RunProgress(quiet=False) as line:
         line.show(progress(1.0))
         line.show(progress(2.0))
-        monkeypatch.setattr(run, "LINE_PERIOD", -1.0)
-        line._next_line = 0.0
+        monkeypatch.setattr(line, "_next_line", 0.0)  # as after some seconds
         line.show(progress(3.0))
     out, err = capfd.readouterr()
     assert out == ""
@@ -37,11 +36,30 @@ def test_without_a_terminal_there_is_a_line_every_few_seconds(
     assert "Front is a door; Floor" in err
 
 
+def test_on_a_terminal_the_line_is_replaced_and_gone_at_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    screen = io.StringIO()
+    monkeypatch.setattr(screen, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setenv("COLUMNS", "60")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(progress_bar, "REFRESH_PERIOD", 0.0)
+    with run._RunProgress(quiet=False) as line:
+        line.show(progress(1.0))
+        line.note(run.COMPILING)
+        line.show(progress(2.0))
+    assert "1.0 s    3.0 m to go   0.5x  avoid > hall" in screen.getvalue()
+    assert "2.0 s" in screen.getvalue()
+    assert run.COMPILING.split()[-1] in screen.getvalue()
+    assert screen.getvalue().endswith("\x1b[2K") or "\x1b[2K" in screen.getvalue()[-20:]
+
+
 def test_a_delay_without_a_kernel_to_compile_says_nothing(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run, "COMPILING_NOTICE_AFTER", 0.02)
-    with run._ProgressLine(quiet=False):
+    with run._RunProgress(quiet=False):
         time.sleep(0.2)
     assert capfd.readouterr() == ("", "")
 
@@ -51,7 +69,7 @@ def test_a_long_compilation_is_told_once(
 ) -> None:
     monkeypatch.setattr(run, "COMPILING_NOTICE_AFTER", 0.05)
     monkeypatch.setattr(watchdog, "compiling", lambda: True)
-    with run._ProgressLine(quiet=False) as line:
+    with run._RunProgress(quiet=False) as line:
         line.show(progress(1.0))
         text = ""
         while run.COMPILING not in text:
@@ -66,7 +84,7 @@ def test_quiet_prints_nothing(
 ) -> None:
     monkeypatch.setattr(run, "COMPILING_NOTICE_AFTER", 0.01)
     monkeypatch.setattr(watchdog, "compiling", lambda: True)
-    with run._ProgressLine(quiet=True) as line:
+    with run._RunProgress(quiet=True) as line:
         line.show(progress(1.0))
         time.sleep(0.1)
     assert capfd.readouterr() == ("", "")
