@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 import pytest
 from typer.testing import CliRunner, Result
 
@@ -17,6 +19,12 @@ def show(*arguments: str) -> Result:
     return CliRunner().invoke(app, ["world", "show", *arguments])
 
 
+def read_picture(file: str) -> npt.NDArray[Any]:
+    picture = cv2.imread(file, cv2.IMREAD_UNCHANGED)
+    assert picture is not None, file
+    return np.asarray(picture)
+
+
 def test_the_floor_plan_is_drawn(tmp_path: Path) -> None:
     done = show("office", "--out", str(tmp_path / "plan.png"), "--json")
     assert done.exit_code == 0, done.output
@@ -24,7 +32,7 @@ def test_the_floor_plan_is_drawn(tmp_path: Path) -> None:
     assert summary["size_m"] == [16.0, 10.0]
     assert {"lobby", "lab"} <= set(summary["rooms"])
     assert "lobby-to-lab" in summary["missions"]
-    height, width, _ = cv2.imread(summary["picture"]).shape
+    height, width, _ = read_picture(summary["picture"]).shape
     assert abs(width / height - 1.6) < 0.1
 
 
@@ -35,11 +43,10 @@ def test_the_camera_sees_the_wall_ahead_of_it(
     done = show("office", "--at", "1.2,1.2,0.6")
     assert done.exit_code == 0, done.output
     assert "picture office-camera.png, from 1.2,1.2,0.6 by the camera of default" in done.stdout
-    there = cv2.imread("office-camera.png", cv2.IMREAD_UNCHANGED)
-    assert (there.shape, there.dtype) == ((120, 160), np.uint8)
+    ahead = read_picture("office-camera.png")
+    assert (ahead.shape, ahead.dtype) == ((120, 160), np.uint8)
     assert show("office", "--at", "1.2,1.2,2.2", "--out", "back.png").exit_code == 0
-    back = cv2.imread("back.png", cv2.IMREAD_UNCHANGED)
-    assert np.abs(there.astype(float) - back).mean() > 10.0
+    assert np.abs(ahead.astype(float) - read_picture("back.png")).mean() > 10.0
 
 
 @pytest.mark.parametrize(
