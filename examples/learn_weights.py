@@ -27,7 +27,7 @@ import numpy as np
 
 from navfw.gym.mission_env import MissionEnv
 from navfw.plugins import default_registry
-from navfw.suite.case_session import generated_session
+from navfw.suite.case import Case
 from navfw.suite.entry_cases import draw_difficulty
 from navfw.suite.suitefile import parse_seeds
 
@@ -66,16 +66,11 @@ def drive(family: str, job: tuple[Sequence[float], int]) -> Drive:
 def drive_shipped(family: str, seed: int) -> Drive:
     """Drive with the shipped composite in the world of a seed."""
     cv2.setNumThreads(1)
-    session = generated_session(
-        family,
-        seed,
-        draw_difficulty(DIFFICULTY, seed),
-        stack=None,
-        overrides=(),
-        registry=default_registry(),
-        world_name=f"{family}-{seed}",
+    world = f"{family}-{seed}"
+    case = Case(
+        0, family, seed, "", "", world, "cross", (), family, draw_difficulty(DIFFICULTY, seed)
     )
-    result = session.run()
+    result = case.session(default_registry()).run()
     return Drive(0.0, result.outcome.succeeded, result.metrics.spl)
 
 

@@ -16,7 +16,7 @@ from contextlib import closing
 
 from robot_link import LinkLostError, RobotLink, number
 
-from navfw.missions.session import prepare
+from navfw.missions.session_setup import prepare
 from navfw.sim.simulation import Simulation
 
 COAST = 1.0

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
         Planner,
     )
     from navfw.missions.outcome import Outcome
-    from navfw.missions.python_interface import open_session, run
-    from navfw.missions.session import MissionResult
-    from navfw.missions.stepped_session import SteppedSession, TickView
+    from navfw.missions.pilot import TickView
+    from navfw.missions.session import MissionResult, SteppedSession
+    from navfw.missions.session_setup import open_session, run
     from navfw.mofis.ruled import RuledBehavior, RuledComposite
     from navfw.mofis.rules import BehaviorRules
     from navfw.robot import CameraModel, RobotModel
@@ -71,12 +71,12 @@ _HOMES = {
     "RobotModel": "navfw.robot",
     "RuledBehavior": "navfw.mofis.ruled",
     "RuledComposite": "navfw.mofis.ruled",
-    "SteppedSession": "navfw.missions.stepped_session",
-    "TickView": "navfw.missions.stepped_session",
+    "SteppedSession": "navfw.missions.session",
+    "TickView": "navfw.missions.pilot",
     "Twist": "navfw.signals",
     "Waypoint": "navfw.signals",
-    "open_session": "navfw.missions.python_interface",
-    "run": "navfw.missions.python_interface",
+    "open_session": "navfw.missions.session_setup",
+    "run": "navfw.missions.session_setup",
 }
 
 __all__ = [

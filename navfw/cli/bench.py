@@ -75,7 +75,7 @@ def loop(
     """Time the whole loop, and rendering with physics alone. Runs on one core."""
     with quiet_stdout():
         from navfw.missions.loop_timing import bench_loop
-        from navfw.missions.session import prepare
+        from navfw.missions.session_setup import prepare
 
         session = prepare(world, mission, seed=seed, stack=stack, overrides=of_robot(robot))
     options = {"world": world, "mission": mission, "seed": seed, "stack": stack}

@@ -28,7 +28,7 @@ def learn_landmarks(
     """Add detected landmarks to a map. Drives a mission, and writes its map with them."""
     with quiet_stdout():
         from navfw.missions.landmark_learning_drive import learn_landmarks as learn
-        from navfw.missions.session import prepare
+        from navfw.missions.session_setup import prepare
         from navfw.process.atomic import output_file
         from navfw.recording.run_folder import plain_json
         from navfw.topomap.map_formats import save_map

@@ -156,7 +156,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
     Returns the result, the folder with it, None if it could not be written, and what is missing.
     """
     from navfw.missions.run_report import default_folder, write_run
-    from navfw.missions.session import prepare
+    from navfw.missions.session_setup import prepare
     from navfw.recording.run_folder import RunFolder
     from navfw.recording.video_output import check_video
     from navfw.sim.window import check_display

@@ -21,9 +21,9 @@ from navfw.errors import InputError, UnknownNameError
 from navfw.gym.agent_plugins import ACTIONS, Action, AgentChoice
 from navfw.gym.observation_kinds import KINDS, AgentView, Observation
 from navfw.missions.outcome import Outcome
+from navfw.missions.pilot import TickView
 from navfw.missions.progress_checkers import GoalChecker
-from navfw.missions.session import Session
-from navfw.missions.stepped_session import SteppedSession, TickView
+from navfw.missions.session import Session, SteppedSession
 from navfw.plugins import Registry, default_registry
 from navfw.signals import Image, Pose
 from navfw.stack import Stack

@@ -16,7 +16,7 @@ import numpy as np
 from gymnasium import spaces
 
 from navfw.errors import ConfigError
-from navfw.missions.stepped_session import TickView
+from navfw.missions.pilot import TickView
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
 from navfw.signals import Array, Image, Label, Pose
 from navfw.stack import Stack

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, NoReturn, cast
+from typing import NoReturn, cast
 
 from pydantic import ValidationError
 
 from navfw.config.document import KeyPath, YamlDocument, key_text
 from navfw.config.yamlfile import validate
-from navfw.errors import ConfigError, PluginError, UnknownNameError, locating
+from navfw.errors import ConfigError, PluginError, UnknownNameError
 from navfw.interfaces import MissionEvent
 from navfw.missions.event_clock import Event
 from navfw.missions.eventspec import BehaviorFault, EventSpec, NearTrigger
+from navfw.missions.missionfile import MissionFile
 from navfw.robot import RobotModel
 from navfw.signals.immutable import immutable
 from navfw.sim.drop_geometry import drop_under
@@ -22,73 +23,60 @@ from navfw.sim.textures import STOCK
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
 from navfw.stack.stackfile import PluginSource
-from navfw.topomap import TopoMap
 
 
 def resolve_events(
-    document: YamlDocument,
-    specs: Sequence[EventSpec],
-    timeout: float,
-    topo_map: TopoMap,
-    world: WorldSpec,
-    stack: Stack,
-    plugins: PluginSource,
+    mission: MissionFile, world: WorldSpec, stack: Stack, plugins: PluginSource
 ) -> tuple[Event, ...]:
     """The events of a mission file, checked against map, world and the behaviours of ``stack``.
 
     An event of a plugin becomes the events that it is composed of.
 
     Raises:
-        ConfigError: an event lies after the ``timeout`` [s], or an obstacle off the floor or over a
-            drop.
+        ConfigError: an event lies after the mission's timeout, or an obstacle off the floor or over
+            a drop.
         UnknownNameError: an event names a place, door, behaviour, wall, object, texture or plugin
             that does not exist.
         PluginError: an event plugin is broken, or its actions are not valid.
 
     """
-    checker = _Checker(document, topo_map, world, tuple(stack.mofis.behaviors))
+    checker = _Checker(mission, world, tuple(stack.mofis.behaviors))
     return tuple(
-        checker.event(index, part, timeout)
-        for index, spec in enumerate(specs)
-        for part in _parts(document, index, spec, world, stack.robot, plugins)
+        checker.event(index, composed)
+        for index, spec in enumerate(mission.spec.events)
+        for composed in _composed(mission.document, index, spec, world, stack.robot, plugins)
     )
 
 
-def _parts(
+def _composed(
     document: YamlDocument,
     index: int,
     spec: EventSpec,
     world: WorldSpec,
     robot: RobotModel,
     plugins: PluginSource,
-) -> Iterable[EventSpec]:
+) -> Sequence[EventSpec]:
     """The event itself, or the events that its plugin composes it of."""
     if spec.plugin is None:
-        yield spec
-        return
+        return (spec,)
     ((name, _),) = spec.plugin.items()
     path: KeyPath = ("events", index, "plugin")
-    origin = document.origin_of(path)
-    where: dict[str, Any] = {
-        "file": origin.file,
-        "line": origin.line,
-        "key": key_text((*path, name)),
-    }
-    with locating(**where, only=UnknownNameError):
+    shown = key_text((*path, name))
+    with document.locating(path, shown, only=UnknownNameError):
         plugin = cast(type[MissionEvent], plugins.get("event", name))
     event = plugin(robot, validate(document, plugin.Params, (*path, name)))
     trigger = spec.model_dump(exclude_unset=True, exclude={"plugin"})
-    try:
-        contents = immutable(world.model_dump(mode="json"))
-        actions = [dict(action) for action in event.actions(contents)]
-        parts = [EventSpec.model_validate({**trigger, **action}) for action in actions]
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        what = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
-        raise PluginError(f"the event plugin gave an invalid action: {what}", **where) from None
-    except Exception as error:
-        raise PluginError(f"actions raised {type(error).__name__}: {error}", **where) from error
-    yield from parts
+    with document.locating(path, shown):
+        try:
+            contents = immutable(world.model_dump(mode="json"))
+            actions = [dict(action) for action in event.actions(contents)]
+            return [EventSpec.model_validate({**trigger, **action}) for action in actions]
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            what = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+            raise PluginError(f"the event plugin gave an invalid action: {what}") from None
+        except Exception as error:
+            raise PluginError(f"actions raised {type(error).__name__}: {error}") from error
 
 
 def with_doors_open(world: WorldSpec, specs: Sequence[EventSpec]) -> WorldSpec:
@@ -104,15 +92,8 @@ def with_doors_open(world: WorldSpec, specs: Sequence[EventSpec]) -> WorldSpec:
 class _Checker:
     """Checks the names and positions in events; collects the names of obstacles that they add."""
 
-    def __init__(
-        self,
-        document: YamlDocument,
-        topo_map: TopoMap,
-        world: WorldSpec,
-        behaviors: tuple[str, ...],
-    ) -> None:
-        self.document = document
-        self.topo_map = topo_map
+    def __init__(self, mission: MissionFile, world: WorldSpec, behaviors: tuple[str, ...]) -> None:
+        self.mission = mission
         self.world = world
         self.behaviors = behaviors
         self.doors = [door.name for door in world.doors]
@@ -126,36 +107,37 @@ class _Checker:
         meshes = [mesh.name for mesh in world.meshes]
         self.taken = {"floor", *self.objects, *self.doors, *meshes, *movers, *drops}
 
-    def event(self, index: int, spec: EventSpec, timeout: float) -> Event:
+    def event(self, index: int, spec: EventSpec) -> Event:
         """Check the event with this index in the file."""
         path: KeyPath = ("events", index)
+        timeout = self.mission.spec.timeout
         if spec.at is not None and spec.at >= timeout:
             what = f"expected a time before the mission's timeout, {timeout:g} s, got {spec.at:g}"
             self._refuse((*path, "at"), what)
         action = getattr(spec, spec.key)
         self._check(action, (*path, spec.key))
-        given = spec.model_dump(mode="json", exclude_unset=True)
+        as_given = spec.model_dump(mode="json", exclude_unset=True)
         lasting = math.inf if spec.lasting is None else spec.lasting
         if spec.near is None:
-            return Event(action, given, at=spec.at, lasting=lasting)
+            return Event(action, as_given, at=spec.at, lasting=lasting)
         point = self._point(spec.near, (*path, "near"))
-        return Event(action, given, point=point, within=spec.near.within, lasting=lasting)
+        return Event(action, as_given, point=point, within=spec.near.within, lasting=lasting)
 
     def _point(self, near: NearTrigger, path: KeyPath) -> tuple[float, float]:
         if near.place is None:
             return near.x or 0.0, near.y or 0.0
-        self._known("place", near.place, self.topo_map.places, (*path, "place"))
-        place = self.topo_map.places[near.place]
+        self._check_name("place", near.place, self.mission.topo_map.places, (*path, "place"))
+        place = self.mission.topo_map.places[near.place]
         return place.x, place.y
 
     def _check(self, action: EventAction | BehaviorFault, path: KeyPath) -> None:
         match action:
             case BehaviorFault():
-                self._known("behavior", action.name, self.behaviors, (*path, "name"))
+                self._check_name("behavior", action.name, self.behaviors, (*path, "name"))
             case DoorChange():
-                self._known("door", action.name, self.doors, (*path, "name"))
+                self._check_name("door", action.name, self.doors, (*path, "name"))
             case Textureless(name=str(name)):
-                self._known("wall or object", name, self.objects, (*path, "name"))
+                self._check_name("wall or object", name, self.objects, (*path, "name"))
             case Obstacle():
                 self._check_obstacle(action, path)
             case _:
@@ -163,7 +145,7 @@ class _Checker:
 
     def _check_obstacle(self, obstacle: Obstacle, path: KeyPath) -> None:
         textures = {*STOCK, *self.world.textures}
-        self._known("texture", obstacle.texture, textures, (*path, "texture"))
+        self._check_name("texture", obstacle.texture, textures, (*path, "texture"))
         if obstacle.name in self.taken:
             what = f"the name {obstacle.name!r} is taken; choose another name for the obstacle"
             self._refuse((*path, "name"), what)
@@ -178,18 +160,12 @@ class _Checker:
                 what += f" {list(hole.x)} y {list(hole.y)} [m]; move it, or make it smaller"
                 self._refuse((*path, "at"), what)
 
-    def _known(self, what: str, name: str, known: Iterable[str], path: KeyPath) -> None:
-        names = list(known)
-        if name not in names:
-            raise UnknownNameError(what, name, names, **self._where(path))
+    def _check_name(self, what: str, name: str, names: Iterable[str], path: KeyPath) -> None:
+        known = list(names)
+        if name not in known:
+            with self.mission.document.locating(path):
+                raise UnknownNameError(what, name, known)
 
     def _refuse(self, path: KeyPath, what: str) -> NoReturn:
-        raise ConfigError(what, **self._where(path))
-
-    def _where(self, path: KeyPath) -> dict[str, Any]:
-        origin = self.document.origin_of(path)
-        return {
-            "file": origin.file,
-            "line": origin.line,
-            "key": origin.option or key_text(path),
-        }
+        with self.mission.document.locating(path):
+            raise ConfigError(what)

@@ -10,12 +10,10 @@ from typing import Any
 from navfw.errors import MapError
 from navfw.features.combined_landmarks import Landmarks
 from navfw.features.landmark_appearance import landmark_kind
-from navfw.missions.runner import Progress, RunResult, run_task
+from navfw.missions.runner import MissionLoop, Progress, RunResult
 from navfw.missions.session import Session
-from navfw.missions.stack_observer import StackObserver
-from navfw.signals import SensorReading
+from navfw.signals import Pose, SensorReading, Twist
 from navfw.stack import Stack
-from navfw.stack.stack_state import StackState
 from navfw.topomap import TopoMap
 from navfw.topomap.landmark_mapping import LandmarkEstimate, LandmarkMapper, with_landmarks
 
@@ -32,16 +30,16 @@ class LearningDrive:
         """Plain data; ``error_m`` is the distance [m] from the true position in the world."""
         marks = {f"{mark.kind}-{mark.id}": mark for mark in session.world.landmarks}
         rows = []
-        for found in self.learnt:
-            true = marks.get(found.identity)
-            error = None if true is None else math.dist((found.x, found.y), true.at)
+        for landmark in self.learnt:
+            true = marks.get(landmark.identity)
+            error = None if true is None else math.dist((landmark.x, landmark.y), true.at)
             rows.append(
                 {
-                    "identity": found.identity,
-                    "x": found.x,
-                    "y": found.y,
-                    "sigma_m": found.sigma,
-                    "observations": found.observations,
+                    "identity": landmark.identity,
+                    "x": landmark.x,
+                    "y": landmark.y,
+                    "sigma_m": landmark.sigma,
+                    "observations": landmark.observations,
                     "error_m": error,
                 }
             )
@@ -56,20 +54,23 @@ class LearningDrive:
         }
 
 
-class _LandmarkRecorder(StackObserver):
+class _LandmarkRecorder:
     """Passes the stack's landmark detections to a ``LandmarkMapper``."""
 
     def __init__(self, stack: Stack, mapper: LandmarkMapper) -> None:
-        super().__init__(stack)
+        self._stack = stack
         self._mapper = mapper
         self._last = -math.inf
 
-    def observe(self, reading: SensorReading, state: StackState) -> None:
-        del reading
+    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
+        state = self._stack.state
         if state.landmark_detections and state.time > self._last:
             self._last = state.time
             taken = state.landmark_detections[0].time  # the image may be older than the decision
-            self._mapper.integrate(self.stack.history.at(taken), state.landmark_detections)
+            self._mapper.integrate(self._stack.history.at(taken), state.landmark_detections)
+
+    def close(self) -> None:
+        """The mapper has it all."""
 
 
 def learn_landmarks(
@@ -93,7 +94,8 @@ def learn_landmarks(
         stack.features.plugin = Landmarks(stack.robot)
     mapper = LandmarkMapper(session.mission.start)
     with session.simulation() as simulator:
-        run = run_task(session.task, _LandmarkRecorder(stack, mapper), simulator, progress)
+        observers = [_LandmarkRecorder(stack, mapper)]
+        run = MissionLoop(session.task, stack, simulator, progress, observers).run()
     learnt = mapper.estimate(least)
     if not learnt:
         raise MapError(

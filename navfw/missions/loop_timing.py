@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from navfw.missions.runner import run_task
+from navfw.missions.runner import MissionLoop
 from navfw.missions.session import Session
 from navfw.process.process_memory import peak_memory_mb
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
@@ -109,7 +109,7 @@ def _drive(session: Session, seconds: float) -> _Drive:
     task = replace(session.task, timeout=seconds)
     with session.simulation() as simulator, session.stack.guard.on_duty():
         before = replace(simulator.timings)
-        run = run_task(task, session.stack, simulator)
+        run = MissionLoop(task, session.stack, simulator).run()
         spent = simulator.timings
         movers = simulator.mover_track()
     lap = Lap(

@@ -5,11 +5,12 @@ The schema is in ``navfw.missions.missionspec``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -25,24 +26,49 @@ from navfw.missions.missionspec import (
     UnknownStart,
     mission_spec,
 )
-from navfw.missions.starts import draw_start, start_candidates
 from navfw.robot.robotfile import with_section
-from navfw.signals import Array, Pose, Waypoint
+from navfw.signals import Pose, Waypoint
+from navfw.sim.floorplan import FloorPlan
 from navfw.topomap import Passage, Place, TopoMap, load_map
 
+_STREAM = 1 << 20
+"""Spawn key of the random stream that draws starts; the sensors' streams have other keys."""
 
-class FloorPlanQueries(Protocol):
-    """The part of a floor plan that the check uses (``navfw.sim.floorplan.FloorPlan``)."""
 
-    def check_free(self, x: float, y: float, radius: float, what: str) -> None:
-        """Raise WorldError unless a disc of ``radius`` [m] fits at the point."""
-        ...
+def start_candidates(topo_map: TopoMap, goals: Sequence[str]) -> list[Place]:
+    """The places for a start anywhere in the map: all but doors, dangers and goals."""
+    return [
+        place
+        for place in topo_map.places.values()
+        if place.kind not in {"door", "danger"} and place.name not in goals
+    ]
 
-    def shortest_path(
-        self, start: tuple[float, float], goal: tuple[float, float], radius: float
-    ) -> tuple[float, Array]:
-        """Length [m] and corners of the shortest path; WorldError if there is none."""
-        ...
+
+def draw_start(places: Sequence[Place], seed: int, check: Callable[[Place], None]) -> Pose:
+    """A pose at one of ``places``, with a yaw, both drawn by ``seed``.
+
+    Places for which ``check`` raises WorldError are skipped.
+
+    Raises:
+        WorldError: ``check`` refuses all places; its first error is raised.
+
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
+    order = rng.permutation(len(places)).tolist()
+    yaw = float(rng.uniform(-math.pi, math.pi))
+    refusal: WorldError | None = None
+    for index in order:
+        place = places[index]
+        try:
+            check(place)
+        except WorldError as error:
+            refusal = refusal or error
+        else:
+            return Pose(place.x, place.y, yaw)
+    raise refusal or WorldError("no place to start from: the map has only doors and goals")
+
+
+_Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -66,7 +92,7 @@ class MissionFile:
         """Whether the stack gets the start pose."""
         return not self.starts
 
-    def placed(self, seed: int, plan: FloorPlanQueries) -> MissionFile:
+    def placed(self, seed: int, plan: FloorPlan) -> MissionFile:
         """The mission with an unknown start drawn by ``seed``; a known start stays.
 
         Raises:
@@ -83,7 +109,7 @@ class MissionFile:
         with self.document.locating(("start",), only=WorldError):
             return replace(self, start=draw_start(self.starts, seed, check))
 
-    def check(self, plan: FloorPlanQueries) -> float:
+    def check(self, plan: FloorPlan) -> float:
         """The length [m] of the shortest path through all goals, in the world of this floor plan.
 
         Raises:
@@ -92,24 +118,34 @@ class MissionFile:
 
         """
         robot = self.spec.robot
-        radius = robot.radius
-        total, here = 0.0, (self.start.x, self.start.y)
-        legs: dict[tuple[tuple[float, float], tuple[float, float]], float] = {}
+        total, last = 0.0, (self.start.x, self.start.y)
+        legs: dict[tuple[_Point, _Point], float] = {}
         body = "the start" if robot.footprint is None else "part of the robot's body at the start"
         with self.document.locating(("start",), only=WorldError):
             for x, y, disc_radius in robot.discs:
                 plan.check_free(*self.start.to_parent(x, y), disc_radius, body)
         for index, goal in enumerate(self.goals):
-            there = (goal.x, goal.y)
-            if (here, there) not in legs:  # repeated in every round
+            point = (goal.x, goal.y)
+            if (last, point) not in legs:  # repeated in every round
                 what = f"the goal {goal.place!r}" if goal.place else "the goal"
                 key = ("goals", index % len(self.spec.goals))
                 with self.document.locating(key, only=WorldError):
-                    plan.check_free(*there, radius, what)
-                    legs[here, there] = plan.shortest_path(here, there, radius)[0]
-            total += legs[here, there]
-            here = there
+                    plan.check_free(*point, robot.radius, what)
+                    legs[last, point] = plan.shortest_path(last, point, robot.radius)[0]
+            total += legs[last, point]
+            last = point
         return total
+
+    def resolved(self) -> dict[str, Any]:
+        """The mission with all defaults, as plain data."""
+        return {
+            **self.spec.model_dump(mode="json"),
+            "sensors": self.spec.sensors.resolved().model_dump(mode="json"),
+            "start": [self.start.x, self.start.y, self.start.yaw],
+            "start_known": self.start_known,
+            "goals": [{"place": goal.place, "x": goal.x, "y": goal.y} for goal in self.goals],
+            "map": self.topo_map.name,
+        }
 
 
 def load_mission(path: str | Path, overrides: Sequence[str | Override] = ()) -> MissionFile:
@@ -122,12 +158,17 @@ def load_mission(path: str | Path, overrides: Sequence[str | Override] = ()) -> 
 
     """
     path = Path(path)
-    document = apply_overrides(with_section(load_yaml(path)), overrides)
+    return mission_in(apply_overrides(with_section(load_yaml(path)), overrides), path)
+
+
+def mission_in(document: YamlDocument, path: Path, topo_map: TopoMap | None = None) -> MissionFile:
+    """The mission in ``document``, of the file ``path``; without ``topo_map``, on the map it names.
+
+    Raises as ``load_mission``.
+    """
     spec = mission_spec(document, path.parent)
-    if spec.map is None:
-        topo_map = _map_of_goals(document, spec)
-    else:
-        topo_map = _find_map(path, document, spec.map)
+    if topo_map is None:
+        topo_map = _map(document, spec, path.parent)
     return MissionFile(
         file=path,
         document=document,
@@ -139,9 +180,12 @@ def load_mission(path: str | Path, overrides: Sequence[str | Override] = ()) -> 
     )
 
 
-def _find_map(path: Path, document: YamlDocument, name: str) -> TopoMap:
+def _map(document: YamlDocument, spec: MissionSpec, folder: Path) -> TopoMap:
+    """The map that the mission names; without one, that of its start and goals."""
+    if spec.map is None:
+        return _map_of_goals(document, spec)
     with document.locating(("map",), only=UnknownNameError):
-        file = find("map", name, base=path.parent)
+        file = find("map", spec.map, base=folder)
     return load_map(file, check_landmark_kind)
 
 
@@ -164,14 +208,14 @@ def _starts(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tup
         )
     if not isinstance(spec.start, str):
         return ()
-    found = start_candidates(topo_map, [goal for goal in spec.goals if isinstance(goal, str)])
-    if not found:
+    places = start_candidates(topo_map, [goal for goal in spec.goals if isinstance(goal, str)])
+    if not places:
         with document.locating(("start",)):
             raise ConfigError(
                 f"no place to start from: the map {topo_map.name!r} has only doors, dangers and"
                 " goals; add a place, or give a start"
             )
-    return tuple(found)
+    return tuple(places)
 
 
 def _goals(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tuple[Waypoint, ...]:
@@ -202,7 +246,7 @@ def _mapless(name: str) -> ConfigError:
 
 def _map_of_goals(document: YamlDocument, spec: MissionSpec) -> TopoMap:
     """A map for a mission without one: start and goals, joined by straight passages."""
-    points: list[tuple[float, float]] = []
+    points: list[_Point] = []
     if isinstance(spec.start, PlaceStart):
         with document.locating(("start", "place")):
             raise _mapless(spec.start.place)
@@ -222,7 +266,7 @@ def _map_of_goals(document: YamlDocument, spec: MissionSpec) -> TopoMap:
     return goals_map(points)
 
 
-def goals_map(points: Sequence[tuple[float, float]]) -> TopoMap:
+def goals_map(points: Sequence[_Point]) -> TopoMap:
     """A map of ``points`` [m] in the order of the mission, joined by straight passages."""
     unique = list(dict.fromkeys(points))
     names = ["start", *(f"goal-{index}" for index in range(1, len(unique)))]

@@ -36,7 +36,7 @@ from navfw.sim.worldspec import DropSpec
 Coordinate = Annotated[float, Field(ge=-500.0, le=500.0)]
 Yaw = Annotated[float, Field(ge=-2.0 * math.pi, le=2.0 * math.pi)]
 Unknown = Literal["unknown"]
-"""``start: unknown``: any place of the map (see ``navfw.missions.starts``)."""
+"""``start: unknown``: any place of the map (see ``navfw.missions.missionfile``)."""
 
 
 class PlaceStart(StrictModel):

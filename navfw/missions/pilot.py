@@ -1,42 +1,25 @@
-"""What the loop of a mission drives: a pilot and a simulator, or fakes of them."""
+"""What the loop of a mission drives, a pilot and a simulator or fakes of them; and its ticks."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
-from navfw.safety import PersistentFailure
-from navfw.signals import Belief, Command, Percept, Pose, SensorReading, Sight, Twist, Waypoint
+import numpy as np
 
-
-class PilotState(Protocol):
-    """The part of a stack's state (``StackState``) that the runner reads."""
-
-    @property
-    def belief(self) -> Belief | None: ...  # noqa: D102
-    @property
-    def path(self) -> tuple[Waypoint, ...]: ...  # noqa: D102
-    @property
-    def percept(self) -> Percept | None: ...  # noqa: D102
-    @property
-    def command(self) -> Command | None: ...  # noqa: D102
-    @property
-    def finished(self) -> bool: ...  # noqa: D102
-    @property
-    def stuck(self) -> str | None: ...  # noqa: D102
-    @property
-    def unsure(self) -> bool: ...  # noqa: D102
-    @property
-    def sight(self) -> Sight: ...  # noqa: D102
-    @property
-    def fault(self) -> PersistentFailure | None:
-        """What has failed for good, or None."""
-        ...
-
-    @property
-    def faults(self) -> tuple[str, ...]:
-        """All kinds of plugin faults so far, each with its count."""
-        ...
+from navfw.signals import (
+    Array,
+    FlowField,
+    Image,
+    Percept,
+    Pose,
+    Proposal,
+    SensorReading,
+    Twist,
+    Waypoint,
+)
+from navfw.stack.stack_state import StackState
 
 
 class Pilot(Protocol):
@@ -51,13 +34,8 @@ class Pilot(Protocol):
         ...
 
     @property
-    def state(self) -> PilotState:
+    def state(self) -> StackState:
         """Its state after the last step."""
-        ...
-
-    @property
-    def timings(self) -> Mapping[str, float]:
-        """Computing time [s] so far, by stage."""
         ...
 
 
@@ -89,3 +67,62 @@ class Simulator(Protocol):
     def time(self) -> float:
         """Simulated time [s]."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class TickView:
+    """One control tick: what the robot sensed, inferred and did; and its true pose.
+
+    ``twist`` (2,) are v [m/s] and w [rad/s] that the stack gave to the wheels. ``true_pose`` (3,)
+    is x, y [m], yaw [rad] in the map, from the simulator; the stack does not get it. ``state`` is
+    the whole state of the stack.
+    """
+
+    reading: SensorReading
+    state: StackState
+    twist: Array
+    true_pose: Array
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.reading.time
+
+    @property
+    def image(self) -> Image | None:
+        """(height, width) uint8: the camera image that came with this tick; None without one."""
+        return None if self.reading.frame is None else self.reading.frame.image
+
+    @property
+    def flow(self) -> FlowField | None:
+        """The newest derotated flow: ``points``, ``vectors`` (rows, cols, 2) [px] and more."""
+        return self.state.flows[-1] if self.state.flows else None
+
+    @property
+    def percept(self) -> Percept | None:
+        """The newest percept: ``nearness`` (rows, cols) [1/m], ``label``, ``sentence`` and more."""
+        return self.state.percept
+
+    @property
+    def proposals(self) -> Mapping[str, Proposal]:
+        """Each behaviour's ``desirability``, ``prohibition`` (n_v, n_w) of the last decision."""
+        return self.state.proposals or {}
+
+    @property
+    def command(self) -> Array | None:
+        """(2,): v [m/s] and w [rad/s] that MOFIS decided on; None before the first decision."""
+        command = self.state.command
+        return None if command is None else np.array([command.twist.v, command.twist.w])
+
+    @property
+    def leader(self) -> str:
+        """The leading behaviour; empty without a command."""
+        return "" if self.state.command is None else self.state.command.leader
+
+    @property
+    def estimated_pose(self) -> Array | None:
+        """(3,): the pose that the stack believes in, x, y [m], yaw [rad]; None without one."""
+        if self.state.belief is None:
+            return None
+        pose = self.state.belief.pose
+        return np.array([pose.x, pose.y, pose.yaw])

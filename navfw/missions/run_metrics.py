@@ -11,10 +11,13 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
-from navfw.missions.localization_metrics import LocalizationMetrics, measure_localization
 from navfw.recording.run_log import Contact, RunLog
 from navfw.signals import Array
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.movers import MoverTrack
+from navfw.sim.world_changes import ChangeTrack
 
 Point = tuple[float, float]
 
@@ -27,20 +30,83 @@ _SET_OUT = 0.1
 _DEBOUNCE = 1.0
 """Contacts less than this time [s] apart count as one collision."""
 
+_CONFIDENT = 0.9
+"""Confidence from which a belief counts as confident."""
+
+_CORRECT = 1.0
+"""Largest distance [m] of the estimate from the true position for a correct belief."""
+
+
+class CombinedClearance:
+    """Clearances to the nearest of several sets of moving or temporary bodies."""
+
+    def __init__(self, *tracks: MoverTrack | ChangeTrack | None) -> None:
+        self._tracks = [track for track in tracks if track is not None]
+
+    def clearances(self, points: Array, times: Array) -> Array:
+        """Clearances (n,) [m] of ``points`` (n, 2) at ``times`` (n,) [s]; inf without bodies."""
+        nearest = np.full(len(points), np.inf)
+        for track in self._tracks:
+            np.minimum(nearest, track.clearances(points, times), out=nearest)
+        return nearest
+
+
+def permanent_plan(plan: FloorPlan, changes: ChangeTrack | None) -> FloorPlan:
+    """The plan of the solids that existed during the whole run."""
+    if changes is None or not changes.names:
+        return plan
+    return FloorPlan(plan.bounds, tuple(s for s in plan.solids if s.name not in changes.names))
+
+
+@dataclass(frozen=True, slots=True)
+class LocalizationMetrics:
+    """Numbers of one run.
+
+    Estimate errors [m] are percentiles over the ticks in which the belief was not lost.
+    ``localized_after_s`` and ``localized_after_m`` are time and driven distance until the belief
+    first was both confident and correct; None if it never was. ``confidently_wrong_s`` is the time
+    in which it was confident and not correct, ``lost_s`` the time in which it was lost.
+    """
+
+    estimate_error_p50_m: float | None
+    estimate_error_p95_m: float | None
+    localized_after_s: float | None
+    localized_after_m: float | None
+    confidently_wrong_s: float
+    lost_s: float
+    landmark_updates: int
+
+
+def measure_localization(log: RunLog, sampled: npt.NDArray[np.intp]) -> LocalizationMetrics:
+    """The metrics of a run at the ticks ``sampled``."""
+    if not log.ticks:
+        return LocalizationMetrics(None, None, None, None, 0.0, 0.0, log.updates)
+    time, true = log.time[sampled], log.true[sampled]
+    error = np.hypot(*(log.estimate[sampled] - true)[:, :2].T)
+    confidence = np.ones(len(time)) if log.confidence is None else log.confidence[sampled]
+    believed, confident = confidence > 0.0, confidence >= _CONFIDENT
+    durations = np.diff(time, append=time[-1])
+    driven = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(true[:, :2], axis=0).T))))
+    first = np.flatnonzero(confident & (error <= _CORRECT))
+    p50, p95 = (
+        (float(np.percentile(error[believed], p)) if believed.any() else None) for p in (50.0, 95.0)
+    )
+    return LocalizationMetrics(
+        estimate_error_p50_m=p50,
+        estimate_error_p95_m=p95,
+        localized_after_s=float(time[first[0]] - time[0]) if len(first) else None,
+        localized_after_m=float(driven[first[0]]) if len(first) else None,
+        confidently_wrong_s=float(durations[confident & (error > _CORRECT)].sum()),
+        lost_s=float(durations[~believed].sum()),
+        landmark_updates=log.updates,
+    )
+
 
 class ClearanceSource(Protocol):
     """The part of a world's floor plan that metrics use (``navfw.sim.floorplan.FloorPlan``)."""
 
     def clearances(self, points: Array) -> Array:
         """(n,) distances [m] of points (n, 2) to the nearest wall or object; negative inside."""
-        ...
-
-
-class TimedClearanceSource(Protocol):
-    """Distances to bodies that move or exist for a time only (``navfw.sim.movers.MoverTrack``)."""
-
-    def clearances(self, points: Array, times: Array) -> Array:
-        """(n,) distances [m] of points (n, 2) at times (n,) [s] to the nearest of them."""
         ...
 
 
@@ -116,7 +182,7 @@ def measure(
     discs: Sequence[tuple[float, float, float]],
     succeeded: bool,
     stage_ms: Mapping[str, float] | None = None,
-    moving: TimedClearanceSource | None = None,
+    moving: CombinedClearance | None = None,
 ) -> RunMetrics:
     """The metrics of a run from ``start`` to ``goal`` by a robot of these ``discs``.
 

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from navfw.errors import InputError
-from navfw.missions.resolved_config import resolved_config
+from navfw.missions.run_drawing import outline_of
 from navfw.missions.session import MissionResult, Session
-from navfw.missions.world_outline import outline_of
 from navfw.process.interruption import deferred, interruptible
 from navfw.recording.provenance import code_revision, machine_kind
 from navfw.recording.run_folder import PICTURE, PLAN, RECORDING, RESULT, RunFolder
@@ -65,7 +64,7 @@ def _content(result: MissionResult) -> dict[str, Any]:
     return {
         **result.summary(),
         "trace": result.run.verdict.trace,
-        "config": resolved_config(session.mission, session.stack),
+        "config": session.config,
         "overrides": session.overrides,
         "versions": versions(),
         "stack": session.stack_file.stem,

@@ -6,23 +6,23 @@ import gc
 import math
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TypeVar
+
+import numpy as np
 
 from navfw.errors import InputError
 from navfw.guard import PluginCallError
 from navfw.missions.event_clock import EventClock, EventRecord
 from navfw.missions.outcome import FaultKind, MissionVerdict, Outcome
-from navfw.missions.pilot import Pilot, Simulator
+from navfw.missions.pilot import Pilot, Simulator, TickView
 from navfw.missions.progress_checkers import GoalChecker, ProgressChecker, goal_name
 from navfw.process.interruption import check_interrupted, interruptible
 from navfw.recording.run_log import Contact, RunLog, RunLogger
 from navfw.recording.run_observer import RunObserver
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
-
-VerdictT = TypeVar("VerdictT", bound=MissionVerdict | None)
 
 _PROGRESS_PERIOD = 0.1
 """Simulated time [s] between two calls of the progress callback."""
@@ -106,40 +106,22 @@ class RunResult:
         return self.sim_time / self.wall_time if self.wall_time > 0.0 else 0.0
 
 
-def run_task(
-    task: Task,
-    pilot: Pilot,
-    simulator: Simulator,
-    progress: Callable[[Progress], None] | None = None,
-    observers: Sequence[RunObserver] = (),
-    events: EventClock | None = None,
-    limit: float = math.inf,
-) -> RunResult:
-    """Drive until the mission ends; Ctrl-C or SIGTERM ends it as cancelled.
+class MissionLoop:
+    """One run, an iterator over its control ticks; ``verdict`` is that of a mission that has ended.
 
     ``observers`` and ``events`` take in every tick. A run that takes longer than ``limit`` [s] of
     wall-clock time ends as a fault; otherwise that time is used in reports only.
-
-    Raises:
-        InputError: the stack refuses the mission before the first tick, for example a goal to which
-            the map has no route. Any later exception ends the run as a fault.
-
     """
-    return MissionLoop(task, pilot, simulator, progress, observers, events, limit).run()
-
-
-class MissionLoop:
-    """The state of one run: driven to its end by ``run``, or tick by tick by ``advance``."""
 
     def __init__(
         self,
         task: Task,
         pilot: Pilot,
         simulator: Simulator,
-        progress: Callable[[Progress], None] | None,
-        observers: Sequence[RunObserver],
-        events: EventClock | None,
-        limit: float,
+        progress: Callable[[Progress], None] | None = None,
+        observers: Sequence[RunObserver] = (),
+        events: EventClock | None = None,
+        limit: float = math.inf,
     ) -> None:
         self.task = task
         self.pilot = pilot
@@ -148,6 +130,7 @@ class MissionLoop:
         self.observers = observers
         self.events = events
         self.limit = limit
+        self.verdict: MissionVerdict | None = None
         self.logger = RunLogger()
         self.dt = 1.0 / task.robot.control_rate
         self.goal_checker = GoalChecker(task.goals, task.success_radius)
@@ -161,25 +144,49 @@ class MissionLoop:
         self.first = simulator.time
         self.started = False
         self.next_progress = 0.0
+        self._tick: TickView | None = None
+
+    def __iter__(self) -> Iterator[TickView]:
+        while (tick := self.step()) is not None:
+            yield tick
 
     def run(self) -> RunResult:
-        """Drive to the end (see ``run_task``)."""
+        """Drive until the mission ends; Ctrl-C or SIGTERM ends it as cancelled.
+
+        Raises:
+            InputError: the stack refuses the mission before the first tick, for example a goal to
+                which the map has no route. Any later exception ends the run as a fault.
+
+        """
         # garbage collection leaves out what is older than the run: one pass over it costs 0.1 s
         gc.freeze()
         try:
-            verdict = self._contained(self._drive)
+            with self._contained(), interruptible():
+                while self.verdict is None:
+                    check_interrupted()
+                    self.step()
         finally:
             gc.unfreeze()
-        return self.result(verdict)
+        return self.result()
 
-    def advance(self) -> MissionVerdict | None:
-        """Drive one control tick; the verdict if the mission ends at it (see ``run_task``)."""
-        return self._contained(self._advance)
+    def step(self) -> TickView | None:
+        """Drive one control tick; None if there is none, as the mission has ended or failed.
 
-    def result(self, verdict: MissionVerdict) -> RunResult:
-        """The result of the run, which ended by ``verdict``."""
+        Raises:
+            InputError: as ``run``.
+
+        """
+        self._tick = None
+        if self.verdict is None:
+            with self._contained():
+                self.verdict = self._drive_tick()
+        return self._tick
+
+    def result(self) -> RunResult:
+        """The result of the run, which has ended."""
+        assert self.verdict is not None  # noqa: S101 - the run has ended
         return RunResult(
-            verdict=verdict,
+            verdict=self.verdict,
             log=self.logger.log(),
             sim_time=self.simulator.time - self.first,
             wall_time=time.perf_counter() - self.began,
@@ -187,40 +194,31 @@ class MissionLoop:
             events=() if self.events is None else self.events.log,
         )
 
-    def _drive(self) -> MissionVerdict:
-        verdict: MissionVerdict | None = None
-        with interruptible():
+    @contextmanager
+    def _contained(self) -> Iterator[None]:
+        """An exception inside this context ends the run by a verdict."""
+        try:
             try:
-                while verdict is None:
-                    check_interrupted()
-                    verdict = self._advance()
+                yield
             except Exception:
                 check_interrupted()  # compiled code may raise another error than the interruption
                 raise
-        return verdict
-
-    def _contained(self, action: Callable[[], VerdictT]) -> VerdictT | MissionVerdict:
-        """The verdict of ``action``; that of a fault after an exception in it."""
-        try:
-            return action()
         except KeyboardInterrupt:
-            return self._verdict(Outcome.CANCELLED, "stopped by the user")
+            self.verdict = self._verdict(Outcome.CANCELLED, "stopped by the user")
         except PluginCallError as error:
-            return self._fault(FaultKind.PLUGIN_FAILED, str(error))
+            self.verdict = self._fault(FaultKind.PLUGIN_FAILED, str(error))
         except Exception as error:  # a plugin may raise anything; the run still gives a result
             if isinstance(error, InputError) and self.logger.ticks == 0:
                 raise
             what = f"{type(error).__name__}: {error}".splitlines()[0]
             trace = traceback.format_exc()
-            return self._fault(FaultKind.EXCEPTION, f"exception: {what}", trace)
+            self.verdict = self._fault(FaultKind.EXCEPTION, f"exception: {what}", trace)
 
-    def _advance(self) -> MissionVerdict | None:
+    def _drive_tick(self) -> MissionVerdict | None:
+        """One control tick; the verdict if the mission ends at it."""
         if not self.started:
             self.started = True
             self.pilot.start(self.task.start if self.task.start_known else None, self.task.goals)
-        return self._tick()
-
-    def _tick(self) -> MissionVerdict | None:
         pose = self.simulator.true_pose()
         if self.events is not None:
             self.events.tick(self.simulator.time, pose)
@@ -230,6 +228,12 @@ class MissionLoop:
             what = f"the stack commanded v = {twist.v}, w = {twist.w}"
             return self._fault(FaultKind.BAD_COMMAND, what)
         self._record(reading, pose, twist)
+        self._tick = TickView(
+            reading,
+            self.pilot.state,
+            np.array([twist.v, twist.w]),
+            np.array([pose.x, pose.y, pose.yaw]),
+        )
         self.simulator.drive(*self.task.robot.wheel_speeds(twist))
         self.simulator.advance(self.dt)
         verdict = self._judge(reading.time, self.simulator.true_pose(), twist)

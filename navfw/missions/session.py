@@ -1,50 +1,42 @@
-"""One run from names to results: find files, check them, build the stack, drive, evaluate.
+"""One run: world, mission and stack; the drive, whole or tick by tick; its result.
 
->>> session = prepare("office", "lobby-to-lab", seed=1)      # doctest: +SKIP
->>> result = session.run()                                   # doctest: +SKIP
->>> result.outcome, result.reason                            # doctest: +SKIP
+``navfw.missions.session_setup`` makes a session from names.
 """
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
-from navfw.config.lookup import find, find_mission
-from navfw.config.overrides import Settings, override_texts
-from navfw.missions.changing_world import CombinedClearance, permanent_plan
-from navfw.missions.event_check import resolve_events, with_doors_open
+from navfw.errors import InputError
+from navfw.kernels import compile_kernels
 from navfw.missions.event_clock import Event, EventClock, EventTarget
 from navfw.missions.eventspec import BehaviorFault
-from navfw.missions.mission_drive import MissionDrive
-from navfw.missions.missionfile import MissionFile, load_mission
-from navfw.missions.oracle import reveal
+from navfw.missions.missionfile import MissionFile
+from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import Outcome
+from navfw.missions.pilot import TickView
 from navfw.missions.process_check import check_process
 from navfw.missions.process_state import ProcessState
-from navfw.missions.resolved_config import run_description
-from navfw.missions.run_metrics import RunMetrics, measure
-from navfw.missions.run_options import chosen_stack, split_overrides
+from navfw.missions.run_drawing import WindowOverlay, outline_of
+from navfw.missions.run_metrics import CombinedClearance, RunMetrics, measure, permanent_plan
 from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
-from navfw.missions.world_outline import outline_of
 from navfw.plugins.fault_injection import FaultInjector, inject_faults
+from navfw.plugins.simulator_access import SimulatorWatch
+from navfw.recording.run_folder import plain_json
 from navfw.recording.run_observer import RunObserver, SeenRun
 from navfw.recording.run_recorder import RunRecorder
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import MoverTrack
 from navfw.sim.simulation import Simulation
 from navfw.sim.world_changes import ChangeTrack
-from navfw.sim.world_check import check_world
-from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
-
-if TYPE_CHECKING:
-    from navfw.plugins import Registry
 
 
 @dataclass(frozen=True)
@@ -86,6 +78,21 @@ class Session:
         """What recordings and viewers show of a run."""
         return SeenRun(self.stack, outline_of(self.plan))
 
+    @property
+    def config(self) -> dict[str, Any]:
+        """Mission and stack with all defaults, as plain data."""
+        return {"mission": self.mission.resolved(), "stack": self.stack.config}
+
+    @property
+    def description(self) -> dict[str, str]:
+        """What a recording tells of its run: names, seed, and the configuration as JSON."""
+        return {
+            "world": self.world_name,
+            "mission": self.mission_name,
+            "seed": str(self.seed),
+            "config": json.dumps(plain_json(self.config)),
+        }
+
     def simulation(self, gui: bool = False) -> Simulation:
         """The simulator, the robot at the start; a stack with ``oracle: true`` gets its truth."""
         spec = self.mission.spec
@@ -120,39 +127,27 @@ class Session:
             InputError: the stack refuses the mission before the robot has moved.
 
         """
-        recorder = RunRecorder(run_description(self), self.seen) if record else None
+        recorder = RunRecorder(self.description, self.seen) if record else None
         observers = (*observers, *((recorder,) if recorder else ()))
         before = ProcessState.capture()
-        with self.drive(progress, gui=gui, observers=observers, limit=limit) as drive:
-            run = drive.run()
+        stepped = SteppedSession(self, progress, gui=gui, observers=observers, limit=limit)
+        with stepped:
+            run = stepped.run()
             for observer in observers:
                 observer.close()
         run = check_process(run, before, self.stack.resolved.plugins)
-        return self.result(drive, run, recorder)
+        return stepped.result_of(run, recorder)
 
-    def drive(
+    def loop(
         self,
+        simulator: Simulation,
         progress: Callable[[Progress], None] | None = None,
-        *,
-        gui: bool = False,
         observers: Sequence[RunObserver] = (),
         limit: float = math.inf,
-    ) -> MissionDrive:
-        """One drive of the mission, a context manager, to be run whole or tick by tick."""
-
-        def loop(simulator: Simulation) -> MissionLoop:
-            clock = EventClock((event, self._target(event, simulator)) for event in self.events)
-            return MissionLoop(self.task, self.stack, simulator, progress, observers, clock, limit)
-
-        return MissionDrive(self.stack, lambda: self.simulation(gui), loop)
-
-    def result(
-        self, drive: MissionDrive, run: RunResult, recorder: RunRecorder | None = None
-    ) -> MissionResult:
-        """The result of a drive whose context has ended."""
-        movers = drive.movers if self.world.movers else None
-        parts = (drive.timings, recorder, drive.cause, movers, drive.changes, drive.watch.found())
-        return MissionResult(self, run, *parts)
+    ) -> MissionLoop:
+        """The loop of a run with the mission's events."""
+        events = EventClock((event, self._target(event, simulator)) for event in self.events)
+        return MissionLoop(self.task, self.stack, simulator, progress, observers, events, limit)
 
     def _target(self, event: Event, simulator: Simulation) -> EventTarget:
         """A behaviour of the stack for a behaviour's fault, else the simulation."""
@@ -173,6 +168,127 @@ class _BehaviorFaultTarget:
 
     def end(self, action: BehaviorFault) -> None:
         self._injector.end(action.does)
+
+
+class SteppedSession:
+    """A mission to step through; a context manager, and an iterator over its ticks.
+
+    The commands are those of ``navfw.run`` with the same arguments, bit for bit. ``result`` is the
+    mission's result, once it has ended. Kernels of imported modules that are not compiled yet are
+    compiled when the context begins.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        progress: Callable[[Progress], None] | None = None,
+        *,
+        gui: bool = False,
+        observers: Sequence[RunObserver] = (),
+        limit: float = math.inf,
+    ) -> None:
+        self.session = session
+        self._gui = gui
+        self._loop_options = (progress, observers, limit)
+        self._watch = SimulatorWatch(plugins_of(session.stack))
+        self._simulator: Simulation | None = None
+        self._loop: MissionLoop | None = None
+        self._result: MissionResult | None = None
+
+    def __enter__(self) -> Self:
+        compile_kernels(loaded=True)
+        self._simulator = simulator = self.session.simulation(self._gui)
+        try:
+            self._loop = self.session.loop(simulator, *self._loop_options)
+            if simulator.window is not None:
+                overlay = WindowOverlay(simulator.window, self.session.stack)
+                self._loop.observers = (*self._loop.observers, overlay)
+        except BaseException:
+            simulator.close()
+            raise
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        simulator, self._simulator = self._simulator, None
+        if simulator is None:
+            return
+        self._changes = simulator.change_track()
+        self._cause = simulator.collision_cause
+        self._movers = simulator.mover_track() if self.session.world.movers else None
+        spent, stack = simulator.timings, self.session.stack
+        landmarks = {"landmark_frames": spent.landmarks} if stack.features.landmark_frames else {}
+        self._timings = {
+            "render": spent.render,
+            "physics": spent.physics,
+            "sensors": spent.sensors,
+            **landmarks,
+            **stack.timings,
+        }
+        simulator.close()
+
+    def __iter__(self) -> Iterator[TickView]:
+        while (tick := self.step()) is not None:
+            yield tick
+
+    @property
+    def ended(self) -> bool:
+        """Whether the mission has ended."""
+        return self._loop is not None and self._loop.verdict is not None
+
+    def run(self) -> RunResult:
+        """Drive to the end."""
+        with self.session.stack.guard.on_duty(), self._watch:
+            return self._opened().run()
+
+    def step(self) -> TickView | None:
+        """Drive one control tick; None once the mission has ended.
+
+        Raises:
+            InputError: the session is not open, or the stack refuses the mission.
+            KeyboardInterrupt: the user has stopped the run.
+
+        """
+        if self.ended:
+            return None
+        loop = self._opened()
+        with self._watch:
+            tick = loop.step()
+        if loop.verdict is not None:
+            run = loop.result()
+            self.__exit__()
+            self._result = self.result_of(run)
+            if loop.verdict.outcome == "cancelled":
+                raise KeyboardInterrupt
+        return tick
+
+    def explain(self) -> dict[str, Any]:
+        """Why the last command was given, as plain data (``Stack.explain``)."""
+        return self.session.stack.explain()
+
+    @property
+    def result(self) -> MissionResult:
+        """The result of the mission.
+
+        Raises:
+            InputError: the mission has not ended.
+
+        """
+        if self._result is None:
+            raise InputError("the mission has not ended: step until `ended`")
+        return self._result
+
+    def result_of(self, run: RunResult, recorder: RunRecorder | None = None) -> MissionResult:
+        """The result of the whole ``run``, after the context has ended."""
+        tracks = (self._cause, self._movers, self._changes)
+        return MissionResult(
+            self.session, run, self._timings, recorder, *tracks, self._watch.found()
+        )
+
+    def _opened(self) -> MissionLoop:
+        """The loop; raises InputError unless the context lasts."""
+        if self._simulator is None or self._loop is None:
+            raise InputError("the session is not open: use it as in `with open_session(...) as s:`")
+        return self._loop
 
 
 @dataclass(frozen=True)
@@ -264,83 +380,3 @@ class MissionResult:
             "events": [event.as_data() for event in run.events],
             "stage_ms": metrics.stage_ms,
         }
-
-
-def prepare(
-    world: str | Path,
-    mission: str | Path,
-    *,
-    seed: int = 0,
-    stack: str | Path | None = None,
-    overrides: Settings = (),
-    registry: Registry | None = None,
-) -> Session:
-    """Load and check world, mission, map and stack.
-
-    ``stack`` is that of ``chosen_stack``.
-    ``overrides`` that begin with ``mission.`` (``mission.timeout=60``), ``robot.`` or ``sensors.``
-    apply to the mission, all others (``offis.layers=1``) to the stack.
-
-    Raises:
-        InputError: one of them does not exist, breaks its schema, or contradicts another; the
-            message has file, line and key.
-
-    """
-    overrides = override_texts(overrides)
-    for_mission, for_stack = split_overrides(overrides)
-    world_file = find("world", world)
-    mission_file = find_mission(world, mission)
-    world_spec = load_world(world_file)
-    loaded = load_mission(mission_file, for_mission)
-    world_spec = with_drops(world_spec, loaded)
-    height = loaded.spec.robot.height
-    plan = FloorPlan.from_world(world_spec, height)
-    opened = FloorPlan.from_world(with_doors_open(world_spec, loaded.spec.events), height)
-    loaded = loaded.placed(seed, opened)
-    shortest = loaded.check(opened)
-    stack_file = chosen_stack(loaded, stack)
-    registry = registry or _registry()
-    built = Stack.load(stack_file, loaded.spec.robot, loaded.topo_map, registry, for_stack)
-    return Session(
-        world_name=world_file.parent.name,
-        mission_name=mission_file.stem,
-        seed=seed,
-        world=world_spec,
-        plan=plan,
-        mission=loaded,
-        shortest=shortest,
-        stack_file=stack_file,
-        stack=built,
-        overrides=overrides,
-        events=resolve_events(
-            loaded.document,
-            loaded.spec.events,
-            loaded.spec.timeout,
-            loaded.topo_map,
-            world_spec,
-            built,
-            registry,
-        ),
-    )
-
-
-def with_drops(world: WorldSpec, mission: MissionFile) -> WorldSpec:
-    """The world with the drops that the mission adds to its floor.
-
-    Raises:
-        WorldError: a drop contradicts the world; the message has the mission's file, line and key.
-
-    """
-    drops = mission.spec.drops
-    if not drops:
-        return world
-    changed = world.model_copy(update={"drops": (*drops, *world.drops)})
-    # the world has been checked, and the mission's drops come first: indices are those of its file
-    check_world(changed, file=mission.file, line_of=mission.document.line_of)
-    return changed
-
-
-def _registry() -> Registry:
-    from navfw.plugins import default_registry
-
-    return default_registry()

@@ -9,13 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from navfw.localization.situation_model import observed_situations
-from navfw.missions.pilot import Simulator
-from navfw.missions.runner import run_task
+from navfw.missions.runner import MissionLoop
 from navfw.missions.session import Session
-from navfw.missions.stack_observer import StackObserver
-from navfw.signals import Odometry, Percept, Pose, SensorReading
+from navfw.signals import Odometry, Percept, Pose, SensorReading, Twist
 from navfw.stack import Stack
-from navfw.stack.stack_state import StackState
 from navfw.topomap import TopoMap
 
 SPACING = 0.25
@@ -58,22 +55,24 @@ class SituationDrive:
         return int(np.argmin([place.distance(pose.x, pose.y) for place in places]))
 
 
-class _SituationRecorder(StackObserver):
+class _SituationRecorder:
     """Records the OFFIS situations and the true pose of every camera frame."""
 
-    def __init__(self, stack: Stack, simulator: Simulator) -> None:
-        super().__init__(stack)
-        self._simulator = simulator
+    def __init__(self, stack: Stack) -> None:
+        self._stack = stack
         self._percept: Percept | None = None
         self.samples: list[SituationSample] = []
 
-    def observe(self, reading: SensorReading, state: StackState) -> None:
+    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
+        state = self._stack.state
         if reading.frame is None or state.odometry is None:
             return
         new = state.percept if state.percept is not self._percept else None
         self._percept = state.percept
-        true = self._simulator.true_pose()
-        self.samples.append(SituationSample(state.odometry, observed_situations(new), true))
+        self.samples.append(SituationSample(state.odometry, observed_situations(new), pose))
+
+    def close(self) -> None:
+        """The samples stay."""
 
 
 def record_situations(session: Session) -> SituationDrive:
@@ -83,9 +82,9 @@ def record_situations(session: Session) -> SituationDrive:
         InputError: the stack refuses the mission before the robot has moved.
 
     """
+    recorder = _SituationRecorder(session.stack)
     with session.simulation() as simulator:
-        recorder = _SituationRecorder(session.stack, simulator)
-        run = run_task(session.task, recorder, simulator)
+        run = MissionLoop(session.task, session.stack, simulator, observers=[recorder]).run()
     return SituationDrive(
         session.mission.topo_map,
         session.mission.start,

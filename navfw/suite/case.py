@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -9,12 +10,17 @@ from typing import TYPE_CHECKING, Literal
 from navfw.suite.run_table import RunKey
 
 if TYPE_CHECKING:
+    from navfw.missions.missionfile import MissionFile
     from navfw.missions.session import Session
     from navfw.plugins import Registry
+    from navfw.sim.worldspec import WorldSpec
     from navfw.suite.suitefile import Look
 
 RECORDINGS = "recordings"
 """The folder of the recorded runs' folders, beside that of the pictures."""
+
+_DEFAULT_DIFFICULTY = 0.5
+"""Difficulty of generated worlds in entries without one: the middle of the range 0 to 1."""
 
 KeptRuns = Literal["all", "failed", "none"]
 """The runs of which something is kept: the picture, or the recording."""
@@ -62,32 +68,43 @@ class Case:
     def session(self, registry: Registry) -> Session:
         """World, mission and stack of the run, loaded and checked.
 
+        In a generated world, ``seed`` determines the world and all noise.
+
         Raises:
             InputError: one of them does not exist or is invalid.
 
         """
-        from navfw.suite.case_session import generated_session, prepared_session
+        from navfw.missions import session_setup
 
-        if self.family:
-            return generated_session(
-                self.family,
-                self.seed,
-                self.difficulty,
-                self.contrast,
-                self.look,
-                stack=self.stack or None,
+        stack = self.stack or None
+        if not self.family:
+            return session_setup.prepare(
+                self.world,
+                self.mission,
+                seed=self.seed,
+                stack=stack,
                 overrides=self.overrides,
                 registry=registry,
-                world_name=self.world_name,
             )
-        return prepared_session(
-            self.world,
-            self.mission,
-            self.seed,
-            stack=self.stack or None,
-            overrides=self.overrides,
-            registry=registry,
+        world, mission = self._generated()
+        return session_setup.session_of(
+            world, mission, self.world_name, self.seed, stack, self.overrides, registry
         )
+
+    def _generated(self) -> tuple[WorldSpec, MissionFile]:
+        """The world of ``family`` and ``seed``, and its mission with ``overrides``."""
+        from navfw import worldgen
+        from navfw.config.document import parse_yaml
+        from navfw.config.overrides import apply_overrides
+        from navfw.missions.missionfile import mission_in
+        from navfw.missions.session_setup import split_overrides
+
+        difficulty = _DEFAULT_DIFFICULTY if self.difficulty is None else self.difficulty
+        made = worldgen.generate(self.family, self.seed, difficulty, self.contrast, self.look)
+        text = json.dumps(made.mission.model_dump(mode="json", by_alias=True, exclude_unset=True))
+        for_mission, _ = split_overrides(self.overrides)
+        document = apply_overrides(parse_yaml(text, self.world_name), for_mission)
+        return made.world, mission_in(document, Path(self.mission_name), made.topo_map)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,33 +1,31 @@
 """Fakes for tests: a kinematic simulator, and pilots that drive without perception.
 
-They implement the protocols of ``navfw.missions.runner``, take microseconds per tick, and are
+They implement the protocols of ``navfw.missions.pilot``, take microseconds per tick, and are
 exact: errors in a test come from the tested part alone.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from navfw.robot import RobotModel
-from navfw.safety import PersistentFailure
 from navfw.signals import (
     Belief,
     Command,
     Encoders,
     Frame,
     Inertial,
-    Percept,
     Pose,
     SensorReading,
-    Sight,
     Twist,
     Waypoint,
     wrap_angle,
 )
+from navfw.stack.stack_state import StackState
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,22 +110,6 @@ class FakeSimulator:
         return self._pose
 
 
-@dataclass(frozen=True, slots=True)
-class FakeState:
-    """The parts of a stack's state that the runner and displays use."""
-
-    belief: Belief | None = None
-    path: tuple[Waypoint, ...] = ()
-    percept: Percept | None = None
-    command: Command | None = None
-    finished: bool = False
-    stuck: str | None = None
-    unsure: bool = False
-    sight: Sight = Sight.ENOUGH
-    fault: PersistentFailure | None = None
-    faults: tuple[str, ...] = ()
-
-
 class ScriptedPilot:
     """Drives a list of twists, one per tick, then is finished (or stuck for the reason given).
 
@@ -137,8 +119,7 @@ class ScriptedPilot:
     def __init__(
         self, twists: Iterable[Twist], stuck: str | None = None, *, unsure: bool = False
     ) -> None:
-        self.timings: Mapping[str, float] = {}
-        self.state = FakeState()
+        self.state = StackState(0.0)
         self._script = list(twists)
         self._stuck = stuck
         self._unsure = unsure
@@ -148,14 +129,15 @@ class ScriptedPilot:
         """Restart the script; the goals become the path and have no other effect."""
         self._tick = 0
         pose = pose or Pose(0.0, 0.0, 0.0)
-        self.state = FakeState(path=tuple(goals), belief=Belief(0.0, pose, np.zeros((3, 3))))
+        self.state = StackState(0.0, path=tuple(goals), belief=Belief(0.0, pose, np.zeros((3, 3))))
 
     def step(self, reading: SensorReading) -> Twist:
         """The next twist of the script; zero after its end."""
         over = self._tick >= len(self._script)
         twist = Twist(0.0, 0.0) if over else self._script[self._tick]
         self._tick += 1
-        self.state = FakeState(
+        self.state = StackState(
+            reading.time,
             belief=self.state.belief,
             path=self.state.path,
             command=Command(reading.time, twist, "script", f"tick {self._tick}"),
@@ -175,8 +157,7 @@ class FakePilot:
     def __init__(self, robot: RobotModel | None = None, yaw_error: float = 0.0) -> None:
         self.robot = robot or RobotModel()
         self.yaw_error = yaw_error
-        self.timings: Mapping[str, float] = {}
-        self.state = FakeState()
+        self.state = StackState(0.0)
         self._pose = Pose(0.0, 0.0, 0.0)
         self._goals: tuple[Waypoint, ...] = ()
         self._last: SensorReading | None = None
@@ -187,7 +168,7 @@ class FakePilot:
         self._pose = Pose(pose.x, pose.y, wrap_angle(pose.yaw + self.yaw_error))
         self._goals = tuple(goals)
         self._last = None
-        self.state = FakeState(path=self._goals)
+        self.state = StackState(0.0, path=self._goals)
 
     def step(self, reading: SensorReading) -> Twist:
         """Turn towards the goal, then drive straight."""
@@ -195,7 +176,8 @@ class FakePilot:
         while self._goals and self._left(self._goals[0]) <= self._goals[0].tolerance:
             self._goals = self._goals[1:]
         twist = self._head_for(self._goals[0]) if self._goals else Twist(0.0, 0.0)
-        self.state = FakeState(
+        self.state = StackState(
+            reading.time,
             belief=Belief(reading.time, self._pose, np.zeros((3, 3))),
             path=self._goals,
             command=Command(reading.time, twist, "fake", "straight to the goal"),

@@ -66,7 +66,7 @@ class MissionCase:
         What shows only in the floor plan, such as a goal within a wall, is not checked.
         """
         from navfw.errors import InputError
-        from navfw.missions.input_check import check_inputs
+        from navfw.missions.session_setup import check_inputs
 
         try:
             check_inputs(self.world, self.mission, stack=self.stack, overrides=self.overrides)

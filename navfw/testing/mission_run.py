@@ -12,7 +12,8 @@ from typing import Any, Protocol
 from navfw.missions.event_clock import EventRecord
 from navfw.missions.outcome import MissionVerdict, Outcome
 from navfw.missions.run_metrics import RunMetrics
-from navfw.missions.session import MissionResult, Session, prepare
+from navfw.missions.session import MissionResult, Session
+from navfw.missions.session_setup import prepare
 from navfw.recording.run_log import RunLog
 from navfw.signals import Array
 from navfw.testing.mission_case import MissionCase

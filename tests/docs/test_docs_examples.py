@@ -18,7 +18,8 @@ from navfw import Behavior, Composite
 from navfw.cli import app
 from navfw.config.overrides import parse_override
 from navfw.missions.outcome import Outcome
-from navfw.missions.session import MissionResult, prepare
+from navfw.missions.session import MissionResult
+from navfw.missions.session_setup import prepare
 from navfw.plugins import default_registry
 from navfw.scaffold.new_parts import write_part
 from navfw.scaffold.new_project import write_project

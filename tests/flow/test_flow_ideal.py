@@ -12,7 +12,7 @@ from navfw.config.lookup import find
 from navfw.errors import ConfigError, PluginError, SimulationError
 from navfw.flow.ideal import Ideal, nearness_at, true_vectors
 from navfw.missions.oracle import SimulatorTruth, reveal
-from navfw.missions.session import prepare
+from navfw.missions.session_setup import prepare
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, Frame, FramePair, Pose

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
+from navfw.config.lookup import find
 from navfw.missions.session import Session
 from navfw.plugins import Registry
-from navfw.suite.case_session import generated_session, prepared_session
+from navfw.suite.case import Case
 from navfw.suite.suitefile import EntrySpec, load_suite
 
 SEED = 0
@@ -42,20 +44,11 @@ def _merged(one: EntrySpec, other: EntrySpec) -> EntrySpec:
 
 def session_of(entry: EntrySpec, registry: Registry) -> Session:
     """The session of ``entry`` with ``SEED``."""
-    overrides = entry.overrides
+    stack = str(find("stack", entry.stack)) if entry.stack else ""
+    case = Case(0, entry.title, SEED, stack, "", "", "cross", entry.overrides)
     if entry.world is not None:
         (mission,) = entry.missions or ()
-        world = entry.world
-        return prepared_session(
-            world, mission, SEED, stack=entry.stack, overrides=overrides, registry=registry
-        )
+        return replace(case, world=entry.world, mission=mission).session(registry)
     assert isinstance(entry.difficulty, float)
-    return generated_session(
-        str(entry.family),
-        SEED,
-        entry.difficulty,
-        stack=entry.stack,
-        overrides=overrides,
-        registry=registry,
-        world_name=f"{entry.family}-{SEED}",
-    )
+    case = replace(case, family=str(entry.family), world_name=f"{entry.family}-{SEED}")
+    return replace(case, difficulty=entry.difficulty).session(registry)

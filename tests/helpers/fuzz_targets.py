@@ -146,7 +146,7 @@ def _world(folder: Path) -> None:
 
 
 def _prepare_mission(folder: Path) -> object:
-    from navfw.missions.session import prepare
+    from navfw.missions.session_setup import prepare
 
     return prepare(str(folder), str(folder / "missions" / "cross.yaml"))
 
@@ -196,7 +196,7 @@ def _map_as(suffix: str) -> Callable[[Path], None]:
 def _recorded(folder: Path) -> None:
     """A run folder with a recording of 2.2 s."""
     from navfw.missions.run_report import write_run
-    from navfw.missions.session import prepare
+    from navfw.missions.session_setup import prepare
     from navfw.recording.run_folder import RunFolder
 
     session = prepare("paper-room", "through-the-door", overrides=["mission.timeout=2.2"])

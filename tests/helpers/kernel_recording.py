@@ -15,7 +15,7 @@ from numba.extending import is_jitted
 
 from navfw.config.lookup import list_files
 from navfw.kernels.kernel_list import KERNEL_FILE
-from navfw.missions.session import prepare
+from navfw.missions.session_setup import prepare
 
 __all__ = ["Calls", "calls_of_drives", "listed_calls"]
 

@@ -12,7 +12,8 @@ from navfw.errors import WorldError
 from navfw.flow.grid import above_horizon
 from navfw.missions.missionfile import load_mission
 from navfw.missions.oracle import SimulatorTruth
-from navfw.missions.session import MissionResult, prepare
+from navfw.missions.session import MissionResult
+from navfw.missions.session_setup import prepare
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim.floorplan import FloorPlan

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from navfw.missions.outcome import Outcome
-from navfw.missions.session import MissionResult, prepare
+from navfw.missions.session import MissionResult
+from navfw.missions.session_setup import prepare
 from navfw.papfis.papfis import Papfis
 from navfw.sim.worldfile import load_world
 

@@ -21,7 +21,7 @@ from navfw.errors import InputError
 from navfw.fuzzy.rulespec import InputSpec, OutputSpec
 from navfw.missions.missionspec import MissionSpec
 from navfw.missions.outcome import Outcome
-from navfw.missions.session import prepare
+from navfw.missions.session_setup import prepare
 from navfw.plugins import default_registry
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack.stack_document import STAGES

@@ -9,7 +9,8 @@ import pytest
 
 from navfw.errors import InputError
 from navfw.missions.outcome import Outcome
-from navfw.missions.session import MissionResult, prepare
+from navfw.missions.session import MissionResult
+from navfw.missions.session_setup import prepare
 from navfw.sim.drop_geometry import drop_rectangle
 
 DROP = "{name: shaft, x: [3, 4], y: [1.2, 2.4], depth: 0.8}"

@@ -12,7 +12,8 @@ from navfw.cli import app
 from navfw.errors import InputError
 from navfw.missions.event_clock import Event, EventClock
 from navfw.missions.run_report import write_run
-from navfw.missions.session import MissionResult, prepare
+from navfw.missions.session import MissionResult
+from navfw.missions.session_setup import prepare
 from navfw.recording.run_folder import RunFolder, read_result
 from navfw.recording.run_replay import explain_at, replay
 from navfw.signals import Pose

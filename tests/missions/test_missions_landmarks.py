@@ -12,7 +12,7 @@ from navfw.cli import app
 from navfw.errors import MapError
 from navfw.missions.landmark_learning_drive import learn_landmarks
 from navfw.missions.run_report import write_run
-from navfw.missions.session import prepare
+from navfw.missions.session_setup import prepare
 from navfw.recording.run_folder import RunFolder
 from navfw.recording.run_replay import replay
 from navfw.recording.sensor_recording import load_recording

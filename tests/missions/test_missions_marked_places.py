@@ -9,7 +9,7 @@ import pytest
 
 from navfw.config.lookup import find
 from navfw.features.aruco import Aruco
-from navfw.missions.starts import start_candidates
+from navfw.missions.missionfile import start_candidates
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Pose
 from navfw.sim.sensor_models import SensorParams

@@ -10,8 +10,7 @@ import pytest
 from navfw.config.lookup import NamedFile, find, list_files, list_missions
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
 from navfw.missions.missionfile import MissionFile, load_mission
-from navfw.missions.run_options import chosen_stack
-from navfw.missions.session import prepare
+from navfw.missions.session_setup import chosen_stack, prepare
 from navfw.robot import RobotModel
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.sensor_models import PRESETS, SensorParams

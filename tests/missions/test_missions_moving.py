@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from navfw.missions.outcome import Outcome
-from navfw.missions.session import MissionResult, prepare
+from navfw.missions.session import MissionResult
+from navfw.missions.session_setup import prepare
 
 WORLD = """\
 name: hall

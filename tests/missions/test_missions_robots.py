@@ -10,8 +10,7 @@ from typer.testing import CliRunner
 from navfw.cli import app
 from navfw.errors import InputError, UnknownNameError
 from navfw.missions.missionfile import load_mission
-from navfw.missions.run_options import split_overrides
-from navfw.missions.session import prepare
+from navfw.missions.session_setup import prepare, split_overrides
 from navfw.robot import RobotModel
 from navfw.robot.robotfile import load_robot
 from navfw.sim.sensor_models import SensorParams

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from navfw.errors import MapError
 from navfw.guard import PluginCallError
 from navfw.missions.outcome import FaultKind, Outcome
-from navfw.missions.runner import Progress, Task, run_task
+from navfw.missions.runner import MissionLoop, Progress, Task
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading, Sight, Twist, Waypoint
 from navfw.testing.fakes import FakePilot, FakeSimulator, Post, ScriptedPilot
@@ -35,7 +35,7 @@ def task(*goals: Waypoint, timeout: float = 60.0, stuck_after: float = 45.0) -> 
 
 
 def test_a_good_run_is_reached_in_the_success_zone() -> None:
-    run = run_task(task(), FakePilot(), FakeSimulator(START))
+    run = MissionLoop(task(), FakePilot(), FakeSimulator(START)).run()
     assert run.verdict.outcome is Outcome.REACHED
     x, y, _ = run.log.true[-1]
     assert math.hypot(x - 2.0, y - 0.5) <= 0.5
@@ -46,7 +46,7 @@ def test_a_good_run_is_reached_in_the_success_zone() -> None:
 
 def test_a_contact_ends_the_run_at_once() -> None:
     simulator = FakeSimulator(START, posts=[Post("column", 1.0, 0.2)])
-    run = run_task(task(), FakePilot(), simulator)
+    run = MissionLoop(task(), FakePilot(), simulator).run()
     assert run.verdict.outcome is Outcome.COLLIDED
     assert "column" in run.verdict.reason
     (contact,) = run.log.contacts
@@ -54,7 +54,7 @@ def test_a_contact_ends_the_run_at_once() -> None:
 
 
 def test_a_stack_with_a_wrong_estimate_is_lost_with_the_distance() -> None:
-    run = run_task(task(), FakePilot(yaw_error=0.5), FakeSimulator(START))
+    run = MissionLoop(task(), FakePilot(yaw_error=0.5), FakeSimulator(START)).run()
     assert run.verdict.outcome is Outcome.LOST
     x, y, _ = run.log.true[-1]
     assert f"{math.hypot(x - 2.0, y - 0.5):.2f} m" in run.verdict.reason
@@ -62,9 +62,9 @@ def test_a_stack_with_a_wrong_estimate_is_lost_with_the_distance() -> None:
 
 def test_goals_count_only_in_order_and_when_truly_visited() -> None:
     there, back = goal(2.0, 0.0, "there"), goal(0.0, 0.0, "back")
-    run = run_task(task(there, back), FakePilot(), FakeSimulator(START))
+    run = MissionLoop(task(there, back), FakePilot(), FakeSimulator(START)).run()
     assert run.verdict.outcome is Outcome.REACHED
-    skipped = run_task(task(there, back), ScriptedPilot([]), FakeSimulator(START))
+    skipped = MissionLoop(task(there, back), ScriptedPilot([]), FakeSimulator(START)).run()
     assert skipped.verdict.outcome is Outcome.LOST
     assert "'there'" in skipped.verdict.reason
     assert "2.00 m" in skipped.verdict.reason
@@ -72,20 +72,22 @@ def test_goals_count_only_in_order_and_when_truly_visited() -> None:
 
 def test_the_timeout_ends_the_run_at_its_time() -> None:
     pilot = ScriptedPilot([Twist(0.1, 0.0)] * 10_000)
-    run = run_task(task(timeout=2.0), pilot, FakeSimulator(START))
+    run = MissionLoop(task(timeout=2.0), pilot, FakeSimulator(START)).run()
     assert run.verdict.outcome is Outcome.TIMEOUT
     assert run.sim_time == pytest.approx(2.0, abs=0.05)
 
 
 def test_turning_on_the_spot_for_long_is_stuck() -> None:
     pilot = ScriptedPilot([Twist(0.0, 1.0)] * 10_000)
-    run = run_task(task(stuck_after=3.0), pilot, FakeSimulator(START))
+    run = MissionLoop(task(stuck_after=3.0), pilot, FakeSimulator(START)).run()
     assert run.verdict.outcome is Outcome.STUCK
     assert run.sim_time == pytest.approx(3.0, abs=0.05)
 
 
 def test_the_stack_may_report_that_it_is_stuck() -> None:
-    run = run_task(task(), ScriptedPilot([], stuck="walls all round"), FakeSimulator(START))
+    run = MissionLoop(
+        task(), ScriptedPilot([], stuck="walls all round"), FakeSimulator(START)
+    ).run()
     assert (run.verdict.outcome, run.verdict.reason) == (Outcome.STUCK, "walls all round")
 
 
@@ -101,7 +103,7 @@ def test_an_arrival_that_is_not_sure_is_told_as_such(
     stuck: str | None, limits: dict[str, float], reason: str
 ) -> None:
     pilot = ScriptedPilot([], stuck, unsure=True)
-    run = run_task(task(**limits), pilot, FakeSimulator(START))
+    run = MissionLoop(task(**limits), pilot, FakeSimulator(START)).run()
     assert run.verdict.outcome is Outcome.UNSURE
     assert run.verdict.reason.startswith(reason)
 
@@ -123,7 +125,7 @@ def test_a_run_without_progress_tells_what_the_camera_does_not_show(
 ) -> None:
     for pilot, seen in ((ScriptedPilot, ""), (BlindPilot, f"; {Sight.NOTHING.trouble}")):
         driven = pilot([twist] * 10_000)
-        run = run_task(task(timeout=6.0, stuck_after=5.0), driven, FakeSimulator(START))
+        run = MissionLoop(task(timeout=6.0, stuck_after=5.0), driven, FakeSimulator(START)).run()
         assert run.verdict.reason.startswith(reason)
         assert run.verdict.reason.partition("; ")[1:] == seen.partition("; ")[1:]
 
@@ -156,7 +158,7 @@ class BrokenPilot(ScriptedPilot):
 def test_an_exception_or_bad_command_ends_the_run_with_a_result(
     breakage: BaseException | Twist, fault: FaultKind | None, reason: str
 ) -> None:
-    run = run_task(task(), BrokenPilot(breakage), FakeSimulator(START))
+    run = MissionLoop(task(), BrokenPilot(breakage), FakeSimulator(START)).run()
     assert run.verdict.outcome is (Outcome.CANCELLED if fault is None else Outcome.FAULT)
     assert run.verdict.fault is fault
     assert reason in run.verdict.reason
@@ -173,7 +175,7 @@ def test_an_error_in_place_of_an_interruption_cancels_the_run() -> None:
                 raise SystemError("returned a result with an exception set") from None
             return super().step(reading)
 
-    run = run_task(task(), Disguising(Twist(0.0, 0.0)), FakeSimulator(START))
+    run = MissionLoop(task(), Disguising(Twist(0.0, 0.0)), FakeSimulator(START)).run()
     assert run.verdict.outcome is Outcome.CANCELLED
 
 
@@ -189,7 +191,7 @@ def test_garbage_collection_leaves_out_what_is_older_than_the_run(
             return super().step(reading)
 
     before = gc.get_freeze_count()
-    run_task(task(), Counting(breakage), FakeSimulator(START))
+    MissionLoop(task(), Counting(breakage), FakeSimulator(START)).run()
     assert min(kept) > 1000
     assert gc.get_freeze_count() <= before
 
@@ -200,7 +202,7 @@ def test_a_mission_that_the_stack_refuses_is_an_input_error() -> None:
             raise MapError("no way to the goal")
 
     with pytest.raises(MapError, match="no way to the goal"):
-        run_task(task(), Refuser([]), FakeSimulator(START))
+        MissionLoop(task(), Refuser([]), FakeSimulator(START)).run()
 
 
 def test_a_fault_that_repeats_is_listed_once_with_its_last_count() -> None:
@@ -210,13 +212,13 @@ def test_a_fault_that_repeats_is_listed_once_with_its_last_count() -> None:
             self.state = dataclasses.replace(self.state, faults=(f"avoid: bad ({self._tick})",))
             return twist
 
-    run = run_task(task(), Faulty([Twist(0.1, 0.0)] * 9), FakeSimulator(START))
+    run = MissionLoop(task(), Faulty([Twist(0.1, 0.0)] * 9), FakeSimulator(START)).run()
     assert run.faults == ("avoid: bad (10)",)
 
 
 def test_progress_has_distance_and_leading_behaviour() -> None:
     seen: list[Progress] = []
-    run_task(task(goal(2.0, 0.0)), FakePilot(), FakeSimulator(START), progress=seen.append)
+    MissionLoop(task(goal(2.0, 0.0)), FakePilot(), FakeSimulator(START), progress=seen.append).run()
     assert seen[0].distance == pytest.approx(2.0)
     assert seen[-1].distance < 0.5
     assert {progress.behavior for progress in seen} == {"fake"}
@@ -234,7 +236,9 @@ def test_progress_has_distance_and_leading_behaviour() -> None:
 )
 def test_the_hash_distinguishes_command_streams(twists: list[Twist], changed: int) -> None:
     def hash_of(script: list[Twist]) -> str:
-        return run_task(task(), ScriptedPilot(script), FakeSimulator(START)).log.command_hash
+        return (
+            MissionLoop(task(), ScriptedPilot(script), FakeSimulator(START)).run().log.command_hash
+        )
 
     assert hash_of(twists) == hash_of(list(twists))
     other = list(twists)

@@ -13,7 +13,7 @@ from navfw.bench.situation_learning import learn_situations, place_accuracy
 from navfw.cli import app
 from navfw.errors import InputError
 from navfw.localization.situation_model import learn_table, load_table, situation_table
-from navfw.missions.session import prepare
+from navfw.missions.session_setup import prepare
 from navfw.missions.situation_samples import SituationDrive, record_situations
 from navfw.plugins import default_registry
 from navfw.signals import Pose

@@ -11,18 +11,18 @@ import pytest
 
 from navfw.config.lookup import find
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
-from navfw.missions.localization_metrics import measure_localization
-from navfw.missions.missionfile import MissionFile, load_mission
+from navfw.missions.missionfile import MissionFile, draw_start, load_mission
 from navfw.missions.outcome import Outcome
-from navfw.missions.runner import Task, run_task
-from navfw.missions.session import prepare
-from navfw.missions.starts import draw_start
+from navfw.missions.run_metrics import measure_localization
+from navfw.missions.runner import MissionLoop, Task
+from navfw.missions.session_setup import prepare
 from navfw.recording.run_log import RunLogger
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Pose, SensorReading, Twist, Waypoint
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldfile import load_world
-from navfw.testing.fakes import FakeSimulator, FakeState
+from navfw.stack.stack_state import StackState
+from navfw.testing.fakes import FakeSimulator
 from navfw.topomap import Place
 
 ANYWHERE = "map: office\nstart: unknown\ngoals: [lab]\n"
@@ -110,15 +110,14 @@ class Clueless:
 
     def __init__(self) -> None:
         self.poses: list[Pose | None] = []
-        self.timings: dict[str, float] = {}
-        self.state = FakeState()
+        self.state = StackState(0.0)
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
         self.poses.append(pose)
 
     def step(self, reading: SensorReading) -> Twist:
         belief = Belief(reading.time, Pose(0, 0, 0), np.eye(3), confidence=0.1, lost=True)
-        self.state = FakeState(belief=belief)
+        self.state = StackState(reading.time, belief=belief)
         return Twist(0.0, 0.5)
 
 
@@ -127,7 +126,7 @@ def test_a_lost_belief_at_the_timeout_is_the_outcome_lost() -> None:
     goal = Waypoint(5.0, 1.0, 0.3, "there", "goal", final=True)
     task = Task(RobotModel(), start, (goal,), timeout=3.0, start_known=False)
     pilot = Clueless()
-    run = run_task(task, pilot, FakeSimulator(start))
+    run = MissionLoop(task, pilot, FakeSimulator(start)).run()
     assert pilot.poses == [None]
     assert run.verdict.outcome is Outcome.LOST
     assert "position estimate lost" in run.verdict.reason

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import InputError
-from navfw.missions.session import prepare
+from navfw.missions.session_setup import prepare
 from navfw.robot.robotfile import load_robot
 from navfw.robot.urdf import read_urdf
 

@@ -20,8 +20,8 @@ from virtual_display import virtual_display
 
 from navfw.cli import app
 from navfw.errors import InputError
-from navfw.missions.session import prepare
-from navfw.missions.window_overlay import WindowOverlay
+from navfw.missions.run_drawing import WindowOverlay
+from navfw.missions.session_setup import prepare
 from navfw.recording import palette
 from navfw.sim.window import Point3, SimulatorWindow, check_display
 

@@ -18,7 +18,8 @@ from pydantic import BaseModel
 from navfw.context import Context
 from navfw.interfaces import KINDS, Plugin
 from navfw.missions.composed_events import Blackout
-from navfw.missions.session import Session, prepare
+from navfw.missions.session import Session
+from navfw.missions.session_setup import prepare
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Conflicts, FlowField

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from navfw.missions.oracle import plugins_of
-from navfw.missions.session import MissionResult, prepare
+from navfw.missions.session import MissionResult
+from navfw.missions.session_setup import prepare
 from navfw.plugins import default_registry
 from navfw.plugins.simulator_access import SimulatorWatch, source_findings
 from navfw.robot import RobotModel

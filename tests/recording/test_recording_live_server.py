@@ -19,7 +19,7 @@ from websockets.typing import Subprotocol
 
 from navfw.cli import app
 from navfw.errors import InputError
-from navfw.missions.session import prepare
+from navfw.missions.session_setup import prepare
 from navfw.recording import channel_list as topics
 from navfw.recording.live_server import LiveServer
 from navfw.recording.reading_message import unpack_reading

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navfw.missions.session import MissionResult, prepare
+from navfw.missions.session import MissionResult
+from navfw.missions.session_setup import prepare
 from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedRun
 from navfw.recording.run_recorder import RunRecorder

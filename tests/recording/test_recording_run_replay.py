@@ -19,7 +19,8 @@ from typer.testing import CliRunner
 from navfw.cli import app
 from navfw.errors import ConfigError, InputError
 from navfw.missions.run_report import write_run
-from navfw.missions.session import MissionResult, prepare
+from navfw.missions.session import MissionResult
+from navfw.missions.session_setup import prepare
 from navfw.recording.channel_list import CAMERA_IMAGE
 from navfw.recording.recorded_run import RecordedRun, image_of
 from navfw.recording.run_folder import RECORDING, RESULT, RunFolder, read_result

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from navfw.cli import app
 from navfw.errors import InputError
 from navfw.missions.run_report import write_run
-from navfw.missions.session import prepare
+from navfw.missions.session_setup import prepare
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import RunFolder
 from navfw.results.collection import collect, seed_range

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from navfw.missions.session import prepare
+from navfw.missions.session_setup import prepare
 from navfw.robot import CameraModel, RobotModel, SideViews
 from navfw.robot.camera_effects import AutoExposure, CameraEffects
 from navfw.robot.robotfile import load_robot

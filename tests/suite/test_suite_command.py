@@ -16,7 +16,7 @@ from suite_samples import row
 from typer.testing import CliRunner
 
 from navfw.cli import app
-from navfw.missions.session import prepare
+from navfw.missions.session_setup import prepare
 from navfw.suite.run_table import columns_of, read_table, write_table
 
 TINY = """

@@ -11,7 +11,8 @@ import pytest
 
 from navfw.missions.outcome import MissionVerdict, Outcome
 from navfw.missions.runner import RunResult
-from navfw.missions.session import MissionResult, Session, prepare
+from navfw.missions.session import MissionResult, Session
+from navfw.missions.session_setup import prepare
 from navfw.mofis.mofis import DecisionInputs
 from navfw.plugins import default_registry
 from navfw.recording.run_log import Contact, RunLog

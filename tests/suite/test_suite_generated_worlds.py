@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from navfw import worldgen
 from navfw.errors import InputError, UnknownNameError, WorldError
 from navfw.missions.missionspec import MissionSpec
 from navfw.plugins import default_registry
 from navfw.sim.worldspec import BoxSpec, TextureSpec, WorldSpec
-from navfw.suite import case_session
 from navfw.suite.case import Job
 from navfw.suite.case_worker import run_job
 from navfw.suite.suite_plan import SuitePlan, plan_runs
@@ -61,7 +61,7 @@ def fake_generate(
 
 @pytest.fixture(autouse=True)
 def _generator(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(case_session, "generate", fake_generate)
+    monkeypatch.setattr(worldgen, "generate", fake_generate)
 
 
 def planned(folder: Path, entry: str, seeds: range) -> SuitePlan:
@@ -158,7 +158,7 @@ def test_an_exception_in_a_run_is_a_fault_with_its_source_line(
     ) -> Made:
         raise ZeroDivisionError("of the generator")
 
-    monkeypatch.setattr(case_session, "generate", broken)
+    monkeypatch.setattr(worldgen, "generate", broken)
     row = run_job(Job(plan.cases[0], tmp_path))
     assert (row.outcome, row.cause) == ("fault", "exception")
     place = "test_suite_generated_worlds.py:"

@@ -11,7 +11,8 @@ import pytest
 
 from navfw.config.lookup import shipped_folder
 from navfw.missions.run_report import draw
-from navfw.missions.session import MissionResult, prepare
+from navfw.missions.session import MissionResult
+from navfw.missions.session_setup import prepare
 from navfw.testing import mission_cache, mission_run
 from navfw.testing.mission_case import MissionCase
 from navfw.testing.mission_run import DrivenRun

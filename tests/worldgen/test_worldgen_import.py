@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import ConfigError, InputError, WorldError
-from navfw.missions.session import prepare
+from navfw.missions.session_setup import prepare
 from navfw.sim.worldfile import load_world
 from navfw.worldgen.barn import POLE_HEIGHT
 from navfw.worldgen.gazebo_import import import_world

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import ConfigError, InputError, WorldError
-from navfw.missions.session import prepare
+from navfw.missions.session_setup import prepare
 from navfw.signals import Array
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.shapes import Circle, Rectangle

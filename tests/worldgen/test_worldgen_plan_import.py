@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from navfw.cli import app
 from navfw.errors import InputError
 from navfw.missions.missionfile import load_mission
-from navfw.missions.run_options import chosen_stack
+from navfw.missions.session_setup import chosen_stack
 from navfw.signals import Pose
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldfile import load_world

@@ -1,11 +1,13 @@
-"""A run drawn into the simulator's window: path, way ahead, local goal; the camera follows."""
+"""What shows a run: the outline of its world, and an overlay in the simulator's window."""
 
 from __future__ import annotations
 
 import math
 
 from navfw.recording import palette
+from navfw.recording.top_view import OutlineDisc, WorldOutline
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
+from navfw.sim.floorplan import FloorPlan
 from navfw.sim.window import Point3, SimulatorWindow
 from navfw.stack import Stack
 
@@ -17,8 +19,20 @@ _STEP = 0.05
 """Length of the pieces of the path [m]."""
 
 
+def outline_of(plan: FloorPlan) -> WorldOutline:
+    """The outline of the world in a top view: walls, doors, furniture and drops."""
+    rectangles = list(plan.rectangles())
+    return WorldOutline(
+        walls=[corners for solid, corners in rectangles if solid.kind in {"wall", "door"}],
+        furniture=[
+            corners for solid, corners in rectangles if solid.kind in {"box", "mesh", "drop"}
+        ],
+        discs=[OutlineDisc(circle.x, circle.y, circle.radius) for _, circle in plan.circles()],
+    )
+
+
 class WindowOverlay:
-    """An observer of a run of ``stack`` that shows it in ``window``; it only watches.
+    """An observer of a run of ``stack`` that shows it in ``window``; its camera follows.
 
     The path is the true one, in the colours of the leading behaviours; the way ahead and the local
     goal are where the robot believes them to be.
@@ -56,10 +70,10 @@ class WindowOverlay:
         state, context = self._stack.state, self._stack.mofis.context
         if state.belief is None:
             return
-        here, color = state.belief.pose, palette.rgb(palette.GOAL)
+        robot, color = state.belief.pose, palette.rgb(palette.GOAL)
         first = state.path[:1]
         self._window.draw(
-            "first leg", [_at(here.x, here.y), *(_at(w.x, w.y) for w in first)], color
+            "first leg", [_at(robot.x, robot.y), *(_at(w.x, w.y) for w in first)], color
         )
         if state.path is not self._posted:
             self._posted = state.path
@@ -67,8 +81,8 @@ class WindowOverlay:
             for number, waypoint in enumerate(state.path):
                 self._window.draw(f"post {number}", _post(waypoint.x, waypoint.y), color)
         if state.command is not None and context is not None and context.local_goal is not None:
-            point = here.to_parent(context.local_goal.x, context.local_goal.y)
-            ends = [_at(here.x, here.y), *_post(*point)]
+            point = robot.to_parent(context.local_goal.x, context.local_goal.y)
+            ends = [_at(robot.x, robot.y), *_post(*point)]
             self._window.draw("local goal", ends, palette.rgb(palette.LOCAL_GOAL))
 
 

@@ -1,0 +1,251 @@
+"""From names to a run: world, mission and stack are found, loaded, and checked against each other.
+
+>>> import navfw
+>>> result = navfw.run("office", "lobby-to-lab", seed=1)              # doctest: +SKIP
+>>> result.outcome, result.metrics.spl                                # doctest: +SKIP
+>>> with navfw.open_session("office", "lobby-to-lab") as session:     # doctest: +SKIP
+...     for tick in session:
+...         print(tick.time, tick.command, tick.true_pose)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from navfw.config.lookup import find, find_mission
+from navfw.config.overrides import Override, Settings, override_texts, parse_override
+from navfw.errors import UnknownNameError
+from navfw.missions.event_check import resolve_events, with_doors_open
+from navfw.missions.missionfile import MissionFile, load_mission
+from navfw.missions.session import MissionResult, Session, SteppedSession
+from navfw.robot.robotfile import robot_section
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.world_check import check_world
+from navfw.sim.worldfile import load_world
+from navfw.sim.worldspec import WorldSpec
+from navfw.stack import Stack
+from navfw.stack.stackfile import load_stack
+
+if TYPE_CHECKING:
+    from navfw.plugins import Registry
+
+_DEFAULT_STACK, _FLOOR_PLAN_STACK = "default", "floor_plan"
+"""The stack of a mission that names none, and the one if its map has a floor plan."""
+
+_MISSION_PARTS = ("robot", "sensors")
+"""Keys of a mission file that overrides may begin with; others need ``mission.`` before them."""
+
+
+def run(
+    world: str | Path,
+    mission: str | Path,
+    *,
+    seed: int = 0,
+    stack: str | Path | None = None,
+    set: Settings = (),  # noqa: A002 - as on the command line
+    record: bool = False,
+) -> MissionResult:
+    """Drive a mission to its end, as ``navfw run`` does; nothing is written.
+
+    Without ``stack`` the mission's own drives, else ``floor_plan`` if the map has a floor plan,
+    else ``default``. ``set`` changes values, by texts as for ``--set`` or by a mapping such as
+    ``{"avoid.latency": 0.5}``. With ``record`` the result has a recording, for
+    ``navfw.missions.run_report.write_run``.
+
+    Raises:
+        InputError: world, mission, stack or ``set`` is wrong, or the stack refuses the mission.
+        KeyboardInterrupt: the user has stopped the run.
+
+    """
+    result = prepare(world, mission, seed=seed, stack=stack, overrides=set).run(record=record)
+    if result.outcome == "cancelled":  # caught by the loop, and meant for the caller as well
+        raise KeyboardInterrupt
+    return result
+
+
+def open_session(
+    world: str | Path,
+    mission: str | Path,
+    *,
+    seed: int = 0,
+    stack: str | Path | None = None,
+    set: Settings = (),  # noqa: A002 - as on the command line
+) -> SteppedSession:
+    """The same mission, to be stepped tick by tick: a context manager, and an iterator.
+
+    Raises:
+        InputError: world, mission, stack or ``set`` is wrong.
+
+    """
+    return SteppedSession(prepare(world, mission, seed=seed, stack=stack, overrides=set))
+
+
+def prepare(
+    world: str | Path,
+    mission: str | Path,
+    *,
+    seed: int = 0,
+    stack: str | Path | None = None,
+    overrides: Settings = (),
+    registry: Registry | None = None,
+) -> Session:
+    """Load and check world, mission, map and stack.
+
+    ``stack`` is that of ``chosen_stack``.
+    ``overrides`` that begin with ``mission.`` (``mission.timeout=60``), ``robot.`` or ``sensors.``
+    apply to the mission, all others (``offis.layers=1``) to the stack.
+
+    Raises:
+        InputError: one of them does not exist, breaks its schema, or contradicts another; the
+            message has file, line and key.
+
+    """
+    texts = override_texts(overrides)
+    world_file, world_spec, loaded = _load(world, mission, texts)
+    registry = registry or _registry()
+    return session_of(world_spec, loaded, world_file.parent.name, seed, stack, texts, registry)
+
+
+def session_of(
+    world: WorldSpec,
+    mission: MissionFile,
+    world_name: str,
+    seed: int,
+    stack: str | Path | None,
+    overrides: tuple[str, ...],
+    registry: Registry,
+) -> Session:
+    """The session of a loaded mission in ``world``; of ``overrides``, those for the stack apply.
+
+    Raises:
+        InputError: world, mission and stack contradict each other.
+
+    """
+    world = with_drops(world, mission)
+    spec = mission.spec
+    plan = FloorPlan.from_world(world, spec.robot.height)
+    with_all_ways = FloorPlan.from_world(with_doors_open(world, spec.events), spec.robot.height)
+    mission = mission.placed(seed, with_all_ways)
+    shortest = mission.check(with_all_ways)
+    stack_file = chosen_stack(mission, stack)
+    _, for_stack = split_overrides(overrides)
+    built = Stack.load(stack_file, spec.robot, mission.topo_map, registry, for_stack)
+    return Session(
+        world_name=world_name,
+        mission_name=mission.file.stem,
+        seed=seed,
+        world=world,
+        plan=plan,
+        mission=mission,
+        shortest=shortest,
+        stack_file=stack_file,
+        stack=built,
+        overrides=overrides,
+        events=resolve_events(mission, world, built, registry),
+    )
+
+
+def check_inputs(
+    world: str | Path,
+    mission: str | Path,
+    *,
+    stack: str | Path | None = None,
+    overrides: Settings = (),
+) -> None:
+    """Check the files that ``prepare`` reads, in a part of its time.
+
+    What shows only in the floor plan, such as a goal within a wall, is not checked.
+
+    Raises:
+        InputError: one of them does not exist, breaks its schema, or contradicts another.
+
+    """
+    texts = override_texts(overrides)
+    _, world_spec, loaded = _load(world, mission, texts)
+    with_drops(world_spec, loaded)
+    load_stack(chosen_stack(loaded, stack), _registry(), split_overrides(texts)[1])
+
+
+def _load(
+    world: str | Path, mission: str | Path, overrides: Sequence[str]
+) -> tuple[Path, WorldSpec, MissionFile]:
+    """The file of the world, the world, and the mission with those ``overrides`` that apply."""
+    for_mission, _ = split_overrides(overrides)
+    world_file = find("world", world)
+    mission_file = find_mission(world, mission)
+    return world_file, load_world(world_file), load_mission(mission_file, for_mission)
+
+
+def with_drops(world: WorldSpec, mission: MissionFile) -> WorldSpec:
+    """The world with the drops that the mission adds to its floor.
+
+    Raises:
+        WorldError: a drop contradicts the world; the message has the mission's file, line and key.
+
+    """
+    drops = mission.spec.drops
+    if not drops:
+        return world
+    changed = world.model_copy(update={"drops": (*drops, *world.drops)})
+    # the world has been checked, and the mission's drops come first: indices are those of its file
+    check_world(changed, file=mission.file, line_of=mission.document.line_of)
+    return changed
+
+
+def chosen_stack(mission: MissionFile, stack: str | Path | None = None) -> Path:
+    """The file of ``stack``; without one, of the stack that the mission names.
+
+    If it names none, it is ``floor_plan`` where its map has a floor plan, else ``default``.
+
+    Raises:
+        UnknownNameError: there is no stack of that name; for the mission's, the message has its
+            file and line.
+
+    """
+    if stack is not None:
+        return find("stack", stack)
+    unnamed = _DEFAULT_STACK if mission.topo_map.floor_plan is None else _FLOOR_PLAN_STACK
+    try:
+        return find("stack", mission.spec.stack or unnamed)
+    except UnknownNameError as error:
+        origin = mission.document.origin_of(("stack",))
+        raise UnknownNameError(
+            error.what, error.name, error.known, file=origin.file, line=origin.line, key="stack"
+        ) from None
+
+
+def split_overrides(overrides: Sequence[str]) -> tuple[list[Override], list[str]]:
+    """Overrides for the mission file, and the others, which are for the stack.
+
+    ``robot=NAME`` chooses the robot, in place of all that the mission says of it.
+
+    >>> mission, stack = split_overrides(["mission.timeout=9", "robot.radius=1", "dis.x=1"])
+    >>> [override.path for override in mission], stack
+    ([('timeout',), ('robot', 'radius')], ['dis.x=1'])
+
+    Raises:
+        ConfigError: one is malformed.
+
+    """
+    for_mission: list[Override] = []
+    for_stack: list[str] = []
+    for text in overrides:
+        override = parse_override(text)
+        if override.path[0] == "mission" and len(override.path) > 1:
+            for_mission.append(Override(override.path[1:], override.value, override.text))
+        elif override.path == ("robot",):
+            for_mission.append(replace(override, value=robot_section(override.value)))
+        elif override.path[0] in _MISSION_PARTS:
+            for_mission.append(override)
+        else:
+            for_stack.append(text)
+    return for_mission, for_stack
+
+
+def _registry() -> Registry:
+    from navfw.plugins import default_registry
+
+    return default_registry()
