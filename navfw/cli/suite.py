@@ -34,7 +34,7 @@ from navfw.process.interruption import deferred, interruptible
 if TYPE_CHECKING:
     from navfw.suite.case import Case
     from navfw.suite.run_table import RunRow
-    from navfw.suite.suite_folder import Beginning
+    from navfw.suite.suite_folder import StartMode
     from navfw.suite.suite_plan import SuitePlan
     from navfw.suite.suite_run import SuiteResult
 
@@ -171,8 +171,8 @@ def _check_record(engine: EngineKind, record: Keep) -> None:
         raise typer.BadParameter(what, param_hint="--record")
 
 
-def _beginning(out: Path | None, *, resume: bool, extend: bool, restart: bool) -> Beginning:
-    given: list[Beginning] = []
+def _beginning(out: Path | None, *, resume: bool, extend: bool, restart: bool) -> StartMode:
+    given: list[StartMode] = []
     given += ["resume"] * resume
     given += ["extend"] * extend
     given += ["restart"] * restart

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 
@@ -12,3 +12,12 @@ def files_in(folder: Path) -> Iterator[tuple[Path, Path]]:
         inside = file.relative_to(folder)
         if "__pycache__" not in inside.parts and file.is_file():
             yield file, inside
+
+
+def files_of(places: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
+    """The name and the path of each file in ``places``, files and folders by their names."""
+    for name, place in places.items():
+        if place.is_file():
+            yield name, place
+        for file, inside in files_in(place):
+            yield f"{name}/{inside.as_posix()}", file

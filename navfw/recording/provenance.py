@@ -1,16 +1,27 @@
-"""What a result was measured with: the revision of the code, and the kind of machine."""
+"""What a result was measured with: revision and fingerprint of the code, kind of machine."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import platform
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from navfw.config.lookup import project_folder
+from navfw.config.folder_files import files_of
+from navfw.config.input_file import read_input
+from navfw.config.lookup import project_folder, shipped_folder
 from navfw.recording.git_checkout import GitCheckout
+
+_SHIPPED = ("worlds", "maps", "behaviors")
+"""The folders that ship with navfw beside its code."""
+
+_MAX_FILE = 1 << 28
+"""Largest size of a file that has a fingerprint [byte]."""
 
 DIRTY = "-dirty"
 """Suffix of a revision whose tracked files have uncommitted changes."""
@@ -78,6 +89,35 @@ def usable_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def fingerprint(value: Any) -> str:
+    """The SHA-256 (hex) of plain data."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+
+
+def files_fingerprint(files: Iterable[tuple[str, Path]]) -> str:
+    """The fingerprint of files by name, each up to ``_MAX_FILE``.
+
+    Raises:
+        ConfigError: one of them cannot be read.
+
+    """
+    return fingerprint(
+        {name: hashlib.sha256(read_input(file, _MAX_FILE)).hexdigest() for name, file in files}
+    )
+
+
+def navfw_files() -> dict[str, Path]:
+    """The folders of navfw's own code and files that results depend on, by name."""
+    shipped = {name: shipped_folder().resolve() / name for name in _SHIPPED}
+    return {"navfw": Path(__file__).resolve().parents[1], **shipped}
+
+
+@cache
+def code_fingerprint() -> str:
+    """The fingerprint of ``navfw_files``."""
+    return files_fingerprint(files_of(navfw_files()))
 
 
 def _processor() -> str:

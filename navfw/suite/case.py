@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from navfw.suite.run_table import RunKey
+from navfw.missions.outcome import Outcome
+from navfw.suite.failure_causes import Cause
+from navfw.suite.run_table import RunKey, RunRow
 
 if TYPE_CHECKING:
     from navfw.missions.missionfile import MissionFile
@@ -64,6 +66,25 @@ class Case:
         """The key of the run in the table."""
         where = (self.entry, self.world_name, self.mission_name)
         return RunKey(*where, self.seed, self.stack_name, self.variant)
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """The columns of the table that are known before the run."""
+        return {
+            "entry": self.entry,
+            "family": self.family,
+            "world": self.world_name,
+            "mission": self.mission_name,
+            "seed": self.seed,
+            "difficulty": self.difficulty,
+            "stack": self.stack_name,
+            "variant": self.variant,
+        }
+
+    def fault(self, reason: str, cause: Cause) -> RunRow:
+        """The row of the run, if it ended without a result."""
+        reason = " ".join(reason.split())
+        return RunRow(**self.columns, outcome=Outcome.FAULT, reason=reason, cause=cause.value)
 
     def session(self, registry: Registry) -> Session:
         """World, mission and stack of the run, loaded and checked.

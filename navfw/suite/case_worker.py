@@ -19,11 +19,10 @@ from navfw.process.atomic import atomic_file
 from navfw.process.process_memory import peak_memory_mb, return_freed_memory
 from navfw.recording.run_folder import RunFolder
 from navfw.suite.case import RECORDINGS, Case, Job, KeptRuns
-from navfw.suite.case_rows import case_columns, fault_row
 from navfw.suite.failure_causes import Cause, classify
 from navfw.suite.failure_symptoms import collect_symptoms
 from navfw.suite.run_statistics import barn_score, sct
-from navfw.suite.run_table import RunRow
+from navfw.suite.run_table import COLUMNS, RunRow
 from navfw.suite.worker_pool import stop_requested
 
 if TYPE_CHECKING:
@@ -44,58 +43,40 @@ def run_job(job: Job) -> RunRow:
         _one_thread()
         session = case.session(_registry())
         result = session.run(_stop_on_request, record=job.record != "none")
-        row = _keep(row_of(case, result), job, result)
+        row = _keep(_row_of(case, result), job, result)
         return dataclasses.replace(
             row,
             cpu_time_s=round(time.process_time() - began, 3),
             memory_mb=round(peak_memory_mb(), 1),
         )
     except InputError as error:
-        return fault_row(case, str(error), Cause.BAD_INPUT)
+        return case.fault(str(error), Cause.BAD_INPUT)
     except MemoryError:
-        return fault_row(case, "the machine has no memory left", Cause.TOO_MUCH_MEMORY)
+        return case.fault("the machine has no memory left", Cause.TOO_MUCH_MEMORY)
     except SimulationError:
         raise  # of this machine now, not of the case: the run has no result
     except Exception as error:
         traceback.print_exc(file=sys.stderr)
         where = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{Path(where.filename).name}:{where.lineno}"
-        return fault_row(case, f"{type(error).__name__}: {error} ({place})", Cause.EXCEPTION)
+        return case.fault(f"{type(error).__name__}: {error} ({place})", Cause.EXCEPTION)
 
 
-def row_of(case: Case, result: MissionResult) -> RunRow:
+def _row_of(case: Case, result: MissionResult) -> RunRow:
     """The row of a run with a result."""
     summary = result.summary()
     spec = result.session.mission.spec
     good = result.outcome.succeeded
     time, shortest = summary["sim_time_s"], summary["shortest_path_m"]
-    numbers = {
-        name: summary[name]
-        for name in (
-            "outcome",
-            "reason",
-            "behavior",
-            "sim_time_s",
-            "wall_time_s",
-            "real_time_factor",
-            "path_length_m",
-            "shortest_path_m",
-            "spl",
-            "min_clearance_m",
-            "clearance_p05_m",
-            "collisions",
-            "distance_to_goal_m",
-            "estimate_error_m",
-            "emergencies",
-            "command_hash",
-        )
+    columns = {
+        **{name: summary[name] for name in COLUMNS if name in summary},
+        **case.columns,
+        "collision_cause": summary["collision_cause"] or "",
     }
     return RunRow(
-        **case_columns(case),
-        **numbers,
+        **columns,
         plugin_faults=len(result.uninvited_faults),
         cause=_cause(result),
-        collision_cause=summary["collision_cause"] or "",
         sct=sct(good, time, shortest, spec.robot.max_v),
         barn_score=barn_score(good, result.metrics.traversal_s, spec.success.reference or shortest),
     )

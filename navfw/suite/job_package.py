@@ -17,11 +17,12 @@ from importlib import metadata
 from pathlib import Path
 from typing import Self
 
-from navfw.config.folder_files import files_in
+from navfw.config.folder_files import files_of
 from navfw.config.input_file import read_input
 from navfw.config.lookup import project_folder, shipped_folder
 from navfw.errors import InputError
 from navfw.plugins.registry import GROUPS
+from navfw.recording.provenance import code_fingerprint
 from navfw.suite.case import Case, Job
 
 _MAX_PACKAGE = 200_000_000
@@ -29,7 +30,6 @@ _MAX_PACKAGE = 200_000_000
 
 _PROJECT_PARTS = ("worlds", "maps", "stacks", "robots", "behaviors", "plugins")
 _PACKAGE = Path(__file__).parents[1]
-_SHIPPED_PARTS = ("worlds", "maps", "behaviors")
 _LIBRARIES = ("numpy", "numba", "opencv-python-headless", "pybullet", "scipy")
 _PATHS = ("world", "mission", "stack")
 _OUTSIDE = "outside-"
@@ -128,10 +128,6 @@ def worker_identity() -> dict[str, str]:
 
     ``plugins`` are those of other installed packages, as ``kind name``.
     """
-    digest = hashlib.sha256()
-    shipped = {part: shipped_folder() / part for part in _SHIPPED_PARTS}
-    for name, file in _files_of({"navfw": _PACKAGE, **shipped}):
-        digest.update(f"{name}\0".encode() + hashlib.sha256(file.read_bytes()).digest())
     versions = {name: metadata.version(name) for name in _LIBRARIES}
     plugins = {
         f"{kind} {point.name}"
@@ -139,7 +135,7 @@ def worker_identity() -> dict[str, str]:
         for point in metadata.entry_points(group=group)
     }
     return {
-        "navfw": f"{metadata.version('navfw')} ({digest.hexdigest()[:12]})",
+        "navfw": f"{metadata.version('navfw')} ({code_fingerprint()[:12]})",
         "python": platform.python_version(),
         **versions,
         "plugins": ", ".join(sorted(plugins)),
@@ -151,15 +147,7 @@ def _travelling(roots: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
     own = {name: root for name, root in roots.items() if name.startswith(_OUTSIDE)}
     if "project" in roots:
         own |= {f"project/{part}": roots["project"] / part for part in _PROJECT_PARTS}
-    return _files_of(own)
-
-
-def _files_of(folders: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
-    for name, folder in folders.items():
-        if folder.is_file():
-            yield name, folder
-        for file, inside in files_in(folder):
-            yield f"{name}/{inside.as_posix()}", file
+    return files_of(own)
 
 
 def _entry(name: str) -> zipfile.ZipInfo:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from typing import Protocol
 
-from navfw.suite.case import Job
+from navfw.suite.case import Case, Job
 from navfw.suite.case_worker import run_job
 from navfw.suite.run_table import RunRow
 from navfw.suite.worker_pool import WorkerFailure, WorkerPool
@@ -41,3 +41,8 @@ def engine_or_processes(
     if engine is not None:
         return nullcontext(engine)
     return WorkerPool(work, workers, limit, memory=memory)
+
+
+def answered_row(case: Case, answer: RunRow | WorkerFailure) -> RunRow:
+    """What an engine answers for ``case``, as a row."""
+    return case.fault(answer.reason, answer.cause) if isinstance(answer, WorkerFailure) else answer

@@ -10,18 +10,19 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import itertools
 import json
 import os
 import sqlite3
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from navfw.config.input_file import is_file
 from navfw.errors import ConfigError, InputError
 from navfw.process.atomic import atomic_file
-from navfw.suite.run_table import RunKey, RunRow, cells_of_row, row_of_cells
+from navfw.suite.run_table import RunKey, RunRow, cells_of_row, read_table, row_of_cells
 
 _VERSION = 1
 """Version of the tables, kept as SQLite's ``user_version``."""
@@ -45,7 +46,7 @@ _DAMAGE = {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR}
 
 
 class JournalDamagedError(ConfigError):
-    """The journal is damaged; ``navfw.suite.journal_recovery`` keeps what is intact."""
+    """The journal is damaged; ``ready_journal`` keeps what is intact."""
 
 
 @dataclass(frozen=True)
@@ -99,14 +100,14 @@ class RunJournal:
     def all_rows(self) -> list[tuple[str, RunRow]]:
         """All rows with their contents, also those of a suite that was changed since."""
         with self._opened() as database:
-            known = list(database.execute("SELECT * FROM run ORDER BY rowid"))
-        return [self._checked(*values) for values in known]
+            records = list(database.execute("SELECT * FROM run ORDER BY rowid"))
+        return [self._checked(*record) for record in records]
 
     def deaths(self, contents: Collection[str]) -> Counter[RunKey]:
         """The number of deaths of the runs that have no row since."""
         with self._opened() as database:
-            known = list(database.execute("SELECT content, key FROM death"))
-        return Counter(RunKey(*json.loads(key)) for content, key in known if content in contents)
+            deaths = list(database.execute("SELECT content, key FROM death"))
+        return Counter(RunKey(*json.loads(key)) for content, key in deaths if content in contents)
 
     def check(self) -> None:
         """Have SQLite look for damage in the whole file."""
@@ -115,20 +116,20 @@ class RunJournal:
             if version > _VERSION:
                 what = f"was written by a newer navfw (version {version} of the journal)"
                 raise InputError(f"{what}; use that one, or choose another --out", file=self.file)
-            (found,) = database.execute("PRAGMA quick_check(1)").fetchone()
-            if found != "ok":
-                raise JournalDamagedError(f"is damaged: {found}", file=self.file)
+            (damage,) = database.execute("PRAGMA quick_check(1)").fetchone()
+            if damage != "ok":
+                raise JournalDamagedError(f"is damaged: {damage}", file=self.file)
 
     def intact(self) -> list[tuple[str, RunRow]]:
         """All rows of a damaged journal that can be read, from its beginning and from its end."""
-        found: dict[str, tuple[str, RunRow]] = {}
+        rows: dict[str, tuple[str, RunRow]] = {}
         for order in ("ASC", "DESC"):
             with contextlib.suppress(InputError), self._opened() as database:
                 for values in database.execute(f"SELECT * FROM run ORDER BY rowid {order}"):  # noqa: S608 - one of two words
                     with contextlib.suppress(ConfigError):
                         content, row = self._checked(*values)
-                        found.setdefault(json.dumps([content, row.key]), (content, row))
-        return list(found.values())
+                        rows.setdefault(json.dumps([content, row.key]), (content, row))
+        return list(rows.values())
 
     def _checked(
         self, content: object, key: object, cells: object, checksum: object
@@ -161,6 +162,60 @@ class RunJournal:
             if code in _DAMAGE:
                 raise JournalDamagedError(f"is damaged: {error}", file=self.file) from None
             raise InputError(f"cannot be read or written: {error}", file=self.file) from None
+
+
+def ready_journal(journal: RunJournal, contents: Mapping[tuple[str, ...], str], table: Path) -> str:
+    """Make ``journal`` usable; returns what was done, in a sentence, or "" for an intact one.
+
+    A damaged journal is moved aside, and its intact rows go to a new one. Only then, or without a
+    journal, the exported ``table`` is read: rows that no journal has are kept as well, if
+    ``contents`` has the content of their runs (by ``RunRow.setting``).
+
+    Raises:
+        InputError: the journal is of a newer version, the folder cannot be written, or the table
+            that is needed is damaged.
+
+    """
+    file, note = journal.file, ""
+    kept: list[tuple[str, RunRow]] = []
+    try:
+        if file.exists():
+            journal.check()
+            kept = journal.all_rows()
+            if kept:
+                return ""
+    except JournalDamagedError as error:
+        kept = journal.intact()
+        aside = _moved_aside(file)
+        note = f"{error}; it is kept as {aside.name}. "
+    journal.create()
+    journaled = {row.key for _, row in kept}
+    kept += [
+        (contents[row.setting], row)
+        for row in (read_table(table) if is_file(table) else [])
+        if row.key not in journaled and row.setting in contents
+    ]
+    journal.add_all(kept)
+    if not note and not kept:
+        return ""
+    note = note or f"{file}: there is no journal beside the table. "
+    return f"{note}{len(kept)} finished runs are intact and kept; all others are driven again"
+
+
+def _moved_aside(file: Path) -> Path:
+    """Rename a damaged journal, with SQLite's own file of its last transaction."""
+    try:
+        for number in itertools.count(1):
+            aside = file.with_name(f"{file.stem}-damaged-{number}{file.suffix}")
+            if not aside.exists():
+                rest = file.with_name(f"{file.name}-journal")
+                if rest.exists():
+                    rest.rename(aside.with_name(f"{aside.name}-journal"))
+                return file.rename(aside)
+    except OSError as error:
+        what = f"is damaged, and cannot be renamed: {error.strerror or error}"
+        raise InputError(what, file=file) from None
+    raise AssertionError("numbers have no end")
 
 
 def _key_text(key: RunKey) -> str:

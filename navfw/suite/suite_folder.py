@@ -27,8 +27,7 @@ from navfw.process.target_lock import TargetInUseError, TargetLock, sweep
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import REPORT, plain_json
 from navfw.suite.case import RECORDINGS
-from navfw.suite.journal_recovery import ready_journal
-from navfw.suite.run_journal import JournalDamagedError, RunJournal
+from navfw.suite.run_journal import JournalDamagedError, RunJournal, ready_journal
 from navfw.suite.run_table import RunRow, read_table, write_table
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import markdown_summary
@@ -38,7 +37,7 @@ _MARKDOWN, _JOURNAL = "table.md", "journal.sqlite"
 COMPARISON = "comparison.html"
 """The report of two suites, in the folder of the second."""
 
-Beginning = Literal["new", "resume", "extend", "restart"]
+StartMode = Literal["new", "resume", "extend", "restart"]
 """How a suite begins: in an empty folder; with the runs that it has; with those that a change of
 the suite has not touched; anew, with the earlier results moved aside."""
 
@@ -104,8 +103,8 @@ class SuiteFolder:
         folder = cls(given or default)
         try:
             folder = cls(_created(given, default))
-            for part in (folder.path, folder.pictures):
-                sweep(part)
+            for place in (folder.path, folder.pictures):
+                sweep(place)
             folder.lock.acquire()
         except TargetInUseError as error:
             what = "another suite is writing it; wait for it, or choose another --out"
@@ -123,7 +122,7 @@ class SuiteFolder:
         plan: SuitePlan,
         revision: str,
         *,
-        begin: Beginning = "new",
+        begin: StartMode = "new",
         tell: Callable[[str], None] = lambda text: None,
     ) -> list[RunRow]:
         """Create the folder, or continue what is in it; returns the rows of finished runs.
@@ -138,11 +137,11 @@ class SuiteFolder:
         """
         if begin == "restart":
             self._set_aside(tell)
-        known: dict[str, Any] = {}
+        earlier: dict[str, Any] = {}
         if begin in {"resume", "extend"} and self.has_runs:
-            known = self.about()
+            earlier = self.about()
             if begin == "resume":
-                self._compare(known.get("content", {}), plan.content)
+                self._compare(earlier.get("content", {}), plan.content)
         else:
             self._refuse_foreign()
         try:
@@ -150,19 +149,19 @@ class SuiteFolder:
         except OSError as error:
             what = f"cannot be written: {error.strerror or error}"
             raise InputError(what, file=self.path) from error
-        machines = known.get("machines", [])
+        machines = earlier.get("machines", [])
         about = {
             "suite": plan.suite,
             "suite_hash": plan.suite_hash,
             "options": plan.options,
             "content": {**plan.content},
             "current": sorted({case.content for case in plan.cases}),
-            "revisions": list(dict.fromkeys([*known.get("revisions", []), revision])),
+            "revisions": list(dict.fromkeys([*earlier.get("revisions", []), revision])),
             "machines": machines + [machine_kind()] * (machine_kind() not in machines),
         }
         self._write(_ABOUT, about)  # before the journal, which cannot be read without it
         rows = self._rows_of(plan, tell)
-        if known.get("content", plan.content) != plan.content:
+        if earlier.get("content", plan.content) != plan.content:
             kept = sum(row.has_result for row in rows)
             tell(f"the suite was changed: {kept} finished runs are unchanged and kept")
         rows = [row for row in rows if row.has_result]
@@ -172,9 +171,8 @@ class SuiteFolder:
     def _rows_of(self, plan: SuitePlan, tell: Callable[[str], None]) -> list[RunRow]:
         """The rows in the journal that belong to ``plan``; a damaged journal is repaired."""
         contents = {case.setting: case.content for case in plan.cases}
-        exported = read_table(self.table) if is_file(self.table) else []
-        if told := ready_journal(self.journal, contents, exported):
-            tell(told)
+        if note := ready_journal(self.journal, contents, self.table):
+            tell(note)
         return self.journal.rows(set(contents.values()))
 
     def _set_aside(self, tell: Callable[[str], None]) -> None:
@@ -255,8 +253,10 @@ class SuiteFolder:
             raise ConfigError("is not a file written by navfw suite", file=file)
         return about
 
-    def _compare(self, known: Mapping[str, str], wanted: Mapping[str, str]) -> None:
-        differing = [name for name in {**wanted, **known} if known.get(name) != wanted.get(name)]
+    def _compare(self, earlier: Mapping[str, str], wanted: Mapping[str, str]) -> None:
+        differing = [
+            name for name in {**wanted, **earlier} if earlier.get(name) != wanted.get(name)
+        ]
         if differing:
             what = f"belongs to another suite or configuration: {differing[0]} differs"
             more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""

@@ -7,19 +7,26 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from navfw.config.document import MAX_BYTES
-from navfw.config.input_file import read_input
+from navfw.config.input_file import read_input, read_input_text
 from navfw.errors import InputError, MissingExtraError, UnknownNameError
+from navfw.recording.provenance import fingerprint
 from navfw.suite.case import Case
-from navfw.suite.case_check import check_case
-from navfw.suite.case_stacks import stack_files, stacks_of
-from navfw.suite.entry_cases import case_templates, with_seed
+from navfw.suite.entry_cases import (
+    case_templates,
+    stack_files,
+    stack_of_entry,
+    stacks_of,
+    with_seed,
+)
 from navfw.suite.suitefile import Expect, Suite, VariantSpec
+from navfw.topomap.mapfile import map_data
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
+
 
 _MAX_RUNS = 200_000
 """Largest number of runs of a suite, against mistyped ranges of seeds."""
@@ -83,13 +90,13 @@ def plan_runs(
         first = replace(template, overrides=changes, seed=seeds[0])
         of_variant = files or stacks_of(suite, index, name)
         try:
-            checked, parts = _checked(suite, index, first, of_variant, registry)
+            checked, fingerprints = _checked(suite, index, first, of_variant, registry)
         except MissingExtraError as error:
             if not name:
                 raise
             skipped[name] = str(error)
             continue
-        content |= parts
+        content |= fingerprints
         cases += [with_seed(case, entry, seed) for case in checked for seed in seeds]
         _check_number(cases)
     progress(len(templates), len(templates), "")
@@ -140,10 +147,68 @@ def _checked(
     content: dict[str, str] = {}
     for name, file in stacks.items():
         with_stack = replace(case, stack=str(file or ""), stack_name=name)
-        checked, parts = check_case(suite, index, with_stack, registry)
+        checked, fingerprints = _check_case(suite, index, with_stack, registry)
         cases.append(checked)
-        content |= parts
+        content |= fingerprints
     return cases, content
+
+
+def _check_case(
+    suite: Suite, index: int, case: Case, registry: Registry
+) -> tuple[Case, dict[str, str]]:
+    """Build the session of ``case``, a case of the suite's entry ``index``, to find errors early.
+
+    Returns the case with its stack, which may be the mission's, and the fingerprints of entry,
+    stack, overrides, robot, world and mission by name; ``Case.content`` is that of them all. Of a
+    family only the first seed is checked; the world of another seed may still be impossible, which
+    gives a row with the outcome fault.
+
+    Raises:
+        MissingExtraError: a plugin needs a package that is not installed.
+        InputError: the session cannot be built; the message has the suite's file, line and key.
+
+    """
+    entry = suite.spec.entries[index]
+    case = with_seed(case, entry, case.seed)
+    try:
+        session = case.session(registry)
+    except MissingExtraError:
+        raise
+    except InputError as error:
+        if case.variant and _valid_without_variant(suite, index, case, registry):
+            raise suite.located(error, index, None, case.variant) from None
+        unknown = isinstance(error, UnknownNameError) and error.what.startswith("family")
+        raise suite.located(error, index, "family" if unknown else None) from None
+    file = session.stack_file.absolute()
+    case = replace(case, stack=str(file), stack_name=file.stem)
+    title = f"entry {case.entry}" + (f", variant {case.variant}" if case.variant else "")
+    contents: dict[str, Any] = {
+        title: [entry.model_dump(mode="json", exclude={"name", "worlds", "expect"})],
+        f"stack {case.stack_name} of {title}": [session.stack.config],
+        f"overrides of {title}": list(case.overrides),
+        f"robot of {title}": [session.mission.spec.robot.model_dump(mode="json")],
+    }
+    if not case.family:
+        world, mission = (
+            read_input_text(Path(file), MAX_BYTES) for file in (case.world, case.mission)
+        )
+        contents[f"world {case.world_name} of {title}"] = world
+        name = f"mission {case.mission_name} of {case.world_name} of {title}"
+        contents[name] = [mission, map_data(session.mission.topo_map)]
+    fingerprints = {name: fingerprint(content)[:16] for name, content in contents.items()}
+    return replace(case, content=fingerprint(fingerprints)[:16]), fingerprints
+
+
+def _valid_without_variant(suite: Suite, index: int, case: Case, registry: Registry) -> bool:
+    """Whether the case is valid without its variant, so that the variant is the cause."""
+    entry = suite.spec.entries[index]
+    file = next(iter(stack_of_entry(suite, index).values()))
+    plain = replace(case, stack=str(file or ""), overrides=entry.overrides, variant="")
+    try:
+        plain.session(registry)
+    except InputError:
+        return False
+    return True
 
 
 def _options(

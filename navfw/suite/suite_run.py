@@ -11,9 +11,8 @@ from navfw.errors import InputError
 from navfw.missions.outcome import Outcome
 from navfw.process.interruption import deferred
 from navfw.suite.case import Case, Job, KeptRuns
-from navfw.suite.case_rows import row_of
 from navfw.suite.case_worker import run_job
-from navfw.suite.run_engine import LIMIT, MEMORY, Engine, engine_or_processes
+from navfw.suite.run_engine import LIMIT, MEMORY, Engine, answered_row, engine_or_processes
 from navfw.suite.run_table import RunKey, RunRow
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
@@ -77,7 +76,7 @@ def run_suite(
             started.
 
     """
-    table = _TableKeeper(plan, out, have)
+    table = _ResultTable(plan, out, have)
     jobs = [
         Job(case, out.pictures.absolute(), keep, record)
         for case in plan.cases
@@ -101,7 +100,7 @@ def run_suite(
 
 def _drive(
     results: Iterable[tuple[Job, RunRow | WorkerFailure]],
-    table: _TableKeeper,
+    table: _ResultTable,
     on_row: Callable[[Case, RunRow], None] | None,
 ) -> list[Job]:
     """Put the runs that have ended into the table; returns those to drive again."""
@@ -110,7 +109,7 @@ def _drive(
         if table.is_first_death(job.case, result):
             again.append(job)
             continue
-        row = replace(row_of(job.case, result), attempts=table.deaths[job.case.key] + 1)
+        row = replace(answered_row(job.case, result), attempts=table.deaths[job.case.key] + 1)
         if row.outcome == Outcome.CANCELLED:
             continue
         table.add(job.case, row)
@@ -119,7 +118,7 @@ def _drive(
     return again
 
 
-class _TableKeeper:
+class _ResultTable:
     """Holds the rows; each goes to the journal at once, table and summary are exported later.
 
     ``deaths`` counts the processes that died with a run which has no row yet.

@@ -3,28 +3,42 @@
 An entry belongs to the code of navfw, the versions of all installed packages, the kind of machine,
 the files of the project that a run may read (its world, this mission, all maps, stacks, robots,
 behaviours and plugins), and the case with its seed. A run that read any other file is not stored.
-An entry is JSON and one array without pickles; one that cannot be read counts as absent.
+An entry is JSON and arrays without pickles; one that cannot be read counts as absent.
 """
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 import shutil
-from collections.abc import Iterator
+import sysconfig
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache
+from importlib import metadata
 from pathlib import Path
+from typing import Self
 
+from navfw.config.folder_files import files_in
 from navfw.config.input_file import traced_inputs
+from navfw.config.lookup import find, find_mission, project_folder
 from navfw.errors import InputError
 from navfw.missions.session import MissionResult
 from navfw.process.atomic import AtomicFolder
 from navfw.process.target_lock import TargetLock
+from navfw.recording.provenance import (
+    code_fingerprint,
+    files_fingerprint,
+    fingerprint,
+    machine_kind,
+    navfw_files,
+)
 from navfw.recording.run_folder import RESULT, RunFolder
+from navfw.stack import Stack
+from navfw.testing.driven_run import FILES, DrivenRun, drive, read_run, store_run
 from navfw.testing.mission_case import MissionCase
-from navfw.testing.mission_run import DrivenRun, drive
-from navfw.testing.run_inputs import RunInputs
-from navfw.testing.stored_run import FILES, read_run, store_run
 
 WAIT = 900.0
 """Longest wall time [s] to wait for another process that drives the same mission."""
@@ -34,6 +48,59 @@ _MAX_ENTRIES, MAX_BYTES = 2000, 2_000_000_000
 
 _RUN = ".run"
 """Ending of the folder with the run folder of an entry."""
+
+
+_OF_PROJECT = ("maps", "stacks", "robots", "behaviors", "plugins")
+"""Folders of a project whose files any run may read."""
+
+
+@dataclass(frozen=True)
+class RunInputs:
+    """The hash ``key`` of a run's inputs, and the files and folders that it covers."""
+
+    key: str
+    covered: tuple[Path, ...]
+
+    @classmethod
+    def of(cls, case: MissionCase) -> Self:
+        """The inputs of ``case``; those of the project around the working folder.
+
+        Raises:
+            InputError: there is no such world or mission, or a file of the project cannot be read.
+
+        """
+        world = find("world", case.world).parent.resolve()
+        mission = find_mission(case.world, case.mission).resolve()
+        project = project_folder()
+        folders = [] if project is None else [project.resolve() / name for name in _OF_PROJECT]
+        of_world = [file for file, inside in files_in(world) if "missions" not in inside.parts]
+        of_project = [file for folder in folders for file, _ in files_in(folder)]
+        files = (mission, *of_world, *of_project)
+        key = fingerprint(
+            [
+                *map(str, (project, world, *case.inputs)),
+                _installed(),
+                files_fingerprint((str(file), file) for file in files),
+            ]
+        )
+        return cls(key, (*files, *folders, *navfw_files().values()))
+
+    def cover(self, files: Iterable[Path], stack: Stack) -> bool:
+        """Whether all ``files`` that a run read, and the code of its plugins, are in the hash."""
+        code = (Path(inspect.getfile(plugin)) for plugin in stack.resolved.plugins)
+        installed = (Path(sysconfig.get_path(name)) for name in ("purelib", "platlib"))
+        covered = (*self.covered, *installed)
+        return all(
+            any(file.resolve().is_relative_to(place) for place in covered)
+            for file in (*files, *code)
+        )
+
+
+@cache
+def _installed() -> str:
+    """The hash of navfw's code and files, of all installed versions, and of the machine."""
+    versions = {dist.name: dist.version for dist in metadata.distributions()}
+    return fingerprint([code_fingerprint(), versions, machine_kind()])
 
 
 class MissionCache:
@@ -55,13 +122,13 @@ class MissionCache:
         """
         inputs = RunInputs.of(case)
         with self._claimed(inputs.key):
-            known = None
+            stored = None
             if not self.fresh or inputs.key in self._driven:
-                known = read_run(self.folder / inputs.key)
-            if known is not None:
+                stored = read_run(self.folder / inputs.key)
+            if stored is not None:
                 with suppress(OSError):
                     os.utime(self.folder / inputs.key)
-                return known, None
+                return stored, None
             with traced_inputs() as files:
                 result = drive(case)
             run = DrivenRun.of(result)

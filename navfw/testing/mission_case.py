@@ -9,9 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
+
+if TYPE_CHECKING:
+    from navfw.missions.session import Session
 
 KEYS = ("world", "mission", "seeds", "stack", "set", "allow_faults")
 """Arguments of the marker, in the order in which they may be given without names."""
@@ -59,6 +62,19 @@ class MissionCase:
     def inputs(self) -> tuple[object, ...]:
         """What distinguishes its run from others, besides code and files."""
         return self.world, self.mission, self.seed, self.stack, self.overrides
+
+    def prepare(self) -> Session:
+        """World, mission and stack, loaded and checked.
+
+        Raises:
+            InputError: one of them is wrong.
+
+        """
+        from navfw.missions.session_setup import prepare
+
+        return prepare(
+            self.world, self.mission, seed=self.seed, stack=self.stack, overrides=self.overrides
+        )
 
     def check(self) -> str:
         """What is wrong with world, mission, stack or overrides; "" if nothing is.

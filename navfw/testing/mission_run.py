@@ -1,99 +1,27 @@
-"""The run of a mission in a test: its result as plain data, which may come from the cache."""
+"""The run of a mission in a test, and what the report of a failed test shows of it."""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import groupby
 from pathlib import Path
-from typing import Any, Protocol
 
-from navfw.missions.event_clock import EventRecord
-from navfw.missions.outcome import MissionVerdict, Outcome
+from navfw.missions.outcome import Outcome
 from navfw.missions.run_metrics import RunMetrics
 from navfw.missions.session import MissionResult, Session
-from navfw.missions.session_setup import prepare
+from navfw.mofis.explanation import explanation_lines
+from navfw.recording.run_folder import PICTURE, RECORDING
 from navfw.recording.run_log import RunLog
 from navfw.signals import Array
+from navfw.testing.driven_run import DrivenRun, drive
+from navfw.testing.mission_cache import MissionCache
 from navfw.testing.mission_case import MissionCase
 
-
-@dataclass(frozen=True)
-class DrivenRun:
-    """What a test may ask of a run, as plain data.
-
-    ``stack`` is the name of the stack that drove; ``stack_named`` tells whether the mission names
-    one. ``faults`` are those of plugins that the mission's
-    events did not inject, ``behaviors`` the names of all behaviours of the stack, ``places`` x, y
-    [m] of the map's places by name. ``explanation`` is that of the last command
-    (``Stack.explain``).
-    """
-
-    world: str
-    mission: str
-    stack: str
-    stack_named: bool
-    verdict: MissionVerdict
-    metrics: RunMetrics
-    faults: tuple[str, ...]
-    events: tuple[EventRecord, ...]
-    behaviors: tuple[str, ...]
-    places: Mapping[str, tuple[float, float]]
-    explanation: dict[str, Any]
-    log: RunLog
-
-    @classmethod
-    def of(cls, result: MissionResult) -> DrivenRun:
-        """The data of a result, right after the run."""
-        session = result.session
-        places = session.mission.topo_map.places.values()
-        return cls(
-            world=session.world_name,
-            mission=session.mission_name,
-            stack=session.stack_file.stem,
-            stack_named=session.mission.spec.stack is not None,
-            verdict=result.run.verdict,
-            metrics=result.metrics,
-            faults=tuple(result.uninvited_faults),
-            events=result.run.events,
-            behaviors=tuple(session.stack.mofis.behaviors),
-            places={place.name: (place.x, place.y) for place in places},
-            explanation=session.stack.explain(),
-            log=result.run.log,
-        )
-
-
-def drive(case: MissionCase) -> MissionResult:
-    """Drive the mission of ``case``, with a recording of its sensor readings.
-
-    Raises:
-        InputError: the mission cannot be driven.
-        KeyboardInterrupt: the user has stopped the run.
-
-    """
-    result = _prepared(case).run(record=True)
-    if result.outcome == "cancelled":  # caught by the runner; pytest has to stop as well
-        raise KeyboardInterrupt
-    return result
-
-
-def _prepared(case: MissionCase) -> Session:
-    return prepare(
-        case.world, case.mission, seed=case.seed, stack=case.stack, overrides=case.overrides
-    )
-
-
-class KeptRunFolders(Protocol):
-    """The run folders of runs in the cache (``navfw.testing.mission_cache.MissionCache``)."""
-
-    def run_folder(self, case: MissionCase) -> Path | None:
-        """The stored run folder of ``case``; None if there is none."""
-        ...
-
-    def keep_run_folder(self, case: MissionCase, folder: Path) -> None:
-        """Store a copy of a run folder with the run of ``case``."""
-        ...
+DECISIONS = 6
+"""Number of last changes of the leading behaviour that a report shows."""
 
 
 @dataclass
@@ -108,7 +36,7 @@ class MissionRun:
     run: DrivenRun
     folder: Path
     cached: bool = False
-    cache: KeptRunFolders | None = None
+    cache: MissionCache | None = None
     driven: list[MissionResult] = field(default_factory=list, repr=False)
 
     def __repr__(self) -> str:
@@ -175,7 +103,7 @@ class MissionRun:
     @cached_property
     def session(self) -> Session:
         """World, mission and stack, loaded and checked again; not driven."""
-        return _prepared(self.case)
+        return self.case.prepare()
 
     @property
     def result(self) -> MissionResult:
@@ -200,3 +128,64 @@ class MissionRun:
         if self.cache is not None and kept is None:
             self.cache.keep_run_folder(self.case, self.folder)
         return self.folder
+
+
+def properties(run: MissionRun) -> list[tuple[str, str]]:
+    """Names and values for JUnit XML and other reports."""
+    return [
+        ("world", run.run.world),
+        ("mission", run.run.mission),
+        ("seed", str(run.seed)),
+        ("stack", run.stack),
+        ("outcome", str(run.outcome)),
+        ("reason", run.reason),
+        ("command_hash", run.command_hash),
+        *(("fault", fault) for fault in run.faults),
+    ]
+
+
+def saved_properties(run: MissionRun) -> list[tuple[str, str]]:
+    """Save the run folder; the paths in it for reports, or why there is none."""
+    try:
+        folder = run.save()
+    except Exception as error:  # a missing picture must not hide the test's failure
+        return [("picture", f"none, {error}"), ("recording", "none")]
+    files = {"picture": folder / PICTURE, "recording": folder / RECORDING}
+    return [(name, str(file) if file.exists() else "none") for name, file in files.items()]
+
+
+def describe(run: MissionRun, saved: list[tuple[str, str]]) -> Iterator[str]:
+    """The lines of the report on a failed test."""
+    verdict = run.run.verdict
+    yield run.title
+    yield f"stack:   {run.stack} ({'named by the test' if run.case.stack else _whose(run)})"
+    leader = verdict.behavior or "none"
+    yield f"outcome: {verdict.outcome} after {verdict.time:.1f} s, leading behaviour: {leader}"
+    yield f"reason:  {verdict.reason}"
+    for fault in run.faults:
+        yield f"fault:   {fault}"
+    for name, value in saved:
+        yield f"{name}: {value}"
+    if run.cached:
+        yield "driven earlier, taken from pytest's cache; --mission-fresh drives it again"
+    yield from _decisions(run.log)
+    if run.run.explanation:
+        yield "the last command:"
+        yield from (f"  {line}" for line in explanation_lines(run.run.explanation))
+    if verdict.trace:
+        yield verdict.trace
+
+
+def _whose(run: MissionRun) -> str:
+    return "named by the mission" if run.run.stack_named else "neither test nor mission names one"
+
+
+def _decisions(log: RunLog) -> Iterator[str]:
+    """The last times at which another behaviour began to lead."""
+    ticks = zip(log.time.tolist(), log.leader.tolist(), strict=True)
+    spans = [(leader, list(times)) for leader, times in groupby(ticks, key=lambda tick: tick[1])]
+    if spans:
+        yield "the last decisions:"
+    for leader, times in spans[-DECISIONS:]:
+        name = log.leaders[leader] or "no behaviour"
+        yield f"  {times[0][0]:6.1f} to {times[-1][0]:6.1f} s: {name} leads"

@@ -14,6 +14,13 @@ when tests are collected. A test fails when a plugin faulted, unless its marker 
 test shows the outcome, the reason, the last decisions, and the paths of picture and recording.
 Unchanged missions are not driven again: their runs are in pytest's cache.
 
+``pytest worlds`` drives the mission files that ``navfw_missions`` names, each once for each seed of
+``--mission-seeds``, by default with seed 0::
+
+    [tool.pytest.ini_options]
+    testpaths = ["tests", "worlds"]
+    navfw_missions = ["worlds/*/missions/*.yaml"]
+
 Pytest loads this module in every session where navfw is installed, so it imports other modules
 only when a mission is collected or driven.
 """
@@ -21,24 +28,78 @@ only when a mission is collected or driven.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from navfw.testing.mission_case import MARKER, MarkerError, cases_of
+from navfw.testing.mission_case import MARKER, MarkerError, MissionCase, cases_of, widened
 from navfw.testing.session_runs import RUN, finish, run_for
 
 if TYPE_CHECKING:
-    from navfw.testing.mission_files import MissionYaml
     from navfw.testing.mission_run import MissionRun
+
 
 _MISSION = "mission"
 _FILES = "navfw_missions"
 
 _SEEDS = pytest.StashKey[tuple[int, ...]]()
 _WRONG = pytest.StashKey[dict[tuple[object, ...], str]]()
+
+
+class NotReachedError(Exception):
+    """The mission of a file did not reach its goals."""
+
+
+class MissionYaml(pytest.File):
+    """A mission file; its items are seeds. It passes if the robot reaches its goals."""
+
+    seeds: tuple[int, ...] = ()
+
+    def collect(self) -> Iterator[MissionItem]:
+        """One item for each seed.
+
+        Raises:
+            CollectError: the mission, its world or its stack is wrong.
+
+        """
+        world = self.path.parents[1]
+        named = str(world) if (world / "world.yaml").is_file() else world.name
+        cases = [MissionCase(named, str(self.path), seed) for seed in widened([0], self.seeds)]
+        if wrong := cases[0].check():
+            raise self.CollectError(wrong)
+        for case in cases:
+            yield MissionItem.from_parent(self, name=f"seed{case.seed}", case=case)
+
+
+class MissionItem(pytest.Item):
+    """One drive of a mission file."""
+
+    def __init__(self, *, case: MissionCase, **given: Any) -> None:
+        super().__init__(**given)
+        self.case = case
+
+    def runtest(self) -> None:
+        """Drive the mission; the hooks of the plugin check faults and report.
+
+        Raises:
+            NotReachedError: the goals were not reached.
+
+        """
+        run = run_for(self, self.case)
+        if not run.outcome.succeeded:
+            raise NotReachedError(f"{run.run.verdict}")
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """The outcome alone for a mission that did not reach its goals."""
+        if isinstance(excinfo.value, NotReachedError):
+            return f"expected the goal to be reached; {excinfo.value}"
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, None, str]:
+        """The file and the name of the test."""
+        return self.path, None, f"{self.path.stem}, {self.name}"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -112,11 +173,10 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> MissionYam
     name = file_path.relative_to(config.rootpath) if inside else file_path
     if not any(name.match(pattern) for pattern in config.getini(_FILES)):
         return None
-    from navfw.testing.mission_files import MissionYaml
 
-    found = MissionYaml.from_parent(parent, path=file_path)
-    found.seeds = config.stash[_SEEDS]
-    return found
+    collector = MissionYaml.from_parent(parent, path=file_path)
+    collector.seeds = config.stash[_SEEDS]
+    return collector
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -183,7 +243,7 @@ def pytest_runtest_makereport(
     report = yield
     run = item.stash.get(RUN, None)
     if run is not None and call.when == "call" and report.failed:
-        from navfw.testing.mission_report import describe, saved_properties
+        from navfw.testing.mission_run import describe, saved_properties
 
         saved = saved_properties(run)
         item.user_properties.extend(saved)

@@ -14,8 +14,9 @@ from navfw.testing.mission_case import MissionCase
 
 if TYPE_CHECKING:
     from navfw.missions.session import MissionResult
+    from navfw.testing.driven_run import DrivenRun
     from navfw.testing.mission_cache import MissionCache
-    from navfw.testing.mission_run import DrivenRun, MissionRun
+    from navfw.testing.mission_run import MissionRun
 
 RUN: pytest.StashKey[MissionRun] = pytest.StashKey()
 """The run of a test, in the stash of its item."""
@@ -30,8 +31,7 @@ _CACHE: pytest.StashKey[MissionCache | None] = pytest.StashKey()
 def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
     """The run of ``case`` for a test: driven before in this session, cached, or driven now."""
     from navfw.errors import InputError
-    from navfw.testing.mission_report import properties
-    from navfw.testing.mission_run import MissionRun
+    from navfw.testing.mission_run import MissionRun, properties
 
     config = item.config
     keep = config.getoption("mission_runs")
@@ -42,20 +42,20 @@ def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
         run, result, cached = _driven(config, case)
     except InputError as error:
         pytest.fail(f"the mission cannot be driven: {error}", pytrace=False)
-    found = MissionRun(case, run, parent / case.folder_name, cached, _cache_of(config))
-    found.driven.extend([] if result is None else [result])
-    item.stash[RUN] = found
-    item.user_properties.extend(properties(found))
+    driven = MissionRun(case, run, parent / case.folder_name, cached, _cache_of(config))
+    driven.driven.extend([] if result is None else [result])
+    item.stash[RUN] = driven
+    item.user_properties.extend(properties(driven))
     if keep:
-        found.save()
-    return found
+        driven.save()
+    return driven
 
 
 def _driven(
     config: pytest.Config, case: MissionCase
 ) -> tuple[DrivenRun, MissionResult | None, bool]:
     """The run of ``case``, its result if that is the last one driven, whether it was cached."""
-    from navfw.testing.mission_run import DrivenRun, drive
+    from navfw.testing.driven_run import DrivenRun, drive
 
     runs, key = config.stash.setdefault(RUNS, {}), case.inputs
     result: MissionResult | None = None

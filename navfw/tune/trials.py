@@ -13,8 +13,7 @@ from optuna.trial import FrozenTrial, Trial, TrialState
 
 from navfw.errors import InputError, RuleBaseError, UnknownNameError
 from navfw.suite.case import Case, Job
-from navfw.suite.case_rows import row_of
-from navfw.suite.run_engine import Engine
+from navfw.suite.run_engine import Engine, answered_row
 from navfw.suite.run_table import RunRow
 from navfw.suite.worker_pool import WorkerFailure
 from navfw.tune.search_space import SearchSpace
@@ -186,7 +185,7 @@ def _rows(engine: Engine, cases: Sequence[Case]) -> list[RunRow]:
     results = _results(engine, cases)
     again = [case for case in cases if _died(results[case.index])]
     results |= _results(engine, again)
-    return [row_of(case, results[case.index]) for case in cases]
+    return [answered_row(case, results[case.index]) for case in cases]
 
 
 def _results(engine: Engine, cases: Sequence[Case]) -> dict[int, RunRow | WorkerFailure]:

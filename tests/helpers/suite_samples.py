@@ -13,7 +13,6 @@ from typing import Any
 from navfw.process.atomic import atomic_file
 from navfw.process.watchdog import begin_call
 from navfw.suite.case import Case, Job
-from navfw.suite.case_rows import case_columns
 from navfw.suite.run_table import RunRow
 from navfw.suite.worker_pool import stop_requested
 
@@ -104,7 +103,7 @@ def fake_run(job: Job) -> RunRow:
     good = job.case.seed % 2 == 0
     outcome, cause = ("reached", "") if good else ("timeout", "slow")
     return RunRow(
-        **case_columns(job.case),
+        **job.case.columns,
         outcome=outcome,
         cause=cause,
         spl=float(good),
@@ -157,7 +156,7 @@ def slow_fake_run(job: Job) -> RunRow:
     for _ in range(15):
         time.sleep(0.01)
         if stop_requested():
-            return RunRow(**case_columns(job.case), outcome="cancelled")
+            return RunRow(**job.case.columns, outcome="cancelled")
     with atomic_file(job.pictures / f"{job.case.seed}.png") as part:
         part.write_bytes(b"picture")
     return fake_run(job)

@@ -17,7 +17,7 @@ from navfw.errors import InputError
 from navfw.suite import suite_folder
 from navfw.suite.run_journal import JournalDamagedError, RunJournal
 from navfw.suite.run_table import read_table
-from navfw.suite.suite_folder import Beginning, SuiteFolder
+from navfw.suite.suite_folder import StartMode, SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_run import SuiteResult, run_suite
 
@@ -34,7 +34,7 @@ def plan(seeds: int = 4, **contents: str) -> SuitePlan:
 
 
 def run(
-    wanted: SuitePlan, out: SuiteFolder, begin: Beginning = "new", told: list[str] | None = None
+    wanted: SuitePlan, out: SuiteFolder, begin: StartMode = "new", told: list[str] | None = None
 ) -> tuple[SuiteResult, list[tuple[str, int]]]:
     """The result, and entry and seed of the runs that were driven."""
     driven: list[tuple[str, int]] = []

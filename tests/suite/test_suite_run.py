@@ -14,7 +14,7 @@ from navfw.errors import InputError
 from navfw.recording.provenance import machine_kind
 from navfw.suite.case import Case
 from navfw.suite.run_table import RunRow, read_table
-from navfw.suite.suite_folder import Beginning, SuiteFolder
+from navfw.suite.suite_folder import StartMode, SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_run import SuiteResult, run_suite
 
@@ -27,7 +27,7 @@ def plan(*seeds: int) -> SuitePlan:
 
 
 def run(
-    wanted: SuitePlan, out: SuiteFolder, *, begin: Beginning = "new", **options: Any
+    wanted: SuitePlan, out: SuiteFolder, *, begin: StartMode = "new", **options: Any
 ) -> SuiteResult:
     have = out.open(wanted, "abc", begin=begin)
     return run_suite(wanted, out, have=have, **{"work": samples.fake_run, **options})

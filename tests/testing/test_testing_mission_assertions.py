@@ -21,8 +21,8 @@ from navfw.testing import (
     assert_reached,
     assert_visited,
 )
+from navfw.testing.driven_run import DrivenRun
 from navfw.testing.mission_case import MissionCase
-from navfw.testing.mission_run import DrivenRun
 
 
 class _Wall:

@@ -13,10 +13,9 @@ from navfw.config.lookup import shipped_folder
 from navfw.missions.run_report import draw
 from navfw.missions.session import MissionResult
 from navfw.missions.session_setup import prepare
-from navfw.testing import mission_cache, mission_run
+from navfw.testing import driven_run, mission_cache, mission_run
+from navfw.testing.driven_run import FILES, DrivenRun, read_run, store_run
 from navfw.testing.mission_case import MissionCase
-from navfw.testing.mission_run import DrivenRun
-from navfw.testing.stored_run import FILES, read_run, store_run
 
 pytest_plugins = "pytester"
 
@@ -56,7 +55,7 @@ def drives(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         driven.append(case.label)
         return original(case)
 
-    original = mission_run.drive
+    original = driven_run.drive
     for module in (mission_run, mission_cache):
         monkeypatch.setattr(module, "drive", drive)
     return driven

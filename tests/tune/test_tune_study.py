@@ -24,7 +24,6 @@ from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.stack.stackfile import load_stack
 from navfw.suite.case import Case, Job
-from navfw.suite.case_rows import case_columns
 from navfw.suite.failure_causes import Cause
 from navfw.suite.run_table import RunRow
 from navfw.suite.suitefile import load_suite
@@ -78,7 +77,7 @@ class FakeRuns:
             settings = {".".join(map(str, o.path)): o.value for o in given}
             spare = float(str(settings.get("avoid.spare", 0.9)))
             spl = 1.0 - abs(spare - BEST) - 0.01 * (case.seed % 3)
-            yield RunRow(**case_columns(case), outcome="reached", spl=spl)
+            yield RunRow(**case.columns, outcome="reached", spl=spl)
 
 
 def table_of(folder: StudyFolder) -> list[dict[str, str]]:
@@ -264,7 +263,7 @@ class FakeEngine:
         first = not any(self.dies in batch for batch in self.batches)
         self.batches += [seeds] if seeds else []
         for job in reversed(given):
-            row = RunRow(**case_columns(job.case), outcome="reached")
+            row = RunRow(**job.case.columns, outcome="reached")
             if job.case.seed == self.dies and first:
                 yield job, WorkerFailure("died")
             elif job.case.seed == self.late:
