@@ -17,7 +17,7 @@ from navfw.errors import InputError
 from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.situation_model import SITUATIONS, SituationTable, learn_table
-from navfw.missions.situation_samples import SituationDrive, record_situations
+from navfw.missions.learning_drives import SituationDrive, record_situations
 from navfw.process.result_table import Column, ResultTable, named
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 

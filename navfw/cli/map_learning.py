@@ -27,7 +27,7 @@ def learn_landmarks(
 ) -> None:
     """Add detected landmarks to a map. Drives a mission, and writes its map with them."""
     with quiet_stdout():
-        from navfw.missions.landmark_learning_drive import learn_landmarks as learn
+        from navfw.missions.learning_drives import learn_landmarks as learn
         from navfw.missions.session_setup import prepare
         from navfw.process.atomic import output_file
         from navfw.recording.run_folder import plain_json

@@ -16,7 +16,7 @@ from navfw.errors import locating
 
 if TYPE_CHECKING:
     from navfw.suite.case import Case
-    from navfw.suite.run_engine import Engine
+    from navfw.suite.suite_run import Engine
 
 World = Annotated[
     str,

@@ -81,7 +81,7 @@ def tune(
         _check_extra()
         from navfw.plugins import default_registry
         from navfw.process.target_lock import TargetLock
-        from navfw.suite.run_engine import engine_or_processes
+        from navfw.suite.suite_run import engine_or_processes
         from navfw.suite.suitefile import load_suite
         from navfw.tune.stack_study import StackStudy
         from navfw.tune.study_folder import StudyFolder

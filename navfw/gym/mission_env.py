@@ -22,7 +22,7 @@ from navfw.gym.agent_plugins import ACTIONS, Action, AgentChoice
 from navfw.gym.observation_kinds import KINDS, AgentView, Observation
 from navfw.missions.outcome import Outcome
 from navfw.missions.pilot import TickView
-from navfw.missions.progress_checkers import GoalChecker
+from navfw.missions.outcome import GoalChecker
 from navfw.missions.session import Session, SteppedSession
 from navfw.plugins import Registry, default_registry
 from navfw.signals import Image, Pose

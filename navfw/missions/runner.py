@@ -15,9 +15,15 @@ import numpy as np
 from navfw.errors import InputError
 from navfw.guard import PluginCallError
 from navfw.missions.event_clock import EventClock, EventRecord
-from navfw.missions.outcome import FaultKind, MissionVerdict, Outcome
+from navfw.missions.outcome import (
+    FaultKind,
+    GoalChecker,
+    MissionVerdict,
+    Outcome,
+    ProgressChecker,
+    goal_name,
+)
 from navfw.missions.pilot import Pilot, Simulator, TickView
-from navfw.missions.progress_checkers import GoalChecker, ProgressChecker, goal_name
 from navfw.process.interruption import check_interrupted, interruptible
 from navfw.recording.run_log import Contact, RunLog, RunLogger
 from navfw.recording.run_observer import RunObserver

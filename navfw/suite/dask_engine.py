@@ -8,7 +8,6 @@ import uuid
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
-from types import TracebackType
 from typing import Any, Self
 
 from navfw.errors import InputError, MissingExtraError, SimulationError
@@ -80,12 +79,7 @@ class DaskEngine:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         with contextlib.suppress(Exception):  # the scheduler may be gone
             self._client.unregister_worker_plugin(self._name)
         self._client.close()

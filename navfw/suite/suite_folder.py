@@ -102,16 +102,15 @@ class SuiteFolder:
         default = Path("runs") / f"{plan.suite}-{seeds.start}-{seeds.stop}"
         folder = cls(given or default)
         try:
-            folder = cls(_created(given, default))
-            for place in (folder.path, folder.pictures):
-                sweep(place)
-            folder.lock.acquire()
+            with _writing(folder.path):
+                folder = cls(_created(given, default))
+            with _writing(folder.path):
+                for place in (folder.path, folder.pictures):
+                    sweep(place)
+                folder.lock.acquire()
         except TargetInUseError as error:
             what = "another suite is writing it; wait for it, or choose another --out"
             raise TargetInUseError(what, file=folder.path) from error
-        except OSError as error:
-            what = f"cannot be written: {error.strerror or error}"
-            raise InputError(what, file=folder.path) from error
         try:
             yield folder
         finally:
@@ -144,11 +143,8 @@ class SuiteFolder:
                 self._compare(earlier.get("content", {}), plan.content)
         else:
             self._refuse_foreign()
-        try:
+        with _writing(self.path):
             self.pictures.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            what = f"cannot be written: {error.strerror or error}"
-            raise InputError(what, file=self.path) from error
         machines = earlier.get("machines", [])
         about = {
             "suite": plan.suite,
@@ -184,13 +180,10 @@ class SuiteFolder:
         aside = next(
             place for number in numbers if not (place := self.path / f"before-{number}").exists()
         )
-        try:
+        with _writing(aside):
             aside.mkdir()
             for name in names:
                 (self.path / name).rename(aside / name)
-        except OSError as error:
-            what = f"cannot be written: {error.strerror or error}"
-            raise InputError(what, file=aside) from error
         tell(f"{self.path}: the earlier results are in {aside.name}")
 
     def rows(self) -> list[RunRow]:
@@ -278,6 +271,16 @@ class SuiteFolder:
     def _write(self, name: str, value: Mapping[str, Any]) -> None:
         text = json.dumps(plain_json(value), indent=2, allow_nan=False)
         write_text(self.path / name, text + "\n")
+
+
+@contextlib.contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Within it an OSError becomes an InputError: ``path`` cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        what = f"cannot be written: {error.strerror or error}"
+        raise InputError(what, file=path) from error
 
 
 def _created(given: Path | None, default: Path) -> Path:

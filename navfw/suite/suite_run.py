@@ -3,21 +3,58 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 from navfw.errors import InputError
 from navfw.missions.outcome import Outcome
 from navfw.process.interruption import deferred
 from navfw.suite.case import Case, Job, KeptRuns
 from navfw.suite.case_worker import run_job
-from navfw.suite.run_engine import LIMIT, MEMORY, Engine, answered_row, engine_or_processes
 from navfw.suite.run_table import RunKey, RunRow
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import summarize
-from navfw.suite.worker_pool import WorkerFailure
+from navfw.suite.worker_pool import WorkerFailure, WorkerPool
+
+LIMIT = 900.0
+"""Default wall-clock limit of a run [s]."""
+
+MEMORY = 2000.0
+"""Default limit [MB] of the memory of a run's process; usual ones have 400."""
+
+
+class Engine(Protocol):
+    """Runs jobs (``WorkerPool``, ``DaskEngine``)."""
+
+    @property
+    def capacity(self) -> int:
+        """Number of jobs that run at the same time, at least 1."""
+
+    def run(self, jobs: Iterable[Job], /) -> Iterator[tuple[Job, RunRow | WorkerFailure]]:
+        """Each job with its result, in the order of completion."""
+
+
+def engine_or_processes(
+    engine: Engine | None,
+    workers: int,
+    *,
+    limit: float = LIMIT,
+    memory: float = MEMORY,
+    work: Callable[[Job], RunRow] = run_job,
+) -> AbstractContextManager[Engine]:
+    """``engine``, which is entered already, or else ``workers`` processes of this machine."""
+    if engine is not None:
+        return nullcontext(engine)
+    return WorkerPool(work, workers, limit, memory=memory)
+
+
+def answered_row(case: Case, answer: RunRow | WorkerFailure) -> RunRow:
+    """What an engine answers for ``case``, as a row."""
+    return case.fault(answer.reason, answer.cause) if isinstance(answer, WorkerFailure) else answer
+
 
 _EXPORT_PERIOD = 2.0
 """Shortest time [s] between two exports of table and summary; the journal has each run at once."""

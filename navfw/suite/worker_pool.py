@@ -21,7 +21,6 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from multiprocessing import resource_tracker
 from multiprocessing.context import SpawnContext
-from types import TracebackType
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 from navfw.errors import SimulationError
@@ -106,12 +105,7 @@ class WorkerPool(Generic[JobT, ResultT]):
         ]
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self._cleanup.close()
         for slot in self._slots:
             slot.close()

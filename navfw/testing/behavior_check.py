@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from statistics import median
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -17,10 +18,12 @@ from navfw.plugins.verification import source_file, verify
 from navfw.recording.run_folder import plain_json
 from navfw.robot import RobotModel
 from navfw.signals import Proposal
-from navfw.testing.behavior_scenes import SCENES, BehaviorScene, contexts_of
+from navfw.testing.behavior_scenes import SCENES, contexts_of
 
 if TYPE_CHECKING:
     from navfw.context import Context
+
+PluginT = TypeVar("PluginT", bound=Plugin)
 
 _BUDGET = 0.05
 """Largest median computing time [s] of a proposal: half of a camera period."""
@@ -51,9 +54,14 @@ def check_behavior(
         PluginError: it breaks the contract; the message lists everything that was found.
 
     """
-    verify(cls)
-    robot = robot or RobotModel()
-    _raise_if_any(cls, "behaviour", list(_problems(cls, params, robot, budget)))
+    durations: list[float] = []
+    problems = _problems(cls, params, robot, "proposals", partial(_propose, durations=durations))
+    if durations and median(durations) > budget:
+        usual = 1e3 * median(durations)
+        problems.append(
+            f"a proposal takes {usual:.0f} ms (median); the limit is {1e3 * budget:.0f} ms"
+        )
+    _raise_if_any(cls, "behaviour", problems)
 
 
 def check_composite(
@@ -72,9 +80,7 @@ def check_composite(
         PluginError: it breaks the contract; the message lists everything that was found.
 
     """
-    verify(cls)
-    robot = robot or RobotModel()
-    _raise_if_any(cls, "composite", list(_composite_problems(cls, params, robot)))
+    _raise_if_any(cls, "composite", _problems(cls, params, robot, "weights", _weigh))
 
 
 def _raise_if_any(cls: type[Plugin], kind: str, problems: Sequence[str]) -> None:
@@ -90,41 +96,46 @@ def _raise_if_any(cls: type[Plugin], kind: str, problems: Sequence[str]) -> None
     )
 
 
-def _undescribed(cls: type[Plugin]) -> Iterator[str]:
-    for name, info in cls.Params.model_fields.items():
-        if not info.description:
-            yield f"Params.{name} has no description: Field(description=...), with its unit"
-
-
-def _composite_problems(
-    cls: type[Composite], params: Composite.Params | None, robot: RobotModel
-) -> Iterator[str]:
-    yield from _undescribed(cls)
+def _problems(
+    cls: type[PluginT],
+    params: Plugin.Params | None,
+    robot: RobotModel | None,
+    answers: str,
+    run: Callable[[PluginT, Sequence[Context]], tuple[list[str], object]],
+) -> list[str]:
+    """Problems of a plugin; ``run`` gives those in the contexts of a scene, and its ``answers``."""
+    verify(cls)
+    robot = robot or RobotModel()
+    problems = [
+        f"Params.{name} has no description: Field(description=...), with its unit"
+        for name, info in cls.Params.model_fields.items()
+        if not info.description
+    ]
     try:
-        composite, other = cls(robot, params), cls(robot, params)
+        plugin, other = cls(robot, params), cls(robot, params)
     except Exception as error:  # the class may do anything
-        yield f"{cls.__name__}(robot, params) raised {_message(error)}"
-        return
+        return [*problems, f"{cls.__name__}(robot, params) raised {_message(error)}"]
     for scene in SCENES:
         contexts = contexts_of(scene, robot)
-        try:
-            found = [_weights(each, contexts) for each in (composite, other, composite)]
-        except _ContractBreach as error:
-            yield f"in the scene {scene.name!r} {error}"
-            continue
-        if not found[0] == found[1] == found[2]:
-            yield (
-                f"in the scene {scene.name!r} its weights differ in a new instance or after "
-                "reset(): keep no state outside the instance, and clear it in reset()"
-            )
+        wrong, first = run(plugin, contexts)
+        if not wrong:
+            wrong = [
+                f"its {answers} differ in {which}: use no random numbers, keep no state outside"
+                " the instance, and clear it in reset()"
+                for again, which in (
+                    (other, "a new instance"),
+                    (plugin, "the same one after reset()"),
+                )
+                if run(again, contexts)[1] != first
+            ]
+        problems += [f"in the scene {scene.name!r} {what}" for what in wrong]
+    return problems
 
 
-class _ContractBreach(Exception):  # noqa: N818 - used in this module only
-    """How a composite breaks its contract."""
-
-
-def _weights(composite: Composite, contexts: Sequence[Context]) -> list[dict[str, float]]:
-    """The weights in every context, after a reset."""
+def _weigh(
+    composite: Composite, contexts: Sequence[Context]
+) -> tuple[list[str], list[dict[str, float]]]:
+    """What is wrong in one scene, and the weights in every context, after a reset."""
     given: list[dict[str, float]] = []
     try:
         composite.reset()
@@ -132,47 +143,18 @@ def _weights(composite: Composite, contexts: Sequence[Context]) -> list[dict[str
             weights = dict(composite.weigh(context))
             wrong = {n: w for n, w in weights.items() if not (isinstance(n, str) and 0 <= w <= 1)}
             if wrong:
-                raise _ContractBreach(f"weights {wrong} are not numbers in [0, 1] by name")
+                return [f"weights {wrong} are not numbers in [0, 1] by name"], given
             json.dumps(plain_json([dict(rule) for rule in composite.explain()]), allow_nan=False)
             given.append(weights)
-    except _ContractBreach:
-        raise
     except Exception as error:  # a plugin may raise anything
-        raise _ContractBreach(f"it raised {_message(error)}") from error
-    return given
+        return [f"it raised {_message(error)}"], given
+    return [], given
 
 
-def _problems(
-    cls: type[Behavior], params: Behavior.Params | None, robot: RobotModel, budget: float
-) -> Iterator[str]:
-    yield from _undescribed(cls)
-    try:
-        behavior, other = cls(robot, params), cls(robot, params)
-    except Exception as error:  # the class may do anything
-        yield f"{cls.__name__}(robot, params) raised {_message(error)}"
-        return
-    durations: list[float] = []
-    drives = [(scene, contexts_of(scene, robot)) for scene in SCENES]
-    for scene, contexts in drives:
-        found, digest = _drive(behavior, scene, contexts, durations)
-        yield from found
-        if found:
-            continue
-        for again, what in ((other, "a new instance"), (behavior, "the same one after reset()")):
-            if _drive(again, scene, contexts, [])[1] != digest:
-                yield (
-                    f"in the scene {scene.name!r} its proposals differ in {what}: use no random"
-                    " numbers, keep no state outside the instance, and clear it in reset()"
-                )
-    if durations and median(durations) > budget:
-        usual = 1e3 * median(durations)
-        yield f"a proposal takes {usual:.0f} ms (median); the limit is {1e3 * budget:.0f} ms"
-
-
-def _drive(
-    behavior: Behavior, scene: BehaviorScene, contexts: Sequence[Context], durations: list[float]
+def _propose(
+    behavior: Behavior, contexts: Sequence[Context], durations: list[float]
 ) -> tuple[list[str], str]:
-    """Problems in one scene, and a digest of all proposals."""
+    """Problems in one scene, and a digest of all proposals, after a reset."""
     problems: dict[str, None] = {}
     digest = hashlib.sha256()
     try:
@@ -190,7 +172,7 @@ def _drive(
         problems.update(dict.fromkeys(_faults(proposal, context)))
         if isinstance(proposal, Proposal):
             digest.update(_bytes(proposal))
-    return [f"in the scene {scene.name!r} {problem}" for problem in problems], digest.hexdigest()
+    return list(problems), digest.hexdigest()
 
 
 def _faults(proposal: object, context: Context) -> Iterator[str]:

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import MapError
-from navfw.missions.landmark_learning_drive import learn_landmarks
+from navfw.missions.learning_drives import learn_landmarks
 from navfw.missions.run_report import write_run
 from navfw.missions.session_setup import prepare
 from navfw.recording.run_folder import RunFolder

@@ -31,7 +31,7 @@ from navfw.suite.worker_pool import WorkerFailure
 
 pytest.importorskip("optuna", reason="needs the extra tune: uv sync --extra tune")
 
-from navfw.suite.run_engine import engine_or_processes
+from navfw.suite.suite_run import engine_or_processes
 from navfw.tune.search_space import BreakPoints, search_space
 from navfw.tune.stack_study import StackStudy
 from navfw.tune.study_folder import StudyFolder
