@@ -118,10 +118,13 @@ class _Checker:
         self._check(action, (*path, spec.key))
         as_given = spec.model_dump(mode="json", exclude_unset=True)
         lasting = math.inf if spec.lasting is None else spec.lasting
-        if spec.near is None:
-            return Event(action, as_given, at=spec.at, lasting=lasting)
-        point = self._point(spec.near, (*path, "near"))
-        return Event(action, as_given, point=point, within=spec.near.within, lasting=lasting)
+        effect, behavior = action, ""
+        if isinstance(action, BehaviorFault):
+            effect, behavior = action.does, action.name
+        point, within = None, 0.0
+        if spec.near is not None:
+            point, within = self._point(spec.near, (*path, "near")), spec.near.within
+        return Event(effect, as_given, spec.at, point, within, lasting, behavior)
 
     def _point(self, near: NearTrigger, path: KeyPath) -> tuple[float, float]:
         if near.place is None:

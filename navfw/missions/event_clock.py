@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from navfw.missions.eventspec import BehaviorFault
+from navfw.plugins.fault_injection import Failure
 from navfw.signals import Pose
 from navfw.sim.event_actions import EventAction
 
@@ -16,15 +16,17 @@ from navfw.sim.event_actions import EventAction
 class Event:
     """A checked event: it begins at ``at`` [s], or within ``within`` [m] of ``point`` (map frame).
 
-    ``lasting`` [s] may be infinite. ``given`` is the event as the mission file has it.
+    ``lasting`` [s] may be infinite. ``given`` is the event as the mission file has it. ``behavior``
+    is the name of the one that the event makes fail, else empty.
     """
 
-    action: EventAction | BehaviorFault
+    action: EventAction | Failure
     given: Mapping[str, Any]
     at: float | None = None
     point: tuple[float, float] | None = None
     within: float = 0.0
     lasting: float = math.inf
+    behavior: str = ""
 
     def due(self, time: float, robot: Pose) -> bool:
         """Whether it begins at ``time`` [s], with the robot's true pose ``robot``."""

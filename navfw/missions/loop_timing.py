@@ -80,12 +80,13 @@ def bench_loop(
         _drive(session, min(_WARM_UP, seconds))
         reference, memory = None, None
         for _ in with_progress(range(repeats), "laps", report):
-            drive = _drive(session, seconds)
+            lap, log, movers = _drive(session, seconds)
             if reference is None:
                 memory = peak_memory_mb()  # before PyBullet's renderer is loaded
                 reference = opened.enter_context(_reference(session))
             # right after the lap: the speed of the machine changes over minutes
-            laps.append(replace(drive.lap, pybullet_frame=_pybullet_frame(drive, reference)))
+            frame = _pybullet_frame(log, movers, reference)
+            laps.append(replace(lap, pybullet_frame=frame))
     return {
         "world": session.world_name,
         "mission": session.mission_name,
@@ -96,16 +97,8 @@ def bench_loop(
     }
 
 
-@dataclass(frozen=True, slots=True)
-class _Drive:
-    """A lap without PyBullet's frame time, with the poses of the robot and of the movers."""
-
-    lap: Lap
-    log: RunLog
-    movers: MoverTrack
-
-
-def _drive(session: Session, seconds: float) -> _Drive:
+def _drive(session: Session, seconds: float) -> tuple[Lap, RunLog, MoverTrack]:
+    """A lap without PyBullet's frame time, and the poses of the robot and of the movers."""
     task = replace(session.task, timeout=seconds)
     with session.simulation() as simulator, session.stack.guard.on_duty():
         before = replace(simulator.timings)
@@ -127,7 +120,7 @@ def _drive(session: Session, seconds: float) -> _Drive:
         },
         outcome=str(run.verdict.outcome),
     )
-    return _Drive(lap, run.log, movers)
+    return lap, run.log, movers
 
 
 def _reference(session: Session) -> ReferenceRenderer:
@@ -135,17 +128,16 @@ def _reference(session: Session) -> ReferenceRenderer:
     return ReferenceRenderer(session.world, spec.robot.camera, spec.sensors.resolved().supersample)
 
 
-def _pybullet_frame(drive: _Drive, reference: ReferenceRenderer) -> float:
+def _pybullet_frame(log: RunLog, movers: MoverTrack, reference: ReferenceRenderer) -> float:
     """PyBullet's median wall time [s] for a frame of this drive.
 
     It draws only visible bodies, as the simulation does; hiding the others is not counted.
     """
-    log = drive.log
     ticks = np.unique(np.linspace(0, log.ticks - 1, VIEWS).round().astype(int))
     times: list[float] = []
     for tick in ticks:
-        if drive.movers.names:
-            places = drive.movers.at(log.time[tick : tick + 1])[0]
+        if movers.names:
+            places = movers.at(log.time[tick : tick + 1])[0]
             reference.place_movers((float(x), float(y)) for x, y in places)
         request = reference.request(Pose(*log.true[tick].tolist()))
         if not times:

@@ -86,8 +86,8 @@ class SensorsSpec(SensorParams):
 
     def resolved(self) -> SensorParams:
         """The parameters of the preset, overridden by those given in the file."""
-        given = {name: getattr(self, name) for name in self.model_fields_set - {"base"}}
-        return SensorParams.preset(self.base, **given)
+        changed = {name: getattr(self, name) for name in self.model_fields_set - {"base"}}
+        return SensorParams.preset(self.base, **changed)
 
 
 class MissionSpec(StrictModel):
@@ -160,8 +160,8 @@ def mission_spec(document: YamlDocument, folder: Path) -> MissionSpec:
     """
     document = with_robot(document, folder)
     spec = validate(document, MissionSpec)
-    given = spec.robot.odometry
+    own = spec.robot.odometry
     sheet = SensorParams.preset(spec.sensors.base).sheet
-    sheet = sheet.model_copy(update={name: getattr(given, name) for name in given.model_fields_set})
+    sheet = sheet.model_copy(update={name: getattr(own, name) for name in own.model_fields_set})
     robot = with_urdf(spec.robot, document, ("robot",)).model_copy(update={"odometry": sheet})
     return spec.model_copy(update={"robot": robot})

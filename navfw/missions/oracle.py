@@ -46,8 +46,8 @@ class SimulatorTruth:
     def surroundings(self, reach: float) -> Surroundings:
         """Solids and moving bodies within ``reach`` [m] of the robot, in base_link."""
         robot = self._simulation.true_pose()
-        here = np.array([[robot.x, robot.y]])
-        near = [shape for shape in self._present() if float(shape.distance(here)[0]) <= reach]
+        position = np.array([[robot.x, robot.y]])
+        near = [shape for shape in self._present() if float(shape.distance(position)[0]) <= reach]
         edges, circles, moving = [], [], []
         for shape in near:
             if isinstance(shape, Circle):

@@ -43,18 +43,18 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
     except OSError as error:
         what = f"{RESULT} cannot be written: {error.strerror or error}"
         raise InputError(what, file=target.target) from error
-    parts: dict[str, Callable[[Path], object]] = {}
+    writers: dict[str, Callable[[Path], object]] = {}
     if result.recorder is not None:
         config, topo_map = result.session.stack.config, result.session.mission.topo_map
         plan = topo_map.floor_plan
         data = map_data(topo_map, None if plan is None else PLAN)
         if plan is not None:
-            parts[PLAN] = lambda path: save_ros_map(plan, path)
-        parts["map.yaml"] = lambda path: target.write_yaml(path.name, data)
-        parts["stack.yaml"] = lambda path: target.write_yaml(path.name, config)
-        parts[RECORDING] = result.recorder.save
-    parts[PICTURE] = lambda path: draw(result, path)
-    missing = ((name, _why_missing(target.path / name, write)) for name, write in parts.items())
+            writers[PLAN] = lambda path: save_ros_map(plan, path)
+        writers["map.yaml"] = lambda path: target.write_yaml(path.name, data)
+        writers["stack.yaml"] = lambda path: target.write_yaml(path.name, config)
+        writers[RECORDING] = result.recorder.save
+    writers[PICTURE] = lambda path: draw(result, path)
+    missing = ((name, _why_missing(target.path / name, write)) for name, write in writers.items())
     return tuple(f"{name} is missing: {why}" for name, why in missing if why)
 
 
@@ -120,10 +120,10 @@ def draw(result: MissionResult, path: Path) -> None:
 
 def versions() -> dict[str, str]:
     """Versions of Python and of the libraries that a result depends on."""
-    found = {"python": platform.python_version(), "machine": platform.machine()}
+    by_name = {"python": platform.python_version(), "machine": platform.machine()}
     for library in ("navfw", *_LIBRARIES):
         try:
-            found[library] = metadata.version(library)
+            by_name[library] = metadata.version(library)
         except metadata.PackageNotFoundError:
-            found[library] = "not installed"
-    return found
+            by_name[library] = "not installed"
+    return by_name

@@ -16,7 +16,6 @@ from typing import Any, Self
 from navfw.errors import InputError
 from navfw.kernels import compile_kernels
 from navfw.missions.event_clock import Event, EventClock, EventTarget
-from navfw.missions.eventspec import BehaviorFault
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import Outcome
@@ -26,7 +25,7 @@ from navfw.missions.process_state import ProcessState
 from navfw.missions.run_drawing import WindowOverlay, outline_of
 from navfw.missions.run_metrics import CombinedClearance, RunMetrics, measure, permanent_plan
 from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
-from navfw.plugins.fault_injection import FaultInjector, inject_faults
+from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import SimulatorWatch
 from navfw.recording.run_folder import plain_json
 from navfw.recording.run_observer import RunObserver, SeenRun
@@ -151,23 +150,9 @@ class Session:
 
     def _target(self, event: Event, simulator: Simulation) -> EventTarget:
         """A behaviour of the stack for a behaviour's fault, else the simulation."""
-        action = event.action
-        if isinstance(action, BehaviorFault):
-            return _BehaviorFaultTarget(inject_faults(self.stack.mofis.behaviors, action.name))
+        if event.behavior:
+            return inject_faults(self.stack.mofis.behaviors, event.behavior)
         return simulator
-
-
-class _BehaviorFaultTarget:
-    """Applies events to a behaviour through its fault injector."""
-
-    def __init__(self, injector: FaultInjector) -> None:
-        self._injector = injector
-
-    def begin(self, action: BehaviorFault) -> None:
-        self._injector.begin(action.does)
-
-    def end(self, action: BehaviorFault) -> None:
-        self._injector.end(action.does)
 
 
 class SteppedSession:
@@ -204,6 +189,7 @@ class SteppedSession:
                 overlay = WindowOverlay(simulator.window, self.session.stack)
                 self._loop.observers = (*self._loop.observers, overlay)
         except BaseException:
+            self._simulator = None
             simulator.close()
             raise
         return self
@@ -323,8 +309,8 @@ class MissionResult:
     @property
     def uninvited_faults(self) -> list[str]:
         """The faults of plugins that the mission's events did not inject."""
-        actions = [event.action for event in self.session.events]
-        injected = tuple(f"behavior {a.name}: " for a in actions if isinstance(a, BehaviorFault))
+        events = self.session.events
+        injected = tuple(f"behavior {event.behavior}: " for event in events if event.behavior)
         return [fault for fault in self.run.faults if not fault.startswith(injected)]
 
     @cached_property

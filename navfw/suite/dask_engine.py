@@ -134,11 +134,11 @@ class DaskEngine:
             what = f"{self._address} has no workers; start some with dask worker {self._address}"
             raise InputError(what, key="--scheduler") from None
         try:
-            found = self._client.run(worker_identity)
+            identities = self._client.run(worker_identity)
         except Exception as error:
             what = f"a worker of {self._address} cannot import this navfw: {error}"
             raise InputError(f"{what}; install the same version there", key="--scheduler") from None
-        for address, theirs in sorted(found.items()):
+        for address, theirs in sorted(identities.items()):
             _compare(address, theirs, worker_identity())
 
         from navfw.suite.dask_worker import PackageOnWorker

@@ -85,9 +85,9 @@ class PackageOnWorker(WorkerPlugin):
         if process.daemon:  # as Dask's nanny starts it; a daemon may have no processes of its own
             process.daemon = False
         pool = self.idle.pop() if self.idle else self._new_pool()
-        given = _Folders(self.package.unpacked(job, self.folder), self.work, self.folder)
+        unpacked = _Folders(self.package.unpacked(job, self.folder), self.work, self.folder)
         try:
-            for _, result in pool.run([given]):
+            for _, result in pool.run([unpacked]):
                 return RemoteResult(result) if isinstance(result, WorkerFailure) else result
         finally:
             self.idle.append(pool)
@@ -114,14 +114,14 @@ def drive(name: str, job: Job) -> RemoteResult:
     return result
 
 
-def _work_in_folder(given: _Folders) -> RemoteResult:
+def _work_in_folder(unpacked: _Folders) -> RemoteResult:
     """In the process of the run: its project is the unpacked one, trusted by who sent it."""
     os.environ[TRUST_VARIABLE] = "1"
-    os.chdir(given.project / "project")
+    os.chdir(unpacked.project / "project")
     with tempfile.TemporaryDirectory(prefix="navfw-pictures-") as folder:
-        pictures = Path(folder) / given.job.pictures.name
+        pictures = Path(folder) / unpacked.job.pictures.name
         pictures.mkdir(exist_ok=True)
-        work: Callable[[Job], RunRow] = resolve_name(given.work)
-        row = work(replace(given.job, pictures=pictures))
+        work: Callable[[Job], RunRow] = resolve_name(unpacked.work)
+        row = work(replace(unpacked.job, pictures=pictures))
         picture = pictures / Path(row.picture).name if row.picture else None
         return RemoteResult(row, picture.read_bytes() if picture else None)

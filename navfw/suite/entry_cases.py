@@ -15,46 +15,38 @@ from navfw.errors import ConfigError, InputError
 from navfw.suite.case import Case
 from navfw.suite.suitefile import EntrySpec, Suite
 
-
-def stacks_of(suite: Suite, index: int, variant: str) -> Mapping[str, Path | None]:
-    """The stack of the variant, else of the entry; None: the mission's, not known yet."""
-    own = suite.variants[variant].stack
-    if own is None:
-        return stack_of_entry(suite, index)
-    try:
-        return stack_files([own])
-    except InputError as error:
-        raise suite.located(error, index, "stack", variant) from None
-
-
-def stack_of_entry(suite: Suite, index: int) -> Mapping[str, Path | None]:
-    """The stack of an entry; None: the mission's, not known yet."""
-    own = suite.spec.entries[index].stack
-    return {"": None} if own is None else stack_files([own], suite, index)
-
-
-def stack_files(
-    names: Sequence[str], suite: Suite | None = None, index: int = 0
-) -> dict[str, Path]:
-    """Stack files by their names in the table."""
-    found: dict[str, Path] = {}
-    for name in names:
-        try:
-            file = find("stack", name).absolute()
-        except InputError as error:
-            if suite is None or suite.spec.entries[index].stack is None:
-                raise
-            raise suite.located(error, index, "stack") from None
-        title = file.stem
-        if title in found:
-            what = f"two stacks have the name {title!r}, which has to be unique in the table"
-            raise InputError(what, key="--stack")
-        found[title] = file
-    return found
-
-
 _DIFFICULTY_STREAM = 0xD1F
 """Spawn key of the random stream that draws difficulties; other uses of the seed have others."""
+
+
+def stacks_of(suite: Suite, index: int, variant: str = "") -> Mapping[str, Path | None]:
+    """The stack of the variant, else of the entry, by its name; None: the mission's, not known yet.
+
+    Raises:
+        InputError: there is no such stack; the message has the suite's file, line and key.
+
+    """
+    of_variant = suite.variants[variant].stack if variant else None
+    name = suite.spec.entries[index].stack if of_variant is None else of_variant
+    if name is None:
+        return {"": None}
+    try:
+        return stack_files([name])
+    except InputError as error:
+        where = "" if of_variant is None else variant
+        raise suite.located(error, index, "stack", where) from None
+
+
+def stack_files(names: Sequence[str]) -> dict[str, Path]:
+    """Stack files by their names in the table."""
+    files: dict[str, Path] = {}
+    for name in names:
+        file = find("stack", name).absolute()
+        if file.stem in files:
+            what = f"two stacks have the name {file.stem!r}, which has to be unique in the table"
+            raise InputError(what, key="--stack")
+        files[file.stem] = file
+    return files
 
 
 def case_templates(
@@ -94,9 +86,9 @@ def case_templates(
         raise suite.located(error, index, key) from None
 
 
-def _world_files(suite: Suite, given: str, worlds: Path | None) -> list[Path]:
+def _world_files(suite: Suite, named: str, worlds: Path | None) -> list[Path]:
     """The worlds in a folder, or the one whose own folder it is."""
-    folder = worlds if worlds is not None else suite.file.parent / given
+    folder = worlds if worlds is not None else suite.file.parent / named
     if is_file(folder / "world.yaml"):
         return [folder / "world.yaml"]
     files = sorted(folder.glob("*/world.yaml"), key=lambda file: _natural(file.parent.name))
@@ -118,10 +110,10 @@ def _missions(world: Path, entry: EntrySpec) -> list[tuple[str, Path]]:
     if entry.missions:
         files = [find_mission(of_world, name) for name in entry.missions]
         return [(file.stem, file) for file in files]
-    found = [(mission.name, mission.path) for mission in list_missions(of_world)]
-    if not found:
+    missions = [(mission.name, mission.path) for mission in list_missions(of_world)]
+    if not missions:
         raise ConfigError("the world has no missions", file=shown_path(world))
-    return found
+    return missions
 
 
 def draw_difficulty(difficulty: float | tuple[float, float] | None, seed: int) -> float | None:

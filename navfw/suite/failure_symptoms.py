@@ -239,11 +239,11 @@ def _remaining(
     for x, y in true[:, :2]:
         if len(ahead) > 1 and math.dist((x, y), ahead[0]) <= within:
             ahead.pop(0)
-    total, here = 0.0, (float(true[-1, 0]), float(true[-1, 1]))
+    total, point = 0.0, (float(true[-1, 0]), float(true[-1, 1]))
     for goal in ahead:
         try:
-            total += plan.shortest_path(here, goal, radius)[0]
+            total += plan.shortest_path(point, goal, radius)[0]
         except WorldError:
-            total += math.dist(here, goal)
-        here = goal
+            total += math.dist(point, goal)
+        point = goal
     return total

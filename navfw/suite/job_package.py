@@ -88,22 +88,22 @@ class JobPackage:
     def packed(self, job: Job) -> Job:
         """``job`` with names of the package instead of local paths."""
         changed: dict[str, str] = {}
-        for part in _PATHS:
-            path = getattr(job.case, part)
+        for place in _PATHS:
+            path = getattr(job.case, place)
             within = [(n, root) for n, root in self.folders if path and _inside(path, root)]
             if within:  # the innermost: the package may lie inside of what is shipped
                 name, root = max(within, key=lambda item: len(item[1]))
-                changed[part] = f"{name}:{Path(path).relative_to(root).as_posix()}"
+                changed[place] = f"{name}:{Path(path).relative_to(root).as_posix()}"
         return replace(job, case=replace(job.case, **changed))  # type: ignore[arg-type]
 
     def unpacked(self, job: Job, folder: Path) -> Job:
         """``job`` with the paths of this machine; ``folder`` is that of the unpacked files."""
         changed: dict[str, str] = {}
-        for part in _PATHS:
-            name, colon, rest = getattr(job.case, part).partition(":")
+        for place in _PATHS:
+            name, colon, rest = getattr(job.case, place).partition(":")
             if colon:
                 root = {"shipped": shipped_folder(), "package": _PACKAGE}.get(name, folder / name)
-                changed[part] = str(root / rest)
+                changed[place] = str(root / rest)
         return replace(job, case=replace(job.case, **changed))  # type: ignore[arg-type]
 
     def unpack(self, folder: Path) -> Path:
@@ -115,10 +115,10 @@ class JobPackage:
         """
         target = folder / f"navfw-{self.key}"
         if not target.exists():
-            part = Path(tempfile.mkdtemp(dir=folder))
+            temporary = Path(tempfile.mkdtemp(dir=folder))
             with zipfile.ZipFile(io.BytesIO(self.archive)) as archive:
-                archive.extractall(part)
-            part.rename(target)
+                archive.extractall(temporary)
+            temporary.rename(target)
         return target
 
 
@@ -146,7 +146,7 @@ def _travelling(roots: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
     """The files of the project's parts, and those outside of it, by name."""
     own = {name: root for name, root in roots.items() if name.startswith(_OUTSIDE)}
     if "project" in roots:
-        own |= {f"project/{part}": roots["project"] / part for part in _PROJECT_PARTS}
+        own |= {f"project/{name}": roots["project"] / name for name in _PROJECT_PARTS}
     return files_of(own)
 
 

@@ -43,8 +43,8 @@ class RunKey(NamedTuple):
         In a ``generated`` world the seed stands for the world.
         """
         where = () if generated else (self.world, self.mission)
-        parts = dict.fromkeys((self.entry, *where, self.variant or self.stack, str(self.seed)))
-        return re.sub(r"[^\w.+-]+", "_", "-".join(parts))
+        words = dict.fromkeys((self.entry, *where, self.variant or self.stack, str(self.seed)))
+        return re.sub(r"[^\w.+-]+", "_", "-".join(words))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,8 +174,8 @@ def read_table(path: str | Path) -> list[RunRow]:
     name = shown_path(path)
     reader = csv.DictReader(io.StringIO(read_input_text(path, _MAX_TABLE), newline=""))
     try:
-        found = {*_OPTIONAL, *(reader.fieldnames or ())}
-        missing = [column for column in COLUMNS if column not in found]
+        columns = {*_OPTIONAL, *(reader.fieldnames or ())}
+        missing = [column for column in COLUMNS if column not in columns]
         if missing:
             what = f"is not a table of navfw suite: it has no column {missing[0]!r}"
             raise ConfigError(what, file=name, line=1)

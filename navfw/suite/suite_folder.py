@@ -90,8 +90,8 @@ class SuiteFolder:
 
     @classmethod
     @contextlib.contextmanager
-    def claim(cls, given: Path | None, plan: SuitePlan, seeds: range) -> Iterator[SuiteFolder]:
-        """The folder ``given``, or the first free one of ``runs/SUITE-A-B``, ``runs/...-2``.
+    def claim(cls, chosen: Path | None, plan: SuitePlan, seeds: range) -> Iterator[SuiteFolder]:
+        """The folder ``chosen``, or the first free one of ``runs/SUITE-A-B``, ``runs/...-2``.
 
         It is created, cleared of what a dead process left unfinished, and locked in this context.
 
@@ -100,10 +100,10 @@ class SuiteFolder:
 
         """
         default = Path("runs") / f"{plan.suite}-{seeds.start}-{seeds.stop}"
-        folder = cls(given or default)
+        folder = cls(chosen or default)
         try:
             with _writing(folder.path):
-                folder = cls(_created(given, default))
+                folder = cls(_created(chosen, default))
             with _writing(folder.path):
                 for place in (folder.path, folder.pictures):
                     sweep(place)
@@ -283,14 +283,14 @@ def _writing(path: Path) -> Iterator[None]:
         raise InputError(what, file=path) from error
 
 
-def _created(given: Path | None, default: Path) -> Path:
-    """The folder ``given``, created if it is not there, or the first free one by ``default``."""
-    if given is not None:
-        place = output_place(given, "--out", replaced=False)
+def _created(chosen: Path | None, default: Path) -> Path:
+    """The folder ``chosen``, created if it is not there, or the first free one by ``default``."""
+    if chosen is not None:
+        place = output_place(chosen, "--out", replaced=False)
         if place.exists() and not place.is_dir():
-            raise InputError("is a file; a suite needs a folder", file=given)
+            raise InputError("is a file; a suite needs a folder", file=chosen)
         place.mkdir(parents=True, exist_ok=True)
-        return given
+        return chosen
     for number in itertools.count(1):
         place = default if number == 1 else default.with_name(f"{default.name}-{number}")
         with contextlib.suppress(FileExistsError):

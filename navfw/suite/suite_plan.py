@@ -17,7 +17,6 @@ from navfw.suite.case import Case
 from navfw.suite.entry_cases import (
     case_templates,
     stack_files,
-    stack_of_entry,
     stacks_of,
     with_seed,
 )
@@ -202,7 +201,7 @@ def _check_case(
 def _valid_without_variant(suite: Suite, index: int, case: Case, registry: Registry) -> bool:
     """Whether the case is valid without its variant, so that the variant is the cause."""
     entry = suite.spec.entries[index]
-    file = next(iter(stack_of_entry(suite, index).values()))
+    file = next(iter(stacks_of(suite, index).values()))
     plain = replace(case, stack=str(file or ""), overrides=entry.overrides, variant="")
     try:
         plain.session(registry)

@@ -109,9 +109,9 @@ class EntrySpec(StrictModel):
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
-        given = [key for key in ("world", "worlds", "family") if getattr(self, key) is not None]
-        if len(given) != 1:
-            got = " and ".join(given) or "none of them"
+        sources = [key for key in ("world", "worlds", "family") if getattr(self, key) is not None]
+        if len(sources) != 1:
+            got = " and ".join(sources) or "none of them"
             raise ValueError(f"expected exactly one of world, worlds, family; got {got}")
         if self.family is None and self.difficulty is not None:
             raise ValueError("difficulty is for a family of generated worlds")
@@ -135,11 +135,11 @@ class EntrySpec(StrictModel):
     @property
     def overrides(self) -> tuple[str, ...]:
         """Robot, events and ``set`` as arguments of ``--set``, with values as JSON (also YAML)."""
-        given = _changes(self)
+        changes = _changes(self)
         if self.events is not None:
             events = [event.model_dump(mode="json", exclude_unset=True) for event in self.events]
-            given["mission.events"] = events
-        return _options(given)
+            changes["mission.events"] = events
+        return _options(changes)
 
 
 class VariantSpec(StrictModel):
@@ -161,13 +161,13 @@ class VariantSpec(StrictModel):
         return _options(_changes(self))
 
 
-def _changes(part: EntrySpec | VariantSpec) -> dict[str, Any]:
+def _changes(spec: EntrySpec | VariantSpec) -> dict[str, Any]:
     """Changed values by path: first the robot, then those of ``set``, which may change it."""
-    return ({} if part.robot is None else {"robot": part.robot}) | dict(part.set)
+    return ({} if spec.robot is None else {"robot": spec.robot}) | dict(spec.set)
 
 
-def _options(given: Mapping[str, Any]) -> tuple[str, ...]:
-    return tuple(f"{key}={json.dumps(value)}" for key, value in given.items())
+def _options(changes: Mapping[str, Any]) -> tuple[str, ...]:
+    return tuple(f"{key}={json.dumps(value)}" for key, value in changes.items())
 
 
 class SuiteSpec(StrictModel):
@@ -193,8 +193,8 @@ class Suite:
     @property
     def variants(self) -> dict[str, VariantSpec]:
         """The variants by name; a single variant without a name if the suite has none."""
-        given = {name: spec or VariantSpec() for name, spec in self.spec.variants.items()}
-        return given or {"": VariantSpec()}
+        variants = {name: spec or VariantSpec() for name, spec in self.spec.variants.items()}
+        return variants or {"": VariantSpec()}
 
     def located(
         self, error: InputError, index: int, key: str | None = None, variant: str = ""
@@ -239,10 +239,10 @@ def parse_seeds(text: str) -> range:
 
     """
     first, colon, last = text.partition(":")
-    both = [part.strip() for part in (first, last)]
-    if not colon or not all(part.isascii() and part.isdigit() for part in both):
+    both = [number.strip() for number in (first, last)]
+    if not colon or not all(number.isascii() and number.isdigit() for number in both):
         raise InputError(f"expected A:B, the seeds from A up to B-1, got {text!r}", key="--seeds")
-    if any(len(part) > 12 for part in both) or int(both[1]) > MAX_SEED:
+    if any(len(number) > 12 for number in both) or int(both[1]) > MAX_SEED:
         raise InputError(f"seeds must be below {MAX_SEED}, got {text!r}", key="--seeds")
     seeds = range(int(both[0]), int(both[1]))
     if not seeds:

@@ -136,19 +136,19 @@ def _weigh(
     composite: Composite, contexts: Sequence[Context]
 ) -> tuple[list[str], list[dict[str, float]]]:
     """What is wrong in one scene, and the weights in every context, after a reset."""
-    given: list[dict[str, float]] = []
+    weighed: list[dict[str, float]] = []
     try:
         composite.reset()
         for context in contexts:
             weights = dict(composite.weigh(context))
             wrong = {n: w for n, w in weights.items() if not (isinstance(n, str) and 0 <= w <= 1)}
             if wrong:
-                return [f"weights {wrong} are not numbers in [0, 1] by name"], given
+                return [f"weights {wrong} are not numbers in [0, 1] by name"], weighed
             json.dumps(plain_json([dict(rule) for rule in composite.explain()]), allow_nan=False)
-            given.append(weights)
+            weighed.append(weights)
     except Exception as error:  # a plugin may raise anything
-        return [f"it raised {_message(error)}"], given
-    return [], given
+        return [f"it raised {_message(error)}"], weighed
+    return [], weighed
 
 
 def _propose(

@@ -56,12 +56,12 @@ def assert_visited(
 
     """
     __tracebackhide__ = True
-    known = mission.run.places
+    map_places = mission.run.places
     start = 0
     for place in places:
-        if isinstance(place, str) and place not in known:
-            raise UnknownNameError("place", place, known)
-        x, y = known[place] if isinstance(place, str) else place
+        if isinstance(place, str) and place not in map_places:
+            raise UnknownNameError("place", place, map_places)
+        x, y = map_places[place] if isinstance(place, str) else place
         name = place if isinstance(place, str) else f"({x:g}, {y:g})"
         away = np.hypot(mission.path[start:, 0] - x, mission.path[start:, 1] - y)
         near = np.flatnonzero(away <= within)

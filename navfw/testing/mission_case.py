@@ -98,11 +98,11 @@ def cases_of(marker: pytest.Mark, seeds: Iterable[int]) -> Iterator[Any]:
         MarkerError: an argument is unknown, missing or of the wrong type.
 
     """
-    given = _arguments(marker)
-    missions, own = _several(given["mission"]), list(given.get("seeds", (0,)))
+    arguments = _arguments(marker)
+    missions, own = _several(arguments["mission"]), list(arguments.get("seeds", (0,)))
     if not missions or not own:
         raise MarkerError("expected at least one mission and one seed")
-    stack = given.get("stack")
+    stack = arguments.get("stack")
     for mission in missions:
         for entry in widened(own, seeds):
             # a seed may have marks: pytest.param(7, marks=pytest.mark.slow)
@@ -111,21 +111,21 @@ def cases_of(marker: pytest.Mark, seeds: Iterable[int]) -> Iterator[Any]:
             if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
                 raise MarkerError(f"expected a seed that is a whole number >= 0, got {seed!r}")
             case = MissionCase(
-                str(given["world"]),
+                str(arguments["world"]),
                 mission,
                 seed,
                 None if stack is None else str(stack),
-                _overrides(given.get("set", ())),
-                bool(given.get("allow_faults", False)),
+                _overrides(arguments.get("set", ())),
+                bool(arguments.get("allow_faults", False)),
             )
             yield pytest.param(case, marks=param.marks, id=case.label)
 
 
 def widened(own: Iterable[Any], seeds: Iterable[int]) -> list[Any]:
     """The seeds of a test and those of ``--mission-seeds``, each once; marks of its own stay."""
-    found = list(own)
-    known = {entry.values[0] if hasattr(entry, "marks") else entry for entry in found}
-    return [*found, *(seed for seed in seeds if seed not in known)]
+    entries = list(own)
+    own_seeds = {entry.values[0] if hasattr(entry, "marks") else entry for entry in entries}
+    return [*entries, *(seed for seed in seeds if seed not in own_seeds)]
 
 
 def _arguments(marker: pytest.Mark) -> dict[str, Any]:
@@ -136,11 +136,11 @@ def _arguments(marker: pytest.Mark) -> dict[str, Any]:
         raise MarkerError(f"unknown argument {wrong[0]!r}: {did_you_mean(wrong[0], KEYS)}")
     if len(marker.args) > len(KEYS):
         raise MarkerError(f"expected at most {len(KEYS)} arguments, got {len(marker.args)}")
-    given = {**dict(zip(KEYS, marker.args, strict=False)), **marker.kwargs}
-    missing = [name for name in ("world", "mission") if name not in given]
+    arguments = {**dict(zip(KEYS, marker.args, strict=False)), **marker.kwargs}
+    missing = [name for name in ("world", "mission") if name not in arguments]
     if missing:
         raise MarkerError(f"missing argument: {' and '.join(missing)}")
-    return given
+    return arguments
 
 
 def _several(value: str | Path | Iterable[str | Path]) -> list[str]:

@@ -61,7 +61,7 @@ def test_the_fixture_gives_outcome_metrics_path_and_commands(pytester: pytest.Py
             assert mission.metrics.collisions == 0
 
         def test_the_same_run_is_driven_once(self, mission, request):
-            from navfw.testing.session_runs import RUNS
+            from navfw.testing.pytest_plugin import RUNS
             assert len(request.config.stash[RUNS]) == 1
     """
     outcomes(pytester, _dedent(text)).assert_outcomes(passed=2)
