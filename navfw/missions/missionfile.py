@@ -31,44 +31,10 @@ from navfw.signals import Pose, Waypoint
 from navfw.sim.floorplan import FloorPlan
 from navfw.topomap import Passage, Place, TopoMap, load_map
 
+_Point = tuple[float, float]
+
 _STREAM = 1 << 20
 """Spawn key of the random stream that draws starts; the sensors' streams have other keys."""
-
-
-def start_candidates(topo_map: TopoMap, goals: Sequence[str]) -> list[Place]:
-    """The places for a start anywhere in the map: all but doors, dangers and goals."""
-    return [
-        place
-        for place in topo_map.places.values()
-        if place.kind not in {"door", "danger"} and place.name not in goals
-    ]
-
-
-def draw_start(places: Sequence[Place], seed: int, check: Callable[[Place], None]) -> Pose:
-    """A pose at one of ``places``, with a yaw, both drawn by ``seed``.
-
-    Places for which ``check`` raises WorldError are skipped.
-
-    Raises:
-        WorldError: ``check`` refuses all places; its first error is raised.
-
-    """
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
-    order = rng.permutation(len(places)).tolist()
-    yaw = float(rng.uniform(-math.pi, math.pi))
-    refusal: WorldError | None = None
-    for index in order:
-        place = places[index]
-        try:
-            check(place)
-        except WorldError as error:
-            refusal = refusal or error
-        else:
-            return Pose(place.x, place.y, yaw)
-    raise refusal or WorldError("no place to start from: the map has only doors and goals")
-
-
-_Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -216,6 +182,39 @@ def _starts(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tup
                 " goals; add a place, or give a start"
             )
     return tuple(places)
+
+
+def start_candidates(topo_map: TopoMap, goals: Sequence[str]) -> list[Place]:
+    """The places for a start anywhere in the map: all but doors, dangers and goals."""
+    return [
+        place
+        for place in topo_map.places.values()
+        if place.kind not in {"door", "danger"} and place.name not in goals
+    ]
+
+
+def draw_start(places: Sequence[Place], seed: int, check: Callable[[Place], None]) -> Pose:
+    """A pose at one of ``places``, with a yaw, both drawn by ``seed``.
+
+    Places for which ``check`` raises WorldError are skipped.
+
+    Raises:
+        WorldError: ``check`` refuses all places; its first error is raised.
+
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
+    order = rng.permutation(len(places)).tolist()
+    yaw = float(rng.uniform(-math.pi, math.pi))
+    refusal: WorldError | None = None
+    for index in order:
+        place = places[index]
+        try:
+            check(place)
+        except WorldError as error:
+            refusal = refusal or error
+        else:
+            return Pose(place.x, place.y, yaw)
+    raise refusal or WorldError("no place to start from: the map has only doors and goals")
 
 
 def _goals(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tuple[Waypoint, ...]:

@@ -34,6 +34,9 @@ Channel = Annotated[float, Field(ge=0.0, le=1.0)]
 MAX_CONTRAST = 60.0
 """Largest contrast of a texture [grey levels]: more is clipped at black and white."""
 
+Look = Literal["plain", "photo"]
+"""Looks of generated worlds (see ``navfw.worldgen.looks``)."""
+
 
 class TextureSpec(StrictModel):
     """A texture without detail finer than the camera resolves: a seeded pattern, or a picture."""

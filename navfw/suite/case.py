@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from navfw.missions.missionfile import MissionFile
     from navfw.missions.session import Session
     from navfw.plugins import Registry
-    from navfw.sim.worldspec import WorldSpec
-    from navfw.suite.suitefile import Look
+    from navfw.sim.worldspec import Look, WorldSpec
 
 RECORDINGS = "recordings"
 """The folder of the recorded runs' folders, beside that of the pictures."""

@@ -37,16 +37,13 @@ from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, InputError
 from navfw.missions.eventspec import EventSpec
-from navfw.sim.worldspec import MAX_CONTRAST
+from navfw.sim.worldspec import MAX_CONTRAST, Look
 
 MAX_SEED = 2**32
 """Seeds are below this."""
 
 _MAX_SEEDS = 100_000
 """Largest number of seeds of a suite, against mistyped ranges."""
-
-Look = Literal["plain", "photo"]
-"""Looks of generated worlds (see ``navfw.worldgen``)."""
 
 Expect = Literal["arrival", "stop"]
 """What passes: reaching the goals, or a stop without a collision for a known reason."""

@@ -12,10 +12,10 @@ from navfw.interfaces import WorldFamily
 from navfw.missions.missionfile import goals_map
 from navfw.missions.missionspec import MissionSpec
 from navfw.sim.world_check import check_world
-from navfw.sim.worldspec import MAX_CONTRAST
+from navfw.sim.worldspec import MAX_CONTRAST, Look
 from navfw.worldgen.families import Clutter, Corridors, Maze, Moving, Poles, Rooms
 from navfw.worldgen.generated_world import MAP_FILE, GeneratedWorld
-from navfw.worldgen.looks import LOOKS, Look, with_look
+from navfw.worldgen.looks import LOOKS, with_look
 from navfw.worldgen.texture_palette import with_contrast
 from navfw.worldgen.world_draft import ROBOT, Unsuitable, WorldDraft
 

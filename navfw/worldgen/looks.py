@@ -9,10 +9,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from navfw.sim.textures import STOCK
-from navfw.sim.worldspec import DoorFrameSpec, SkirtingSpec, TextureSpec, WorldSpec
+from navfw.sim.worldspec import DoorFrameSpec, Look, SkirtingSpec, TextureSpec, WorldSpec
 from navfw.worldgen.texture_palette import Role
 
-Look = Literal["plain", "photo"]
 LOOKS: tuple[Look, ...] = ("plain", "photo")
 
 Colour = tuple[float, float, float]

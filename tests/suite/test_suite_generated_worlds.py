@@ -11,11 +11,11 @@ from navfw import worldgen
 from navfw.errors import InputError, UnknownNameError, WorldError
 from navfw.missions.missionspec import MissionSpec
 from navfw.plugins import default_registry
-from navfw.sim.worldspec import BoxSpec, TextureSpec, WorldSpec
+from navfw.sim.worldspec import BoxSpec, Look, TextureSpec, WorldSpec
 from navfw.suite.case import Job
 from navfw.suite.case_worker import run_job
 from navfw.suite.suite_plan import SuitePlan, plan_runs
-from navfw.suite.suitefile import Look, load_suite
+from navfw.suite.suitefile import load_suite
 from navfw.topomap import Passage, Place, TopoMap
 
 
@@ -113,7 +113,10 @@ def test_the_look_of_an_entry_is_that_of_its_worlds(tmp_path: Path) -> None:
         ),
         ("{family: boxes, set: {mission.timeout: -1}}", "--set mission.timeout=-1"),
         ("{family: boxes, set: {ovoid.margin: 1}}", "did you mean 'avoid'?"),
-        ("{family: boxes, set: {mission.goals: [and]}}", "no place 'and'"),
+        (
+            "{family: boxes, set: {mission.goals: [and]}}",
+            "entries[0]: unknown place 'and': did you mean 'end'?",
+        ),
         ("{family: boxes, stack: defalt}", "entries[0].stack: unknown stack"),
     ],
 )

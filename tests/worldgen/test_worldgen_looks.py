@@ -8,9 +8,10 @@ import pytest
 
 from navfw.errors import InputError, UnknownNameError
 from navfw.sim.worldfile import load_world
+from navfw.sim.worldspec import Look
 from navfw.suite.suitefile import EntrySpec
 from navfw.worldgen import generate
-from navfw.worldgen.looks import LOOKS, Look
+from navfw.worldgen.looks import LOOKS
 
 SURFACES = {"textures", "skirting", "door_frames"}
 
