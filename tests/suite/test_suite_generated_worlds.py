@@ -89,6 +89,18 @@ def test_the_seed_determines_the_world_and_overrides_apply_to_the_mission(tmp_pa
     assert session.shortest == pytest.approx(4.0)
 
 
+def test_rounds_drops_and_unknown_starts_hold_in_generated_worlds(tmp_path: Path) -> None:
+    drop = "{name: pit, x: [1.0, 1.5], y: [-3.0, -2.0]}"
+    changes = f"mission.rounds: 2, mission.start: unknown, mission.drops: [{drop}]"
+    (case,) = planned(tmp_path, f"{{family: boxes, set: {{{changes}}}}}", range(1)).cases
+    session = case.session(default_registry())
+    assert [goal.place for goal in session.mission.goals] == ["end", "end"]
+    assert not session.task.start_known
+    assert (session.mission.start.x, session.mission.start.y) == (-2.0, 0.0)
+    assert session.mission.start.yaw != 0.0
+    assert session.task.drops == {"pit"}
+
+
 @pytest.mark.parametrize(("given", "contrast"), [("", None), (", contrast: 3", 3.0)])
 def test_the_contrast_of_an_entry_is_that_of_its_worlds(
     given: str, contrast: float | None, tmp_path: Path
