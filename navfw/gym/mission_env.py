@@ -20,9 +20,8 @@ from navfw.config.yamlfile import validate
 from navfw.errors import InputError, UnknownNameError
 from navfw.gym.agent_plugins import ACTIONS, Action, AgentChoice
 from navfw.gym.observation_kinds import KINDS, AgentView, Observation
-from navfw.missions.outcome import Outcome
+from navfw.missions.outcome import GoalChecker, Outcome
 from navfw.missions.pilot import TickView
-from navfw.missions.outcome import GoalChecker
 from navfw.missions.session import Session, SteppedSession
 from navfw.plugins import Registry, default_registry
 from navfw.signals import Image, Pose

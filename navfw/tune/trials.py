@@ -13,8 +13,8 @@ from optuna.trial import FrozenTrial, Trial, TrialState
 
 from navfw.errors import InputError, RuleBaseError, UnknownNameError
 from navfw.suite.case import Case, Job
-from navfw.suite.suite_run import Engine, answered_row
 from navfw.suite.run_table import RunRow
+from navfw.suite.suite_run import Engine, answered_row
 from navfw.suite.worker_pool import WorkerFailure
 from navfw.tune.search_space import SearchSpace
 
