@@ -78,7 +78,7 @@ def check_map(path: Path, registry: Registry) -> None:
 def check_mission(path: Path, registry: Registry) -> None:
     """Check a mission with its world, its map and its stack, as before a run."""
     from navfw.missions.missionfile import load_mission
-    from navfw.missions.session import prepare
+    from navfw.missions.session_setup import prepare
 
     folder = path.absolute().parents[1]
     if (folder / "world.yaml").is_file():

@@ -280,7 +280,7 @@ def _floor_plan(topo_map: TopoMap, world: str | None) -> FloorPlan | None:
 
 def _outline_for(topo_map: TopoMap, world: str | None) -> WorldOutline | None:
     """The outline, seen from above, of the world of ``floor_plan``; None without one."""
-    from navfw.missions.world_outline import outline_of
+    from navfw.missions.run_drawing import outline_of
 
     plan = _floor_plan(topo_map, world)
     return None if plan is None else outline_of(plan)

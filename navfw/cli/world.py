@@ -138,7 +138,7 @@ def _draw_plan(path: Path, world: WorldSpec) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    from navfw.missions.world_outline import outline_of
+    from navfw.missions.run_drawing import outline_of
     from navfw.process.atomic import atomic_file
     from navfw.recording.top_view import draw_outline, style_axes
     from navfw.sim.floorplan import FloorPlan

@@ -19,7 +19,7 @@ from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Override, Settings, override_texts, parse_override
 from navfw.errors import UnknownNameError
 from navfw.missions.event_check import resolve_events, with_doors_open
-from navfw.missions.missionfile import MissionFile, load_mission, where
+from navfw.missions.missionfile import MissionFile, load_mission
 from navfw.missions.session import MissionResult, Session, SteppedSession
 from navfw.robot.robotfile import robot_section
 from navfw.sim.floorplan import FloorPlan
@@ -208,11 +208,8 @@ def chosen_stack(mission: MissionFile, stack: str | Path | None = None) -> Path:
     if stack is not None:
         return find("stack", stack)
     unnamed = _DEFAULT_STACK if mission.topo_map.floor_plan is None else _FLOOR_PLAN_STACK
-    try:
+    with mission.document.locating(("stack",), only=UnknownNameError):
         return find("stack", mission.spec.stack or unnamed)
-    except UnknownNameError as error:
-        at = where(mission.document, ("stack",))
-        raise UnknownNameError(error.what, error.name, error.known, **at) from None
 
 
 def split_overrides(overrides: Sequence[str]) -> tuple[list[Override], list[str]]:
