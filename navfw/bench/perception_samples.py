@@ -40,7 +40,7 @@ from navfw.signals import (
     Twist,
     wrap_angle,
 )
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
 from navfw.sim.simulation import Simulation
 from navfw.sim.solids import opening_segment, wall_segments
@@ -229,7 +229,7 @@ def random_views(
     uniform in 0.1 to 0.4 m/s; half of the views are on a straight path, the others turn at up to
     0.6 rad/s. Fewer views are returned if the world has too little free space.
     """
-    plan = FloorPlan.from_world(world, robot.height)
+    plan = SceneGeometry.from_world(world, robot.height)
     first = int(rng.integers(len(_AIMS)))
     views: list[RandomView] = []
     for i in range(number):
@@ -326,7 +326,7 @@ def _wall_point(rng: np.random.Generator, world: WorldSpec) -> _Facing:
     return x, y, segment.yaw + float(rng.choice([-0.5, 0.5])) * math.pi
 
 
-def _is_free(plan: FloorPlan, view: RandomView, robot: RobotModel) -> bool:
+def _is_free(plan: SceneGeometry, view: RandomView, robot: RobotModel) -> bool:
     """Whether the robot keeps MARGIN at its pose and on the last second of its path."""
     poses = [view.before(seconds) for seconds in (0.0, 0.25, 0.5, 0.75, 1.0)]
     points = np.array([(pose.x, pose.y) for pose in poses])

@@ -75,7 +75,7 @@ def _furnish(rng: np.random.Generator, draft: WorldDraft) -> None:
     for wall in draft.walls:
         for opening in wall.openings:
             draft.keep_free(*opening.at, _CLEAR_OF_DOORS)
-    draft.shapes += [solid.shape for solid in draft.floor_plan().solids]
+    draft.shapes += [solid.shape for solid in draft.geometry().solids]
     textures = draft.palette.draw_many("thing", 4)
     for room in draft.rooms:
         largest = _MAX_SIDE_IN_CORRIDOR if room is draft.rooms[0] else _MAX_SIDE

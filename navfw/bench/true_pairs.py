@@ -132,9 +132,9 @@ def rendered_pairs(
 
 def _start(world: WorldSpec, robot: RobotModel) -> Pose:
     """A free pose for the robot's body, which is never drawn."""
-    from navfw.sim.floorplan import FloorPlan
+    from navfw.sim.scene_geometry import SceneGeometry
 
-    plan = FloorPlan.from_world(world, robot.height)
+    plan = SceneGeometry.from_world(world, robot.height)
     rng = np.random.default_rng(0)
     while True:
         x, y = rng.uniform((world.x[0], world.y[0]), (world.x[1], world.y[1])).tolist()

@@ -170,7 +170,7 @@ def _import_file(
 def _import_plan(
     source: Path, out: Path, options: _ImportOptions, report: ProgressCallback
 ) -> _Imported:
-    from navfw.worldgen.plan_import import import_plan, read_cleaning, read_plan
+    from navfw.worldgen.plan_exchange import import_plan, read_cleaning, read_plan
 
     steps = read_cleaning({"speckle": options.speckle, "gap": options.gap})
     report("reading")

@@ -15,7 +15,7 @@ from navfw.cli.progress_bar import ProgressBar, Quiet
 
 if TYPE_CHECKING:
     from navfw.recording.top_view import WorldOutline
-    from navfw.sim.floorplan import FloorPlan
+    from navfw.sim.scene_geometry import SceneGeometry
     from navfw.topomap import TopoMap
 
 _OverWorld = Annotated[
@@ -106,7 +106,7 @@ def build(
 ) -> None:
     """Build a draft of a map from a world."""
     from navfw.config.lookup import find
-    from navfw.sim.floorplan import FloorPlan
+    from navfw.sim.scene_geometry import SceneGeometry
     from navfw.sim.worldfile import load_world
     from navfw.topomap.clearance_grid import ClearanceGrid
     from navfw.topomap.map_builder import build_map
@@ -114,7 +114,7 @@ def build(
 
     with quiet_stdout():
         spec = load_world(find("world", world))
-        plan = FloorPlan.from_world(spec)
+        plan = SceneGeometry.from_world(spec)
         rooms = {room.name: (*room.x, *room.y) for room in spec.rooms}
         with ProgressBar("map build", quiet=quiet) as bar:
             bar.show_part("clearances")
@@ -170,7 +170,7 @@ def export(
     from navfw.config.lookup import find
     from navfw.sim.worldfile import load_world
     from navfw.topomap.ros_map import save_ros_map
-    from navfw.worldgen.plan_export import exported_plan
+    from navfw.worldgen.plan_exchange import exported_plan
 
     with quiet_stdout():
         plan = exported_plan(load_world(find("world", world)), resolution, walls_only=walls_only)
@@ -259,7 +259,7 @@ def _find_map(name: str, both_ways: bool = False) -> TopoMap:
     return load_any_map(path if foreign else find("map", name), both_ways, check_landmark_kind)
 
 
-def _floor_plan(topo_map: TopoMap, world: str | None) -> FloorPlan | None:
+def _floor_plan(topo_map: TopoMap, world: str | None) -> SceneGeometry | None:
     """The floor plan of ``world``; by default of the world with the map's name, None without one.
 
     Raises:
@@ -267,7 +267,7 @@ def _floor_plan(topo_map: TopoMap, world: str | None) -> FloorPlan | None:
 
     """
     from navfw.config.lookup import find, list_files
-    from navfw.sim.floorplan import FloorPlan
+    from navfw.sim.scene_geometry import SceneGeometry
     from navfw.sim.worldfile import load_world
 
     if world is None:
@@ -275,7 +275,7 @@ def _floor_plan(topo_map: TopoMap, world: str | None) -> FloorPlan | None:
         file = worlds.get(topo_map.name)
     else:
         file = find("world", world)
-    return None if file is None else FloorPlan.from_world(load_world(file))
+    return None if file is None else SceneGeometry.from_world(load_world(file))
 
 
 def _outline_for(topo_map: TopoMap, world: str | None) -> WorldOutline | None:

@@ -141,9 +141,9 @@ def _draw_plan(path: Path, world: WorldSpec) -> None:
     from navfw.missions.run_drawing import outline_of
     from navfw.process.atomic import atomic_file
     from navfw.recording.top_view import draw_outline, style_axes
-    from navfw.sim.floorplan import FloorPlan
+    from navfw.sim.scene_geometry import SceneGeometry
 
-    x0, y0, x1, y1 = (plan := FloorPlan.from_world(world)).bounds
+    x0, y0, x1, y1 = (plan := SceneGeometry.from_world(world)).bounds
     scale = min(16.0 / (x1 - x0), 11.0 / (y1 - y0))
     figure = Figure(figsize=((x1 - x0) * scale + 0.8, (y1 - y0) * scale + 0.8))
     FigureCanvasAgg(figure)

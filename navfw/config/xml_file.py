@@ -6,7 +6,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
-from navfw.config.input_file import read_input
+from navfw.config.input_file import read_input, shown_path
 from navfw.errors import ConfigError
 
 _MAX_DEPTH = 60
@@ -15,29 +15,30 @@ _LINE = "navfw-line"
 """Attribute with the line of an element."""
 
 
-def read_xml(path: Path, max_bytes: int, what: str) -> Element:
+def read_xml(path: Path, max_bytes: int, what: str, *, doctype: bool = False) -> Element:
     """The root element of the file; ``line_of`` tells the line of each element.
+
+    A document type, with ``doctype``, may be named, but declares no entities and is not read.
 
     Raises:
         ConfigError: the file cannot be read, is larger than ``max_bytes``, nested too deep, or not
             XML; the message says that ``what`` was expected, as in "an SDF world".
 
     """
-    content = read_input(path, max_bytes)
+    content, name = read_input(path, max_bytes), shown_path(path)
     parser = expat.ParserCreate()
     builder = TreeBuilder()
     depth = 0
 
     def refuse(*_: object) -> None:
-        raise ConfigError(
-            "document types and entities are not allowed", file=path, line=parser.CurrentLineNumber
-        )
+        message = "document types and entities are not allowed; write the text itself"
+        raise ConfigError(message, file=name, line=parser.CurrentLineNumber)
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth
         depth += 1
         if depth > _MAX_DEPTH:
-            raise ConfigError("is nested too deep", file=path, line=parser.CurrentLineNumber)
+            raise ConfigError("is nested too deep", file=name, line=parser.CurrentLineNumber)
         builder.start(tag, {**attributes, _LINE: str(parser.CurrentLineNumber)})
 
     def end(tag: str) -> None:
@@ -45,7 +46,8 @@ def read_xml(path: Path, max_bytes: int, what: str) -> Element:
         depth -= 1
         builder.end(tag)
 
-    parser.StartDoctypeDeclHandler = refuse
+    if not doctype:
+        parser.StartDoctypeDeclHandler = refuse
     parser.EntityDeclHandler = refuse
     parser.StartElementHandler = start
     parser.EndElementHandler = end
@@ -56,11 +58,11 @@ def read_xml(path: Path, max_bytes: int, what: str) -> Element:
     except expat.ExpatError as error:
         reason = expat.errors.messages.get(error.code, "malformed")
         raise ConfigError(
-            f"expected {what}, but it is not XML: {reason}", file=path, line=error.lineno
+            f"expected {what}, but it is not XML: {reason}", file=name, line=error.lineno
         ) from None
     except (LookupError, ValueError) as error:  # the declared encoding
         raise ConfigError(
-            f"cannot be decoded: {error}; save it as UTF-8", file=path, line=1
+            f"cannot be decoded: {error}; save it as UTF-8", file=name, line=1
         ) from None
     return root
 

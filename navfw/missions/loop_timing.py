@@ -22,8 +22,8 @@ from navfw.process.process_memory import peak_memory_mb
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.recording.run_log import RunLog
 from navfw.signals import Pose
-from navfw.sim.movers import MoverTrack
 from navfw.sim.reference_renderer import ReferenceRenderer
+from navfw.sim.walkers import WalkerTrack
 
 _WARM_UP = 2.0
 """Simulated time [s] driven before the first lap, so that laps contain no compiling of kernels."""
@@ -97,14 +97,14 @@ def bench_loop(
     }
 
 
-def _drive(session: Session, seconds: float) -> tuple[Lap, RunLog, MoverTrack]:
+def _drive(session: Session, seconds: float) -> tuple[Lap, RunLog, WalkerTrack]:
     """A lap without PyBullet's frame time, and the poses of the robot and of the movers."""
     task = replace(session.task, timeout=seconds)
     with session.simulation() as simulator, session.stack.guard.on_duty():
         before = replace(simulator.timings)
         run = MissionLoop(task, session.stack, simulator).run()
         spent = simulator.timings
-        movers = simulator.mover_track()
+        movers = simulator.walker_track()
     lap = Lap(
         sim_time=run.sim_time,
         wall_time=run.wall_time,
@@ -128,7 +128,7 @@ def _reference(session: Session) -> ReferenceRenderer:
     return ReferenceRenderer(session.world, spec.robot.camera, spec.sensors.resolved().supersample)
 
 
-def _pybullet_frame(log: RunLog, movers: MoverTrack, reference: ReferenceRenderer) -> float:
+def _pybullet_frame(log: RunLog, movers: WalkerTrack, reference: ReferenceRenderer) -> float:
     """PyBullet's median wall time [s] for a frame of this drive.
 
     It draws only visible bodies, as the simulation does; hiding the others is not counted.
@@ -138,7 +138,7 @@ def _pybullet_frame(log: RunLog, movers: MoverTrack, reference: ReferenceRendere
     for tick in ticks:
         if movers.names:
             places = movers.at(log.time[tick : tick + 1])[0]
-            reference.place_movers((float(x), float(y)) for x, y in places)
+            reference.place_walkers((float(x), float(y)) for x, y in places)
         request = reference.request(Pose(*log.true[tick].tolist()))
         if not times:
             for _ in range(_WARM_UP_VIEWS):

@@ -28,7 +28,7 @@ from navfw.missions.missionspec import (
 )
 from navfw.robot.robotfile import with_section
 from navfw.signals import Pose, Waypoint
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.topomap import Passage, Place, TopoMap, load_map
 
 _Point = tuple[float, float]
@@ -58,7 +58,7 @@ class MissionFile:
         """Whether the stack gets the start pose."""
         return not self.starts
 
-    def placed(self, seed: int, plan: FloorPlan) -> MissionFile:
+    def placed(self, seed: int, plan: SceneGeometry) -> MissionFile:
         """The mission with an unknown start drawn by ``seed``; a known start stays.
 
         Raises:
@@ -75,7 +75,7 @@ class MissionFile:
         with self.document.locating(("start",), only=WorldError):
             return replace(self, start=draw_start(self.starts, seed, check))
 
-    def check(self, plan: FloorPlan) -> float:
+    def check(self, plan: SceneGeometry) -> float:
         """The length [m] of the shortest path through all goals, in the world of this floor plan.
 
         Raises:

@@ -55,7 +55,7 @@ class SimulatorTruth:
             else:
                 corners = [robot.to_local(x, y) for x, y in shape.corners]
                 edges += [[corners[i - 1], corners[i]] for i in range(4)]
-        for mover in self._simulation.movers:
+        for mover in self._simulation.walkers:
             if math.hypot(mover.x - robot.x, mover.y - robot.y) - mover.spec.radius <= reach:
                 speed = 0.0 if mover.waiting else mover.spec.speed
                 heading = mover.heading - robot.yaw

@@ -7,8 +7,8 @@ import math
 from navfw.recording import palette
 from navfw.recording.top_view import OutlineDisc, WorldOutline
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
-from navfw.sim.floorplan import FloorPlan
-from navfw.sim.window import Point3, SimulatorWindow
+from navfw.sim.display import Point3, SimulatorWindow
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.stack import Stack
 
 _LIFT = 0.03
@@ -19,7 +19,7 @@ _STEP = 0.05
 """Length of the pieces of the path [m]."""
 
 
-def outline_of(plan: FloorPlan) -> WorldOutline:
+def outline_of(plan: SceneGeometry) -> WorldOutline:
     """The outline of the world in a top view: walls, doors, furniture and drops."""
     rectangles = list(plan.rectangles())
     return WorldOutline(

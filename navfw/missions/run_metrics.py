@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from navfw.recording.run_log import Contact, RunLog
 from navfw.signals import Array
-from navfw.sim.floorplan import FloorPlan
-from navfw.sim.movers import MoverTrack
+from navfw.sim.scene_geometry import SceneGeometry
+from navfw.sim.walkers import WalkerTrack
 from navfw.sim.world_changes import ChangeTrack
 
 Point = tuple[float, float]
@@ -40,7 +40,7 @@ _CORRECT = 1.0
 class CombinedClearance:
     """Clearances to the nearest of several sets of moving or temporary bodies."""
 
-    def __init__(self, *tracks: MoverTrack | ChangeTrack | None) -> None:
+    def __init__(self, *tracks: WalkerTrack | ChangeTrack | None) -> None:
         self._tracks = [track for track in tracks if track is not None]
 
     def clearances(self, points: Array, times: Array) -> Array:
@@ -51,11 +51,11 @@ class CombinedClearance:
         return nearest
 
 
-def permanent_plan(plan: FloorPlan, changes: ChangeTrack | None) -> FloorPlan:
+def permanent_plan(plan: SceneGeometry, changes: ChangeTrack | None) -> SceneGeometry:
     """The plan of the solids that existed during the whole run."""
     if changes is None or not changes.names:
         return plan
-    return FloorPlan(plan.bounds, tuple(s for s in plan.solids if s.name not in changes.names))
+    return SceneGeometry(plan.bounds, tuple(s for s in plan.solids if s.name not in changes.names))
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ def measure_localization(log: RunLog, sampled: npt.NDArray[np.intp]) -> Localiza
 
 
 class ClearanceSource(Protocol):
-    """The part of a world's floor plan that metrics use (``navfw.sim.floorplan.FloorPlan``)."""
+    """The part of a world's geometry that metrics use (``navfw.sim.SceneGeometry``)."""
 
     def clearances(self, points: Array) -> Array:
         """(n,) distances [m] of points (n, 2) to the nearest wall or object; negative inside."""

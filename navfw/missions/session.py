@@ -30,9 +30,9 @@ from navfw.plugins.simulator_access import SimulatorWatch
 from navfw.recording.run_folder import plain_json
 from navfw.recording.run_observer import RunObserver, SeenRun
 from navfw.recording.run_recorder import RunRecorder
-from navfw.sim.floorplan import FloorPlan
-from navfw.sim.movers import MoverTrack
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.simulation import Simulation
+from navfw.sim.walkers import WalkerTrack
 from navfw.sim.world_changes import ChangeTrack
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
@@ -49,7 +49,7 @@ class Session:
     mission_name: str
     seed: int
     world: WorldSpec
-    plan: FloorPlan
+    plan: SceneGeometry
     mission: MissionFile
     shortest: float
     stack_file: Path
@@ -200,7 +200,7 @@ class SteppedSession:
             return
         self._changes = simulator.change_track()
         self._cause = simulator.collision_cause
-        self._movers = simulator.mover_track() if self.session.world.movers else None
+        self._movers = simulator.walker_track() if self.session.world.movers else None
         spent, stack = simulator.timings, self.session.stack
         landmarks = {"landmark_frames": spent.landmarks} if stack.features.landmark_frames else {}
         self._timings = {
@@ -292,7 +292,7 @@ class MissionResult:
     timings: dict[str, float] = field(default_factory=dict)
     recorder: RunRecorder | None = None
     collision_cause: str | None = None
-    movers: MoverTrack | None = None
+    movers: WalkerTrack | None = None
     changes: ChangeTrack | None = None
     oracle_plugins: tuple[str, ...] = ()
 

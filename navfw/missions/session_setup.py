@@ -22,7 +22,7 @@ from navfw.missions.event_check import resolve_events, with_doors_open
 from navfw.missions.missionfile import MissionFile, load_mission
 from navfw.missions.session import MissionResult, Session, SteppedSession
 from navfw.robot.robotfile import robot_section
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.world_check import check_world
 from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import WorldSpec
@@ -126,8 +126,8 @@ def session_of(
     """
     world = with_drops(world, mission)
     spec = mission.spec
-    plan = FloorPlan.from_world(world, spec.robot.height)
-    with_all_ways = FloorPlan.from_world(with_doors_open(world, spec.events), spec.robot.height)
+    plan = SceneGeometry.from_world(world, spec.robot.height)
+    with_all_ways = SceneGeometry.from_world(with_doors_open(world, spec.events), spec.robot.height)
     mission = mission.placed(seed, with_all_ways)
     shortest = mission.check(with_all_ways)
     stack_file = chosen_stack(mission, stack)

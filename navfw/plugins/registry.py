@@ -59,12 +59,12 @@ BUILT_IN: dict[str, dict[str, str]] = {
     },
     "event": {"blackout": "navfw.missions.composed_events:Blackout"},
     "family": {
-        "clutter": "navfw.worldgen.families:Clutter",
-        "corridors": "navfw.worldgen.families:Corridors",
-        "maze": "navfw.worldgen.families:Maze",
-        "moving": "navfw.worldgen.families:Moving",
-        "poles": "navfw.worldgen.families:Poles",
-        "rooms": "navfw.worldgen.families:Rooms",
+        "clutter": "navfw.worldgen.open_areas:Clutter",
+        "corridors": "navfw.worldgen.corridors:Corridors",
+        "maze": "navfw.worldgen.maze:Maze",
+        "moving": "navfw.worldgen.open_areas:Moving",
+        "poles": "navfw.worldgen.open_areas:Poles",
+        "rooms": "navfw.worldgen.rooms:Rooms",
     },
 }
 """The shipped plugins as ``module:Class``, by kind and name; imported on first use.

@@ -15,7 +15,7 @@ from navfw.recording.palette import FURNITURE, WALL
 from navfw.reproduce.paper_scenes import TrajectoryPoint
 from navfw.reproduce.paper_tables import FAST, SceneRow, WaypointRow
 from navfw.signals import FlowField, Image
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldspec import WorldSpec
 
 _GAIN = 4
@@ -78,7 +78,7 @@ def draw_map(world: WorldSpec, way: list[TrajectoryPoint], rows: list[WaypointRo
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle, Polygon
 
-    plan = FloorPlan.from_world(world, 2.0)
+    plan = SceneGeometry.from_world(world, 2.0)
     figure = Figure(figsize=(9.0, 5.4), dpi=130)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.04, 0.06, 0.94, 0.92))

@@ -2,7 +2,7 @@
 
 Light falls off towards the image's corners, is collected while the robot moves, and its amount is
 controlled; rows are read out one after the other, and the image is compressed. The simulator
-applies them in this order (``navfw.sim.shutter``, ``navfw.sim.image_sensor``). The stack does not
+applies them in this order (``navfw.sim.shutter``, ``navfw.sim.shutter``). The stack does not
 correct them.
 """
 

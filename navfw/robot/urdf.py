@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -20,7 +21,7 @@ from navfw.errors import ConfigError
 from navfw.numerics.products import product
 from navfw.signals import Array
 
-MAX_BYTES = 5_000_000
+_MAX_BYTES = 5_000_000
 """Largest size of a file [bytes]; that of Husky has 11 kB."""
 _BULLET_DATA = "pybullet_data:"
 """Prefix of files that are installed with PyBullet."""
@@ -51,15 +52,26 @@ class UrdfJoint:
 
 
 @dataclass(frozen=True)
-class UrdfModel:
-    """A URDF file: its joints by name, and the links; ``massless`` are those without inertia.
+class UrdfCollision:
+    """A collision shape of a link: the element in its <geometry>, and its <origin>, if any."""
 
-    ``wheel_radii`` [m] are the radii of the links that collide as one cylinder or sphere.
+    link: str
+    shape: Element
+    origin: Element | None
+
+
+@dataclass(frozen=True)
+class UrdfModel:
+    """A URDF file: its joints by name, links and collision shapes.
+
+    ``massless`` are the links without inertia; ``wheel_radii`` [m] are the radii of the links that
+    collide as one cylinder or sphere.
     """
 
     file: Path
     links: tuple[str, ...]
     joints: dict[str, UrdfJoint]
+    collisions: tuple[UrdfCollision, ...]
     massless: frozenset[str]
     wheel_radii: dict[str, float]
 
@@ -98,7 +110,7 @@ def read_urdf(path: Path) -> UrdfModel:
             links that it does not have, or names a mesh that does not exist.
 
     """
-    root = read_xml(path, MAX_BYTES, "a URDF robot")
+    root = read_xml(path, _MAX_BYTES, "a URDF robot")
     if root.tag != "robot":
         raise ConfigError(
             f"expected a URDF <robot>, got <{root.tag}>; convert xacro files with the tool xacro",
@@ -113,24 +125,29 @@ def read_urdf(path: Path) -> UrdfModel:
         joints[joint.name] = joint
     _check_meshes(path, root)
     massless = frozenset(link.get("name", "") for link in elements if link.find("inertial") is None)
-    radii = {
-        link.get("name", ""): radius
+    collisions = tuple(
+        UrdfCollision(link.get("name", ""), shape, collision.find("origin"))
         for link in elements
-        if (radius := _radius(path, link)) is not None
-    }
-    return UrdfModel(path, links, joints, massless, radii)
+        for collision in link.findall("collision")
+        for shape in collision.findall("geometry/*")
+    )
+    return UrdfModel(path, links, joints, collisions, massless, _wheel_radii(path, collisions))
 
 
 def _joint(path: Path, element: Element, links: tuple[str, ...]) -> UrdfJoint:
     name, kind = element.get("name", ""), element.get("type", "")
     if kind not in _KINDS:
-        raise _error(path, element, f"joint {name!r}: expected a type of {_KINDS}, got {kind!r}")
+        raise urdf_error(
+            path, element, f"joint {name!r}: expected a type of {_KINDS}, got {kind!r}"
+        )
     ends: dict[str, str] = {}
     for end in ("parent", "child"):
-        part = element.find(end)
-        link = ends[end] = "" if part is None else part.get("link", "")
+        named = element.find(end)
+        link = ends[end] = "" if named is None else named.get("link", "")
         if link not in links:
-            raise _error(path, element, f"joint {name!r}: its {end} link {link!r} does not exist")
+            raise urdf_error(
+                path, element, f"joint {name!r}: its {end} link {link!r} does not exist"
+            )
     axis_element = element.find("axis")
     axis = [1.0, 0.0, 0.0]
     if axis_element is not None:
@@ -146,21 +163,21 @@ def _check_meshes(path: Path, root: Element) -> None:
     for mesh in root.iter("mesh"):
         name = mesh.get("filename", "")
         if "://" in name:
-            raise _error(
+            raise urdf_error(
                 path, mesh, f"mesh {name!r}: expected a path relative to this file; replace the URI"
             )
         if not is_file(path.parent / name):
-            raise _error(path, mesh, f"mesh {name!r} does not exist; copy it beside this file")
+            raise urdf_error(path, mesh, f"mesh {name!r} does not exist; copy it beside this file")
 
 
-def _radius(path: Path, link: Element) -> float | None:
-    """Radius [m] of a link that collides as one cylinder or sphere."""
-    shapes = [
-        shape for c in link.findall("collision") for g in c.findall("geometry") for shape in g
-    ]
-    if len(shapes) != 1 or shapes[0].tag not in {"cylinder", "sphere"}:
-        return None
-    return attribute_numbers(path, shapes[0], "radius", [0.0])[0]
+def _wheel_radii(path: Path, collisions: tuple[UrdfCollision, ...]) -> dict[str, float]:
+    """Radii [m] of the links that collide as one cylinder or sphere."""
+    counts = Counter(collision.link for collision in collisions)
+    return {
+        collision.link: attribute_numbers(path, collision.shape, "radius", [0.0])[0]
+        for collision in collisions
+        if counts[collision.link] == 1 and collision.shape.tag in {"cylinder", "sphere"}
+    }
 
 
 def origin_frame(path: Path, origin: Element | None) -> Array:
@@ -200,9 +217,10 @@ def attribute_numbers(path: Path, element: Element, key: str, default: list[floa
         values = []
     if len(values) != len(default) or not all(math.isfinite(value) for value in values):
         expected = f"{len(default)} finite number{'s' if len(default) > 1 else ''}"
-        raise _error(path, element, f"{key}: expected {expected}, got {text!r}")
+        raise urdf_error(path, element, f"{key}: expected {expected}, got {text!r}")
     return values
 
 
-def _error(path: Path, element: Element, message: str) -> ConfigError:
+def urdf_error(path: Path, element: Element, message: str) -> ConfigError:
+    """An error at the line of an element."""
     return ConfigError(message, file=shown_path(path), line=line_of(element))

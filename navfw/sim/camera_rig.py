@@ -18,12 +18,11 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, Image
 from navfw.sim.camera import Camera, DepthImage
-from navfw.sim.image_sensor import ImageSensor, light_falloff
 from navfw.sim.injected_faults import InjectedFaults
+from navfw.sim.robot_body import BodyState
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import SensorParams
-from navfw.sim.shutter import Shutter
-from navfw.sim.wheeled_body import BodyState
+from navfw.sim.shutter import ImageSensor, Shutter, light_falloff
 from navfw.sim.worldspec import LightSpec
 
 _KEPT_STATES = 64
@@ -182,6 +181,6 @@ class CameraRig:
 
 def _parted(whole: Image, parts: Sequence[Image]) -> list[Image]:
     """``whole`` (height, sum of widths) cut into images as wide as ``parts``."""
-    ends = list(accumulate(part.shape[1] for part in parts))
+    ends = list(accumulate(image.shape[1] for image in parts))
     begins = [0, *ends[:-1]]
     return [np.ascontiguousarray(whole[:, a:b]) for a, b in zip(begins, ends, strict=True)]

@@ -1,12 +1,14 @@
-"""Import of PyBullet without its banner: stdout is for results, stderr for messages."""
+"""PyBullet, imported without its banner, and its clients: stdout is for results only."""
 
 from __future__ import annotations
 
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import Any, Self
+
+from navfw.errors import SimulationError
 
 
 @contextmanager
@@ -34,3 +36,52 @@ def _import_quietly() -> Any:
 
 
 bullet = _import_quietly()
+
+
+class BulletClient:
+    """What uses one PyBullet client of the id ``client``."""
+
+    def __init__(self, client: int) -> None:
+        self._client = client
+
+    def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:
+        """The answer of PyBullet's function of that name for this client."""
+        return getattr(bullet, function)(*args, physicsClientId=self._client, **kwargs)
+
+
+class BulletConnection(BulletClient):
+    """A PyBullet client of its own, with a window if ``gui``: close it, or use it as a context.
+
+    Raises:
+        SimulationError: PyBullet cannot be started.
+
+    """
+
+    def __init__(self, gui: bool = False) -> None:
+        self._gui = gui
+        super().__init__(-1)
+        reason = "no display?" if gui else "too many simulations open?"
+        try:
+            with self._window_output():
+                self._client = int(bullet.connect(bullet.GUI if gui else bullet.DIRECT))
+        except bullet.error as error:
+            reason = str(error)
+        if self._client < 0:
+            raise SimulationError(f"PyBullet could not be started ({reason})")
+
+    def _window_output(self) -> AbstractContextManager[None]:
+        """Discards what a window prints: all about threads and OpenGL."""
+        return quiet_output() if self._gui else nullcontext()
+
+    def close(self) -> None:
+        """Disconnect from PyBullet; calling it again has no effect."""
+        if self._client >= 0:
+            with self._window_output():
+                self._call("disconnect")
+            self._client = -1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -8,21 +8,13 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from navfw.config.strict_model import StrictModel
 from navfw.errors import did_you_mean
 from navfw.sim.shapes import Circle, Rectangle, Shape
+from navfw.sim.worldspec import Coordinate, Interval
 
-
-def _ascending(interval: tuple[float, float]) -> tuple[float, float]:
-    if interval[0] >= interval[1]:
-        raise ValueError(f"must ascend: {interval[0]:g} is not below {interval[1]:g}")
-    return interval
-
-
-Coordinate = Annotated[float, Field(ge=-500.0, le=500.0)]
-Interval = Annotated[tuple[Coordinate, Coordinate], AfterValidator(_ascending)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Length = Annotated[float, Field(ge=0.02, le=20.0)]
 Side = Literal["left", "right"]
@@ -46,11 +38,11 @@ class _OneOf(StrictModel):
 
     @model_validator(mode="after")
     def _exactly_one(self) -> Self:
-        given = [key for key in type(self).model_fields if getattr(self, key) not in (None, False)]
-        if len(given) != 1:
-            known = ", ".join(type(self).model_fields)
-            got = " and ".join(given) or "none of them"
-            raise ValueError(f"expected exactly one of {known}; got {got}")
+        keys = [key for key in type(self).model_fields if getattr(self, key) not in (None, False)]
+        if len(keys) != 1:
+            names = ", ".join(type(self).model_fields)
+            got = " and ".join(keys) or "none of them"
+            raise ValueError(f"expected exactly one of {names}; got {got}")
         return self
 
 

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from navfw.meshes.furniture_mesh import furniture_mesh
 from navfw.signals import Array
 from navfw.sim.drop_geometry import floor_pieces, treads_of
-from navfw.sim.engine import bullet
-from navfw.sim.furniture_mesh import furniture_mesh
-from navfw.sim.meshes import Mesh
+from navfw.sim.engine import BulletClient, bullet
 from navfw.sim.scenery import Scenery
 from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import Solid, solids_of
-from navfw.sim.worldspec import MeshSpec, MoverSpec, WorldSpec
+from navfw.sim.textured_mesh import TexturedMesh
+from navfw.sim.worldspec import MeshSpec, WalkerSpec, WorldSpec
 
 FLOOR_GROUP = 1
 """Collision group of the floor and of treads."""
 SOLID_GROUP = 2
-"""Collision group of solids and movers: their contact with the base is a collision."""
+"""Collision group of solids and walkers: their contact with the base is a collision."""
 BODY_GROUP = 4
 """Collision group of the robot's base."""
 WHEEL_GROUP = 8
@@ -36,17 +35,17 @@ _CONTACT_TOLERANCE = 0.02
 """Largest distance [m] of a contact point above or below the solid that it belongs to."""
 
 
-class PhysicsWorld:
+class PhysicsWorld(BulletClient):
     """The collision bodies of a world in one PyBullet client; ``scenery`` holds their meshes.
 
-    ``movers`` are the bodies of the world's movers, in the order of the file. A display of the
+    ``walkers`` are the bodies of the world's walkers, in the order of the file. A display of the
     scenery may use the same client.
     """
 
     def __init__(self, world: WorldSpec, client: int, scenery: Scenery) -> None:
+        super().__init__(client)
         self.world = world
         self.scenery = scenery
-        self._client = client
         self._names: dict[int, str] = {}
         self._shared: dict[int, list[Solid]] = {}
         self._visuals: dict[int, int] = {}
@@ -54,7 +53,7 @@ class PhysicsWorld:
         solids = solids_of(world)
         for door in (s for s in solids if s.kind == "door"):
             self.add_solid(door)
-        self.movers = [self._build_mover(mover) for mover in world.movers]
+        self.walkers = [self._build_walker(walker) for walker in world.movers]
         self._build_static([s for s in solids if s.kind not in ("door", "mesh")])
         for mesh in world.meshes:
             self._build_mesh(mesh)
@@ -94,14 +93,14 @@ class PhysicsWorld:
 
     def remove_solid(self, name: str) -> None:
         """Remove a solid that ``add_solid`` added."""
-        body = next(body for body, known in self._names.items() if known == name)
+        body = next(body for body, body_name in self._names.items() if body_name == name)
         self._call("removeBody", body)
         del self._names[body]
         self.scenery.remove(self._visuals.pop(body))
 
-    def update_mover_visuals(self) -> None:
-        """Move the movers' meshes to their bodies' poses."""
-        for body in self.movers:
+    def update_walker_visuals(self) -> None:
+        """Move the walkers' meshes to their bodies' poses."""
+        for body in self.walkers:
             self.scenery.place(
                 self._visuals[body], *self._call("getBasePositionAndOrientation", body)
             )
@@ -122,9 +121,9 @@ class PhysicsWorld:
         """Static solids: neighbours share a body."""
         order = sorted(solids, key=lambda s: (math.floor(s.shape.x / 1.5), s.shape.y))
         for i in range(0, len(order), _SHAPES_PER_BODY):
-            part = order[i : i + _SHAPES_PER_BODY]
-            body = self._add_body(part[0].name, [0.0, 0.0, 0.0], self._collision_of(part))
-            self._shared[body] = part
+            group = order[i : i + _SHAPES_PER_BODY]
+            body = self._add_body(group[0].name, [0.0, 0.0, 0.0], self._collision_of(group))
+            self._shared[body] = group
 
     def _collision_of(self, solids: list[Solid]) -> int:
         """One collision shape for all of ``solids``, boxes and cylinders."""
@@ -161,14 +160,14 @@ class PhysicsWorld:
         )
         self._add_body(mesh.name, [*mesh.at, mesh.base], collision, yaw=mesh.yaw)
 
-    def _build_mover(self, mover: MoverSpec) -> int:
-        """A mover's body at the first point of its path; the simulation moves it."""
-        size = {"radius": mover.radius, "height": mover.height}
+    def _build_walker(self, walker: WalkerSpec) -> int:
+        """A walker's body at the first point of its path; the simulation moves it."""
+        size = {"radius": walker.radius, "height": walker.height}
         collision = self._call("createCollisionShape", bullet.GEOM_CYLINDER, **size)
-        centre = [*mover.path[0], 0.5 * mover.height]
-        body = self._add_body(mover.name, centre, collision)
-        self._visuals[body] = self.scenery.add_mover(
-            mover.name, mover.radius, mover.height, mover.texture
+        centre = [*walker.path[0], 0.5 * walker.height]
+        body = self._add_body(walker.name, centre, collision)
+        self._visuals[body] = self.scenery.add_walker(
+            walker.name, walker.radius, walker.height, walker.texture
         )
         return body
 
@@ -194,7 +193,7 @@ class PhysicsWorld:
 
     def _invisible(self) -> int:
         """A visual shape without area; with none PyBullet would draw the collision shape."""
-        mesh = Mesh.without_area()
+        mesh = TexturedMesh.without_area()
         return int(
             self._call(
                 "createVisualShape",
@@ -205,9 +204,6 @@ class PhysicsWorld:
                 normals=mesh.normals,
             )
         )
-
-    def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:
-        return getattr(bullet, function)(*args, physicsClientId=self._client, **kwargs)
 
 
 def _quaternion(yaw: float) -> list[float]:

@@ -17,9 +17,9 @@ import numpy.typing as npt
 from navfw.numerics.arrays import Floats
 from navfw.numerics.products import product
 from navfw.signals import Array, Image, Mask
-from navfw.sim.meshes import Mesh
 from navfw.sim.raster_kernels import cover
 from navfw.sim.raster_shading import shade
+from navfw.sim.textured_mesh import TexturedMesh
 
 _NORMALIZATIONS = 4
 """TinyRenderer normalises normals at every use; after this many times they are unchanged."""
@@ -102,7 +102,7 @@ class Raster:
 
     def add(
         self,
-        mesh: Mesh,
+        mesh: TexturedMesh,
         texture: int,
         position: Sequence[float] = (0.0, 0.0, 0.0),
         turn: Sequence[float] = (0.0, 0.0, 0.0, 1.0),

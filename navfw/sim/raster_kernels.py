@@ -280,13 +280,13 @@ def _draw_triangle(
     if a[3] >= _ZERO and b[3] >= _ZERO and c[3] >= _ZERO:
         _fill(screen, depths, face, False, near, far, nearest, faces, weights)
         return
-    polygon, part = np.empty((6, 4), np.float32), np.empty((3, 3), np.float32)
+    polygon, triangle = np.empty((6, 4), np.float32), np.empty((3, 3), np.float32)
     count = _clip_edge(a, b, polygon, 0)
     count = _clip_edge(b, c, polygon, count)
     count = _clip_edge(c, a, polygon, count)
     # the polygon as a triangle fan
     for i in range(1, count - 1):
         for k, at in enumerate((0, i, i + 1)):
-            _to_screen(polygon[at], width, height, part[k])
+            _to_screen(polygon[at], width, height, triangle[k])
             depths[k] = polygon[at, 2]
-        _fill(part, depths, face, True, near, far, nearest, faces, weights)
+        _fill(triangle, depths, face, True, near, far, nearest, faces, weights)

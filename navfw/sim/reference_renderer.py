@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable
-from types import TracebackType
 
 import numpy as np
 import numpy.typing as npt
@@ -14,46 +13,46 @@ from navfw.robot import CameraModel
 from navfw.signals import Image, Pose
 from navfw.sim.camera import Camera, RenderRequest
 from navfw.sim.display import Display
-from navfw.sim.engine import bullet
+from navfw.sim.engine import BulletConnection, bullet
 from navfw.sim.scenery import Scenery
 from navfw.sim.solids import solids_of
 from navfw.sim.worldspec import WorldSpec
 
 
-class ReferenceRenderer:
+class ReferenceRenderer(BulletConnection):
     """The scenery of a world in a separate PyBullet client, drawn by its TinyRenderer.
 
     No shadows, no segmentation. It shows the world as at the start of a simulation, closed doors
-    and movers included. With ``cull`` it hides invisible bodies first, as the simulation does. Use
+    and walkers included. With ``cull`` it hides invisible bodies first, as the simulation does. Use
     as a context manager, or ``close()`` it.
     """
 
     def __init__(
         self, world: WorldSpec, camera: CameraModel, supersample: int = 1, cull: bool = True
     ) -> None:
-        self._client = int(bullet.connect(bullet.DIRECT))
+        super().__init__()
         try:
             self._display = Display(self._client)
             self.scenery = Scenery(world, self._display)
             for solid in solids_of(world):
                 if solid.kind == "door":
                     self.scenery.add_solid(solid)
-            self._movers = [
-                (self.scenery.add_mover(m.name, m.radius, m.height, m.texture), 0.5 * m.height)
+            self._walkers = [
+                (self.scenery.add_walker(m.name, m.radius, m.height, m.texture), 0.5 * m.height)
                 for m in world.movers
             ]
         except BaseException:
             self.close()
             raise
-        self.place_movers(mover.path[0] for mover in world.movers)
+        self.place_walkers(walker.path[0] for walker in world.movers)
         # without noise nothing is drawn from the generator
         rng = np.random.default_rng(0)
         self.camera = Camera(camera, world.light, self.scenery, rng, supersample=supersample)
         self._cull = cull
 
-    def place_movers(self, points: Iterable[tuple[float, float]]) -> None:
-        """Move the movers to points (x, y) [m], in the order of the world file."""
-        for (body, middle), (x, y) in zip(self._movers, points, strict=True):
+    def place_walkers(self, points: Iterable[tuple[float, float]]) -> None:
+        """Move the walkers to points (x, y) [m], in the order of the world file."""
+        for (body, middle), (x, y) in zip(self._walkers, points, strict=True):
             self.scenery.place(body, (x, y, middle), (0.0, 0.0, 0.0, 1.0))
 
     def request(self, pose: Pose) -> RenderRequest:
@@ -71,7 +70,8 @@ class ReferenceRenderer:
             matrix.T.ravel().tolist() for matrix in (request.view, request.projection)
         )
         begun = time.perf_counter()
-        _, _, rgba, raw, _ = bullet.getCameraImage(
+        _, _, rgba, raw, _ = self._call(
+            "getCameraImage",
             width,
             height,
             view,
@@ -83,25 +83,7 @@ class ReferenceRenderer:
             shadow=0,
             renderer=bullet.ER_TINY_RENDERER,
             flags=bullet.ER_NO_SEGMENTATION_MASK,
-            physicsClientId=self._client,
         )
         spent = time.perf_counter() - begun
         colours = np.asarray(rgba, np.uint8).reshape(height, width, 4)[..., :3]
         return colours, np.asarray(raw, np.float32).reshape(height, width), spent
-
-    def close(self) -> None:
-        """Disconnect from PyBullet; calling it again has no effect."""
-        if self._client >= 0:
-            bullet.disconnect(physicsClientId=self._client)
-            self._client = -1
-
-    def __enter__(self) -> ReferenceRenderer:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

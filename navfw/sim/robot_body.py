@@ -1,22 +1,105 @@
-"""The robot's body in PyBullet, from a URDF generated from the RobotModel.
+"""The robot's body in PyBullet: what all bodies on wheels share, and the round one of a RobotModel.
 
-A disc-shaped base on two driven wheels and two frictionless casters. Wheels and casters collide
-with the floor only, the base with everything else only: every contact of the base is a collision.
-The wheels' collision shapes are spheres with one contact point each; cylinders would chatter.
+The round body is loaded from a URDF generated from the model: a disc-shaped base on two driven
+wheels and two frictionless casters. Wheels and casters collide with the floor only, the base with
+everything else only: every contact of the base is a collision. The wheels' collision shapes are
+spheres with one contact point each; cylinders would chatter.
 """
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
+from navfw.numerics.products import product
 from navfw.process.atomic import scratch_folder
 from navfw.robot import RobotModel
-from navfw.signals import Pose, wrap_angle
-from navfw.sim.engine import bullet
+from navfw.signals import Array, Pose, wrap_angle
+from navfw.sim.engine import BulletClient, bullet
 from navfw.sim.physics_world import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
-from navfw.sim.wheeled_body import BodyState, WheeledBody
+
+BodyState = tuple[tuple[float, float, float], tuple[float, float, float, float]]
+"""Position [m] and orientation (quaternion x, y, z, w) of base_link in the map."""
+
+ContactPoint = tuple[int, float, float, float]
+"""PyBullet's id of the body in contact with the robot, and the point (x, y, z) [m]."""
+
+
+class WheeledBody(BulletClient, ABC):
+    """Wheel motors, and the true state and contacts, of the robot that ``body`` is the id of.
+
+    Subclasses load the body, then call ``_bind``. ``_supports`` (n, 2) [m] are the points of
+    base_link that rest on the floor.
+    """
+
+    body: int
+    _supports: Array
+
+    def _bind(self, wheels: Sequence[int], torque: float, **contacts: int) -> None:
+        """Bind the arguments of calls of every tick or physics step once.
+
+        ``wheels`` are the joints driven with at most ``torque`` [N m] each; ``contacts`` restrict
+        the contact points.
+        """
+        at = {"physicsClientId": self._client}
+        self._contact_points = partial(bullet.getContactPoints, self.body, **contacts, **at)
+        self._base_pose = partial(bullet.getBasePositionAndOrientation, self.body, **at)
+        self._base_velocity = partial(bullet.getBaseVelocity, self.body, **at)
+        self._wheel_states = partial(bullet.getJointStates, self.body, wheels, **at)
+        self._set_motors = partial(
+            bullet.setJointMotorControlArray,
+            self.body,
+            wheels,
+            bullet.VELOCITY_CONTROL,
+            forces=[torque] * len(wheels),
+            **at,
+        )
+
+    @abstractmethod
+    def set_wheel_speeds(self, left: float, right: float) -> None:
+        """Set the motors' target angular speeds [rad/s] of each side, forward positive."""
+
+    @abstractmethod
+    def wheel_angles(self) -> tuple[float, float]:
+        """Accumulated angles of the wheels of each side (left, right) [rad]."""
+
+    @abstractmethod
+    def state(self) -> BodyState:
+        """The true pose of ``base_link``."""
+
+    def support_points(self) -> Array:
+        """(n, 3) points [m] in the map: where the body rests on the floor."""
+        origin, turn = self.state()
+        axes = np.array(self._call("getMatrixFromQuaternion", turn)).reshape(3, 3)
+        points: Array = origin + product(self._supports, axes[:, :2].T)
+        return points
+
+    def roll_pitch_rates(self, turn: tuple[float, float, float, float]) -> tuple[float, float]:
+        """Angular velocity [rad/s] about the body's x and y axes; ``turn`` is its orientation."""
+        wx, wy, wz = self._base_velocity()[1]
+        x, y, z, w = turn
+        roll = (1 - 2 * (y * y + z * z)) * wx + 2 * (x * y + w * z) * wy + 2 * (x * z - w * y) * wz
+        pitch = 2 * (x * y - w * z) * wx + (1 - 2 * (x * x + z * z)) * wy + 2 * (y * z + w * x) * wz
+        return roll, pitch
+
+    def contacts(self) -> set[ContactPoint]:
+        """The current contact points that count as collisions."""
+        # close pairs without contact are listed too: index 8 is the distance, 9 the normal force
+        return {
+            (point[2], *point[6])
+            for point in self._contact_points()
+            if self._collides(point[2]) and (point[8] <= 1e-4 or point[9] > 0.0)
+        }
+
+    def _collides(self, other: int) -> bool:
+        """Whether contact with the body of that id is a collision."""
+        del other
+        return True
+
 
 _MASS = 6.0
 """Mass of the robot without wheels [kg]."""

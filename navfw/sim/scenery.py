@@ -12,13 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from navfw.features.landmark_appearance import landmark_kind
+from navfw.meshes.furniture_mesh import furniture_mesh
 from navfw.numerics.products import product
 from navfw.signals import Array, Image
 from navfw.sim.display import Display
-from navfw.sim.furniture_mesh import furniture_mesh
-from navfw.sim.landmark_plates import plate_bounds, plate_mesh
-from navfw.sim.meshes import Mesh, cylinder_mesh, triangle_mesh
-from navfw.sim.picture_textures import covered_area, picture_texture, read_picture
 from navfw.sim.raster import Raster
 from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import Solid, solids_of
@@ -27,13 +24,23 @@ from navfw.sim.surface_patches import (
     drop_patches,
     floor_patches,
     merged_parts,
+    plate_bounds,
+    plate_mesh,
     solid_mesh,
     solid_patch,
     solid_yaw,
     texture_shift,
     wall_patches,
 )
-from navfw.sim.textures import STOCK, stock_texture, synthesize
+from navfw.sim.textured_mesh import TexturedMesh, cylinder_mesh, triangle_mesh
+from navfw.sim.textures import (
+    STOCK,
+    covered_area,
+    picture_texture,
+    read_picture,
+    stock_texture,
+    synthesize,
+)
 from navfw.sim.visibility import PartBounds, Visibility
 from navfw.sim.worldspec import TextureSpec, WorldSpec
 
@@ -41,7 +48,7 @@ _MAX_SINGLE = 24
 """With more boxes and cylinders than this, they are merged by texture and area."""
 _KEPT_WORLDS = 4
 """Number of worlds whose surfaces are kept."""
-_known_surfaces: dict[str, tuple[tuple[str, Mesh, PartBounds], ...]] = {}
+_known_surfaces: dict[str, tuple[tuple[str, TexturedMesh, PartBounds], ...]] = {}
 _COVER_DISTANCE = 0.003
 """Distance [m] of a textureless cover from the surface that it hides."""
 
@@ -113,8 +120,8 @@ class Scenery:
         centre = (shape.x, shape.y, 0.5 * (solid.bottom + solid.top))
         return self._add(solid_mesh(solid), solid.texture, centre, solid_yaw(solid))
 
-    def add_mover(self, name: str, radius: float, height: float, texture: str) -> int:
-        """Add a mover's cylinder [m] at the origin; ``place`` moves it. Returns the body."""
+    def add_walker(self, name: str, radius: float, height: float, texture: str) -> int:
+        """Add a walker's cylinder [m] at the origin; ``place`` moves it. Returns the body."""
         mesh = cylinder_mesh(radius, height, texture_shift(name))
         return self._add(mesh, texture)
 
@@ -123,12 +130,12 @@ class Scenery:
 
         Its distance from them is below the resolution of any sensor.
         """
-        mesh = Mesh()
+        mesh = TexturedMesh()
         for solid in solids:
             centre = (solid.shape.x, solid.shape.y, 0.5 * (solid.bottom + solid.top))
             mesh.add_mesh(solid_mesh(solid, _COVER_DISTANCE), centre, solid_yaw(solid))
         if not solids:
-            mesh = Mesh.without_area()
+            mesh = TexturedMesh.without_area()
         return self._add(mesh, self._load(TextureSpec(contrast=0.0, brightness=brightness)))
 
     def place(self, body: int, position: Sequence[float], turn: Sequence[float]) -> None:
@@ -147,7 +154,7 @@ class Scenery:
 
     def _add(
         self,
-        mesh: Mesh,
+        mesh: TexturedMesh,
         texture: str | int,
         position: tuple[float, float, float] = (0.0, 0.0, 0.0),
         yaw: float = 0.0,
@@ -184,7 +191,7 @@ class Scenery:
         return self.raster.add_texture(image)
 
 
-def _surfaces(world: WorldSpec) -> tuple[tuple[str, Mesh, PartBounds], ...]:
+def _surfaces(world: WorldSpec) -> tuple[tuple[str, TexturedMesh, PartBounds], ...]:
     """Walls, floor, drops, and furniture where there is much of it, merged by texture and area.
 
     Kept for the next runs in an equal world: making them takes half of a run's set-up.

@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 import time as wall
 from collections.abc import Iterable
-from contextlib import nullcontext
-from types import TracebackType
 from typing import Literal
 
 import numpy as np
@@ -20,20 +18,18 @@ from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, Frame, Image, Pose, SensorReading, wrap_angle
 from navfw.sim.camera import DepthImage
 from navfw.sim.camera_rig import CameraRig, NoiseGenerators, Timings
-from navfw.sim.display import Display
+from navfw.sim.display import Display, SimulatorWindow
 from navfw.sim.drop_geometry import fallen_into
-from navfw.sim.engine import bullet, quiet_output
+from navfw.sim.engine import BulletConnection
 from navfw.sim.event_actions import DoorChange, EventAction, Obstacle, Textureless
-from navfw.sim.floorplan import FloorPlan
 from navfw.sim.injected_faults import InjectedFaults
-from navfw.sim.movers import Mover, MoverTrack, caused_by_robot
 from navfw.sim.physics_world import PhysicsWorld
-from navfw.sim.robot_body import RobotBody, pose_of
+from navfw.sim.robot_body import BodyState, ContactPoint, RobotBody, WheeledBody, pose_of
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
 from navfw.sim.urdf_body import UrdfBody
-from navfw.sim.wheeled_body import BodyState, ContactPoint, WheeledBody
-from navfw.sim.window import SimulatorWindow
+from navfw.sim.walkers import Walker, WalkerTrack, caused_by_robot
 from navfw.sim.world_changes import ChangeTrack, WorldChanges
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
@@ -48,12 +44,12 @@ _READINGS_AHEAD = 64
 """Number of readings whose noise is drawn at once."""
 
 
-class Simulation:
+class Simulation(BulletConnection):
     """One run in one world. Use as a context manager, or ``close()`` it.
 
     With ``landmark_frames`` the camera also captures the larger frames of ``robot.landmark_view``.
     ``read()`` gives the robot's sensor readings; ``true_pose``, ``true_depth``, ``contacts``,
-    ``movers`` and ``plan`` are ground truth, for metrics and tests only. ``window`` is that of
+    ``walkers`` and ``plan`` are ground truth, for metrics and tests only. ``window`` is that of
     ``gui``, else None. A new Simulation with the same arguments and the same commands gives the
     same readings, bit for bit.
 
@@ -76,22 +72,22 @@ class Simulation:
         sensors = SensorParams() if sensors is None else sensors
         check_world(world)
         self.world, self.robot = world, robot
-        self.plan = FloorPlan.from_world(world, robot.height)
+        self.plan = SceneGeometry.from_world(world, robot.height)
         for x, y, radius in robot.discs:
             self.plan.check_free(*start.to_parent(x, y), radius, "the start")
-        self.movers = tuple(Mover(spec) for spec in world.movers)
-        _check_apart(self.movers, start, robot.reach)
+        self.walkers = tuple(Walker(spec) for spec in world.movers)
+        _check_apart(self.walkers, start, robot.reach)
         self.timings = Timings()
         self.time = 0.0
         self.window: SimulatorWindow | None = None
-        self._client = _connect(gui)
+        super().__init__(gui)
         self._steps = 0
         self._contacts: set[str] = set()
         self._cause: Literal["robot", "mover"] | None = None
         self._last_pose = start
         self._true_state: tuple[BodyState, Pose] | None = None
-        self._mover_times: list[float] = []
-        self._mover_points: list[Array] = []
+        self._walker_times: list[float] = []
+        self._walker_points: list[Array] = []
         self._reading: SensorReading | None = None
         # one generator for each component: draws of one do not change those of another
         for_camera, for_gyro, for_encoders, for_faults, for_landmarks, for_their_faults = (
@@ -123,11 +119,9 @@ class Simulation:
 
     def _set_up_engine(self, gui: bool) -> None:
         """Set the physics' parameters, and take hold of the window."""
-        bullet.setGravity(0.0, 0.0, -_GRAVITY, physicsClientId=self._client)
-        bullet.setTimeStep(1.0 / _PHYSICS_RATE, physicsClientId=self._client)
-        bullet.setPhysicsEngineParameter(
-            deterministicOverlappingPairs=1, physicsClientId=self._client
-        )
+        self._call("setGravity", 0.0, 0.0, -_GRAVITY)
+        self._call("setTimeStep", 1.0 / _PHYSICS_RATE)
+        self._call("setPhysicsEngineParameter", deterministicOverlappingPairs=1)
         if gui:
             self.window = SimulatorWindow(self._client)
 
@@ -140,9 +134,9 @@ class Simulation:
     def _settle(self) -> None:
         """Let the robot come to rest on its wheels before time begins; then show it."""
         for _ in range(_SETTLING_STEPS):
-            bullet.stepSimulation(physicsClientId=self._client)
-        self._place_movers()
-        self._record_movers()
+            self._call("stepSimulation")
+        self._place_walkers()
+        self._record_walkers()
         self._last_pose = self.true_pose()
         self._encoders.reset(self._body.wheel_angles())
         self._yaw_read = self._last_pose.yaw
@@ -215,45 +209,45 @@ class Simulation:
         target = round(self.time * _PHYSICS_RATE)
         if abs(self.time - target / _PHYSICS_RATE) < 1e-9:
             self.time = target / _PHYSICS_RATE  # against accumulating rounding errors
-        here = self.true_pose() if self.movers else self._last_pose
-        for mover in self.movers:
-            mover.update_waiting(here, self.robot.reach)
+        pose = self.true_pose() if self.walkers else self._last_pose
+        for walker in self.walkers:
+            walker.update_waiting(pose, self.robot.reach)
         self._true_state = None
         while self._steps < target:
-            if self.movers:
-                self._advance_movers(1.0 / _PHYSICS_RATE)
-            bullet.stepSimulation(physicsClientId=self._client)
+            if self.walkers:
+                self._advance_walkers(1.0 / _PHYSICS_RATE)
+            self._call("stepSimulation")
             if points := self._body.contacts():
-                self._record_contacts(points, here, dt)
+                self._record_contacts(points, pose, dt)
             self._steps += 1
             self.timings.steps += 1
         self._record_fall()
-        self._last_pose = here
-        self._record_movers()
+        self._last_pose = pose
+        self._record_walkers()
         if not self._changes.settled:
             self._changes.update(self.time, self.true_pose(), self.robot.reach)
         self.timings.physics += wall.perf_counter() - begun
 
-    def _advance_movers(self, dt: float) -> None:
-        for mover in self.movers:
-            mover.advance(dt)
-        self._place_movers()
+    def _advance_walkers(self, dt: float) -> None:
+        for walker in self.walkers:
+            walker.advance(dt)
+        self._place_walkers()
 
-    def _place_movers(self) -> None:
-        for mover, body in zip(self.movers, self._physics.movers, strict=True):
-            bullet.resetBasePositionAndOrientation(
+    def _place_walkers(self) -> None:
+        for walker, body in zip(self.walkers, self._physics.walkers, strict=True):
+            self._call(
+                "resetBasePositionAndOrientation",
                 body,
-                (mover.x, mover.y, 0.5 * mover.spec.height),
-                (0.0, 0.0, math.sin(0.5 * mover.heading), math.cos(0.5 * mover.heading)),
-                physicsClientId=self._client,
+                (walker.x, walker.y, 0.5 * walker.spec.height),
+                (0.0, 0.0, math.sin(0.5 * walker.heading), math.cos(0.5 * walker.heading)),
             )
 
-    def _record_movers(self) -> None:
-        if self.movers:
-            self._mover_times.append(self.time)
-            self._mover_points.append(np.array([(mover.x, mover.y) for mover in self.movers]))
+    def _record_walkers(self) -> None:
+        if self.walkers:
+            self._walker_times.append(self.time)
+            self._walker_points.append(np.array([(walker.x, walker.y) for walker in self.walkers]))
 
-    def _record_contacts(self, points: Iterable[ContactPoint], here: Pose, dt: float) -> None:
+    def _record_contacts(self, points: Iterable[ContactPoint], pose: Pose, dt: float) -> None:
         """Record the names of the bodies in contact; at the first contact of the run, its cause.
 
         The robot's speed is that of the previous control period: the contact changes it.
@@ -261,11 +255,11 @@ class Simulation:
         names = {self._physics.name_at(*contact) for contact in points}
         self._contacts |= names
         if self._cause is None:
-            touched = [mover for mover in self.movers if mover.spec.name in names]
-            by_mover = len(touched) == len(names) and not any(
-                caused_by_robot(self._last_pose, here, dt, mover) for mover in touched
+            touched = [walker for walker in self.walkers if walker.spec.name in names]
+            by_walker = len(touched) == len(names) and not any(
+                caused_by_robot(self._last_pose, pose, dt, walker) for walker in touched
             )
-            self._cause = "mover" if by_mover else "robot"
+            self._cause = "mover" if by_walker else "robot"
 
     def _record_fall(self) -> None:
         if not self.world.drops:
@@ -289,14 +283,14 @@ class Simulation:
     def collision_cause(self) -> Literal["robot", "mover"] | None:
         """The cause of the first contact of the run; None before it.
 
-        "mover" when only movers were in contact and the robot did not approach them (faster than
-        ``navfw.sim.movers.CLOSING_SPEED``), else "robot".
+        "mover" when only walkers were in contact and the robot did not approach them (faster than
+        ``navfw.sim.walkers.CLOSING_SPEED``), else "robot".
         """
         return self._cause
 
-    def mover_track(self) -> MoverTrack:
-        """The movers' positions so far, recorded at every ``advance``."""
-        return MoverTrack.of(self.movers, self._mover_times, self._mover_points)
+    def walker_track(self) -> WalkerTrack:
+        """The walkers' positions so far, recorded at every ``advance``."""
+        return WalkerTrack.of(self.walkers, self._walker_times, self._walker_points)
 
     def change_track(self) -> ChangeTrack:
         """The solids that were present part of the time only: doors, obstacles."""
@@ -322,15 +316,15 @@ class Simulation:
     def render_from(self, pose: Pose) -> tuple[Image, DepthImage]:
         """Image without noise and true depth [m] from any pose of the robot."""
         turn = (0.0, 0.0, math.sin(0.5 * pose.yaw), math.cos(0.5 * pose.yaw))
-        self._physics.update_mover_visuals()
+        self._physics.update_walker_visuals()
         image, raw = self._rig.camera.render((pose.x, pose.y, 0.0), turn)
         return image, self._rig.camera.depth(raw)
 
     # ------------------------------------------------------------------------------------------
 
     def _state_to_render(self) -> BodyState:
-        """The true body state, after the movers' meshes have been updated."""
-        self._physics.update_mover_visuals()
+        """The true body state, after the walkers' meshes have been updated."""
+        self._physics.update_walker_visuals()
         return self._truth()[0]
 
     def _truth(self) -> tuple[BodyState, Pose]:
@@ -340,48 +334,13 @@ class Simulation:
             self._true_state = state, pose_of(state)
         return self._true_state
 
-    def close(self) -> None:
-        """Disconnect from PyBullet; calling it again has no effect."""
-        if self._client >= 0:
-            with quiet_output() if self.window is not None else nullcontext():
-                bullet.disconnect(physicsClientId=self._client)
-            self._client = -1
 
-    def __enter__(self) -> Simulation:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
-
-def _check_apart(movers: tuple[Mover, ...], start: Pose, radius: float) -> None:
-    for mover in movers:
-        free = math.hypot(mover.x - start.x, mover.y - start.y) - mover.spec.radius
+def _check_apart(walkers: tuple[Walker, ...], start: Pose, radius: float) -> None:
+    for walker in walkers:
+        free = math.hypot(walker.x - start.x, walker.y - start.y) - walker.spec.radius
         if free < radius:
             raise WorldError(
                 f"the start ({start.x:g}, {start.y:g}) is {max(free, 0.0):.2f} m from"
-                f" {mover.spec.name!r} when time begins, the robot needs {radius:g} m: choose"
+                f" {walker.spec.name!r} when time begins, the robot needs {radius:g} m: choose"
                 " another start or phase"
             )
-
-
-def _connect(gui: bool) -> int:
-    try:
-        if gui:
-            with quiet_output():  # it prints all about threads and OpenGL
-                client = int(bullet.connect(bullet.GUI))
-        else:
-            client = int(bullet.connect(bullet.DIRECT))
-    except bullet.error as error:
-        client = -1
-        reason = str(error)
-    else:
-        reason = "no display?" if gui else "too many simulations open?"
-    if client < 0:
-        raise SimulationError(f"PyBullet could not be started ({reason})")
-    return client

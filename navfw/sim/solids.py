@@ -1,7 +1,7 @@
 """Solids of a world: wall pieces, lintels, closed doors, furniture, with shape and height.
 
 Walls are cut into straight pieces between openings, with a lintel above each opening. Physics,
-rendering, floor plan and geometry checks are all built from these solids. A mesh is several solids
+rendering, scene geometry and its checks are all built from these solids. A mesh is several solids
 of one name, the boxes of its outline; physics and rendering use its triangles instead.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
-from navfw.sim.furniture_mesh import furniture_outline
+from navfw.meshes.furniture_mesh import furniture_outline
 from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.worldspec import MeshSpec, OpeningSpec, WallSpec, WorldSpec
 
@@ -134,9 +134,9 @@ def _wall_solids(wall: WallSpec, gaps: dict[str, tuple[Rectangle, float]]) -> li
     """Pieces and lintels of one wall; ``gaps`` receives leaf shape and height of each opening."""
     solids: list[Solid] = []
     for i, segment in enumerate(wall_segments(wall)):
-        here = [o for o in wall.openings if opening_segment(wall, o) == i]
+        openings = [o for o in wall.openings if opening_segment(wall, o) == i]
         begin = -segment.extend_start
-        for opening in sorted(here, key=lambda o: segment.locate(o.at)[0]):
+        for opening in sorted(openings, key=lambda o: segment.locate(o.at)[0]):
             along = segment.locate(opening.at)[0]
             left, right = along - 0.5 * opening.width, along + 0.5 * opening.width
             solids += _piece(wall, segment.piece(begin, left, wall.thickness))

@@ -1,4 +1,7 @@
-"""Surfaces of a world as textured patches, and their grouping into the parts that are culled."""
+"""Surfaces of a world as textured patches, and their grouping into the parts that are culled.
+
+Walls may have skirting boards and door frames; landmarks are plates on them.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +13,143 @@ from functools import partial
 
 import numpy as np
 
+from navfw.features.landmark_appearance import landmark_kind
 from navfw.numerics.products import product
 from navfw.signals import Array
 from navfw.sim.drop_geometry import Tread, drop_at, treads_of
-from navfw.sim.meshes import Mesh, box_mesh, cylinder_mesh, side_count, split_positions
 from navfw.sim.shapes import Rectangle
-from navfw.sim.solids import Solid
+from navfw.sim.solids import Solid, opening_segment, wall_segments
+from navfw.sim.textured_mesh import (
+    TexturedMesh,
+    box_mesh,
+    cylinder_mesh,
+    side_count,
+    split_positions,
+)
 from navfw.sim.visibility import PartBounds
-from navfw.sim.wall_trim import texture_at, trim_strips
-from navfw.sim.worldspec import RoomSpec, WorldSpec
+from navfw.sim.worldspec import (
+    DoorFrameSpec,
+    LandmarkPlateSpec,
+    OpeningSpec,
+    RoomSpec,
+    WallSpec,
+    WorldSpec,
+)
+
+_STAND_OFF = 0.006
+"""Distance of a plate from its wall [m]: more than that of the textureless cover of a wall."""
+_RIM = 1e-3
+"""Part of the texture left out at each side: texture coordinates beyond it wrap around."""
+
+
+def plate_mesh(mark: LandmarkPlateSpec) -> TexturedMesh:
+    """The plate as a mesh in the map frame, its image upright as seen from in front of it."""
+    right, normal = plate_axes(mark)
+    half = 0.5 * landmark_kind(mark.kind).plate_side(mark.size)
+    middle = np.array([*mark.at, mark.z]) + _STAND_OFF * normal
+    up = np.array([0.0, 0.0, half])
+    across = half * right
+    corners = [
+        middle - across - up,
+        middle + across - up,
+        middle + across + up,
+        middle - across + up,
+    ]
+    low, high = _RIM, 1.0 - _RIM
+    return TexturedMesh(
+        vertices=[corner.tolist() for corner in corners],
+        normals=[normal.tolist()] * 4,
+        uvs=[[low, low], [high, low], [high, high], [low, high]],
+        indices=[0, 1, 2, 0, 2, 3],
+    )
+
+
+def plate_bounds(mark: LandmarkPlateSpec) -> PartBounds:
+    """The plate's bounds in the plane, with the plane in front of which it is visible."""
+    _, normal = plate_axes(mark)
+    points = np.array(plate_mesh(mark).vertices)
+    plane = (float(normal[0]), float(normal[1]), 0.0, float(product(points[0], normal)))
+    return PartBounds.around(points, mark.yaw + 0.5 * math.pi, plane)
+
+
+def plate_axes(mark: LandmarkPlateSpec) -> tuple[Array, Array]:
+    """Unit vectors (3,) in the map: the image's right side as seen from in front; the normal."""
+    c, s = math.cos(mark.yaw), math.sin(mark.yaw)
+    return np.array([-s, c, 0.0]), np.array([c, s, 0.0])
+
+
+_PARALLEL = 0.99
+"""Least cosine between a face and a wall's line along it."""
+_AT_OPENING = 0.01
+"""Largest distance [m] of a wall's end from the side of the opening at which it ends."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrimStrip:
+    """A strip of a face: ``columns`` from, to along it, ``rows`` above its lower edge [m]."""
+
+    columns: tuple[float, float]
+    rows: tuple[float, float]
+    texture: str
+
+
+def trim_strips(
+    world: WorldSpec, wall: Solid, start: Array, right: Array, length: float
+) -> list[TrimStrip]:
+    """The strips of one vertical face of a wall piece or lintel; later ones cover earlier ones.
+
+    The face begins at ``start`` (2,) [m] and extends ``length`` [m] along the unit vector ``right``
+    (2,).
+    """
+    strips: list[TrimStrip] = []
+    height = wall.top - wall.bottom
+    if world.skirting is not None and wall.kind == "wall":
+        high = min(world.skirting.height, height)
+        strips.append(TrimStrip((0.0, length), (0.0, high), world.skirting.texture))
+    if world.door_frames is not None:
+        spec = next(spec for spec in world.walls if spec.name == wall.name)
+        for opening in spec.openings:
+            strips += _frame_strips(world.door_frames, spec, opening, wall, (start, right, length))
+    return strips
+
+
+def texture_at(strips: Sequence[TrimStrip], along: float, above: float) -> str | None:
+    """Texture of the uppermost strip at a point of a face [m]; None beside all strips."""
+    for strip in reversed(strips):
+        (left, right), (low, high) = strip.columns, strip.rows
+        if left <= along <= right and low <= above <= high:
+            return strip.texture
+    return None
+
+
+def _frame_strips(
+    frame: DoorFrameSpec,
+    spec: WallSpec,
+    opening: OpeningSpec,
+    wall: Solid,
+    face: tuple[Array, Array, float],
+) -> Iterator[TrimStrip]:
+    """The strips of one opening's frame on a face (start, right, length) of its wall."""
+    start, right, length = face
+    index = opening_segment(spec, opening)
+    assert index is not None  # noqa: S101 - check_world guarantees it
+    yaw = wall_segments(spec)[index].yaw
+    dx, dy = np.subtract(opening.at, start)
+    along, off = dx * right[0] + dy * right[1], abs(dx * right[1] - dy * right[0])
+    half, top = 0.5 * opening.width, min(opening.height, spec.height)
+    if abs(math.cos(yaw) * right[0] + math.sin(yaw) * right[1]) < _PARALLEL:
+        ends_here = abs(off - half) < _AT_OPENING and abs(along - 0.5 * length) < _AT_OPENING
+        if ends_here and wall.kind == "wall":
+            yield TrimStrip((0.0, length), (0.0, top), frame.texture)
+    elif abs(off - 0.5 * spec.thickness) < 0.5 * spec.thickness:
+        if wall.kind == "lintel":
+            if abs(along - 0.5 * length) < half:
+                yield TrimStrip((0.0, length), (0.0, frame.width), frame.texture)
+            return
+        upper = min(top + frame.width, spec.height)
+        for left in (along - half - frame.width, along + half):
+            yield TrimStrip((left, left + frame.width), (0.0, upper), frame.texture)
+
 
 _MAX_PARTS = 192
 """Largest number of parts: with more, the visibility test costs more than culling saves."""
@@ -40,7 +171,7 @@ class SurfacePatch:
     """A piece of a surface with one texture; a flat one has a ``plane`` (normal, offset)."""
 
     texture: str
-    mesh: Mesh
+    mesh: TexturedMesh
     plane: Plane | None = None
 
     @property
@@ -173,7 +304,7 @@ def _patch(
     texture: str, corner: Array, right: Array, up: Array, columns: Array, rows: Array
 ) -> SurfacePatch:
     """The patch of a face between two columns and two rows."""
-    mesh = Mesh()
+    mesh = TexturedMesh()
     mesh.add_patch(corner, right, up, columns, rows, _NO_SHIFT)
     x, y, z = (float(n) for n in np.cross(right, up))
     return SurfacePatch(texture, mesh, (x, y, z, float(product((x, y, z), corner))))
@@ -185,12 +316,12 @@ def _patch(
 def solid_patch(solid: Solid) -> SurfacePatch:
     """A box or cylinder as one patch."""
     centre = (solid.shape.x, solid.shape.y, 0.5 * (solid.bottom + solid.top))
-    mesh = Mesh()
+    mesh = TexturedMesh()
     mesh.add_mesh(solid_mesh(solid), centre, solid_yaw(solid))
     return SurfacePatch(solid.texture, mesh)
 
 
-def solid_mesh(solid: Solid, margin: float = 0.0) -> Mesh:
+def solid_mesh(solid: Solid, margin: float = 0.0) -> TexturedMesh:
     """The mesh of a solid around its own centre, enlarged by ``margin`` [m] on all sides."""
     height, shape, shift = solid.top - solid.bottom, solid.shape, texture_shift(solid.name)
     height += 2.0 * margin
@@ -213,7 +344,7 @@ def texture_shift(name: str) -> Array:
 # --- grouping ---------------------------------------------------------------------------------
 
 
-def merged_parts(patches: Sequence[SurfacePatch]) -> Iterable[tuple[str, Mesh, PartBounds]]:
+def merged_parts(patches: Sequence[SurfacePatch]) -> Iterable[tuple[str, TexturedMesh, PartBounds]]:
     """Patches of one texture merged: by plane if that gives few enough parts, else by area."""
     for key in _grouping_keys():
         parts: dict[tuple[object, ...], list[SurfacePatch]] = {}
@@ -221,17 +352,21 @@ def merged_parts(patches: Sequence[SurfacePatch]) -> Iterable[tuple[str, Mesh, P
             parts.setdefault((patch.texture, *key(patch)), []).append(patch)
         if len(parts) <= _MAX_PARTS:
             break
-    for part in parts.values():
-        mesh = Mesh()
-        for patch in part:
+    for group in parts.values():
+        mesh = TexturedMesh()
+        for patch in group:
             mesh.append(patch.mesh)
-        planes = {_rounded(patch.plane) for patch in part}
-        plane = part[0].plane if len(planes) == 1 else None
+        planes = {_rounded(patch.plane) for patch in group}
+        plane = group[0].plane if len(planes) == 1 else None
         direction = 0.0
         if plane is not None:
             direction = math.atan2(plane[0], -plane[1]) if abs(plane[2]) < 0.5 else 0.0
             plane = (*plane[:3], plane[3] - _PLANE_MARGIN)
-        yield part[0].texture, mesh, PartBounds.around(np.array(mesh.vertices), direction, plane)
+        yield (
+            group[0].texture,
+            mesh,
+            PartBounds.around(np.array(mesh.vertices), direction, plane),
+        )
 
 
 def _grouping_keys() -> Iterator[Callable[[SurfacePatch], tuple[object, ...]]]:

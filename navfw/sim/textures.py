@@ -1,38 +1,173 @@
-"""Procedural textures: seeded, periodic, band-limited, with contrast for the optical flow.
+"""Textures: procedural, seeded and periodic, or of pictures; all of them band-limited.
 
 The rasteriser, like TinyRenderer, samples textures by nearest neighbour without mipmaps: detail
 finer than about two pixels at the working distance aliases and disturbs the flow (METHOD sec 0).
-Every pattern is therefore low-pass filtered with a cutoff of half a cycle per ``finest`` metres.
+Every pattern is therefore low-pass filtered with a cutoff of half a cycle per ``finest`` metres,
+and so is a picture, which repeats beyond its size, like tiles. Patterns have contrast for the
+optical flow.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 
+from navfw.config.image_file import read_image
+from navfw.errors import ConfigError
+from navfw.numerics.functions import power
 from navfw.numerics.products import product
 from navfw.signals import Array, Image
-from navfw.sim.material_patterns import (
-    brick,
-    concrete,
-    parquet,
-    roughcast,
-    rug,
-)
-from navfw.sim.texture_spectra import (
-    RESOLUTION,
-    filtered,
-    passed_band,
-    spectral_noise,
-)
 
 if TYPE_CHECKING:
     from navfw.sim.worldspec import TextureSpec
+
+
+TILE = 2.0
+"""Period of a pattern: edge of the square that it covers [m]."""
+RESOLUTION = 512
+"""Texels along that edge: 4 mm each, half a pixel at 0.6 m with a focal length of 80 px."""
+
+
+def frequencies(texels: tuple[int, ...], area: tuple[float, float]) -> tuple[Array, Array]:
+    """Cycles per metre along rows and columns of the real Fourier transform of a texture.
+
+    ``texels`` are its (rows, columns), ``area`` the height and width that it covers [m]. Shapes
+    (rows, 1) and (1, columns // 2 + 1).
+    """
+    rows = np.fft.fftfreq(texels[0], d=area[0] / texels[0]).astype(np.float64)
+    columns = np.fft.rfftfreq(texels[1], d=area[1] / texels[1]).astype(np.float64)
+    return rows[:, None], columns[None, :]
+
+
+def passed_share(frequency: Array, finest: float) -> Array:
+    """Share of amplitudes that a texture keeps, by frequency [1/m]: none beyond the cutoff.
+
+    The cutoff is half a cycle per ``finest`` [m]. A raised-cosine edge from 70 % to 100 % of it
+    rings less than a sharp one.
+    """
+    cutoff = 0.5 / finest
+    fall = np.clip((frequency / cutoff - 0.7) / 0.3, 0.0, 1.0)
+    share: Array = 0.5 * (1.0 + np.cos(np.pi * fall))
+    return share
+
+
+def filtered(pattern: Array, amplitudes: Array) -> Array:
+    """The periodic ``pattern`` with its real Fourier transform times ``amplitudes``."""
+    result: Array = np.fft.irfft2(np.fft.rfft2(pattern) * amplitudes, s=pattern.shape)
+    return result
+
+
+def spectral_noise(
+    rng: np.random.Generator, resolution: int, exponent: float, stretch: float = 1.0
+) -> Array:
+    """Gaussian noise of unit variance with amplitude ~ frequency**-exponent (1: pink noise).
+
+    ``stretch`` > 1 elongates the grain along the texture's rows (vertical on walls).
+    """
+    white = rng.standard_normal((resolution, resolution))
+    pattern = filtered(white, _noise_amplitudes(resolution, exponent, stretch))
+    return pattern / float(pattern.std())
+
+
+@lru_cache(maxsize=16)
+def _noise_amplitudes(resolution: int, exponent: float, stretch: float) -> Array:
+    """Amplitudes of ``spectral_noise`` in the real Fourier transform; none of the mean."""
+    rows, columns = frequencies((resolution, resolution), (TILE, TILE))
+    frequency = np.hypot(rows * np.sqrt(stretch), columns / np.sqrt(stretch))
+    frequency[0, 0] = np.inf
+    return power(frequency, -exponent)
+
+
+@lru_cache(maxsize=16)
+def passed_band(resolution: int, finest: float, coarsest: float) -> Array:
+    """Share of amplitudes kept in a tile's real Fourier transform: a band-pass.
+
+    Half wavelengths are at least ``finest`` [m], wavelengths at most ``coarsest`` [m].
+    """
+    frequency = np.hypot(*frequencies((resolution, resolution), (TILE, TILE)))
+    band: Array = passed_share(frequency, finest) * (frequency >= 0.99 / coarsest)
+    return band
+
+
+def concrete(rng: np.random.Generator, resolution: int) -> Array:
+    """Clouds, fine grain, and dark pores of 1 to 3 cm."""
+    pattern = spectral_noise(rng, resolution, 1.4) + 0.35 * spectral_noise(rng, resolution, 0.3)
+    return pattern - 2.5 * _spots(rng, resolution, 130, (0.003, 0.008))
+
+
+def roughcast(rng: np.random.Generator, resolution: int) -> Array:
+    """Even grain under large, faint clouds: trowelled plaster."""
+    clouds, grain = spectral_noise(rng, resolution, 1.6), spectral_noise(rng, resolution, 0.4)
+    return 0.6 * clouds + np.abs(grain)
+
+
+def rug(rng: np.random.Generator, resolution: int) -> Array:
+    """Loops of pile in rows, with flecks."""
+    axis = np.arange(resolution) / resolution
+    rows = np.sin(2.0 * np.pi * 24.0 * axis)[:, None]
+    flecks = spectral_noise(rng, resolution, 0.5)
+    return 0.5 * rows + flecks + np.maximum(flecks - 1.2, 0.0)
+
+
+def brick(rng: np.random.Generator, resolution: int) -> Array:
+    """A running bond of 8 x 16 bricks with bright joints; each brick has a brightness."""
+    pattern = np.empty((resolution, resolution))
+    joint = max(resolution // 90, 1)
+    for course, (top, bottom) in enumerate(pairwise(_edges(resolution, 16))):
+        cuts = _edges(resolution, 8)
+        offset = (resolution // 16) * (course % 2)
+        levels = 0.9 * rng.standard_normal(8)
+        row = np.repeat(levels, np.diff(cuts))
+        row[np.isin(np.arange(resolution), (cuts[:-1, None] + np.arange(joint)).ravel())] = 2.6
+        pattern[top:bottom] = np.roll(row, offset)
+        pattern[top : top + joint] = 2.6
+    return pattern + 0.5 * spectral_noise(rng, resolution, 0.8)
+
+
+def parquet(rng: np.random.Generator, resolution: int) -> Array:
+    """Boards 12.5 cm wide of random length, with dark joints and grain along them."""
+    pattern = np.empty((resolution, resolution))
+    joint = max(resolution // 170, 1)
+    for left, right in pairwise(_edges(resolution, 16)):
+        column = np.empty(resolution)
+        cuts = np.sort(rng.choice(np.arange(1, 12), 2, replace=False)) * resolution // 12
+        levels = rng.standard_normal(3)
+        column[:] = levels[np.searchsorted(cuts, np.arange(resolution), side="right") % 3]
+        for cut in cuts:
+            column[cut : cut + joint] = -2.5
+        column = np.roll(column, int(rng.integers(resolution)))
+        pattern[:, left:right] = column[:, None]
+        pattern[:, left : left + joint] = -2.5
+    grain = spectral_noise(rng, resolution, 0.9, stretch=12.0)
+    return pattern + 0.7 * grain
+
+
+def _edges(resolution: int, count: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Bounds of ``count`` equal parts of a row of texels."""
+    return np.linspace(0, resolution, count + 1).astype(np.int64)
+
+
+def _spots(
+    rng: np.random.Generator, resolution: int, count: int, radii: tuple[float, float]
+) -> Array:
+    """1 inside ``count`` periodic round spots with radii from, to (shares of the tile), else 0."""
+    axis = (np.arange(resolution) + 0.5) / resolution
+    spots = np.zeros((resolution, resolution))
+    for row, column, radius in zip(
+        rng.random(count), rng.random(count), rng.uniform(*radii, count), strict=True
+    ):
+        down, across = (np.abs((axis - at + 0.5) % 1.0 - 0.5) for at in (row, column))
+        near = np.ix_(down < radius, across < radius)
+        spots[near] = np.maximum(spots[near], np.hypot(down[near[0]], across[near[1]]) < radius)
+    return spots
+
 
 _MAX_WAVELENGTH = 1.0
 """Longest wavelength [m]: longer ones do not help the correlation of a 24 px window."""
@@ -152,3 +287,60 @@ _STYLES: Mapping[str, Callable[[np.random.Generator, int], Array]] = MappingProx
         "roughcast": roughcast,
     }
 )
+
+
+_MAX_PICTURE_PIXELS = 4_000_000
+"""Largest number of pixels: 4 mm each over 8 x 8 m, finer than the camera resolves."""
+_MAX_PICTURE_BYTES = 20_000_000
+"""Largest size of a picture's file [byte]."""
+_MAX_ASPECT = 20.0
+"""Largest ratio of a picture's sides."""
+_MAX_TEXELS = 2048
+"""Largest number of texels along an edge; a wider picture has texels of more than 4 mm."""
+
+
+@lru_cache(maxsize=16)
+def read_picture(path: str) -> Image:
+    """The picture in a file, read-only (height, width, 3) uint8, RGB.
+
+    Raises:
+        ConfigError: the file cannot be read, is no PNG or JPEG image, is damaged, has more than
+            ``_MAX_PICTURE_PIXELS``, or is a narrow strip.
+
+    """
+    image = read_image(path, max_bytes=_MAX_PICTURE_BYTES, max_pixels=_MAX_PICTURE_PIXELS)
+    height, width = image.shape[:2]
+    if max(height, width) > _MAX_ASPECT * min(height, width):
+        what = f"the picture is {width} x {height} pixels; its sides may differ by a factor of"
+        raise ConfigError(f"{what} {_MAX_ASPECT:g} at most: cut it", file=path)
+    picture: Image = np.ascontiguousarray(image[:, :, ::-1]).astype(np.uint8)
+    picture.setflags(write=False)
+    return picture
+
+
+def covered_area(picture: Image, size: float | None) -> tuple[float, float]:
+    """Width and height [m] of a picture that is ``size`` [m] wide; none: as wide as a tile."""
+    width = TILE if size is None else size
+    return width, width * picture.shape[0] / picture.shape[1]
+
+
+def picture_texture(spec: TextureSpec) -> Image:
+    """The texels (height, width, 3) of a texture with a picture, RGB, without aliasing detail."""
+    assert spec.picture is not None  # noqa: S101 - the caller has tested it
+    picture = read_picture(spec.picture)
+    area = covered_area(picture, spec.size)
+    columns, rows = (
+        min(max(math.ceil(edge * RESOLUTION / TILE), 16), _MAX_TEXELS) for edge in area
+    )
+    shrinks = columns < picture.shape[1]
+    how = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+    scaled = cv2.resize(picture, (columns, rows), interpolation=how).astype(np.float64)
+    smooth = np.stack([_low_passed(scaled[..., c], area, spec.finest) for c in range(3)], axis=2)
+    texels: Image = np.clip(np.rint(smooth), 0, 255).astype(np.uint8)
+    return texels
+
+
+def _low_passed(channel: Array, area: tuple[float, float], finest: float) -> Array:
+    """``channel`` (rows, columns) without half wavelengths below ``finest`` [m]; periodic."""
+    keep = passed_share(np.hypot(*frequencies(channel.shape, area[::-1])), finest)
+    return filtered(channel, keep)

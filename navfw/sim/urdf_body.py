@@ -17,7 +17,7 @@ from navfw.robot.urdf_drive import UrdfDrive, urdf_drive
 from navfw.signals import Pose
 from navfw.sim.engine import bullet, quiet_output
 from navfw.sim.physics_world import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
-from navfw.sim.wheeled_body import BodyState, WheeledBody
+from navfw.sim.robot_body import BodyState, WheeledBody
 
 _NO_MASS = 1e-3
 """Mass of a link without inertia [kg]; PyBullet takes one without mass for fixed to the world."""

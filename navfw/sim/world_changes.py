@@ -32,7 +32,7 @@ class Presence:
 
 @dataclass(frozen=True, slots=True)
 class ChangeTrack:
-    """The solids that were present during part of a run only; static ones are in the floor plan."""
+    """The solids that were present during part of a run only; static ones: ``SceneGeometry``."""
 
     presences: tuple[Presence, ...]
 
@@ -45,8 +45,10 @@ class ChangeTrack:
         """Distances (N,) [m] of points (N, 2) to the nearest solid present at times (N,) [s]."""
         nearest = np.full(len(points), np.inf)
         for presence in self.presences:
-            there = (times >= presence.begin) & (times < presence.end)
-            nearest[there] = np.minimum(nearest[there], presence.shape.distance(points[there]))
+            present = (times >= presence.begin) & (times < presence.end)
+            nearest[present] = np.minimum(
+                nearest[present], presence.shape.distance(points[present])
+            )
         return nearest
 
 
@@ -86,10 +88,10 @@ class WorldChanges:
     def end(self, change: DoorChange | Obstacle | Textureless) -> None:
         """Deactivate a change: restore the door or texture, remove the obstacle."""
         if isinstance(change, Textureless):
-            index = next(i for i, (known, _) in enumerate(self._covers) if known == change)
+            index = next(i for i, (begun, _) in enumerate(self._covers) if begun == change)
             self._physics.scenery.remove(self._covers.pop(index)[1])
         elif isinstance(change, Obstacle):
-            index = next(i for i, (known, _) in enumerate(self._obstacles) if known == change)
+            index = next(i for i, (begun, _) in enumerate(self._obstacles) if begun == change)
             self._obstacles.pop(index)
         else:
             self._door_changes.remove(change)
@@ -110,11 +112,11 @@ class WorldChanges:
                 Presence(name, self._present.pop(name).shape, self._begins.pop(name), time)
             )
             self._changed.add(name)
-        here = np.array([[robot.x, robot.y]])
+        robot_at = np.array([[robot.x, robot.y]])
         for name, solid in wanted.items():
             if name in self._present:
                 continue
-            if float(solid.shape.distance(here)[0]) > radius + CLEAR_OF_ROBOT:
+            if float(solid.shape.distance(robot_at)[0]) > radius + CLEAR_OF_ROBOT:
                 self._physics.add_solid(solid)
                 self._present[name], self._begins[name] = solid, time
                 self._changed.add(name)
@@ -158,7 +160,7 @@ def _blanked(world: WorldSpec, change: Textureless) -> list[Solid]:
 
     Meshes keep their texture: the boxes of their outline would hide their shape.
     """
-    found = []
+    blanked = []
     for solid in solids_of(world):
         if solid.kind == "mesh" or (change.name is not None and solid.name != change.name):
             continue
@@ -169,8 +171,8 @@ def _blanked(world: WorldSpec, change: Textureless) -> list[Solid]:
             shape = None
         if shape is not None:
             piece = Solid(solid.name, solid.kind, shape, solid.bottom, solid.top, solid.texture)
-            found.append(piece)
-    return found
+            blanked.append(piece)
+    return blanked
 
 
 def _inside(point: tuple[float, float], change: Textureless) -> bool:

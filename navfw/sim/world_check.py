@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,12 +11,142 @@ import numpy as np
 
 from navfw.config.document import KeyPath, key_text
 from navfw.errors import WorldError, did_you_mean
-from navfw.sim.drop_check import drop_problems
-from navfw.sim.landmark_check import landmark_problems
+from navfw.features.landmark_appearance import identity_of, landmark_kind
+from navfw.signals import Array
+from navfw.sim.drop_geometry import drop_rectangle
 from navfw.sim.shapes import OVERLAP_TOLERANCE, Circle, Rectangle, Shape, overlap_depth
 from navfw.sim.solids import Solid, opening_segment, solids_of, wall_segments
+from navfw.sim.surface_patches import plate_axes
 from navfw.sim.textures import STOCK
-from navfw.sim.worldspec import WorldSpec
+from navfw.sim.worldspec import LandmarkPlateSpec, WorldSpec
+
+_DEPTH_TOLERANCE = 0.03
+"""Distance [m] by which a plate's ends may stand off the supporting face, or lie inside it."""
+_MIN_HEIGHT = 0.02
+"""Lowest height of a plate's lower edge above the floor [m]."""
+
+
+def landmark_problems(world: WorldSpec) -> Iterator[Problem]:
+    """Problems of the landmarks of a world whose solids are valid: (key, message) of each."""
+    seen: dict[str, int] = {}
+    solids = solids_of(world) if world.landmarks else []
+    for i, mark in enumerate(world.landmarks):
+        identity = identity_of(mark.kind, mark.id)
+        if identity in seen:
+            yield (
+                ("landmarks", i, "id"),
+                f"a second {identity}: landmarks[{seen[identity]}] has that id; give each landmark"
+                " of a kind its own",
+            )
+        seen.setdefault(identity, i)
+        half = 0.5 * landmark_kind(mark.kind).plate_side(mark.size)
+        if mark.z - half < _MIN_HEIGHT:
+            yield (
+                ("landmarks", i, "z"),
+                f"{mark.name!r} reaches into the floor: its plate is {2 * half:.2f} m high, so z"
+                f" must be at least {half + _MIN_HEIGHT:.2f}",
+            )
+        elif not (
+            world.x[0] <= mark.at[0] <= world.x[1] and world.y[0] <= mark.at[1] <= world.y[1]
+        ):
+            yield (
+                ("landmarks", i, "at"),
+                f"{mark.name!r} at {list(mark.at)} lies off the floor, x {list(world.x)} y"
+                f" {list(world.y)} [m]",
+            )
+        else:
+            yield from _mounting_problems(mark, i, half, solids)
+
+
+def _mounting_problems(
+    mark: LandmarkPlateSpec, index: int, half: float, solids: Sequence[Solid]
+) -> Iterator[Problem]:
+    """A plate inside a solid, or without a supporting face behind both of its ends.
+
+    ``half`` is half the plate's side [m].
+    """
+    overlapping = [s for s in solids if s.bottom < mark.z + half and s.top > mark.z - half]
+    full_height = [
+        s
+        for s in solids
+        if s.kind != "mesh" and s.bottom <= mark.z - half and s.top >= mark.z + half
+    ]
+    right, normal = plate_axes(mark)
+    ends = np.array([[*mark.at], [*mark.at]]) + half * np.outer([-1.0, 1.0], right[:2])
+    in_front = ends + _DEPTH_TOLERANCE * normal[:2]
+    enclosing = [s for s in overlapping if bool((s.shape.distance(in_front) < 0.0).any())]
+    if enclosing:
+        yield (
+            ("landmarks", index, "at"),
+            f"{mark.name!r} lies inside {enclosing[0].name!r}: move it to the face, or turn it"
+            " round (yaw is the direction that it faces)",
+        )
+    elif not mark.free and not all(
+        _inside_any(full_height, end - _DEPTH_TOLERANCE * normal[:2]) for end in ends
+    ):
+        yield (
+            ("landmarks", index, "at"),
+            f"{mark.name!r} is not mounted on a face: no wall or box is right behind the whole of"
+            f" its plate of {2 * half:.2f} m; {_advice(mark, full_height)}",
+        )
+
+
+def _inside_any(solids: Sequence[Solid], point: Array) -> bool:
+    return any(float(solid.shape.distance(point[None])[0]) <= 0.0 for solid in solids)
+
+
+def _advice(mark: LandmarkPlateSpec, solids: Sequence[Solid]) -> str:
+    """The nearest solid that the plate could be mounted on."""
+    flat = [solid for solid in solids if isinstance(solid.shape, Rectangle)]
+    if not flat:
+        return "set free: true if it stands by itself"
+    away = [float(solid.shape.distance(np.array([mark.at]))[0]) for solid in flat]
+    nearest = int(np.argmin(away))
+    return (
+        f"the nearest is {flat[nearest].name!r}, {max(away[nearest], 0.0):.2f} m away; move it"
+        " there, or set free: true if it stands by itself"
+    )
+
+
+_ON_FLOOR = 0.05
+"""A solid whose underside is lower than this [m] needs floor under it."""
+_STEP = 0.05
+"""Spacing [m] of the points at which a walker's path is tested."""
+
+Point = tuple[float, float]
+
+
+def drop_problems(world: WorldSpec) -> Iterator[tuple[KeyPath, str]]:
+    """Problems of the drops of a world whose solids are valid: (key, message) of each."""
+    solids = [s for s in solids_of(world) if s.bottom < _ON_FLOOR] if world.drops else []
+    for i, drop in enumerate(world.drops):
+        for axis, span, bounds in (("x", drop.x, world.x), ("y", drop.y, world.y)):
+            if span[0] < bounds[0] or span[1] > bounds[1]:
+                yield (
+                    ("drops", i, axis),
+                    f"{drop.name!r} extends beyond the floor, {axis} {list(bounds)} [m]",
+                )
+        shape = drop_rectangle(drop)
+        above = next((s for s in solids if overlap_depth(shape, s.shape) > OVERLAP_TOLERANCE), None)
+        if above is not None:
+            yield ("drops", i, "x"), f"{above.name!r} would have no floor under it at {drop.name!r}"
+        for other in world.drops[:i]:
+            if overlap_depth(shape, drop_rectangle(other)) > 0.0:
+                yield ("drops", i, "x"), f"{drop.name!r} overlaps {other.name!r}"
+        for j, walker in enumerate(world.movers):
+            points = _points_along(walker.path, walker.walk)
+            circles = [Circle(*point, walker.radius) for point in points]
+            if any(overlap_depth(circle, shape) > OVERLAP_TOLERANCE for circle in circles):
+                yield ("movers", j, "path"), f"{walker.name!r} would walk into {drop.name!r}"
+
+
+def _points_along(path: tuple[Point, ...], walk: str) -> Iterator[Point]:
+    """Points at most ``_STEP`` apart along a walker's path."""
+    for a, b in pairwise((*path, path[0]) if walk == "loop" else path):
+        count = max(int(np.hypot(b[0] - a[0], b[1] - a[1]) / _STEP) + 1, 1)
+        for share in np.linspace(0.0, 1.0, count + 1).tolist():
+            yield a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+
 
 Problem = tuple[KeyPath, str]
 
@@ -85,7 +215,7 @@ def _names(world: WorldSpec) -> Iterator[Problem]:
 
 
 def _textures(world: WorldSpec) -> Iterator[Problem]:
-    known = {*STOCK, *world.textures}
+    textures = {*STOCK, *world.textures}
     used: list[tuple[KeyPath, str | None]] = [
         (("floor",), world.floor),
         (("ceiling",), world.ceiling),
@@ -103,8 +233,8 @@ def _textures(world: WorldSpec) -> Iterator[Problem]:
     trims = (("skirting", world.skirting), ("door_frames", world.door_frames))
     used += [((key, "texture"), trim.texture) for key, trim in trims if trim is not None]
     for path, name in used:
-        if name is not None and name not in known:
-            yield path, f"unknown texture {name!r}: {did_you_mean(name, known)}"
+        if name is not None and name not in textures:
+            yield path, f"unknown texture {name!r}: {did_you_mean(name, textures)}"
 
 
 def _bounds(world: WorldSpec) -> Iterator[Problem]:
@@ -120,8 +250,8 @@ def _bounds(world: WorldSpec) -> Iterator[Problem]:
         for i, item in enumerate(getattr(world, section)):
             if not inside(*item.at):
                 yield (section, i, "at"), f"{item.name!r} at {list(item.at)} lies off {floor}"
-    for i, mover in enumerate(world.movers):
-        for j, point in enumerate(mover.path):
+    for i, walker in enumerate(world.movers):
+        for j, point in enumerate(walker.path):
             if not inside(*point):
                 yield ("movers", i, "path", j), f"point {list(point)} lies off {floor}"
 
@@ -194,19 +324,19 @@ def _sunken_meshes(world: WorldSpec) -> Iterator[Problem]:
 
 
 def _blocked_paths(world: WorldSpec) -> Iterator[Problem]:
-    """Movers whose path leads through a solid: the area swept on each leg is tested."""
+    """Walkers whose path leads through a solid: the area swept on each leg is tested."""
     solids = solids_of(world)
-    for i, mover in enumerate(world.movers):
-        legs = list(pairwise((*mover.path, mover.path[0])))
-        if mover.walk != "loop":
+    for i, walker in enumerate(world.movers):
+        legs = list(pairwise((*walker.path, walker.path[0])))
+        if walker.walk != "loop":
             legs.pop()
-        low = [solid for solid in solids if solid.bottom < mover.height]
+        low = [solid for solid in solids if solid.bottom < walker.height]
         for j, (a, b) in enumerate(legs):
             hit = next(
-                (solid.name for solid in low if _swept_over(a, b, mover.radius, solid)), None
+                (solid.name for solid in low if _swept_over(a, b, walker.radius, solid)), None
             )
             if hit is not None:
-                yield ("movers", i, "path", j), f"{mover.name!r} would walk through {hit!r}"
+                yield ("movers", i, "path", j), f"{walker.name!r} would walk through {hit!r}"
                 break
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from navfw.config.document import YamlDocument, load_yaml
 from navfw.config.yamlfile import validate
-from navfw.sim.furniture_mesh import furniture_mesh
-from navfw.sim.picture_textures import read_picture
+from navfw.meshes.furniture_mesh import furniture_mesh
+from navfw.sim.textures import read_picture
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
 

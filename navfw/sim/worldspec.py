@@ -211,7 +211,7 @@ class MeshSpec(StrictModel):
     texture: str = "wood"
 
 
-class MoverSpec(StrictModel):
+class WalkerSpec(StrictModel):
     """A moving obstacle: an upright cylinder that follows a path (kinematic, nothing stops it).
 
     One that ``yields`` waits while the robot is close in front of it.
@@ -338,7 +338,7 @@ class WorldSpec(StrictModel):
     meshes: Annotated[
         tuple[MeshSpec, ...], Field(max_length=1000, description="furniture from files")
     ] = ()
-    movers: Annotated[tuple[MoverSpec, ...], Field(description="moving obstacles")] = ()
+    movers: Annotated[tuple[WalkerSpec, ...], Field(description="moving obstacles")] = ()
     landmarks: Annotated[tuple[LandmarkPlateSpec, ...], Field(description="visual landmarks")] = ()
     drops: Annotated[tuple[DropSpec, ...], Field(description="holes in the floor")] = ()
     textures: Mapping[str, TextureSpec] = Field(default_factory=dict)

@@ -18,7 +18,7 @@ from navfw.missions.run_metrics import path_length
 from navfw.missions.session import MissionResult
 from navfw.recording.run_log import Contact, RunLog
 from navfw.signals import Array, Odometry, Pose, Sight, wrap_angle
-from navfw.sim.floorplan import FloorPlan, NamedShape
+from navfw.sim.scene_geometry import NamedShape, SceneGeometry
 from navfw.sim.shapes import Circle
 from navfw.suite.failure_causes import (
     CollisionSymptoms,
@@ -110,10 +110,10 @@ def _touched_point(result: MissionResult, contact: Contact) -> Array:
         ]
     if not shapes:
         return np.array([contact.x, contact.y])
-    return _nearest_point(FloorPlan(plan.bounds, tuple(shapes)), contact.x, contact.y)
+    return _nearest_point(SceneGeometry(plan.bounds, tuple(shapes)), contact.x, contact.y)
 
 
-def _nearest_point(plan: FloorPlan, x: float, y: float) -> Array:
+def _nearest_point(plan: SceneGeometry, x: float, y: float) -> Array:
     """The point of the plan's solids that is nearest to (x, y), along the distance's gradient."""
     step = 1e-4
     around = np.array([[x, y], [x + step, y], [x - step, y], [x, y + step], [x, y - step]])
@@ -225,7 +225,7 @@ def _sight(log: RunLog) -> Sight:
 
 
 def _remaining(
-    plan: FloorPlan,
+    plan: SceneGeometry,
     true: Array,
     goals: Sequence[tuple[float, float]],
     within: float,

@@ -1,6 +1,6 @@
 """The topological map: places, passages and landmarks; its files, checks, and maps from geometry.
 
-``elements`` and ``mapspec`` are plain data, ``validation`` checks them, ``topological_map`` holds
+``elements`` and ``mapspec`` are plain data, ``topological_map`` holds
 them as a graph, ``mapfile`` and ``map_formats`` read and write them. ``map_check`` reports what is
 suspect in a valid map; ``map_builder`` derives a map from a world's geometry, ``landmark_mapping``
 estimates landmark poses from a drive. ``occupancy_map`` is the floor plan that a map may come with,

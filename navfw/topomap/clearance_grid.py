@@ -73,5 +73,5 @@ class ClearanceGrid:
         rows, columns = self.clearance.shape
         j = np.rint((points[..., 0] - self.origin[0]) / self.cell).astype(int)
         i = np.rint((points[..., 1] - self.origin[1]) / self.cell).astype(int)
-        found: Array = self.clearance[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]
-        return found
+        clearances: Array = self.clearance[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]
+        return clearances

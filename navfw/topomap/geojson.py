@@ -58,8 +58,8 @@ def _edge_feature(
     ids: dict[str, int],
 ) -> dict[str, Any]:
     places = [topo_map.places[name] for name in ends]
-    known = {"length": passage.length, "width": passage.width, "danger": passage.danger}
-    known |= {"doorness": passage.doorness, "uncertainty": passage.uncertainty}
+    values = {"length": passage.length, "width": passage.width, "danger": passage.danger}
+    values |= {"doorness": passage.doorness, "uncertainty": passage.uncertainty}
     return _feature(
         {"type": "MultiLineString", "coordinates": [[[place.x, place.y] for place in places]]},
         {
@@ -68,7 +68,7 @@ def _edge_feature(
             "endid": ids[ends[1]],
             "cost": passage.length,
             "overridable": True,
-            "metadata": {key: value for key, value in known.items() if math.isfinite(value)},
+            "metadata": {key: value for key, value in values.items() if math.isfinite(value)},
         },
     )
 
@@ -141,11 +141,11 @@ class _GeoJsonReader:
             raise self._error(
                 f"{key}.geometry.coordinates", f"expected [x, y] [m], got {_short(at)}", line
             )
-        known = self._metadata(properties)
-        name = known.get("name")
+        metadata = self._metadata(properties)
+        name = metadata.get("name")
         name = name if isinstance(name, str) and name else str(number)
         self._names[number], self._lines[number] = name, line
-        kind = {"kind": known["kind"]} if "kind" in known else {}
+        kind = {"kind": metadata["kind"]} if "kind" in metadata else {}
         self._importer.add_place(name, {"x": at[0], "y": at[1], **kind}, line, key)
 
     def _add_edge(self, feature: dict[str, Any], index: int, line: int) -> None:
@@ -191,8 +191,8 @@ class _GeoJsonReader:
 
     @staticmethod
     def _metadata(properties: dict[str, Any]) -> dict[str, Any]:
-        known = properties.get("metadata")
-        return known if isinstance(known, dict) else {}
+        metadata = properties.get("metadata")
+        return metadata if isinstance(metadata, dict) else {}
 
     def _duplicate_id(self, key: str, number: int, line: int) -> MapError:
         return self._error(

@@ -94,10 +94,10 @@ class _PoseGraph:
         before = [Pose(0.0, 0.0, 0.0), *odometry[:-1]]  # odometry starts at its own origin
         self._steps = [a.relative(b) for a, b in zip(before, odometry, strict=True)]
         self._poses: list[Pose] = []
-        here = start
+        pose = start
         for step in self._steps:
-            here = here.compose(step)
-            self._poses.append(here)
+            pose = pose.compose(step)
+            self._poses.append(pose)
         self._detections = [
             (i, index[detection.identity], detection)
             for i, detections in enumerate(images)

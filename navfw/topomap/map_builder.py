@@ -18,9 +18,8 @@ from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
 from navfw.signals import Array
 from navfw.topomap.clearance_grid import ClearanceGrid
-from navfw.topomap.door_detection import BEFORE_DOOR, DOOR_WIDTH, doors_on
 from navfw.topomap.elements import Passage, Place, PlaceKind
-from navfw.topomap.map_regions import Bounds, PlaceNames, Regions
+from navfw.topomap.map_regions import BEFORE_DOOR, DOOR_WIDTH, Bounds, PlaceNames, Regions, doors_on
 from navfw.topomap.shortcuts import spanner
 from navfw.topomap.skeleton import skeleton_graph
 from navfw.topomap.topological_map import TopoMap
@@ -104,20 +103,20 @@ class _StraightLines:
     def add_line(self, skeleton: nx.MultiGraph, a: int, b: int, line: Array) -> None:
         """Add a line of the skeleton between two of its nodes, with its doors."""
         last, begin = self.point_of(skeleton, a), 0
-        for found in doors_on(self.grid, line):
-            index = found.index
-            before, behind = (self._beside_door(found.at, found.through, s) for s in (-1, 1))
-            door = self._point(found.at, door=found.through)
+        for door in doors_on(self.grid, line):
+            index = door.index
+            before, behind = (self._beside_door(door.at, door.through, s) for s in (-1, 1))
+            middle = self._point(door.at, door=door.through)
             start = _beyond_door(line, index, -1)
             end = _beyond_door(line, index, 1)
             if before is not None and start > begin:
                 last = self._follow(last, before, line[begin : start + 1])
             elif index > begin:
                 last = self._follow(last, None, line[begin:index])
-            self.graph.add_edge(last, door)
-            last, begin = door, index
+            self.graph.add_edge(last, middle)
+            last, begin = middle, index
             if behind is not None and end < len(line) - 1:
-                self.graph.add_edge(door, behind)
+                self.graph.add_edge(middle, behind)
                 last, begin = behind, end
         self._follow(last, self.point_of(skeleton, b), line[begin:])
 
@@ -130,26 +129,26 @@ class _StraightLines:
         points = [self._at(start), *((float(x), float(y)) for x, y in line[1:-1])]
         if end is not None:
             points.append(self._at(end))
-        last, here = start, 0
-        while here < len(points) - 1:
-            ahead = self._farthest(points, here)
+        last, begin = start, 0
+        while begin < len(points) - 1:
+            ahead = self._farthest(points, begin)
             final = ahead == len(points) - 1 and end is not None
             point = end if final and end is not None else self._point(points[ahead])
             if point != last:
                 self.graph.add_edge(last, point)
-            last, here = point, ahead
+            last, begin = point, ahead
         return last
 
-    def _farthest(self, points: list[Point], here: int) -> int:
+    def _farthest(self, points: list[Point], begin: int) -> int:
         """The last of the points in a straight line from ``here`` with enough clearance."""
-        low, walked, best = math.inf, 0.0, here + 1
-        for ahead in range(here + 1, len(points)):
+        low, walked, best = math.inf, 0.0, begin + 1
+        for ahead in range(begin + 1, len(points)):
             low = min(low, self.grid.at(*points[ahead]))
             walked += math.dist(points[ahead - 1], points[ahead])
-            if walked > _DETOUR_RATIO * math.dist(points[here], points[ahead]) + MERGE_DISTANCE:
+            if walked > _DETOUR_RATIO * math.dist(points[begin], points[ahead]) + MERGE_DISTANCE:
                 break  # the line leads round an obstacle
             wanted = min(0.8 * low, _ENOUGH_CLEARANCE)
-            if self.grid.along(points[here], points[ahead]) >= max(wanted, self.need - 0.03):
+            if self.grid.along(points[begin], points[ahead]) >= max(wanted, self.need - 0.03):
                 best = ahead
         return best
 
@@ -232,7 +231,7 @@ class _StraightLines:
             near = (math.dist(self._at(point), self._at(key)) for key in keys)
             same = (regions.at(*self._at(key)) == mine for key in keys)
             spacing = max(SPACING, _WIDE_SPACING * clearance[point])
-            if all(away >= spacing or not here for away, here in zip(near, same, strict=True)):
+            if all(a >= spacing or not shared for a, shared in zip(near, same, strict=True)):
                 keys.append(point)
         return keys
 
@@ -279,12 +278,12 @@ class _StraightLines:
         }
 
     def _by_region(self, regions: Regions) -> dict[int, list[int]]:
-        found: dict[int, list[int]] = {}
+        points: dict[int, list[int]] = {}
         for point in self.graph:
             region = regions.at(*self._at(point))
             if point not in self.doors and region:
-                found.setdefault(region, []).append(point)
-        return found
+                points.setdefault(region, []).append(point)
+        return points
 
     def _kind(self, point: int, regions: Regions, centre: bool) -> PlaceKind:
         if point in self.doors:
@@ -315,7 +314,7 @@ class _StraightLines:
 
 def _beyond_door(line: Array, index: int, step: int) -> int:
     """Index of the first point of ``line`` at least ``BEFORE_DOOR`` from ``index``."""
-    here = index
-    while 0 < here < len(line) - 1 and math.dist(line[here], line[index]) < BEFORE_DOOR:
-        here += step
-    return here
+    beyond = index
+    while 0 < beyond < len(line) - 1 and math.dist(line[beyond], line[index]) < BEFORE_DOOR:
+        beyond += step
+    return beyond

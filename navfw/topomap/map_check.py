@@ -59,20 +59,20 @@ def check_map(
     With ``clearances``, those of the mapped world, walls are checked too.
     """
     robot = robot or RobotModel()
-    found = [
+    problems = [
         *_unconnected_parts(topo_map),
         *_narrow_passages(topo_map, robot),
         *_duplicates(topo_map),
     ]
     if clearances is not None:
-        found += _places_in_walls(topo_map, clearances, robot)
-        found += _blocked_passages(topo_map, clearances, robot)
-    return found
+        problems += _places_in_walls(topo_map, clearances, robot)
+        problems += _blocked_passages(topo_map, clearances, robot)
+    return problems
 
 
 def _unconnected_parts(topo_map: TopoMap) -> Iterator[MapProblem]:
-    for part in topo_map.parts[1:]:
-        names = sorted(part)
+    for places in topo_map.parts[1:]:
+        names = sorted(places)
         listed = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
         yield MapProblem(
             "apart", names[0], f"no edge connects {listed} with the rest of the map; add one"

@@ -1,24 +1,164 @@
 """Map files of several formats, chosen by their suffix: reading and writing.
 
-``.yaml`` is navfw's own format (``mapfile``), ``.graphml`` that of graph tools such as networkx,
-yEd and Gephi (``graphml``), ``.geojson`` that of Nav2's route server (``geojson``). All three
-preserve the whole map; its floor plan is written beside it.
+``.yaml`` is navfw's own format (``mapfile``), ``.geojson`` that of Nav2's route server
+(``geojson``), ``.graphml`` the XML format of graph tools such as networkx, yEd and Gephi, read and
+written here. All three preserve the whole map; its floor plan is written beside it.
+
+In GraphML the values of a place or passage are data of its node or edge, with the keys of the map
+file; landmarks are data of the graph, as JSON, and so is the name of the floor plan's file.
+networkx reads and writes such files too, but keeps neither the lines of entries nor the order of
+passages.
 """
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from navfw.config.input_file import read_input_text, shown_path
-from navfw.errors import MapError
+from navfw.config.json_file import parse_json
+from navfw.config.xml_file import line_of, read_xml
+from navfw.errors import ConfigError, MapError
 from navfw.process.atomic import write_text
 from navfw.topomap.geojson import geojson_text, read_geojson
-from navfw.topomap.graphml import graphml_text, read_graphml
-from navfw.topomap.mapfile import KindCheck, load_map, map_text
+from navfw.topomap.map_import import EDGE_KEYS, PLACE_KEYS, MapImporter
+from navfw.topomap.mapfile import KindCheck, load_map, map_data, map_text
 from navfw.topomap.mapspec import MAX_BYTES
 from navfw.topomap.ros_map import save_ros_map
 from navfw.topomap.topological_map import TopoMap
+
+_NUMBERS = {"double": float, "float": float, "int": int, "long": int}
+_TEXTS = ("kind", "landmarks", "floor_plan")
+"""Keys of data that are text; all others are numbers."""
+
+
+def graphml_text(topo_map: TopoMap, plan_file: str | None = None) -> str:
+    """The map as the text of a GraphML file, with its floor plan in ``plan_file``."""
+    root = Element("graphml", xmlns="http://graphml.graphdrawing.org/xmlns")
+    graph_keys = ("landmarks", "floor_plan")
+    for owner, keys in (("node", PLACE_KEYS), ("edge", EDGE_KEYS), ("graph", graph_keys)):
+        for key in keys:
+            kind = "string" if key in _TEXTS else "double"
+            names = {"for": owner, "attr.name": key, "attr.type": kind}
+            SubElement(root, "key", {"id": f"{owner}-{key}", **names})
+    graph = SubElement(root, "graph", id=topo_map.name, edgedefault="undirected")
+    landmarks = json.dumps(map_data(topo_map)["landmarks"]) if topo_map.landmarks else None
+    _add_data(graph, {"landmarks": landmarks, "floor_plan": plan_file})
+    for place in topo_map.places.values():
+        node = SubElement(graph, "node", id=place.name)
+        _add_data(node, {key: getattr(place, key) for key in PLACE_KEYS})
+    for passage in topo_map.passages:
+        edge = SubElement(graph, "edge", source=passage.a, target=passage.b)
+        values = {key: getattr(passage, key) for key in EDGE_KEYS}
+        _add_data(edge, {key: v if math.isfinite(v) else None for key, v in values.items()})
+    indent(root)
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, encoding="unicode") + "\n"
+
+
+def _add_data(owner: Element, values: dict[str, str | float | None]) -> None:
+    """Add <data> elements, but for values of None."""
+    for key, value in values.items():
+        if value is not None:
+            data = SubElement(owner, "data", key=f"{owner.tag}-{key}")
+            data.text = value if isinstance(value, str) else repr(float(value))
+
+
+def read_graphml(path: Path, both_ways: bool = False) -> TopoMap:
+    """The map in a GraphML file.
+
+    Raises:
+        ConfigError: it is not XML, declares entities, or a value is missing or out of bounds.
+        MapError: it has no graph, an edge is directed and its counterpart is missing (unless
+            ``both_ways``), or the map is invalid.
+
+    """
+    return _GraphmlReader(path, both_ways).read()
+
+
+class _GraphmlReader:
+    """Reads one file, keeping the line of each element for error messages."""
+
+    def __init__(self, path: Path, both_ways: bool) -> None:
+        self._path = path
+        self._importer = MapImporter(shown_path(path), both_ways)
+        self._keys: dict[str, tuple[str, str]] = {}  # id: attr.name, attr.type
+
+    def read(self) -> TopoMap:
+        root = read_xml(self._path, 4 * MAX_BYTES, "GraphML", doctype=True)
+        elements = [(element.tag.rpartition(":")[2], element) for element in root.iter()]
+        graphs = [element for tag, element in elements if tag == "graph"]
+        if not graphs:
+            raise MapError(
+                "expected GraphML: there is no <graph>", file=shown_path(self._path), line=1
+            )
+        for tag, key in elements:
+            if tag == "key":
+                name = key.get("attr.name", "")
+                self._keys[key.get("id", "")] = (name, key.get("attr.type", "string"))
+        for tag, element in elements:
+            if tag == "node":
+                name = self._attribute(element, "id")
+                self._importer.add_place(
+                    name, self._values(element), line_of(element), f"node {name!r}"
+                )
+            elif tag == "edge":
+                self._add_edge(element, graphs[0].get("edgedefault") == "directed")
+            elif tag == "graph":
+                self._add_graph_data(element)
+            elif tag == "hyperedge":
+                raise self._error(element, tag, "a passage connects two places: use several edges")
+        return self._importer.finish(graphs[0].get("id") or "graph")
+
+    def _add_edge(self, edge: Element, default: bool) -> None:
+        ends = self._attribute(edge, "source"), self._attribute(edge, "target")
+        directed = edge.get("directed", str(default).lower()) == "true"
+        self._importer.add_edge(*ends, self._values(edge), line_of(edge), directed)
+
+    def _add_graph_data(self, graph: Element) -> None:
+        values, line = self._values(graph), line_of(graph)
+        self._importer.set_floor_plan(values.get("floor_plan"), line)
+        try:
+            landmarks = parse_json(str(values.get("landmarks", "{}")), shown_path(self._path))
+        except ConfigError:
+            landmarks = None
+        if not isinstance(landmarks, dict):
+            what = "expected a JSON object of landmarks by name"
+            raise self._error(graph, "landmarks", what)
+        for name, at in landmarks.items():
+            self._importer.add_landmark(name, at if isinstance(at, dict) else {}, line)
+
+    def _values(self, element: Element) -> dict[str, Any]:
+        """The <data> of an element by name, as the types that their keys declare."""
+        values: dict[str, Any] = {}
+        for data in element:
+            if data.tag.rpartition(":")[2] != "data":
+                continue
+            key, text = data.get("key", ""), data.text or ""
+            name, kind = self._keys.get(key, (key, "string"))
+            try:
+                value = _NUMBERS.get(kind, str)(text)
+            except ValueError:
+                raise self._error(data, name, f"expected a number, got {text!r:.40}") from None
+            # without a limit of its width a passage has no such key, as in a map file
+            if not isinstance(value, float) or math.isfinite(value):
+                values[name] = value
+        return values
+
+    def _attribute(self, element: Element, name: str) -> str:
+        value = element.get(name, "")
+        if not value:
+            tag = element.tag.rpartition(":")[2]
+            what = f"expected the attribute {name!r}, as in <{tag} {name}=...>"
+            raise self._error(element, tag, what)
+        return value
+
+    def _error(self, element: Element, key: str, message: str) -> MapError:
+        return MapError(message, file=shown_path(self._path), line=line_of(element), key=key)
+
 
 _WRITERS: dict[str, Callable[[TopoMap, str | None], str]] = {
     ".yaml": map_text,
@@ -27,6 +167,9 @@ _WRITERS: dict[str, Callable[[TopoMap, str | None], str]] = {
     ".geojson": geojson_text,
     ".json": geojson_text,
 }
+
+_MAX_BYTES = 4 * MAX_BYTES
+"""Largest size of a file [bytes]: other formats have more words for the same map."""
 
 SUFFIXES: tuple[str, ...] = tuple(_WRITERS)
 """The suffixes of map files."""
@@ -50,10 +193,9 @@ def load_any_map(
     suffix = _suffix(path)
     if _WRITERS[suffix] is map_text:
         return load_map(path) if check_kind is None else load_map(path, check_kind)
-    text = read_input_text(path, 4 * MAX_BYTES)
     if _WRITERS[suffix] is graphml_text:
-        return read_graphml(text, shown_path(path), both_ways)
-    return read_geojson(text, shown_path(path), both_ways)
+        return read_graphml(path, both_ways)
+    return read_geojson(read_input_text(path, _MAX_BYTES), shown_path(path), both_ways)
 
 
 def save_map(topo_map: TopoMap, path: str | Path) -> None:
@@ -79,6 +221,8 @@ def save_map(topo_map: TopoMap, path: str | Path) -> None:
 def _suffix(path: Path) -> str:
     suffix = path.suffix.lower()
     if suffix not in _WRITERS:
-        known = ", ".join(SUFFIXES)
-        raise MapError(f"expected a map file ({known}), got {path.name!r}", file=shown_path(path))
+        suffixes = ", ".join(SUFFIXES)
+        raise MapError(
+            f"expected a map file ({suffixes}), got {path.name!r}", file=shown_path(path)
+        )
     return suffix

@@ -24,12 +24,11 @@ from typing import Any
 from navfw.config.document import YamlDocument, key_text, load_yaml
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, MapError, did_you_mean
-from navfw.topomap.elements import Landmark, Passage, Place
+from navfw.topomap.elements import Landmark, MapViolation, Passage, Place, map_violations
 from navfw.topomap.mapspec import MAX_BYTES, MAX_NODES, EdgeSpec, MapSpec
 from navfw.topomap.occupancy_map import OccupancyMap
 from navfw.topomap.ros_map import load_ros_map
 from navfw.topomap.topological_map import TopoMap
-from navfw.topomap.validation import MapViolation, map_violations
 
 _PLAIN = re.compile(r"(?!(?i:true|false|yes|no|on|off|null|nan|inf)$)[A-Za-z][\w-]*", re.ASCII)
 """Texts that YAML reads as text without quotes."""
@@ -70,15 +69,15 @@ def read_map(document: YamlDocument, check_kind: KindCheck = _shipped_kind) -> T
             line, key = document.line_of(path), key_text(path)
             raise ConfigError(str(error), file=document.file, line=line, key=key) from None
     places = [Place(name, at.x, at.y, at.kind) for name, at in spec.places.items()]
-    known = {place.name: place for place in places}
-    passages = [_passage(edge, known) for edge in spec.edges]
+    place_of = {place.name: place for place in places}
+    passages = [_passage(edge, place_of) for edge in spec.edges]
     landmarks = [
         Landmark(name, at.kind, at.id, at.x, at.y, at.yaw, at.z, at.size)
         for name, at in spec.landmarks.items()
     ]
-    found = map_violations(places, passages, landmarks)
-    if found:
-        raise _map_error(document, found)
+    violations = map_violations(places, passages, landmarks)
+    if violations:
+        raise _map_error(document, violations)
     plan = _floor_plan(document, spec)
     return TopoMap(spec.name, places, passages, document.file, landmarks, plan)
 
@@ -174,21 +173,21 @@ def _passage(edge: EdgeSpec, places: dict[str, Place]) -> Passage:
     )
 
 
-def _first_line(document: YamlDocument, found: MapViolation) -> str:
-    line = None if found.first is None else document.line_of(found.first)
+def _first_line(document: YamlDocument, violation: MapViolation) -> str:
+    line = None if violation.first is None else document.line_of(violation.first)
     return "" if line is None else f" (the first is in line {line})"
 
 
-def _map_error(document: YamlDocument, found: Sequence[MapViolation]) -> MapError:
+def _map_error(document: YamlDocument, violations: Sequence[MapViolation]) -> MapError:
     """One error with all violations, in the order of the file, one a line."""
     errors = [
         MapError(
-            each.message + _first_line(document, each),
+            violation.message + _first_line(document, violation),
             file=document.file,
-            line=document.line_of(each.where),
-            key=key_text(each.where),
+            line=document.line_of(violation.where),
+            key=key_text(violation.where),
         )
-        for each in found
+        for violation in violations
     ]
     errors.sort(key=lambda error: error.line or 0)
     if len(errors) == 1:

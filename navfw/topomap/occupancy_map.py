@@ -98,13 +98,13 @@ class OccupancyMap:
         They lie outside of the grid for points outside.
         """
         local = self.origin.points_to_local(points)
-        found: npt.NDArray[np.intp] = np.floor(local[:, ::-1] / self.resolution).astype(np.intp)
-        return found
+        cells: npt.NDArray[np.intp] = np.floor(local[:, ::-1] / self.resolution).astype(np.intp)
+        return cells
 
     def state(self, points: Array) -> Cells:
         """(N,) state of points (N, 2) [m] of the frame ``map``; unknown outside of the grid."""
         index = self.indices(points)
         inside = np.all((index >= 0) & (index < self.cells.shape), axis=1)
-        found = np.full(len(points), UNKNOWN, dtype=np.int8)
-        found[inside] = self.cells[index[inside, 0], index[inside, 1]]
-        return found
+        states = np.full(len(points), UNKNOWN, dtype=np.int8)
+        states[inside] = self.cells[index[inside, 0], index[inside, 1]]
+        return states

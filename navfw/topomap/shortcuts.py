@@ -54,16 +54,16 @@ def spanner(
         i, j = index[a], index[b]
         lengths[i, j] = lengths[j, i] = max(math.dist(nodes[i], nodes[j]), 1e-6)
     first = [index[key] for key in keys]
-    found = _Spanner(nodes, points)
+    spanned = _Spanner(nodes, points)
     for door in doors:
         for beside in graph[door]:
-            found.connect(index[door], index[beside])
-    found.add(first, lengths)
-    known = 0
-    while known < len(found.graph):  # ways from and to the points between
-        known = len(found.graph)
-        found.add(found.numbers, lengths, _LAST_STRETCH)
-    return found.graph
+            spanned.connect(index[door], index[beside])
+    spanned.add(first, lengths)
+    size = 0
+    while size < len(spanned.graph):  # ways from and to the points between
+        size = len(spanned.graph)
+        spanned.add(spanned.numbers, lengths, _LAST_STRETCH)
+    return spanned.graph
 
 
 class _Spanner:
@@ -101,13 +101,13 @@ class _Spanner:
         pairs = np.argwhere(np.triu(np.isfinite(between), 1))
         order = np.argsort(between[pairs[:, 0], pairs[:, 1]], kind="stable")
         for row, column in pairs[order].tolist():
-            start, there = keys[row], keys[column]
-            if self._ways[start, there] <= stretch * between[row, column]:
+            start, node = keys[row], keys[column]
+            if self._ways[start, node] <= stretch * between[row, column]:
                 continue
-            while there != start:
-                previous = int(before[row, there])
-                self.connect(previous, there)
-                there = previous
+            while node != start:
+                previous = int(before[row, node])
+                self.connect(previous, node)
+                node = previous
 
     def connect(self, i: int, j: int) -> None:
         """Add the edge between two nodes."""
@@ -116,10 +116,10 @@ class _Spanner:
             return
         self.graph.add_edge(a, b)
         ways, length = self._ways, math.dist(self._nodes[i], self._nodes[j])
-        known = np.flatnonzero(np.isfinite(ways[i]) | np.isfinite(ways[j]))
-        part = np.ix_(known, known)
-        through = ways[known, i, None] + length + ways[None, j, known]
-        ways[part] = np.minimum(ways[part], np.minimum(through, through.T))
+        connected = np.flatnonzero(np.isfinite(ways[i]) | np.isfinite(ways[j]))
+        pairs = np.ix_(connected, connected)
+        through = ways[connected, i, None] + length + ways[None, j, connected]
+        ways[pairs] = np.minimum(ways[pairs], np.minimum(through, through.T))
 
     def _add_node(self, number: int) -> int:
         point: int = self._points[number]
@@ -132,14 +132,14 @@ def _corners(grid: ClearanceGrid) -> Array:
     """(N, 2) points [m] at the corners of obstacles, with ``_COMFORT`` from them."""
     ground = (grid.clearance >= _COMFORT + 0.5 * grid.cell).astype(np.uint8)
     outlines, _ = cv2.findContours(ground, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    found: list[tuple[float, float]] = []
+    corners: list[tuple[float, float]] = []
     for outline in sorted(outlines, key=len, reverse=True):
         polygon = cv2.approxPolyDP(outline, 0.1 / grid.cell, closed=True)[:, 0].astype(np.float64)
         before, after = polygon - np.roll(polygon, 1, axis=0), np.roll(polygon, -1, 0) - polygon
         # what is not free lies to the left of an outline: a turn to the left goes round a corner
         left = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] > 0.0
-        found += [grid.point(row, column) for column, row in polygon[left].tolist()]
-    return np.array(found[:_MAX_CORNERS]).reshape(-1, 2)
+        corners += [grid.point(row, column) for column, row in polygon[left].tolist()]
+    return np.array(corners[:_MAX_CORNERS]).reshape(-1, 2)
 
 
 def _visible_lengths(nodes: Array, grid: ClearanceGrid, closed: list[Segment]) -> Array:

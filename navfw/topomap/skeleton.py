@@ -76,7 +76,7 @@ def _traced(grid: ClearanceGrid, skeleton: Mask) -> nx.MultiGraph:
         path = _walk(cells, cell, cells[cell][0], numbers)
         visited.update(path)
         graph.add_node(numbers[cell], at=grid.point(*cell))
-        line = np.array([grid.point(*each) for each in path])
+        line = np.array([grid.point(*path_cell) for path_cell in path])
         graph.add_edge(numbers[cell], numbers[cell], line=line)
     return graph
 
@@ -85,7 +85,7 @@ def _neighbours(skeleton: Mask) -> dict[Cell, list[Cell]]:
     """Each cell's neighbours: by edge, or by corner where no edge neighbour connects the two."""
     rows, columns = np.nonzero(skeleton)
     inside = set(zip(rows.tolist(), columns.tolist(), strict=True))
-    found: dict[Cell, list[Cell]] = {}
+    neighbours: dict[Cell, list[Cell]] = {}
     for i, j in sorted(inside):
         near = [(i + di, j + dj) for di, dj in _EDGES if (i + di, j + dj) in inside]
         near += [
@@ -93,8 +93,8 @@ def _neighbours(skeleton: Mask) -> dict[Cell, list[Cell]]:
             for di, dj in _CORNERS
             if (i + di, j + dj) in inside and not {(i + di, j), (i, j + dj)} & inside
         ]
-        found[i, j] = near
-    return found
+        neighbours[i, j] = near
+    return neighbours
 
 
 def _walk(
@@ -132,9 +132,9 @@ def _merge_lines(graph: nx.MultiGraph) -> None:
         (_, a, _, first), (_, b, _, second) = around
         if node in (a, b):
             continue
-        there = first["line"] if a < node else first["line"][::-1]  # from a to the node
+        onward = first["line"] if a < node else first["line"][::-1]  # from a to the node
         back = second["line"] if node < b else second["line"][::-1]  # from the node to b
-        line = np.vstack([there, back[1:]])
+        line = np.vstack([onward, back[1:]])
         graph.remove_node(node)
         graph.add_edge(a, b, line=line if a <= b else line[::-1])
 
@@ -162,7 +162,7 @@ def thinned(mask: Mask) -> Mask:
     skeleton: Mask = shape[1:-1, 1:-1] > 0
     # parts that shrink to a square of 2 x 2 cells vanish: keep the innermost cell of each
     count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
-    for part in set(range(1, count)) - set(labels[skeleton].tolist()):
-        depth = cv2.distanceTransform((labels == part).astype(np.uint8), cv2.DIST_L2, 3)
+    for region in set(range(1, count)) - set(labels[skeleton].tolist()):
+        depth = cv2.distanceTransform((labels == region).astype(np.uint8), cv2.DIST_L2, 3)
         skeleton[np.unravel_index(int(depth.argmax()), depth.shape)] = True
     return skeleton

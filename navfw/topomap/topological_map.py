@@ -17,9 +17,8 @@ import numpy as np
 from navfw.errors import MapError, UnknownNameError
 from navfw.signals import Array
 from navfw.signals.immutable import Sealed
-from navfw.topomap.elements import Landmark, Passage, Place
+from navfw.topomap.elements import Landmark, Passage, Place, map_violations
 from navfw.topomap.occupancy_map import OccupancyMap
-from navfw.topomap.validation import map_violations
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +71,9 @@ class TopoMap(Sealed):
         floor_plan: OccupancyMap | None = None,
     ) -> None:
         listed, passages, landmarks = list(places), tuple(passages), tuple(landmarks)
-        found = map_violations(listed, passages, landmarks)
-        if found:
-            raise MapError("; ".join(map(str, found)), file=file, key=name)
+        violations = map_violations(listed, passages, landmarks)
+        if violations:
+            raise MapError("; ".join(map(str, violations)), file=file, key=name)
         self.name = name
         self.file = None if file is None else str(file)
         self.places: Mapping[str, Place] = MappingProxyType({p.name: p for p in listed})
@@ -147,8 +146,8 @@ class TopoMap(Sealed):
     @functools.cached_property
     def parts(self) -> tuple[frozenset[str], ...]:
         """The map's connected parts as sets of place names, largest first."""
-        found = [frozenset(part) for part in nx.connected_components(self._graph)]
-        return tuple(sorted(found, key=len, reverse=True))
+        parts = [frozenset(names) for names in nx.connected_components(self._graph)]
+        return tuple(sorted(parts, key=len, reverse=True))
 
     def part_of(self, place: str) -> frozenset[str]:
         """The names of all places connected with ``place``, including itself."""
@@ -162,7 +161,7 @@ class TopoMap(Sealed):
 
     @functools.cached_property
     def _part_by_place(self) -> dict[str, frozenset[str]]:
-        return {place: part for part in self.parts for place in part}
+        return {place: names for names in self.parts for place in names}
 
     def place_distances(self, x: float, y: float) -> Array:
         """(places,) straight distances [m] from (x, y) to all places, in the map's order."""
@@ -174,8 +173,8 @@ class TopoMap(Sealed):
 
     def nearest_passage(self, x: float, y: float) -> PassageProjection | None:
         """The projection onto the nearest passage; None in a map without passages."""
-        found = self.project_onto_passages(x, y, slack=0.0)
-        return found[0] if found else None
+        projections = self.project_onto_passages(x, y, slack=0.0)
+        return projections[0] if projections else None
 
     def project_onto_passages(
         self, x: float, y: float, slack: float, among: Sequence[Passage] | None = None

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 
+from navfw.interfaces import WorldFamily
 from navfw.sim.shapes import Circle, Rectangle
 from navfw.sim.worldspec import DoorSpec, RoomSpec
 from navfw.topomap import PlaceKind
@@ -25,18 +27,23 @@ _APPROACH = 0.65
 """Least distance of the place in a side room from its door [m]."""
 
 
-def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
-    """Corridors 1.0 to 2.0 m wide; narrower, longer and with more obstacles when difficult."""
-    network, size = plan_network(rng, difficulty)
-    draft = WorldDraft.empty(rng, *size)
-    draft.description = "Bent and branching corridors 1.0 to 2.0 m wide with side doors."
-    lines = boundary_lines(network.areas)
-    _build_walls(draft, network, lines)
-    start, goal = network.where[network.route[0]], network.where[network.route[-1]]
-    draft.set_start_and_goal(start, goal, towards=network.where[network.route[1]])
-    _add_obstacles(draft, network, difficulty)
-    _add_map(draft, network)
-    return draft
+class Corridors(WorldFamily):
+    """Bent and branching corridors 1.0 to 2.0 m wide with side doors and obstacles."""
+
+    name: ClassVar[str] = "corridors"
+
+    def build(self, rng: np.random.Generator, difficulty: float) -> WorldDraft:
+        """Corridors 1.0 to 2.0 m wide; narrower, longer and with more obstacles when difficult."""
+        network, size = plan_network(rng, difficulty)
+        draft = WorldDraft.empty(rng, *size)
+        draft.description = "Bent and branching corridors 1.0 to 2.0 m wide with side doors."
+        lines = boundary_lines(network.areas)
+        _build_walls(draft, network, lines)
+        start, goal = network.where[network.route[0]], network.where[network.route[-1]]
+        draft.set_start_and_goal(start, goal, towards=network.where[network.route[1]])
+        _add_obstacles(draft, network, difficulty)
+        _add_map(draft, network)
+        return draft
 
 
 # --- the world --------------------------------------------------------------------------------
@@ -126,7 +133,7 @@ def _try_obstacle(
 
 def _add_map(draft: WorldDraft, network: CorridorNetwork) -> None:
     """Places at nodes and in front of side doors, connected in a row along each corridor."""
-    roadmap = Roadmap(draft.floor_plan())
+    roadmap = Roadmap(draft.geometry())
     names = {node: _add_node(roadmap, network, node) for node in sorted(network.graph)}
     for segment in network.segments:
         stations = [(network.where[n][segment.axis], names[n]) for n in (segment.a, segment.b)]

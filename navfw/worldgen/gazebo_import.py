@@ -1,32 +1,90 @@
-"""Import of Gazebo worlds of cylinders, boxes and meshes, with a mission."""
+"""Import of Gazebo worlds of cylinders, boxes and meshes, with a mission; and the benchmark BARN.
+
+BARN (Perille et al. 2020; github.com/Daffan/the-barn-challenge): its mission leads from (-2.25, 3)
+facing y to (-2.25, 13), reached within 1 m, in 100 s. Each ``world_N.world`` has a reference path
+``path_N.npy``, cells of a grid that do not depend on the robot; the score is relative to it.
+"""
 
 from __future__ import annotations
 
+import io
 import math
+import re
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.lib.format import read_array
 
+from navfw.config.input_file import is_file, read_input
 from navfw.config.problems import rewording
-from navfw.errors import InputError, WorldError
+from navfw.errors import ConfigError, InputError, WorldError
 from navfw.missions.missionspec import MissionSpec
-from navfw.sim.floorplan import FloorPlan
+from navfw.signals import Array
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec
-from navfw.worldgen.barn import (
-    BARN_GOAL,
-    BARN_START,
-    POLE_HEIGHT,
-    is_barn,
-    reference_length,
-)
 from navfw.worldgen.generated_world import MISSION, write_world
+from navfw.worldgen.looks import Palette
 from navfw.worldgen.sdf_reader import SdfShape, SdfWorld, read_sdf
-from navfw.worldgen.texture_palette import Palette
 from navfw.worldgen.world_draft import FAST_ROBOT, POLES_STACK, ROBOT
+
+POLE_HEIGHT = 1.0
+"""Height of BARN's poles [m]: in the files, half of their 1 m is below the ground."""
+
+BARN_START = (-2.25, 3.0, 1.57)
+BARN_GOAL = (-2.25, 13.0)
+"""Start (x, y [m], yaw [rad]) and goal (x, y [m]) of BARN's mission."""
+
+_RADIUS = 0.075
+"""Radius of BARN's poles [m], half the side of a cell."""
+_ORIGIN = -_RADIUS - 30 * 2 * _RADIUS, _RADIUS + 5.0
+"""x and y [m] of the cell (0, 0) of reference paths."""
+_MAX_BYTES = 1_000_000
+"""Largest file of a reference path."""
+
+
+def is_barn(content: SdfWorld) -> bool:
+    """Whether this is a world of the BARN benchmark: many cylinders of BARN's name and radius."""
+    return len(content.shapes) >= 20 and all(
+        shape.name.startswith("unit_cylinder") and abs(shape.radius - _RADIUS) < 1e-6
+        for shape in content.shapes
+    )
+
+
+def reference_length(world_file: Path) -> float | None:
+    """Length [m] of the reference path beside ``world_N.world``, start and goal included.
+
+    None if there is no file ``path_N.npy``.
+
+    Raises:
+        ConfigError: the file has no path.
+
+    """
+    number = re.fullmatch(r"world_(\d+)", world_file.stem)
+    path = world_file.with_name(f"path_{number[1]}.npy") if number else None
+    if path is None or not is_file(path):
+        return None
+    points = np.array([BARN_START[:2], *(_cells(path) * 2 * _RADIUS + _ORIGIN), BARN_GOAL])
+    return round(float(np.hypot(*np.diff(points, axis=0).T).sum()), 3)
+
+
+def _cells(path: Path) -> Array:
+    """(n, 2) cells of a reference path."""
+    try:
+        cells = read_array(io.BytesIO(read_input(path, _MAX_BYTES)), allow_pickle=False)
+    except (ValueError, EOFError, OSError) as error:
+        raise ConfigError(f"is no NumPy array: {error}", file=path) from None
+    if cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in "iuf":
+        raise ConfigError(
+            f"expected cells (n, 2) of a reference path, got {cells.dtype} {cells.shape}", file=path
+        )
+    if not np.isfinite(cells).all():
+        raise ConfigError("has cells that are not finite", file=path)
+    return np.asarray(cells, dtype=np.float64)
+
 
 Goal = tuple[float, float]
 Start = tuple[float, float, float]
@@ -79,16 +137,16 @@ def import_world(
 
     """
     path = Path(path)
-    found = read_sdf(path, models)
-    if found.unsupported and not skip_unsupported:
+    content = read_sdf(path, models)
+    if content.unsupported and not skip_unsupported:
         raise InputError(
             "has unsupported elements (static meshes and upright cylinders and boxes are"
             " supported):\n  "
-            + "\n  ".join(found.unsupported)
+            + "\n  ".join(content.unsupported)
             + "\n--skip-unsupported leaves them out",
             file=path,
         )
-    barn = is_barn(found)
+    barn = is_barn(content)
     start = start or (BARN_START if barn else None)
     goal = goal or (BARN_GOAL if barn else None)
     if start is None or goal is None:
@@ -97,26 +155,26 @@ def import_world(
         )
         raise InputError(f"has no start and goal of its own: give {missing}", file=path)
     with rewording("is out of range: ", file=path):
-        world = _world(path, found, barn, [start[:2], goal])
+        world = _world(path, content, barn, [start[:2], goal])
     check_world(world, file=path)
     return ImportedWorld(
         world=world,
         mission=_mission(path, start, goal, barn),
         shortest=_shortest_path(path, world, start, goal),
-        skipped=tuple(found.unsupported),
+        skipped=tuple(content.unsupported),
         barn=barn,
-        meshes=found.meshes,
+        meshes=content.meshes,
     )
 
 
-def _world(path: Path, found: SdfWorld, barn: bool, ends: Sequence[Goal]) -> WorldSpec:
+def _world(path: Path, content: SdfWorld, barn: bool, ends: Sequence[Goal]) -> WorldSpec:
     """The world with all shapes that extend above the ground."""
     palette = Palette(np.random.default_rng(zlib.crc32(path.stem.encode())))
     floor, textures = palette.draw("floor"), palette.draw_many("thing", 4)
-    standing = [(s, *_levels(s, barn)) for s in found.shapes]
+    standing = [(s, *_levels(s, barn)) for s in content.shapes]
     standing = [(s, low, high) for s, low, high in standing if high - low >= 0.02]
     # all parts of a mesh look alike
-    of_meshes = [palette.pick(textures) for _ in range(found.meshes)]
+    of_meshes = [palette.pick(textures) for _ in range(content.meshes)]
 
     def look(shape: SdfShape) -> str:
         return of_meshes[shape.mesh - 1] if shape.mesh else palette.pick(textures)
@@ -148,7 +206,7 @@ def _world(path: Path, found: SdfWorld, barn: bool, ends: Sequence[Goal]) -> Wor
     x, y = _bounds([s for s, _, _ in standing], ends)
     return WorldSpec(
         name=path.stem[:60] or "imported",
-        description=_description(path, len(boxes), len(cylinders), found.meshes, barn),
+        description=_description(path, len(boxes), len(cylinders), content.meshes, barn),
         x=x,
         y=y,
         floor=floor,
@@ -213,7 +271,7 @@ def _mission(path: Path, start: Start, goal: Goal, barn: bool) -> MissionSpec:
 
 def _shortest_path(path: Path, world: WorldSpec, start: Start, goal: Goal) -> float:
     """Length of the shortest path of the default robot [m]."""
-    plan = FloorPlan.from_world(world, ROBOT.height)
+    plan = SceneGeometry.from_world(world, ROBOT.height)
     try:
         return plan.shortest_path(start[:2], goal, ROBOT.radius)[0]
     except WorldError as error:

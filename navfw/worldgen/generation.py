@@ -13,10 +13,12 @@ from navfw.missions.missionfile import goals_map
 from navfw.missions.missionspec import MissionSpec
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import MAX_CONTRAST, Look
-from navfw.worldgen.families import Clutter, Corridors, Maze, Moving, Poles, Rooms
+from navfw.worldgen.corridors import Corridors
 from navfw.worldgen.generated_world import MAP_FILE, GeneratedWorld
-from navfw.worldgen.looks import LOOKS, with_look
-from navfw.worldgen.texture_palette import with_contrast
+from navfw.worldgen.looks import LOOKS, with_contrast, with_look
+from navfw.worldgen.maze import Maze
+from navfw.worldgen.open_areas import Clutter, Moving, Poles
+from navfw.worldgen.rooms import Rooms
 from navfw.worldgen.world_draft import ROBOT, Unsuitable, WorldDraft
 
 _SHIPPED: dict[str, type[WorldFamily]] = {
@@ -114,7 +116,7 @@ def _finish(
     if look is not None:
         world = with_look(world, look, seed)
     check_world(world)
-    plan = draft.floor_plan()
+    plan = draft.geometry()
     start = draft.start[:2]
     try:
         # with the margin first: a path that only just fits does not count

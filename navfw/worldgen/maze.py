@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import networkx as nx
 import numpy as np
 
+from navfw.interfaces import WorldFamily
 from navfw.topomap import PlaceKind
 from navfw.worldgen.partition import WallLine, walls_along
 from navfw.worldgen.roadmap import Roadmap
@@ -17,30 +19,35 @@ _MAX_PATH = 30.0
 """Limit of the path from start to goal [m], in cells times their size."""
 
 
-def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
-    """5 to 8 cells by 5 to 8; each 1.6 m wide when easy, 1.1 m when difficult."""
-    cell = round(
-        float(np.clip(blend(1.55, 1.15, difficulty) + rng.uniform(-0.05, 0.05), 1.1, 1.6)), 3
-    )
-    columns, rows = (int(n) for n in rng.integers(5, 7, 2) + round(2.0 * difficulty))
-    draft = WorldDraft.empty(rng, columns * cell + WALL, rows * cell + WALL)
-    draft.enclose(draft.palette.draw("wall"))
-    draft.ceiling = draft.palette.draw("ceiling")
-    maze = _carve(rng, columns, rows, loops=blend(0.2, 0.06, difficulty))
-    draft.description = f"A maze of {columns} x {rows} cells of {cell:g} m."
-    inner = draft.palette.draw_many("wall", 3)
-    walls = walls_along(list(_lines(maze, columns, rows, cell)), [], inner[0])
-    draft.walls += [
-        wall.model_copy(update={"texture": draft.palette.pick(inner)}) for wall in walls
-    ]
-    start, goal = _ends(rng, maze, cell)
-    onward = nx.shortest_path(maze, start, goal)[1]
-    draft.set_start_and_goal(
-        _middle(start, cell), _middle(goal, cell), towards=_middle(onward, cell)
-    )
-    draft.time_allowance = 45.0
-    _add_map(draft, maze, cell, goal)
-    return draft
+class Maze(WorldFamily):
+    """A grid maze with cells of 1.6 down to 1.1 m."""
+
+    name: ClassVar[str] = "maze"
+
+    def build(self, rng: np.random.Generator, difficulty: float) -> WorldDraft:
+        """5 to 8 cells by 5 to 8; each 1.6 m wide when easy, 1.1 m when difficult."""
+        cell = round(
+            float(np.clip(blend(1.55, 1.15, difficulty) + rng.uniform(-0.05, 0.05), 1.1, 1.6)), 3
+        )
+        columns, rows = (int(n) for n in rng.integers(5, 7, 2) + round(2.0 * difficulty))
+        draft = WorldDraft.empty(rng, columns * cell + WALL, rows * cell + WALL)
+        draft.enclose(draft.palette.draw("wall"))
+        draft.ceiling = draft.palette.draw("ceiling")
+        maze = _carve(rng, columns, rows, loops=blend(0.2, 0.06, difficulty))
+        draft.description = f"A maze of {columns} x {rows} cells of {cell:g} m."
+        inner = draft.palette.draw_many("wall", 3)
+        walls = walls_along(list(_lines(maze, columns, rows, cell)), [], inner[0])
+        draft.walls += [
+            wall.model_copy(update={"texture": draft.palette.pick(inner)}) for wall in walls
+        ]
+        start, goal = _ends(rng, maze, cell)
+        onward = nx.shortest_path(maze, start, goal)[1]
+        draft.set_start_and_goal(
+            _middle(start, cell), _middle(goal, cell), towards=_middle(onward, cell)
+        )
+        draft.time_allowance = 45.0
+        _add_map(draft, maze, cell, goal)
+        return draft
 
 
 def _carve(rng: np.random.Generator, columns: int, rows: int, loops: float) -> nx.Graph:
@@ -94,7 +101,7 @@ def _ends(rng: np.random.Generator, maze: nx.Graph, cell: float) -> tuple[Cell, 
 
 def _add_map(draft: WorldDraft, maze: nx.Graph, cell: float, goal: Cell) -> None:
     """The map: a place for every cell, a passage between connected cells."""
-    roadmap = Roadmap(draft.floor_plan())
+    roadmap = Roadmap(draft.geometry())
     names: dict[Cell, str] = {}
     for at in sorted(maze.nodes):
         beyond = sorted(maze[at])

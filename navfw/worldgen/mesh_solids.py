@@ -15,9 +15,10 @@ import cv2
 import numpy as np
 
 from navfw.errors import WorldError
+from navfw.meshes.section_grid import SectionGrid
+from navfw.meshes.triangle_mesh import TriangleMesh
 from navfw.signals import Array, Mask
 from navfw.sim.shapes import Circle, Rectangle, Shape
-from navfw.worldgen.mesh_section import MeshSurface, PlanGrid, surfaces_of
 from navfw.worldgen.plan_walls import wall_rectangles
 
 MAX_PARTS = 2000
@@ -30,6 +31,8 @@ _WITHIN = (0.1, 0.5, 0.9)
 """Heights of the cuts within a layer, as shares of its height."""
 _MIN_THICKNESS = 0.02
 """Least size of a solid [m]: a surface without volume gets it."""
+_SAME = 1e-5
+"""Corners nearer than this [m] are one."""
 _LEVEL = 0.01
 """Corners whose heights differ by less [m] bound one layer."""
 _TOP = 20.0
@@ -78,10 +81,10 @@ def mesh_solids(triangles: Array) -> list[UprightPart]:
         WorldError: there would be too many.
 
     """
-    surfaces = surfaces_of(triangles)
+    surfaces = TriangleMesh.welded(triangles, _SAME).surfaces()
     if not surfaces:
         return []
-    grid = PlanGrid.around(triangles[..., :2])
+    grid = SectionGrid.around(triangles[..., :2])
     parts: list[UprightPart] = []
     for layer in (*_upright_layers(surfaces, grid), *_flat_layers(surfaces, grid)):
         parts += [UprightPart(shape, layer.bottom, layer.top) for shape in _shapes(layer, grid)]
@@ -90,17 +93,17 @@ def mesh_solids(triangles: Array) -> list[UprightPart]:
     return parts
 
 
-def _upright_layers(surfaces: list[MeshSurface], grid: PlanGrid) -> list[_Layer]:
+def _upright_layers(surfaces: list[TriangleMesh], grid: SectionGrid) -> list[_Layer]:
     """The layers between corners at different heights; neighbours of one shape are one layer."""
-    levels = _levels(np.concatenate([surface.heights for surface in surfaces]))
+    levels = _levels(np.concatenate([surface.vertices[:, 2] for surface in surfaces]))
     layers: list[_Layer] = []
     for bottom, top in pairwise(levels):
-        covered, corners = grid.empty(), []
+        covered, corners = np.zeros(grid.shape, np.bool_), []
         for share in _WITHIN:
             for surface in surfaces:
                 lines = surface.section(bottom + share * (top - bottom))
                 corners.append(lines.reshape(-1, 2))
-                grid.draw(covered, lines, surface.closed)
+                grid.draw(covered, lines, closed=not surface.open_edges)
         layer = _Layer(bottom, top, covered, np.concatenate(corners))
         if layers and layers[-1].top == bottom and _alike(layers[-1].covered, covered):
             layers[-1].extend(layer)
@@ -123,9 +126,9 @@ def _levels(heights: Array) -> list[float]:
     return levels if len(levels) <= _LAYERS + 1 else np.linspace(bottom, top, _LAYERS + 1).tolist()
 
 
-def _flat_layers(surfaces: list[MeshSurface], grid: PlanGrid) -> Iterator[_Layer]:
+def _flat_layers(surfaces: list[TriangleMesh], grid: SectionGrid) -> Iterator[_Layer]:
     """Level parts of surfaces without volume, as table tops may be drawn, above the floor."""
-    level = [surface.level_triangles() for surface in surfaces if not surface.closed]
+    level = [surface.level_triangles for surface in surfaces if surface.open_edges]
     if not level:
         return
     triangles = np.concatenate(level)
@@ -143,7 +146,7 @@ def _alike(one: Mask, other: Mask) -> bool:
     return not (np.any(one & ~near_other) or np.any(other & ~near_one))
 
 
-def _shapes(layer: _Layer, grid: PlanGrid) -> Iterator[Shape]:
+def _shapes(layer: _Layer, grid: SectionGrid) -> Iterator[Shape]:
     """Rectangles and circles that cover what a layer covers."""
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(layer.covered.astype(np.uint8))
     if len(boxes) > MAX_PARTS:
@@ -183,9 +186,9 @@ def _simple_shape(mask: Mask, corners: Array, cell: float) -> Shape | None:
 
 def _rectangles(mask: Mask, corner: Array, cell: float) -> Iterator[Rectangle]:
     """Rectangles along the outline of a region whose first cell's corner is at ``corner`` [m]."""
-    part = np.pad(mask, _BORDER)
-    height, width = (cell * count for count in part.shape)
+    padded = np.pad(mask, _BORDER)
+    height, width = (cell * count for count in padded.shape)
     x, y = (corner - _BORDER * cell).tolist()
-    for found in wall_rectangles(~part, cell):
-        if 0.0 < found.x < width and 0.0 < found.y < height:  # others are around the grid
-            yield Rectangle(found.x + x, found.y + y, found.half_x, found.half_y, found.yaw)
+    for wall in wall_rectangles(~padded, cell):
+        if 0.0 < wall.x < width and 0.0 < wall.y < height:  # others are around the grid
+            yield Rectangle(wall.x + x, wall.y + y, wall.half_x, wall.half_y, wall.yaw)

@@ -1,9 +1,10 @@
-"""Walls of a floor plan as few rectangles: edges of the free ground, grown into what is not free.
+"""The ground of a floor plan without the noise of a map, and the walls around it as few rectangles.
 
-Each straight edge of the free ground's outline gives a candidate: the rectangle behind it, as deep
-as the wall and as long as the wall goes on in both directions. Candidates are then chosen greedily
-by the cells they cover (set cover; Chvatal 1979), so that one rectangle serves both faces of a wall
-and all rooms along it.
+Maps by SLAM have single wrong pixels, gaps of a pixel in walls, and free ground behind windows: the
+ground is what is certainly free and in one piece. Each straight edge of its outline gives a
+candidate: the rectangle behind it, as deep as the wall and as long as the wall goes on in both
+directions. Candidates are then chosen greedily by the cells they cover (set cover; Chvatal 1979),
+so that one rectangle serves both faces of a wall and all rooms along it.
 """
 
 from __future__ import annotations
@@ -12,14 +13,96 @@ import heapq
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Annotated
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from pydantic import Field
 
+from navfw.config.strict_model import StrictModel
 from navfw.numerics.products import product
 from navfw.signals import Array, Mask
 from navfw.sim.shapes import Rectangle
+from navfw.topomap.occupancy_map import FREE, OCCUPIED, UNKNOWN, Cells, OccupancyMap
+
+
+class PlanCleaning(StrictModel):
+    """The steps of cleaning, in this order; 0 leaves a step out."""
+
+    speckle: Annotated[
+        float,
+        Field(ge=0.0, le=1.0, description="spots within free ground up to this size vanish [m]"),
+    ] = 0.12
+    gap: Annotated[
+        float,
+        Field(ge=0.0, le=0.4, description="openings narrower than this are closed [m]"),
+    ] = 0.15
+
+
+def cleaned(plan: OccupancyMap, cleaning: PlanCleaning) -> OccupancyMap:
+    """The plan without speckles and gaps; free ground apart from the largest piece is unknown.
+
+    Small occupied or unknown spots that free ground surrounds become free. Gaps narrower than
+    ``cleaning.gap`` become unknown, and with them any ground behind that has no wider entrance.
+    """
+    free = _without_speckles(plan.free, cleaning.speckle / plan.resolution)
+    free = _without_gaps(free, cleaning.gap / plan.resolution)
+    free = _largest_piece(free)
+    cells: Cells = np.where(free, FREE, np.where(plan.occupied, OCCUPIED, UNKNOWN)).astype(np.int8)
+    return OccupancyMap(cells, plan.resolution, plan.origin, plan.file)
+
+
+def _without_speckles(free: Mask, size: float) -> Mask:
+    """Free ground with the spots in it that are at most ``size`` cells wide and high."""
+    # unknown all around: a spot at the edge of the grid is not surrounded
+    blocked = np.pad(~free, 1, constant_values=True).astype(np.uint8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(blocked, connectivity=8)
+    extent = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
+    small = extent <= size
+    small[0] = False  # the label of the free ground
+    grown: Mask = free | small[labels[1:-1, 1:-1]]
+    return grown
+
+
+def _without_gaps(free: Mask, width: float) -> Mask:
+    """Free ground without its parts narrower than ``width`` cells."""
+    edge = round(width)
+    if edge < 2:
+        return free
+    kernel = np.ones((edge, edge), np.uint8)
+    padded = np.pad(free, edge).astype(np.uint8)
+    eroded = cv2.erode(padded, kernel, anchor=(edge // 2, edge // 2))
+    opposite = edge - 1 - edge // 2  # of an even kernel the middle lies beside its centre
+    opened = cv2.dilate(eroded, kernel, anchor=(opposite, opposite))
+    # a square kernel also blunts the corners of slanted walls: those parts are no gaps, they touch
+    # what remains along one side only
+    lost = ((padded > 0) & (opened == 0)).astype(np.uint8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(lost, connectivity=4)
+    kept = opened > 0
+    blunt = np.zeros(count, dtype=np.bool_)
+    for label in range(1, count):
+        x, y, w, h = stats[label, :4]
+        around = np.s_[y - 1 : y + h + 1, x - 1 : x + w + 1]
+        blunt[label] = _stretches(labels[around] == label, kept[around]) < 2
+    wide: Mask = (kept | blunt[labels])[edge:-edge, edge:-edge]
+    return wide
+
+
+def _stretches(region: Mask, kept: Mask) -> int:
+    """The number of separate stretches along which ``part`` touches the ground that is kept."""
+    ring = cv2.dilate(region.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return int(cv2.connectedComponents((ring & kept).astype(np.uint8), connectivity=8)[0]) - 1
+
+
+def _largest_piece(free: Mask) -> Mask:
+    """The largest 4-connected piece of the free ground."""
+    count, labels = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
+    if count <= 1:
+        return free
+    piece: Mask = labels == 1 + int(np.argmax(np.bincount(labels.ravel(), minlength=count)[1:]))
+    return piece
+
 
 _OUTLINE_TOLERANCE = 1.2
 """Largest distance [cells] of the outline from its straight edges: noise of a mapped wall."""
@@ -49,7 +132,7 @@ def wall_rectangles(free: Mask, cell: float) -> list[Rectangle]:
     edges = [edge for outline in _outlines(ground) for edge in _straight_edges(outline)]
     open_ = cv2.erode(ground.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     grown = [_grown(ground, open_, edge, cell) for edge in edges]
-    candidates = [each for each in grown if each is not None]
+    candidates = [strip for strip in grown if strip is not None]
     chosen = _cover(candidates, wanted)
     chosen += _patches(chosen, wanted)
     return [strip.rectangle(cell, border) for strip in _trimmed(chosen, wanted)]
@@ -114,8 +197,8 @@ def _outlines(ground: Mask) -> list[Array]:
 
     What is not free lies to the left of their direction.
     """
-    found, _ = cv2.findContours(ground.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    return [outline[:, 0, :].astype(np.float64) + 0.5 for outline in found]
+    outlines, _ = cv2.findContours(ground.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    return [outline[:, 0, :].astype(np.float64) + 0.5 for outline in outlines]
 
 
 def _straight_edges(outline: Array) -> list[_Edge]:
@@ -207,8 +290,8 @@ def _is_ground(ground: Mask, open_: Mask, points: Array, axis: int) -> Mask:
     rows, columns = ground.shape
     j = np.clip(np.floor(points[..., 0]).astype(int), 0, columns - 1)
     i = np.clip(np.floor(points[..., 1]).astype(int), 0, rows - 1)
-    found: Mask = (ground[i, j].mean(axis=axis) >= 0.5) | open_[i, j].any(axis=axis)
-    return found
+    is_ground: Mask = (ground[i, j].mean(axis=axis) >= 0.5) | open_[i, j].any(axis=axis)
+    return is_ground
 
 
 def _outside(ground: Mask, points: Array) -> Mask:

@@ -1,4 +1,4 @@
-"""Topological map of a known floor plan: places, and passages that are free.
+"""Topological map of a known geometry: places, and passages that are free.
 
 A passage is straight and has clearance for the robot. Where a solid is between two places, the
 corners of the shortest path around it become places.
@@ -15,7 +15,7 @@ import numpy as np
 
 from navfw.errors import WorldError
 from navfw.signals import Array
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.topomap import Passage, Place, PlaceKind, TopoMap
 from navfw.worldgen.world_draft import Point, Unsuitable
 
@@ -31,9 +31,9 @@ Inside = Callable[[float, float], bool]
 
 
 class Roadmap:
-    """Builder of a floor plan's map: collects places and passages."""
+    """Builder of the map of a scene: collects places and passages."""
 
-    def __init__(self, plan: FloorPlan) -> None:
+    def __init__(self, plan: SceneGeometry) -> None:
         self.plan = plan
         self.places: dict[str, Place] = {}
         self.passages: dict[frozenset[str], Passage] = {}

@@ -10,22 +10,27 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from navfw.config.input_file import is_file, shown_path
 from navfw.config.xml_file import line_of, read_xml
-from navfw.errors import ConfigError, WorldError
+from navfw.errors import ConfigError, InputError, WorldError
+from navfw.meshes import MeshLimits, read_triangles
 from navfw.numerics.products import product
 from navfw.robot.urdf import rigid_transform
 from navfw.signals import Array
 from navfw.sim.shapes import Circle
-from navfw.worldgen.mesh_folders import MeshFolders, MissingMeshError
 from navfw.worldgen.mesh_solids import mesh_solids
 
 MAX_BYTES = 20_000_000
 """Largest size of a file [bytes]; the largest BARN world has 0.7 MB."""
+
+_MESH_LIMITS = MeshLimits(file_size=50_000_000, triangles=500_000)
+"""1 million triangles of binary STL; collision meshes of rooms have hundreds."""
 
 _UPRIGHT = 1e-3
 """Largest tilt of an upright shape [rad]."""
@@ -93,8 +98,8 @@ class _SdfReader:
 
     def __init__(self, path: Path, models: Path | None) -> None:
         self.path = path
-        self._meshes = MeshFolders(path.parent, models)
-        self.found = SdfWorld()
+        self._meshes = _MeshFolders(path.parent, models)
+        self.content = SdfWorld()
         self._taken: set[str] = set()
         self._moved: dict[str, Element] = {}
 
@@ -110,7 +115,7 @@ class _SdfReader:
                 self._include(element)
             elif element.tag not in _IGNORED:
                 self._unsupported(element, f"<{element.tag}> {element.get('name', '')}".strip())
-        return self.found
+        return self.content
 
     def _include(self, element: Element) -> None:
         uri = (element.findtext("uri") or "").strip()
@@ -129,7 +134,7 @@ class _SdfReader:
                 return
         if pose is None:
             return
-        here = product(parent, pose)
+        placed = product(parent, pose)
         static = (model.findtext("static") or "0").strip() in ("1", "true")
         if outermost and not static and any(True for _ in _solid_geometries(model)):
             self._unsupported(model, f"the model {name!r}, which is not static")
@@ -141,9 +146,9 @@ class _SdfReader:
             for collision in link.findall("collision"):
                 collision_pose = self._pose(collision, name)
                 if collision_pose is not None:
-                    self._collision(collision, product(here, link_pose, collision_pose), name)
+                    self._collision(collision, product(placed, link_pose, collision_pose), name)
         for nested in model.findall("model"):
-            self._model(nested, here, f"{name}-{nested.get('name', 'model')}")
+            self._model(nested, placed, f"{name}-{nested.get('name', 'model')}")
         for include in model.findall("include"):
             self._include(include)
 
@@ -198,7 +203,7 @@ class _SdfReader:
         scale = self._numbers(shape, "scale", 3, [1.0, 1.0, 1.0])
         try:
             triangles = self._meshes.read(uri)
-        except MissingMeshError as error:
+        except _MissingMeshError as error:
             self._unsupported(shape, f"the mesh {uri!r} of the model {model!r}: {error}")
             return
         try:
@@ -207,10 +212,10 @@ class _SdfReader:
             raise WorldError(
                 f"the mesh {uri!r} {error}", file=self.path, line=line_of(shape)
             ) from None
-        number = self.found.meshes = self.found.meshes + 1
-        for part in parts:
-            height, middle = part.top - part.bottom, 0.5 * (part.top + part.bottom)
-            outline, name = part.shape, self._name(model)
+        number = self.content.meshes = self.content.meshes + 1
+        for solid in parts:
+            height, middle = solid.top - solid.bottom, 0.5 * (solid.top + solid.bottom)
+            outline, name = solid.shape, self._name(model)
             if isinstance(outline, Circle):
                 x, y = outline.x, outline.y
                 self._add(SdfShape(name, x, y, middle, 0.0, height, outline.radius, mesh=number))
@@ -220,10 +225,10 @@ class _SdfReader:
                 self._add(SdfShape(name, x, y, middle, yaw, height, size=level, mesh=number))
 
     def _add(self, shape: SdfShape) -> None:
-        self.found.shapes.append(shape)
+        self.content.shapes.append(shape)
 
     def _unsupported(self, element: Element, what: str) -> None:
-        self.found.unsupported.append(f"line {line_of(element)}: {what}")
+        self.content.unsupported.append(f"line {line_of(element)}: {what}")
 
     def _name(self, model: str) -> str:
         """A unique name for a shape."""
@@ -246,10 +251,10 @@ class _SdfReader:
         return numbers
 
     def _numbers(self, element: Element, key: str, count: int, missing: list[float]) -> list[float]:
-        found = element.find(key)
-        if found is None:
+        child = element.find(key)
+        if child is None:
             return missing
-        text = (found.text or "").split()
+        text = (child.text or "").split()
         if not text and missing:
             return missing
         try:
@@ -260,7 +265,7 @@ class _SdfReader:
             raise ConfigError(
                 f"expected {count} number{'s' if count > 1 else ''}, got {' '.join(text)!r}",
                 file=self.path,
-                line=line_of(found),
+                line=line_of(child),
                 key=f"{element.tag}.{key}",
             )
         return numbers
@@ -270,3 +275,46 @@ def _solid_geometries(model: Element) -> Iterator[Element]:
     """The collision shapes of a model except ground planes."""
     for geometry in model.iterfind(".//collision/geometry"):
         yield from (shape for shape in geometry if shape.tag not in ("plane", "empty"))
+
+
+class _MissingMeshError(InputError):
+    """A mesh is in none of the folders in which it may be."""
+
+
+class _MeshFolders:
+    """Finds meshes by the URIs of a world in the folder ``world``; each file is read once.
+
+    ``model://NAME/FILE`` is looked up in the world's folder, its folder ``models``, and ``models``;
+    other names are files relative to the world's folder or to ``models``.
+    """
+
+    def __init__(self, world: Path, models: Path | None) -> None:
+        self._folders = [world, world / "models", *([] if models is None else [models])]
+        self._read = cache(read_triangles)
+
+    def read(self, uri: str) -> Array:
+        """The triangles (n, 3, 3) [m] of the mesh with this URI.
+
+        Raises:
+            _MissingMeshError: there is none, or it lies outside of the folders.
+            ConfigError: the file is no mesh, or too large.
+
+        """
+        for path in self._candidates(uri):
+            if is_file(path):
+                return self._read(path, _MESH_LIMITS)
+        folders = ", ".join(str(shown_path(folder)) for folder in self._folders)
+        raise _MissingMeshError(
+            f"no such file within {folders}; copy it there, or name the folder that has its model"
+            " with --models"
+        )
+
+    def _candidates(self, uri: str) -> Iterator[Path]:
+        """Where the mesh may be, within the folders once links are followed."""
+        name = uri.removeprefix("model://").removeprefix("file://")
+        if not name or "://" in name or "\0" in name:
+            return
+        for folder in self._folders:
+            path = (folder / name).resolve()
+            if any(path.is_relative_to(allowed.resolve()) for allowed in self._folders):
+                yield path

@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 
 from navfw.robot import RobotModel
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import Circle, Rectangle, Shape, gap_between
 from navfw.sim.worldspec import (
     BoxSpec,
     CylinderSpec,
     DoorSpec,
-    MoverSpec,
     RoomSpec,
+    WalkerSpec,
     WallSpec,
     WorldSpec,
 )
 from navfw.topomap import TopoMap
-from navfw.worldgen.texture_palette import Palette
+from navfw.worldgen.looks import Palette
 
 Point = tuple[float, float]
 
@@ -39,6 +39,10 @@ FAST_ROBOT = ROBOT.model_copy(update={"max_v": 1.2})
 
 POLES_STACK = "poles"
 """The stack for fields of poles."""
+
+
+_DRAWN = ("x", "y", "floor", "ceiling", "rooms", "walls", "doors", "boxes", "cylinders", "movers")
+"""What a draft has of a world, by its keys."""
 
 
 class Unsuitable(Exception):  # noqa: N818 - not an error: the next sub-seed is tried
@@ -80,7 +84,7 @@ class WorldDraft:
     doors: list[DoorSpec] = field(default_factory=list)
     boxes: list[BoxSpec] = field(default_factory=list)
     cylinders: list[CylinderSpec] = field(default_factory=list)
-    movers: list[MoverSpec] = field(default_factory=list)
+    movers: list[WalkerSpec] = field(default_factory=list)
     free: list[KeepFree] = field(default_factory=list)
     shapes: list[Shape] = field(default_factory=list)
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -159,19 +163,10 @@ class WorldDraft:
         return WorldSpec(
             name=name,
             description=self.description,
-            x=self.x,
-            y=self.y,
-            floor=self.floor,
-            ceiling=self.ceiling,
-            rooms=tuple(self.rooms),
-            walls=tuple(self.walls),
-            doors=tuple(self.doors),
-            boxes=tuple(self.boxes),
-            cylinders=tuple(self.cylinders),
-            movers=tuple(self.movers),
             textures=dict(self.palette.textures),
+            **{key: getattr(self, key) for key in _DRAWN},
         )
 
-    def floor_plan(self) -> FloorPlan:
-        """The floor plan of the world so far."""
-        return FloorPlan.from_world(self.world("draft"), ROBOT.height)
+    def geometry(self) -> SceneGeometry:
+        """The geometry of the world so far."""
+        return SceneGeometry.from_world(self.world("draft"), ROBOT.height)

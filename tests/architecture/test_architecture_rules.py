@@ -30,7 +30,7 @@ SOURCES = [*MODULES, *BEHAVIORS]
 FOR_BEHAVIORS = sys.stdlib_module_names | {"numpy", "pydantic"}
 DECIDING = [*stack_modules(), *BEHAVIORS]
 OUTSIDE = {"datetime", "os", "random", "secrets", "socket", "time"}
-TRUTH = {"true_pose", "true_depth", "floorplan", "FloorPlan", "contacts"}
+TRUTH = {"true_pose", "true_depth", "scene_geometry", "SceneGeometry", "contacts"}
 ENGINE = {
     "getBasePositionAndOrientation",
     "getBaseVelocity",

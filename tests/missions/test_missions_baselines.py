@@ -16,7 +16,7 @@ from navfw.missions.session import MissionResult
 from navfw.missions.session_setup import prepare
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldspec import WorldSpec
 from navfw.testing.behavior_scenes import wall_flow
@@ -120,7 +120,7 @@ def test_rounds_repeat_the_goals(tmp_path: Path) -> None:
     file.write_text(TRIANGLE)
     mission = load_mission(file)
     assert [(goal.x, goal.y) for goal in mission.goals] == [(2, 0), (2, 2), (0, 0)] * 3
-    plan = FloorPlan((-5.0, -5.0, 5.0, 5.0), ())
+    plan = SceneGeometry((-5.0, -5.0, 5.0, 5.0), ())
     assert mission.check(plan) == pytest.approx(3 * (4.0 + math.sqrt(8.0)), rel=0.02)
     file.write_text(TRIANGLE.replace("{x: 2, y: 2}", "{x: 2, y: 9}"))
     with pytest.raises(WorldError, match=r"round\.yaml:2: goals\[1\]"):

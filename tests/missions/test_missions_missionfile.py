@@ -12,7 +12,7 @@ from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
 from navfw.missions.missionfile import MissionFile, load_mission
 from navfw.missions.session_setup import chosen_stack, prepare
 from navfw.robot import RobotModel
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.sensor_models import PRESETS, SensorParams
 from navfw.sim.worldfile import load_world
 
@@ -26,8 +26,8 @@ timeout: 60
 
 
 @pytest.fixture(scope="module")
-def office() -> FloorPlan:
-    return FloorPlan.from_world(load_world(find("world", "office")))
+def office() -> SceneGeometry:
+    return SceneGeometry.from_world(load_world(find("world", "office")))
 
 
 def mission(folder: Path, text: str) -> MissionFile:
@@ -126,7 +126,7 @@ def test_a_wrong_file_is_named_with_line_and_remedy(
     ],
 )
 def test_what_is_impossible_in_the_world_is_named(
-    tmp_path: Path, office: FloorPlan, old: str, new: str, line: int, key: str, message: str
+    tmp_path: Path, office: SceneGeometry, old: str, new: str, line: int, key: str, message: str
 ) -> None:
     loaded = mission(tmp_path, GOOD.replace(old, new))
     with pytest.raises(WorldError) as caught:
@@ -136,7 +136,7 @@ def test_what_is_impossible_in_the_world_is_named(
 
 
 def test_the_shortest_path_leads_through_all_goals_in_order(
-    tmp_path: Path, office: FloorPlan
+    tmp_path: Path, office: SceneGeometry
 ) -> None:
     there = mission(tmp_path, GOOD).check(office)
     and_back = GOOD.replace("[lab]", "[lab, {x: 1.2, y: 1.2}]")
@@ -154,7 +154,7 @@ SHIPPED = [
 def test_every_shipped_mission_is_possible(world: str, found: NamedFile) -> None:
     spec = load_world(find("world", world))
     loaded = load_mission(found.path)
-    shortest = loaded.check(FloorPlan.from_world(spec))
+    shortest = loaded.check(SceneGeometry.from_world(spec))
     assert loaded.spec.description
     assert shortest > 2.0 * loaded.spec.success.within
     # at least twice the time at top speed
@@ -163,7 +163,7 @@ def test_every_shipped_mission_is_possible(world: str, found: NamedFile) -> None
 
 def test_the_main_mission_is_a_long_one() -> None:
     file = find("mission", "office/lobby-to-lab")
-    plan = FloorPlan.from_world(load_world(find("world", "office")))
+    plan = SceneGeometry.from_world(load_world(find("world", "office")))
     assert load_mission(file).check(plan) >= 15.0
 
 

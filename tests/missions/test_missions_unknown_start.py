@@ -19,7 +19,7 @@ from navfw.missions.session_setup import prepare
 from navfw.recording.run_log import RunLogger
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Pose, SensorReading, Twist, Waypoint
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldfile import load_world
 from navfw.stack.stack_state import StackState
 from navfw.testing.fakes import FakeSimulator
@@ -36,8 +36,8 @@ behaviors: {look_around: , explore: }
 
 
 @pytest.fixture(scope="module")
-def office() -> FloorPlan:
-    return FloorPlan.from_world(load_world(find("world", "office")))
+def office() -> SceneGeometry:
+    return SceneGeometry.from_world(load_world(find("world", "office")))
 
 
 def mission(folder: Path, text: str) -> MissionFile:
@@ -47,7 +47,7 @@ def mission(folder: Path, text: str) -> MissionFile:
 
 
 def test_an_unknown_start_is_drawn_by_the_seed_among_free_places(
-    tmp_path: Path, office: FloorPlan
+    tmp_path: Path, office: SceneGeometry
 ) -> None:
     loaded = mission(tmp_path, ANYWHERE)
     assert not loaded.start_known
@@ -62,7 +62,7 @@ def test_an_unknown_start_is_drawn_by_the_seed_among_free_places(
     assert all(abs(start.yaw) <= math.pi for start in starts)
 
 
-def test_the_start_may_be_drawn_among_some_places(tmp_path: Path, office: FloorPlan) -> None:
+def test_the_start_may_be_drawn_among_some_places(tmp_path: Path, office: SceneGeometry) -> None:
     loaded = mission(tmp_path, TWO)
     names = {place.name for place in loaded.starts}
     assert names == {"kitchen", "lobby"}
@@ -70,7 +70,7 @@ def test_the_start_may_be_drawn_among_some_places(tmp_path: Path, office: FloorP
     assert drawn == {place.x for place in loaded.starts}
 
 
-def test_a_known_start_is_never_drawn(tmp_path: Path, office: FloorPlan) -> None:
+def test_a_known_start_is_never_drawn(tmp_path: Path, office: SceneGeometry) -> None:
     loaded = mission(tmp_path, ANYWHERE.replace("unknown", "{place: kitchen}"))
     assert loaded.start_known
     assert loaded.placed(3, office) is loaded

@@ -23,7 +23,7 @@ from navfw.errors import InputError
 from navfw.missions.run_drawing import WindowOverlay
 from navfw.missions.session_setup import prepare
 from navfw.recording import palette
-from navfw.sim.window import Point3, SimulatorWindow, check_display
+from navfw.sim.display import Point3, SimulatorWindow, check_display
 
 RUN = ("run", "empty", "straight")
 NAVFW = [sys.executable, "-c", "from navfw.cli import main; main()"]

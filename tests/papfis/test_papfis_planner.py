@@ -15,7 +15,7 @@ from navfw.papfis import Papfis
 from navfw.papfis.waypoints import PassingTolerances, distance_to_leg, has_passed
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Waypoint
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldfile import load_world
 from navfw.topomap import Place, TopoMap
 from navfw.topomap.elements import PlaceKind
@@ -60,7 +60,7 @@ def test_the_track_from_lobby_to_lab_is_free_and_crosses_two_doors() -> None:
     assert all((door.tolerance, door.width) == (0.25, 0.95) for door in doors)
     assert (waypoints[-1].kind, waypoints[-1].place, waypoints[-1].final) == ("goal", "lab", True)
     assert math.dist(track[-1], (LAB.x, LAB.y)) <= LAB.tolerance
-    plan = FloorPlan.from_world(load_world(ROOT / "worlds" / "office" / "world.yaml"))
+    plan = SceneGeometry.from_world(load_world(ROOT / "worlds" / "office" / "world.yaml"))
     assert float(plan.clearances(np.array(track)).min()) > ROBOT.radius
     assert papfis.replans == 0
     assert papfis.path == []
@@ -68,8 +68,8 @@ def test_the_track_from_lobby_to_lab_is_free_and_crosses_two_doors() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_no_track_crosses_a_wall(seed: int) -> None:
-    plan = FloorPlan.from_world(load_world(ROOT / "worlds" / "office" / "world.yaml"))
-    walls = FloorPlan(plan.bounds, tuple(s for s in plan.solids if s.kind == "wall"))
+    plan = SceneGeometry.from_world(load_world(ROOT / "worlds" / "office" / "world.yaml"))
+    walls = SceneGeometry(plan.bounds, tuple(s for s in plan.solids if s.kind == "wall"))
     rng = np.random.default_rng(seed)
     points = rng.uniform((0.3, 0.3), (15.7, 9.7), (200, 2))
     points = points[plan.clearances(points) > 0.3][:20]

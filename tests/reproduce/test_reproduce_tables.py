@@ -32,7 +32,7 @@ from navfw.reproduce.paper_tables import (
 )
 from navfw.reproduce.reproduction_pictures import draw_map, scene_picture, waypoint_picture
 from navfw.robot import RobotModel
-from navfw.sim import FloorPlan, load_world
+from navfw.sim import SceneGeometry, load_world
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def scenes() -> list[SceneRow]:
 
 def test_the_way_is_free_and_smooth() -> None:
     way = drive()
-    plan = FloorPlan.from_world(load_world(find("world", "paper-room")), 0.4)
+    plan = SceneGeometry.from_world(load_world(find("world", "paper-room")), 0.4)
     assert min(plan.clearance(m.pose.x, m.pose.y) for m in way) > RobotModel().radius + 0.1
     assert 7.0 < length(way) < 12.0
     turns = [abs(point.twist.w) for point in way]

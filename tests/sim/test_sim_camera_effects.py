@@ -17,12 +17,11 @@ from navfw.robot.robotfile import load_robot
 from navfw.signals import Array, Image, Pose
 from navfw.sim.camera import Camera
 from navfw.sim.event_actions import LightChange
-from navfw.sim.image_sensor import ImageSensor, light_falloff
+from navfw.sim.robot_body import BodyState
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import SensorParams
-from navfw.sim.shutter import Shutter, image_motion, row_weights
+from navfw.sim.shutter import ImageSensor, Shutter, image_motion, light_falloff, row_weights
 from navfw.sim.simulation import Simulation
-from navfw.sim.wheeled_body import BodyState
 from navfw.sim.worldspec import LightSpec, TextureSpec, WallSpec, WorldSpec
 
 PERFECT = SensorParams.preset("perfect")

@@ -15,7 +15,7 @@ from navfw.errors import InputError
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim.drop_geometry import floor_pieces, treads_of
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.simulation import Simulation
 from navfw.sim.world_check import check_world
 from navfw.sim.worldfile import load_world
@@ -124,8 +124,8 @@ def test_floor_and_drops_cover_the_world_once(xs: list[float], ys: list[float]) 
 
 
 def test_shortest_path_leads_around_drops() -> None:
-    free = FloorPlan.from_world(hall().model_copy(update={"drops": ()}))
-    plan = FloorPlan.from_world(hall())
+    free = SceneGeometry.from_world(hall().model_copy(update={"drops": ()}))
+    plan = SceneGeometry.from_world(hall())
     assert plan.clearance(3.5, 1.5) == pytest.approx(-0.5)
     assert plan.clearance(2.7, 1.5) == pytest.approx(0.3)
     straight, _ = free.shortest_path((1.0, 1.5), (5.0, 1.5), 0.18)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from navfw.errors import ConfigError, InputError
+from navfw.meshes.furniture_mesh import furniture_mesh, furniture_outline
+from navfw.meshes.mesh_outline import boxes_around
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim import Simulation
-from navfw.sim.floorplan import FloorPlan
-from navfw.sim.furniture_mesh import furniture_mesh, furniture_outline
-from navfw.sim.mesh_outline import boxes_around
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldfile import load_world
 
 THINGS = Path(__file__).parents[2] / "worlds" / "lounge" / "things"
@@ -82,7 +82,7 @@ def test_scale_and_axes_apply_to_outline_and_mesh() -> None:
 
 def test_the_plan_knows_what_the_robot_touches(tmp_path: Path) -> None:
     world = load_world(room(tmp_path, more=", yaw: 0.7854"))
-    plan = FloorPlan.from_world(world)
+    plan = SceneGeometry.from_world(world)
     assert plan.clearance(3.0, 3.0) < 0.0
     # a corner of the seat points along x
     assert plan.clearance(4.0, 3.0) == pytest.approx(1.0 - 0.4 * 2**0.5, abs=0.002)
@@ -100,7 +100,7 @@ def test_the_plan_knows_what_the_robot_touches(tmp_path: Path) -> None:
 
 def test_the_robot_drives_beneath_what_is_above_it(tmp_path: Path) -> None:
     world = load_world(room(tmp_path, more=", base: 0.6"))
-    assert FloorPlan.from_world(world, 0.4).clearance(3.0, 3.0) > 1.0
+    assert SceneGeometry.from_world(world, 0.4).clearance(3.0, 3.0) > 1.0
     with Simulation(world, RobotModel(), Pose(2.0, 3.0, 0.0), 0) as sim:
         for _ in range(240):
             sim.drive(6.0, 6.0)
@@ -133,7 +133,7 @@ def test_the_picture_shows_the_mesh_where_it_is(tmp_path: Path) -> None:
         ("armchair.obj", ", texture: clouth", "texture", "unknown texture 'clouth'"),
         ("armchair.obj", ", up: x", "up", "'y'|z or y|one of"),
         ("armchairs.obj", "", "file", "no such file"),
-        ("tapestry.png", "", "file", "expected an OBJ or STL file, got 'tapestry.png'"),
+        ("tapestry.png", "", "file", "expected a mesh \\(.dae, .obj, .stl\\), got 'tapestry.png'"),
     ],
 )
 def test_bad_entries(tmp_path: Path, file: str, more: str, key: str, message: str) -> None:

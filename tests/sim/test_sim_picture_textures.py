@@ -12,7 +12,7 @@ from navfw.errors import ConfigError
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim import Simulation
-from navfw.sim.picture_textures import picture_texture, read_picture
+from navfw.sim.textures import picture_texture, read_picture
 from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import TextureSpec
 

@@ -12,14 +12,14 @@ import pytest
 from navfw.config.lookup import find
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Pose
-from navfw.sim.floorplan import FloorPlan
 from navfw.sim.raster import Raster, depth_buffer
 from navfw.sim.reference_renderer import ReferenceRenderer
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.solids import solids_of
 from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import MoverSpec, WorldSpec
+from navfw.sim.worldspec import WalkerSpec, WorldSpec
 from navfw.worldgen import FAMILIES, generate
 
 
@@ -45,7 +45,7 @@ def world_of(name: str) -> WorldSpec:
 
 def free_poses(world: WorldSpec, count: int) -> list[Pose]:
     rng = np.random.default_rng(zlib.crc32(world.name.encode()))
-    plan = FloorPlan.from_world(world, 0.4)
+    plan = SceneGeometry.from_world(world, 0.4)
     x0, y0, x1, y1 = plan.bounds
     poses: list[Pose] = []
     while len(poses) < count:
@@ -96,7 +96,7 @@ def test_images_equal_tiny_renderer_when_bodies_are_added_moved_and_removed() ->
     box = next(s for s in solids_of(world) if s.kind == "box")
     pose = Pose(box.shape.x - 1.2, box.shape.y + 0.1, 0.1)
     with without_culling(world) as drawn:
-        mover = drawn.scenery.add_mover("mover", 0.25, 1.7, world.walls[0].texture)
+        mover = drawn.scenery.add_walker("mover", 0.25, 1.7, world.walls[0].texture)
         for x, yaw in ((0.9, 0.3), (0.5, 2.1), (0.31, -1.9)):
             turn = (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
             drawn.scenery.place(mover, (pose.x + x, pose.y + 0.2, 0.85), turn)
@@ -121,7 +121,7 @@ def test_reference_equals_the_images_of_a_simulation() -> None:
     doors = tuple(door.model_copy(update={"state": "closed"}) for door in world.doors)
     texture = world.walls[0].texture
     # a mover with heading 0 has the same orientation in both
-    mover = MoverSpec(name="anna", path=((2.8, 3.2), (4.2, 3.2)), texture=texture)
+    mover = WalkerSpec(name="anna", path=((2.8, 3.2), (4.2, 3.2)), texture=texture)
     world = world.model_copy(update={"doors": doors, "movers": (mover,)})
     pose = Pose(1.5, 3.0, 0.1)
     sensors = SensorParams.preset("perfect")
@@ -131,7 +131,7 @@ def test_reference_equals_the_images_of_a_simulation() -> None:
     ):
         for _ in range(2):
             seen = [simulation.render_from(p)[0] for p in (pose, Pose(1.5, 3.0, 0.6))]
-            reference.place_movers([(mover.x, mover.y) for mover in simulation.movers])
+            reference.place_walkers([(mover.x, mover.y) for mover in simulation.walkers])
             for image, there in zip(seen, (pose, Pose(1.5, 3.0, 0.6)), strict=True):
                 rgb, _, _ = reference.draw(reference.request(there))
                 np.testing.assert_array_equal(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), image)

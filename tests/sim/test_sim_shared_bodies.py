@@ -9,10 +9,10 @@ from navfw.robot import RobotModel
 from navfw.signals import Image, Pose, Twist
 from navfw.sim import scenery
 from navfw.sim.camera import DepthImage
-from navfw.sim.meshes import box_mesh, cylinder_mesh, side_count
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.shapes import Circle, Rectangle, gap_between
 from navfw.sim.simulation import Simulation
+from navfw.sim.textured_mesh import box_mesh, cylinder_mesh, side_count
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, OpeningSpec, WallSpec, WorldSpec
 
 ROBOT = RobotModel()

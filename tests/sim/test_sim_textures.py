@@ -7,8 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 import pytest
 
-from navfw.sim.texture_spectra import TILE
-from navfw.sim.textures import luminance_pattern, synthesize
+from navfw.sim.textures import TILE, luminance_pattern, synthesize
 from navfw.sim.worldspec import TextureSpec
 
 Style = Literal[

@@ -16,7 +16,7 @@ from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, Image, Pose
 from navfw.sim import simulation
 from navfw.sim.camera import DepthImage
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.shapes import Rectangle
@@ -103,7 +103,7 @@ def world_of(name: str) -> WorldSpec:
     return load_world(find("world", name))
 
 
-def free_pose(plan: FloorPlan, rng: np.random.Generator) -> Pose:
+def free_pose(plan: SceneGeometry, rng: np.random.Generator) -> Pose:
     x0, y0, x1, y1 = plan.bounds
     while True:
         x, y = rng.uniform(x0, x1), rng.uniform(y0, y1)
@@ -120,7 +120,7 @@ def test_images_and_depth_are_the_same_as_without_culling(
     world = world_of(name)
     robot = RobotModel(camera=CameraModel(pitch=pitch))
     rng = np.random.default_rng([zlib.crc32(name.encode()), round(10 * pitch)])
-    plan = FloorPlan.from_world(world, robot.height)
+    plan = SceneGeometry.from_world(world, robot.height)
     poses = [free_pose(plan, rng) for _ in range(8)]
 
     def views() -> list[tuple[Image, DepthImage]]:

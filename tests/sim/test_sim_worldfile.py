@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from navfw.errors import ConfigError, WorldError
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.solids import solids_of
 from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import WorldSpec
@@ -54,8 +54,8 @@ def test_closed_door_fills_its_gap(tmp_path: Path) -> None:
     text = ROOM + "doors: [{name: leaf, opening: gap, state: %s}]\n"
     opened = load_world(write(tmp_path, text % "open"))
     closed = load_world(write(tmp_path, text % "closed"))
-    assert FloorPlan.from_world(opened).clearance(2, 2) == pytest.approx(0.5)
-    assert FloorPlan.from_world(closed).clearance(2, 2) < 0.0
+    assert SceneGeometry.from_world(opened).clearance(2, 2) == pytest.approx(0.5)
+    assert SceneGeometry.from_world(closed).clearance(2, 2) < 0.0
 
 
 @pytest.mark.parametrize(
@@ -118,8 +118,8 @@ def test_all_problems_are_reported_together(tmp_path: Path) -> None:
 def test_office_is_drivable() -> None:
     """Doors 0.9 to 1.0 m wide, furniture 0.85 m from them, every room reachable."""
     office = load_world(WORLDS / "office" / "world.yaml")
-    plan = FloorPlan.from_world(office)
-    furniture = FloorPlan(plan.bounds, tuple(s for s in plan.solids if s.kind != "wall"))
+    plan = SceneGeometry.from_world(office)
+    furniture = SceneGeometry(plan.bounds, tuple(s for s in plan.solids if s.kind != "wall"))
     openings = [o for wall in office.walls for o in wall.openings]
     assert len(openings) == 9
     assert all(0.9 <= o.width <= 1.0 for o in openings)
@@ -134,7 +134,7 @@ def test_office_is_drivable() -> None:
 
 
 def test_lobby_to_lab_is_long_enough() -> None:
-    plan = FloorPlan.from_world(load_world(WORLDS / "office" / "world.yaml"))
+    plan = SceneGeometry.from_world(load_world(WORLDS / "office" / "world.yaml"))
     length, _ = plan.shortest_path((1.2, 1.2), (14.6, 8.8), 0.18)
     assert 15.0 < length < 20.0
     assert plan.clearance(14.6, 8.8) > 0.6

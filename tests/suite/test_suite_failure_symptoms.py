@@ -17,8 +17,8 @@ from navfw.mofis.mofis import DecisionInputs
 from navfw.plugins import default_registry
 from navfw.recording.run_log import Contact, RunLog
 from navfw.signals import Belief, Odometry, Pose, Sight, Twist
-from navfw.sim.floorplan import FloorPlan
-from navfw.sim.movers import MoverTrack
+from navfw.sim.scene_geometry import SceneGeometry
+from navfw.sim.walkers import WalkerTrack
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec
 from navfw.suite.failure_causes import Cause, classify
 from navfw.suite.failure_symptoms import collect_symptoms
@@ -32,7 +32,7 @@ def empty() -> Session:
 
 def session_with(empty: Session, **objects: Any) -> Session:
     world = WorldSpec(name="w", x=(-6.0, 6.0), y=(-6.0, 6.0), **objects)
-    return replace(empty, world=world, plan=FloorPlan.from_world(world))
+    return replace(empty, world=world, plan=SceneGeometry.from_world(world))
 
 
 def log_to(x: float, y: float, yaw: float, contact: str = "", speed: float = 0.4) -> RunLog:
@@ -108,7 +108,7 @@ def test_a_collision_while_reversing(empty: Session) -> None:
 def test_a_collision_with_a_mover_is_at_its_position_at_that_time(empty: Session) -> None:
     """It moves past the robot's left side and is touched there, 0.43 m from its centre."""
     time = np.array([0.0, 4.0])
-    movers = MoverTrack(
+    movers = WalkerTrack(
         names=("walker",),
         radii=np.array([0.25]),
         time=time,

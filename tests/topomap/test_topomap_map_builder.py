@@ -15,7 +15,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from navfw.errors import MapError
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import WorldSpec
 from navfw.topomap import TopoMap
@@ -43,9 +43,9 @@ def ground(*holes: Sequence[float], size: tuple[float, float] = (8.0, 4.0)) -> C
 
 
 @cache
-def built(name: str) -> tuple[TopoMap, WorldSpec, FloorPlan]:
+def built(name: str) -> tuple[TopoMap, WorldSpec, SceneGeometry]:
     world = load_world(ROOT / "worlds" / name / "world.yaml")
-    plan = FloorPlan.from_world(world)
+    plan = SceneGeometry.from_world(world)
     rooms = {room.name: (*room.x, *room.y) for room in world.rooms}
     topo_map = build_map(name, ClearanceGrid.of(plan.bounds, plan.near_clearances), rooms=rooms)
     return topo_map, world, plan

@@ -8,7 +8,7 @@ import pytest
 
 from navfw.robot import RobotModel
 from navfw.signals import Array
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldfile import load_world
 from navfw.topomap import Passage, Place, TopoMap, load_map
 from navfw.topomap.map_check import check_map
@@ -36,7 +36,7 @@ def found(
 @pytest.mark.parametrize("name", ["office", "hospital", "paper-room", "empty"])
 def test_the_shipped_maps_have_no_problems(name: str) -> None:
     world = load_world(ROOT / "worlds" / name / "world.yaml")
-    plan = FloorPlan.from_world(world)
+    plan = SceneGeometry.from_world(world)
     assert check_map(load_map(ROOT / "maps" / f"{name}.yaml"), plan.clearances) == []
 
 

@@ -213,8 +213,14 @@ GRAPHML = """\
         ('<data key="d0">2</data>', '<data key="d0">two</data>', MapError, 8, ["x", "'two'"]),
         ('<data key="d2">2</data>', '<data key="d2">0</data>', MapError, 9, ["more than 0 m"]),
         ('"undirected"', '"directed"', MapError, 9, ["leads only", "--both-ways"]),
-        ("</graph>\n", "", ConfigError, 10, ["not valid XML", "mismatched tag"]),
-        ("<?xml", '<!DOCTYPE g [<!ENTITY e "x">]><!-- ', ConfigError, 1, ["entity"]),
+        ("</graph>\n", "", ConfigError, 10, ["expected GraphML", "not XML", "mismatched tag"]),
+        (
+            "<?xml",
+            '<!DOCTYPE g [<!ENTITY e "x">]><!-- ',
+            ConfigError,
+            1,
+            ["entities are not allowed"],
+        ),
         ("<edge", "<hyperedge/><edge", MapError, 9, ["connects two places"]),
     ],
 )

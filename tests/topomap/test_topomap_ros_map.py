@@ -20,7 +20,7 @@ from navfw.topomap.elements import Place
 from navfw.topomap.map_formats import load_any_map, save_map
 from navfw.topomap.occupancy_map import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from navfw.topomap.ros_map import load_ros_map, plan_of_image, save_ros_map
-from navfw.worldgen.plan_export import exported_plan
+from navfw.worldgen.plan_exchange import exported_plan
 
 ROOT = Path(__file__).parents[2]
 GREYS = np.array([[0, 64, 100], [205, 206, 255]], dtype=np.uint8)

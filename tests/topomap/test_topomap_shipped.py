@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from navfw.robot import RobotModel
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldfile import load_world
 from navfw.topomap import TopoMap, load_map
 
@@ -17,9 +17,9 @@ ROOT = Path(__file__).parents[2]
 MARGIN = 0.05
 
 
-def load(name: str) -> tuple[TopoMap, FloorPlan]:
+def load(name: str) -> tuple[TopoMap, SceneGeometry]:
     world = load_world(ROOT / "worlds" / name / "world.yaml")
-    return load_map(ROOT / "maps" / f"{name}.yaml"), FloorPlan.from_world(world)
+    return load_map(ROOT / "maps" / f"{name}.yaml"), SceneGeometry.from_world(world)
 
 
 @pytest.mark.parametrize("name", ["office", "hospital", "paper-room", "empty"])

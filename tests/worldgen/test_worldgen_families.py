@@ -18,17 +18,17 @@ from navfw.errors import InputError, UnknownNameError
 from navfw.missions.missionfile import load_mission
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import gap_between
 from navfw.sim.simulation import Simulation
 from navfw.sim.solids import solids_of
 from navfw.sim.textures import STOCK
 from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import MoverSpec
+from navfw.sim.worldspec import WalkerSpec
 from navfw.topomap import load_map
 from navfw.worldgen import FAMILIES, GeneratedWorld, generate
-from navfw.worldgen.furniture import furnish
 from navfw.worldgen.generated_world import MAP_FILE
+from navfw.worldgen.rooms import furnish
 from navfw.worldgen.world_draft import WorldDraft
 
 ROBOT = RobotModel()
@@ -60,7 +60,9 @@ def goal_of(world: GeneratedWorld) -> tuple[float, float]:
     return goal.x, goal.y
 
 
-def connected(plan: FloorPlan, a: tuple[float, float], b: tuple[float, float], wide: float) -> bool:
+def connected(
+    plan: SceneGeometry, a: tuple[float, float], b: tuple[float, float], wide: float
+) -> bool:
     """Whether a disc of radius ``wide`` can move from a to b, by flood fill of the grid."""
     grid = plan.configuration_space(wide, cell=0.03)
     labels = ndimage.label(~grid.occupied)[0]
@@ -73,7 +75,7 @@ def test_world_is_traversable_in_time(
     made: dict[tuple[str, int, float], GeneratedWorld], case: tuple[str, int, float]
 ) -> None:
     world = made[case]
-    plan = FloorPlan.from_world(world.world)
+    plan = SceneGeometry.from_world(world.world)
     assert connected(plan, start_of(world), goal_of(world), ROBOT.radius + 0.04)
     assert world.shortest >= 5.0
     # a quarter of the top speed suffices
@@ -113,7 +115,7 @@ def test_files_have_the_same_content(
     assert load_world(folder / "world.yaml") == world.world
     mission = load_mission(folder / "missions" / "cross.yaml")
     assert mission.spec == world.mission
-    plan = FloorPlan.from_world(world.world)
+    plan = SceneGeometry.from_world(world.world)
     assert mission.check(plan) == pytest.approx(world.shortest)
     assert mission.topo_map.places == world.topo_map.places
     assert (folder / MAP_FILE).exists() == world.has_map == (case[0] in WITH_MAP)
@@ -126,7 +128,7 @@ def test_passages_of_the_map_are_free(
     made: dict[tuple[str, int, float], GeneratedWorld], case: tuple[str, int, float]
 ) -> None:
     world = made[case]
-    plan, topo_map = FloorPlan.from_world(world.world), world.topo_map
+    plan, topo_map = SceneGeometry.from_world(world.world), world.topo_map
     for passage in topo_map.passages:
         a, b = topo_map.places[passage.a], topo_map.places[passage.b]
         free = plan.clearances(np.linspace((a.x, a.y), (b.x, b.y), 200)).min()
@@ -149,7 +151,7 @@ def test_passages_of_the_map_are_free(
 )
 def test_any_seed_gives_a_traversable_world(family: str, seed: int, difficulty: float) -> None:
     world = generate(family, seed, difficulty)
-    plan = FloorPlan.from_world(world.world)
+    plan = SceneGeometry.from_world(world.world)
     assert plan.shortest_path(start_of(world), goal_of(world), ROBOT.radius + 0.04)[0] >= 5.0
 
 
@@ -212,7 +214,7 @@ def test_maze(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
     for (family, _, _), world in made.items():
         if family != "maze":
             continue
-        plan = FloorPlan.from_world(world.world)
+        plan = SceneGeometry.from_world(world.world)
         for place in world.topo_map.places.values():
             cell = 2 * plan.clearance(place.x, place.y) + 0.1
             assert cell > 1.1 - 0.002
@@ -225,7 +227,7 @@ def test_corridors(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
     for (family, _, _), world in made.items():
         if family != "corridors":
             continue
-        plan = FloorPlan.from_world(world.world)
+        plan = SceneGeometry.from_world(world.world)
         for place in world.topo_map.places.values():
             kinds.add(place.kind)
             if place.kind == "corridor":
@@ -246,7 +248,7 @@ def test_poles(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
 
 
 def test_moving(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
-    movers: list[MoverSpec] = []
+    movers: list[WalkerSpec] = []
     for (family, _, _), world in made.items():
         if family != "moving":
             continue

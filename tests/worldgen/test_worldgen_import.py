@@ -14,8 +14,7 @@ from navfw.cli import app
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.missions.session_setup import prepare
 from navfw.sim.worldfile import load_world
-from navfw.worldgen.barn import POLE_HEIGHT
-from navfw.worldgen.gazebo_import import import_world
+from navfw.worldgen.gazebo_import import POLE_HEIGHT, import_world
 from navfw.worldgen.sdf_reader import MAX_BYTES, read_sdf
 
 GROUND = """
@@ -83,9 +82,9 @@ def test_box_may_rest_on_any_face(tmp_path: Path) -> None:
     corners = {
         (round(c * x - s * y, 3), round(s * x + c * y, 3)) for x in (x0, x1) for y in (y0, y1)
     }
-    from navfw.sim.floorplan import FloorPlan
+    from navfw.sim.scene_geometry import SceneGeometry
 
-    (_, found) = next(FloorPlan.from_world(world).rectangles())
+    (_, found) = next(SceneGeometry.from_world(world).rectangles())
     assert {(round(x, 3), round(y, 3)) for x, y in found.tolist()} == corners
 
 

@@ -4,26 +4,24 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import ConfigError, InputError, WorldError
+from navfw.meshes import MeshLimits
 from navfw.missions.session_setup import prepare
 from navfw.signals import Array
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import Circle, Rectangle
-from navfw.worldgen import collision_mesh
+from navfw.worldgen import sdf_reader
 from navfw.worldgen.gazebo_import import ImportedWorld, import_world
 from navfw.worldgen.mesh_solids import MAX_PARTS, UprightPart, mesh_solids
-
-trimesh = pytest.importorskip("trimesh", reason="the extra meshes is not installed")
-pytest.importorskip("collada", reason="the extra meshes is not installed")
 
 POINT = tuple[float, float]
 
@@ -69,8 +67,8 @@ def turned(triangles: Array, yaw: float) -> Array:
 
 def distance(parts: list[UprightPart], points: Array, height: float) -> Array:
     """Distance [m] of points (n, 2) to the solids at ``height``; negative inside of one."""
-    here = [p.shape.distance(points) for p in parts if p.bottom <= height <= p.top]
-    return np.min(here, axis=0) if here else np.full(len(points), np.inf)
+    distances = [p.shape.distance(points) for p in parts if p.bottom <= height <= p.top]
+    return np.min(distances, axis=0) if distances else np.full(len(points), np.inf)
 
 
 def grid(low: float, high: float, step: float = 0.07) -> Array:
@@ -178,7 +176,8 @@ def test_too_many_parts_are_refused() -> None:
 
 def obj(path: Path, triangles: Array) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
-    trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles)).export(path)
+    faces = np.arange(3 * len(triangles)).reshape(-1, 3)
+    trimesh.Trimesh(triangles.reshape(-1, 3), faces).export(path)
     return path
 
 
@@ -205,7 +204,7 @@ def test_a_robot_drives_into_a_house(tmp_path: Path, kind: str) -> None:
     assert made.meshes == 1
     assert made.shortest == pytest.approx(4.0, abs=0.01)
     assert "upright parts of a mesh" in made.world.description
-    plan = FloorPlan.from_world(made.world, 0.4)
+    plan = SceneGeometry.from_world(made.world, 0.4)
     with pytest.raises(WorldError, match="cannot be reached"):
         plan.shortest_path((2.0, -2.0), (2.0, 2.0), 0.42)
 
@@ -257,13 +256,17 @@ def test_no_mesh_is_read_from_elsewhere(tmp_path: Path, uri: str) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("b.stl", b"not a mesh", r"b.stl: .*(cannot be read as STL|no triangles)"),
-        ("b.obj", b"v 1 2\nf 1 2 3\n", r"b.obj: cannot be read as OBJ"),
-        ("b.obj", b"", r"b.obj: "),
-        ("b.obj", b"v 0 0 0\nv 1e9 0 0\nv 0 1 0\nf 1 2 3\n", "coordinates beyond 10000 m; export"),
+        ("b.stl", b"not a mesh", r"b.stl: is no STL file, or a part of it is missing; export"),
+        (
+            "b.obj",
+            b"v 1 2\nf 1 2 3\n",
+            r"b.obj:1: expected the x, y and z of a vertex, got '1 2'; export",
+        ),
+        ("b.obj", b"", r"b.obj: has no triangles; export"),
+        ("b.obj", b"v 0 0 0\nv 1e9 0 0\nv 0 1 0\nf 1 2 3\n", "coordinates beyond 1e6; export"),
         ("b.dae", b"<COLLADA/>", r"b.dae: cannot be read as DAE"),
         ("b.dae", b"<!DOCTYPE x []><COLLADA/>", r"b.dae:1: document types"),
-        ("b.fbx", b"x", r"b.fbx: expected a mesh \(.dae, .obj, .stl\), got .fbx"),
+        ("b.fbx", b"x", r"b.fbx: expected a mesh \(.dae, .obj, .stl\), got 'b.fbx'"),
     ],
 )
 def test_wrong_mesh_files(tmp_path: Path, name: str, content: bytes, message: str) -> None:
@@ -275,21 +278,12 @@ def test_wrong_mesh_files(tmp_path: Path, name: str, content: bytes, message: st
 def test_meshes_have_a_bounded_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     obj(tmp_path / "house.obj", HOUSE)
     path = sdf(tmp_path, "house.obj")
-    monkeypatch.setattr(collision_mesh, "MAX_TRIANGLES", 20)
-    with pytest.raises(ConfigError, match=r"house.obj: has \d+ triangles, at most 20; simplify"):
+    monkeypatch.setattr(sdf_reader, "_MESH_LIMITS", MeshLimits(10_000, 20))
+    with pytest.raises(ConfigError, match=r"house.obj: has more than 20 triangles; simplify"):
         imported(path)
-    monkeypatch.setattr(collision_mesh, "MAX_BYTES", 100)
+    monkeypatch.setattr(sdf_reader, "_MESH_LIMITS", MeshLimits(100, 20))
     with pytest.raises(ConfigError, match=r"house.obj: .*too large"):
         imported(path)
-
-
-def test_without_the_extra_the_message_names_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    obj(tmp_path / "house.obj", HOUSE)
-    monkeypatch.setitem(sys.modules, "trimesh", None)
-    with pytest.raises(InputError, match="uv sync --extra meshes"):
-        imported(sdf(tmp_path, "house.obj"))
 
 
 def test_command(tmp_path: Path) -> None:

@@ -11,12 +11,11 @@ import pytest
 from typer.testing import CliRunner
 
 from navfw.cli import app
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldfile import load_world
 from navfw.topomap.ros_map import load_ros_map
-from navfw.worldgen.plan_cleaning import PlanCleaning
-from navfw.worldgen.plan_export import exported_plan
-from navfw.worldgen.plan_import import import_plan
+from navfw.worldgen.plan_exchange import exported_plan, import_plan
+from navfw.worldgen.plan_walls import PlanCleaning
 
 ROOT = Path(__file__).parents[2]
 WORLDS = ROOT / "worlds"
@@ -30,7 +29,7 @@ def test_a_world_exported_and_imported_has_the_same_free_ground(name: str) -> No
     assert ground is not None
     # at the centres of the same cells: a second grid would have another origin
     at = plan.centres(*np.nonzero(np.ones(plan.cells.shape, np.bool_)))
-    clearance = FloorPlan.from_world(made.world).clearances(at).reshape(plan.cells.shape)
+    clearance = SceneGeometry.from_world(made.world).clearances(at).reshape(plan.cells.shape)
     inside = cv2.distanceTransform(ground.free.astype(np.uint8), cv2.DIST_L2, 5)
     assert inside[ground.free & (clearance < 0.0)].max(initial=0.0) < 2.0
     # what was solid beside free ground is solid, or within a cell, diagonally at most

@@ -17,13 +17,13 @@ from navfw.errors import InputError
 from navfw.missions.missionfile import load_mission
 from navfw.missions.session_setup import chosen_stack
 from navfw.signals import Pose
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldfile import load_world
 from navfw.topomap import load_map
 from navfw.topomap.map_check import check_map
 from navfw.topomap.occupancy_map import FREE, OccupancyMap
 from navfw.topomap.ros_map import save_ros_map
-from navfw.worldgen.plan_import import ImportedPlan, import_plan
+from navfw.worldgen.plan_exchange import ImportedPlan, import_plan
 
 
 def imported(name: str) -> ImportedPlan:
@@ -42,7 +42,7 @@ def test_openings_in_thick_walls_are_doors_between_named_rooms(tmp_path: Path) -
             7.7 if n <= 3 else 4.3, abs=0.1
         )
     assert topo_map.landmarks == {}
-    plan = FloorPlan.from_world(load_world(folder / "world.yaml"))
+    plan = SceneGeometry.from_world(load_world(folder / "world.yaml"))
     assert check_map(topo_map, plan.clearances) == []
     assert topo_map.floor_plan is not None
     assert topo_map.floor_plan.free.sum() == PLANS["thick-walls"]().free.sum()
@@ -56,7 +56,7 @@ def test_openings_in_thick_walls_are_doors_between_named_rooms(tmp_path: Path) -
 @pytest.mark.parametrize("name", ["thick-walls", "long-corridors"])
 def test_long_ways_on_the_map_are_nearly_the_shortest(name: str) -> None:
     made = imported(name)
-    plan = FloorPlan.from_world(made.world)
+    plan = SceneGeometry.from_world(made.world)
     name, length = max(made.lengths.items(), key=lambda item: item[1])
     mission = made.missions[name]
     start = made.topo_map.place(name.split("-to-")[0])

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from navfw.signals import Mask
 from navfw.sim.shapes import Rectangle
-from navfw.worldgen.plan_cleaning import PlanCleaning, cleaned
-from navfw.worldgen.plan_walls import wall_rectangles
+from navfw.worldgen.plan_walls import PlanCleaning, cleaned, wall_rectangles
 
 CELL = 0.05
 

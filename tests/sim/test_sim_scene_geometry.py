@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from navfw.errors import WorldError
 from navfw.signals import Array
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import Circle, Rectangle, Shape, overlap_depth
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, OpeningSpec, WallSpec, WorldSpec
 
@@ -57,9 +57,9 @@ def test_overlap_agrees_with_sampled_points(a: Shape, b: Shape) -> None:
         pytest.fail(f"no common point found, but they overlap by {depth}")
 
 
-def field(**solids: object) -> FloorPlan:
+def field(**solids: object) -> SceneGeometry:
     data = {"name": "field", "x": (-5, 5), "y": (-5, 5), **solids}
-    return FloorPlan.from_world(WorldSpec.model_validate(data))
+    return SceneGeometry.from_world(WorldSpec.model_validate(data))
 
 
 def test_free_line_is_the_shortest_path() -> None:
@@ -117,7 +117,7 @@ def _around_point(
     return math.sqrt(a * a - radius**2) + math.sqrt(b * b - radius**2) + radius * max(arc, 0.0)
 
 
-def divided(width: float) -> FloorPlan:
+def divided(width: float) -> SceneGeometry:
     gap = OpeningSpec(name="gap", at=(0, 2), width=width)
     wall = WallSpec(name="wall", points=((0, -5), (0, 5)), openings=(gap,))
     return field(walls=(wall,))

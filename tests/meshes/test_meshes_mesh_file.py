@@ -1,4 +1,4 @@
-"""OBJ and STL files: what is read, and what is refused with file, line and remedy."""
+"""Mesh files: what is read, and what is refused with file, line and remedy."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from navfw.errors import ConfigError
-from navfw.sim.mesh_file import MAX_TRIANGLES, TriangleMesh, read_mesh
+from navfw.meshes import TriangleMesh, mesh_file, read_mesh
+from navfw.meshes.mesh_file import FURNITURE_LIMITS
 
+MAX_TRIANGLES = FURNITURE_LIMITS.triangles
 POINTS = "".join(f"v {x} {y} {z}\n" for z in (0, 2) for x, y in ((0, 0), (3, 0), (3, 1), (0, 1)))
 SIDES = ("1 2 6 5", "2 3 7 6", "3 4 8 7", "4 1 5 8")
 FACES = ("4 3 2 1", "5 6 7 8", *SIDES)
@@ -115,7 +118,9 @@ def test_obj_files_that_cannot_be_used(
             b"\0" * 80 + struct.pack("<I", MAX_TRIANGLES + 1) + bytes(50 * (MAX_TRIANGLES + 1)),
             "more than 20000 triangles",
         ),
-        ("a.dae", b"<COLLADA/>", "expected an OBJ or STL file, got 'a.dae'; export"),
+        ("a.dae", b"<COLLADA/>", "a.dae: cannot be read as DAE: .*; export"),
+        ("a.dae", b"<!DOCTYPE x []><COLLADA/>", "a.dae:1: document types"),
+        ("a.fbx", b"x", r"expected a mesh \(.dae, .obj, .stl\), got 'a.fbx'; export"),
         ("a.obj", b"#" * 10_000_001, "a.obj: .*10"),
     ],
 )
@@ -124,3 +129,15 @@ def test_other_files_that_cannot_be_used(
 ) -> None:
     with pytest.raises(ConfigError, match=message):
         read_mesh(written(tmp_path, content, name))
+
+
+def test_a_format_is_one_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    corners = read_mesh(written(tmp_path, BOX)).corners
+    faces = np.arange(3 * len(corners)).reshape(-1, 3)
+    trimesh.Trimesh(corners.reshape(-1, 3), faces).export(tmp_path / "thing.ply")
+    trimesh.Trimesh(corners.reshape(-1, 3), faces).export(tmp_path / "thing.dae")
+    monkeypatch.setitem(mesh_file._READERS, ".ply", mesh_file._by_trimesh)
+    for name in ("thing.ply", "thing.dae"):
+        mesh = read_mesh(tmp_path / name)
+        assert len(mesh.vertices) == 8
+        assert volume(mesh) == pytest.approx(6.0)

@@ -1,4 +1,4 @@
-"""Import of floor plans: a world of walls, a topological map, and missions between its places."""
+"""Floor plans imported as worlds with maps and missions, and worlds exported as floor plans."""
 
 from __future__ import annotations
 
@@ -17,19 +17,51 @@ from navfw.errors import InputError, MapError
 from navfw.missions.missionspec import MissionSpec
 from navfw.process.work_progress import ProgressCallback, silent
 from navfw.signals import Array, Pose
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import Rectangle
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WallSpec, WorldSpec
 from navfw.topomap import Passage, TopoMap
 from navfw.topomap.clearance_grid import ClearanceGrid
 from navfw.topomap.map_builder import build_map
-from navfw.topomap.occupancy_map import FREE, OccupancyMap
+from navfw.topomap.occupancy_map import FREE, MAX_CELLS, OCCUPIED, OccupancyMap
 from navfw.topomap.ros_map import IMAGE_SUFFIXES, load_ros_map, plan_of_image
 from navfw.worldgen.generated_world import MAP_FILE, write_world
-from navfw.worldgen.plan_cleaning import PlanCleaning, cleaned
-from navfw.worldgen.plan_walls import wall_rectangles
-from navfw.worldgen.texture_palette import Palette
+from navfw.worldgen.looks import Palette
+from navfw.worldgen.plan_walls import PlanCleaning, cleaned, wall_rectangles
+
+RESOLUTION = 0.05
+"""Edge of a cell [m]: the usual one of maps for Nav2."""
+
+
+def exported_plan(
+    world: WorldSpec, resolution: float = RESOLUTION, *, walls_only: bool = False
+) -> OccupancyMap:
+    """The plan of ``world``: the cells whose centre is in a solid, or over a drop, are occupied.
+
+    With ``walls_only`` it has neither furniture nor drops, and all doors are open: an architect's
+    plan, while the other one is what a robot would have mapped.
+
+    Raises:
+        InputError: ``resolution`` is out of range, or the plan would have too many cells.
+
+    """
+    if not 0.001 <= resolution <= 10.0:
+        raise InputError(f"expected 0.001 to 10 m, got {resolution:g}", key="resolution")
+    width, depth = world.x[1] - world.x[0], world.y[1] - world.y[0]
+    if width * depth / resolution**2 > MAX_CELLS:
+        raise InputError(
+            f"the world has {width:g} x {depth:g} m, more than {MAX_CELLS} cells of "
+            f"{resolution:g} m; choose a larger resolution",
+        )
+    plan = SceneGeometry.from_world(world)
+    if walls_only:
+        walls = tuple(solid for solid in plan.solids if solid.kind == "wall")
+        plan = SceneGeometry(plan.bounds, walls)
+    grid = plan.configuration_space(cell=resolution)
+    cells = np.where(grid.occupied, OCCUPIED, FREE).astype(np.int8)
+    return OccupancyMap(cells, resolution, Pose(*grid.origin, 0.0))
+
 
 _MAX_CELL = 0.25
 """Largest edge of a cell [m]: in coarser plans doors and the robot are a few cells wide."""
@@ -116,9 +148,9 @@ def read_cleaning(options: Mapping[str, float | None]) -> PlanCleaning:
         InputError: a value is out of range.
 
     """
-    given = {name: value for name, value in options.items() if value is not None}
+    steps = {name: value for name, value in options.items() if value is not None}
     with rewording(prefix="--"):
-        return PlanCleaning(**given)
+        return PlanCleaning(**steps)
 
 
 def import_plan(
@@ -150,7 +182,7 @@ def import_plan(
     report("walls")
     plan = cleaned(plan, cleaning or PlanCleaning())
     size = _extent(plan)
-    walls = [_in_map(plan, each) for each in wall_rectangles(plan.free, plan.resolution)]
+    walls = [_in_map(plan, wall) for wall in wall_rectangles(plan.free, plan.resolution)]
     world = _world(name, plan, walls, size)
     check_world(world, file=plan.file)
     topo_map = _topological_map(world, plan, size, report)
@@ -174,7 +206,7 @@ def _extent(plan: OccupancyMap) -> tuple[float, float]:
             "check the resolution",
             file=plan.file,
         )
-    width, depth = (float(np.ptp(each) + 1) * plan.resolution for each in (columns, rows))
+    width, depth = (float(np.ptp(cells) + 1) * plan.resolution for cells in (columns, rows))
     return round(width, 2), round(depth, 2)
 
 
@@ -231,7 +263,7 @@ def _wall(name: str, shape: Rectangle, texture: str) -> WallSpec:
 def _topological_map(
     world: WorldSpec, plan: OccupancyMap, size: tuple[float, float], report: ProgressCallback
 ) -> TopoMap:
-    solids = FloorPlan.from_world(world)
+    solids = SceneGeometry.from_world(world)
 
     def near_clearances(x: Array, y: Array, reach: float) -> Array:
         near = solids.near_clearances(x, y, reach)
@@ -273,7 +305,7 @@ def _with_new_ends(ways: list[_Way], count: int) -> list[_Way]:
     """The first ``count`` of the ways that have no end in common with those before."""
     chosen: list[_Way] = []
     for way in ways:
-        used = {end for each in chosen for end in (each.start, each.goal)}
+        used = {end for mission in chosen for end in (mission.start, mission.goal)}
         if len(chosen) < count and not {way.start, way.goal} & used:
             chosen.append(way)
     return chosen

@@ -1,6 +1,6 @@
 """Moving obstacles of a world: kinematic motion along a path, and their recorded positions.
 
-A mover follows its path at constant speed, deterministic in simulated time, and nothing stops it.
+A walker follows its path at constant speed, deterministic in simulated time, and nothing stops it.
 One that yields waits as long as the robot is close in front of it, then continues.
 """
 
@@ -15,22 +15,22 @@ from itertools import pairwise
 import numpy as np
 
 from navfw.signals import Array, Pose
-from navfw.sim.worldspec import MoverSpec
+from navfw.sim.worldspec import WalkerSpec
 
 _YIELD_DISTANCE = 0.6
-"""A mover that yields waits when the gap to the robot in front of it is at most this [m]."""
+"""A walker that yields waits when the gap to the robot in front of it is at most this [m]."""
 
 _YIELD_MARGIN = 0.15
 """Margin [m] to either side of the lane, as wide as both bodies, that counts as in front."""
 
 CLOSING_SPEED = 0.05
-"""The robot causes a contact when it approaches the mover faster than this [m/s]."""
+"""The robot causes a contact when it approaches the walker faster than this [m/s]."""
 
 
-class MoverPath:
-    """A mover's path, parametrised by the distance travelled along it."""
+class WalkerPath:
+    """A walker's path, parametrised by the distance travelled along it."""
 
-    def __init__(self, spec: MoverSpec) -> None:
+    def __init__(self, spec: WalkerSpec) -> None:
         corners = list(spec.path)
         if spec.walk == "loop":
             corners.append(corners[0])
@@ -56,13 +56,13 @@ class MoverPath:
         return ax + share * (bx - ax), ay + share * (by - ay), math.atan2(by - ay, bx - ax)
 
 
-class Mover:
+class Walker:
     """A moving obstacle: ``x``, ``y`` [m], ``heading`` [rad], and whether it is ``waiting``."""
 
-    def __init__(self, spec: MoverSpec) -> None:
+    def __init__(self, spec: WalkerSpec) -> None:
         self.spec = spec
         self.waiting = False
-        self._path = MoverPath(spec)
+        self._path = WalkerPath(spec)
         self._travelled = spec.phase * self._path.length
         self.x, self.y, self.heading = self._path.pose_at(self._travelled)
 
@@ -87,14 +87,14 @@ class Mover:
 
 
 def caused_by_robot(
-    before: Pose, after: Pose, dt: float, mover: Mover, closing: float = CLOSING_SPEED
+    before: Pose, after: Pose, dt: float, walker: Walker, closing: float = CLOSING_SPEED
 ) -> bool:
-    """Whether the robot's motion, from one pose to the next in ``dt`` [s], approached the mover.
+    """Whether the robot's motion, from one pose to the next in ``dt`` [s], approached the walker.
 
     A robot that stands, moves away or passes by does not cause the contact. ``closing`` is the
     threshold of the speed of approach [m/s].
     """
-    dx, dy = mover.x - after.x, mover.y - after.y
+    dx, dy = walker.x - after.x, walker.y - after.y
     away = math.hypot(dx, dy)
     if away == 0.0 or dt <= 0.0:
         return False
@@ -103,10 +103,10 @@ def caused_by_robot(
 
 
 @dataclass(frozen=True)
-class MoverTrack:
-    """Positions of movers: ``time`` (T,) [s] ascending, ``points`` (T, M, 2), ``radii`` (M,) [m].
+class WalkerTrack:
+    """Positions of walkers: ``time`` (T,) [s] ascending, ``points`` (T, M, 2), ``radii`` (M,) [m].
 
-    Together with a floor plan, which holds the static solids, this is the geometry at any time.
+    Together with ``SceneGeometry``, the static solids, this is the geometry at any time.
     """
 
     names: tuple[str, ...]
@@ -115,13 +115,13 @@ class MoverTrack:
     points: Array
 
     @classmethod
-    def of(cls, movers: Sequence[Mover], time: list[float], points: list[Array]) -> MoverTrack:
+    def of(cls, walkers: Sequence[Walker], time: list[float], points: list[Array]) -> WalkerTrack:
         """The track of positions (M, 2) recorded at ascending times [s]."""
         return cls(
-            names=tuple(mover.spec.name for mover in movers),
-            radii=np.array([mover.spec.radius for mover in movers]),
+            names=tuple(walker.spec.name for walker in walkers),
+            radii=np.array([walker.spec.radius for walker in walkers]),
             time=np.array(time),
-            points=np.array(points).reshape(len(time), len(movers), 2),
+            points=np.array(points).reshape(len(time), len(walkers), 2),
         )
 
     def at(self, times: Array) -> Array:
@@ -135,7 +135,7 @@ class MoverTrack:
         return result
 
     def clearances(self, points: Array, times: Array) -> Array:
-        """Distances (N,) [m] of points (N, 2) at times (N,) [s] to the nearest mover's body."""
+        """Distances (N,) [m] of points (N, 2) at times (N,) [s] to the nearest walker's body."""
         if not self.names:
             return np.full(len(points), np.inf)
         away = np.linalg.norm(self.at(times) - points[:, None, :], axis=2) - self.radii

@@ -16,14 +16,14 @@ import numpy as np
 
 from navfw.numerics.products import product
 from navfw.signals import Array
-from navfw.sim.texture_spectra import TILE
+from navfw.sim.textures import TILE
 
 _MAX_PATCH = 2.0
 """Largest edge of a patch [m]."""
 
 
 @dataclass(slots=True)
-class Mesh:
+class TexturedMesh:
     """Triangles with normals and texture coordinates, in the form of PyBullet's GEOM_MESH.
 
     Texture coordinates are in periods of ``TILE``; ``shifts`` are the whole periods subtracted from
@@ -37,64 +37,39 @@ class Mesh:
     shifts: list[list[float]] = field(default_factory=list)
 
     @classmethod
-    def without_area(cls) -> Mesh:
+    def without_area(cls) -> TexturedMesh:
         """One degenerate triangle: an invisible mesh."""
         points, normals, uvs = [[0.0, 0.0, 0.0]] * 3, [[0.0, 0.0, 1.0]] * 3, [[0.0, 0.0]] * 3
         return cls(points, normals, uvs, [0, 1, 2], uvs)
 
-    def add_quad(self, corners: Array, normals: Array, uvs: Array) -> None:
-        """Add a quad: (4, 3) corners, counter-clockwise, (4, 3) normals, (4, 2) coordinates [m].
+    def add_polygons(self, corners: Array, normals: Array, uvs: Array) -> None:
+        """Add convex polygons: (N, k, 3) corners, counter-clockwise, with normals (N, k, 3).
 
-        Texture coordinates are shifted by whole periods to be non-negative: TinyRenderer wraps
-        positive ones only.
+        Texture coordinates (N, k, 2) [m] are shifted by whole periods to be non-negative:
+        TinyRenderer wraps positive ones only.
         """
-        first = len(self.vertices)
-        tiles = uvs / TILE
-        shift = np.floor(tiles.min(axis=0) + 1e-9)
-        tiles = tiles - shift
-        self.vertices += corners.tolist()
-        self.normals += normals.tolist()
-        self.uvs += np.maximum(tiles, 0.0).tolist()
-        self.shifts += [shift.tolist()] * 4
-        self.indices += [first, first + 1, first + 2, first, first + 2, first + 3]
-
-    def add_quads(self, corners: Array, normals: Array, uvs: Array) -> None:
-        """Add quads (N, 4, 3), (N, 4, 3), (N, 4, 2), each as ``add_quad`` does."""
-        first = len(self.vertices)
+        count, sides = corners.shape[:2]
         tiles = uvs / TILE
         shifts = np.floor(tiles.min(axis=1, keepdims=True) + 1e-9)
-        tiles = tiles - shifts
-        self.vertices += corners.reshape(-1, 3).tolist()
-        self.normals += normals.reshape(-1, 3).tolist()
-        self.uvs += np.maximum(tiles, 0.0).reshape(-1, 2).tolist()
-        self.shifts += shifts.repeat(4, axis=1).reshape(-1, 2).tolist()
-        starts = first + 4 * np.arange(len(corners), dtype=np.int64)[:, None]
-        indices: list[int] = (starts + np.array([0, 1, 2, 0, 2, 3])).ravel().tolist()
-        self.indices += indices
-
-    def add_triangles(self, corners: Array, normals: Array, uvs: Array) -> None:
-        """Add triangles (N, 3, 3), (N, 3, 3), (N, 3, 2), like quads."""
-        first = len(self.vertices)
-        tiles = uvs / TILE
-        shifts = np.floor(tiles.min(axis=1, keepdims=True) + 1e-9)
+        starts = len(self.vertices) + sides * np.arange(count)[:, None]
+        fan = np.array([(0, k, k + 1) for k in range(1, sides - 1)]).ravel()
         self.vertices += corners.reshape(-1, 3).tolist()
         self.normals += normals.reshape(-1, 3).tolist()
         self.uvs += np.maximum(tiles - shifts, 0.0).reshape(-1, 2).tolist()
-        self.shifts += shifts.repeat(3, axis=1).reshape(-1, 2).tolist()
-        self.indices += range(first, len(self.vertices))
+        self.shifts += shifts.repeat(sides, axis=1).reshape(-1, 2).tolist()
+        self.indices += (starts + fan).ravel().tolist()
 
-    def add_mesh(self, mesh: Mesh, position: tuple[float, float, float], yaw: float) -> None:
+    def add_mesh(
+        self, mesh: TexturedMesh, position: tuple[float, float, float], yaw: float
+    ) -> None:
         """Add another mesh, rotated by ``yaw`` [rad] and translated by ``position`` [m]."""
         c, s = math.cos(yaw), math.sin(yaw)
         turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])  # for rows
-        first = len(self.vertices)
-        self.vertices += (product(np.array(mesh.vertices), turn) + position).tolist()
-        self.normals += (product(np.array(mesh.normals), turn)).tolist()
-        self.uvs += mesh.uvs
-        self.shifts += mesh.shifts
-        self.indices += [first + index for index in mesh.indices]
+        vertices = (product(np.array(mesh.vertices), turn) + position).tolist()
+        normals = product(np.array(mesh.normals), turn).tolist()
+        self.append(replace(mesh, vertices=vertices, normals=normals))
 
-    def append(self, mesh: Mesh) -> None:
+    def append(self, mesh: TexturedMesh) -> None:
         """Add another mesh without a transform."""
         first = len(self.vertices)
         self.vertices += mesh.vertices
@@ -103,7 +78,7 @@ class Mesh:
         self.shifts += mesh.shifts
         self.indices += [first + index for index in mesh.indices]
 
-    def with_period(self, width: float, height: float) -> Mesh:
+    def with_period(self, width: float, height: float) -> TexturedMesh:
         """The same mesh for a texture that covers ``width`` x ``height`` [m] instead of a tile."""
         tiles = (np.array(self.uvs) + self.shifts) * (TILE / width, TILE / height)
         tiles -= np.floor(tiles.min(axis=0))
@@ -129,7 +104,8 @@ class Mesh:
         across = np.array([[a], [b], [b], [a]]) * right
         points = corner + across + np.array([[c], [c], [d], [d]]) * up
         normal = np.cross(right, up)
-        self.add_quad(points, np.tile(normal, (4, 1)), _face_coordinates(points, normal) + shift)
+        uvs = _face_coordinates(points, normal) + shift
+        self.add_polygons(points[None], np.tile(normal, (1, 4, 1)), uvs[None])
 
 
 def _face_coordinates(points: Array, normal: Array) -> Array:
@@ -154,10 +130,10 @@ def split_positions(
     return result
 
 
-def box_mesh(size: tuple[float, float, float], shift: Array) -> Mesh:
+def box_mesh(size: tuple[float, float, float], shift: Array) -> TexturedMesh:
     """A box around its origin with edges x, y, z [m], without its underside."""
     x, y, z = (0.5 * s for s in size)
-    mesh = Mesh()
+    mesh = TexturedMesh()
     ex, ey, ez = np.eye(3)
     up = split_positions(size[2])
     for corner, right, length in (
@@ -173,9 +149,9 @@ def box_mesh(size: tuple[float, float, float], shift: Array) -> Mesh:
     return mesh
 
 
-def cylinder_mesh(radius: float, height: float, shift: Array, sides: int = 24) -> Mesh:
+def cylinder_mesh(radius: float, height: float, shift: Array, sides: int = 24) -> TexturedMesh:
     """An upright cylinder around its origin [m], without its underside."""
-    mesh = Mesh()
+    mesh = TexturedMesh()
     angles = np.linspace(0.0, 2.0 * math.pi, sides + 1)
     ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(sides + 1)], axis=1)
     quads = np.stack([np.arange(sides), np.arange(sides) + 1], axis=1)[:, [0, 1, 1, 0]]
@@ -185,11 +161,11 @@ def cylinder_mesh(radius: float, height: float, shift: Array, sides: int = 24) -
         corners = radius * out
         corners[..., 2] = level
         uvs = np.stack([radius * angles[quads], np.broadcast_to(level, quads.shape)], axis=-1)
-        mesh.add_quads(corners, out, uvs + shift)
+        mesh.add_polygons(corners, out, uvs + shift)
     top = np.zeros_like(out)
     top[:, 1:3] = radius * ring[quads[:, :2]]
     top[..., 2] = 0.5 * height
-    mesh.add_quads(top, np.broadcast_to([0.0, 0.0, 1.0], top.shape), top[..., :2] + shift)
+    mesh.add_polygons(top, np.broadcast_to([0.0, 0.0, 1.0], top.shape), top[..., :2] + shift)
     return mesh
 
 
@@ -198,7 +174,7 @@ def side_count(radius: float) -> int:
     return min(max(math.ceil(math.pi / math.acos(1.0 - min(0.002 / radius, 0.5))), 12), 24)
 
 
-def triangle_mesh(corners: Array, shift: Array) -> Mesh:
+def triangle_mesh(corners: Array, shift: Array) -> TexturedMesh:
     """Flat triangles (N, 3, 3) [m], each with the texture along the plane nearest to its own."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
@@ -211,6 +187,6 @@ def triangle_mesh(corners: Array, shift: Array) -> Mesh:
     level = (axis == 2)[:, None]
     right = np.where(level, x, np.where((axis == 0)[:, None], signs * y, -signs * x))
     uvs = np.stack([right, np.where(level, y, z)], axis=2) + shift
-    mesh = Mesh()
-    mesh.add_triangles(corners, np.repeat(normals[:, None], 3, axis=1), uvs)
+    mesh = TexturedMesh()
+    mesh.add_polygons(corners, np.repeat(normals[:, None], 3, axis=1), uvs)
     return mesh

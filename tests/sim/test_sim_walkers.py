@@ -1,4 +1,4 @@
-"""Movers: positions over time, yielding, the cause of contacts, clearances."""
+"""Walkers: positions over time, yielding, the cause of contacts, clearances."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from hypothesis import strategies as st
 from navfw.errors import ConfigError, WorldError
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Twist
-from navfw.sim.movers import Mover, MoverPath, MoverTrack, caused_by_robot
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
+from navfw.sim.walkers import Walker, WalkerPath, WalkerTrack, caused_by_robot
 from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import BoxSpec, MoverSpec, WorldSpec
+from navfw.sim.worldspec import BoxSpec, WalkerSpec, WorldSpec
 
 ROBOT = RobotModel()
 TICK = 1.0 / 60.0
 
 
-def anna(**changes: object) -> MoverSpec:
+def anna(**changes: object) -> WalkerSpec:
     data = {"name": "anna", "path": [(2, 0), (-3, 0)], "speed": 0.4, "yields": False, **changes}
-    return MoverSpec.model_validate(data)
+    return WalkerSpec.model_validate(data)
 
 
-def world(*movers: MoverSpec) -> WorldSpec:
-    return WorldSpec(name="hall", x=(-6, 6), y=(-6, 6), movers=movers)
+def world(*walkers: WalkerSpec) -> WorldSpec:
+    return WorldSpec(name="hall", x=(-6, 6), y=(-6, 6), movers=walkers)
 
 
-def simulate(start: Pose, *movers: MoverSpec) -> Simulation:
-    return Simulation(world(*movers), ROBOT, start, 0, SensorParams.preset("perfect"))
+def simulate(start: Pose, *walkers: WalkerSpec) -> Simulation:
+    return Simulation(world(*walkers), ROBOT, start, 0, SensorParams.preset("perfect"))
 
 
 def drive(sim: Simulation, speed: float, seconds: float) -> None:
@@ -50,13 +50,13 @@ def drive(sim: Simulation, speed: float, seconds: float) -> None:
 
 def test_back_and_forth_and_loop() -> None:
     corners = [(0, 0), (2, 0), (2, 1)]
-    back_and_forth = MoverPath(anna(path=corners))
+    back_and_forth = WalkerPath(anna(path=corners))
     assert back_and_forth.length == 6.0
     assert back_and_forth.pose_at(1.0) == (1.0, 0.0, 0.0)
     assert back_and_forth.pose_at(2.5) == (2.0, 0.5, math.pi / 2)
     assert back_and_forth.pose_at(3.5)[:2] == (2.0, 0.5)
     assert back_and_forth.pose_at(3.5)[2] == -math.pi / 2
-    loop = MoverPath(anna(path=corners, walk="loop"))
+    loop = WalkerPath(anna(path=corners, walk="loop"))
     assert loop.length == pytest.approx(3 + math.sqrt(5))
     assert loop.pose_at(3 + math.sqrt(5) / 2)[:2] == pytest.approx((1.0, 0.5))
 
@@ -72,15 +72,15 @@ def test_back_and_forth_and_loop() -> None:
 def test_path_is_continuous_and_periodic(
     corners: list[tuple[int, int]], walk: str, travelled: float, step: float
 ) -> None:
-    path = MoverPath(anna(path=corners, walk=walk))
+    path = WalkerPath(anna(path=corners, walk=walk))
     here, there = path.pose_at(travelled), path.pose_at(travelled + step)
     assert math.dist(here[:2], there[:2]) <= step + 1e-9
     assert path.pose_at(travelled + path.length)[:2] == pytest.approx(here[:2], abs=1e-9)
 
 
 def test_phase_sets_the_initial_position() -> None:
-    mover = Mover(anna(phase=0.25))
-    assert (mover.x, mover.y) == (-0.5, 0.0)
+    walker = Walker(anna(phase=0.25))
+    assert (walker.x, walker.y) == (-0.5, 0.0)
 
 
 # --- in the simulation ------------------------------------------------------------------------
@@ -89,59 +89,59 @@ def test_phase_sets_the_initial_position() -> None:
 def test_moves_in_simulated_time() -> None:
     with simulate(Pose(0, 3, 0), anna()) as sim:
         drive(sim, 0.0, 2.0)
-        track = sim.mover_track()
+        track = sim.walker_track()
     assert track.time[[0, -1]] == pytest.approx([0.0, 2.0])
     assert track.points[-1, 0] == pytest.approx([2.0 - 0.4 * 2.0, 0.0])
     halfway = track.at(np.array([1.0]))
     assert halfway[0, 0] == pytest.approx([1.6, 0.0], abs=1e-6)
 
 
-def test_depth_image_shows_the_mover_at_its_position() -> None:
+def test_depth_image_shows_the_walker_at_its_position() -> None:
     with simulate(Pose(0, 3, 0), anna()) as sim:
         for _ in range(3):
             drive(sim, 0.0, 1.0)
             depth = sim.render_from(Pose(-4, 0, 0))[1]
             eye = -4 + ROBOT.camera.mount_forward
-            surface = sim.movers[0].x - sim.movers[0].spec.radius
+            surface = sim.walkers[0].x - sim.walkers[0].spec.radius
             assert depth[60, 80] == pytest.approx(surface - eye, abs=0.02)
 
 
-def test_mover_without_yields_moves_into_a_standing_robot() -> None:
+def test_walker_without_yields_moves_into_a_standing_robot() -> None:
     with simulate(Pose(0, 0, 0), anna()) as sim:
         drive(sim, 0.0, 6.0)
         assert sim.contacts == ("anna",)
         assert sim.collision_cause == "mover"
-        touched = sim.movers[0].x - sim.true_pose().x
+        touched = sim.walkers[0].x - sim.true_pose().x
     assert touched == pytest.approx(ROBOT.radius + 0.25, abs=0.01)
 
 
-def test_mover_that_yields_waits_and_continues() -> None:
+def test_walker_that_yields_waits_and_continues() -> None:
     with simulate(Pose(0, 0, 0), anna(yields=True)) as sim:
         drive(sim, 0.0, 6.0)
         assert sim.contacts == ()
         assert sim.collision_cause is None
-        waiting = sim.movers[0].x
-        assert sim.movers[0].waiting
+        waiting = sim.walkers[0].x
+        assert sim.walkers[0].waiting
         assert waiting == pytest.approx(ROBOT.radius + 0.25 + 0.6, abs=0.01)
         drive(sim, -0.15, 4.0)  # the robot makes room
-        assert not sim.movers[0].waiting or sim.movers[0].x < waiting - 0.3
+        assert not sim.walkers[0].waiting or sim.walkers[0].x < waiting - 0.3
         assert sim.contacts == ()
 
 
-def test_mover_yields_only_to_a_robot_in_front() -> None:
-    mover = Mover(anna(yields=True))  # at (2, 0), heading -x
+def test_walker_yields_only_to_a_robot_in_front() -> None:
+    walker = Walker(anna(yields=True))  # at (2, 0), heading -x
     for robot, waits in (
         (Pose(1.2, 0.0, 0.0), True),
         (Pose(1.2, 0.7, 0.0), False),  # beside its lane
         (Pose(2.8, 0.0, 0.0), False),  # behind
         (Pose(0.5, 0.0, 0.0), False),  # far
     ):
-        mover.update_waiting(robot, ROBOT.radius)
-        assert mover.waiting is waits, robot
+        walker.update_waiting(robot, ROBOT.radius)
+        assert walker.waiting is waits, robot
 
 
 @pytest.mark.parametrize("yields", [True, False])
-def test_robot_that_approaches_a_mover_is_the_cause(yields: bool) -> None:
+def test_robot_that_approaches_a_walker_is_the_cause(yields: bool) -> None:
     with simulate(Pose(-2, 0, 0), anna(yields=yields)) as sim:
         drive(sim, 0.3, 10.0)
         assert sim.contacts == ("anna",)
@@ -165,11 +165,11 @@ def test_robot_is_the_cause_of_contacts_with_solids() -> None:
 
 
 def test_cause_by_geometry() -> None:
-    mover = Mover(anna(path=[(1, 0), (2, 0)]))
+    walker = Walker(anna(path=[(1, 0), (2, 0)]))
     here = Pose(0, 0, 0)
 
     def cause(dx: float, dy: float) -> bool:
-        return caused_by_robot(Pose(-dx * 0.1, -dy * 0.1, 0), here, 0.1, mover)
+        return caused_by_robot(Pose(-dx * 0.1, -dy * 0.1, 0), here, 0.1, walker)
 
     assert cause(0.3, 0.0)
     assert cause(0.3, 0.3)
@@ -183,12 +183,12 @@ def test_runs_are_reproducible() -> None:
     def run() -> tuple[bytes, bytes]:
         with simulate(Pose(-1, 0.2, 0), anna(yields=True)) as sim:
             drive(sim, 0.2, 3.0)
-            return sim.mover_track().points.tobytes(), sim.render_from(Pose(-4, 0, 0))[0].tobytes()
+            return sim.walker_track().points.tobytes(), sim.render_from(Pose(-4, 0, 0))[0].tobytes()
 
     assert run() == run()
 
 
-def test_start_must_be_clear_of_movers() -> None:
+def test_start_must_be_clear_of_walkers() -> None:
     with pytest.raises(WorldError, match="'anna' when time begins"):
         simulate(Pose(1.8, 0.2, 0), anna())
 
@@ -196,14 +196,14 @@ def test_start_must_be_clear_of_movers() -> None:
 # --- clearance --------------------------------------------------------------------------------
 
 
-def test_clearance_uses_the_movers_positions_at_each_time() -> None:
-    movers = [Mover(anna()), Mover(anna(name="ben", radius=0.5))]
+def test_clearance_uses_the_walkers_positions_at_each_time() -> None:
+    walkers = [Walker(anna()), Walker(anna(name="ben", radius=0.5))]
     points = [np.array([[0.0, 0.0], [9.0, 9.0]]), np.array([[2.0, 0.0], [9.0, 9.0]])]
-    track = MoverTrack.of(movers, [0.0, 2.0], points)
+    track = WalkerTrack.of(walkers, [0.0, 2.0], points)
     here = np.array([[3.0, 0.0]] * 4)
     found = track.clearances(here, np.array([0.0, 1.0, 2.0, 5.0]))
     assert found == pytest.approx([2.75, 1.75, 0.75, 0.75])
-    empty = MoverTrack.of([], [0.0], [np.empty((0, 2))])
+    empty = WalkerTrack.of([], [0.0], [np.empty((0, 2))])
     assert np.isinf(empty.clearances(here, np.zeros(4))).all()
 
 
@@ -227,8 +227,8 @@ def read(tmp_path: Path, text: str) -> WorldSpec:
 
 
 def test_world_file(tmp_path: Path) -> None:
-    mover = read(tmp_path, FILE).movers[0]
-    assert (mover.speed, mover.yields, mover.radius, mover.walk) == (
+    walker = read(tmp_path, FILE).movers[0]
+    assert (walker.speed, walker.yields, walker.radius, walker.walk) == (
         0.5,
         True,
         0.25,

@@ -75,7 +75,7 @@ class DistanceField:
         return float(map_coordinates(self.lengths, cell, order=1, mode="nearest")[0])
 
 
-class FloorPlan:
+class SceneGeometry:
     """Outlines of solids at the robot's height and of drops, in the bounds (x0, y0, x1, y1) [m]."""
 
     def __init__(
@@ -85,7 +85,7 @@ class FloorPlan:
         self.solids = solids
 
     @classmethod
-    def from_world(cls, world: WorldSpec, robot_height: float = 0.4) -> FloorPlan:
+    def from_world(cls, world: WorldSpec, robot_height: float = 0.4) -> SceneGeometry:
         """The plan of a valid world: its solids between the floor and ``robot_height`` [m].
 
         Drops are included like solids: the robot cannot stand there either.
@@ -135,8 +135,8 @@ class FloorPlan:
             columns = slice(*np.searchsorted(x, (x0 - reach, x1 + reach)))
             rows = slice(*np.searchsorted(y, (y0 - reach, y1 + reach)))
             points = np.stack(np.meshgrid(x[columns], y[rows]), axis=-1).reshape(-1, 2)
-            part = nearest[rows, columns]
-            np.minimum(part, solid.shape.distance(points).reshape(part.shape), out=part)
+            window = nearest[rows, columns]
+            np.minimum(window, solid.shape.distance(points).reshape(window.shape), out=window)
         return nearest
 
     def clearance(self, x: float, y: float) -> float:
@@ -191,7 +191,7 @@ class FloorPlan:
         """Length [m] and corners (N, 2) [m] of the shortest path for a robot of ``radius`` [m].
 
         Dijkstra's search on a 5 cm grid, then shortened; within about 1 % of the true length
-        (test_sim_floorplan). Gaps less than one cell wider than the robot may be missed.
+        (test_sim_scene_geometry). Gaps less than one cell wider than the robot may be missed.
 
         Raises:
             WorldError: an end is not free, or there is no path between them.
@@ -240,11 +240,11 @@ class FloorPlan:
                 f" ({start[0]:g}, {start[1]:g}) by a robot of radius {radius:g} m:"
                 f" no way is {2.0 * radius:g} m wide; take a narrower robot, or open a wider way"
             )
-        found = [last]
-        while found[-1] != first:
-            found.append(int(before[found[-1]]))
+        way = [last]
+        while way[-1] != first:
+            way.append(int(before[way[-1]]))
         rows, columns = np.nonzero(numbers >= 0)
-        cells = np.array(found[::-1])
+        cells = np.array(way[::-1])
         return grid.centres(rows[cells], columns[cells])
 
     @cached_property
@@ -304,18 +304,18 @@ class FloorPlan:
         """Replace parts of the path by straight lines, each as far as it is free."""
         kept = [0]
         while kept[-1] < len(path) - 1:
-            here = kept[-1]
-            low, high = here + 1, len(path) - 1
+            corner = kept[-1]
+            low, high = corner + 1, len(path) - 1
             # exponential, then binary search: free lines are nearly always a prefix of the path
             reach = 1
-            while here + reach <= high and self.straight_path_free(
-                path[here], path[here + reach], radius
+            while corner + reach <= high and self.straight_path_free(
+                path[corner], path[corner + reach], radius
             ):
-                low, reach = here + reach, reach * 2
-            high = min(high, here + reach)
+                low, reach = corner + reach, reach * 2
+            high = min(high, corner + reach)
             while low < high:
                 middle = (low + high + 1) // 2
-                if self.straight_path_free(path[here], path[middle], radius):
+                if self.straight_path_free(path[corner], path[middle], radius):
                     low = middle
                 else:
                     high = middle - 1
@@ -332,14 +332,14 @@ def _grid_graph(numbers: npt.NDArray[np.int64], cell: float) -> object:
     for di, dj in _MOVES:
         height, width = rows - di, columns - abs(dj)
         left = max(-dj, 0)
-        here = numbers[:height, left : left + width]
-        there = numbers[di : di + height, left + dj : left + dj + width]
-        both = (here >= 0) & (there >= 0)
+        source = numbers[:height, left : left + width]
+        target = numbers[di : di + height, left + dj : left + dj + width]
+        both = (source >= 0) & (target >= 0)
         # a move must not cut through an occupied cell beside it
         for bi, bj in _beside(di, dj):
             both &= numbers[bi : bi + height, left + bj : left + bj + width] >= 0
-        sources.append(here[both])
-        targets.append(there[both])
+        sources.append(source[both])
+        targets.append(target[both])
         lengths.append(np.full(np.count_nonzero(both), cell * math.hypot(di, dj)))
     count = int(numbers.max()) + 1
     data = (np.concatenate(lengths), (np.concatenate(sources), np.concatenate(targets)))

@@ -1,47 +1,88 @@
-"""The collision shapes of a URDF as one mesh, all joints at zero: furniture, not a robot."""
+"""Meshes of furniture by file: any mesh file or URDF, scaled to metres, with the z axis up."""
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from pathlib import Path
+from typing import Literal
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from navfw.config.input_file import shown_path
-from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError
+from navfw.meshes.mesh_file import FURNITURE_LIMITS, read_mesh
+from navfw.meshes.mesh_outline import OutlineBox, boxes_around
+from navfw.meshes.triangle_mesh import TriangleMesh, joined
 from navfw.numerics.products import product
-from navfw.robot.urdf import MAX_BYTES, attribute_numbers, origin_frame, read_urdf
+from navfw.robot.urdf import attribute_numbers, origin_frame, read_urdf, urdf_error
 from navfw.signals import Array
-from navfw.sim.mesh_file import TriangleMesh, joined, read_mesh
 
+Up = Literal["y", "z"]
+
+_MIN_SIZE, _MAX_SIZE = 0.02, 50.0
+"""Bounds of the largest extent of a mesh [m]."""
+_Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
+"""Turns the y axis up."""
 _SIDES = 24
 """Sides of a cylinder, and of a sphere's equator."""
 
 
-def read_urdf_shapes(path: Path) -> TriangleMesh:
-    """The collision shapes of all links in the axes of the root link [m].
+@lru_cache(maxsize=64)
+def furniture_mesh(file: str, scale: float, up: Up) -> TriangleMesh:
+    """The mesh in a file, or a URDF's collision shapes with all joints at zero, in metres, z up.
 
     Raises:
-        ConfigError: the file is no URDF (see ``read_urdf``), has no collision shapes, one of a kind
-            that cannot be drawn, or a mesh that ``read_mesh`` refuses.
+        ConfigError: the file cannot be used (see ``read_mesh`` and ``read_urdf``), a URDF has no
+            collision shapes or one that cannot be drawn, or the scaled mesh is smaller than 2 cm or
+            larger than 50 m.
 
     """
+    path = Path(file)
+    mesh = _urdf_mesh(path) if path.suffix.lower() == ".urdf" else read_mesh(path)
+    largest = FURNITURE_LIMITS.triangles
+    if len(mesh.faces) > largest:
+        what = f"has {len(mesh.faces)} triangles, at most {largest}; simplify its meshes"
+        raise ConfigError(what, file=shown_path(path))
+    size = np.diag([scale, scale, scale, 1.0])
+    mesh = mesh.moved(product(_Y_UP, size) if up == "y" else size)
+    low, high = mesh.bounds
+    extent = float((high - low).max())
+    if not _MIN_SIZE <= extent <= _MAX_SIZE:
+        what = (
+            f"is {extent:g} m large, expected {_MIN_SIZE:g} to {_MAX_SIZE:g} m: give another scale"
+        )
+        raise ConfigError(f"{what} (0.001 for a file in millimetres)", file=shown_path(path))
+    return mesh
+
+
+@lru_cache(maxsize=64)
+def furniture_outline(file: str, scale: float, up: Up) -> tuple[OutlineBox, ...]:
+    """The boxes around the mesh in a file (see ``mesh_outline``); raises like it."""
+    return boxes_around(furniture_mesh(file, scale, up))
+
+
+# --- shapes of URDFs --------------------------------------------------------------------------
+
+
+def _urdf_mesh(path: Path) -> TriangleMesh:
+    """The collision shapes of all links in the axes of the root link [m]."""
     model = read_urdf(path)
-    parts = []
-    for link in read_xml(path, MAX_BYTES, "a URDF").findall("link"):
-        frame = model.frame_of(link.get("name", ""))
-        for collision in link.findall("collision"):
-            placed = product(frame, origin_frame(path, collision.find("origin")))
-            parts += [_shape(path, s).moved(placed) for s in collision.findall("geometry/*")]
-    if not parts:
+    if not model.collisions:
         what = "no link has a collision shape; add <collision> elements, which are drawn as well"
         raise ConfigError(what, file=shown_path(path))
-    return joined(parts)
+    return joined(
+        [
+            _shape_mesh(path, collision.shape).moved(
+                product(model.frame_of(collision.link), origin_frame(path, collision.origin))
+            )
+            for collision in model.collisions
+        ]
+    )
 
 
-def _shape(path: Path, shape: Element) -> TriangleMesh:
+def _shape_mesh(path: Path, shape: Element) -> TriangleMesh:
     """The mesh of one <geometry>, around its own origin."""
     if shape.tag == "box":
         return _box(_sizes(path, shape, "size", 3))
@@ -60,16 +101,15 @@ def _shape(path: Path, shape: Element) -> TriangleMesh:
         if min(scale) > 0.0:
             return mesh.moved(np.diag([*scale, 1.0]))
         what = "expected positive scales; mirror the mesh in a modelling program"
-        raise ConfigError(what, file=shown_path(path), line=line_of(shape))
+        raise urdf_error(path, shape, what)
     what = f"expected a box, cylinder, sphere or mesh, got <{shape.tag}>; replace it by one of them"
-    raise ConfigError(what, file=shown_path(path), line=line_of(shape))
+    raise urdf_error(path, shape, what)
 
 
 def _sizes(path: Path, shape: Element, key: str, count: int) -> list[float]:
     sizes = attribute_numbers(path, shape, key, [0.0] * count)
     if min(sizes) <= 0.0:
-        what = f"{key} of <{shape.tag}>: expected positive lengths [m]"
-        raise ConfigError(what, file=shown_path(path), line=line_of(shape))
+        raise urdf_error(path, shape, f"{key} of <{shape.tag}>: expected positive lengths [m]")
     return sizes
 
 

@@ -1,4 +1,4 @@
-"""The outline of a mesh as upright boxes, for floor plan, checks and maps.
+"""The outline of a mesh as upright boxes, for scene geometry, checks and maps.
 
 A mesh is cut into horizontal bands. In each band the cells of a grid are occupied that its surface
 touches or whose centre it encloses, and they are covered by rectangles. Physics and drawing use the
@@ -15,8 +15,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navfw.meshes.section_grid import windings
+from navfw.meshes.triangle_mesh import TriangleMesh
 from navfw.signals import Array, Mask
-from navfw.sim.mesh_file import TriangleMesh
 
 _CELL = 0.02
 """Edge of a cell [m]; doubled until there are few enough cells and boxes."""
@@ -57,10 +58,15 @@ def boxes_around(mesh: TriangleMesh) -> tuple[OutlineBox, ...]:
 def _boxes(mesh: TriangleMesh, cell: float, band: float) -> Iterator[OutlineBox]:
     """The rectangles of each group of equal bands, clipped to the mesh's bounds."""
     low, high = mesh.bounds
-    masks = _surface(mesh, cell, band) | _inside(mesh, cell, band)
+    steps = np.array([cell, cell, band])
+    columns, rows, bands = np.maximum(np.ceil((high - low) / steps - 1e-6).astype(int), 1).tolist()
+    masks = _surface(mesh, steps, (bands, rows, columns))
+    for k in range(bands):
+        lines = mesh.section(float(low[2] + band * (k + 0.5))) - low[:2]
+        masks[k] |= windings(lines / cell, (rows, columns)) > 0
     first = 0
-    for k in range(1, len(masks) + 1):
-        if k < len(masks) and np.array_equal(masks[k], masks[first]):
+    for k in range(1, bands + 1):
+        if k < bands and np.array_equal(masks[k], masks[first]):
             continue
         bottom, top = low[2] + first * band, min(low[2] + k * band, high[2])
         for row, end_row, column, end_column in _rectangles(masks[first]):
@@ -70,31 +76,19 @@ def _boxes(mesh: TriangleMesh, cell: float, band: float) -> Iterator[OutlineBox]
         first = k
 
 
-def _shape(mesh: TriangleMesh, cell: float, band: float) -> tuple[int, int, int]:
-    """Numbers of bands, rows and columns."""
-    low, high = mesh.bounds
-    columns, rows, bands = (
-        max(math.ceil(extent / step - 1e-6), 1)
-        for extent, step in zip(high - low, (cell, cell, band), strict=True)
-    )
-    return bands, rows, columns
-
-
-def _surface(mesh: TriangleMesh, cell: float, band: float) -> Mask:
-    """(bands, rows, columns) whether the mesh's surface touches a cell."""
-    low, _ = mesh.bounds
-    shape = _shape(mesh, cell, band)
+def _surface(mesh: TriangleMesh, steps: Array, shape: tuple[int, int, int]) -> Mask:
+    """(bands, rows, columns) of ``shape``: whether the surface touches a cell of ``steps`` [m]."""
     masks = np.zeros(shape, np.uint8)
-    corners = mesh.corners - low
-    corners -= _INWARD * _normals(corners)[:, None, :]
-    corners /= (cell, cell, band)
+    normals = mesh.normals
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    corners = (mesh.corners - mesh.bounds[0] - _INWARD * normals[:, None, :]) / steps
     lowest = np.floor(corners[..., 2].min(axis=1) + 1e-9).astype(int).clip(0, shape[0] - 1)
     highest = np.floor(corners[..., 2].max(axis=1) - 1e-9).astype(int).clip(lowest, shape[0] - 1)
     for triangle, first, last in zip(corners, lowest, highest, strict=True):
         for k in range(first, last + 1):
-            part = triangle if first == last else _clipped(triangle, float(k), k + 1.0)
-            if len(part):
-                pixels = np.rint((part[:, :2] - 0.5) * 2**_SUBPIXEL).astype(np.int32)
+            polygon = triangle if first == last else _clipped(triangle, float(k), k + 1.0)
+            if len(polygon):
+                pixels = np.rint((polygon[:, :2] - 0.5) * 2**_SUBPIXEL).astype(np.int32)
                 cv2.fillConvexPoly(masks[k], pixels, 1, cv2.LINE_8, _SUBPIXEL)
     return masks.astype(np.bool_)
 
@@ -111,34 +105,6 @@ def _clipped(polygon: Array, bottom: float, top: float) -> Array:
                 kept.append(a + (b - a) * (over_a / (over_a - over_b)))
         polygon = np.array(kept).reshape(-1, 3)
     return polygon
-
-
-def _inside(mesh: TriangleMesh, cell: float, band: float) -> Mask:
-    """(bands, rows, columns) whether the mesh encloses a cell's centre at half a band's height.
-
-    On a line upwards from there, it leaves the mesh once more often than it enters it.
-    """
-    low, _ = mesh.bounds
-    shape = _shape(mesh, cell, band)
-    exits = np.zeros(shape, np.int32)
-    corners = (mesh.corners - low) / (cell, cell, band)
-    middles = np.arange(shape[0])[:, None, None] + 0.5
-    # no centre lies exactly above an edge
-    x, y = np.arange(shape[2]) + 0.5 + 1.7e-5, np.arange(shape[1]) + 0.5 + 2.9e-5
-    for a, b, c in corners:
-        area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
-        if abs(area) < 1e-12:
-            continue
-        left, right = np.searchsorted(x, (min(a[0], b[0], c[0]), max(a[0], b[0], c[0])))
-        lower, upper = np.searchsorted(y, (min(a[1], b[1], c[1]), max(a[1], b[1], c[1])))
-        dx, dy = x[None, left:right] - a[0], y[lower:upper, None] - a[1]
-        beta = (dx * (c[1] - a[1]) - dy * (c[0] - a[0])) / area
-        gamma = (dy * (b[0] - a[0]) - dx * (b[1] - a[1])) / area
-        height = a[2] + beta * (b[2] - a[2]) + gamma * (c[2] - a[2])
-        within = (beta >= 0.0) & (gamma >= 0.0) & (beta + gamma <= 1.0)
-        above = (within & (height > middles)).astype(np.int32)
-        exits[:, lower:upper, left:right] += above if area > 0.0 else -above
-    return exits > 0
 
 
 def _rectangles(mask: Mask) -> Iterator[tuple[int, int, int, int]]:
@@ -158,10 +124,3 @@ def _runs(row: Mask) -> Iterator[tuple[int, int]]:
     ends: npt.NDArray[np.int64] = np.flatnonzero(steps < 0)
     for begin, end in zip(np.flatnonzero(steps > 0), ends, strict=True):
         yield int(begin), int(end)
-
-
-def _normals(corners: Array) -> Array:
-    """Unit normals (M, 3) of triangles; zeros for those without area."""
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    unit: Array = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-    return unit

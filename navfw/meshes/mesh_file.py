@@ -1,0 +1,227 @@
+"""Mesh files of all formats, of bounded size: positions and faces alone.
+
+No materials, colours, normals or texture coordinates are read. A format is a reader in
+``_READERS``: OBJ and STL are read here, with line numbers in messages; trimesh reads the others.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from navfw.config.input_file import read_input, shown_path
+from navfw.config.xml_file import read_xml
+from navfw.errors import ConfigError
+from navfw.meshes.triangle_mesh import TriangleMesh
+from navfw.numerics.products import product
+from navfw.signals import Array
+
+_FREE_FORM = {"cstype", "curv", "curv2", "surf", "deg"}
+"""Keywords of curved surfaces in OBJ files."""
+_STL_HEADER, _STL_RECORD = 84, 50
+"""Bytes of a binary STL file before its triangles, and of each of them."""
+_MAX_COORDINATE = 1e6
+"""Largest coordinate, in the file's unit."""
+
+
+class MeshLimits(NamedTuple):
+    """Bounds of a mesh: the size of its file [bytes] and the number of its triangles.
+
+    ``closed`` meshes enclose a volume, and their polygons are convex: they can be drawn.
+    """
+
+    file_size: int
+    triangles: int
+    closed: bool = False
+
+
+FURNITURE_LIMITS = MeshLimits(10_000_000, 20_000, closed=True)
+"""Bounds of meshes that are drawn: each image that shows one draws all of its triangles."""
+
+
+def read_mesh(path: Path) -> TriangleMesh:
+    """The closed mesh in a file, in the file's unit.
+
+    Raises:
+        ConfigError: see ``read_triangles``; or its surface is open or turned inside out.
+
+    """
+    mesh = TriangleMesh.welded(read_triangles(path, FURNITURE_LIMITS))
+    _check_closed(path, mesh)
+    return mesh
+
+
+def read_triangles(path: Path, limits: MeshLimits) -> Array:
+    """The corners (M, 3, 3) of the triangles in a mesh file, in its unit; polygons are divided.
+
+    Those of a COLLADA file are in metres; its upward axis does not count.
+
+    Raises:
+        ConfigError: the file cannot be read, is of no known format, too large, damaged, or has
+            curved surfaces; or concave faces, if it must be ``closed``.
+
+    """
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        expected = ", ".join(MESH_SUFFIXES)
+        what = f"expected a mesh ({expected}), got {path.name!r}; export the mesh as OBJ"
+        raise ConfigError(what, file=shown_path(path))
+    corners = reader(path, read_input(path, limits.file_size), limits)
+    if len(corners) > limits.triangles:
+        raise _too_many(path, limits)
+    if not len(corners):
+        raise ConfigError("has no triangles; export the mesh again", file=shown_path(path))
+    if not np.isfinite(corners).all() or np.abs(corners).max() > _MAX_COORDINATE:
+        what = "has coordinates beyond 1e6; export the mesh again"
+        raise ConfigError(what, file=shown_path(path))
+    return corners
+
+
+def _check_closed(path: Path, mesh: TriangleMesh) -> None:
+    """Check that every edge has a triangle on either side, all of them facing outwards."""
+    a, b = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
+    count = len(mesh.vertices)
+    if not np.array_equal(np.sort(a * count + b), np.sort(b * count + a)):
+        if mesh.open_edges:
+            what = (
+                f"the mesh is open: {mesh.open_edges} edges have a triangle on one side only; close"
+            )
+            help_ = "its holes in a modelling program, and give sheets a thickness"
+        else:
+            what = "some faces are turned inside out; make their normals point outwards in a"
+            help_ = "modelling program (Blender: Mesh > Normals > Recalculate Outside)"
+        raise ConfigError(f"{what} {help_}", file=shown_path(path))
+    first_corners = mesh.corners[:, 0] - mesh.vertices[0]
+    if float(np.einsum("ij,ij->", first_corners, mesh.normals)) <= 0.0:
+        what = "the mesh encloses no volume, or its faces are turned inside out; flip its normals"
+        raise ConfigError(what, file=shown_path(path))
+
+
+def _too_many(path: Path, limits: MeshLimits) -> ConfigError:
+    what = f"has more than {limits.triangles} triangles; simplify it (Blender: Decimate modifier)"
+    return ConfigError(what, file=shown_path(path))
+
+
+# --- formats ----------------------------------------------------------------------------------
+
+
+def _by_trimesh(path: Path, content: bytes, limits: MeshLimits) -> Array:
+    """Whatever trimesh reads by the file's suffix; neither textures nor other files are read."""
+    del limits
+    # a second of computing, which OBJ and STL files do not need
+    import trimesh
+    from trimesh.units import unit_conversion
+
+    kind = path.suffix[1:].lower()
+    try:
+        mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, skip_materials=True)
+        unit = unit_conversion(mesh.units, "meters") if mesh.units else 1.0
+        return np.asarray(getattr(mesh, "triangles", ()), dtype=float).reshape(-1, 3, 3) * unit
+    except Exception as error:  # whatever parsers of foreign files raise
+        reason = f"{type(error).__name__}: {error}"
+        raise ConfigError(
+            f"cannot be read as {kind.upper()}: {reason}; export the mesh again",
+            file=shown_path(path),
+        ) from None
+
+
+def _collada(path: Path, content: bytes, limits: MeshLimits) -> Array:
+    read_xml(path, limits.file_size, "a COLLADA mesh")  # neither document type nor entities
+    return _by_trimesh(path, content, limits)
+
+
+def _obj(path: Path, content: bytes, limits: MeshLimits) -> Array:
+    points: list[list[float]] = []
+    triangles: list[tuple[int, int, int]] = []
+    polygons: list[tuple[int, int, int]] = []  # line, first and one past the last triangle
+    for line, keyword, values in _lines(content):
+        if keyword == "v":
+            points.append(_position(path, line, values))
+        elif keyword == "f":
+            ring = list(_ring(path, line, values, len(points)))
+            first = len(triangles)
+            triangles += [(ring[0], b, c) for b, c in pairwise(ring[1:])]
+            polygons.append((line, first, len(triangles)))
+            if len(triangles) > limits.triangles:
+                raise _too_many(path, limits)
+        elif keyword in _FREE_FORM:
+            what = "curved surfaces are not supported; export triangles"
+            raise ConfigError(what, file=shown_path(path), line=line)
+    mesh = TriangleMesh(np.array(points).reshape(-1, 3), np.array(triangles, int).reshape(-1, 3))
+    normals = mesh.normals
+    for line, first, end in polygons if limits.closed else ():
+        of_polygon = normals[first:end]
+        if end - first > 1 and (product(of_polygon, of_polygon.sum(axis=0)) < 0.0).any():
+            what = "the face is concave; triangulate the mesh when exporting it"
+            raise ConfigError(what, file=shown_path(path), line=line)
+    return mesh.corners
+
+
+def _stl(path: Path, content: bytes, limits: MeshLimits) -> Array:
+    """Binary files have the size that their header says, whatever else it begins with."""
+    count = int.from_bytes(content[80:_STL_HEADER], "little")
+    if len(content) == _STL_HEADER + _STL_RECORD * count:
+        kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
+        return np.frombuffer(content, kind, count, _STL_HEADER)["corners"].astype(np.float64)
+    if not content.lstrip().startswith(b"solid"):
+        what = "is no STL file, or a part of it is missing; export the mesh again"
+        raise ConfigError(what, file=shown_path(path))
+    positions = [
+        _position(path, line, values)
+        for line, keyword, values in _lines(content)
+        if keyword == "vertex"
+    ]
+    if len(positions) % 3:
+        what = "its last triangle is incomplete; export the mesh again"
+        raise ConfigError(what, file=shown_path(path))
+    return np.array(positions).reshape(-1, 3, 3)
+
+
+_READERS: dict[str, Callable[[Path, bytes, MeshLimits], Array]] = {
+    ".dae": _collada,
+    ".obj": _obj,
+    ".stl": _stl,
+}
+MESH_SUFFIXES = tuple(_READERS)
+"""Suffixes of the files that can be read."""
+
+
+def _lines(content: bytes) -> Iterator[tuple[int, str, list[str]]]:
+    """Number, keyword and values of each line of text, without comments."""
+    for number, text in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):
+        keyword, *values = text.split("#", 1)[0].split() or [""]
+        yield number, keyword.lower(), values
+
+
+def _position(path: Path, line: int, values: list[str]) -> list[float]:
+    try:
+        position = [float(value) for value in values[:3]]
+    except ValueError:
+        position = []
+    if len(position) != 3 or not all(math.isfinite(value) for value in position):
+        got = " ".join(values)[:40]
+        what = f"expected the x, y and z of a vertex, got {got!r}; export the mesh again"
+        raise ConfigError(what, file=shown_path(path), line=line)
+    return position
+
+
+def _ring(path: Path, line: int, values: list[str], count: int) -> Iterator[int]:
+    """Indices of a face's vertices; negative ones count from the last of ``count`` vertices."""
+    for value in values:
+        try:
+            index = int(value.split("/", 1)[0])
+        except ValueError:
+            index = 0
+        if not 0 < abs(index) <= count:
+            what = f"expected the number of a vertex from 1 to {count}, got {value[:40]!r}"
+            raise ConfigError(f"{what}; export it again", file=shown_path(path), line=line)
+        yield index - 1 if index > 0 else count + index
+    if len(values) < 3:
+        what = f"a face has at least 3 vertices, got {len(values)}; export the mesh again"
+        raise ConfigError(what, file=shown_path(path), line=line)
