@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from navfw.context.command_grid import CommandGrid
+from navfw.numerics.products import sum_in_order
 from navfw.robot import RobotModel
 from navfw.signals import (
     Belief,
@@ -66,7 +67,7 @@ def _side(percept: Percept, quadrants: tuple[str, ...]) -> float:
 
 def _distance(degrees: Mapping[str, float]) -> float:
     """The mean of near (0), middle (0.5) and far (1), weighted by their degrees."""
-    total = sum(degrees.values())
+    total = sum_in_order(degrees.values())
     if total <= 0.0:
         return _UNKNOWN
     return (0.5 * degrees["middle"] + degrees["far"]) / total

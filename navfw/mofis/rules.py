@@ -17,6 +17,7 @@ from navfw.fuzzy import (
     load_rule_base,
     parse_rule_base,
 )
+from navfw.numerics.products import sum_in_order
 from navfw.signals import Array
 
 _CACHE_SIZE = 64
@@ -52,8 +53,8 @@ class Verdict:
         """
         peaks = self._rules.peaks(output)
         degrees = self._result.activations(output)
-        shared = sum(degree * peak for degree, peak in zip(degrees, peaks, strict=True))
-        return shared / max(sum(degrees), 1e-9)
+        shared = sum_in_order(degree * peak for degree, peak in zip(degrees, peaks, strict=True))
+        return shared / max(sum_in_order(degrees), 1e-9)
 
     def values(self, output: str) -> Array:
         """The crisp values of ``output``, in the shape of the inputs."""

@@ -4,7 +4,7 @@ BLAS and LAPACK choose their kernels by the processor, numpy's exponentials, log
 trigonometric functions have other last bits with AVX-512, and a compiler that may reorder a sum
 does so by the width of the registers. Code that commands depend on uses these instead:
 
-- ``products``: products of matrices and vectors;
+- ``products``: products of matrices and vectors, and sums, which Python 3.12 rounds otherwise;
 - ``linear_systems``: equations, inverses, determinants;
 - ``functions``: elementary functions of arrays;
 - ``algebra_kernels``: the same within compiled functions, and scalar products of long vectors.

@@ -1,7 +1,8 @@
-"""Products of matrices and vectors with sums in a fixed order."""
+"""Products of matrices and vectors, and sums, with additions in a fixed order."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,18 @@ _SUBSCRIPTS = {
     (True, True): "...i,ij->...j",
 }
 """Of a product, by whether each of its factors has more than one dimension."""
+
+
+def sum_in_order(values: Iterable[float]) -> float:
+    """The sum, rounded after each addition: the built-in one compensates from Python 3.12 on.
+
+    >>> sum_in_order([1.0, 1e-16, 1e-16])
+    1.0
+    """
+    total = 0.0
+    for value in values:
+        total += value
+    return total
 
 
 def product(first: npt.ArrayLike, second: npt.ArrayLike, *others: npt.ArrayLike) -> Any:

@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import Any
 
 from navfw.errors import MapError
+from navfw.numerics.products import sum_in_order
 from navfw.papfis.access import OFF_PASSAGE_COST, Access, Doorways, find_access
 from navfw.papfis.edge_costs import CostParams, EdgeCosts
 from navfw.robot import RobotModel
@@ -249,7 +250,7 @@ class Router:
         passages = tuple(self.topo_map.passage(a, b) for a, b in pairwise(found.places))
         legs = (entry.passage_to(first.name), *passages, leave.passage_to(last.name))
         length = first.distance(*start.point) + last.distance(*goal.point)
-        length += sum(passage.length for passage in passages)
+        length += sum_in_order(passage.length for passage in passages)
         end_costs = entry.costs[first.name], leave.costs[last.name]
         return Route(start, goal, found.places, passages, legs, found.cost, length, *end_costs)
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.numerics.products import product
+from navfw.numerics.products import product, sum_in_order
 from navfw.robot import CameraModel
 from navfw.signals import Array, Image
 from navfw.sim.raster import Light, depth_buffer
@@ -100,7 +100,7 @@ class Camera:
     def set_optics(self, light: float = 1.0, hfov_error: float = 0.0) -> None:
         """Set the share of the light, and the relative error of the field of view."""
         spec = self._light_spec
-        length = math.sqrt(sum(d * d for d in spec.direction))
+        length = math.sqrt(sum_in_order(d * d for d in spec.direction))
         x, y, z = (d / length for d in spec.direction)
         self._light = Light((x, y, z), light * spec.ambient, light * spec.diffuse)
         hfov = min(self.model.hfov * (1.0 + hfov_error), _MAX_VIEW)

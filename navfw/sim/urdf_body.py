@@ -12,6 +12,7 @@ from collections.abc import Collection
 import numpy as np
 
 from navfw.errors import SimulationError
+from navfw.numerics.products import sum_in_order
 from navfw.robot import DrivenUrdf, RobotModel
 from navfw.robot.urdf_drive import UrdfDrive, urdf_drive
 from navfw.signals import Pose
@@ -122,7 +123,7 @@ class UrdfBody(WheeledBody):
         """Mean accumulated angles of the wheels of each side (left, right) [rad]."""
         turned = [s[0] * sense for s, sense in zip(self._wheel_states(), self._sense, strict=True)]
         left, right = turned[: self._sides[0]], turned[self._sides[0] :]
-        return sum(left) / len(left), sum(right) / len(right)
+        return sum_in_order(left) / len(left), sum_in_order(right) / len(right)
 
     def state(self) -> BodyState:
         """The true pose of ``base_link``."""

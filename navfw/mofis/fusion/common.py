@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from navfw.context import Context
+from navfw.numerics.products import sum_in_order
 from navfw.signals import Array, Command, Mask, Proposal, Twist
 
 Proposals = Mapping[str, Proposal]
@@ -23,7 +24,7 @@ def prohibition_of(context: Context, proposals: Proposals) -> Array:
 
 def shares_of(proposals: Proposals) -> dict[str, float]:
     """Each behaviour's share of all applicability."""
-    total = sum(proposal.applicability for proposal in proposals.values())
+    total = sum_in_order(proposal.applicability for proposal in proposals.values())
     return {name: p.applicability / max(total, 1e-9) for name, p in proposals.items()}
 
 
