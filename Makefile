@@ -1,13 +1,17 @@
 # Needs Python 3 and make alone; uv is brought into .tools/ where the machine has none.
 UV := $(shell uv --version >/dev/null 2>&1 && echo uv || echo .tools/uv/bin/uv)
 
+# the Pythons that have wheels of all libraries; uv brings one where the machine has none
+export UV_PYTHON ?= >=3.11,<3.14
+
 # some hundred processes import the same modules: they must find them compiled
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: run test check kernels coverage docs uv
 
+# what a run needs, without the tools of those who develop navfw; what is there already stays
 run: | uv
-	$(UV) run navfw run office lobby-to-lab
+	$(UV) run --no-dev --extra sim navfw run office lobby-to-lab
 
 # the checks leave a core idle: the kernels are compiled beside them
 test: | uv

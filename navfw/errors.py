@@ -111,13 +111,16 @@ class PluginError(InputError):
 
 
 class MissingExtraError(PluginError):
-    """A plugin needs an optional extra of navfw that is not installed."""
+    """A plugin, a command or an option needs an optional extra of navfw that is not installed."""
 
-    def __init__(self, extra: str, *, key: str | None = None) -> None:
+    def __init__(
+        self, extra: str, module: str, *, file: str | Path | None = None, key: str | None = None
+    ) -> None:
         self.extra = extra
         super().__init__(
-            f"needs the extra {extra} of navfw, which is not installed: uv sync --extra {extra}, or"
-            f" pip install 'navfw[{extra}]'",
+            f"needs {module}, which is not installed: pip install 'navfw[{extra}]', or in a clone"
+            f" uv sync --extra {extra}",
+            file=file,
             key=key,
         )
 

@@ -127,24 +127,39 @@ def _write(
     """Write the report; returns its file, and what is wrong with pictures and recordings."""
     from navfw.process.atomic import output_file, write_text
     from navfw.recording.run_folder import REPORT
+
+    if len(folders) > 1 or not _is_run(folders[0]):
+        return _write_of_suites(folders, variants, out, bar)
+    from navfw.report.run_page import run_report  # it needs no simulator, those of suites do
+
+    target = out or folders[0] / REPORT
+    output_file(target, "--out")
+    write_text(target, run_report(folders[0]))
+    return target, []
+
+
+def _write_of_suites(
+    folders: list[Path], variants: Variants, out: Path | None, bar: ProgressBar
+) -> tuple[Path, list[str]]:
+    """Write the report of one suite or of two, and those of their recorded runs."""
+    from navfw.process.atomic import output_file, write_text
+    from navfw.recording.run_folder import REPORT, RESULT
     from navfw.suite.suite_folder import COMPARISON, SuiteFolder
 
+    suites = [SuiteFolder(folder) for folder in folders]
     of_run = [_is_run(folder) for folder in folders]
+    for folder, is_run, suite in zip(folders, of_run, suites, strict=True):
+        if not is_run and not suite.has_runs:
+            what = f"is neither the folder of a run (it has no {RESULT}) nor of a suite (it has no"
+            raise InputError(f"{what} journal.sqlite, and no table.csv)", file=folder)
     target = out or folders[-1] / (REPORT if len(folders) == 1 else COMPARISON)
     output_file(target, "--out")
-    suites = [SuiteFolder(folder) for folder in folders]
-    notes: list[str] = []
-    if of_run == [True]:
-        from navfw.report.run_page import run_report
-
-        text = run_report(folders[0])
-    elif any(of_run):
+    if any(of_run):
         what = "is the folder of a run; two suites can be compared"
         raise InputError(what, file=folders[of_run.index(True)])
-    else:
-        text, notes = _suite_text(suites, variants, target.parent)
-        for suite in suites:
-            notes += _write_run_reports(suite, bar)
+    text, notes = _suite_text(suites, variants, target.parent)
+    for suite in suites:
+        notes += _write_run_reports(suite, bar)
     write_text(target, text)
     return target, notes
 
@@ -183,22 +198,11 @@ def _write_run_reports(suite: SuiteFolder, bar: ProgressBar) -> list[str]:
 
 
 def _is_run(folder: Path) -> bool:
-    """Whether it is the folder of a run; otherwise it is that of a suite.
-
-    Raises:
-        InputError: it is neither.
-
-    """
+    """Whether it is the folder of a run."""
     from navfw.config.input_file import is_file
     from navfw.recording.run_folder import RESULT
-    from navfw.suite.suite_folder import SuiteFolder
 
-    if is_file(folder / RESULT):
-        return True
-    if not SuiteFolder(folder).has_runs:
-        what = f"is neither the folder of a run (it has no {RESULT}) nor of a suite (it has no"
-        raise InputError(f"{what} journal.sqlite, and no table.csv)", file=folder)
-    return False
+    return is_file(folder / RESULT)
 
 
 def _exit_if_worse(comparison: Mapping[str, Any], margin: float) -> None:

@@ -21,6 +21,7 @@ from navfw.cli.options import (
     dask_engine,
 )
 from navfw.cli.output import print_json, quiet_stdout
+from navfw.config.extras import require_extra
 
 if TYPE_CHECKING:
     from optuna.trial import FrozenTrial
@@ -78,7 +79,7 @@ def tune(
     """
     check_engine(engine, scheduler)
     with quiet_stdout():
-        _check_extra()
+        require_extra("tune", "optuna", key="navfw tune")
         from navfw.plugins import default_registry
         from navfw.process.target_lock import TargetLock
         from navfw.suite.suite_run import engine_or_processes
@@ -112,16 +113,6 @@ def tune(
         print_json(found)
     else:
         _print_validation(found)
-
-
-def _check_extra() -> None:
-    """Raise MissingExtraError without Optuna."""
-    from navfw.errors import MissingExtraError
-
-    try:
-        import optuna  # noqa: F401 - only whether it is there
-    except ModuleNotFoundError:
-        raise MissingExtraError("tune", key="navfw tune") from None
 
 
 def _tell(trial: FrozenTrial) -> None:

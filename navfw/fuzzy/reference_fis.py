@@ -34,6 +34,7 @@ from typing import Any
 
 import numpy as np
 
+from navfw.config.extras import extra_imports
 from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
 from navfw.fuzzy.inference_kernels import FIRING_FLOOR
 from navfw.fuzzy.rulebase import RuleBase, Variable
@@ -61,7 +62,7 @@ class ReferenceFis:
     """A rule base as a ``skfuzzy.control.ControlSystemSimulation``."""
 
     def __init__(self, rule_base: RuleBase) -> None:
-        with _without_warnings():
+        with extra_imports("bench"), _without_warnings():
             from skfuzzy import control, defuzz
             from skfuzzy.control.controlsystem import CrispValueCalculator
 

@@ -12,15 +12,13 @@
 
 from __future__ import annotations
 
-from navfw.errors import MissingExtraError
+import lazy_loader
+
+from navfw.config.extras import extra_imports
 from navfw.plugins import BUILT_IN
 
-try:
+with extra_imports("gym", key="navfw.gym"):
     import gymnasium
-except ModuleNotFoundError:
-    raise MissingExtraError("gym", key="navfw.gym") from None
-
-__all__ = ["IDS"]
 
 _VERSION = 0
 """Raised when a change of worlds, observations or rewards makes results no longer comparable."""
@@ -35,3 +33,5 @@ IDS = {
 for _id, _parameters in IDS.items():
     if _id not in gymnasium.registry:
         gymnasium.register(_id, entry_point=_CLASS, kwargs=_parameters)
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -8,6 +8,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from navfw.config.extras import pybullet_version
 from navfw.errors import InputError
 from navfw.missions.run_drawing import outline_of
 from navfw.missions.session import MissionResult, Session
@@ -18,7 +19,7 @@ from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajector
 from navfw.topomap.mapfile import map_data
 from navfw.topomap.ros_map import save_ros_map
 
-_LIBRARIES = ("pybullet", "numpy", "numba", "opencv-python-headless", "scikit-fuzzy", "networkx")
+_LIBRARIES = ("numpy", "numba", "opencv-python-headless", "scikit-fuzzy", "networkx")
 """Libraries whose versions are recorded."""
 
 
@@ -126,4 +127,4 @@ def versions() -> dict[str, str]:
             by_name[library] = metadata.version(library)
         except metadata.PackageNotFoundError:
             by_name[library] = "not installed"
-    return by_name
+    return {**by_name, "pybullet": pybullet_version()}

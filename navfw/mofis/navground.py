@@ -14,8 +14,9 @@ from typing import Annotated, Any, ClassVar, Protocol
 
 from pydantic import Field
 
+from navfw.config.extras import extra_imports
 from navfw.context import Context, peak
-from navfw.errors import MissingExtraError, PluginError
+from navfw.errors import PluginError
 from navfw.interfaces import Behavior
 from navfw.robot import RobotModel
 from navfw.signals import Array, Proposal
@@ -146,10 +147,8 @@ class Navground(Behavior):
 
 def _navground(module: str) -> Any:
     """A module of the package, which need not be installed."""
-    try:
+    with extra_imports("navground", key=Navground.name):
         return importlib.import_module(module)
-    except ImportError:
-        raise MissingExtraError("navground", key=Navground.name) from None
 
 
 def _peak(value: float, values: Array, most: float) -> Array:

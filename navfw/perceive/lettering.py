@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navfw.config.extras import extra_imports
 from navfw.signals import Image
 
 Colour = tuple[int, int, int]
@@ -20,8 +21,9 @@ _SHIFT = 4  # bits of a pixel's fraction in OpenCV's drawing
 @lru_cache(maxsize=2048)
 def _outlines(text: str, size: float, bold: bool) -> Outlines:
     """Outlines [px] with the base line at y = 0 (y down)."""
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.textpath import TextPath
+    with extra_imports("report"):
+        from matplotlib.font_manager import FontProperties
+        from matplotlib.textpath import TextPath
 
     font = FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal")
     path = TextPath((0.0, 0.0), text, size=size, prop=font)

@@ -7,6 +7,7 @@ waits.
 
 from __future__ import annotations
 
+from navfw.config.extras import extra_imports
 from navfw.errors import InputError
 from navfw.recording.run_observer import SeenRun
 from navfw.recording.sensor_channels import nanoseconds
@@ -26,8 +27,9 @@ class LiveServer:
     """
 
     def __init__(self, seen: SeenRun, port: int) -> None:
-        from foxglove import Context, start_server
-        from foxglove.websocket import Capability
+        with extra_imports("record"):
+            from foxglove import Context, start_server
+            from foxglove.websocket import Capability
 
         from navfw.recording.run_channels import RunChannels
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from navfw.config.extras import extra_imports
 from navfw.process.atomic import atomic_file
 from navfw.recording.palette import GOAL, START
 from navfw.recording.path_labels import PathLabels
@@ -83,8 +84,9 @@ def draw_map(
     With a ``route`` its places alone are named. ``avoid`` has the two ends of each passage that is
     crossed out.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    with extra_imports("report"):
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
 
     points = np.array([(place.x, place.y) for place in topo_map.places.values()])
     corners = [points, *(outline.walls if outline else ()), *(outline.furniture if outline else ())]

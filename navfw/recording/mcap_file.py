@@ -13,17 +13,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-import zstandard
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, DataEnd, Header, Message, Metadata, Schema
-from mcap.stream_reader import breakup_chunk
-
+from navfw.config.extras import extra_imports
 from navfw.config.input_file import open_input
 from navfw.errors import ConfigError
+from navfw.recording.run_folder import MAX_BYTES
 
-MAX_BYTES = 1 << 30
-"""Largest size of a recording [byte]; an hour of 160x120 images at 10 Hz is 0.6 GB."""
+with extra_imports("record"):
+    from mcap.data_stream import ReadDataStream
+    from mcap.opcode import Opcode
+    from mcap.records import Channel, Chunk, DataEnd, Header, Message, Metadata, Schema
+    from mcap.stream_reader import breakup_chunk
+    from zstandard import frame_content_size
 
 _EXPANSION = 8
 """Largest size of all unpacked chunks, in units of the largest file."""
@@ -133,7 +133,7 @@ def _unpacked_size(chunk: Chunk) -> int:
     if size > _MAX_CHUNK:
         raise ValueError(f"a chunk has {size} bytes, more than {_MAX_CHUNK}")
     if chunk.compression == "zstd":
-        declared = zstandard.frame_content_size(chunk.data)
+        declared = frame_content_size(chunk.data)
     elif chunk.compression == "":
         declared = len(chunk.data)
     else:

@@ -18,19 +18,22 @@ from typing import Any
 
 import cv2
 import numpy as np
-from mcap.records import Channel, Header, Message, Metadata, Schema
-from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap_protobuf.decoder import DecoderFactory
 
+from navfw.config.extras import extra_imports
 from navfw.config.image_file import decode_image
 from navfw.config.input_file import is_file, shown_path
 from navfw.errors import ConfigError
 from navfw.recording.channel_list import CAMERA_IMAGE, CHANNELS, READING
-from navfw.recording.mcap_file import MAX_BYTES, McapFile
+from navfw.recording.mcap_file import McapFile
 from navfw.recording.reading_message import SCHEMA, unpack_reading
-from navfw.recording.run_folder import OLD_RECORDING, RECORDING
+from navfw.recording.run_folder import MAX_BYTES, OLD_RECORDING, RECORDING
 from navfw.recording.run_recorder import END, FORMAT_VERSION, PROFILE, RUN
 from navfw.signals import Image
+
+with extra_imports("record"):
+    from mcap.records import Channel, Header, Message, Metadata, Schema
+    from mcap.well_known import MessageEncoding, SchemaEncoding
+    from mcap_protobuf.decoder import DecoderFactory
 
 _SCHEMAS = {channel.topic: channel.schema for channel in CHANNELS}
 

@@ -26,6 +26,9 @@ RECORDING = "run.mcap"
 REPORT = "report.html"
 """The report of ``navfw report``."""
 
+MAX_BYTES = 1 << 30
+"""Largest size of a recording [byte]; an hour of 160x120 images at 10 Hz is 0.6 GB."""
+
 OLD_RECORDING = "recording.npz"
 """The recording of earlier versions: no longer read, and replaced with its folder."""
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from navfw.errors import MissingExtraError
+from navfw.config.extras import extra_imports
 from navfw.signals import Array, Belief, Pose, Sight, Twist, Waypoint
 
 if TYPE_CHECKING:
@@ -97,10 +97,8 @@ class RunLog:
             MissingExtraError: pandas is not installed.
 
         """
-        try:
+        with extra_imports("pandas"):
             import pandas
-        except ModuleNotFoundError:
-            raise MissingExtraError("pandas") from None
         return pandas.DataFrame(self.columns())
 
     def every(self, period: float) -> npt.NDArray[np.intp]:

@@ -6,7 +6,8 @@ import io
 from collections.abc import Mapping
 from pathlib import Path
 
-from navfw.recording.mcap_file import MAX_BYTES
+from navfw.config.extras import extra_imports
+from navfw.recording.run_folder import MAX_BYTES
 from navfw.recording.run_observer import SeenRun
 from navfw.signals import Frame, Pose, SensorReading, Twist
 
@@ -37,8 +38,9 @@ class RunRecorder:
         seen: SeenRun | None = None,
         max_bytes: int = MAX_BYTES,
     ) -> None:
-        from foxglove import Context, open_mcap
-        from foxglove.mcap import MCAPWriteOptions
+        with extra_imports("record"):
+            from foxglove import Context, open_mcap
+            from foxglove.mcap import MCAPWriteOptions
 
         from navfw.recording.run_channels import RunChannels
 

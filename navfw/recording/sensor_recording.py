@@ -17,9 +17,9 @@ from navfw.recording.channel_list import (
     READING,
     RIGHT_IMAGE,
 )
-from navfw.recording.mcap_file import MAX_BYTES
 from navfw.recording.reading_message import ImageFlags, ReadingRow
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of
+from navfw.recording.run_folder import MAX_BYTES
 from navfw.signals import Array, Encoders, Frame, Image, Inertial, SensorReading
 
 _IMAGES = (CAMERA_IMAGE, LANDMARK_IMAGE, LEFT_IMAGE, RIGHT_IMAGE)

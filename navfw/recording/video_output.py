@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from navfw.errors import InputError, MissingExtraError
+from navfw.config.extras import extra_imports
+from navfw.errors import InputError
 from navfw.process.atomic import AtomicTarget, output_file
 from navfw.signals import Image
 
@@ -75,8 +76,6 @@ class VideoOutput(AtomicTarget):
 
 
 def _library(option: str) -> Any:
-    try:
+    with extra_imports("video", key=option):
         import av
-    except ModuleNotFoundError:
-        raise MissingExtraError("video", key=option) from None
     return av

@@ -9,12 +9,15 @@ from typing import Any
 
 import cv2
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from PIL import Image as PillowImage
 
+from navfw.config.extras import extra_imports
 from navfw.config.input_file import read_input
 from navfw.errors import ConfigError
 from navfw.signals import Image
+
+with extra_imports("report"):
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 _HERE = Path(__file__).parent
 _MAX_PICTURE = 5_000_000

@@ -6,15 +6,16 @@ Only what concerns a robot on wheels is read: PyBullet loads the file itself. A 
 
 from __future__ import annotations
 
-import importlib.util
 import math
 from collections import Counter
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from navfw.config.extras import require_extra
 from navfw.config.input_file import is_file, shown_path
 from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError
@@ -91,15 +92,13 @@ def urdf_path(name: str, folder: Path) -> Path:
     """The file of that name: relative to ``folder``, or with the prefix ``pybullet_data:``.
 
     Raises:
-        ConfigError: PyBullet's data are not installed.
+        MissingExtraError: PyBullet's data are not installed.
 
     """
     if not name.startswith(_BULLET_DATA):
         return folder / name
-    spec = importlib.util.find_spec("pybullet_data")
-    if spec is None or spec.origin is None:
-        raise ConfigError(f"{name}: the package pybullet_data is not installed; install pybullet")
-    return Path(spec.origin).parent / name.removeprefix(_BULLET_DATA)
+    require_extra("sim", "pybullet_data", key=name)
+    return Path(str(files("pybullet_data"))) / name.removeprefix(_BULLET_DATA)
 
 
 def read_urdf(path: Path) -> UrdfModel:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, Self
 
+from navfw.config.extras import extra_imports, require_extra
 from navfw.errors import SimulationError
 
 
@@ -30,8 +31,9 @@ def quiet_output() -> Iterator[None]:
 
 
 def _import_quietly() -> Any:
-    with quiet_output():  # the banner
+    with extra_imports("sim"), quiet_output():  # of the banner
         import pybullet
+    require_extra("sim", "matplotlib")  # draws the picture at the end of a run
     return pybullet
 
 

@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from typing import Any, Self
 
-from navfw.errors import InputError, MissingExtraError, SimulationError
+from navfw.config.extras import extra_imports
+from navfw.errors import InputError, SimulationError
 from navfw.process.atomic import atomic_file
 from navfw.process.interruption import check_interrupted, interruptible
 from navfw.suite.case import Job
@@ -61,10 +62,8 @@ class DaskEngine:
         self._client: Any = None
 
     def __enter__(self) -> Self:
-        try:
+        with extra_imports("dask", key="--engine"):
             import distributed
-        except ImportError:
-            raise MissingExtraError("dask", key="--engine") from None
         connect: Any = distributed.Client  # has no types
         try:
             self._client = connect(self._address, timeout=CONNECT_TIME, set_as_default=False)

@@ -17,6 +17,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Self
 
+from navfw.config.extras import pybullet_version
 from navfw.config.folder_files import files_of
 from navfw.config.input_file import read_input
 from navfw.config.lookup import project_folder, shipped_folder
@@ -30,7 +31,7 @@ _MAX_PACKAGE = 200_000_000
 
 _PROJECT_PARTS = ("worlds", "maps", "stacks", "robots", "behaviors", "plugins")
 _PACKAGE = Path(__file__).parents[1]
-_LIBRARIES = ("numpy", "numba", "opencv-python-headless", "pybullet", "scipy")
+_LIBRARIES = ("numpy", "numba", "opencv-python-headless", "scipy")
 _PATHS = ("world", "mission", "stack")
 _OUTSIDE = "outside-"
 
@@ -138,6 +139,7 @@ def worker_identity() -> dict[str, str]:
         "navfw": f"{metadata.version('navfw')} ({code_fingerprint()[:12]})",
         "python": platform.python_version(),
         **versions,
+        "pybullet": pybullet_version(),
         "plugins": ", ".join(sorted(plugins)),
     }
 

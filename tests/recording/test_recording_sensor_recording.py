@@ -14,9 +14,9 @@ from mcap_rewriting import Change, rewrite
 
 from navfw.errors import ConfigError
 from navfw.recording.channel_list import CAMERA_IMAGE, LANDMARK_IMAGE, READING, RIGHT_IMAGE
-from navfw.recording.mcap_file import MAX_BYTES
 from navfw.recording.reading_message import ReadingRow, pack_reading, unpack_reading
 from navfw.recording.recorded_run import RecordedRun
+from navfw.recording.run_folder import MAX_BYTES
 from navfw.recording.run_recorder import RunRecorder
 from navfw.recording.run_replay import compare_commands, replay_commands
 from navfw.recording.sensor_recording import load_recording

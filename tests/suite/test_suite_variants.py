@@ -86,7 +86,7 @@ def test_a_variant_without_its_package_is_skipped_and_listed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def missing(module: str) -> object:
-        raise MissingExtraError("navground", key=module)
+        raise MissingExtraError("navground", "navground", key=module)
 
     monkeypatch.setattr(navground, "_navground", missing)
     text = SUITE + "  navground: {stack: navground}\n"
