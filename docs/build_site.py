@@ -24,7 +24,6 @@ import typer.cli
 import typer.main
 
 import navfw
-import navfw.signals
 import navfw.testing
 from navfw.cli import app
 
@@ -41,8 +40,7 @@ PROJECT_PAGES = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelo
 """Other pages of the repository's root, with their names on the site."""
 
 API_MODULES = {
-    navfw: "Missions, plugins and results",
-    navfw.signals: "What passes between stages",
+    navfw: "The robot, missions and plugins",
     navfw.testing: "Tests of plugins and missions",
 }
 """The public modules, each with the heading of its section; a name is shown once."""

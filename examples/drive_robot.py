@@ -18,15 +18,23 @@ from contextlib import closing, suppress
 import numpy as np
 from robot_link import LinkLostError, RobotLink, number
 
-from navfw import CameraModel, Pose, RobotModel, Twist, Waypoint
-from navfw.config.lookup import find
-from navfw.errors import NavfwError
-from navfw.kernels import compile_kernels
-from navfw.plugins import default_registry
-from navfw.robot.robotfile import load_robot
-from navfw.signals import Encoders, Frame, Inertial, SensorReading
-from navfw.stack import Stack
-from navfw.topomap import load_map
+from navfw import (
+    CameraModel,
+    Encoders,
+    Frame,
+    Inertial,
+    NavfwError,
+    Pose,
+    RobotModel,
+    SensorReading,
+    Stack,
+    Twist,
+    Waypoint,
+    compile_kernels,
+    default_registry,
+    load_map,
+    load_robot,
+)
 
 STILL = 0.02
 """Speed [m/s] and turning rate [rad/s] below which the robot stands."""
@@ -91,8 +99,8 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         robot = load_robot(options.robot)
-        topo_map = load_map(find("map", options.map))
-        stack = Stack.load(find("stack", options.stack), robot, topo_map, default_registry())
+        topo_map = load_map(options.map)
+        stack = Stack.load(options.stack, robot, topo_map, default_registry())
         compile_kernels(loaded=True)  # the first tick must not wait for it
         connection = socket.create_connection(("127.0.0.1", options.port), options.timeout)
         x, y = options.goal

@@ -4,7 +4,7 @@ A policy is one constant weight for each behaviour, in the place of the composit
 rules weigh by the situation. CMA-ES (the package cma, BSD licence) maximises the mean return over
 training seeds; the result is driven on held-out seeds beside the untrained ones::
 
-    uv run --extra gym --with cma python examples/learn_weights.py --family clutter
+    uv run python examples/learn_weights.py --family clutter
 
 docs/gym.md has figures.
 """
@@ -25,11 +25,8 @@ import cma
 import cv2
 import numpy as np
 
-from navfw.gym.mission_env import MissionEnv
-from navfw.plugins import default_registry
-from navfw.suite.case import Case
-from navfw.suite.entry_cases import draw_difficulty
-from navfw.suite.suitefile import parse_seeds
+from navfw import run_generated
+from navfw.gym import MissionEnv
 
 DIFFICULTY = (0.0, 1.0)
 """Range that the seed draws the difficulty of its world from, as in the shipped suites."""
@@ -66,11 +63,7 @@ def drive(family: str, job: tuple[Sequence[float], int]) -> Drive:
 def drive_shipped(family: str, seed: int) -> Drive:
     """Drive with the shipped composite in the world of a seed."""
     cv2.setNumThreads(1)
-    world = f"{family}-{seed}"
-    case = Case(
-        0, family, seed, "", "", world, "cross", (), family, draw_difficulty(DIFFICULTY, seed)
-    )
-    result = case.session(default_registry()).run()
+    result = run_generated(family, seed=seed, difficulty=DIFFICULTY)
     return Drive(0.0, result.outcome.succeeded, result.metrics.spl)
 
 
@@ -81,7 +74,7 @@ def learn(pool: ProcessPoolExecutor, options: argparse.Namespace, count: int) ->
         0.25,
         {"bounds": [0.0, 1.0], "popsize": options.population, "seed": 1, "verbose": -9},
     )
-    seeds = parse_seeds(options.train)
+    seeds = seeds_of(options.train)
     for generation in range(options.generations):
         asked = [list(map(float, candidate)) for candidate in search.ask()]
         jobs = [(candidate, seed) for candidate in asked for seed in seeds]
@@ -93,6 +86,12 @@ def learn(pool: ProcessPoolExecutor, options: argparse.Namespace, count: int) ->
         search.tell(asked, [-value for value in returns])
         print(f"generation {generation}: mean {fmean(returns):.2f}, best {max(returns):.2f}")
     return [float(weight) for weight in search.result.xfavorite]
+
+
+def seeds_of(text: str) -> range:
+    """The seeds from A to B - 1 of ``A:B``."""
+    first, end = map(int, text.split(":"))
+    return range(first, end)
 
 
 def shown(drives: Sequence[Drive]) -> dict[str, float]:
@@ -118,7 +117,7 @@ def main() -> None:
     names = list(weighed_behaviors(options.family))
     with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
         learnt = learn(pool, options, len(names))
-        seeds = parse_seeds(options.test)
+        seeds = seeds_of(options.test)
         equal = len(names) * [1.0]
         policies = {"all weights 1": equal, "learnt": learnt}
         result = {

@@ -16,8 +16,7 @@ from contextlib import closing
 
 from robot_link import LinkLostError, RobotLink, number
 
-from navfw.missions.session_setup import prepare
-from navfw.sim.simulation import Simulation
+from navfw import Simulation, open_simulation
 
 COAST = 1.0
 """Time that the robot gets to come to rest [s]."""
@@ -71,10 +70,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--port", type=int, default=5005, help="0: any free one")
     parser.add_argument("--timeout", type=float, default=1.0, help="without a command [s]")
     options = parser.parse_args(arguments)
-    session = prepare(options.world, options.mission)
-    with session.simulation() as simulation, socket.create_server(("127.0.0.1", options.port)) as s:
-        print(f"listening on port {s.getsockname()[1]}", flush=True)
-        with closing(RobotLink(s.accept()[0], options.timeout)) as link:
+    with (
+        open_simulation(options.world, options.mission) as simulation,
+        socket.create_server(("127.0.0.1", options.port)) as server,
+    ):
+        print(f"listening on port {server.getsockname()[1]}", flush=True)
+        with closing(RobotLink(server.accept()[0], options.timeout)) as link:
             print(serve(simulation, link), flush=True)
 
 

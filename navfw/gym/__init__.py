@@ -35,3 +35,4 @@ for _id, _parameters in IDS.items():
         gymnasium.register(_id, entry_point=_CLASS, kwargs=_parameters)
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__all__ += ["IDS"]

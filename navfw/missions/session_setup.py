@@ -23,6 +23,7 @@ from navfw.missions.missionfile import MissionFile, load_mission
 from navfw.missions.session import MissionResult, Session, SteppedSession
 from navfw.robot.robotfile import robot_section
 from navfw.sim.scene_geometry import SceneGeometry
+from navfw.sim.simulation import Simulation
 from navfw.sim.world_check import check_world
 from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import WorldSpec
@@ -81,6 +82,19 @@ def open_session(
 
     """
     return SteppedSession(prepare(world, mission, seed=seed, stack=stack, overrides=set))
+
+
+def open_simulation(world: str | Path, mission: str | Path, *, seed: int = 0) -> Simulation:
+    """The simulated robot of a mission at its start, for a program of your own that drives it.
+
+    A context manager. ``read`` gives what its sensors measure, ``drive`` sets the wheels' speeds,
+    ``advance`` lets time pass.
+
+    Raises:
+        InputError: world or mission is wrong.
+
+    """
+    return prepare(world, mission, seed=seed).simulation()
 
 
 def prepare(

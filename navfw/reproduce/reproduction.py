@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from navfw.bench.real_labels import FrameLabel, SentenceVerdict
+from navfw.config.extras import extra_imports
 from navfw.config.lookup import find
 from navfw.offis.pyramid import position
 from navfw.plugins import default_registry
@@ -40,6 +40,9 @@ from navfw.reproduce.real_scenes import RealScene, chosen_frames, real_as_data, 
 from navfw.reproduce.reproduction_pictures import draw_map, scene_picture, waypoint_picture
 from navfw.signals import Image
 from navfw.sim.worldfile import load_world
+
+with extra_imports("report", key="navfw reproduce"):
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 SIGNIFICANT = 0.05
 """Largest p of a difference that is taken for more than chance."""

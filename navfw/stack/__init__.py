@@ -2,21 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import lazy_loader
 
-from navfw.lazy_names import first_access
-
-if TYPE_CHECKING:
-    from navfw.stack.stack import TIMED, Stack
-
-_HOMES = {"TIMED": "navfw.stack.stack", "Stack": "navfw.stack.stack"}
-
-__all__ = ["TIMED", "Stack"]
-
-
-def __getattr__(name: str) -> Any:
-    return first_access(__name__, name, _HOMES)
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 from navfw.camera_geometry.image_reduction import reduce_frame
 from navfw.config.input_file import shown_path
+from navfw.config.lookup import find
 from navfw.context import CommandGrid
 from navfw.egomotion import seeing_speed
 from navfw.egomotion.floor_odometry import FloorOdometry
@@ -136,20 +137,21 @@ class Stack:
     @classmethod
     def load(
         cls,
-        path: str | Path,
+        name: str | Path,
         robot: RobotModel,
         topo_map: TopoMap,
         plugins: PluginSource,
         overrides: Sequence[str] = (),
     ) -> Stack:
-        """A stack from a stack file; raises as ``navfw.stack.stackfile.load_stack``."""
+        """The stack of that name or file; raises as ``navfw.stack.stackfile.load_stack``."""
+        path = find("stack", name)
         config = load_stack(path, plugins, overrides)
         try:
             return cls(config, robot, topo_map)
         except ConfigError as error:  # parameters that do not suit the robot
             if error.file is not None:
                 raise
-            raise ConfigError(str(error), file=shown_path(Path(path))) from None
+            raise ConfigError(str(error), file=shown_path(path)) from None
 
     @property
     def config(self) -> dict[str, Any]:

@@ -11,7 +11,10 @@ import numpy as np
 
 from navfw.config.input_file import is_file, is_folder, shown_path
 from navfw.config.lookup import find, find_mission, list_missions
+from navfw.config.overrides import Settings, override_texts
 from navfw.errors import ConfigError, InputError
+from navfw.missions.session import MissionResult
+from navfw.plugins import default_registry
 from navfw.suite.case import Case
 from navfw.suite.suitefile import EntrySpec, Suite
 
@@ -123,6 +126,37 @@ def draw_difficulty(difficulty: float | tuple[float, float] | None, seed: int) -
     stream = np.random.SeedSequence(seed, spawn_key=(_DIFFICULTY_STREAM,))
     low, high = difficulty
     return round(low + (high - low) * float(np.random.default_rng(stream).random()), 3)
+
+
+def run_generated(
+    family: str,
+    *,
+    seed: int,
+    difficulty: float | tuple[float, float] = (0.0, 1.0),
+    stack: str | None = None,
+    set: Settings = (),  # noqa: A002 - as on the command line
+) -> MissionResult:
+    """Drive the generated world of a seed, as ``navfw suite`` does; nothing is written.
+
+    Of a range the seed draws its ``difficulty``. ``stack`` and ``set`` are those of ``navfw.run``.
+
+    Raises:
+        InputError: there is no such family or difficulty, or ``stack`` or ``set`` is wrong.
+
+    """
+    case = Case(
+        index=0,
+        entry=family,
+        seed=seed,
+        stack="" if stack is None else str(find("stack", stack)),
+        stack_name=stack or "",
+        world_name=f"{family}-{seed}",
+        mission_name="cross",
+        overrides=tuple(override_texts(set)),
+        family=family,
+        difficulty=draw_difficulty(difficulty, seed),
+    )
+    return case.session(default_registry()).run()
 
 
 def with_seed(case: Case, entry: EntrySpec, seed: int) -> Case:

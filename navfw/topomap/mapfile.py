@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from navfw.config.document import YamlDocument, key_text, load_yaml
+from navfw.config.lookup import find
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, MapError, did_you_mean
 from navfw.topomap.elements import Landmark, MapViolation, Passage, Place, map_violations
@@ -46,16 +47,17 @@ def _shipped_kind(name: str) -> str:
     return name
 
 
-def load_map(path: str | Path, check_kind: KindCheck = _shipped_kind) -> TopoMap:
-    """The map in the file at ``path``; ``check_kind`` knows the kinds of landmark.
+def load_map(name: str | Path, check_kind: KindCheck = _shipped_kind) -> TopoMap:
+    """The map of that name or file; ``check_kind`` knows the kinds of landmark.
 
     Raises:
+        UnknownNameError: there is no map of that name.
         ConfigError: the file cannot be read or breaks the schema.
         MapError: the map is invalid: an edge names a place that is missing, a length is
             impossible, a passage is given twice. The message lists every error, one a line.
 
     """
-    return read_map(load_yaml(path, MAX_BYTES, MAX_NODES), check_kind)
+    return read_map(load_yaml(find("map", name), MAX_BYTES, MAX_NODES), check_kind)
 
 
 def read_map(document: YamlDocument, check_kind: KindCheck = _shipped_kind) -> TopoMap:

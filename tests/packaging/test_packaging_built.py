@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+PYTHONS = ("3.11", "3.12", "3.13")
 SHIPPED = {"behaviors": ("*.py", "*.yaml"), "maps": ("*.yaml",), "worlds": ("*.yaml",)}
 LOCAL = {".git", ".venv", ".tools", "runs", "dist", "uv.lock", "__pycache__"}
 
@@ -90,7 +92,7 @@ def test_the_wheel_contains_every_data_file(installed: Path) -> None:
                 for path in (package / "shipped" / folder).rglob(pattern)
             }
             assert wanted == got != set()
-    for pattern in ("*.yaml", "*.csv", "*.html", "*.py", "py.typed"):
+    for pattern in ("*.yaml", "*.csv", "*.html", "*.py", "*.pyi", "py.typed"):
         wanted = {path.relative_to(ROOT / "navfw") for path in (ROOT / "navfw").rglob(pattern)}
         got = {path.relative_to(package) for path in package.rglob(pattern)}
         assert wanted == {path for path in got if path.parts[0] != "shipped"} != set()
@@ -114,31 +116,104 @@ def test_an_installed_navfw_lists_its_files_from_any_folder(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
-def test_the_wheel_drives_in_an_empty_environment(dist: Path, tmp_path: Path) -> None:
-    (wheel,) = dist.glob("*.whl")
-    environment, elsewhere = tmp_path / "environment", tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    with (ROOT / "pyproject.toml").open("rb") as file:
-        pins = tomllib.load(file)["tool"]["uv"]["constraint-dependencies"]
-    (tmp_path / "pins.txt").write_text("\n".join(pins), encoding="utf-8")
-    python = environment / "bin" / "python"
-    install = ["pip", "install", "--python", str(python), "-c", str(tmp_path / "pins.txt")]
-    for words in (["venv", "--python", sys.executable, str(environment)], [*install, str(wheel)]):
-        done = subprocess.run(  # noqa: S603 - uv, fixed arguments
-            [uv(), *words, "--quiet"], capture_output=True, text=True, timeout=600, check=False
-        )
-        assert done.returncode == 0, done.stderr
-    done = subprocess.run(  # noqa: S603 - the command just installed
-        [str(environment / "bin" / "navfw"), "run", "empty", "straight", "--json"],
-        cwd=elsewhere,
+@pytest.mark.thorough
+def test_the_distributions_can_be_published(dist: Path) -> None:
+    """The readme renders, the metadata are valid, and the wheel contains no stray files."""
+    (wheel,), (sdist,) = dist.glob("*.whl"), dist.glob("*.tar.gz")
+    for words in (
+        ["twine", "check", "--strict", str(wheel), str(sdist)],
+        ["check_wheel_contents", "--no-config", str(wheel)],
+    ):
+        done = run([sys.executable, "-m", *words], ROOT)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_links_of_the_wheels_readme_are_absolute(installed: Path) -> None:
+    (metadata,) = installed.glob("navfw-*.dist-info/METADATA")
+    readme = metadata.read_text(encoding="utf-8").partition("\n\n")[2]
+    links = re.findall(r"\]\(([^)\s]+)\)", readme)
+    assert len(links) > 5
+    assert [link for link in links if not link.startswith(("https://", "#"))] == []
+
+
+class Environment:
+    """A Python with the wheel installed from wheels alone, with the pins of the project."""
+
+    def __init__(self, folder: Path, version: str, wheel: Path, extra: str) -> None:
+        found = run([uv(), "python", "find", "--no-python-downloads", version], folder)
+        if found.returncode:
+            pytest.skip(f"needs Python {version}")
+        self.python = folder / "environment" / "bin" / "python"
+        with (ROOT / "pyproject.toml").open("rb") as file:
+            pins = tomllib.load(file)["tool"]["uv"]["constraint-dependencies"]
+        (folder / "pins.txt").write_text("\n".join(pins), encoding="utf-8")
+        wanted = f"navfw[{extra}] @ {wheel.as_uri()}"
+        install = ["pip", "install", "--python", str(self.python), "--only-binary", ":all:"]
+        for words in (
+            ["venv", "--python", found.stdout.strip(), str(folder / "environment")],
+            [*install, "-c", str(folder / "pins.txt"), wanted],
+        ):
+            done = run([uv(), *words, "--quiet"], folder)
+            assert done.returncode == 0, done.stderr
+
+    def navfw(self, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+        return run([str(self.python.with_name("navfw")), *words], folder)
+
+
+def run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(  # noqa: S603 - uv, Pythons, words of our own
+        command,
+        cwd=folder,
         env={name: value for name, value in os.environ.items() if name != "PYTHONPATH"},
         capture_output=True,
         text=True,
         timeout=600,
         check=False,
     )
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a recorded run, driven by this Python."""
+    folder = tmp_path_factory.mktemp("recorded")
+    words = ["empty", "straight", "--record", "--json", "--out", str(folder / "run")]
+    done = run([sys.executable, "-m", "navfw", "run", *words], folder)
+    assert done.returncode == 0, done.stderr
+    return folder / "run"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", PYTHONS)
+def test_the_stack_drives_recorded_frames_without_a_simulator(
+    dist: Path, recorded: Path, version: str, tmp_path: Path
+) -> None:
+    (wheel,) = dist.glob("*.whl")
+    environment = Environment(tmp_path, version, wheel, "record")
+    for module in ("pybullet", "matplotlib", "pytest"):
+        assert run([str(environment.python), "-c", f"import {module}"], tmp_path).returncode == 1
+    example = ROOT / "examples" / "drive_recorded.py"
+    done = run([str(environment.python), str(example), str(recorded)], tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.splitlines()[-1].startswith("0 of ")
+    done = environment.navfw(tmp_path, "replay", str(recorded))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("same commands in all ")
+    done = environment.navfw(tmp_path, "run", "empty", "straight")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("navfw: needs pybullet, which is not installed: pip install")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", PYTHONS)
+def test_the_wheel_drives_in_an_empty_environment(
+    dist: Path, recorded: Path, version: str, tmp_path: Path
+) -> None:
+    (wheel,) = dist.glob("*.whl")
+    environment = Environment(tmp_path, version, wheel, "sim")
+    done = environment.navfw(tmp_path, "run", "empty", "straight", "--json")
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
     assert answer["outcome"] == "reached"
-    assert (elsewhere / answer["run_folder"] / "trajectory.png").is_file()
+    assert (tmp_path / answer["run_folder"] / "trajectory.png").is_file()
+    result = json.loads((recorded / "result.json").read_text(encoding="utf-8"))
+    assert answer["command_hash"] == result["command_hash"]

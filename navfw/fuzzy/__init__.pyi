@@ -1,0 +1,12 @@
+from .compiled_fis import CompiledFis as CompiledFis
+from .compiled_fis import FiredRule as FiredRule
+from .compiled_fis import Inference as Inference
+from .compiled_fis import explain as explain
+from .reference_fis import ReferenceFis as ReferenceFis
+from .rulebase import Rule as Rule
+from .rulebase import RuleBase as RuleBase
+from .rulebase import Variable as Variable
+from .rulefile import TermCorners as TermCorners
+from .rulefile import load_rule_base as load_rule_base
+from .rulefile import parse_rule_base as parse_rule_base
+from .rulefile import rule_base_from_mapping as rule_base_from_mapping

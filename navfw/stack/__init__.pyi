@@ -1,0 +1,2 @@
+from .stack import TIMED as TIMED
+from .stack import Stack as Stack

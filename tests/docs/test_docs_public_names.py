@@ -1,0 +1,77 @@
+"""Examples, pages and templates import from ``navfw`` and its public modules alone."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from architecture_sources import imports
+from docs_pages import PAGES, ROOT, blocks_of
+
+PUBLIC = ("navfw", "navfw.gym", "navfw.testing")
+"""The modules that others import; all else in navfw is inner (docs/decisions/0138)."""
+
+TEMPLATES = ROOT / "navfw" / "scaffold" / "templates"
+
+
+def sources() -> Iterator[tuple[str, str]]:
+    """Code that a user reads, runs or gets as a beginning: where it stands, and its text."""
+    scripts = [*(ROOT / "examples").glob("*.py"), *(ROOT / "behaviors").glob("*.py")]
+    for path in [*scripts, *TEMPLATES.rglob("*.py.template")]:
+        yield path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
+    for page in PAGES:
+        for number, block in enumerate(blocks_of(page)):
+            if block.language == "python":
+                yield f"{page.relative_to(ROOT).as_posix()}, block {number}", block.text
+    for cell in json.loads((ROOT / "docs" / "python.ipynb").read_text(encoding="utf-8"))["cells"]:
+        if cell["cell_type"] == "code":
+            yield "docs/python.ipynb", "".join(cell["source"])
+
+
+def wrong_imports(text: str) -> Iterator[str]:
+    for module, name in imports(ast.parse(text)):
+        if module.partition(".")[0] != "navfw":
+            continue
+        if module not in PUBLIC:
+            yield f"{module} is an inner module"
+        elif name is not None and name not in vars(importlib.import_module(module))["__all__"]:
+            yield f"{module} has no public name {name}"
+
+
+def test_no_inner_module_is_imported() -> None:
+    found = list(sources())
+    assert len(found) > 40
+    wrong = [f"{where}: {what}" for where, text in found for what in wrong_imports(text)]
+    assert wrong == []
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("from navfw.stack import Stack", "navfw.stack is an inner module"),
+        ("import navfw.signals", "navfw.signals is an inner module"),
+        ("def f():\n    from navfw import Stuck", "navfw has no public name Stuck"),
+    ],
+)
+def test_an_inner_import_is_found(text: str, message: str) -> None:
+    assert list(wrong_imports(text)) == [message]
+    assert list(wrong_imports("import navfw.gym\nfrom navfw import Stack\nimport numpy")) == []
+
+
+def test_the_public_names_are_those_of_the_stubs() -> None:
+    for module in PUBLIC:
+        stub = Path(importlib.import_module(module).__file__ or "").with_suffix(".pyi")
+        listed = [
+            alias
+            for node in ast.parse(stub.read_text(encoding="utf-8")).body
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+        ]
+        assert all(alias.name == alias.asname for alias in listed), module
+        names = [alias.name for alias in listed]
+        assert sorted(set(names)) == sorted(names)
+        assert all(getattr(importlib.import_module(module), name) is not None for name in names)
