@@ -171,7 +171,7 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
     Either ``family`` with its ``difficulty`` (a number, or a range that the seed draws from), or
     ``world`` and ``mission``. ``reset(seed=N)`` drives the run with seed N, with the same world and
     noise as ``navfw suite``; ``reset()`` draws N from ``seeds`` (``A:B``). ``changes`` are values
-    as for ``--set``; ``reward`` weights of terms (``navfw.gym.reward.RewardWeights``).
+    as for ``--set``; ``reward`` weights of terms (``RewardWeights``).
 
     A step lasts one period of the camera, and an action takes effect with the decision on the next
     frame. The wheel drive's limits and the safety monitor stay between the agent and the wheels.

@@ -78,7 +78,7 @@ def test_without_trust_nothing_is_executed_or_written(words: list[str], project:
     assert sorted(path.name for path in project.iterdir()) == ["behaviors", "navfw.toml"]
 
 
-def test_the_session_setup_is_refused_as_well(project: Path) -> None:
+def test_the_python_interface_is_refused_as_well(project: Path) -> None:
     for attempt in (default_registry, lambda: prepare("empty", "straight")):
         with pytest.raises(Exception, match="not trusted, so its code is not executed"):
             attempt()
