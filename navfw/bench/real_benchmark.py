@@ -30,11 +30,11 @@ from navfw.bench.recording_truth import (
     yaw_rates,
     yaw_summary,
 )
+from navfw.camera_geometry.lens_models import CameraCalibration
 from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
-from navfw.perceive.calibration_file import CameraCalibration
-from navfw.perceive.image_order import natural_key
 from navfw.perceive.image_sources import IMAGES, ImageSource, open_source
+from navfw.perceive.image_times import natural_key
 from navfw.perceive.lens_estimate import LensEstimate, estimate_lens
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver import Perceiver

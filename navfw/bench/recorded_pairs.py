@@ -26,7 +26,7 @@ from navfw.bench.true_pairs import TruePair
 from navfw.config.image_file import read_image
 from navfw.config.input_file import is_file, read_input_text
 from navfw.errors import ConfigError
-from navfw.perceive.pose_record import load_pose_record
+from navfw.perceive.motion_record import load_pose_record
 from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, Frame, FramePair, Image

@@ -17,7 +17,7 @@ from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
 
 if TYPE_CHECKING:
-    from navfw.perceive.calibration_file import CameraCalibration
+    from navfw.camera_geometry.lens_models import CameraCalibration
     from navfw.perceive.image_sources import ImageSource
     from navfw.perceive.lens_estimate import LensEstimate
     from navfw.perceive.motion_record import MotionRecord
@@ -181,7 +181,7 @@ def perceive(
 
 
 def _print_json(results: Iterable[Assessed], lens: LensEstimate | None) -> None:
-    from navfw.perceive.pair_report import as_data
+    from navfw.perceive.pair_result import as_data
 
     estimated = None if lens is None else lens.as_data()
     print_json_list(
@@ -190,8 +190,9 @@ def _print_json(results: Iterable[Assessed], lens: LensEstimate | None) -> None:
 
 
 def _print(results: Iterable[Assessed], lens: LensEstimate | None, overlay: Path | None) -> None:
-    from navfw.perceive.assumptions import assumptions_line, estimate_line
-    from navfw.perceive.pair_report import as_line
+    from navfw.perceive.lens_estimate import estimate_line
+    from navfw.perceive.pair_result import as_line
+    from navfw.perceive.perceiver_options import assumptions_line
 
     header = True
     for result, assumed in results:
@@ -224,7 +225,7 @@ def _with_lens(
     bar: ProgressBar,
 ) -> tuple[ImageSource, float | None, LensEstimate | None]:
     """The images, their field of view [deg], and the estimate of a lens that nobody gave."""
-    from navfw.perceive.calibration_file import load_calibration
+    from navfw.perceive.calibration import load_calibration
     from navfw.perceive.lens_estimate import open_with_lens
 
     if calibration is not None:
@@ -236,10 +237,9 @@ def _results(
     options: PerceiverOptions, images: ImageSource, overlay: Path | None
 ) -> Generator[Assessed]:
     """The result of each pair of images and what it assumes; drawn to ``overlay`` if given."""
-    from navfw.perceive.assumptions import assumptions
-    from navfw.perceive.overlay import draw
-    from navfw.perceive.overlay_output import open_output
+    from navfw.perceive.overlay import draw, open_output
     from navfw.perceive.perceiver import Perceiver
+    from navfw.perceive.perceiver_options import assumptions
     from navfw.plugins import default_registry
 
     perceiver = Perceiver(options, images, default_registry())
@@ -256,14 +256,12 @@ def _motion_record(
     gyro: Path | None, poses: Path | None, pitch: float, images: ImageSource
 ) -> MotionRecord | None:
     """The record of the camera's motion in a file, with times since the first image."""
-    from navfw.perceive.gyro_record import load_gyro_record
-    from navfw.perceive.motion_record import on_clock_of
-    from navfw.perceive.pose_record import load_pose_record
+    from navfw.perceive.motion_record import load_gyro_record, load_pose_record
 
     if gyro is not None:
-        return on_clock_of(images, load_gyro_record(gyro))
+        return load_gyro_record(gyro).on_clock_of(images)
     if poses is not None:
-        return on_clock_of(images, load_pose_record(poses, math.radians(pitch)))
+        return load_pose_record(poses, math.radians(pitch)).on_clock_of(images)
     return None
 
 

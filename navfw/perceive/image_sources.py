@@ -3,25 +3,50 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
+from navfw.camera_geometry.lens_models import CameraCalibration
 from navfw.config.image_file import read_image
 from navfw.config.input_file import is_file, is_folder, no_such_file
 from navfw.errors import InputError
-from navfw.perceive.calibration_file import CameraCalibration
-from navfw.perceive.image_order import natural_key, require_order, times_in_names
-from navfw.perceive.image_times import ImageTimes
-from navfw.perceive.pixel_range import DeepImage, PixelRange
-from navfw.perceive.shuffle_check import ShuffleCheck
-from navfw.perceive.undistortion import Undistortion
+from navfw.perceive.calibration import Undistortion
+from navfw.perceive.image_times import ImageTimes, natural_key, require_order, times_in_names
 from navfw.perceive.video_file import FRAME_RATE, FRAME_RATES, VideoFile
 from navfw.recording.run_folder import FILES, RESULT
 from navfw.signals import Image
+
+_BITS = (8, 10, 12, 14, 16)
+"""Numbers of bits of cameras' converters; files keep all beyond 8 in 16 bits."""
+
+DeepImage: TypeAlias = npt.NDArray[np.uint8 | np.uint16]
+"""An image (height, width, 3) of 8 or 16 bits."""
+
+
+class PixelRange:
+    """Scales the images of a sequence alike; ``bits`` is the number of bits in use.
+
+    It is the least that holds the brightest pixel of the given ``samples`` of the sequence. Pixels
+    of other images that are brighter are cut off, and ``brighter`` counts these images.
+    """
+
+    def __init__(self, samples: Iterable[DeepImage]) -> None:
+        self.brightest = max(int(sample.max()) for sample in samples)
+        self.bits = next(bits for bits in _BITS if self.brightest < 1 << bits)
+        self.brighter = 0
+
+    def to_8_bits(self, image: DeepImage) -> Image:
+        """``image`` (height, width, 3) with the range in use scaled to 0 to 255."""
+        white = (1 << self.bits) - 1
+        self.brighter += int(image.max()) > white
+        return np.asarray(cv2.convertScaleAbs(image, alpha=255.0 / white), dtype=np.uint8)
+
 
 IMAGES = frozenset(
     {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp"}
@@ -155,16 +180,13 @@ class _Files(ImageSource):
     def _items(self) -> Iterator[SourceImage]:
         """The readable images; the others are left out, as long as there are two."""
         broken: list[InputError] = []
-        check = ShuffleCheck()
         for path, time in zip(self._paths, self._times, strict=True):
             try:
                 image = self._in_8_bits(_read(path))
             except InputError as error:
                 broken.append(error)
                 continue
-            check.add(path.name, image)
             yield SourceImage(path.name, time, image)
-        check.finish()
         if len(self._paths) - len(broken) < 2 and broken:
             raise broken[0]
         if broken:

@@ -1,20 +1,29 @@
-"""Lists of the times at which images were taken."""
+"""Order and times of image files: by a list, or by their names."""
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from navfw.config.input_file import read_input_text, shown_path
+from navfw.config.input_file import shown_path
 from navfw.errors import InputError
-from navfw.perceive.gyro_columns import GyroColumn, column_of
+from navfw.perceive.timed_table import TIME, TIME_NAMES, TableFormat, TimedTable
 
-_MAX_BYTES = 50_000_000
-"""Largest size of a list [byte]."""
-_FILE_COLUMNS = ("file", "filename", "file_name", "image", "name")
+_FILE = "file"
+_LIST = TableFormat(
+    columns=(TIME, _FILE),
+    needed=1,
+    names=TIME_NAMES | dict.fromkeys(("file", "filename", "file_name", "image", "name"), _FILE),
+    texts=frozenset({_FILE}),
+    others=True,
+)
 _OPTION = "--times"
+_EPOCH_UNITS = {13: 1e-3, 16: 1e-6, 19: 1e-9}
+"""Unit [s] of a time since 1970 written as a whole number, by its number of digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,12 +58,11 @@ class ImageTimes:
                 f"has no time of {len(missing)} of {len(paths)} images, such as {missing[0]}"
             )
         times = [self.by_name[path.name] for path in paths]
-        for k in range(1, len(times)):
-            if times[k] <= times[k - 1]:
-                raise self._error(
-                    f"{paths[k].name} was not taken after {paths[k - 1].name}; give the images in "
-                    "the order of time"
-                )
+        if (k := _first_step_back(times)) is not None:
+            raise self._error(
+                f"{paths[k].name} was not taken after {paths[k - 1].name}; give the images in "
+                "the order of time"
+            )
         return times
 
     def _error(self, message: str) -> InputError:
@@ -62,85 +70,99 @@ class ImageTimes:
 
 
 def load_image_times(path: Path) -> ImageTimes:
-    """Read lines of a time [s] and, if known, the image's file, separated by a comma or blanks.
+    """Read a table of a time [s] and, if known, the image's file in each row.
 
     A header may name the columns, ``time`` (with a unit such as ``time_ms``) and ``file``, among
     others. Of a file's path only the name counts.
 
     Raises:
-        InputError: the file is not readable, has no column of times, or a time is no number or
-            does not come after the one before; with file and line.
+        InputError: the file is no such table, or a time is no number or does not come after the one
+            before; with file and line.
 
     """
-    columns: tuple[int, float, int | None] | None = None
+    table = TimedTable(path, _LIST)
     times: list[float] = []
     by_name: dict[str, float] = {}
-    for line, cells in _rows(path):
-        if columns is None:
-            columns, is_header = _columns(path, line, cells)
-            if is_header:
-                continue
-        at, unit, name = columns
-        if max(at, name or 0) >= len(cells):
-            raise InputError(
-                f"has {len(cells)} values; expected more", file=shown_path(path), line=line
-            )
-        times.append(_time(path, line, cells[at], unit, times[-1] if times else -math.inf))
-        if name is not None:
-            by_name[cells[name].replace("\\", "/").rsplit("/", 1)[-1]] = times[-1]
+    for row in table.rows():
+        time = row.numbers[TIME]
+        if not math.isfinite(time):
+            raise table.error(f"'{time}' is not a time in seconds", row.line, TIME)
+        times.append(time)
+        if _FILE in row.texts:
+            by_name[row.texts[_FILE].replace("\\", "/").rsplit("/", 1)[-1]] = time
     if not times:
-        raise InputError("has no times of images", file=shown_path(path))
-    return ImageTimes(shown_path(path), tuple(times), by_name)
+        raise table.error("has no times of images")
+    return ImageTimes(table.file, tuple(times), by_name)
 
 
-def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Number and cells of each line that is neither empty nor a comment."""
-    for number, line in enumerate(read_input_text(path, _MAX_BYTES).splitlines(), start=1):
-        cells = [cell.strip() for cell in line.split(",")] if "," in line else line.split()
-        if any(cells) and not cells[0].startswith("#"):
-            yield number, cells
+def natural_key(path: Path) -> list[tuple[int, int, str]]:
+    """Sort key of file names that compares the numbers in them by value."""
+    return [
+        (0, int(run), run) if run.isdigit() else (1, 0, run.lower())
+        for run in re.split(r"([0-9]+)", path.name)
+        if run
+    ]
 
 
-def _columns(path: Path, line: int, cells: list[str]) -> tuple[tuple[int, float, int | None], bool]:
-    """Index and unit [s] of the times, index of the files, and whether ``cells`` are the header."""
-    try:
-        float(cells[0])
-    except ValueError:
-        pass
-    else:
-        return (0, 1.0, 1 if len(cells) > 1 else None), False
-    files = [k for k, cell in enumerate(cells) if cell.lower() in _FILE_COLUMNS]
-    times = [(k, column) for k, cell in enumerate(cells) if (column := _time_column(cell))]
-    if len(times) != 1:
-        raise InputError(
-            f"expected a header with one column 'time', got {len(times)}",
-            file=shown_path(path),
-            line=line,
-        )
-    at, column = times[0]
-    return (at, column.unit, files[0] if files else None), True
+def times_in_names(paths: Sequence[Path]) -> list[float] | None:
+    """Times [s] by the names of files if all are time stamps, otherwise None.
 
+    Stamps are seconds with decimals, or milli-, micro- or nanoseconds since 1970.
 
-def _time_column(header: str) -> GyroColumn | None:
-    try:
-        column = column_of(header)
-    except ValueError:  # of another quantity
+    Raises:
+        InputError: a stamp does not come after the one before it.
+
+    """
+    if len(paths) < 2:
         return None
-    return column if column is not None and column.name == "time" else None
-
-
-def _time(path: Path, line: int, cell: str, unit: float, previous: float) -> float:
-    """The time [s] in a ``cell``, which comes after the ``previous`` one."""
-    try:
-        time = float(cell) * unit
-    except ValueError:
-        time = math.nan
-    if not math.isfinite(time):
-        raise InputError(f"{cell!r:.40} is not a time in seconds", file=shown_path(path), line=line)
-    if time <= previous:
+    times = _seconds(paths) or _epochs(paths)
+    if times is not None and (k := _first_step_back(times)) is not None:
         raise InputError(
-            f"time {time:.6f} s does not come after {previous:.6f} s; sort the lines by time",
-            file=shown_path(path),
-            line=line,
+            f"its time stamp does not come after that of {paths[k - 1].name}; give the images "
+            "in the order of time, or --fps to take them backward",
+            file=shown_path(paths[k]),
         )
-    return time
+    return times
+
+
+def require_order(paths: Sequence[Path]) -> None:
+    """Refuse numbered files that are neither in the order of their numbers nor in the reverse.
+
+    Files whose names differ in more than numbers may come in any order.
+
+    Raises:
+        InputError: the files are shuffled.
+
+    """
+    if len({re.sub(r"[0-9]+", "0", path.name) for path in paths}) != 1:
+        return
+    keys = [natural_key(path) for path in paths]
+    if keys in (sorted(keys), sorted(keys, reverse=True)):
+        return
+    k = next(k for k in range(1, len(keys)) if keys[k] < keys[k - 1])
+    raise InputError(
+        f"comes after {paths[k - 1].name}: the images are neither in the order of their numbers "
+        "nor in the reverse; sort them, or give their folder",
+        file=shown_path(paths[k]),
+    )
+
+
+def _first_step_back(times: Sequence[float]) -> int | None:
+    """The index of the first time that does not come after the one before it."""
+    pairs = enumerate(itertools.pairwise(times), start=1)
+    return next((k for k, (before, after) in pairs if after <= before), None)
+
+
+def _seconds(paths: Sequence[Path]) -> list[float] | None:
+    if not all(re.fullmatch(r"[0-9]{1,12}\.[0-9]+", path.stem) for path in paths):
+        return None
+    return [float(path.stem) for path in paths]
+
+
+def _epochs(paths: Sequence[Path]) -> list[float] | None:
+    unit = _EPOCH_UNITS.get(len(paths[0].stem))
+    if unit is None or not all(re.fullmatch(r"[0-9]+", path.stem) for path in paths):
+        return None
+    if len({len(path.stem) for path in paths}) != 1:
+        return None
+    return [int(path.stem) * unit for path in paths]

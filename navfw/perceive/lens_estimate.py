@@ -8,19 +8,104 @@ have in common, such as an eccentric principal point or a rolling shutter.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.perceive.arctan_lens import focal_for
-from navfw.perceive.calibration_file import ARCTAN, CameraCalibration
+from navfw.camera_geometry.lens_models import (
+    ARCTAN,
+    CameraCalibration,
+    LensShape,
+    focal_for,
+)
+from navfw.errors import InputError
 from navfw.perceive.image_sources import ImageSource
-from navfw.perceive.lens_fit import LensFit, LensShape, TrackedPair
-from navfw.perceive.lens_pairs import lens_pairs
-from navfw.perceive.working_size import HFOV
+from navfw.perceive.lens_fit import LensFit, TrackedPair
+from navfw.perceive.pair_motion import TrackImage, track_points
+from navfw.perceive.working_size import HFOV, WorkingSize
+
+_LOOKED_AT = 120
+"""Number of pairs that are looked at."""
+_MAX_PAIRS = 100
+"""Largest number of pairs that are used."""
+MAX_PIXELS = 600_000_000
+"""Number of pixels after which no more images are read: 2000 images of 640 x 480."""
+MIN_POINTS = 60
+"""Least number of points of a pair."""
+FLOW, MIN_FLOW = 0.1, 0.01
+"""Median flow of a pair that the distance between its images aims at, and least one, as shares of
+the image's width."""
+_MAX_PAIR = 15
+"""Largest distance between the images of a pair [images]."""
+
+
+def lens_pairs(
+    images: ImageSource, tick: Callable[[], None]
+) -> tuple[list[TrackedPair], tuple[int, int]]:
+    """Pairs with enough points and flow, and the images' size (width, height) [px].
+
+    Images are read up to the first that is no good, which is told when it is its turn; ``tick`` is
+    called after each.
+    """
+    sampler: _PairSampler | None = None
+    with contextlib.suppress(InputError):
+        for item in images:
+            if sampler is None:
+                sampler = _PairSampler(item.image.shape[1], item.image.shape[0], images.total)
+            if sampler.full:
+                break
+            sampler.add(TrackImage.of(item.image), item.after_gap)
+            tick()
+    if sampler is None:
+        return [], (0, 0)
+    return sampler.pairs[:: 1 + len(sampler.pairs) // _MAX_PAIRS], (sampler.width, sampler.height)
+
+
+class _PairSampler:
+    """Tracks every so many images of ``width`` x ``height`` px; ``total`` is their number or 0."""
+
+    def __init__(self, width: int, height: int, total: int) -> None:
+        self.width, self.height = width, height
+        self.pairs: list[TrackedPair] = []
+        self._size = WorkingSize(width, height, 1.0, width, height)
+        self._most = MAX_PIXELS // (width * height)
+        self._spacing = max(min(total or self._most, self._most) // _LOOKED_AT, 1)
+        self._earlier: deque[TrackImage] = deque(maxlen=_MAX_PAIR)
+        self._count = 0
+        self._stride = 2
+
+    @property
+    def full(self) -> bool:
+        """Whether enough images were read."""
+        return self._count > self._most
+
+    def add(self, now: TrackImage, after_gap: bool) -> None:
+        """Add the next image."""
+        if after_gap:
+            self._earlier.clear()
+        if self._count % self._spacing == 0 and self._earlier:
+            self._track(now)
+        self._earlier.append(now)
+        self._count += 1
+
+    def _track(self, now: TrackImage) -> None:
+        """Track points to an earlier image, and choose the distance of the next pair."""
+        apart = min(self._stride, len(self._earlier))
+        tracks = track_points(self._earlier[-apart], now, self._size)
+        if len(tracks.points) < MIN_POINTS:
+            self._stride = max(self._stride // 2, 1)
+            return
+        flow = float(np.median(np.hypot(*(tracks.points - tracks.past).T))) / self.width
+        if flow > MIN_FLOW:
+            self.pairs.append(TrackedPair(tracks.points, tracks.past))
+        wanted = apart * min(max(FLOW / max(flow, 1e-3), 0.5), 2.0)
+        self._stride = min(max(round(wanted), 1), _MAX_PAIR)
+
 
 MIN_PAIRS = 15
 """Least number of pairs for an estimate."""
@@ -59,7 +144,7 @@ class LensEstimate:
     @property
     def hfov(self) -> float | None:
         """Horizontal field of view [deg] of the lens; None if it is unknown."""
-        return None if self.shape is None else _view(self.shape, 0.5 * self.size[0])
+        return None if self.shape is None else self.shape.view(0.5 * self.size[0])
 
     def known_hfov(self, given: float | None) -> float | None:
         """The field of view [deg] of the images: ``given`` or estimated, None if it is unknown.
@@ -94,11 +179,28 @@ class LensEstimate:
         if self.shape is not None and self.focal_sigma > 0.0:
             data["focal_px"] = round(self.shape.focal, 2)
             data["focal_sigma_px"] = round(self.focal_sigma * self.shape.focal, 2)
-            data["hfov_deg"] = round(_view(self.shape, 0.5 * self.size[0]), 1)
+            data["hfov_deg"] = round(self.shape.view(0.5 * self.size[0]), 1)
         if self.shape is not None:
             data["curvature"] = round(self.shape.curvature, 3)
             data["curvature_sigma"] = round(self.curvature_sigma, 3)
         return {"pairs": self.pairs, **data}
+
+
+def estimate_line(lens: LensEstimate) -> str:
+    """What was estimated of the lens, in one line."""
+    data = lens.as_data()
+    if lens.shape is None:
+        what = "nothing about the lens"
+    elif lens.calibration is None:
+        what = f"no distortion, curvature below {3.0 * lens.curvature_sigma:.2f}"
+    else:
+        what = f"distortion arctan {data['curvature']} +- {data['curvature_sigma']}"
+    if data["focal_px"] is not None:
+        what += (
+            f", focal length {data['focal_px']} +- {data['focal_sigma_px']} px "
+            f"({data['hfov_deg']} degrees across)"
+        )
+    return f"estimated: {what}, by {lens.pairs} pairs of images"
 
 
 def estimate_lens(
@@ -153,7 +255,7 @@ def _fitted(
     border_sigma = math.hypot(border_sigma, _BORDER_FLOOR)
     curvature_sigma = math.hypot(curvature_sigma, _CURVATURE_FLOOR)
     simple = None
-    if abs(_border(shape, half)) < max(_MIN_BORDER, SURE * border_sigma):
+    if abs(shape.border(half)) < max(_MIN_BORDER, SURE * border_sigma):
         simple = 0.0
     elif abs(shape.curvature - 1.0) < SURE * curvature_sigma:
         simple = 1.0
@@ -165,7 +267,7 @@ def _fitted(
         shape, (focal_sigma, _, _) = _jackknife(fit, start, len(pairs), half)
     focal_sigma = 0.0 if view is not None else math.hypot(focal_sigma, _FOCAL_FLOOR)
     told = view is not None or fit.bend(shape) > _MIN_BEND * size[0]
-    if not told or focal_sigma > _SURE_FOCAL or not HFOV[0] <= _view(shape, half) <= HFOV[1]:
+    if not told or focal_sigma > _SURE_FOCAL or not HFOV[0] <= shape.view(half) <= HFOV[1]:
         return LensEstimate(size, len(pairs))
     return LensEstimate(size, len(pairs), shape, focal_sigma, curvature_sigma)
 
@@ -181,19 +283,5 @@ def _jackknife(
     shape = fit.refined(start)
     edges = np.linspace(0, count, BLOCKS + 1).round().astype(int).tolist()
     parts = [fit.refined(shape, slice(first, last)) for first, last in itertools.pairwise(edges)]
-    values = np.array(
-        [(math.log(part.focal), part.curvature, _border(part, half)) for part in parts]
-    )
+    values = np.array([(math.log(part.focal), part.curvature, part.border(half)) for part in parts])
     return shape, (values.std(axis=0) * math.sqrt(BLOCKS - 1)).tolist()
-
-
-def _border(shape: LensShape, half: float) -> float:
-    """Shift of a point ``half`` [px] off the axis by the distortion, relative to ``half``."""
-    return float(shape.straight(np.array([[half, 0.0]]))[0, 0]) / half - 1.0
-
-
-def _view(shape: LensShape, half: float) -> float:
-    """Horizontal field of view [deg] of an image twice ``half`` [px] wide."""
-    return 2.0 * math.degrees(
-        math.atan(shape.straight(np.array([[half, 0.0]]))[0, 0] / shape.focal)
-    )

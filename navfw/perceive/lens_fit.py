@@ -16,10 +16,10 @@ from typing import TypeAlias
 import numpy as np
 from scipy.optimize import least_squares
 
+from navfw.camera_geometry.lens_models import CURVATURES, LensShape, focal_for
 from navfw.camera_geometry.rotations import rotation_vector
 from navfw.egomotion.epipolar_kernels import fit_motion
 from navfw.egomotion.flow_egomotion import FREE_TURN, PointMotion, estimate_egomotion
-from navfw.perceive.arctan_lens import CURVATURES, focal_for, straighten
 from navfw.signals import Array
 
 SIGMA = 0.18
@@ -63,25 +63,6 @@ class TrackedPair:
 
     now: Array
     past: Array
-
-
-@dataclass(frozen=True, slots=True)
-class LensShape:
-    """Focal length [px] and ``curvature`` of a lens (``navfw.perceive.arctan_lens``)."""
-
-    focal: float
-    curvature: float
-
-    def straight(self, points: Array) -> Array:
-        """``points`` (n, 2) [px from the centre] as a pinhole camera of ``focal`` shows them."""
-        return straighten(points / self.focal, self.curvature) * self.focal
-
-    def slopes(self, points: Array) -> Array:
-        """Derivatives (n, 2, 2) of the straight points by the image's pixels."""
-        step = 0.01
-        sides = [self.straight(points + step * side) for side in np.eye(2)]
-        back = [self.straight(points - step * side) for side in np.eye(2)]
-        return np.stack([(a - b) / (2.0 * step) for a, b in zip(sides, back, strict=True)], axis=-1)
 
 
 class LensFit:

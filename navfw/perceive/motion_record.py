@@ -1,95 +1,319 @@
-"""What records of the camera's motion have in common: gyro rates and poses."""
+"""Recorded motion of the camera: gyro rates, or poses in the format of the TUM RGB-D benchmark."""
 
 from __future__ import annotations
 
-from typing import Protocol, Self
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar, Self
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
 
 from navfw.errors import InputError
 from navfw.perceive.image_sources import ImageSource
+from navfw.perceive.timed_table import TIME, TIME_NAMES, TableFormat, TableRow, TimedTable
+from navfw.robot import CameraModel
 from navfw.signals import Array
 
-_MAX_DURATION = 86_400.0
+RATES = ("yaw_rate", "pitch_rate", "roll_rate")
+"""Rates of rotation, positive for a turn to the left, nose down and right side down."""
+_AXES = {"x": "roll_rate", "y": "pitch_rate", "z": "yaw_rate"}
+_BY_AXIS = {
+    prefix + axis: rate
+    for axis, rate in _AXES.items()
+    for prefix in ("gyro_", "gyroscope_", "w", "w_", "omega_", "angular_velocity_")
+}
+"""Names of rates by the gyro's axes ahead, left and up (REP 103)."""
+_GYRO = TableFormat(
+    columns=(TIME, *RATES),
+    needed=2,
+    names=TIME_NAMES
+    | {rate: rate for rate in RATES}
+    | {rate.removesuffix("_rate"): rate for rate in RATES}
+    | _BY_AXIS,
+)
+_POSITION, _QUATERNION = ("tx", "ty", "tz"), ("qx", "qy", "qz", "qw")
+_POSES = TableFormat(
+    columns=(TIME, *_POSITION, *_QUATERNION),
+    needed=8,
+    names=TIME_NAMES | {name: name for name in (*_POSITION, *_QUATERNION)},
+)
+_MAX_RATE = 10.0
+"""Largest rate [rad/s]: a camera that turns faster sees nothing but blur, so larger values have
+another unit."""
+_MIN_DURATION = 10.0  # s
+_MAX_TILT = 0.5 * math.pi
+"""Net pitch and roll [rad] of a record of at least ``_MIN_DURATION`` that no camera has: beyond,
+its mean rate is the gyro's offset."""
+_NORM = (0.98, 1.02)
+"""Norms of a quaternion that was rounded when it was written."""
+_MAX_COORDINATE = 1e6
+"""Largest coordinate [m]."""
+_MAX_SPEED = 60.0
+"""Largest usual speed [m/s], that of a car; faster poses are probably not in metres."""
+_GAP_STEPS = 2.5
+"""Longest gap, in usual intervals."""
+_SLACK = 0.2  # part of the longest gap: half the usual interval
+_MAX_RECORDING = 86_400.0
 """Longest recording [s], where its length is unknown: a day."""
 
 
-class MotionRecord(Protocol):
-    """A record that tells the camera's rotation between two times."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionRecord(ABC):
+    """A record of the camera's rotation, in ascending order of ``times`` (n,) [s].
 
-    @property
-    def times(self) -> Array:
-        """Times (n,) of the readings, ascending [s]."""
-        ...
+    ``longest_gap`` [s] is the largest interval between neighbouring samples of a continuous record.
+    ``measured`` names the rates of rotation that it has. ``notes`` are remarks for the user.
+    ``file`` and ``option`` name the record in messages, ``source`` says what measured it.
+    """
 
-    @property
-    def measured(self) -> frozenset[str]:
-        """Names of the rates of rotation ("yaw_rate", ...) that it has."""
-        ...
+    option: ClassVar[str]
+    source: ClassVar[str]
 
-    @property
-    def source(self) -> str:
-        """What measured the rotation, such as "gyro"."""
-        ...
+    times: Array
+    longest_gap: float
+    measured: frozenset[str] = frozenset(RATES)
+    notes: tuple[str, ...] = ()
+    file: str = ""
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Remarks for the user."""
-        ...
+    @abstractmethod
+    def rotation_between(self, begin: float, end: float) -> Array | None:
+        """Rotation vector (3,) [rad] about base_link's x, y, z from ``begin`` to ``end`` [s].
 
-    @property
-    def file(self) -> str:
-        """The file that it was read from."""
-        ...
+        None if the record does not cover that time or has a gap in it.
+        """
 
-    @property
-    def option(self) -> str:
-        """The command line option that names the file."""
-        ...
+    def translation_between(self, _begin: float, _end: float) -> Array | None:
+        """Translation (3,) [m] from ``begin`` to ``end`` [s], along base_link's axes at ``begin``.
+
+        None if it was not measured.
+        """
+        return None
+
+    def on_clock_of(self, images: ImageSource) -> Self:
+        """The record with times since the first of the ``images``.
+
+        Its times are on the clock of the images' names or list where these overlap, otherwise they
+        already count from the first image.
+
+        Raises:
+            InputError: the record and the images have no time in common, or the images' frame rate
+                is only assumed.
+
+        """
+        first, last = float(self.times[0]), float(self.times[-1])
+        start, duration = images.start, min(images.duration, _MAX_RECORDING)
+        offset = 0.0
+        if start is not None and first < start + duration and last > start:
+            offset = start
+        elif not (first < duration and last > 0.0):
+            clock = ""
+            if start is not None:
+                clock = f" ({start:.2f} to {start + duration:.2f} s on their clock)"
+            raise InputError(
+                f"expected readings within the time of the images, 0 to {duration:.2f} s{clock}; "
+                f"got {first:.2f} to {last:.2f} s. Count times from the first image, or give those "
+                "of the images by their names or --times",
+                file=self.file,
+                key=self.option,
+            )
+        if not images.rate_known:
+            raise InputError(
+                "the times of the images are not known, so readings cannot be assigned to them; "
+                "give --fps or --times",
+                file=self.file,
+                key=self.option,
+            )
+        return replace(self, times=self.times - offset) if offset else self
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GyroRecord(MotionRecord):
+    """``rates`` (n, 3) [rad/s] are roll, pitch, yaw; those that are not measured are 0."""
+
+    option: ClassVar[str] = "--gyro"
+    source: ClassVar[str] = "gyro"
+
+    rates: Array
 
     def rotation_between(self, begin: float, end: float) -> Array | None:
-        """Rotation vector (3,) [rad] about base_link's x, y, z; None without readings for it."""
-        ...
+        """The rates, integrated from ``begin`` to ``end`` [s]; see ``MotionRecord``."""
+        inside = (self.times > begin) & (self.times < end)
+        first = int(np.searchsorted(self.times, begin, side="right")) - 1
+        last = int(np.searchsorted(self.times, end, side="left"))
+        # the ends of the record may be off by one interval
+        if first < 0 and self.times[0] - begin <= self.longest_gap:
+            first = 0
+        if last >= self.times.size and end - self.times[-1] <= self.longest_gap:
+            last = self.times.size - 1
+        if first < 0 or last >= self.times.size or last < first:
+            return None
+        steps = np.diff(self.times[first : last + 1])
+        if steps.size and steps.max() > self.longest_gap:
+            return None
+        knots = np.concatenate([[begin], self.times[inside], [end]])
+        rates = np.stack(
+            [np.interp(knots, self.times, self.rates[:, axis]) for axis in range(3)], axis=1
+        )
+        middle = 0.5 * (rates[1:] + rates[:-1])
+        return np.asarray((middle * np.diff(knots)[:, None]).sum(axis=0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseRecord(MotionRecord):
+    """``places`` (n, 3) [m] are the camera's positions in the world.
+
+    ``quaternions`` (n, 4), as x, y, z, w, rotate from camera_optical (x right, y down, z forward)
+    to the world, ``base_from_camera`` (3, 3) from there to base_link.
+    """
+
+    option: ClassVar[str] = "--poses"
+    source: ClassVar[str] = "poses"
+
+    places: Array
+    quaternions: Array
+    base_from_camera: Array
+
+    def rotation_between(self, begin: float, end: float) -> Array | None:
+        """The rotation from one interpolated pose to the other; see ``MotionRecord``."""
+        poses = self.poses_at(begin, end)
+        if poses is None:
+            return None
+        turn = poses[1][0].inv() * poses[1][1]
+        return np.asarray(self.base_from_camera @ turn.as_rotvec())
 
     def translation_between(self, begin: float, end: float) -> Array | None:
-        """Translation (3,) [m] along base_link's axes at ``begin``; None if it is not known."""
-        ...
+        """The way from one interpolated pose to the other; see ``MotionRecord``."""
+        poses = self.poses_at(begin, end)
+        if poses is None:
+            return None
+        places, turns = poses
+        return np.asarray(self.base_from_camera @ turns[0].inv().apply(places[1] - places[0]))
 
-    def shifted(self, seconds: float) -> Self:
-        """The same record with times later by ``seconds``."""
-        ...
+    def poses_at(self, *wanted: float) -> tuple[Array, Rotation] | None:
+        """Places (n, 3) [m] and rotations from camera_optical to the world at n times [s].
+
+        They are interpolated. None if the record does not cover all of the time from the first to
+        the last of them.
+        """
+        moments = np.array(wanted)
+        first, last = float(self.times[0]), float(self.times[-1])
+        # the nearest pose will do for an image just before the first pose, or just after the last
+        slack = _SLACK * self.longest_gap
+        covered = (moments >= first - slack) & (moments <= last + slack)
+        moments = np.clip(moments, first, last)
+        low = int(np.searchsorted(self.times, moments.min(), side="right")) - 1
+        low = min(low, len(self.times) - 2)
+        high = max(int(np.searchsorted(self.times, moments.max(), side="left")), low + 1)
+        span = slice(low, high + 1)
+        if not covered.all() or np.diff(self.times[span]).max() > self.longest_gap:
+            return None
+        places = np.stack(
+            [np.interp(moments, self.times[span], self.places[span, k]) for k in range(3)], axis=1
+        )
+        turns = Slerp(self.times[span], Rotation.from_quat(self.quaternions[span]))(moments)
+        return places, turns
 
 
-def on_clock_of(images: ImageSource, record: MotionRecord) -> MotionRecord:
-    """``record`` with times since the first of the ``images``.
+def load_gyro_record(path: Path) -> GyroRecord:
+    """Read a table with the columns time, yaw_rate and, if known, pitch_rate and roll_rate.
 
-    Its times are on the clock of the images' names or list where these overlap, otherwise they
-    already count from the first image.
+    Without a header these are the columns, in s and rad/s. A header may name them in other words
+    and units (``navfw.perceive.timed_table``), in any order, among columns of other quantities.
+    Rows with a missing or NaN value are left out and make a gap.
 
     Raises:
-        InputError: the record and the images have no time in common, or the images' frame rate is
-            only assumed.
+        InputError: the file is no such table, a rate can only be in another unit, or there are
+            fewer than two samples; with file and line.
 
     """
-    first, last = float(record.times[0]), float(record.times[-1])
-    start, duration = images.start, min(images.duration, _MAX_DURATION)
-    clock = None
-    if start is not None and first < start + duration and last > start:
-        clock = start
-    elif not (first < duration and last > 0.0):
-        named = (
-            "" if start is None else f" ({start:.2f} to {start + duration:.2f} s on their clock)"
+    table = TimedTable(path, _GYRO)
+    notes = [f"gyro columns not used: {', '.join(table.unused)}"] if table.unused else []
+    if table.names & _BY_AXIS.keys():
+        notes.append("the gyro's axes x, y, z are taken as ahead, left, up")
+    samples: list[list[float]] = []
+    left_out = 0
+    for row in table.rows():
+        sample = [row.numbers.get(name, 0.0) for name in (TIME, *reversed(RATES))]
+        if not all(map(math.isfinite, sample)):
+            left_out += 1
+            continue
+        fastest = max(map(abs, sample[1:]))
+        if fastest > _MAX_RATE:
+            raise table.error(
+                f"a rate of {fastest:g} rad/s is above {_MAX_RATE:g}; are these degrees per "
+                "second? Name the unit in the header: yaw_rate_deg_s, or yaw_rate [mdeg/s]",
+                row.line,
+            )
+        samples.append(sample)
+    samples_array, interval = table.series(samples, "gyro sample")
+    if left_out:
+        notes.append(f"{left_out} of {left_out + len(samples)} gyro samples are not numbers")
+    times = samples_array[:, 0]
+    rates, offsets = _without_offsets(times, samples_array[:, 1:])
+    return GyroRecord(
+        times=times,
+        longest_gap=_GAP_STEPS * interval,
+        measured=table.columns & frozenset(RATES),
+        notes=(*notes, *offsets),
+        file=table.file,
+        rates=rates,
+    )
+
+
+def _without_offsets(times: Array, rates: Array) -> tuple[Array, list[str]]:
+    """``rates`` without the offsets of roll and pitch that are certain, and notes on them."""
+    duration = float(times[-1] - times[0])
+    notes = []
+    rates = rates.copy()
+    for axis, name in ((0, "roll"), (1, "pitch")):
+        offset = float(rates[:, axis].mean())
+        if duration >= _MIN_DURATION and abs(offset) * duration > _MAX_TILT:
+            rates[:, axis] -= offset
+            notes.append(f"the gyro's {name} rate has an offset of {offset:.4f} rad/s: removed")
+    return rates, notes
+
+
+def load_pose_record(path: Path, pitch: float = 0.0) -> PoseRecord:
+    """Read a table of ``time tx ty tz qx qy qz qw`` ([s], [m], quaternion).
+
+    The camera's axis points ``pitch`` [rad] below base_link's x axis.
+
+    Raises:
+        InputError: the file is no such table, a row has no position or no rotation, positions can
+            only be in another unit, or there are fewer than two poses; with file and, where it is
+            one line, line.
+
+    """
+    table = TimedTable(path, _POSES)
+    poses, interval = table.series([_pose(table, row) for row in table.rows()], "pose")
+    times, places = poses[:, 0], poses[:, 1:4]
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    speed = float(np.median(steps / np.diff(times)))
+    if speed > _MAX_SPEED:
+        raise table.error(
+            f"the camera moves at {speed:.0f} m/s; expected positions in metres, not millimetres"
         )
-        raise InputError(
-            f"expected readings within the time of the images, 0 to {duration:.2f} s{named}; got "
-            f"{first:.2f} to {last:.2f} s. Count times from the first image, or give those of "
-            "the images by their names or --times",
-            file=record.file,
-            key=record.option,
+    return PoseRecord(
+        times=times,
+        longest_gap=_GAP_STEPS * interval,
+        file=table.file,
+        places=places,
+        quaternions=poses[:, 4:],
+        base_from_camera=CameraModel(pitch=pitch).base_from_camera,
+    )
+
+
+def _pose(table: TimedTable, row: TableRow) -> list[float]:
+    """Time, position and quaternion of a row."""
+    pose = [row.numbers[name] for name in _POSES.columns]
+    if not all(map(math.isfinite, pose)) or max(map(abs, pose[1:4])) > _MAX_COORDINATE:
+        raise table.error("expected finite numbers, positions in metres", row.line)
+    norm = math.hypot(*pose[4:])
+    if not _NORM[0] <= norm <= _NORM[1]:
+        raise table.error(
+            f"qx qy qz qw have the norm {norm:.3g}, not 1; expected the order x, y, z, w", row.line
         )
-    if not images.rate_known:
-        raise InputError(
-            "the times of the images are not known, so readings cannot be assigned to them; give "
-            "--fps or --times",
-            file=record.file,
-            key=record.option,
-        )
-    return record if clock is None else record.shifted(-clock)
+    return pose

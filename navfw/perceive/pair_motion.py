@@ -1,9 +1,15 @@
-"""The camera's motion between two images of a sequence: tracked points, gyro, and what was before.
+"""The camera's motion between two images of a sequence: rotation, heading and metric scale.
 
-Rotation and heading are estimated from tracked points (``navfw.egomotion.flow_egomotion``). The
-gyro, where there is one, is the prior of the rotation. Otherwise the rate of the pair before is, as
+Rotation and heading are estimated from tracked points (``navfw.egomotion.flow_egomotion``), corners
+at the resolution of the original: their positions are more exact than flow on a grid of small
+images, and pyramids follow rotations that exceed its search range. The gyro, where there is one, is
+the prior of the rotation. Otherwise the rate of the pair before is, as
 exactly as rates have been steady: it decides where few points are tracked. The heading of the pairs
 before is a weak prior: it decides between the two motions that explain the image of a single plane.
+
+Flow gives distances as multiples of the baseline. If the floor is visible, it gives the camera's
+height as a multiple of the baseline, too. A known speed thus yields the height, and a known height
+the speed.
 """
 
 from __future__ import annotations
@@ -11,8 +17,10 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
+import cv2
 import numpy as np
 
 from navfw.camera_geometry import rotations
@@ -22,14 +30,154 @@ from navfw.egomotion.flow_egomotion import (
     Egomotion,
     EgomotionPrior,
     MotionKind,
+    PointMotion,
     estimate_egomotion,
 )
-from navfw.perceive.gyro_columns import RATES
-from navfw.perceive.motion_record import MotionRecord
-from navfw.perceive.point_tracks import TrackImage, track_points
+from navfw.perceive.motion_record import RATES, MotionRecord
 from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
-from navfw.signals import Array, CameraMotion, FlowField
+from navfw.signals import Array, CameraMotion, FlowField, Image
+
+_NOMINAL_SPEED = 0.35
+"""Speed assumed if the scale is unknown [m/s]: the limits of OFFIS's distance terms in metres,
+divided by this speed, are those of its terms of time to contact in seconds."""
+NO_FLOOR = 50.0
+"""Camera height if no floor is visible [m]: all cells below the horizon then count as objects."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """The ``speed`` [m/s] and camera ``height`` [m] that OFFIS uses.
+
+    ``source`` is "speed" if the speed was given, "height" if the speed follows from a given height
+    and the floor, and "none" if the scale is unknown: only ratios of distances are then meaningful.
+    """
+
+    speed: float
+    height: float
+    source: str
+
+    @property
+    def metric(self) -> bool:
+        """Whether distances are in metres."""
+        return self.source != "none"
+
+    @property
+    def floor(self) -> bool:
+        """Whether the height above the floor is known."""
+        return self.height < NO_FLOOR
+
+
+@dataclass
+class ScaleEstimator:
+    """Estimates unknown ``speed`` [m/s] or ``height`` [m] from the floor of recent images."""
+
+    speed: float | None
+    height: float | None
+    _ratios: deque[float] = field(default_factory=lambda: deque(maxlen=31))
+
+    def update(self, ratio: float | None) -> Scale:
+        """The scale after a measured ``ratio`` [1/s] of speed to height; None without floor."""
+        if ratio is not None:
+            self._ratios.append(ratio)
+        usual = float(np.median(self._ratios)) if self._ratios else None
+        if self.speed is not None:
+            height = self.height or (NO_FLOOR if usual is None else self.speed / usual)
+            return Scale(self.speed, min(max(height, 0.05), NO_FLOOR), "speed")
+        now = ratio or usual
+        if now is None:
+            return Scale(_NOMINAL_SPEED, NO_FLOOR, "none")
+        if self.height is not None:
+            return Scale(self.height * now, self.height, "height")
+        return Scale(_NOMINAL_SPEED, min(max(_NOMINAL_SPEED / now, 0.05), NO_FLOOR), "none")
+
+
+MAX_WIDTH = 640
+"""Largest width of the images in which points are tracked [px]."""
+
+POINTS = 400
+"""Largest number of points."""
+
+QUALITY = 0.005
+"""Least eigenvalue of a corner's structure tensor, relative to the best corner's."""
+
+WINDOW = 21
+"""Side of the window of a point at the width MAX_WIDTH [px]; at least _MIN_WINDOW."""
+_MIN_WINDOW = 11
+
+_LEVELS = 4
+"""Levels of the pyramid."""
+
+_RETURN = 0.5
+"""Largest distance [px] between a point and where tracking it forth and back ends."""
+
+SIGMA = 0.15
+"""Standard deviation of a track [px of the track image]."""
+
+_TRACK_OVERLAP = 2.0
+"""Number of tracks with a common error."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackImage:
+    """A grey image (height, width) for tracking, and its ``scale`` relative to the original."""
+
+    grey: Image
+    scale: float
+
+    @classmethod
+    def of(cls, image: Image) -> TrackImage:
+        """The track image of an original (height, width, 3)."""
+        grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+        scale = min(MAX_WIDTH / grey.shape[1], 1.0)
+        if scale < 1.0:
+            grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        return cls(np.ascontiguousarray(grey, dtype=np.uint8), scale)
+
+
+def track_points(past: TrackImage, now: TrackImage, size: WorkingSize) -> PointMotion:
+    """Corners of ``now`` found again in ``past``, in pixels of the working image."""
+    found: Any = cv2.goodFeaturesToTrack(now.grey, POINTS, QUALITY, _distance(now.grey))
+    if found is None:
+        none = np.empty((0, 2))
+        return PointMotion(none, none, np.empty(0), np.empty(0))
+    back, there = _tracked(now.grey, past.grey, found)
+    again, here = _tracked(past.grey, now.grey, back)
+    good = there & here & (np.linalg.norm((again - found).reshape(-1, 2), axis=1) < _RETURN)
+    factor = size.scale / now.scale
+    return PointMotion(
+        _centred(found.reshape(-1, 2)[good], now.grey) * factor,
+        _centred(back.reshape(-1, 2)[good], past.grey) * factor,
+        np.full(int(good.sum()), SIGMA * factor),
+        np.full(int(good.sum()), 1.0 / _TRACK_OVERLAP),
+    )
+
+
+def _tracked(image: Image, other: Image, points: Any) -> tuple[Any, Any]:
+    """Where ``points`` (n, 1, 2) of ``image`` are in the ``other``, and which were found (n,)."""
+    side = max(WINDOW * image.shape[1] // MAX_WIDTH | 1, _MIN_WINDOW)
+    moved, found, _ = cv2.calcOpticalFlowPyrLK(
+        image,
+        other,
+        points,
+        np.empty_like(points),
+        winSize=(side, side),
+        maxLevel=_LEVELS,
+        criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01),
+    )
+    return moved, np.asarray(found).ravel() > 0
+
+
+def _distance(grey: Image) -> float:
+    """Least distance between two points [px]: that of POINTS spread evenly, halved."""
+    return max(0.5 * float(np.sqrt(grey.size / POINTS)), 3.0)
+
+
+def _centred(points: Array, grey: Image) -> Array:
+    """``points`` (n, 2) [px, centre of the first pixel at 0] relative to the image's centre."""
+    height, width = grey.shape
+    return np.asarray(points, dtype=np.float64) - 0.5 * (np.array([width, height]) - 1.0)
+
 
 _GYRO_SIGMA = 0.005
 """Standard deviation of the constant error of a gyro's rates [rad/s]."""

@@ -1,11 +1,15 @@
-"""The result of one pair of images."""
+"""The result of one pair of images, as plain data, and as a line of text."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from navfw.egomotion.flow_egomotion import Egomotion
-from navfw.perceive.scale import Scale
+from navfw.offis.elementary_situations import ELEMENTARY, TABLE
+from navfw.perceive.pair_motion import Scale
 from navfw.signals import Array, FlowField, Percept
 
 
@@ -40,3 +44,102 @@ class PairResult:
     confidence: float
     known: bool
     notes: tuple[str, ...]
+
+
+_DIGITS = 4
+
+
+def as_data(result: PairResult) -> dict[str, Any]:
+    """The result of a pair of images as plain data; undefined numbers are None.
+
+    Distances in metres are None if the scale is unknown; times to contact [s] need no scale.
+    Positions are in pixels from the top left of the original images.
+    """
+    percept, scale = result.percept, result.scale
+    regions = percept.explanation["regions"]
+    focus = None if result.focus is None else {"x": _n(result.focus[0]), "y": _n(result.focus[1])}
+    roll, pitch, yaw = (math.degrees(angle) for angle in result.rotation_vector)
+    return {
+        "pair": result.number,
+        "time": _n(result.time),
+        "dt": _n(result.dt),
+        "frames": [result.past, result.now],
+        "sentence": percept.sentence,
+        "known": result.known,
+        "confidence": _n(result.confidence),
+        "obstacles": {layer: dict(parts) for layer, parts in percept.obstacles.items()},
+        "distances": {
+            name: {
+                "term": strongest_term(degrees),
+                **{term: _n(degree) for term, degree in degrees.items()},
+                "distance_m": _metres(regions[name]["nearest"]) if scale.metric else None,
+                "ttc_s": _n(result.quadrant_contact[name]),
+            }
+            for name, degrees in percept.quadrants.items()
+        },
+        "situation": _front_situation(result),
+        "situations": {name: _n(degree) for name, degree in percept.situations.items()},
+        "floor_in_front": _n(percept.floor_in_front),
+        "slopes": dict(percept.slopes),
+        "planes": {pair: _n(degree) for pair, degree in percept.planes.items()},
+        "ttc_s": _n(result.contact),
+        "heading": _heading(result),
+        "focus_of_expansion": focus,
+        "rotation_deg": {
+            "yaw": _n(yaw),
+            "pitch": _n(pitch),
+            "roll": _n(roll),
+            "source": result.turn_source,
+        },
+        "scale": {
+            "source": scale.source,
+            "speed_m_s": _n(scale.speed) if scale.metric else None,
+            "camera_height_m": _n(scale.height) if scale.metric and scale.floor else None,
+        },
+        "notes": list(result.notes),
+    }
+
+
+def as_line(result: PairResult) -> str:
+    """Time, confidence, time to contact and the sentence, the front first, in one line."""
+    contact = f"{result.contact:6.1f} s" if math.isfinite(result.contact) else "       -"
+    parts = result.percept.sentence.split("; ")
+    sentence = "; ".join(sorted(parts, key=lambda part: part.startswith("Layer")))
+    notes = f" ({'; '.join(result.notes)})" if result.notes else ""
+    return f"{result.time:8.2f} s  {result.confidence:4.2f}  {contact}  {sentence}{notes}"
+
+
+def _heading(result: PairResult) -> dict[str, Any]:
+    """Kind of motion; the heading in the camera's axes, and its standard deviation."""
+    found = result.egomotion
+    known = math.isfinite(found.heading_sigma)
+    right, down, ahead = found.direction.tolist()
+    return {
+        "motion": str(found.kind),
+        "bearing_deg": _n(math.degrees(math.atan2(-right, ahead))) if known else None,
+        "elevation_deg": _n(math.degrees(math.asin(min(max(-down, -1.0), 1.0)))) if known else None,
+        "sigma_deg": _n(math.degrees(found.heading_sigma)),
+    }
+
+
+def _front_situation(result: PairResult) -> str:
+    """The front in the sentence: an entry of Table 1 or an elementary situation."""
+    for part in result.percept.sentence.split("; "):
+        if part.startswith("Front is "):
+            front = part.removeprefix("Front is ").removeprefix("a ")
+            return front if front in TABLE or front in ELEMENTARY else "unknown"
+    return "unknown"
+
+
+def strongest_term(degrees: Mapping[str, float]) -> str:
+    """The strongest of the degrees of near, middle and far; "unknown" if all are 0."""
+    best = max(degrees, key=degrees.__getitem__)
+    return best if degrees[best] > 0.0 else "unknown"
+
+
+def _metres(nearness: float) -> float | None:
+    return _n(1.0 / nearness) if nearness > 0.02 else None
+
+
+def _n(value: float) -> float | None:
+    return round(float(value), _DIGITS) if math.isfinite(value) else None

@@ -18,11 +18,16 @@ from navfw.interfaces import FlowProcessor
 from navfw.offis.offis import Offis
 from navfw.perceive.floor_motion import FloorFinder, FloorMotion
 from navfw.perceive.image_sources import ImageSource, SourceImage
-from navfw.perceive.pair_motion import PairMotion, PairMotionEstimator, rotation_vector
+from navfw.perceive.pair_motion import (
+    PairMotion,
+    PairMotionEstimator,
+    Scale,
+    ScaleEstimator,
+    TrackImage,
+    rotation_vector,
+)
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver_options import MAX_STRIDE, PerceiverOptions
-from navfw.perceive.point_tracks import TrackImage
-from navfw.perceive.scale import Scale, ScaleEstimator
 from navfw.perceive.working_size import WorkingSize
 from navfw.plugins import Registry
 from navfw.robot import CameraModel, RobotModel

@@ -1,15 +1,17 @@
-"""Options of the perceiver: the camera, its motion, and the flow processor."""
+"""Options of the perceiver, and what it assumes about the camera where nothing is given."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from navfw.errors import InputError
+from navfw.perceive.image_sources import ImageSource
 from navfw.perceive.motion_record import MotionRecord
-from navfw.perceive.working_size import HFOV
+from navfw.perceive.working_size import HFOV, WorkingSize
 
 _USUAL_VIEW = 65.0
 """Field of view along the longer side of an image that is assumed if none is given [deg]: that of
@@ -94,3 +96,35 @@ class PerceiverOptions:
             return None
         speed = float(np.linalg.norm(way)) / (end - begin)
         return speed if 0.0 < speed <= MAX_SPEED else None  # where poses jump, none
+
+
+def assumptions(
+    options: PerceiverOptions, source: ImageSource, size: WorkingSize
+) -> dict[str, float | str]:
+    """What the results for images of ``source`` assume; a key is missing where it was given.
+
+    ``hfov_deg`` [deg] is the horizontal field of view, ``pitch_deg`` [deg] the camera's pitch,
+    ``distortion`` that of the lens, ``fps`` [1/s] the frame rate. Of the motion nothing is assumed.
+    """
+    assumed: dict[str, float | str] = {}
+    if options.hfov is None and source.hfov is None:
+        view = options.angle_of_view(size.width, size.height, None)
+        assumed["hfov_deg"] = round(math.degrees(view), 1)
+    if source.hfov is None:
+        assumed["distortion"] = "none"
+    if options.pitch is None:
+        assumed["pitch_deg"] = 0.0
+    if not source.rate_known:
+        assumed["fps"] = source.rate
+    return assumed
+
+
+def assumptions_line(assumed: Mapping[str, float | str]) -> str:
+    """The assumptions in one line, with the options that replace them."""
+    words = {
+        "hfov_deg": "horizontal field of view {:g} degrees (--hfov, --calibration)",
+        "distortion": "lens distortion {} (--calibration)",
+        "pitch_deg": "pitch {:g} degrees until the floor shows it (--pitch)",
+        "fps": "{:g} images a second (--fps, --times)",
+    }
+    return "assumed: " + ", ".join(words[key].format(value) for key, value in assumed.items())

@@ -19,8 +19,8 @@ from navfw.config.input_file import is_file, is_folder, read_input, read_input_t
 from navfw.config.json_file import read_json_object
 from navfw.config.lookup import find, project_folder
 from navfw.errors import ConfigError, InputError
-from navfw.perceive.gyro_record import load_gyro_record
 from navfw.perceive.image_sources import open_source
+from navfw.perceive.motion_record import load_gyro_record
 from navfw.recording.run_folder import read_result
 from navfw.recording.sensor_recording import load_recording
 from navfw.suite.run_table import read_table
@@ -55,7 +55,7 @@ ALLOWED = {
         "cv2.VideoCapture": "it takes a name only; the file is checked just before",
         "os.open": "the null device",
     },
-    "navfw/perceive/gyro_record.py": {"csv.reader": "of text already read"},
+    "navfw/perceive/timed_table.py": {"csv.reader": "of text already read"},
     "navfw/bench/recorded_pairs.py": {"np.loadtxt": "of lines already read"},
     "navfw/bench/recorded_approach.py": {"loadmat": "of an opened input"},
     "navfw/sim/engine.py": {"os.open": "the null device"},

@@ -19,7 +19,7 @@ from navfw.context import CommandGrid, CommandGridParams
 from navfw.fuzzy.grammar import parse_rule
 from navfw.missions.missionfile import load_mission
 from navfw.mofis.rules import BehaviorRules
-from navfw.perceive.calibration_file import load_calibration
+from navfw.perceive.calibration import load_calibration
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.robot.robotfile import RobotSpec, load_robot

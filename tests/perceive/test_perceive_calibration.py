@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
+from navfw.camera_geometry.lens_models import CameraCalibration
 from navfw.errors import InputError
-from navfw.perceive.calibration_file import CameraCalibration, load_calibration
-from navfw.perceive.undistortion import Undistortion
+from navfw.perceive.calibration import Undistortion, load_calibration
 from navfw.signals import Array, Image
 
 MATRIX = np.array([[210.0, 0.0, 155.0], [0.0, 205.0, 124.0], [0.0, 0.0, 1.0]])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.errors import InputError
-from navfw.perceive.gyro_record import GyroRecord, load_gyro_record
+from navfw.perceive.motion_record import GyroRecord, load_gyro_record
 
 
 def write(tmp_path: Path, text: str) -> Path:
@@ -24,7 +24,9 @@ def test_linear_rates_are_integrated_exactly(
     times = np.linspace(0.0, 10.0, 501)
     rates = np.zeros((501, 3))
     rates[:, 2] = rate + rise * times
-    rotation_vector = GyroRecord(times, rates, 0.05).rotation_between(begin, begin + length)
+    rotation_vector = GyroRecord(times=times, rates=rates, longest_gap=0.05).rotation_between(
+        begin, begin + length
+    )
     assert rotation_vector is not None
     expected = rate * length + rise * ((begin + length) ** 2 - begin**2) / 2
     assert rotation_vector == pytest.approx([0.0, 0.0, expected], abs=1e-9)
@@ -96,7 +98,7 @@ def test_gaps_and_missing_numbers(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("0,0\n1,0\n0.5,0\n", r"gyro\.csv:3: time 0\.5 s does not come after 1 s"),
+        ("0,0\n1,0\n0.5,0\n", r"gyro\.csv:3: time 0\.500000 s does not come after 1\.0"),
         ("time,yaw\n0,0\n1,abc\n", r"gyro\.csv:3: yaw_rate: 'abc' is not a number"),
         ("time,yow_rate\n", r"gyro\.csv:1: unknown column 'yow_rate': did you mean 'yaw_rate'"),
         ("time,pitch\n0,0\n", r"gyro\.csv:1: has no column 'yaw_rate'"),

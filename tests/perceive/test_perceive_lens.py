@@ -10,16 +10,27 @@ import numpy as np
 import pytest
 from perceive_images import save, texture, wall_at
 
+from navfw.camera_geometry.lens_models import (
+    ARCTAN,
+    FISHEYE,
+    CameraCalibration,
+    LensShape,
+    distort,
+    focal_for,
+    straighten,
+)
 from navfw.camera_geometry.rotations import rotation_matrix
 from navfw.perceive import lens_estimate
-from navfw.perceive.arctan_lens import distort, focal_for, straighten
-from navfw.perceive.assumptions import estimate_line
-from navfw.perceive.calibration_file import ARCTAN, FISHEYE, CameraCalibration, load_calibration
+from navfw.perceive.calibration import Undistortion, load_calibration
 from navfw.perceive.image_sources import ImageSource, open_source
-from navfw.perceive.lens_estimate import LensEstimate, estimate_lens, open_with_lens
-from navfw.perceive.lens_fit import LensFit, LensShape, TrackedPair
-from navfw.perceive.lens_pairs import lens_pairs
-from navfw.perceive.undistortion import Undistortion
+from navfw.perceive.lens_estimate import (
+    LensEstimate,
+    estimate_lens,
+    estimate_line,
+    lens_pairs,
+    open_with_lens,
+)
+from navfw.perceive.lens_fit import LensFit, TrackedPair
 from navfw.signals import Array
 
 WIDTH, HEIGHT = 320, 240

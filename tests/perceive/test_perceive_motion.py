@@ -17,10 +17,11 @@ from navfw.perceive.pair_motion import (
     RATE_DRIFT,
     PairMotion,
     PairMotionEstimator,
+    ScaleEstimator,
+    TrackImage,
     rotation_vector,
+    track_points,
 )
-from navfw.perceive.point_tracks import TrackImage, track_points
-from navfw.perceive.scale import ScaleEstimator
 from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField, Image

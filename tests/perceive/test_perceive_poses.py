@@ -10,9 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from navfw.errors import InputError
-from navfw.perceive.motion_record import MotionRecord, on_clock_of
+from navfw.perceive.motion_record import MotionRecord, load_pose_record
 from navfw.perceive.perceiver_options import PerceiverOptions
-from navfw.perceive.pose_record import load_pose_record
 from navfw.signals import Array
 
 START = 1305031449.0
@@ -118,29 +117,29 @@ def test_times_of_the_images_names_or_since_the_first_one(tmp_path: Path) -> Non
     turn = np.array([0.0, -0.1, 0.0])
     stamped: MotionRecord = load_pose_record(trajectory(tmp_path, turn, turn, start=START))
     images = Images(START + 2.0, 5.0)
-    found = on_clock_of(images, stamped)  # type: ignore[arg-type]
+    found = stamped.on_clock_of(images)  # type: ignore[arg-type]
     assert float(found.times[0]) == pytest.approx(-2.0)
     assert found.rotation_between(0.0, 1.0) == pytest.approx([0.0, 0.0, 0.1], abs=1e-5)
     relative: MotionRecord = load_pose_record(trajectory(tmp_path, turn, turn))
-    assert on_clock_of(images, relative) is relative  # type: ignore[arg-type]
+    assert relative.on_clock_of(images) is relative  # type: ignore[arg-type]
     for others in (Images(None, 5.0), Images(START + 100.0, 5.0), Images(None, math.inf)):
         with pytest.raises(InputError, match=r"poses\.txt: --poses: expected readings within the"):
-            on_clock_of(others, stamped)  # type: ignore[arg-type]
+            stamped.on_clock_of(others)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"times of the images are not known.* give --fps or --ti"):
-        on_clock_of(Images(None, 5.0, rate_known=False), relative)  # type: ignore[arg-type]
+        relative.on_clock_of(Images(None, 5.0, rate_known=False))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (LINE, r"poses\.txt: has 1 pose; at least two lines of timestamp tx"),
-        ("", "has no pose"),
-        (LINE + "1 0 0 0 0 0 1\n", r"poses\.txt:2: has 7 values; expected timestamp tx ty tz"),
+        (LINE, r"poses\.txt: has 1 usable pose; at least two rows of time, tx, ty, tz"),
+        ("", "has no usable pose"),
+        (LINE + "1 0 0 0 0 0 1\n", r"poses\.txt:2: has 7 values, not 8 \(time, tx, ty, tz,"),
         (LINE + "1 0 0 0 0 0 0 one\n", r"poses\.txt:2: qw: 'one' is not a number"),
         (LINE + "1 0 0 nan 0 0 0 1\n", r"poses\.txt:2: expected finite numbers, positions in met"),
         (LINE + "1 0 0 1e30 0 0 0 1\n", r"poses\.txt:2: expected finite numbers"),
         (LINE + "1 0 0 0 1 0 0 1\n", r"poses\.txt:2: qx qy qz qw have the norm 1\.41, not 1"),
-        (LINE + LINE, r"poses\.txt:2: time 0\.000000 s does not come after .*; sort the lines"),
+        (LINE + LINE, r"poses\.txt:2: time 0\.000000 s does not come after .*; sort the rows"),
         (LINE + "0.1 0 0 50 0 0 0 1\n", "moves at 500 m/s; expected positions in metres, not mill"),
         (LINE + LINE.replace("0", "500", 1), "poses are 500 s apart; expected times in seconds"),
     ],

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from perceive_images import save
 
 from navfw.errors import InputError
-from navfw.perceive.image_order import natural_key
 from navfw.perceive.image_sources import open_source
+from navfw.perceive.image_times import natural_key
 
 GREY = np.full((48, 64, 3), 90, np.uint8)
 

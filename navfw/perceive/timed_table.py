@@ -1,0 +1,293 @@
+"""Tables with a column of times: gyro rates, poses and lists of images.
+
+Values are separated by commas, semicolons, tabs or blanks. A first line that does not begin with a
+number is a header: it names the columns, in any order and among others, with units of time and of
+rates, such as ``time_ms`` or ``yaw_rate [deg/s]``.
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import itertools
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from navfw.config.input_file import read_input_text, shown_path
+from navfw.errors import InputError, did_you_mean
+from navfw.signals import Array
+
+TIME = "time"
+TIME_NAMES = {TIME: TIME, "t": TIME, "timestamp": TIME, "stamp": TIME}
+"""Names of the column of times, and its name here."""
+_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of time [s]."""
+_RATE_UNITS = {
+    "rad/s": 1.0,
+    "mrad/s": 1e-3,
+    "deg/s": math.pi / 180.0,
+    "mdeg/s": math.pi / 180e3,
+}
+"""Units of rates [rad/s]."""
+_SPELLINGS = {
+    "sec": "s",
+    "seconds": "s",
+    "msec": "ms",
+    "µs": "us",
+    "usec": "us",
+    "nsec": "ns",
+    "rads": "rad/s",
+    "rps": "rad/s",
+    "dps": "deg/s",
+    "degs": "deg/s",
+    "degrees/s": "deg/s",
+    "°/s": "deg/s",
+    "mdps": "mdeg/s",
+    "mdegs": "mdeg/s",
+    "mrads": "mrad/s",
+}
+_MIN_LIKENESS = 0.75
+"""Likeness from which an unknown name is taken for a misspelt one."""
+_MAX_BYTES = 50_000_000
+"""Largest size of a table [byte]: 15 minutes of readings at 1 kHz, an hour of poses at 100 Hz."""
+_MAX_INTERVAL = 2.0
+"""Longest usual interval of samples [s]: longer ones are probably not in seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class TableFormat:
+    """What a kind of table holds.
+
+    ``columns`` are their names in the order that they have without a header, the first ``needed``
+    of them required; ``names`` maps each name that a header may use to one of them. The columns
+    ``texts`` hold no numbers. With ``others``, columns of other quantities may follow without a
+    header, and a name that is nearly known is one of them, not a misspelt one.
+    """
+
+    columns: tuple[str, ...]
+    needed: int
+    names: Mapping[str, str]
+    texts: frozenset[str] = frozenset()
+    others: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class TableRow:
+    """A row: ``numbers`` by column, times [s] and rates [rad/s]; nan where a cell is empty."""
+
+    line: int
+    numbers: dict[str, float]
+    texts: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """The column ``name``, whose numbers times ``unit`` are in SI units."""
+
+    name: str
+    unit: float = 1.0
+
+
+class TimedTable:
+    """The table in the file at ``path``, which messages name as ``file``.
+
+    ``header`` has the cells of the header, none without one.
+
+    Raises:
+        InputError: the file cannot be read, lacks a column, or has a misspelt one or an unknown
+            unit; with file and line.
+
+    """
+
+    def __init__(self, path: Path, kind: TableFormat) -> None:
+        self.file = shown_path(path)
+        self.header: tuple[str, ...] = ()
+        self._kind = kind
+        self._columns: list[_Column | None] = []
+        self._lines: Iterator[tuple[int, list[str]]] = self._split(
+            read_input_text(path, _MAX_BYTES)
+        )
+        first = next(self._lines, None)
+        if first is None:
+            return
+        line, cells = first
+        if _is_number(cells[0]):
+            self._columns = self._by_position(line, len(cells))
+            self._lines = itertools.chain([first], self._lines)
+        else:
+            self.header = tuple(cells)
+            self._columns = self._by_header(line)
+
+    @property
+    def columns(self) -> frozenset[str]:
+        """The names of the columns that the table has."""
+        return frozenset(column.name for column in self._columns if column is not None)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The names in the header, without their units."""
+        return frozenset(name_and_unit(word)[0] for word in self.header)
+
+    @property
+    def unused(self) -> list[str]:
+        """The cells of the header over columns of other quantities."""
+        pairs = zip(self.header, self._columns, strict=True) if self.header else ()
+        return [name for name, column in pairs if column is None]
+
+    def rows(self) -> Iterator[TableRow]:
+        """The rows; the times of those without a missing number increase.
+
+        Raises:
+            InputError: a row has another number of values, a value is not a number, or a time does
+                not come after the one before.
+
+        """
+        last = -math.inf
+        for line, cells in self._lines:
+            if len(cells) != len(self._columns):
+                names = ", ".join(column.name for column in self._columns if column is not None)
+                raise self.error(
+                    f"has {len(cells)} values, not {len(self._columns)} ({names})", line
+                )
+            row = TableRow(line, {}, {})
+            for column, cell in zip(self._columns, cells, strict=True):
+                if column is not None and column.name in self._kind.texts:
+                    row.texts.setdefault(column.name, cell)
+                elif column is not None:
+                    row.numbers[column.name] = column.unit * self._number(line, column.name, cell)
+            if all(map(math.isfinite, row.numbers.values())):
+                time = row.numbers[TIME]
+                if time <= last:
+                    raise self.error(
+                        f"time {time:.6f} s does not come after {last:.6f} s; sort the rows by "
+                        "time",
+                        line,
+                    )
+                last = time
+            yield row
+
+    def series(self, rows: Sequence[Sequence[float]], name: str) -> tuple[Array, float]:
+        """``rows`` (n, k), each with its time first, as an array, and their usual interval [s].
+
+        Raises:
+            InputError: there are fewer than two, called ``name``, or the interval is too long to be
+                in seconds.
+
+        """
+        if len(rows) < 2:
+            columns = ", ".join(self._kind.columns[: self._kind.needed])
+            raise self.error(
+                f"has {len(rows) or 'no'} usable {name}; at least two rows of {columns} are needed"
+            )
+        table = np.array(rows)
+        interval = float(np.median(np.diff(table[:, 0])))
+        if interval > _MAX_INTERVAL:
+            raise self.error(
+                f"{name}s are {interval:g} s apart; expected times in seconds: if they have "
+                "another unit, name it in the header: time_ms, time_us or time_ns"
+            )
+        return table, interval
+
+    def error(self, message: str, line: int | None = None, key: str | None = None) -> InputError:
+        """The error that the table, or its ``line``, is not what it should be."""
+        return InputError(message, file=self.file, line=line, key=key)
+
+    def _split(self, text: str) -> Iterator[tuple[int, list[str]]]:
+        """Line number and cells of each line that is neither empty nor a comment."""
+        lines = text.splitlines()
+        rows = (line for line in lines if line.strip() and not line.lstrip().startswith("#"))
+        first = next(rows, "")
+        # programs of countries with decimal commas separate by semicolons, others by tabs
+        separator = max(",;\t", key=first.count)
+        if separator not in first:
+            separator = " "
+            lines = [" ".join(line.split()) for line in lines]
+        reader = csv.reader(lines, delimiter=separator, skipinitialspace=True)
+        try:
+            for row in reader:
+                cells = [cell.strip() for cell in row]
+                if any(cells) and not cells[0].startswith("#"):
+                    yield reader.line_num, cells
+        except csv.Error as error:
+            raise self.error(f"is not a CSV file: {error}", reader.line_num) from None
+
+    def _by_position(self, line: int, count: int) -> list[_Column | None]:
+        """The columns of a table without a header."""
+        columns, needed, others = self._kind.columns, self._kind.needed, self._kind.others
+        if count < needed or (count > len(columns) and not others):
+            optional = f" [, {', '.join(columns[needed:])}]" if columns[needed:] else ""
+            raise self.error(
+                f"has {count} columns and no header; expected {', '.join(columns[:needed])}"
+                f"{optional}",
+                line,
+            )
+        known = [_Column(name) for name in columns[:count]]
+        return [*known, *[None] * (count - len(known))]
+
+    def _by_header(self, line: int) -> list[_Column | None]:
+        """The columns that the header names."""
+        columns = [self._named(line, word) for word in self.header]
+        names = [column.name for column in columns if column is not None]
+        for name in self._kind.columns[: self._kind.needed]:
+            if name not in names:
+                raise self.error(f"has no column {name!r}; name the one that holds it so", line)
+        for name in names:
+            if names.count(name) > 1 and name not in self._kind.texts:
+                raise self.error(f"has several columns of {name!r}; keep one", line)
+        return columns
+
+    def _named(self, line: int, word: str) -> _Column | None:
+        """The column with the name ``word`` in the header; None for another quantity."""
+        written, unit = name_and_unit(word)
+        name = self._kind.names.get(written)
+        if name is None:
+            near = difflib.get_close_matches(written, self._kind.names, n=1, cutoff=_MIN_LIKENESS)
+            if near and not self._kind.others:
+                hint = did_you_mean(written, self._kind.names)
+                raise self.error(f"unknown column {word!r}: {hint}", line)
+            return None
+        if unit is None:
+            return _Column(name)
+        units = _TIME_UNITS if name == TIME else _RATE_UNITS
+        if unit not in units:
+            raise self.error(f"unknown unit in {word!r}; known: {', '.join(units)}", line)
+        return _Column(name, units[unit])
+
+    def _number(self, line: int, name: str, cell: str) -> float:
+        try:
+            return float(cell) if cell else math.nan
+        except ValueError:
+            what = "a time in seconds" if name == TIME else "a number"
+            raise self.error(f"{cell!r:.40} is not {what}", line, name) from None
+
+
+def name_and_unit(word: str) -> tuple[str, str | None]:
+    """Name and unit of a ``word`` of a header; the unit is None if it has none.
+
+    >>> name_and_unit("Yaw rate (deg/sec)"), name_and_unit("time_ms")
+    (('yaw_rate', 'deg/s'), ('time', 'ms'))
+    """
+    text = word.strip().lower()
+    bracketed = re.fullmatch(r"(.*?)\s*[\[(]\s*(.*?)\s*[\])]", text)
+    if bracketed is not None:
+        unit = bracketed[2].replace("sec", "s") if "/" in bracketed[2] else bracketed[2]
+        return re.sub(r"[ .\-]+", "_", bracketed[1]), _SPELLINGS.get(unit, unit)
+    name = re.sub(r"[ .\-]+", "_", text)
+    for unit in sorted([*_TIME_UNITS, *_RATE_UNITS, *_SPELLINGS], key=len, reverse=True):
+        ending = "_" + unit.replace("/", "_")
+        if name.endswith(ending):
+            return name.removesuffix(ending), _SPELLINGS.get(unit, unit)
+    return name, None
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
