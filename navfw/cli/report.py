@@ -170,7 +170,7 @@ def _suite_text(suites: list[SuiteFolder], variants: Variants, page: Path) -> tu
         from navfw.report.suite_page import suite_report
 
         return suite_report(suites[0], page)
-    from navfw.report.comparison_page import comparison_report
+    from navfw.report.suite_page import comparison_report
 
     return comparison_report(suites[0], suites[1], page, variants)
 

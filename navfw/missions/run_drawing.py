@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from navfw.recording import palette
-from navfw.recording.top_view import OutlineDisc, WorldOutline
-from navfw.signals import Pose, SensorReading, Twist, Waypoint
+from navfw.recording.top_view import Disc, Line, Marks, OutlineDisc, WorldOutline, way_shapes
+from navfw.signals import Pose, SensorReading, Twist
 from navfw.sim.display import Point3, SimulatorWindow
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.stack import Stack
@@ -42,7 +42,7 @@ class WindowOverlay:
         self._window = window
         self._stack = stack
         self._drawn: Pose | None = None
-        self._posted: tuple[Waypoint, ...] = ()
+        self._lines: dict[str, list[Point3]] = {}
 
     def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
         """Draw what is new once per camera frame."""
@@ -70,24 +70,25 @@ class WindowOverlay:
         state, context = self._stack.state, self._stack.mofis.context
         if state.belief is None:
             return
-        robot, color = state.belief.pose, palette.rgb(palette.GOAL)
-        first = state.path[:1]
-        self._window.draw(
-            "first leg", [_at(robot.x, robot.y), *(_at(w.x, w.y) for w in first)], color
-        )
-        if state.path is not self._posted:
-            self._posted = state.path
-            self._window.draw("way", [_at(w.x, w.y) for w in state.path], color)
-            for number, waypoint in enumerate(state.path):
-                self._window.draw(f"post {number}", _post(waypoint.x, waypoint.y), color)
+        robot, point = state.belief.pose, None
         if state.command is not None and context is not None and context.local_goal is not None:
             point = robot.to_parent(context.local_goal.x, context.local_goal.y)
-            ends = [_at(robot.x, robot.y), *_post(*point)]
-            self._window.draw("local goal", ends, palette.rgb(palette.LOCAL_GOAL))
+        way = [(waypoint.x, waypoint.y) for waypoint in state.path]
+        for shape in way_shapes((robot.x, robot.y), way, point):
+            name, color = shape.style.label, palette.rgb(shape.style.color or shape.style.edge)
+            if isinstance(shape, Line):
+                self._draw(name, [(x, y, _LIFT) for x, y in shape.points.tolist()], color)
+            elif isinstance(shape, Disc):
+                self._draw(f"{name} post", _post(shape.x, shape.y), color)
+            elif isinstance(shape, Marks):
+                for number, (x, y) in enumerate(shape.points.tolist()):
+                    self._draw(f"post {number}", _post(x, y), color)
 
-
-def _at(x: float, y: float) -> Point3:
-    return x, y, _LIFT
+    def _draw(self, name: str, points: list[Point3], color: tuple[int, int, int]) -> None:
+        """Draw a line in place of the last one of this ``name``, if it is another one."""
+        if self._lines.get(name) != points:
+            self._lines[name] = points
+            self._window.draw(name, points, color)
 
 
 def _post(x: float, y: float) -> list[Point3]:

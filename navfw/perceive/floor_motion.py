@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from navfw.numerics.arrays import Floats, Mask
 from navfw.robot import CameraModel

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from navfw.config.extras import extra_imports
 from navfw.process.atomic import atomic_file
 from navfw.recording.palette import GOAL, START
-from navfw.recording.path_labels import PathLabels
-from navfw.recording.top_view import (
-    WorldOutline,
+from navfw.recording.plan_picture import (
+    PathLabels,
     draw_arrow,
-    draw_outline,
-    style_axes,
+    draw_shapes,
+    plan_axes,
     write_legend,
 )
+from navfw.recording.top_view import Area, Line, Marks, Shape, Style, WorldOutline
 from navfw.signals import Array
 from navfw.topomap import TopoMap
 
@@ -34,7 +34,14 @@ _KIND_COLORS = {
     "corner": "#8C8577",
     "danger": "#D00000",
 }
-_PASSAGE, _DANGER, _LANDMARK, _NAME = "#7FA7C9", "#D00000", "#CC79A7", "#3A3A3A"
+_DANGER, _LANDMARK, _NAME = "#D00000", "#CC79A7", "#3A3A3A"
+_PASSAGE = Style("#7FA7C9", label="passage")
+_DANGEROUS = Style(_DANGER, label="dangerous passage")
+_BAND_OPACITY = 0.13
+_CLOSED = Style(edge=_DANGER, width=2.4, marker="x", size=10.0, label="closed")
+_ROUTE = Style(GOAL, width=3.0, opacity=0.8, label="route")
+_START = Style(START, size=9.0, label="start")
+_GOAL = Style(GOAL, marker="star", size=14.0, label="goal")
 _ARROWS = 6
 """Number of arrow heads along a route."""
 _MAX_WIDTH = 2.0
@@ -84,61 +91,45 @@ def draw_map(
     With a ``route`` its places alone are named. ``avoid`` has the two ends of each passage that is
     crossed out.
     """
-    with extra_imports("report"):
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-
     points = np.array([(place.x, place.y) for place in topo_map.places.values()])
-    corners = [points, *(outline.walls if outline else ()), *(outline.furniture if outline else ())]
-    together = np.vstack(corners)
-    low, high = together.min(axis=0) - 0.5, together.max(axis=0) + 0.5
+    world = WorldOutline() if outline is None else outline
+    low, high = world.bounds(0.5, points)
     scale = min(16.0 / (high[0] - low[0]), 11.0 / (high[1] - low[1]))
-    size = (max((high[0] - low[0]) * scale, 7.0), max((high[1] - low[1]) * scale, 3.0) + 0.9)
-    figure = Figure(figsize=size)
-    FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.04, 0.7 / size[1], 0.94, 1.0 - 1.05 / size[1]))
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    axes.set_aspect("equal")
-    if outline is not None:
-        draw_outline(axes, outline, edge=0.6, wall_edge=0.4)
-    _draw_passages(axes, topo_map, avoid)
-    way = np.empty((0, 2))
+    wide = max((high[0] - low[0]) * scale, 7.0)
+    inches = max((high[1] - low[1]) * scale, 3.0) + 0.9
+    frame = (0.04, 0.7 / inches, 0.94, 1.0 - 1.05 / inches)
+    figure, axes = plan_axes((wide, inches), frame, low, high)
+    draw_shapes(axes, [*world.shapes(), *_passages(topo_map, avoid)], zorder=1.0)
+    draw_shapes(axes, [*_places(topo_map), *_landmarks(topo_map)], zorder=6.0)
+    way = np.empty((0, 2)) if route is None else _route_points(topo_map, route)
     if route is not None:
-        way = _draw_route(axes, topo_map, route)
-    _draw_places(axes, topo_map)
-    _draw_landmarks(axes, topo_map)
+        draw_shapes(axes, [Line(way, _ROUTE)], zorder=5.0)
+        draw_shapes(axes, [Marks(way[:1], _START), Marks(way[-1:], _GOAL)], zorder=7.0)
+        _draw_arrows(axes, way)
     labels = PathLabels(axes, way, zorder=9)
     for name in sorted(topo_map.places, key=len) if route is None else route.places:
         labels.write(name, (topo_map.places[name].x, topo_map.places[name].y), _NAME)
-    style_axes(axes)
     axes.set_title(_title(topo_map, route), fontsize=11, loc="left")
     write_legend(figure, axes)
     with atomic_file(path, parents=True) as part:
         figure.savefig(part, dpi=110, format="png", metadata={"Software": "navfw"})
 
 
-def _draw_passages(axes: Axes, topo_map: TopoMap, avoid: Sequence[Sequence[str]]) -> None:
-    from matplotlib.patches import Polygon
-
+def _passages(topo_map: TopoMap, avoid: Sequence[Sequence[str]]) -> Iterator[Shape]:
     crossed = {frozenset(ends) for ends in avoid}
     for passage in topo_map.passages:
         a, b = topo_map.places[passage.a], topo_map.places[passage.b]
-        xs, ys = [a.x, b.x], [a.y, b.y]
-        dangerous = passage.danger > 0.5
-        color = _DANGER if dangerous else _PASSAGE
+        ends = np.array([(a.x, a.y), (b.x, b.y)])
+        style = _DANGEROUS if passage.danger > 0.5 else _PASSAGE
         span = math.hypot(b.x - a.x, b.y - a.y)
         if span > 0.0:
             half = 0.5 * min(passage.width, _MAX_WIDTH) / span
-            dx, dy = half * (a.y - b.y), half * (b.x - a.x)
-            band = [(a.x + dx, a.y + dy), (b.x + dx, b.y + dy)]
-            band += [(b.x - dx, b.y - dy), (a.x - dx, a.y - dy)]
-            axes.add_patch(Polygon(band, closed=True, fc=color, ec="none", alpha=0.13, zorder=3))
-        label = "dangerous passage" if dangerous else "passage"
-        axes.plot(xs, ys, color=color, lw=1.0, zorder=4, label=label)
+            aside = half * np.array([a.y - b.y, b.x - a.x])
+            band = np.vstack([ends + aside, ends[::-1] - aside])
+            yield Area(band, replace(style, opacity=_BAND_OPACITY))
+        yield Line(ends, style)
         if passage.ends in crossed:
-            style = {"marker": "x", "ms": 10, "mew": 2.4, "color": _DANGER, "ls": "", "zorder": 8}
-            axes.plot(0.5 * sum(xs), 0.5 * sum(ys), label="closed", **style)  # type: ignore[arg-type]
+            yield Marks(ends.mean(axis=0)[None], _CLOSED)
 
 
 def _title(topo_map: TopoMap, route: MarkedRoute | None) -> str:
@@ -147,35 +138,31 @@ def _title(topo_map: TopoMap, route: MarkedRoute | None) -> str:
     return f"{topo_map.name}: {len(topo_map.places)} places, {len(topo_map.passages)} passages"
 
 
-def _draw_route(axes: Axes, topo_map: TopoMap, route: MarkedRoute) -> Array:
-    """Draw the route with arrow heads in its direction; returns its points (n, 2) [m]."""
+def _route_points(topo_map: TopoMap, route: MarkedRoute) -> Array:
+    """The points (n, 2) [m] of a route."""
     places = [topo_map.places[name] for name in route.places]
-    points = np.array([(p.x, p.y) for p in (route.start, *places, route.goal)])
-    xs, ys = points.T
-    axes.plot(xs, ys, color=GOAL, lw=3.0, alpha=0.8, zorder=5, label="route")
-    axes.plot(xs[:1], ys[:1], marker="o", ms=9, color=START, ls="", zorder=7, label="start")
-    axes.plot(xs[-1:], ys[-1:], marker="*", ms=14, color=GOAL, ls="", zorder=7, label="goal")
-    legs = np.diff(points, axis=0)
+    return np.array([(point.x, point.y) for point in (route.start, *places, route.goal)])
+
+
+def _draw_arrows(axes: Axes, way: Array) -> None:
+    """Draw arrow heads along the ``way`` (n, 2) in its direction."""
+    legs = np.diff(way, axis=0)
     along = np.concatenate([[0.0], np.hypot(*legs.T).cumsum()])
     for distance in np.linspace(0.0, along[-1], _ARROWS + 2)[1:-1]:
         leg = legs[np.searchsorted(along, distance) - 1]
-        point = (float(np.interp(distance, along, xs)), float(np.interp(distance, along, ys)))
-        draw_arrow(axes, point, math.atan2(leg[1], leg[0]), _NAME, zorder=6.5)
-    return points
+        x, y = (float(np.interp(distance, along, way[:, axis])) for axis in (0, 1))
+        draw_arrow(axes, (x, y), math.atan2(leg[1], leg[0]), _NAME, zorder=6.5)
 
 
-def _draw_places(axes: Axes, topo_map: TopoMap) -> None:
+def _places(topo_map: TopoMap) -> Iterator[Shape]:
     for kind, color in _KIND_COLORS.items():
-        of_kind = [place for place in topo_map.places.values() if place.kind == kind]
-        if of_kind:
-            xs, ys = [place.x for place in of_kind], [place.y for place in of_kind]
-            axes.plot(xs, ys, marker="o", ms=4.5, color=color, ls="", zorder=6, label=kind)
+        points = [(p.x, p.y) for p in topo_map.places.values() if p.kind == kind]
+        yield Marks(np.array(points).reshape(-1, 2), Style(color, size=4.5, label=kind))
 
 
-def _draw_landmarks(axes: Axes, topo_map: TopoMap) -> None:
+def _landmarks(topo_map: TopoMap) -> Iterator[Shape]:
     for mark in topo_map.landmarks.values():
-        facing = (mark.x + 0.4 * math.cos(mark.yaw), mark.y + 0.4 * math.sin(mark.yaw))
-        axes.plot([mark.x, facing[0]], [mark.y, facing[1]], color=_LANDMARK, lw=1.6, zorder=7)
-        axes.plot(
-            mark.x, mark.y, marker="s", ms=5.5, color=_LANDMARK, ls="", zorder=7, label="landmark"
-        )
+        ahead = 0.4 * np.array([math.cos(mark.yaw), math.sin(mark.yaw)])
+        at = np.array([mark.x, mark.y])
+        yield Line(np.array([at, at + ahead]), Style(_LANDMARK, width=1.6))
+        yield Marks(at[None], Style(_LANDMARK, marker="square", size=5.5, label="landmark"))

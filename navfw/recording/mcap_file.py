@@ -97,7 +97,7 @@ def _unpacked_size(chunk: Chunk) -> int:
     if size > _MAX_CHUNK:
         raise ValueError(f"a chunk has {size} bytes, more than {_MAX_CHUNK}")
     if chunk.compression == "zstd":
-        declared = frame_content_size(chunk.data)
+        declared = zstandard.frame_content_size(chunk.data)
     elif chunk.compression == "":
         declared = len(chunk.data)
     else:

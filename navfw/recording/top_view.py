@@ -1,27 +1,88 @@
-"""Common parts of top-view pictures: outline of the world, plain axes, arrows along a path."""
+"""A plan in top view as a list of shapes in metres, made once for all that draw it.
+
+Pictures draw shapes with matplotlib, reports with Bokeh, videos with OpenCV, recordings as messages
+of Foxglove, and the simulator's window as lines.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from navfw.recording.palette import EDGE, FLOOR, FURNITURE, WALL
-from navfw.signals import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from navfw.recording import palette
+from navfw.signals import Array, Pose
 
 Point = tuple[float, float]
 
-_ARROW_HEAD = np.array([[1.0, 0.0], [-0.8, 0.6], [-0.5, 0.0], [-0.8, -0.6]])
-"""Outline of an arrow head that points along x."""
-_LEGEND_WIDTH = 1.25
-"""Mean width of an entry of the legend [inch]."""
+
+@dataclass(frozen=True, slots=True)
+class Style:
+    """How a shape looks.
+
+    ``color`` fills areas, discs and marks ("" leaves them empty) and is that of lines, ``edge``
+    that of outlines, none if it is "". ``width`` is that of lines and outlines [pt]; ``opacity`` is
+    in [0, 1]. ``marker`` is a shape of Bokeh's, ``size`` that of marks [pt]; ``height`` [m] is that
+    of a body in a scene. ``label`` names the shape in keys.
+    """
+
+    color: str = ""
+    edge: str = ""
+    width: float = 1.0
+    opacity: float = 1.0
+    dashed: bool = False
+    marker: str = "circle"
+    size: float = 5.0
+    height: float = 0.0
+    label: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """A polygon with ``corners`` (k, 2)."""
+
+    corners: Array
+    style: Style
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """A disc of ``radius`` about (x, y)."""
+
+    x: float
+    y: float
+    radius: float
+    style: Style
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """The line through ``points`` (n, 2); rows of nan part it."""
+
+    points: Array
+    style: Style
+
+
+@dataclass(frozen=True, slots=True)
+class Marks:
+    """Marks of one size at ``points`` (n, 2), whatever the scale."""
+
+    points: Array
+    style: Style
+
+
+Shape = Area | Disc | Line | Marks
+
+_WALL = Style(palette.WALL, palette.WALL, width=0.6, height=2.0)
+_FURNITURE = Style(palette.FURNITURE, palette.EDGE, width=0.8, height=0.7)
+"""Heights are those in a scene: the outline has none."""
+_GOAL = Style(palette.GOAL, "white", marker="star", size=11.0, label="goal")
+_WAY = Style(palette.GOAL, width=0.8, label="way")
+_WAYPOINT = Style(edge=palette.GOAL, width=1.1, marker="diamond", size=5.5, label="waypoint")
+_LOCAL_GOAL = Style(palette.LOCAL_GOAL, width=1.6, label="local goal")
+_LOCAL_GOAL_RADIUS = 0.08
+_MOVER = Style(palette.MOVING, width=1.6, height=1.0, label="moving obstacle")
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,45 +102,81 @@ class WorldOutline:
     furniture: Sequence[Array] = ()
     discs: Sequence[OutlineDisc] = ()
 
+    def shapes(self) -> list[Shape]:
+        """Furniture, and walls over it."""
+        return [
+            *(Area(corners, _FURNITURE) for corners in self.furniture),
+            *(Disc(disc.x, disc.y, disc.radius, _FURNITURE) for disc in self.discs),
+            *(Area(corners, _WALL) for corners in self.walls),
+        ]
 
-def style_axes(axes: Axes) -> None:
-    """Set a floor-coloured background, small grey tick labels, and no frame."""
-    axes.set_facecolor(FLOOR)
-    axes.tick_params(labelsize=8, colors="#666666", length=2)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
-
-
-def draw_outline(axes: Axes, outline: WorldOutline, edge: float, wall_edge: float) -> None:
-    """Draw furniture and walls below everything else; ``edge``, ``wall_edge``: line widths."""
-    from matplotlib.patches import Circle, Polygon
-
-    for polygon in outline.furniture:
-        axes.add_patch(Polygon(polygon, closed=True, fc=FURNITURE, ec=EDGE, lw=edge, zorder=1))
-    for disc in outline.discs:
-        circle = Circle((disc.x, disc.y), disc.radius, fc=FURNITURE, ec=EDGE, lw=edge, zorder=1)
-        axes.add_patch(circle)
-    for polygon in outline.walls:
-        axes.add_patch(Polygon(polygon, closed=True, fc=WALL, ec=WALL, lw=wall_edge, zorder=2))
+    def bounds(self, margin: float, *others: Array) -> tuple[Array, Array]:
+        """Least and largest x, y [m] of the world and of ``others`` (n, 2), with a ``margin``."""
+        ends = np.array([(-1.0, -1.0), (1.0, 1.0)])
+        round_ends = [np.array([disc.x, disc.y]) + disc.radius * ends for disc in self.discs]
+        corners = [*self.walls, *self.furniture, *round_ends, *others]
+        points = np.vstack([part.reshape(-1, 2) for part in corners])
+        points = points[np.isfinite(points).all(axis=1)]
+        return points.min(axis=0) - margin, points.max(axis=0) + margin
 
 
-def draw_arrow(axes: Axes, point: Point, yaw: float, color: str, zorder: float) -> None:
-    """Draw an arrow head at ``point`` that points along ``yaw`` [rad]."""
-    c, s = math.cos(yaw), math.sin(yaw)
-    head = _ARROW_HEAD @ np.array([[c, s], [-s, c]])
-    axes.plot(*point, marker=head, ms=9, mfc=color, mec="white", mew=0.8, ls="", zorder=zorder)
+def led_lines(points: Array, leaders: Sequence[str]) -> list[Line]:
+    """The path through ``points`` (n, 2), a line for each of the ``leaders`` (n,) of its pieces.
+
+    A piece has the colour of the behaviour that leads at its end; labels give shares.
+    """
+    names = np.array(leaders[1:], dtype=object)
+    lines = []
+    for name in dict.fromkeys(leaders[1:]):
+        led = names == name
+        ends = np.flatnonzero(np.append(led, False) | np.insert(led, 0, False))
+        gaps = 1 + np.flatnonzero(~led[ends[:-1]])
+        label = f"{name or 'standing'} ({led.mean():.0%})"
+        style = Style(palette.behavior_color(name), width=3.2, label=label)
+        lines.append(Line(np.insert(points[ends], gaps, np.nan, axis=0), style))
+    return lines
 
 
-def write_legend(figure: Figure, axes: Axes) -> None:
-    """Write the legend below, each label once, in as many rows as it needs."""
-    entries = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-    in_a_row = max(1, int(figure.get_figwidth() / _LEGEND_WIDTH))
-    figure.legend(
-        list(entries.values()),
-        list(entries),
-        loc="lower center",
-        ncols=math.ceil(len(entries) / math.ceil(len(entries) / in_a_row)),
-        columnspacing=1.4,
-        fontsize=8,
-        frameon=False,
-    )
+def estimated_line(points: Array) -> Line:
+    """The path (n, 2) where the robot believes to have been."""
+    return Line(points, Style(palette.ESTIMATE, width=0.9, dashed=True, label="estimate"))
+
+
+def goal_marks(goals: Iterable[Point]) -> Marks:
+    """The goals of a mission."""
+    return Marks(np.array(list(goals)).reshape(-1, 2), _GOAL)
+
+
+def waypoint_marks(points: Iterable[Point]) -> Marks:
+    """The planner's waypoints."""
+    return Marks(np.array(list(points)).reshape(-1, 2), _WAYPOINT)
+
+
+def way_shapes(robot: Point, waypoints: Sequence[Point], local_goal: Point | None) -> list[Shape]:
+    """The way ahead of the ``robot`` over ``waypoints``, and the point to head for now."""
+    shapes: list[Shape] = [
+        Line(np.array([robot, *waypoints[:1]]), replace(_WAY, label="first leg")),
+        Line(np.array(waypoints).reshape(-1, 2), _WAY),
+        waypoint_marks(waypoints),
+    ]
+    if local_goal is not None:
+        shapes.append(Line(np.array([robot, local_goal]), _LOCAL_GOAL))
+        shapes.append(Disc(*local_goal, _LOCAL_GOAL_RADIUS, _LOCAL_GOAL))
+    return shapes
+
+
+def mover_shapes(line: Array, at: Point, radius: float, opacity: float = 1.0) -> list[Shape]:
+    """A moving obstacle of ``radius`` at a point, and the ``line`` (n, 2) of its motion."""
+    return [
+        Line(line, replace(_MOVER, opacity=min(2.0 * opacity, 1.0))),
+        Disc(*at, radius, replace(_MOVER, opacity=opacity, label="")),
+    ]
+
+
+def robot_shapes(pose: Pose, radius: float, nose: float, style: Style) -> list[Shape]:
+    """The robot as a disc, and a line from its middle to its ``nose`` [m] ahead of it."""
+    tip = pose.to_parent(nose, 0.0)
+    return [
+        Disc(pose.x, pose.y, radius, replace(style, label="")),
+        Line(np.array([(pose.x, pose.y), tip]), replace(style, color=style.edge)),
+    ]

@@ -4,23 +4,35 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from navfw.recording.palette import CONTACT, ESTIMATE, GOAL, MOVING, START, behavior_color
-from navfw.recording.path_labels import PathLabels
+from navfw.recording.palette import CONTACT, GOAL, START
+from navfw.recording.plan_picture import (
+    PathLabels,
+    draw_arrow,
+    draw_shapes,
+    plan_axes,
+    write_legend,
+)
 from navfw.recording.run_log import RunLog
 from navfw.recording.top_view import (
+    Disc,
+    Marks,
     Point,
+    Shape,
+    Style,
     WorldOutline,
-    draw_arrow,
-    draw_outline,
-    style_axes,
-    write_legend,
+    estimated_line,
+    goal_marks,
+    led_lines,
+    mover_shapes,
+    robot_shapes,
+    waypoint_marks,
 )
 from navfw.signals import Array, Pose
 
@@ -28,6 +40,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _PLACE, _TIME = "#7A7A7A", "#1C2430"
+_PLACES = Style(_PLACE, size=2.5)
+_ZONE = Style(GOAL, opacity=0.13)
+_START = Style("white", START, width=1.6, label="start")
+_END = Style(edge="#111111", width=1.4)
+_CONTACT = Style(CONTACT, "white", marker="cross", size=11.0, label="contact")
 
 _BAD_OUTCOME, _GOOD_OUTCOME = "#B00020", "#2E7D32"
 
@@ -74,30 +91,27 @@ class TrajectoryPicture:
 
 def draw_trajectory(path: Path, log: RunLog, picture: TrajectoryPicture) -> None:
     """Write the picture of ``log`` as PNG to ``path``."""
-    # the object interface with the Agg canvas needs no window system and leaves pyplot's global
-    # state to the calling program
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    low, high = _bounds(log, picture)
+    shown = log.every(0.1)
+    points = [log.true[:, :2], log.estimate[:, :2], np.array(picture.goals)]
+    at_start = np.array([picture.start.x, picture.start.y])
+    low, high = picture.outline.bounds(0.4, *points, at_start)
     width, height = high - low
     scale = min(11.0 / width, 8.0 / height)
     wide = max(8.5, width * scale) + 0.6
     header = _header(picture, wide)
     above = 0.16 + _LINE * len(header)
     inches = max(3.0, height * scale) + _BELOW + above
-    figure = Figure(figsize=(wide, inches))
-    FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.05, _BELOW / inches, 0.92, 1.0 - (_BELOW + above) / inches))
-    _draw_world(axes, picture)
-    _draw_tracks(axes, picture)
-    _draw_paths(axes, log)
-    _draw_marks(axes, log, picture)
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    axes.set_aspect("equal")
+    frame = (0.05, _BELOW / inches, 0.92, 1.0 - (_BELOW + above) / inches)
+    figure, axes = plan_axes((wide, inches), frame, low, high)
+    places = np.array(list(picture.places.values())).reshape(-1, 2)
+    draw_shapes(axes, [*picture.outline.shapes(), Marks(places, _PLACES)], zorder=2.0)
+    draw_shapes(axes, [*_movers(picture), *_zones(picture)], zorder=3.0)
+    if len(shown) > 1:
+        leaders = [log.leaders[leader] for leader in log.leader[shown]]
+        paths = led_lines(log.true[shown, :2], leaders)
+        draw_shapes(axes, [*paths, estimated_line(log.estimate[shown, :2])], zorder=4.0)
+    draw_shapes(axes, _marks(log, picture), zorder=6.0)
     _write_labels(axes, log, picture)
-    style_axes(axes)
     axes.set_xlabel("x [m]", fontsize=8, color="#666666", labelpad=1)
     axes.set_ylabel("y [m]", fontsize=8, color="#666666", labelpad=1)
     for number, (text, size, ink) in enumerate(header):
@@ -119,33 +133,27 @@ def _header(picture: TrajectoryPicture, wide: float) -> list[tuple[str, float, s
     ]
 
 
-def _bounds(log: RunLog, picture: TrajectoryPicture) -> tuple[Array, Array]:
-    points = [log.true[:, :2], log.estimate[:, :2], np.array(picture.goals).reshape(-1, 2)]
-    points += [np.array([[picture.start.x, picture.start.y]])]
-    points += [*picture.outline.walls, *picture.outline.furniture]
-    points += [
-        np.array([[d.x - d.radius, d.y - d.radius], [d.x + d.radius, d.y + d.radius]])
-        for d in picture.outline.discs
-    ]
-    together = np.vstack(points)
-    margin = 0.4
-    return together.min(axis=0) - margin, together.max(axis=0) + margin
-
-
-def _draw_world(axes: Axes, picture: TrajectoryPicture) -> None:
-    draw_outline(axes, picture.outline, edge=0.8, wall_edge=0.6)
-    for x, y in picture.places.values():
-        axes.plot(x, y, marker="o", ms=2.5, color=_PLACE, zorder=3)
-
-
-def _draw_tracks(axes: Axes, picture: TrajectoryPicture) -> None:
+def _movers(picture: TrajectoryPicture) -> Iterator[Shape]:
     """The paths of moving obstacles, each with the obstacle at its end."""
-    from matplotlib.patches import Circle
-
     for track, radius in zip(picture.tracks, picture.track_radii, strict=True):
-        axes.plot(*track.T, color=MOVING, lw=1.6, alpha=0.7, label="moving obstacle", zorder=4)
-        end = Circle((track[-1, 0], track[-1, 1]), radius, fc=MOVING, alpha=0.35, lw=0.0, zorder=4)
-        axes.add_patch(end)
+        yield from mover_shapes(track, (track[-1, 0], track[-1, 1]), radius, opacity=0.35)
+
+
+def _zones(picture: TrajectoryPicture) -> Iterator[Shape]:
+    """The zone about each goal in which it is reached."""
+    for x, y in picture.goals:
+        yield Disc(x, y, picture.zone, _ZONE)
+
+
+def _marks(log: RunLog, picture: TrajectoryPicture) -> Iterator[Shape]:
+    """Start, waypoints, goals, contacts, and the robot at the end."""
+    radius = picture.robot_radius
+    yield from robot_shapes(picture.start, radius, 1.9 * radius, _START)
+    yield waypoint_marks((w.x, w.y) for w in log.waypoints if w.kind != "goal")
+    yield goal_marks(picture.goals)
+    if log.ticks:
+        yield Disc(log.true[-1, 0], log.true[-1, 1], radius, _END)
+    yield Marks(np.array([(c.x, c.y) for c in log.contacts]).reshape(-1, 2), _CONTACT)
 
 
 def _write_labels(axes: Axes, log: RunLog, picture: TrajectoryPicture) -> None:
@@ -167,7 +175,7 @@ def _write_labels(axes: Axes, log: RunLog, picture: TrajectoryPicture) -> None:
     for tick in _timed_ticks(log):
         x, y, _ = log.true[tick]
         if labels.write(f"{log.time[tick]:.0f} s", (x, y), _TIME):
-            draw_arrow(axes, (x, y), _direction(log, tick), _TIME, zorder=6.5)
+            draw_arrow(axes, (x, y), _direction(log, tick), _TIME, zorder=5.0)
 
 
 def _timed_ticks(log: RunLog) -> list[int]:
@@ -187,62 +195,3 @@ def _direction(log: RunLog, tick: int) -> float:
     if math.hypot(dx, dy) < _STANDING:
         return float(log.true[tick, 2])
     return math.atan2(dy, dx)
-
-
-def _draw_paths(axes: Axes, log: RunLog) -> None:
-    from matplotlib.collections import LineCollection
-
-    shown = log.every(0.1)
-    if len(shown) < 2:
-        return
-    true, estimate = log.true[shown, :2], log.estimate[shown, :2]
-    segments = np.stack([true[:-1], true[1:]], axis=1)
-    leader = log.leader[shown][1:]
-    for index, name in enumerate(log.leaders):
-        led = segments[leader == index]
-        if not len(led):
-            continue
-        label = f"{name or 'standing'} ({100.0 * len(led) / len(segments):.0f} %)"
-        lines = LineCollection(
-            list(led), colors=behavior_color(name), linewidths=3.2, label=label, zorder=5
-        )
-        lines.set_capstyle("round")
-        axes.add_collection(lines)
-    axes.plot(*estimate.T, color=ESTIMATE, lw=0.9, ls=(0, (4, 2)), label="estimate", zorder=6)
-
-
-def _draw_marks(axes: Axes, log: RunLog, picture: TrajectoryPicture) -> None:
-    from matplotlib.patches import Circle
-
-    start = picture.start
-    body = Circle((start.x, start.y), picture.robot_radius, fc="white", ec=START, lw=1.6, zorder=7)
-    axes.add_patch(body)
-    nose = 1.9 * picture.robot_radius
-    axes.plot(
-        [start.x, start.x + nose * math.cos(start.yaw)],
-        [start.y, start.y + nose * math.sin(start.yaw)],
-        color=START,
-        lw=1.6,
-        label="start",
-        zorder=7,
-    )
-    inner = [waypoint for waypoint in log.waypoints if waypoint.kind != "goal"]
-    if inner:
-        xs, ys = [w.x for w in inner], [w.y for w in inner]
-        style = {"marker": "D", "ms": 5.5, "mfc": "none", "mec": GOAL, "mew": 1.1, "ls": ""}
-        axes.plot(xs, ys, label="waypoint", zorder=7, **style)  # type: ignore[arg-type]
-    for x, y in picture.goals:
-        zone = Circle((x, y), picture.zone, fc=GOAL, ec=GOAL, alpha=0.13, lw=0.0, zorder=3)
-        axes.add_patch(zone)
-    xs, ys = [x for x, _ in picture.goals], [y for _, y in picture.goals]
-    axes.plot(xs, ys, marker="*", ms=11, mfc=GOAL, mec="white", ls="", label="goal", zorder=8)
-    if log.contacts:
-        xs, ys = [c.x for c in log.contacts], [c.y for c in log.contacts]
-        axes.plot(
-            xs, ys, marker="X", ms=11, mfc=CONTACT, mec="white", ls="", zorder=9, label="contact"
-        )
-    if log.ticks:
-        x, y, _ = log.true[-1]
-        radius = picture.robot_radius
-        end = Circle((x, y), radius, fc="none", ec="#111111", lw=1.4, zorder=8)
-        axes.add_patch(end)

@@ -42,14 +42,12 @@ from navfw.localmap import LocalGoal
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.movers.tracking import Track
 from navfw.recording import palette
-from navfw.recording.top_view import WorldOutline
+from navfw.recording.top_view import Area, Disc, Line, Shape, WorldOutline, mover_shapes
 from navfw.robot import CameraModel
 from navfw.signals import Array, Belief, FlowField, Label, Percept, Pose, Proposal, Twist, Waypoint
 
-_WALL_HEIGHT, _FURNITURE_HEIGHT = 2.0, 0.7
-"""Heights in the scene [m]; the outline has none."""
-_TRACK_HEIGHT = 1.0
-"""Height of a moving obstacle in the scene [m]."""
+_LINE_LIFT, _LINE_WIDTH = 0.1, 0.05
+"""Height and width of lines in a scene [m]."""
 _LEVELS = 255
 """Largest value of a degree in [0, 1] that is packed into a byte."""
 
@@ -171,62 +169,54 @@ def _byte_field(name: str, offset: int) -> PackedElementField:
 
 def obstacles_message(tracks: Sequence[Track], time: float, stamp: Timestamp) -> SceneUpdate:
     """The confirmed moving obstacles in ``odom``, with where each will be in a second."""
-    cylinders, lines = [], []
+    shapes: list[Shape] = []
     for track in tracks:
-        x, y = track.predict(time)
-        vx, vy = track.velocity
-        size = Vector3(x=2.0 * track.radius, y=2.0 * track.radius, z=_TRACK_HEIGHT)
-        middle = _pose3(Pose(x, y, 0.0), 0.5 * _TRACK_HEIGHT)
-        cylinders.append(
-            CylinderPrimitive(
-                pose=middle,
-                size=size,
-                bottom_scale=1.0,
-                top_scale=1.0,
-                color=_color(palette.MOVING, 0.8),
-            )
-        )
-        lines.append(
-            LinePrimitive(
-                type=LinePrimitiveLineType.LineStrip,
-                thickness=0.05,
-                points=[Point3(x=x, y=y, z=0.1), Point3(x=x + vx, y=y + vy, z=0.1)],
-                color=_color(palette.MOVING),
-            )
-        )
-    entity = SceneEntity(
-        timestamp=stamp, frame_id="odom", id="moving", cylinders=cylinders, lines=lines
-    )
-    return SceneUpdate(entities=[entity])
+        at = np.array(track.predict(time))
+        ends = np.array([at, at + track.velocity])
+        shapes += mover_shapes(ends, (at[0], at[1]), track.radius, opacity=0.8)
+    return _scene(shapes, "odom", "moving", stamp)
 
 
 def world_message(outline: WorldOutline, stamp: Timestamp) -> SceneUpdate:
     """The world in ``map``: walls and furniture as cubes, round things as cylinders."""
-    cubes = [_cube(corners, _WALL_HEIGHT, palette.WALL) for corners in outline.walls]
-    cubes += [_cube(corners, _FURNITURE_HEIGHT, palette.FURNITURE) for corners in outline.furniture]
-    cylinders = [
-        CylinderPrimitive(
-            pose=_pose3(Pose(disc.x, disc.y, 0.0), 0.5 * _FURNITURE_HEIGHT),
-            size=Vector3(x=2.0 * disc.radius, y=2.0 * disc.radius, z=_FURNITURE_HEIGHT),
-            bottom_scale=1.0,
-            top_scale=1.0,
-            color=_color(palette.FURNITURE),
-        )
-        for disc in outline.discs
-    ]
+    return _scene(outline.shapes(), "map", "world", stamp)
+
+
+def _scene(shapes: Iterable[Shape], frame: str, name: str, stamp: Timestamp) -> SceneUpdate:
+    """Rectangles as cubes, discs as cylinders, lines just above the floor."""
+    cubes, cylinders, lines = [], [], []
+    for shape in shapes:
+        style = shape.style
+        color, height = _color(style.color, style.opacity), style.height
+        if isinstance(shape, Area):
+            cubes.append(_cube(shape.corners, height, color))
+        elif isinstance(shape, Disc):
+            size = Vector3(x=2.0 * shape.radius, y=2.0 * shape.radius, z=height)
+            pose = _pose3(Pose(shape.x, shape.y, 0.0), 0.5 * height)
+            cylinders.append(
+                CylinderPrimitive(
+                    pose=pose, size=size, bottom_scale=1.0, top_scale=1.0, color=color
+                )
+            )
+        elif isinstance(shape, Line):
+            points = [Point3(x=x, y=y, z=_LINE_LIFT) for x, y in shape.points.tolist()]
+            kind = LinePrimitiveLineType.LineStrip
+            lines.append(
+                LinePrimitive(type=kind, thickness=_LINE_WIDTH, points=points, color=color)
+            )
     entity = SceneEntity(
-        timestamp=stamp, frame_id="map", id="world", cubes=cubes, cylinders=cylinders
+        timestamp=stamp, frame_id=frame, id=name, cubes=cubes, cylinders=cylinders, lines=lines
     )
     return SceneUpdate(entities=[entity])
 
 
-def _cube(corners: Array, height: float, color: str) -> CubePrimitive:
+def _cube(corners: Array, height: float, color: Color) -> CubePrimitive:
     """The upright block over a rectangle with ``corners`` (4, 2) [m]."""
     along, across = corners[1] - corners[0], corners[2] - corners[1]
     x, y = corners.mean(axis=0).tolist()
     yaw = math.atan2(along[1], along[0])
     size = Vector3(x=math.hypot(*along), y=math.hypot(*across), z=height)
-    return CubePrimitive(pose=_pose3(Pose(x, y, yaw), 0.5 * height), size=size, color=_color(color))
+    return CubePrimitive(pose=_pose3(Pose(x, y, yaw), 0.5 * height), size=size, color=color)
 
 
 def transforms_message(

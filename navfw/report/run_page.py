@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import base64
+import itertools
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,9 +16,174 @@ from navfw.errors import ConfigError
 from navfw.recording import palette
 from navfw.recording.recorded_run import RecordedRun, recording_in
 from navfw.recording.run_folder import PICTURE, RECORDING, plain_json, read_result
+from navfw.recording.top_view import (
+    Area,
+    Disc,
+    Marks,
+    Shape,
+    Style,
+    estimated_line,
+    goal_marks,
+    led_lines,
+)
 from navfw.report.report_page import picture_source, render_page
-from navfw.report.run_moments import Rating, RunMoment, read_moments
-from navfw.report.run_timeline import read_timeline, robot_and_goals
+from navfw.report.run_moments import (
+    Rating,
+    RunMoment,
+    RunTimeline,
+    read_moments,
+    read_timeline,
+    robot_and_goals,
+)
+from navfw.signals import Array
+
+if TYPE_CHECKING:
+    from bokeh.plotting import figure
+
+
+_BLUES = ("#FFFFFF", "#DEEBF7", "#C6DBEF", "#9ECAE1", "#6BAED6", "#4292C6", "#2171B5", "#084594")
+_REDS = ("#FFFFFF", "#FEE5D9", "#FCBBA1", "#FC9272", "#FB6A4A", "#EF3B2C", "#CB181D", "#99000D")
+_PX_PER_PT = 1.25
+"""Width of lines and size of marks [px] per point."""
+
+
+def _figure(**options: Any) -> figure:
+    """A figure as wide as its place on the page, without toolbar logo."""
+    from bokeh.plotting import figure
+
+    shown = figure(sizing_mode="stretch_width", output_backend="canvas", **options)
+    shown.toolbar.logo = None
+    shown.background_fill_color = palette.FLOOR
+    shown.outline_line_color = None
+    return shown
+
+
+def plan_figure(
+    timeline: RunTimeline, goals: Sequence[tuple[float, float]], robot_radius: float
+) -> figure:
+    """The plan with the true path, coloured by leading behaviour, and the robot on it."""
+    from bokeh.models import ColumnDataSource
+
+    plan = _figure(
+        height=430,
+        match_aspect=True,
+        x_axis_label="x [m]",
+        y_axis_label="y [m]",
+        tools="pan,wheel_zoom,box_zoom,reset",
+    )
+    plan.grid.grid_line_color = None
+    shapes: list[Shape] = [
+        *timeline.outline.shapes(),
+        *led_lines(timeline.true, timeline.leaders),
+        estimated_line(timeline.estimate),
+        goal_marks(goals),
+    ]
+    for (_, style), group in itertools.groupby(shapes, key=lambda s: (type(s), s.style)):
+        _draw(plan, style, list(group))
+    way = ColumnDataSource({"x": [], "y": []}, name="way")
+    plan.line("x", "y", source=way, color=palette.GOAL, line_dash="dotted", line_width=2)
+    robot = ColumnDataSource({"x": [], "y": []}, name="robot")
+    body: dict[str, Any] = {"fill_color": "white", "line_color": "black", "line_width": 2}
+    plan.circle("x", "y", radius=robot_radius, source=robot, **body)
+    return plan
+
+
+def _draw(plan: figure, style: Style, shapes: Sequence[Any]) -> None:
+    """Draw ``shapes``, all of one kind and ``style``."""
+    first, color = shapes[0], style.color
+    look: dict[str, Any] = {"fill_color": color, "line_color": style.edge}
+    if isinstance(first, Area):
+        xs, ys = ([shape.corners[:, axis].tolist() for shape in shapes] for axis in (0, 1))
+        plan.patches(xs, ys, **look)
+    elif isinstance(first, Disc):
+        middles = {name: [getattr(s, name) for s in shapes] for name in ("x", "y", "radius")}
+        plan.circle(**middles, **look)
+    elif isinstance(first, Marks):
+        size = _PX_PER_PT * style.size
+        plan.scatter(*first.points.T, marker=style.marker, size=size, **look)
+    else:
+        dash = "dashed" if style.dashed else "solid"
+        look = {"color": color, "line_width": _PX_PER_PT * style.width, "line_dash": dash}
+        plan.line(*first.points.T, line_cap="round", **look)
+
+
+def plan_key(timeline: RunTimeline) -> list[tuple[str, str]]:
+    """The leading behaviours, each with its share of the commands, and their colours."""
+    total = len(timeline.leaders)
+    return [
+        (f"{name or 'standing'} ({count / total:.0%})", palette.behavior_color(name))
+        for name, count in Counter(timeline.leaders).most_common()
+    ]
+
+
+def timeline_figures(timeline: RunTimeline) -> dict[str, figure]:
+    """Speed and turn, clearance, and confidence over time, by name."""
+    time, v, w = timeline.time, timeline.commands[:, 0], timeline.commands[:, 1]
+    first = _timeline(time, [v, w], "command", "v [m/s], w [rad/s]", None)
+    clearance, confidence = timeline.clearance, timeline.confidence
+    return {
+        "speed": first,
+        "clearance": _timeline(time, [clearance], "clearance", "clearance [m]", first),
+        "confidence": _timeline(time, [confidence], "confidence", "confidence", first),
+    }
+
+
+def _timeline(
+    time: Array, columns: Sequence[Array], name: str, label: str, other: figure | None
+) -> figure:
+    """Lines over time, on the time axis of ``other``, with a mark for now: ``now-NAME``."""
+    from bokeh.models.annotations import Span
+
+    shared: dict[str, Any] = {} if other is None else {"x_range": other.x_range}
+    shown = _figure(
+        height=150,
+        x_axis_label="time [s]",
+        y_axis_label=label,
+        tools="xpan,xwheel_zoom,reset",
+        min_border_left=70,
+        **shared,
+    )
+    for values, color in zip(columns, ("#0072B2", "#D55E00"), strict=False):
+        shown.line(time, values, color=color, line_width=2)
+    mark = Span(location=0.0, dimension="height", line_color=palette.GOAL, name=f"now-{name}")
+    shown.add_layout(mark)
+    return shown
+
+
+def rating_figure(rating: Rating) -> figure:
+    """A pair of fields for each behaviour: what it desires, and what it prohibits.
+
+    In a field the turn goes from left (left turn) to right, the speed upwards. Sources ``desires``
+    and ``forbids`` hold one image each with the fields of all behaviours, the last one lowest.
+    """
+    from bokeh.models import ColumnDataSource, FixedTicker, LinearColorMapper
+
+    count, speeds, turns = rating.desirability.shape
+    high = count * (speeds + 1)
+    shown = _figure(
+        height=70 + 8 * high // 2,
+        x_range=(-1, 2 * turns + 2),
+        y_range=(-1, high),
+        tools="",
+        toolbar_location=None,
+    )
+    shown.grid.grid_line_color = None
+    empty = np.zeros((high, turns), dtype=np.uint8)
+    for name, left, colors in (("desires", 0, _BLUES), ("forbids", turns + 1, _REDS)):
+        source = ColumnDataSource({"image": [empty]}, name=name)
+        mapper = LinearColorMapper(palette=colors, low=0, high=255)
+        colored: dict[str, Any] = {"source": source, "color_mapper": mapper}
+        shown.image("image", x=left, y=0, dw=turns, dh=high, **colored)
+    chosen = ColumnDataSource({"x": [], "y": []}, name="chosen")
+    shown.scatter("x", "y", source=chosen, marker="x", size=9, line_color="black", line_width=2)
+    middles = [(count - 1 - n) * (speeds + 1) + 0.5 * speeds for n in range(count)]
+    shown.yaxis.ticker = FixedTicker(ticks=middles)
+    names = dict(zip(middles, rating.names, strict=True))
+    shown.yaxis.major_label_overrides = names
+    shown.xaxis.ticker = FixedTicker(ticks=[0.5 * turns, 1.5 * turns + 1])
+    shown.xaxis.major_label_overrides = {0.5 * turns: "desires", 1.5 * turns + 1: "prohibits"}
+    return shown
+
 
 _NUMBERS = {
     "sim_time_s": ("time", "s"),

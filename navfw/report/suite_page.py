@@ -2,15 +2,100 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
-from navfw.errors import ConfigError
-from navfw.report.report_page import render_page
-from navfw.report.run_lines import RunLine, RunLines
+import numpy as np
+
+from navfw.config.image_file import read_image
+from navfw.config.input_file import is_file
+from navfw.errors import ConfigError, locating
+from navfw.recording.run_folder import RECORDING, REPORT
+from navfw.report.report_page import reduced_source, render_page
+from navfw.suite.paired_comparison import (
+    PairedChanges,
+    RunPair,
+    compare_tables,
+    comparison_rows,
+    of_variant,
+    pair_up,
+)
 from navfw.suite.run_table import RunRow
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_summary import summarize, summary_table
+
+_MAX_PICTURES = 400
+"""Largest number of embedded pictures of a suite: about 10 MB. Of other runs there are links."""
+
+_WIDTH, _QUALITY = 640, 60
+"""Width [px] and quality (WebP, of 100) of an embedded picture: its labels can be read."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunLine:
+    """One run on a page.
+
+    ``image`` is a data URL, ``link`` the relative URL of the picture's file, and ``report`` that of
+    the report of a recorded run; "" without one.
+    """
+
+    row: RunRow
+    image: str
+    link: str
+    report: str
+
+    @property
+    def name(self) -> str:
+        """Entry, world and mission, each once."""
+        return " / ".join(dict.fromkeys((self.row.entry, self.row.world, self.row.mission)))
+
+
+class RunLines:
+    """Makes the lines of the suite in ``folder`` for a page in the folder ``page``.
+
+    ``damaged`` says of each picture that cannot be read why; its run has the link alone.
+    """
+
+    def __init__(self, folder: SuiteFolder, page: Path) -> None:
+        self._folder = folder
+        self._page = page
+        self._left = _MAX_PICTURES
+        self.damaged: list[str] = []
+
+    def of(self, rows: Iterable[RunRow]) -> list[RunLine]:
+        """The lines of ``rows``; the first ones get the embedded pictures."""
+        return [self.line(row) for row in rows]
+
+    def line(self, row: RunRow) -> RunLine:
+        """The line of one run."""
+        recording = self._folder.recording(row)
+        known = is_file(recording / RECORDING) or is_file(recording / REPORT)
+        report = relative_link(recording / REPORT, self._page) if known else ""
+        file = self._folder.pictures / Path(row.picture).name
+        if not row.picture or not is_file(file):
+            return RunLine(row, "", "", report)
+        return RunLine(row, self._image(file), relative_link(file, self._page), report)
+
+    def _image(self, file: Path) -> str:
+        """The picture as a data URL; "" where there are too many, or it cannot be read."""
+        if not self._left:
+            return ""
+        try:
+            image = np.asarray(read_image(file), dtype=np.uint8)
+        except ConfigError as error:
+            self.damaged.append(str(error))
+            return ""
+        self._left -= 1
+        return reduced_source(image, _WIDTH, _QUALITY)
+
+
+def relative_link(file: Path, folder: Path) -> str:
+    """The URL of ``file`` on a page in ``folder``."""
+    return quote(os.path.relpath(file.absolute(), folder.absolute()))
+
 
 _MAX_REACHED = 2000
 """Largest number of successful runs on a page; the table has all of them."""
@@ -73,3 +158,63 @@ def _groups(
         (cause, lines.of(row for row in rows if not row.succeeded and row.failure == cause))
         for cause in causes
     ]
+
+
+def comparison_report(
+    first: SuiteFolder,
+    second: SuiteFolder,
+    page: Path,
+    variants: tuple[str | None, str | None] = (None, None),
+) -> tuple[str, list[str]]:
+    """The report of two suites over the same runs, and what is wrong with pictures.
+
+    Of each suite one of the ``variants`` is compared, or all by name. Links to pictures are
+    relative to ``page``, the folder that the file will be in.
+
+    Raises:
+        ConfigError: journal or table of one of them are empty or damaged.
+        InputError: they have no run in common, or no such variant.
+
+    """
+    suites = (first, second)
+    finished = [finished_rows(suite) for suite in suites]
+    with locating(file=f"{first.path}, {second.path}"):
+        rows = [of_variant(*chosen) for chosen in zip(finished, variants, strict=True)]
+        found = compare_tables(*rows)
+    pairs = pair_up(*rows)
+    changes = PairedChanges.of(pairs)
+    neither = [pair for pair in pairs if not pair.a.succeeded and not pair.b.succeeded]
+    lines = tuple(RunLines(suite, page) for suite in suites)
+    names = [
+        f"{suite.path}, {variant}" if variant else str(suite.path)
+        for suite, variant in zip(suites, variants, strict=True)
+    ]
+    content = render_page(
+        "comparison_page.html",
+        title=" and ".join(names),
+        suites=[
+            (letter, name, relative_link(suite.report, page))
+            for letter, name, suite in zip("AB", names, suites, strict=True)
+        ],
+        several="by_configuration" in found,
+        pairs=found["pairs"],
+        unpaired=found["unpaired"],
+        numbers=comparison_rows(found),
+        groups=[
+            (name, note, _sides(part, lines))
+            for name, note, part in (
+                ("Lost", "only A reached its goals", changes.lost),
+                ("Worse", "both reached their goals, the SPL of B is lower", changes.worse),
+                ("Gained", "only B reached its goals", changes.gained),
+                ("Better", "both reached their goals, the SPL of B is higher", changes.better),
+                ("Failed in both", "neither reached its goals", neither),
+            )
+        ],
+    )
+    return content, [what for side in lines for what in side.damaged]
+
+
+def _sides(pairs: Iterable[RunPair], lines: tuple[RunLines, ...]) -> list[tuple[RunLine, RunLine]]:
+    """The runs of each pair as lines."""
+    of_a, of_b = lines
+    return [(of_a.line(pair.a), of_b.line(pair.b)) for pair in pairs]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import cv2
@@ -13,8 +12,19 @@ import numpy as np
 from navfw.perceive.lettering import write_key
 from navfw.recording import channel_list as topics
 from navfw.recording import palette
-from navfw.report.plan_canvas import PlanCanvas
-from navfw.report.run_timeline import RunTimeline
+from navfw.recording.top_view import (
+    Area,
+    Disc,
+    Line,
+    Shape,
+    Style,
+    goal_marks,
+    led_lines,
+    mover_shapes,
+    robot_shapes,
+    way_shapes,
+)
+from navfw.report.run_moments import RunTimeline
 from navfw.signals import Array, Image, Pose
 
 _KEY_HEIGHT = 70
@@ -28,6 +38,15 @@ _KNOWN = 0.04
 _STRENGTH = 1.3
 """Opacity of the local map per distance of the occupancy from one half."""
 _PAPER, _INK = "#FFFFFF", "#1C1C24"
+_TRUE = Style(_PAPER, palette.ESTIMATE, width=1.6)
+_BELIEVED = Style(edge=palette.ESTIMATE, width=0.8)
+_PX_PER_PT = 1.25
+"""Width of lines [px] per point."""
+_MARKERS = {"star": cv2.MARKER_STAR, "diamond": cv2.MARKER_DIAMOND}
+_MARK_SIZE = 1.7
+"""Size of OpenCV's marks [px] per point."""
+_SHIFT = 4
+"""Bits of a pixel's fraction in OpenCV's drawing."""
 
 
 class VideoPlan:
@@ -44,25 +63,15 @@ class VideoPlan:
         size: tuple[int, int],
     ) -> None:
         self._timeline = timeline
-        self._goals = goals
         self._radius = robot_radius
         self._shape = (size[1], size[0], 3)
-        outline = timeline.outline
-        ends = [np.array([(d.x, d.y)]) + d.radius * np.array([[-1], [1]]) for d in outline.discs]
-        corners = [*outline.walls, *outline.furniture, *ends, timeline.true, np.array(goals)]
-        points = np.vstack([part.reshape(-1, 2) for part in corners])
-        points = points[np.isfinite(points).all(axis=1)]
-        self._low, self._high = points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
+        self._world = timeline.outline.shapes()
+        self._goals = goal_marks(goals)
+        self._low, self._high = timeline.outline.bounds(_MARGIN, timeline.true, np.array(goals))
         room = np.array([size[0], size[1] - _KEY_HEIGHT])
         fitting = float((room / (self._high - self._low)).min())
         self._scale = min(max(fitting, _SCALES[0]), _SCALES[1])
         self._half = 0.5 * room / self._scale
-        changes = [
-            n
-            for n, pair in enumerate(itertools.pairwise(timeline.leaders), 1)
-            if len(set(pair)) > 1
-        ]
-        self._pieces = list(itertools.pairwise([0, *changes, len(timeline.leaders)]))
         self._key = _key(timeline.leaders)
 
     def draw(self, time: float, content: Mapping[str, Any]) -> Image:
@@ -74,17 +83,19 @@ class VideoPlan:
         true = _planar(content.get(topics.TRUE_POSE))
         believed = _planar(content.get(topics.POSE))
         shown = image[: self._shape[0] - _KEY_HEIGHT]
-        canvas = PlanCanvas(shown, self._corner(true or believed), self._scale)
-        self._draw_world(canvas)
+        canvas = _Canvas(shown, self._corner(true or believed), self._scale)
+        canvas.image[:] = palette.bgr(palette.FLOOR)
+        canvas.draw(self._world)
         if topics.TRANSFORMS in content:
             odom = _transform(content[topics.TRANSFORMS].transforms[0])
             _draw_local_map(canvas, content.get(topics.LOCAL_MAP), odom)
-            _draw_obstacles(canvas, content.get(topics.OBSTACLES), odom)
-        self._draw_path(canvas, time)
-        self._draw_way(canvas, content, believed)
-        for pose, fill in ((true, _PAPER), (believed, None)):
+            canvas.draw(_movers(content.get(topics.OBSTACLES), odom))
+        until = int(np.searchsorted(self._timeline.time, time + 1e-6))
+        canvas.draw(led_lines(self._timeline.true[:until], self._timeline.leaders[:until]))
+        canvas.draw([self._goals, *_way(content, believed)])
+        for pose, style in ((true, _TRUE), (believed, _BELIEVED)):
             if pose is not None:
-                self._draw_robot(canvas, pose, fill)
+                canvas.draw(robot_shapes(pose, self._radius, 1.4 * self._radius, style))
         return image
 
     def _corner(self, pose: Pose | None) -> Array:
@@ -96,48 +107,75 @@ class VideoPlan:
         corner: Array = middle - self._half
         return corner
 
-    def _draw_world(self, canvas: PlanCanvas) -> None:
-        canvas.image[:] = palette.bgr(palette.FLOOR)
-        outline = self._timeline.outline
-        for corners in outline.furniture:
-            canvas.polygon(corners, palette.FURNITURE)
-        for disc in outline.discs:
-            canvas.disc((disc.x, disc.y), disc.radius, palette.FURNITURE)
-        for corners in outline.walls:
-            canvas.polygon(corners, palette.WALL)
 
-    def _draw_path(self, canvas: PlanCanvas, time: float) -> None:
-        """The true path so far, in the colours of the leading behaviours."""
-        until = int(np.searchsorted(self._timeline.time, time + 1e-6))
-        for begin, end in self._pieces:
-            points = self._timeline.true[max(begin - 1, 0) : min(end, until)]
-            if len(points) > 1:
-                canvas.line(points, palette.behavior_color(self._timeline.leaders[begin]), 4)
+class _Canvas:
+    """Draws into ``image``; ``corner`` (2,) [m] is at its lower left, ``scale`` is in px/m.
 
-    def _draw_way(
-        self, canvas: PlanCanvas, content: Mapping[str, Any], believed: Pose | None
-    ) -> None:
-        """Goals, the way ahead with its waypoints, and the local goal."""
-        for goal in self._goals:
-            canvas.mark(goal, palette.GOAL, cv2.MARKER_STAR, 18)
-        if topics.PATH in content:
-            way = [(p.position.x, p.position.y) for p in content[topics.PATH].poses]
-            canvas.line(np.array(way), palette.GOAL, 1)
-            for point in way[1:]:
-                canvas.mark(point, palette.GOAL, cv2.MARKER_DIAMOND, 11)
-        local_goal = _planar(content.get(topics.LOCAL_GOAL))
-        if local_goal is not None and believed is not None:
-            point = believed.to_parent(local_goal.x, local_goal.y)
-            canvas.line(np.array([(believed.x, believed.y), point]), palette.LOCAL_GOAL, 2)
-            canvas.disc(point, 0.08, palette.LOCAL_GOAL)
+    Colours are ``#RRGGBB``.
+    """
 
-    def _draw_robot(self, canvas: PlanCanvas, pose: Pose, fill: str | None) -> None:
-        """The robot with its nose; where it believes to be without ``fill``, as an outline."""
-        if fill is not None:
-            canvas.disc((pose.x, pose.y), self._radius, fill)
-        canvas.disc((pose.x, pose.y), self._radius, palette.ESTIMATE, 1 if fill is None else 2)
-        nose = pose.to_parent(1.4 * self._radius, 0.0)
-        canvas.line(np.array([(pose.x, pose.y), nose]), palette.ESTIMATE, 1 if fill is None else 2)
+    def __init__(self, image: Image, corner: Array, scale: float) -> None:
+        self.image = image
+        self._corner = corner
+        self._scale = scale
+
+    def pixels(self, points: Array) -> Array:
+        """Points (n, 2) [m] as pixels (n, 2)."""
+        x, y = ((np.reshape(points, (-1, 2)) - self._corner) * self._scale).T
+        return np.column_stack([x, self.image.shape[0] - y])
+
+    def draw(self, shapes: Iterable[Shape]) -> None:
+        """Draw ``shapes``, each over the one before, opaque."""
+        for shape in shapes:
+            fill, edge = shape.style.color, shape.style.edge
+            width = max(1, round(_PX_PER_PT * shape.style.width))
+            if isinstance(shape, Area):
+                corners = [self._fixed(shape.corners)]
+                cv2.fillPoly(self.image, corners, palette.bgr(fill), cv2.LINE_AA, _SHIFT)
+                self._lines(corners, edge, width, closed=True)
+            elif isinstance(shape, Line):
+                known = np.isfinite(shape.points).all(axis=1)
+                runs = np.split(shape.points, np.flatnonzero(~known))
+                lines = [self._fixed(run[np.isfinite(run).all(axis=1)]) for run in runs]
+                self._lines(lines, fill, width)
+            elif isinstance(shape, Disc):
+                (middle,) = self._fixed(np.array([shape.x, shape.y])).tolist()
+                radius = round(shape.radius * self._scale * (1 << _SHIFT))
+                for color, thick in ((fill, cv2.FILLED), (edge, width)):
+                    if color:
+                        ink = palette.bgr(color)
+                        cv2.circle(self.image, middle, radius, ink, thick, cv2.LINE_AA, _SHIFT)
+            else:
+                kind, size = _MARKERS[shape.style.marker], round(_MARK_SIZE * shape.style.size)
+                for at in np.rint(self.pixels(shape.points)).astype(int).tolist():
+                    ink = palette.bgr(fill or edge)
+                    cv2.drawMarker(self.image, at, ink, kind, size, 2, cv2.LINE_AA)
+
+    def _lines(self, lines: list[Any], color: str, width: int, *, closed: bool = False) -> None:
+        ink = palette.bgr(color)
+        cv2.polylines(self.image, lines, closed, ink, width, cv2.LINE_AA, _SHIFT)
+
+    def tint(self, opacity: Array, corners: Array, color: str) -> None:
+        """Blend a grid of opacities (rows, columns) in [0, 1] over the image.
+
+        ``corners`` (3, 2) [m] are the middles of its cells [0, 0], [0, columns - 1], [rows - 1, 0].
+        """
+        rows, columns = opacity.shape
+        cells = np.array([[0, 0], [columns - 1, 0], [0, rows - 1]], dtype=np.float32)
+        seen = self.pixels(corners).astype(np.float32)
+        size = (self.image.shape[1], self.image.shape[0])
+        turn = cv2.getAffineTransform(cells, seen)
+        shown = cv2.warpAffine(
+            opacity.astype(np.float32), turn, size, flags=cv2.INTER_NEAREST, borderValue=0.0
+        )
+        at = np.nonzero(shown)
+        share = np.asarray(shown)[at][:, None]
+        mixed = (1.0 - share) * self.image[at] + share * np.array(palette.bgr(color))
+        self.image[at] = np.rint(mixed).astype(np.uint8)
+
+    def _fixed(self, points: Array) -> Any:
+        """Points (n, 2) [m] as OpenCV's fixed-point coordinates."""
+        return np.rint(self.pixels(points) * (1 << _SHIFT)).astype(np.int32)
 
 
 def _key(leaders: Sequence[str]) -> list[tuple[str, tuple[int, int, int]]]:
@@ -153,7 +191,7 @@ def _key(leaders: Sequence[str]) -> list[tuple[str, tuple[int, int, int]]]:
     return [(name, palette.bgr(color)) for name, color in key]
 
 
-def _draw_local_map(canvas: PlanCanvas, grid: Any, odom: Pose) -> None:
+def _draw_local_map(canvas: _Canvas, grid: Any, odom: Pose) -> None:
     """Tint what the robot has mapped, by how sure it is."""
     if grid is None:
         return
@@ -168,15 +206,23 @@ def _draw_local_map(canvas: PlanCanvas, grid: Any, odom: Pose) -> None:
         canvas.tint(opacity, corners, color)
 
 
-def _draw_obstacles(canvas: PlanCanvas, scene: Any, odom: Pose) -> None:
+def _movers(scene: Any, odom: Pose) -> Iterator[Shape]:
     """Moving obstacles that the robot tracks, with where each will be in a second."""
     for entity in () if scene is None else scene.entities:
-        for body in entity.cylinders:
+        for body, line in zip(entity.cylinders, entity.lines, strict=True):
             at = odom.to_parent(body.pose.position.x, body.pose.position.y)
-            canvas.disc(at, 0.5 * body.size.x, palette.MOVING)
-        for line in entity.lines:
             ends = odom.points_to_parent(np.array([(p.x, p.y) for p in line.points]))
-            canvas.line(ends, palette.MOVING, 2)
+            yield from mover_shapes(ends, at, 0.5 * body.size.x)
+
+
+def _way(content: Mapping[str, Any], believed: Pose | None) -> list[Shape]:
+    """The way ahead with its waypoints, and the local goal."""
+    if topics.PATH not in content:
+        return []
+    robot, *waypoints = [(p.position.x, p.position.y) for p in content[topics.PATH].poses]
+    goal = _planar(content.get(topics.LOCAL_GOAL))
+    point = None if goal is None or believed is None else believed.to_parent(goal.x, goal.y)
+    return way_shapes(robot, waypoints, point)
 
 
 def _planar(message: Any) -> Pose | None:

@@ -73,8 +73,11 @@ def test_the_overlay_has_the_path_the_way_and_the_local_goal() -> None:
         low, high = window.lines[f"post {number}"][0]
         assert low[:2] == high[:2] == (waypoint.x, waypoint.y)
         assert low[2] < high[2]
-    here, goal, _ = window.lines["local goal"][0]
-    assert 0.1 < math.dist(here, goal) < 1.0
+    robot, goal = window.lines["local goal"][0]
+    assert 0.1 < math.dist(robot, goal) < 1.0
+    low, high = window.lines["local goal post"][0]
+    assert low == goal
+    assert low[2] < high[2]
 
 
 @pytest.mark.slow

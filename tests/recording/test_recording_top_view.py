@@ -11,8 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from navfw.recording.palette import behavior_color, bgr
-from navfw.recording.path_labels import PathLabels
-from navfw.recording.top_view import write_legend
+from navfw.recording.plan_picture import PathLabels, write_legend
 from navfw.signals import Array
 
 NO_PATH = np.empty((0, 2))

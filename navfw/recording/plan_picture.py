@@ -1,20 +1,29 @@
-"""Labels in top-view pictures that cover neither each other nor the path."""
+"""Plans drawn with matplotlib: shapes, arrows, legend, and labels clear of the path."""
 
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from navfw.config.extras import extra_imports
 from navfw.recording.palette import FLOOR
-from navfw.recording.top_view import Point
+from navfw.recording.top_view import Area, Disc, Line, Point, Shape
 from navfw.signals import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from matplotlib.transforms import Bbox
 
+_MARKERS = {"circle": "o", "diamond": "D", "square": "s", "star": "*", "x": "x", "cross": "X"}
+_ARROW_HEAD = np.array([[1.0, 0.0], [-0.8, 0.6], [-0.5, 0.0], [-0.8, -0.6]])
+"""Outline of an arrow head that points along x."""
+_LEGEND_WIDTH = 1.25
+"""Mean width of an entry of the legend [inch]."""
 _GAPS = (4.0, 9.0, 16.0)
 """Distances of a label from its point [pt]; the nearest free place is taken."""
 _SIDES = ((1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1))
@@ -25,6 +34,78 @@ _MARK = 3.5
 """Half the width of a mark [pt]."""
 _STEP = 3.0
 """Distance of the points by which the path is known [pixel]."""
+
+
+def plan_axes(
+    size: Point, frame: tuple[float, ...], low: Array, high: Array
+) -> tuple[Figure, Axes]:
+    """A figure of ``size`` [inch] with axes at ``frame`` in it, from ``low`` to ``high`` (2,) [m].
+
+    The axes have a floor-coloured background, small grey tick labels, and no border.
+    """
+    # the object interface with the Agg canvas needs no window system and leaves pyplot's global
+    # state to the calling program
+    with extra_imports("report"):
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size)
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes(frame)  # type: ignore[arg-type]
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.set_aspect("equal")
+    axes.set_facecolor(FLOOR)
+    axes.tick_params(labelsize=8, colors="#666666", length=2)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    return figure, axes
+
+
+def draw_shapes(axes: Axes, shapes: Iterable[Shape], zorder: float) -> None:
+    """Draw ``shapes`` over what has a lower ``zorder``, each over the one before."""
+    from matplotlib.patches import Circle, Polygon
+
+    for number, shape in enumerate(shapes):
+        style = shape.style
+        look: dict[str, Any] = {"zorder": zorder + 1e-4 * number, "alpha": style.opacity}
+        if isinstance(shape, Area | Disc):
+            look |= {"fc": style.color or "none", "ec": style.edge or "none", "lw": style.width}
+            axes.add_patch(
+                Polygon(shape.corners, closed=True, **look)
+                if isinstance(shape, Area)
+                else Circle((shape.x, shape.y), shape.radius, **look)
+            )
+        elif isinstance(shape, Line):
+            look |= {"color": style.color, "lw": style.width, "solid_capstyle": "round"}
+            look |= {"ls": (0, (4, 2))} if style.dashed else {}
+            axes.plot(*shape.points.T, label=style.label, **look)
+        elif len(shape.points):
+            look |= {"mfc": style.color or "none", "mec": style.edge or style.color}
+            look |= {"marker": _MARKERS[style.marker], "ms": style.size, "mew": style.width}
+            axes.plot(*shape.points.T, ls="", label=style.label, **look)
+
+
+def draw_arrow(axes: Axes, point: Point, yaw: float, color: str, zorder: float) -> None:
+    """Draw an arrow head at ``point`` that points along ``yaw`` [rad]."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    head = _ARROW_HEAD @ np.array([[c, s], [-s, c]])
+    axes.plot(*point, marker=head, ms=9, mfc=color, mec="white", mew=0.8, ls="", zorder=zorder)  # type: ignore[arg-type]
+
+
+def write_legend(figure: Figure, axes: Axes) -> None:
+    """Write the legend below, each label once, in as many rows as it needs."""
+    entries = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+    in_a_row = max(1, int(figure.get_figwidth() / _LEGEND_WIDTH))
+    figure.legend(
+        list(entries.values()),
+        list(entries),
+        loc="lower center",
+        ncols=math.ceil(len(entries) / math.ceil(len(entries) / in_a_row)),
+        columnspacing=1.4,
+        fontsize=8,
+        frameon=False,
+    )
 
 
 class PathLabels:
