@@ -244,7 +244,9 @@ def _results(
 
     perceiver = Perceiver(options, images, default_registry())
     with contextlib.ExitStack() as stack:
-        output = None if overlay is None else stack.enter_context(open_output(overlay, images))
+        output = None if overlay is None else open_output(overlay, images)
+        if output is not None:
+            stack.enter_context(output)
         for item, result in perceiver.results():
             assert perceiver.size is not None  # noqa: S101 - known from the first image on
             if output is not None:

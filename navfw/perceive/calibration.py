@@ -112,11 +112,11 @@ class _Reader:
         name = str(self._document.at((key,))).strip().lower()
         if name in {"", "pinhole"}:
             return self._by_count()
-        known = _OTHER_NAMES.get(name, name)
-        if known not in _COUNTS:
+        model = _OTHER_NAMES.get(name, name)
+        if model not in _COUNTS:
             hint = did_you_mean(name, [*_COUNTS, *_OTHER_NAMES])
             raise self._error(f"unknown distortion model {name!r}: {hint}", (key,))
-        return known
+        return model
 
     def matrix(self) -> Array:
         key = self._needed(_MATRIX)

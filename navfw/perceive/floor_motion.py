@@ -2,7 +2,7 @@
 
 A floor at the height h below a camera that moves by ``rotation`` and ``direction * baseline`` maps
 image points by a homography with one unknown, baseline / h, besides the camera's pitch. The past
-image is warped by each of a set of values, and the differences of the two images tell which one is
+image is warped by each of a set of values, and the differences of the two images show which one is
 right. All pixels below the horizon count together, so that a floor of little texture is found, and
 edges along which local flow cannot be measured do no harm. Nor does a glossy floor: a cell may show
 a mirror image, which moves like something below the floor.
@@ -200,7 +200,7 @@ class FloorMotion:
 class FloorFinder:
     """Finds the floor in the pairs of one sequence; ``pitch`` [rad] is None if it is unknown.
 
-    ``lost`` tells whether a floor that was seen before is not found in the last pair, though no
+    ``lost`` says whether a floor that was seen before is not found in the last pair, though no
     wall in front hides it.
     """
 
@@ -224,10 +224,10 @@ class FloorFinder:
         """The floor between two working images; None if it is not found."""
         self.lost = False
         warp = PlaneWarp.of(now, past, motion, self._camera.focal, self._grid)
-        known = self.pitch
+        pitch_before = self.pitch
         tried = self._pitches
-        if known is not None and self._pairs % _REVIEW:
-            tried = np.array([known])
+        if pitch_before is not None and self._pairs % _REVIEW:
+            tried = np.array([pitch_before])
         scores = np.array([self._floor_score(warp, pitch) for pitch in tried.tolist()])
         if tried.size > 1 and (scores.max(axis=1) - scores[:, 0]).max() > _MIN_GAIN:
             self._collect(scores.max(axis=1), motion)
@@ -238,15 +238,15 @@ class FloorFinder:
         wall = np.log(self._likelihoods(warp, _upright(pitch))).sum(axis=(1, 2))
         if wall.max() > likelihood.max() + _WALL_MARGIN:
             return None
-        found = self._floor(warp, pitch, _peak(likelihood + self._expected(motion.dt)))
-        speed = found.ratio / motion.dt
+        floor = self._floor(warp, pitch, _peak(likelihood + self._expected(motion.dt)))
+        speed = floor.ratio / motion.dt
         moves = likelihood.max() - likelihood[0] > _MIN_GAIN
-        if moves and int(found.proven.sum()) >= _MIN_PROVEN:
+        if moves and int(floor.proven.sum()) >= _MIN_PROVEN:
             self._speeds.append(speed)
-        elif not (self._is_usual(speed) and found.cells.any()):
+        elif not (self._is_usual(speed) and floor.cells.any()):
             self.lost = len(self._speeds) >= MIN_PAIRS
             return None
-        return found
+        return floor
 
     def without_floor(self, flow: FlowField) -> FlowField:
         """``flow`` without confidence where it may show the floor, or objects.
@@ -325,25 +325,25 @@ def _upright(pitch: float) -> Array:
 def _peak(scores: Array) -> float:
     """The best of _RATIOS above 0, refined by a parabola through the best three."""
     k = min(max(int(np.argmax(scores[1:])) + 1, 2), len(scores) - 2)
-    before, here, after = scores[k - 1 : k + 2].tolist()
-    curve = before - 2.0 * here + after
+    before, top, after = scores[k - 1 : k + 2].tolist()
+    curve = before - 2.0 * top + after
     step = 0.5 * (before - after) / curve if curve < 0.0 else 0.0
     return float(_RATIOS[k] * (_RATIOS[3] / _RATIOS[2]) ** min(max(step, -1.0), 1.0))
 
 
 def _spread(seeds: Mask, fits: Mask, mean: Array) -> Mask:
     """``seeds`` and all cells that are reached from them over cells that fit and look alike."""
-    found = seeds
+    spread = seeds
     while True:
-        grown = found.copy()
-        for here, there in (
+        grown = spread.copy()
+        for cells, neighbours in (
             (np.s_[1:, :], np.s_[:-1, :]),
             (np.s_[:-1, :], np.s_[1:, :]),
             (np.s_[:, 1:], np.s_[:, :-1]),
             (np.s_[:, :-1], np.s_[:, 1:]),
         ):
-            alike = np.abs(mean[here] - mean[there]) < ALIKE
-            grown[here] |= found[there] & alike & fits[here]
-        if (grown == found).all():
-            return found
-        found = grown
+            alike = np.abs(mean[cells] - mean[neighbours]) < ALIKE
+            grown[cells] |= spread[neighbours] & alike & fits[cells]
+        if (grown == spread).all():
+            return spread
+        spread = grown

@@ -81,7 +81,7 @@ class ImageSource:
 
     ``rate`` [1/s] is the usual frame rate, assumed unless ``rate_known``; ``total`` the number of
     images, 0 if unknown; ``duration`` [s] the time from the first to the last, inf if unknown;
-    ``start`` [s] the time of the first image where the names of the files or a list tell it, else
+    ``start`` [s] the time of the first image where the names of the files or a list give it, else
     None.
     ``notes`` are remarks for the user: assumptions, and irregularities found while reading. With a
     ``calibration``, images are without lens distortion, and ``hfov`` [rad] is their horizontal
@@ -158,18 +158,18 @@ class _Files(ImageSource):
     ) -> None:
         super().__init__(FRAME_RATE if fps is None else fps, len(paths), (), calibration)
         self._paths, self._named = paths, named
-        known = listed.of(paths) if listed is not None else None
-        if known is None and fps is None:
-            known = times_in_names(paths)
-            self.notes += [] if known is None else ["times taken from the file names"]
-        if known is None or len(known) < 2:
+        times = listed.of(paths) if listed is not None else None
+        if times is None and fps is None:
+            times = times_in_names(paths)
+            self.notes += [] if times is None else ["times taken from the file names"]
+        if times is None or len(times) < 2:
             self._times = [k / self.rate for k in range(len(paths))]
             self.rate_known = fps is not None
             if fps is None:
                 self.notes.append(f"no --fps given: {self.rate:g} images a second assumed")
         else:
-            self.start = known[0]
-            self._times = [time - known[0] for time in known]
+            self.start = times[0]
+            self._times = [time - times[0] for time in times]
             self.rate = 1.0 / float(np.median(np.diff(self._times)))
         self.duration = self._times[-1]
         self._range: PixelRange | None = None
@@ -215,7 +215,7 @@ class _Files(ImageSource):
             try:
                 image = _read(self._paths[k])
             except InputError:
-                continue  # told when it is its turn
+                continue  # reported when it is its turn
             if image.dtype == np.uint16:
                 yield image
 
@@ -225,16 +225,16 @@ class _Video(ImageSource):
         self, path: Path, fps: float | None, calibration: CameraCalibration | None
     ) -> None:
         self._path = path
-        self._film = VideoFile(path, fps)
-        super().__init__(self._film.rate, self._film.promised, (), calibration)
-        self.notes = self._film.notes
-        self.rate_known = self._film.rate_known
+        self._video = VideoFile(path, fps)
+        super().__init__(self._video.rate, self._video.promised, (), calibration)
+        self.notes = self._video.notes
+        self.rate_known = self._video.rate_known
 
     def __str__(self) -> str:
         return str(self._path)
 
     def _items(self) -> Iterator[SourceImage]:
-        for count, (time, image) in enumerate(self._film.frames()):
+        for count, (time, image) in enumerate(self._video.frames()):
             yield SourceImage(f"frame {count}", time, image)
 
 

@@ -49,8 +49,8 @@ def lens_pairs(
 ) -> tuple[list[TrackedPair], tuple[int, int]]:
     """Pairs with enough points and flow, and the images' size (width, height) [px].
 
-    Images are read up to the first that is no good, which is told when it is its turn; ``tick`` is
-    called after each.
+    Images are read up to the first that is no good, which is reported when it is its turn;
+    ``tick`` is called after each.
     """
     sampler: _PairSampler | None = None
     with contextlib.suppress(InputError):
@@ -115,7 +115,7 @@ _FOCAL_FLOOR, _CURVATURE_FLOOR, _BORDER_FLOOR = 0.05, 0.05, 0.01
 """Least standard deviations of the focal length, relative to it, of the curvature, and of the
 distortion at the border: on recordings with known lenses the estimates are off by as much."""
 _MIN_BEND = 0.015
-"""Least bend of the rotational flow at the border that tells a focal length, relative to the
+"""Least bend of the rotational flow at the border that determines a focal length, relative to the
 image's width: without rotation every focal length explains the images."""
 _SURE_FOCAL = 0.1
 """Largest standard deviation of a focal length that is used, relative to it."""
@@ -128,7 +128,7 @@ SURE = 3.0
 
 @dataclass(frozen=True, slots=True)
 class LensEstimate:
-    """What a sequence tells of its lens; ``size`` (width, height) [px] of the images.
+    """What a sequence says about its lens; ``size`` (width, height) [px] of the images.
 
     ``shape`` is the fitted lens, None if nothing is well determined; ``focal_sigma`` is relative to
     the focal length, 0 if that was given, and ``curvature_sigma`` that of the curvature, which is 0
@@ -146,14 +146,14 @@ class LensEstimate:
         """Horizontal field of view [deg] of the lens; None if it is unknown."""
         return None if self.shape is None else self.shape.view(0.5 * self.size[0])
 
-    def known_hfov(self, given: float | None) -> float | None:
-        """The field of view [deg] of the images: ``given`` or estimated, None if it is unknown.
+    def known_hfov(self, assigned: float | None) -> float | None:
+        """The field of view [deg] of the images: ``assigned`` or estimated, None if it is unknown.
 
         It is None, too, where the calibration gives it.
         """
         if self.calibration is not None:
             return None
-        return self.hfov if given is None else given
+        return self.hfov if assigned is None else assigned
 
     @property
     def calibration(self) -> CameraCalibration | None:
@@ -266,8 +266,8 @@ def _fitted(
         start = LensShape(shape.focal, simple)
         shape, (focal_sigma, _, _) = _jackknife(fit, start, len(pairs), half)
     focal_sigma = 0.0 if view is not None else math.hypot(focal_sigma, _FOCAL_FLOOR)
-    told = view is not None or fit.bend(shape) > _MIN_BEND * size[0]
-    if not told or focal_sigma > _SURE_FOCAL or not HFOV[0] <= shape.view(half) <= HFOV[1]:
+    determined = view is not None or fit.bend(shape) > _MIN_BEND * size[0]
+    if not determined or focal_sigma > _SURE_FOCAL or not HFOV[0] <= shape.view(half) <= HFOV[1]:
         return LensEstimate(size, len(pairs))
     return LensEstimate(size, len(pairs), shape, focal_sigma, curvature_sigma)
 
@@ -282,6 +282,11 @@ def _jackknife(
     """
     shape = fit.refined(start)
     edges = np.linspace(0, count, BLOCKS + 1).round().astype(int).tolist()
-    parts = [fit.refined(shape, slice(first, last)) for first, last in itertools.pairwise(edges)]
-    values = np.array([(math.log(part.focal), part.curvature, part.border(half)) for part in parts])
+    fits = [fit.refined(shape, slice(first, last)) for first, last in itertools.pairwise(edges)]
+    values = np.array(
+        [
+            (math.log(fit_without.focal), fit_without.curvature, fit_without.border(half))
+            for fit_without in fits
+        ]
+    )
     return shape, (values.std(axis=0) * math.sqrt(BLOCKS - 1)).tolist()

@@ -126,7 +126,7 @@ class LensFit:
 
         low = np.array([math.log(_MIN_FOCAL * self._half), CURVATURES[0]])
         high = np.array([math.log(_MAX_FOCAL * self._half), CURVATURES[1]])
-        found = least_squares(
+        solution = least_squares(
             residuals,
             values,
             jac=slopes,
@@ -138,12 +138,12 @@ class LensFit:
             ftol=1e-5,
             max_nfev=12,
         )
-        return self._shape(np.asarray(found.x))
+        return self._shape(np.asarray(solution.x))
 
     def bend(self, shape: LensShape) -> float:
         """How much the flow of the pairs' rotations is bent at the left and right border [px].
 
-        This is what tells the focal length: the root mean square of the difference between the
+        This is what determines the focal length: the root mean square of the difference between the
         rotational flow there and in the middle of the image.
         """
         turns = np.array([rotation_vector(rotation)[:2] for rotation, _ in self._motions])
@@ -163,14 +163,14 @@ class LensFit:
 
 def _first_motions(pairs: Sequence[TrackedPair], shape: LensShape) -> list[Motion]:
     """The motion of each pair by a search over all directions."""
-    found = []
+    motions = []
     for pair in pairs:
         area = np.maximum(np.linalg.det(shape.slopes(pair.past)), _MIN_STRETCH**2)
         points, past = shape.straight(pair.now), shape.straight(pair.past)
         tracks = PointMotion(points, past, SIGMA * np.sqrt(area), np.ones(len(points)))
         motion = estimate_egomotion(tracks, shape.focal)
-        found.append((motion.rotation, motion.direction))
-    return found
+        motions.append((motion.rotation, motion.direction))
+    return motions
 
 
 def _cost(pairs: Sequence[TrackedPair], shape: LensShape, motions: Sequence[Motion]) -> float:

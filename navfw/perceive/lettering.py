@@ -1,45 +1,39 @@
-"""Text in images: antialiased outlines of a TrueType font, drawn with OpenCV."""
+"""Text in images, in a TrueType font, drawn with Pillow."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
+from PIL import Image as PillowImage
+from PIL import ImageDraw, ImageFont
 
-from navfw.config.extras import extra_imports
+from navfw.config.extras import require_extra
 from navfw.signals import Image
 
 Colour = tuple[int, int, int]
 """Blue, green, red, each in 0..255."""
-Outlines = tuple[npt.NDArray[np.float64], ...]
-_SHIFT = 4  # bits of a pixel's fraction in OpenCV's drawing
+_HALO = 0.11
+"""Width of the halo around letters, relative to their size."""
 
 
-@lru_cache(maxsize=2048)
-def _outlines(text: str, size: float, bold: bool) -> Outlines:
-    """Outlines [px] with the base line at y = 0 (y down)."""
-    with extra_imports("report"):
-        from matplotlib.font_manager import FontProperties
-        from matplotlib.textpath import TextPath
-
-    font = FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal")
-    path = TextPath((0.0, 0.0), text, size=size, prop=font)
-    polygons = [np.asarray(polygon, dtype=np.float64) for polygon in path.to_polygons()]
-    return tuple(polygon * (1.0, -1.0) for polygon in polygons if len(polygon) > 2)
-
-
-def _end(text: str, size: float, bold: bool) -> float:
-    """Right end [px] of the outlines."""
-    return max(float(outline[:, 0].max()) for outline in _outlines(text, size, bold))
+@lru_cache(maxsize=16)
+def _font(size: float, bold: bool) -> ImageFont.FreeTypeFont:
+    """DejaVu Sans, which comes with matplotlib; matplotlib itself is not loaded."""
+    require_extra("report", "matplotlib")
+    spec = find_spec("matplotlib")
+    (folder,) = (spec and spec.submodule_search_locations) or ("",)
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    return ImageFont.truetype(Path(folder, "mpl-data", "fonts", "ttf", name), size)
 
 
 def text_width(text: str, size: float, *, bold: bool = False) -> float:
     """Width [px] of ``text`` in letters of ``size`` [px]."""
-    # measured with a mark at the end, since trailing blanks have no outline
-    return _end(f"{_plain(text)}|", size, bold) - _end("|", size, bold)
+    return _font(size, bold).getlength(text)
 
 
 def write(
@@ -56,16 +50,25 @@ def write(
 
     ``halo`` is the colour of an outline that keeps the text readable on any background.
     """
-    outlines = _outlines(_plain(text), size, bold)
-    if not outlines:
+    font = _font(size, bold)
+    stroke = 0.0 if halo is None else max(1.0, _HALO * size)
+    left, top = max(0, int(at[0] - size)), max(0, int(at[1] - 1.5 * size))
+    right = int(at[0] + font.getlength(text) + size)
+    # the part with the text alone: a copy of all of the image costs more than the letters
+    around = image[top : max(0, int(at[1] + size)), left : max(0, right)]
+    if not around.size:
         return
-    points = [
-        np.rint((outline + np.array(at)) * (1 << _SHIFT)).astype(np.int32) for outline in outlines
-    ]
-    if halo is not None:
-        width = max(2, round(0.22 * size))
-        cv2.polylines(image, points, True, halo, width, cv2.LINE_AA, _SHIFT)
-    cv2.fillPoly(image, points, colour, cv2.LINE_AA, _SHIFT)
+    canvas = PillowImage.fromarray(np.ascontiguousarray(around))
+    ImageDraw.Draw(canvas).text(
+        (at[0] - left, at[1] - top),
+        text,
+        fill=colour,
+        font=font,
+        anchor="ls",
+        stroke_width=stroke,
+        stroke_fill=halo,
+    )
+    around[:] = np.asarray(canvas)
 
 
 def write_key(
@@ -101,8 +104,3 @@ def wrap(text: str, size: float, width: float) -> list[str]:
         else:
             lines.append(word)
     return lines
-
-
-def _plain(text: str) -> str:
-    """``text`` with escaped dollar signs: TextPath would parse them as mathematics."""
-    return text.replace("$", r"\$")

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol, Self
 
 import cv2
 import numpy as np
@@ -24,23 +22,6 @@ _NO_FOLDERS = {".avi", ".m4v", ".mov", ".mkv", ".webm", ".gif", ".png", ".jpg", 
 _OURS = re.compile(r"view-[0-9]{5,}\.png")
 
 
-class OverlayOutput(Protocol):
-    """Writer of images of one size; a context manager."""
-
-    def add(self, picture: Image) -> None:
-        """Append the next image."""
-        ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
-
-
 class _Pictures(AtomicFolder):
     def __init__(self, target: Path) -> None:
         super().__init__(target, _OURS, "--overlay")
@@ -52,7 +33,7 @@ class _Pictures(AtomicFolder):
             raise InputError("is not writable", file=self.target)
 
 
-def open_output(target: Path, source: ImageSource) -> OverlayOutput:
+def open_output(target: Path, source: ImageSource) -> VideoOutput | _Pictures:
     """Open a new ``.mp4``, otherwise a folder whose overlay images are replaced.
 
     Raises:
@@ -150,8 +131,8 @@ def _draw_quadrants(scene: Image, result: PairResult, corners: tuple[Array, Arra
         share = 0.34 if name in nearest else 0.14
         low, high = _region(name, corners)
         x0, y0, x1, y1 = (round(v) for v in (*low, *high))
-        part = scene[y0:y1, x0:x1]
-        part[:] = np.rint((1.0 - share) * part + share * np.array(colour)).astype(np.uint8)
+        quadrant = scene[y0:y1, x0:x1]
+        quadrant[:] = np.rint((1.0 - share) * quadrant + share * np.array(colour)).astype(np.uint8)
     for layer in list(percept.obstacles.values())[1:]:
         for name, term in layer.items():
             low, high = _region(name, corners)
@@ -223,8 +204,8 @@ def _caption(result: PairResult, width: int) -> Image:
     key_lines = 1 if width > _KEY_WIDTH else 2
     height = (_LINES + key_lines) * _LINE + 2 * _MARGIN
     strip = np.full((height, width, 3), _INK, dtype=np.uint8)
-    parts = result.percept.sentence.split("; ")
-    front = [part for part in parts if not part.startswith("Layer")]
+    clauses = result.percept.sentence.split("; ")
+    front = [clause for clause in clauses if not clause.startswith("Layer")]
     right = _figures(result)
     room = width - 2 * _MARGIN
     y = _MARGIN + 15.0
@@ -234,9 +215,9 @@ def _caption(result: PairResult, width: int) -> Image:
         write(strip, line, (x, y + 19.0 * k), 14.0, _FAINT)
     room_left = room - max(text_width(line, 14.0) for line in right) - 24.0
     lines: list[tuple[str, Colour]] = []
-    for part in parts:
-        if part.startswith("Layer"):
-            lines += [(line, _PAPER) for line in wrap(part, _LETTERS - 2, room_left)]
+    for clause in clauses:
+        if clause.startswith("Layer"):
+            lines += [(line, _PAPER) for line in wrap(clause, _LETTERS - 2, room_left)]
     if result.notes:
         lines += [(line, _WARNING) for line in wrap("; ".join(result.notes), _LETTERS - 2, room)]
     for k, (line, colour) in enumerate(lines[: _LINES - 1]):

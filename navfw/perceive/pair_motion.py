@@ -137,16 +137,16 @@ class TrackImage:
 
 def track_points(past: TrackImage, now: TrackImage, size: WorkingSize) -> PointMotion:
     """Corners of ``now`` found again in ``past``, in pixels of the working image."""
-    found: Any = cv2.goodFeaturesToTrack(now.grey, POINTS, QUALITY, _distance(now.grey))
-    if found is None:
+    corners: Any = cv2.goodFeaturesToTrack(now.grey, POINTS, QUALITY, _distance(now.grey))
+    if corners is None:
         none = np.empty((0, 2))
         return PointMotion(none, none, np.empty(0), np.empty(0))
-    back, there = _tracked(now.grey, past.grey, found)
-    again, here = _tracked(past.grey, now.grey, back)
-    good = there & here & (np.linalg.norm((again - found).reshape(-1, 2), axis=1) < _RETURN)
+    back, forth = _tracked(now.grey, past.grey, corners)
+    again, back_again = _tracked(past.grey, now.grey, back)
+    good = forth & back_again & (np.linalg.norm((again - corners).reshape(-1, 2), axis=1) < _RETURN)
     factor = size.scale / now.scale
     return PointMotion(
-        _centred(found.reshape(-1, 2)[good], now.grey) * factor,
+        _centred(corners.reshape(-1, 2)[good], now.grey) * factor,
         _centred(back.reshape(-1, 2)[good], past.grey) * factor,
         np.full(int(good.sum()), SIGMA * factor),
         np.full(int(good.sum()), 1.0 / _TRACK_OVERLAP),
@@ -156,7 +156,7 @@ def track_points(past: TrackImage, now: TrackImage, size: WorkingSize) -> PointM
 def _tracked(image: Image, other: Image, points: Any) -> tuple[Any, Any]:
     """Where ``points`` (n, 1, 2) of ``image`` are in the ``other``, and which were found (n,)."""
     side = max(WINDOW * image.shape[1] // MAX_WIDTH | 1, _MIN_WINDOW)
-    moved, found, _ = cv2.calcOpticalFlowPyrLK(
+    moved, status, _ = cv2.calcOpticalFlowPyrLK(
         image,
         other,
         points,
@@ -165,7 +165,7 @@ def _tracked(image: Image, other: Image, points: Any) -> tuple[Any, Any]:
         maxLevel=_LEVELS,
         criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01),
     )
-    return moved, np.asarray(found).ravel() > 0
+    return moved, np.asarray(status).ravel() > 0
 
 
 def _distance(grey: Image) -> float:
@@ -210,7 +210,7 @@ _SURE_HEADING = 0.25
 class PairMotion:
     """The ``egomotion`` between two images ``dt`` [s] apart.
 
-    ``turn_source`` tells what measured the rotation: "gyro", "poses" or "flow"; ``notes`` are
+    ``turn_source`` says what measured the rotation: "gyro", "poses" or "flow"; ``notes`` are
     remarks.
     """
 
@@ -226,11 +226,11 @@ class PairMotion:
 
     def camera_motion(self, way: float) -> CameraMotion:
         """The motion of a camera that travels ``way`` [m]."""
-        found = self.egomotion
-        vertical = float(found.covariance[1, 1])
+        egomotion = self.egomotion
+        vertical = float(egomotion.covariance[1, 1])
         return CameraMotion(
-            found.rotation,
-            found.direction * way,
+            egomotion.rotation,
+            egomotion.direction * way,
             self.dt,
             math.sqrt(min(vertical, FREE_TURN**2)),
             0.1 * way,
@@ -268,15 +268,15 @@ class PairMotionEstimator:
         """The motion from image ``past`` at ``begin`` [s] to image ``now`` at ``end`` [s]."""
         prior, source, notes = self._prior(begin, end)
         tracks = track_points(past, now, self._size)
-        found = estimate_egomotion(tracks, self._camera.focal, prior)
-        if found.kind is not MotionKind.UNKNOWN:
-            rate = rotation_vector(found.rotation, self._camera) / (end - begin)
+        egomotion = estimate_egomotion(tracks, self._camera.focal, prior)
+        if egomotion.kind is not MotionKind.UNKNOWN:
+            rate = rotation_vector(egomotion.rotation, self._camera) / (end - begin)
             if self._rate is not None:
                 self._changes.append(float(np.abs(rate - self._rate).max()))
             self._rate = rate
-        if found.heading_sigma <= _SURE_HEADING:
-            self._headings.append(found.direction)
-        return PairMotion(found, end - begin, source, notes)
+        if egomotion.heading_sigma <= _SURE_HEADING:
+            self._headings.append(egomotion.direction)
+        return PairMotion(egomotion, end - begin, source, notes)
 
     def _prior(self, begin: float, end: float) -> tuple[EgomotionPrior, str, tuple[str, ...]]:
         turn, sigma = np.zeros(3), np.full(3, FREE_TURN)
@@ -293,9 +293,9 @@ class PairMotionEstimator:
             else:
                 source = self._gyro.source
                 # a rotation vector is in the order roll, pitch, yaw
-                known = np.array([name in self._gyro.measured for name in reversed(RATES)])
-                turn = np.where(known, measured, turn)
-                sigma = np.where(known, _GYRO_SIGMA * (end - begin), sigma)
+                is_measured = np.array([name in self._gyro.measured for name in reversed(RATES)])
+                turn = np.where(is_measured, measured, turn)
+                sigma = np.where(is_measured, _GYRO_SIGMA * (end - begin), sigma)
         base = self._camera.base_from_camera
         prior = EgomotionPrior(
             base.T @ rotations.rotation_matrix(-turn) @ base, base.T @ np.diag(sigma**2) @ base

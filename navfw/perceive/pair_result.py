@@ -20,7 +20,7 @@ class PairResult:
     ``flow`` is derotated and refers to the working image. ``focus`` (x, y) is the focus of
     expansion [px from the top left of the original image], None where it is unknown.
     ``rotation_vector`` (3,) [rad] is the camera's rotation about base_link's x, y, z (roll, pitch,
-    yaw); ``turn_source`` tells what measured it: "gyro", "poses" or "flow"; ``egomotion`` is the
+    yaw); ``turn_source`` says what measured it: "gyro", "poses" or "flow"; ``egomotion`` is the
     estimate before it is refined by the flow on the grid. ``contact`` [s] is the time to
     contact with the surface straight ahead, ``quadrant_contact`` [s] that of the nearest part of
     each quadrant; both are inf where nothing approaches. ``confidence`` is in [0, 1]. If ``known``
@@ -103,30 +103,32 @@ def as_data(result: PairResult) -> dict[str, Any]:
 def as_line(result: PairResult) -> str:
     """Time, confidence, time to contact and the sentence, the front first, in one line."""
     contact = f"{result.contact:6.1f} s" if math.isfinite(result.contact) else "       -"
-    parts = result.percept.sentence.split("; ")
-    sentence = "; ".join(sorted(parts, key=lambda part: part.startswith("Layer")))
+    clauses = result.percept.sentence.split("; ")
+    sentence = "; ".join(sorted(clauses, key=lambda clause: clause.startswith("Layer")))
     notes = f" ({'; '.join(result.notes)})" if result.notes else ""
     return f"{result.time:8.2f} s  {result.confidence:4.2f}  {contact}  {sentence}{notes}"
 
 
 def _heading(result: PairResult) -> dict[str, Any]:
     """Kind of motion; the heading in the camera's axes, and its standard deviation."""
-    found = result.egomotion
-    known = math.isfinite(found.heading_sigma)
-    right, down, ahead = found.direction.tolist()
+    egomotion = result.egomotion
+    has_heading = math.isfinite(egomotion.heading_sigma)
+    right, down, ahead = egomotion.direction.tolist()
     return {
-        "motion": str(found.kind),
-        "bearing_deg": _n(math.degrees(math.atan2(-right, ahead))) if known else None,
-        "elevation_deg": _n(math.degrees(math.asin(min(max(-down, -1.0), 1.0)))) if known else None,
-        "sigma_deg": _n(math.degrees(found.heading_sigma)),
+        "motion": str(egomotion.kind),
+        "bearing_deg": _n(math.degrees(math.atan2(-right, ahead))) if has_heading else None,
+        "elevation_deg": _n(math.degrees(math.asin(min(max(-down, -1.0), 1.0))))
+        if has_heading
+        else None,
+        "sigma_deg": _n(math.degrees(egomotion.heading_sigma)),
     }
 
 
 def _front_situation(result: PairResult) -> str:
     """The front in the sentence: an entry of Table 1 or an elementary situation."""
-    for part in result.percept.sentence.split("; "):
-        if part.startswith("Front is "):
-            front = part.removeprefix("Front is ").removeprefix("a ")
+    for clause in result.percept.sentence.split("; "):
+        if clause.startswith("Front is "):
+            front = clause.removeprefix("Front is ").removeprefix("a ")
             return front if front in TABLE or front in ELEMENTARY else "unknown"
     return "unknown"
 

@@ -223,13 +223,13 @@ class Perceiver:
         return flow, [SMALL] if _fastest(flow) < MIN_PARALLAX else []
 
     def _result(
-        self, past: _Prepared, now: _Prepared, found: _Analysis, size: WorkingSize
+        self, past: _Prepared, now: _Prepared, analysis: _Analysis, size: WorkingSize
     ) -> PairResult:
-        flow, percept, scale = found.flow, found.percept, found.scale
-        known = not found.problems
+        flow, percept, scale = analysis.flow, analysis.percept, analysis.scale
+        known = not analysis.problems
         regions = percept.explanation["regions"]
         # while the camera moves backward nothing approaches
-        closing = max(float(flow.motion.translation[2]) / found.motion.dt, 0.0)
+        closing = max(float(flow.motion.translation[2]) / analysis.motion.dt, 0.0)
         return PairResult(
             number=self._number,
             past=past.name,
@@ -240,16 +240,16 @@ class Perceiver:
             flow=flow,
             percept=percept,
             rotation_vector=rotation_vector(flow.motion.rotation, self._camera),
-            turn_source=found.motion.turn_source,
-            egomotion=found.motion.egomotion,
-            focus=self._focus(found.motion, size),
+            turn_source=analysis.motion.turn_source,
+            egomotion=analysis.motion.egomotion,
+            focus=self._focus(analysis.motion, size),
             contact=_inverse(closing * _nearness_ahead(percept, flow, self._camera)),
             quadrant_contact={
                 name: _inverse(closing * regions[name]["nearest"]) for name in percept.quadrants
             },
             confidence=_confidence(percept) if known else 0.0,
             known=known,
-            notes=(*found.notes, *found.problems),
+            notes=(*analysis.notes, *analysis.problems),
         )
 
     def _focus(self, motion: PairMotion, size: WorkingSize) -> tuple[float, float] | None:
@@ -332,11 +332,11 @@ def _flow_plugin(
 
 def _fastest(flow: FlowField) -> float:
     """90th percentile of the length [px] of vectors with confidence; 0 if there are none."""
-    known = flow.confidence > 0.0
-    if not known.any():
+    measured = flow.confidence > 0.0
+    if not measured.any():
         return 0.0
     length = np.hypot(flow.vectors[..., 0], flow.vectors[..., 1])
-    return float(np.quantile(length[known], 0.9))
+    return float(np.quantile(length[measured], 0.9))
 
 
 def _alike(past: Frame, now: Frame) -> bool:

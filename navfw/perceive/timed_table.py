@@ -226,8 +226,8 @@ class TimedTable:
                 f"{optional}",
                 line,
             )
-        known = [_Column(name) for name in columns[:count]]
-        return [*known, *[None] * (count - len(known))]
+        of_use = [_Column(name) for name in columns[:count]]
+        return [*of_use, *[None] * (count - len(of_use))]
 
     def _by_header(self, line: int) -> list[_Column | None]:
         """The columns that the header names."""

@@ -45,9 +45,9 @@ class VideoFile:
         self._fps = fps
         self.notes: list[str] = []
         with open_input(path, _MAX_VIDEO), _silent():
-            self._film = cv2.VideoCapture(str(path))
-        width, height = (self._film.get(side) for side in _FRAME_SIZE)
-        if not (self._film.isOpened() and width * height > 0.0):
+            self._capture = cv2.VideoCapture(str(path))
+        width, height = (self._capture.get(side) for side in _FRAME_SIZE)
+        if not (self._capture.isOpened() and width * height > 0.0):
             raise InputError(
                 "is not a readable video or image; if the recording was cut off, its index is "
                 "missing: copy it again, or save it as .mp4 with another program",
@@ -56,13 +56,13 @@ class VideoFile:
         if width * height > MAX_PIXELS:
             what = f"the video's frames are too large: {width:.0f} x {height:.0f} pixels"
             raise InputError(f"{what}, at most {MAX_PIXELS}", file=shown_path(path))
-        self._film.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
-        turned = int(self._film.get(cv2.CAP_PROP_ORIENTATION_META)) % 360
+        self._capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
+        turned = int(self._capture.get(cv2.CAP_PROP_ORIENTATION_META)) % 360
         if turned:
             self.notes.append(f"the video is turned by {turned} degrees, as its file says")
         self.rate_known = True
         self.rate = self._frame_rate()
-        self.promised = max(int(self._film.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
+        self.promised = max(int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
 
     def frames(self) -> Iterator[tuple[float, Image]]:
         """Time [s] since the first frame and image (height, width, 3) BGR of each frame.
@@ -75,17 +75,17 @@ class VideoFile:
         try:
             while True:
                 with _silent():
-                    good, image = self._film.read()
+                    good, image = self._capture.read()
                 if not good:
                     break
                 # the frame rate of telephones varies: the file has the time of each frame
-                stamp = 1e-3 * self._film.get(cv2.CAP_PROP_POS_MSEC)
+                stamp = 1e-3 * self._capture.get(cv2.CAP_PROP_POS_MSEC)
                 first = first if count else stamp
                 last = self._time(count, stamp - first, last)
                 yield last, np.asarray(image, np.uint8)
                 count += 1
         finally:
-            self._film.release()
+            self._capture.release()
         if count == 0:
             raise InputError("is a video without a readable frame", file=shown_path(self._path))
         if self.promised > count + _FEW_FRAMES:
@@ -108,7 +108,7 @@ class VideoFile:
     def _frame_rate(self) -> float:
         if self._fps is not None:
             return self._fps
-        rate = float(self._film.get(cv2.CAP_PROP_FPS))
+        rate = float(self._capture.get(cv2.CAP_PROP_FPS))
         if math.isfinite(rate) and FRAME_RATES[0] <= rate <= FRAME_RATES[1]:
             return rate
         self.rate_known = False

@@ -2,15 +2,123 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
+from enum import IntFlag
+from typing import NamedTuple
 
-from navfw.recording.reading_message import SCHEMA_NAME
+from navfw.signals import SensorReading, Twist
+
+SCHEMA_NAME = "navfw_msgs/msg/SensorReading"
+
+SCHEMA = """\
+float64 time                 # simulated time of the control tick [s]
+float64 roll_rate            # gyro [rad/s]
+float64 pitch_rate
+float64 yaw_rate
+float64 inertial_time        # time of the gyro's measurement [s]
+float64 encoders_time        # time of the encoders' measurement [s]
+int64 left                   # wheel ticks since power-on
+int64 right
+float64 frame_time           # time of the camera image of this tick [s], 0 without one
+float64 landmark_frame_time  # time of the larger image for landmarks [s], 0 without one
+int64 pictures               # images of this tick: 1 camera, 2 landmarks, 4 side views
+float64 v                    # the stack's command [m/s]
+float64 w                    # the stack's command [rad/s]
+"""
+"""The ROS 2 definition of the message."""
+
+_HEADER = b"\x00\x01\x00\x00"
+"""CDR, little-endian."""
+_FIELDS = struct.Struct("<6d2q2dq2d")
+
+
+class ImageFlags(IntFlag):
+    """The images that belong to a reading."""
+
+    CAMERA = 1
+    LANDMARKS = 2
+    SIDES = 4
+
+
+class ReadingRow(NamedTuple):
+    """The fields of the message, in its order; units are in ``SCHEMA``."""
+
+    time: float
+    roll_rate: float
+    pitch_rate: float
+    yaw_rate: float
+    inertial_time: float
+    encoders_time: float
+    left: int
+    right: int
+    frame_time: float
+    landmark_frame_time: float
+    pictures: int
+    v: float
+    w: float
+
+
+def pack_reading(reading: SensorReading, twist: Twist) -> bytes:
+    """The message of ``reading`` and of the stack's command for it."""
+    inertial, encoders = reading.inertial, reading.encoders
+    frame, landmarks = reading.frame, reading.landmark_frame
+    pictures = ImageFlags(0)
+    if frame is not None:
+        pictures |= ImageFlags.CAMERA
+        if frame.sides:
+            pictures |= ImageFlags.SIDES
+    if landmarks is not None:
+        pictures |= ImageFlags.LANDMARKS
+    return _HEADER + _FIELDS.pack(
+        reading.time,
+        inertial.roll_rate,
+        inertial.pitch_rate,
+        inertial.yaw_rate,
+        inertial.time,
+        encoders.time,
+        encoders.left,
+        encoders.right,
+        0.0 if frame is None else frame.time,
+        0.0 if landmarks is None else landmarks.time,
+        int(pictures),
+        twist.v,
+        twist.w,
+    )
+
+
+def unpack_reading(data: bytes) -> ReadingRow:
+    """The fields of a message.
+
+    Raises:
+        ValueError: it is not such a message.
+
+    """
+    if len(data) != len(_HEADER) + _FIELDS.size or not data.startswith(_HEADER):
+        raise ValueError("a sensor reading has another layout")
+    return ReadingRow(*_FIELDS.unpack_from(data, len(_HEADER)))
+
+
+MAX_BYTES = 1 << 30
+"""Largest size of a recording [byte]; an hour of 160x120 images at 10 Hz is 0.6 GB."""
+
+FORMAT_VERSION = 1
+"""Version of the channels; raised when a replay reads them differently."""
+PROFILE = "navfw-"
+"""Profile of the file, before the version."""
+
+RUN = "navfw.run"
+"""Name of the metadata that describe the run, at the begin of the file."""
+END = "navfw.end"
+"""Name of the metadata at the end of the data; without them the run is not complete."""
 
 READING = "/sensors/reading"
 CAMERA_IMAGE = "/camera/image"
 LANDMARK_IMAGE = "/camera/landmarks/image"
 LEFT_IMAGE = "/camera/left/image"
 RIGHT_IMAGE = "/camera/right/image"
+SIDE_IMAGES = (LEFT_IMAGE, RIGHT_IMAGE)
+IMAGES = (CAMERA_IMAGE, LANDMARK_IMAGE, *SIDE_IMAGES)
 FLOW = "/flow"
 CELLS = "/percept/cells"
 PERCEPT = "/percept"
@@ -79,3 +187,8 @@ VIEWER_CHANNELS = (
 
 CHANNELS = _SENSOR_CHANNELS + VIEWER_CHANNELS
 """All channels of a run."""
+
+
+def nanoseconds(time: float) -> int:
+    """Simulated ``time`` [s] as MCAP counts it [ns]; times before the run count as its start."""
+    return max(0, round(1e9 * time))

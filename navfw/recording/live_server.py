@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from navfw.config.extras import extra_imports
 from navfw.errors import InputError
+from navfw.recording.channel_list import nanoseconds
 from navfw.recording.run_observer import SeenRun
-from navfw.recording.sensor_channels import nanoseconds
 from navfw.signals import Pose, SensorReading, Twist
 
 _HOST = "127.0.0.1"

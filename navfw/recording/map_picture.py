@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from navfw.topomap import TopoMap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from navfw.papfis import Route
 
 _KIND_COLORS = {
     "room": "#0072B2",
@@ -48,42 +50,11 @@ _MAX_WIDTH = 2.0
 """Largest drawn width of a passage [m]."""
 
 
-class _Point(Protocol):
-    @property
-    def x(self) -> float: ...
-    @property
-    def y(self) -> float: ...
-
-
-class MarkedRoute(Protocol):
-    """The part of a route that the picture shows (``navfw.papfis.Route``)."""
-
-    @property
-    def start(self) -> _Point:
-        """Its start."""
-        ...
-
-    @property
-    def goal(self) -> _Point:
-        """Its end."""
-        ...
-
-    @property
-    def places(self) -> Sequence[str]:
-        """The names of the places on it, in order."""
-        ...
-
-    @property
-    def length(self) -> float:
-        """Its length [m]."""
-        ...
-
-
 def draw_map(
     path: Path,
     topo_map: TopoMap,
     outline: WorldOutline | None = None,
-    route: MarkedRoute | None = None,
+    route: Route | None = None,
     avoid: Sequence[Sequence[str]] = (),
 ) -> None:
     """Write the picture as PNG; passages are drawn to scale, up to a width of 2 m.
@@ -111,8 +82,8 @@ def draw_map(
         labels.write(name, (topo_map.places[name].x, topo_map.places[name].y), _NAME)
     axes.set_title(_title(topo_map, route), fontsize=11, loc="left")
     write_legend(figure, axes)
-    with atomic_file(path, parents=True) as part:
-        figure.savefig(part, dpi=110, format="png", metadata={"Software": "navfw"})
+    with atomic_file(path, parents=True) as unfinished:
+        figure.savefig(unfinished, dpi=110, format="png", metadata={"Software": "navfw"})
 
 
 def _passages(topo_map: TopoMap, avoid: Sequence[Sequence[str]]) -> Iterator[Shape]:
@@ -132,16 +103,17 @@ def _passages(topo_map: TopoMap, avoid: Sequence[Sequence[str]]) -> Iterator[Sha
             yield Marks(ends.mean(axis=0)[None], _CLOSED)
 
 
-def _title(topo_map: TopoMap, route: MarkedRoute | None) -> str:
+def _title(topo_map: TopoMap, route: Route | None) -> str:
     if route is not None:
         return f"{topo_map.name}: {route.start} to {route.goal}, {route.length:.1f} m"
     return f"{topo_map.name}: {len(topo_map.places)} places, {len(topo_map.passages)} passages"
 
 
-def _route_points(topo_map: TopoMap, route: MarkedRoute) -> Array:
+def _route_points(topo_map: TopoMap, route: Route) -> Array:
     """The points (n, 2) [m] of a route."""
     places = [topo_map.places[name] for name in route.places]
-    return np.array([(point.x, point.y) for point in (route.start, *places, route.goal)])
+    start, goal = (route.start.x, route.start.y), (route.goal.x, route.goal.y)
+    return np.array([start, *((place.x, place.y) for place in places), goal])
 
 
 def _draw_arrows(axes: Axes, way: Array) -> None:

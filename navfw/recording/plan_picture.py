@@ -90,7 +90,7 @@ def draw_arrow(axes: Axes, point: Point, yaw: float, color: str, zorder: float) 
     """Draw an arrow head at ``point`` that points along ``yaw`` [rad]."""
     c, s = math.cos(yaw), math.sin(yaw)
     head = _ARROW_HEAD @ np.array([[c, s], [-s, c]])
-    axes.plot(*point, marker=head, ms=9, mfc=color, mec="white", mew=0.8, ls="", zorder=zorder)  # type: ignore[arg-type]
+    axes.plot(*point, marker=head, ms=9, mfc=color, mec="white", mew=0.8, ls="", zorder=zorder)
 
 
 def write_legend(figure: Figure, axes: Axes) -> None:

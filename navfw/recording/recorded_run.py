@@ -6,36 +6,64 @@
 >>> image = run.image_at(12.5)                                           # doctest: +SKIP
 
 ``docs/recordings.md`` lists the channels with their schemas.
+
+The records of the MCAP file are parsed by the library ``mcap``. Nothing of a record or chunk is
+unpacked before its size is checked.
 """
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import cv2
 import numpy as np
 
 from navfw.config.extras import extra_imports
 from navfw.config.image_file import decode_image
-from navfw.config.input_file import is_file, shown_path
+from navfw.config.input_file import is_file, open_input, shown_path
 from navfw.errors import ConfigError
-from navfw.recording.channel_list import CAMERA_IMAGE, CHANNELS, READING
-from navfw.recording.mcap_file import McapFile
-from navfw.recording.reading_message import SCHEMA, unpack_reading
-from navfw.recording.run_folder import MAX_BYTES, OLD_RECORDING, RECORDING
-from navfw.recording.run_recorder import END, FORMAT_VERSION, PROFILE, RUN
+from navfw.recording.channel_list import (
+    CAMERA_IMAGE,
+    CHANNELS,
+    END,
+    FORMAT_VERSION,
+    MAX_BYTES,
+    PROFILE,
+    READING,
+    RUN,
+    SCHEMA,
+    unpack_reading,
+)
+from navfw.recording.run_folder import OLD_RECORDING, RECORDING
 from navfw.signals import Image
 
 with extra_imports("record"):
-    from mcap.records import Channel, Header, Message, Metadata, Schema
+    import zstandard
+    from mcap.records import (
+        Channel,
+        Chunk,
+        DataEnd,
+        Header,
+        McapRecord,
+        Message,
+        Metadata,
+        Schema,
+    )
+    from mcap.stream_reader import StreamReader, breakup_chunk
     from mcap.well_known import MessageEncoding, SchemaEncoding
     from mcap_protobuf.decoder import DecoderFactory
 
-_SCHEMAS = {channel.topic: channel.schema for channel in CHANNELS}
+_EXPANSION = 8
+"""Largest size of all unpacked chunks, in units of the largest file."""
+_MAX_CHUNK = 1 << 26
+"""Largest size of one record, and of one unpacked chunk [byte]; navfw writes chunks of 1 MB."""
+
+_MAGIC = b"\x89MCAP0\r\n"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +97,7 @@ class RecordedRun:
         self.path = Path(path)
         self.metadata: dict[str, str] = {}
         self.complete = False
-        self._file = McapFile(self.path, max_bytes)
+        self._max_bytes = max_bytes
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, Schema] = {}
         self._protobuf = DecoderFactory()
@@ -91,7 +119,7 @@ class RecordedRun:
             for number, channel in self._channels.items()
             if not topics or channel.topic in topics
         }
-        for record in self._file.records():
+        for record in self._records():
             if not isinstance(record, Message) or record.channel_id not in wanted:
                 continue
             topic = self._channels[record.channel_id].topic
@@ -99,7 +127,7 @@ class RecordedRun:
                 content = wanted[record.channel_id](record.data)
             except Exception as error:  # of the decoders of protobuf and JSON
                 reason = str(error) or type(error).__name__
-                raise self._file.refused(f"a message of {topic} is damaged ({reason})") from None
+                raise self._refused(f"a message of {topic} is damaged ({reason})") from None
             yield RecordedMessage(topic, 1e-9 * record.log_time, content)
 
     def image_at(self, time: float, topic: str = CAMERA_IMAGE) -> Image | None:
@@ -116,9 +144,45 @@ class RecordedRun:
             newest = message
         return None if newest is None else image_of(newest, self.path)
 
+    def _records(self) -> Iterator[McapRecord]:
+        """The records up to the end of the data, those in chunks unpacked, in the file's order."""
+        with open_input(self.path, self._max_bytes) as stream:
+            if stream.read(len(_MAGIC)) != _MAGIC:
+                raise self._refused("expected an MCAP file, as navfw run --record writes it")
+            ended = _ends_with_magic(stream)
+            try:
+                yield from self._unpacked(stream)
+            except Exception as error:
+                if not ended and not stream.read(1):
+                    return  # the file is cut off within this record
+                # mcap, zstandard and struct raise errors of many kinds for damaged content
+                reason = str(error) or type(error).__name__
+                raise self._refused(f"the file is damaged ({reason})") from None
+
+    def _refused(self, what: str) -> ConfigError:
+        """The error that this file is not a recording."""
+        return ConfigError(f"not a recording: {what}", file=self.path)
+
+    def _unpacked(self, stream: BinaryIO) -> Iterator[McapRecord]:
+        room = _EXPANSION * self._max_bytes
+        stream.seek(0)
+        reader = StreamReader(
+            stream, emit_chunks=True, validate_crcs=True, record_size_limit=_MAX_CHUNK
+        )
+        for record in reader.records:
+            if isinstance(record, DataEnd):
+                return
+            if not isinstance(record, Chunk):
+                yield record
+                continue
+            room -= _unpacked_size(record)
+            if room < 0:
+                raise ValueError(f"its chunks unpack to more than {_EXPANSION} times its limit")
+            yield from breakup_chunk(record, validate_crc=True)
+
     def _scan(self) -> None:
         """Read the whole file once: metadata, channels, and whether it is intact."""
-        records = self._file.records()
+        records = self._records()
         self._check_header(next(records, None))
         for record in records:
             if isinstance(record, Schema):
@@ -130,16 +194,16 @@ class RecordedRun:
                 if record.name == RUN:
                     self.metadata = dict(record.metadata)
             elif isinstance(record, Message) and record.channel_id not in self._channels:
-                raise self._file.refused("the file is damaged (a message without a channel)")
+                raise self._refused("the file is damaged (a message without a channel)")
 
     def _check_header(self, header: object) -> None:
         profile = header.profile if isinstance(header, Header) else ""
         version = profile.removeprefix(PROFILE)
         if not profile.startswith(PROFILE) or not version.isdecimal():
             of = f"of profile {profile!r}" if profile else "without a profile"
-            raise self._file.refused(f"an MCAP file {of}, expected one of navfw run --record")
+            raise self._refused(f"an MCAP file {of}, expected one of navfw run --record")
         if int(version[:9]) != FORMAT_VERSION:
-            raise self._file.refused(
+            raise self._refused(
                 f"it has version {version[:9]} of the format, this navfw reads {FORMAT_VERSION};"
                 " record the run again"
             )
@@ -149,12 +213,12 @@ class RecordedRun:
         schema = self._schemas.get(channel.schema_id)
         expected = _SCHEMAS.get(channel.topic)
         if schema is None:
-            raise self._file.refused(f"channel {channel.topic} has no schema")
+            raise self._refused(f"channel {channel.topic} has no schema")
         if expected not in (None, schema.name):
             what = f"channel {channel.topic} has schema {schema.name}, expected {expected}"
-            raise self._file.refused(what)
+            raise self._refused(what)
         if channel.topic == READING and schema.data != SCHEMA.encode():
-            raise self._file.refused(f"the fields of {channel.topic} are not those of this version")
+            raise self._refused(f"the fields of {channel.topic} are not those of this version")
         self._channels[channel.id] = channel
 
     def _decoder(self, channel: Channel) -> Callable[[bytes], Any]:
@@ -170,8 +234,39 @@ class RecordedRun:
                     return decoder
         except Exception as error:  # protobuf raises errors of many kinds for damaged schemas
             what = f"the schema of {channel.topic} is damaged ({error})"
-            raise self._file.refused(what) from None
+            raise self._refused(what) from None
         return bytes
+
+
+def _ends_with_magic(stream: BinaryIO) -> bool:
+    """Whether a file ends as a whole MCAP file does."""
+    stream.seek(-len(_MAGIC), io.SEEK_END)
+    return stream.read() == _MAGIC and stream.tell() > len(_MAGIC)
+
+
+def _unpacked_size(chunk: Chunk) -> int:
+    """The size of a chunk's content [byte].
+
+    Raises:
+        ValueError: it is too large, differs from what the chunk declares, or is packed otherwise
+            than navfw packs it.
+
+    """
+    size = chunk.uncompressed_size
+    if size > _MAX_CHUNK:
+        raise ValueError(f"a chunk has {size} bytes, more than {_MAX_CHUNK}")
+    if chunk.compression == "zstd":
+        declared = zstandard.frame_content_size(chunk.data)
+    elif chunk.compression == "":
+        declared = len(chunk.data)
+    else:
+        raise ValueError(f"compressed with {chunk.compression!r}, expected zstd")
+    if declared not in (-1, size):
+        raise ValueError(f"a chunk of {size} bytes has {declared}")
+    return size
+
+
+_SCHEMAS = {channel.topic: channel.schema for channel in CHANNELS}
 
 
 def image_of(message: RecordedMessage, path: Path) -> Image:

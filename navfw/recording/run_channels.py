@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections import deque
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
+import cv2
 from foxglove import Channel, Context, Schema
 from foxglove import channels as typed
-from foxglove.messages import Timestamp
+from foxglove.messages import CompressedImage, Timestamp
 
 from navfw.guard import PluginGuard
 from navfw.mofis.explanation import explain_command
@@ -16,10 +19,84 @@ from navfw.recording import channel_list as topics
 from navfw.recording import viewer_messages as messages
 from navfw.recording.run_folder import plain_json
 from navfw.recording.run_observer import SeenRun
-from navfw.recording.sensor_channels import SensorChannels, nanoseconds
-from navfw.signals import Percept, Pose, SensorReading, Twist
+from navfw.signals import Image, Percept, Pose, SensorReading, Twist
 from navfw.stack import Stack
 from navfw.stack.stack_state import StackState
+
+_IMAGE_FORMAT = "png"
+"""Format of the images. It loses nothing; WebP and JPEG 2000 are a tenth smaller and take five to
+ten times as long, an eighth of the run."""
+
+
+class SensorChannels:
+    """Logs sensor readings, each with its images before it.
+
+    Images are compressed in a thread of their own, and whatever comes later waits for them; the
+    thread sees nothing but the images, which nobody changes.
+    """
+
+    def __init__(self, context: Context) -> None:
+        schema = Schema(name=topics.SCHEMA_NAME, encoding="ros2msg", data=topics.SCHEMA.encode())
+        self._reading = Channel(
+            topics.READING, schema=schema, message_encoding="cdr", context=context
+        )
+        self._images = {
+            topic: typed.CompressedImageChannel(topic, context=context) for topic in topics.IMAGES
+        }
+        self._packer = ThreadPoolExecutor(max_workers=1)
+        self._waiting: deque[tuple[str, int, Future[bytes] | bytes]] = deque()
+
+    def log(self, reading: SensorReading, twist: Twist) -> None:
+        """Log one control tick: the reading, and the stack's command for it."""
+        now = topics.nanoseconds(reading.time)
+        frame, landmarks = reading.frame, reading.landmark_frame
+        if frame is not None:
+            self._pack(topics.CAMERA_IMAGE, frame.image, now)
+            for topic, side in zip(topics.SIDE_IMAGES, frame.sides, strict=False):
+                self._pack(topic, side, now)
+        if landmarks is not None:
+            self._pack(topics.LANDMARK_IMAGE, landmarks.image, now)
+        self._waiting.append((topics.READING, now, topics.pack_reading(reading, twist)))
+        self._send(wait=False)
+
+    def close(self) -> None:
+        """Log what still waits; nothing can be logged afterwards."""
+        self._send(wait=True)
+        self._packer.shutdown()
+
+    def _pack(self, topic: str, image: Image, now: int) -> None:
+        if self._images[topic].has_sinks():
+            self._waiting.append((topic, now, self._packer.submit(_packed, image)))
+
+    def _send(self, *, wait: bool) -> None:
+        """Log what is ready, in order; with ``wait`` all of it."""
+        while self._waiting:
+            topic, now, data = self._waiting[0]
+            if isinstance(data, Future):
+                if not (wait or data.done()):
+                    return
+                data = data.result()
+            self._waiting.popleft()
+            if topic == topics.READING:
+                self._reading.log(data, log_time=now)
+            else:
+                self._log_image(topic, data, now)
+
+    def _log_image(self, topic: str, data: bytes, now: int) -> None:
+        frame = topic.removeprefix("/").removesuffix("/image")
+        message = CompressedImage(
+            timestamp=Timestamp(*divmod(now, 10**9)),
+            frame_id=frame,
+            data=data,
+            format=_IMAGE_FORMAT,
+        )
+        self._images[topic].log(message, log_time=now)
+
+
+def _packed(image: Image) -> bytes:
+    """An image in ``_IMAGE_FORMAT``; OpenCV lets other threads run meanwhile."""
+    return cv2.imencode(f".{_IMAGE_FORMAT}", image)[1].tobytes()
+
 
 _VISION_PERIOD = 0.2
 """Interval between two flows, percepts and ratings of all commands [s]: what costs most."""
@@ -60,7 +137,7 @@ class RunChannels:
     def _show(self, seen: SeenRun, now: float, twist: Twist, pose: Pose) -> None:
         """Log what the stack has made of the newest frame."""
         stack, state = seen.stack, seen.stack.state
-        log_time = nanoseconds(now)
+        log_time = topics.nanoseconds(now)
         stamp = Timestamp(*divmod(log_time, 10**9))
         self._log(topics.TRUE_POSE, log_time, messages.true_pose_message, pose, stamp)
         if now >= self._next_vision:

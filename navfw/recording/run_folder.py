@@ -26,9 +26,6 @@ RECORDING = "run.mcap"
 REPORT = "report.html"
 """The report of ``navfw report``."""
 
-MAX_BYTES = 1 << 30
-"""Largest size of a recording [byte]; an hour of 160x120 images at 10 Hz is 0.6 GB."""
-
 OLD_RECORDING = "recording.npz"
 """The recording of earlier versions: no longer read, and replaced with its folder."""
 
@@ -109,8 +106,8 @@ class RunFolder(AtomicTarget):
         foreign = sorted(names - FILES)
         if not names or (RESULT in names and not foreign):
             return ""
-        found = f"it contains {foreign[0]!r}" if foreign else f"it has no {RESULT}"
-        what = f"is not a run folder ({found}), so it is not overwritten"
+        reason = f"it contains {foreign[0]!r}" if foreign else f"it has no {RESULT}"
+        what = f"is not a run folder ({reason}), so it is not overwritten"
         return f"{what}; choose another {self.option}"
 
 

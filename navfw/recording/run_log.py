@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     import pandas
 
 
+_COLUMNS = 13
+"""Columns of the rows that ``RunLogger`` collects."""
+
+
 def hash_commands(commands: Array) -> str:
     """The sha256 (hex) of a command stream.
 
@@ -83,12 +87,12 @@ class RunLog:
     def columns(self) -> dict[str, npt.NDArray[Any]]:
         """The log as columns by name, one value per control tick; poses and commands by part."""
         names = np.array([*self.leaders, ""], dtype=object)
-        found: dict[str, npt.NDArray[Any]] = {"time": self.time}
+        columns: dict[str, npt.NDArray[Any]] = {"time": self.time}
         for pose, rows in (("true", self.true), ("estimate", self.estimate)):
-            found |= {f"{pose}_{part}": rows[:, at] for at, part in enumerate(("x", "y", "yaw"))}
-        found |= {"v": self.commands[:, 0], "w": self.commands[:, 1]}
-        found |= {"leader": names[self.leader], "emergency": self.emergency, "sight": self.sight}
-        return found if self.confidence is None else found | {"confidence": self.confidence}
+            columns |= {f"{pose}_{axis}": rows[:, at] for at, axis in enumerate(("x", "y", "yaw"))}
+        columns |= {"v": self.commands[:, 0], "w": self.commands[:, 1]}
+        columns |= {"leader": names[self.leader], "emergency": self.emergency, "sight": self.sight}
+        return columns if self.confidence is None else columns | {"confidence": self.confidence}
 
     def to_pandas(self) -> pandas.DataFrame:
         """The log as a table: a row per control tick, the columns of ``columns``.
@@ -117,18 +121,14 @@ class RunLogger:
 
     contacts: list[Contact] = field(default_factory=list)
     _rows: array[float] = field(init=False, default_factory=lambda: array("d"))
-    _leader: list[int] = field(init=False, default_factory=list)
     _leaders: dict[str, int] = field(init=False, default_factory=dict)
-    _emergency: list[bool] = field(init=False, default_factory=list)
-    _sight: list[int] = field(init=False, default_factory=list)
-    _confidence: array[float] = field(init=False, default_factory=lambda: array("d"))
     _updates: int = field(init=False, default=0)
     _waypoints: dict[tuple[float, float, str], Waypoint] = field(init=False, default_factory=dict)
 
     @property
     def ticks(self) -> int:
         """Number of ticks added so far."""
-        return len(self._leader)
+        return len(self._rows) // _COLUMNS
 
     def add(
         self,
@@ -143,14 +143,11 @@ class RunLogger:
     ) -> None:
         """Add one control tick; ``belief``, if given, has the confidence of ``estimate``."""
         lost = belief is not None and belief.lost
-        self._confidence.append(0.0 if lost else 1.0 if belief is None else belief.confidence)
+        confidence = 0.0 if lost else 1.0 if belief is None else belief.confidence
         self._updates = self._updates if belief is None else belief.updates
-        self._rows.extend(
-            (time, true.x, true.y, true.yaw, estimate.x, estimate.y, estimate.yaw, twist.v, twist.w)
-        )
-        self._leader.append(self._leaders.setdefault(leader, len(self._leaders)))
-        self._emergency.append(emergency)
-        self._sight.append(sight)
+        number = self._leaders.setdefault(leader, len(self._leaders))
+        poses = true.x, true.y, true.yaw, estimate.x, estimate.y, estimate.yaw
+        self._rows.extend((time, *poses, twist.v, twist.w, number, emergency, sight, confidence))
 
     def add_waypoints(self, waypoints: tuple[Waypoint, ...]) -> None:
         """Add the planner's waypoints ahead; waypoints already in the log are not repeated."""
@@ -159,18 +156,18 @@ class RunLogger:
 
     def log(self) -> RunLog:
         """The log of all ticks added so far."""
-        rows = np.array(self._rows, dtype=np.float64).reshape(-1, 9)
+        rows = np.array(self._rows, dtype=np.float64).reshape(-1, _COLUMNS)
         return RunLog(
             time=rows[:, 0],
             true=rows[:, 1:4],
             estimate=rows[:, 4:7],
             commands=rows[:, 7:9],
-            leader=np.array(self._leader, dtype=np.int16),
-            emergency=np.array(self._emergency, dtype=np.bool_),
-            sight=np.array(self._sight, dtype=np.int8),
+            leader=rows[:, 9].astype(np.int16),
+            emergency=rows[:, 10].astype(np.bool_),
+            sight=rows[:, 11].astype(np.int8),
             leaders=tuple(self._leaders),
             contacts=tuple(self.contacts),
             waypoints=tuple(self._waypoints.values()),
-            confidence=np.array(self._confidence, dtype=np.float64),
+            confidence=rows[:, 12],
             updates=self._updates,
         )

@@ -7,19 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from navfw.config.extras import extra_imports
-from navfw.recording.run_folder import MAX_BYTES
+from navfw.recording.channel_list import END, FORMAT_VERSION, MAX_BYTES, PROFILE, RUN
 from navfw.recording.run_observer import SeenRun
 from navfw.signals import Frame, Pose, SensorReading, Twist
-
-FORMAT_VERSION = 1
-"""Version of the channels; raised when a replay reads them differently."""
-PROFILE = "navfw-"
-"""Profile of the file, before the version."""
-
-RUN = "navfw.run"
-"""Name of the metadata that describe the run, at the begin of the file."""
-END = "navfw.end"
-"""Name of the metadata at the end of the data; without them the run is not complete."""
 
 _CHUNK = 1 << 18
 """Size of a chunk before compression [byte]: a second or two, which a cut file loses at most."""

@@ -126,8 +126,8 @@ def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
     stack, recording, start, goals = _load(Path(folder))
     faults = _FaultReplay(Path(folder), stack)
     stack.start(start, goals)
-    last = recording.rows[-1].time if len(recording) else 0.0
-    for reading in recording.readings():
+    last = recording.readings[-1].time if len(recording) else 0.0
+    for reading in recording.readings:
         if reading.time > time + 1e-9:
             break
         faults.update(reading.time)
@@ -167,7 +167,8 @@ def _load(folder: Path) -> tuple[Stack, SensorRecording, Pose | None, list[Waypo
 
 
 def _check_images(recording: SensorRecording, camera: CameraModel, file: Path) -> None:
-    for frame in recording.frames:
+    for reading in recording.readings:
+        frame = reading.frame
         if frame is not None and frame.image.shape != (camera.height, camera.width):
             height, width = frame.image.shape
             raise ConfigError(
@@ -220,7 +221,7 @@ def replay_commands(
     """
     stack.start(start, goals)
     twists = []
-    for reading in recording.readings():
+    for reading in recording.readings:
         if before is not None:
             before(reading.time)
         twists.append(stack.step(reading))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,17 +12,16 @@ import numpy as np
 from navfw.errors import ConfigError
 from navfw.recording.channel_list import (
     CAMERA_IMAGE,
+    IMAGES,
     LANDMARK_IMAGE,
-    LEFT_IMAGE,
+    MAX_BYTES,
     READING,
-    RIGHT_IMAGE,
+    SIDE_IMAGES,
+    ImageFlags,
+    ReadingRow,
 )
-from navfw.recording.reading_message import ImageFlags, ReadingRow
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of
-from navfw.recording.run_folder import MAX_BYTES
 from navfw.signals import Array, Encoders, Frame, Image, Inertial, SensorReading
-
-_IMAGES = (CAMERA_IMAGE, LANDMARK_IMAGE, LEFT_IMAGE, RIGHT_IMAGE)
 
 _TOLERANCE = 1.0
 """Largest difference of clocks in a recording [s]."""
@@ -32,41 +31,23 @@ _MAX_RATE = 1000.0
 
 @dataclass(frozen=True, slots=True)
 class SensorRecording:
-    """Sensor readings and commands of a run (n control ticks).
+    """Sensor ``readings`` and commands of a run (n control ticks).
 
-    ``rows`` are the readings without images, ``frames`` and ``landmark_frames`` the images of each
-    tick or None. ``complete`` is false if the recording ends before its run.
+    ``commands`` (n, 2) are the stack's: v [m/s] and w [rad/s]. ``complete`` is false if the
+    recording ends before its run.
     """
 
-    rows: tuple[ReadingRow, ...]
-    frames: tuple[Frame | None, ...]
-    landmark_frames: tuple[Frame | None, ...]
+    readings: tuple[SensorReading, ...]
+    commands: Array
     complete: bool
 
     def __len__(self) -> int:
-        return len(self.rows)
+        return len(self.readings)
 
     @property
     def times(self) -> Array:
         """(n,) the times of the ticks [s]."""
-        return np.array([row.time for row in self.rows])
-
-    @property
-    def commands(self) -> Array:
-        """(n, 2) the stack's commands: v [m/s] and w [rad/s]."""
-        return np.array([(row.v, row.w) for row in self.rows], dtype=np.float64).reshape(-1, 2)
-
-    def readings(self) -> Iterator[SensorReading]:
-        """The sensor readings of the stack, one per control tick."""
-        ticks = zip(self.rows, self.frames, self.landmark_frames, strict=True)
-        for row, frame, landmark_frame in ticks:
-            yield SensorReading(
-                time=row.time,
-                inertial=Inertial(row.inertial_time, row.roll_rate, row.pitch_rate, row.yaw_rate),
-                encoders=Encoders(row.encoders_time, row.left, row.right),
-                frame=frame,
-                landmark_frame=landmark_frame,
-            )
+        return np.array([reading.time for reading in self.readings])
 
 
 def load_recording(path: str | Path, max_bytes: int = MAX_BYTES) -> SensorRecording:
@@ -82,23 +63,20 @@ def load_recording(path: str | Path, max_bytes: int = MAX_BYTES) -> SensorRecord
     path = Path(path)
     run = RecordedRun(path, max_bytes)
     images = _Images(path, max_bytes)
-    rows: list[ReadingRow] = []
-    frames: list[Frame | None] = []
-    landmark_frames: list[Frame | None] = []
-    for message in run.messages(READING, *_IMAGES):
-        if message.topic != READING:
+    readings: list[SensorReading] = []
+    commands: list[tuple[float, float]] = []
+    for message in run.messages(READING, *IMAGES):
+        if message.topic == READING:
+            row: ReadingRow = message.content
+            readings.append(images.complete(row))
+            commands.append((row.v, row.w))
+        else:
             images.add(message)
-            continue
-        row: ReadingRow = message.content
-        rows.append(row)
-        frames.append(images.frame(row))
-        landmark_frames.append(images.landmark_frame(row))
-        images.forget()
-    if not rows and not run.complete:
+    if not readings and not run.complete:
         raise _no_recording(path, "the file is cut off before its first reading")
-    recording = SensorRecording(tuple(rows), tuple(frames), tuple(landmark_frames), run.complete)
-    _check(recording, path)
-    return recording
+    _check(readings, path)
+    table = np.array(commands, dtype=np.float64).reshape(-1, 2)
+    return SensorRecording(tuple(readings), table, run.complete)
 
 
 class _Images:
@@ -107,7 +85,7 @@ class _Images:
     def __init__(self, path: Path, max_bytes: int) -> None:
         self._path = path
         self._left = max_bytes
-        self._waiting: dict[str, deque[Image]] = {topic: deque() for topic in _IMAGES}
+        self._waiting: dict[str, deque[Image]] = {topic: deque() for topic in IMAGES}
 
     def add(self, message: RecordedMessage) -> None:
         image = image_of(message, self._path)
@@ -116,24 +94,24 @@ class _Images:
             raise _no_recording(self._path, "its images are too large")
         self._waiting[message.topic].append(image)
 
-    def frame(self, row: ReadingRow) -> Frame | None:
-        """The frame of a reading, with its side views."""
-        if not row.pictures & ImageFlags.CAMERA:
-            return None
-        sided = row.pictures & ImageFlags.SIDES
-        sides = (self._take(LEFT_IMAGE), self._take(RIGHT_IMAGE)) if sided else ()
-        return Frame(row.frame_time, self._take(CAMERA_IMAGE), sides)
-
-    def landmark_frame(self, row: ReadingRow) -> Frame | None:
-        """The larger frame of a reading."""
-        if not row.pictures & ImageFlags.LANDMARKS:
-            return None
-        return Frame(row.landmark_frame_time, self._take(LANDMARK_IMAGE))
-
-    def forget(self) -> None:
-        """End a reading: all its images have been taken."""
+    def complete(self, row: ReadingRow) -> SensorReading:
+        """The reading of ``row`` with the images that stand before it."""
+        frame = landmark_frame = None
+        if row.pictures & ImageFlags.CAMERA:
+            sided = row.pictures & ImageFlags.SIDES
+            sides = tuple(map(self._take, SIDE_IMAGES)) if sided else ()
+            frame = Frame(row.frame_time, self._take(CAMERA_IMAGE), sides)
+        if row.pictures & ImageFlags.LANDMARKS:
+            landmark_frame = Frame(row.landmark_frame_time, self._take(LANDMARK_IMAGE))
         if any(self._waiting.values()):
             raise _no_recording(self._path, "an image belongs to no reading")
+        return SensorReading(
+            time=row.time,
+            inertial=Inertial(row.inertial_time, row.roll_rate, row.pitch_rate, row.yaw_rate),
+            encoders=Encoders(row.encoders_time, row.left, row.right),
+            frame=frame,
+            landmark_frame=landmark_frame,
+        )
 
     def _take(self, topic: str) -> Image:
         if not self._waiting[topic]:
@@ -141,19 +119,23 @@ class _Images:
         return self._waiting[topic].popleft()
 
 
-def _check(recording: SensorRecording, path: Path) -> None:
-    rows = np.array([row[:6] for row in recording.rows], dtype=np.float64).reshape(-1, 6)
-    times = rows[:, 0]
+def _check(readings: Sequence[SensorReading], path: Path) -> None:
+    times = np.array([reading.time for reading in readings])
     if not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
         raise _no_recording(path, "times do not increase")
-    if not _near(rows[:, 4:], times[:, None], times):
-        raise _no_recording(path, "the times of gyro or encoders are not those of their readings")
-    if (np.abs(rows[:, 1:4]) > _MAX_RATE).any():
+    for measured in ("inertial", "encoders"):
+        taken = np.array([getattr(reading, measured).time for reading in readings])
+        if not _near(taken, times, times):
+            what = "the times of gyro or encoders are not those of their readings"
+            raise _no_recording(path, what)
+    inertial = [reading.inertial for reading in readings]
+    rates = np.array([(gyro.roll_rate, gyro.pitch_rate, gyro.yaw_rate) for gyro in inertial])
+    if (np.abs(rates) > _MAX_RATE).any():
         raise _no_recording(path, f"a rate is above {_MAX_RATE:g} rad/s")
-    for frames in (recording.frames, recording.landmark_frames):
-        given = np.array([frame is not None for frame in frames], dtype=bool)
-        taken = np.array([frame.time for frame in frames if frame is not None], dtype=np.float64)
-        if not _near(taken, times[given], times):
+    for kind in ("frame", "landmark_frame"):
+        frames = [(getattr(reading, kind), reading.time) for reading in readings]
+        pairs = np.array([(frame.time, time) for frame, time in frames if frame is not None])
+        if len(pairs) and not _near(pairs[:, 0], pairs[:, 1], times):
             raise _no_recording(path, "the time of an image is not that of its reading")
 
 

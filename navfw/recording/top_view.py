@@ -115,7 +115,7 @@ class WorldOutline:
         ends = np.array([(-1.0, -1.0), (1.0, 1.0)])
         round_ends = [np.array([disc.x, disc.y]) + disc.radius * ends for disc in self.discs]
         corners = [*self.walls, *self.furniture, *round_ends, *others]
-        points = np.vstack([part.reshape(-1, 2) for part in corners])
+        points = np.vstack([corner_points.reshape(-1, 2) for corner_points in corners])
         points = points[np.isfinite(points).all(axis=1)]
         return points.min(axis=0) - margin, points.max(axis=0) + margin
 
@@ -131,7 +131,7 @@ def led_lines(points: Array, leaders: Sequence[str]) -> list[Line]:
         led = names == name
         ends = np.flatnonzero(np.append(led, False) | np.insert(led, 0, False))
         gaps = 1 + np.flatnonzero(~led[ends[:-1]])
-        label = f"{name or 'standing'} ({led.mean():.0%})"
+        label = f"{name or 'standing'} ({100.0 * led.mean():.0f} %)"
         style = Style(palette.behavior_color(name), width=3.2, label=label)
         lines.append(Line(np.insert(points[ends], gaps, np.nan, axis=0), style))
     return lines

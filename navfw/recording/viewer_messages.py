@@ -54,9 +54,9 @@ _LEVELS = 255
 
 def flow_message(flow: FlowField, camera: CameraModel, stamp: Timestamp) -> ImageAnnotations:
     """The flow vectors with any confidence as lines, from where each point was to where it is."""
-    known = flow.confidence > 0.0
-    ends = camera.reduction * flow.points[known] + _centre(camera)
-    starts = ends - camera.reduction * flow.vectors[known]
+    measured = flow.confidence > 0.0
+    ends = camera.reduction * flow.points[measured] + _centre(camera)
+    starts = ends - camera.reduction * flow.vectors[measured]
     pairs = np.stack([starts, ends], axis=1).reshape(-1, 2)
     return _annotations(stamp, [(PointsAnnotationType.LineList, pairs, _color(palette.FLOW), 1.0)])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,10 +19,18 @@ from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of
 from navfw.recording.run_folder import RESULT
 from navfw.recording.top_view import OutlineDisc, WorldOutline
 from navfw.report.report_page import reduced_source
-from navfw.signals import Array
+from navfw.signals import Array, Pose
 
 _MAX_ROWS = 4000
 """Largest number of rows; of a longer run every n-th command is taken."""
+_OF_DAMAGED_MESSAGES = (
+    ArithmeticError,
+    AttributeError,
+    IndexError,
+    KeyError,
+    TypeError,
+    ValueError,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +60,18 @@ def read_timeline(run: RecordedRun, robot_radius: float) -> RunTimeline:
         ConfigError: the recording is damaged.
 
     """
-    try:
+    with located_damage(run, "a message"):
         return _read(run, robot_radius)
-    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-        what = f"a message is damaged ({type(error).__name__}: {error})"
-        raise ConfigError(what, file=run.path) from None
+
+
+@contextmanager
+def located_damage(run: RecordedRun, what: str) -> Iterator[None]:
+    """Name the file of ``run`` where fields of ``what`` are missing, or have impossible values."""
+    try:
+        yield
+    except (*_OF_DAMAGED_MESSAGES, cv2.error) as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise ConfigError(f"{what} is damaged ({reason})", file=run.path) from None
 
 
 def robot_and_goals(result: Mapping[str, Any]) -> tuple[float, list[tuple[float, float]]]:
@@ -121,19 +137,19 @@ def _outline(scene: Any) -> WorldOutline:
 
 def _corners(cube: Any) -> Array:
     """The corners (4, 2) [m] of a cube that is turned about its vertical axis."""
-    yaw = 2.0 * math.atan2(cube.pose.orientation.z, cube.pose.orientation.w)
-    c, s = 0.5 * math.cos(yaw), 0.5 * math.sin(yaw)
-    along = np.array([c, s]) * cube.size.x
-    across = np.array([-s, c]) * cube.size.y
-    middle = np.array([cube.pose.position.x, cube.pose.position.y])
-    return np.stack(
-        [
-            middle - along - across,
-            middle + along - across,
-            middle + along + across,
-            middle - along + across,
-        ]
-    )
+    half = 0.5 * np.array([cube.size.x, cube.size.y])
+    around = half * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+    return planar_pose(cube).points_to_parent(around)
+
+
+def planar_pose(message: Any) -> Pose:
+    """The planar pose in a transform, or in a message with a ``pose``, with covariance or not."""
+    if hasattr(message, "translation"):
+        place, turn = message.translation, message.rotation
+    else:
+        pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
+        place, turn = pose.position, pose.orientation
+    return Pose(place.x, place.y, 2.0 * math.atan2(turn.z, turn.w))
 
 
 def _clearance(points: Array, outline: WorldOutline) -> Array:
@@ -184,8 +200,8 @@ class RunMoment:
 
     ``image`` is a data URL of ``size`` (width, height) [px of the camera]. ``flow`` holds lines
     (x0, y0, x1, y1), ``cells`` groups of points (x, y) with their CSS colour, both in sixteenths of
-    a pixel from the upper left corner. ``true`` and ``estimate`` are poses (x, y, yaw), ``path``
-    points (x, y) [m].
+    a pixel from the upper left corner. ``robot`` is its true position, ``way`` the points of the
+    way ahead, x, y [m].
     """
 
     time: float
@@ -196,8 +212,8 @@ class RunMoment:
     sentence: str = ""
     rules: str = ""
     command: dict[str, Any] = field(default_factory=dict)
-    true: tuple[float, float] | None = None
-    path: list[tuple[float, float]] = field(default_factory=list)
+    robot: tuple[float, float] | None = None
+    way: list[tuple[float, float]] = field(default_factory=list)
     rating: Rating | None = None
 
 
@@ -223,12 +239,8 @@ def read_moments(run: RecordedRun, limit: int = _MAX_MOMENTS) -> list[RunMoment]
     )
     moments: list[RunMoment] = []
     for newest in newest_at_images(run, wanted, kept):
-        try:
+        with located_damage(run, f"a message before {newest[topics.CAMERA_IMAGE].time:.2f} s"):
             moments.append(_moment(newest, run))
-        except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-            time = newest[topics.CAMERA_IMAGE].time
-            what = f"a message before {time:.2f} s is damaged ({type(error).__name__}: {error})"
-            raise ConfigError(what, file=run.path) from None
     return moments
 
 
@@ -270,9 +282,9 @@ def _moment(newest: dict[str, RecordedMessage], run: RecordedRun) -> RunMoment:
         moment.rules = "\n".join(explanation_lines(content[topics.RULES]))[:_MAX_TEXT]
     if topics.TRUE_POSE in content:
         position = content[topics.TRUE_POSE].pose.position
-        moment.true = (position.x, position.y)
+        moment.robot = (position.x, position.y)
     if topics.PATH in content:
-        moment.path = [(p.position.x, p.position.y) for p in content[topics.PATH].poses]
+        moment.way = [(p.position.x, p.position.y) for p in content[topics.PATH].poses]
     if topics.PROPOSALS in content:
         moment.rating = _rating(content[topics.PROPOSALS])
     return moment
@@ -284,7 +296,7 @@ def _points(group: Any, limit: int) -> list[int]:
 
 
 def _css(color: Any) -> str:
-    parts = ", ".join(str(round(255.0 * part)) for part in (color.r, color.g, color.b))
+    parts = ", ".join(str(round(255.0 * share)) for share in (color.r, color.g, color.b))
     return f"rgba({parts}, {color.a:.2f})"
 
 

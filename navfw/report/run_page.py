@@ -96,11 +96,11 @@ def _draw(plan: figure, style: Style, shapes: Sequence[Any]) -> None:
         xs, ys = ([shape.corners[:, axis].tolist() for shape in shapes] for axis in (0, 1))
         plan.patches(xs, ys, **look)
     elif isinstance(first, Disc):
-        middles = {name: [getattr(s, name) for s in shapes] for name in ("x", "y", "radius")}
-        plan.circle(**middles, **look)
+        look |= {name: [getattr(disc, name) for disc in shapes] for name in ("x", "y", "radius")}
+        plan.circle(**look)
     elif isinstance(first, Marks):
-        size = _PX_PER_PT * style.size
-        plan.scatter(*first.points.T, marker=style.marker, size=size, **look)
+        look |= {"marker": style.marker, "size": _PX_PER_PT * style.size}
+        plan.scatter(*first.points.T.tolist(), **look)
     else:
         dash = "dashed" if style.dashed else "solid"
         look = {"color": color, "line_width": _PX_PER_PT * style.width, "line_dash": dash}
@@ -196,6 +196,8 @@ _NUMBERS = {
     "emergencies": ("emergencies", ""),
 }
 """Results on the page, each with its name and unit."""
+_OF_MOMENTS = ("time", "image", "flow", "cells", "sentence", "rules", "command", "robot", "way")
+"""Fields of moments that the page's script reads as they are."""
 
 
 def run_report(folder: Path) -> str:
@@ -225,20 +227,18 @@ def run_report(folder: Path) -> str:
 
 
 def _numbers(result: Mapping[str, Any]) -> list[tuple[str, str]]:
-    found = []
+    numbers = []
     for key, (name, unit) in _NUMBERS.items():
         value = result.get(key)
         if isinstance(value, int | float):
             text = str(value) if isinstance(value, int) else f"{value:.2f}"
-            found.append((name, f"{text} {unit}".strip()))
-    return found
+            numbers.append((name, f"{text} {unit}".strip()))
+    return numbers
 
 
 def _recorded(run: RecordedRun, result: Mapping[str, Any]) -> dict[str, Any]:
     """What the page shows of a recording."""
     from bokeh.embed import components
-
-    from navfw.report.run_figures import plan_figure, plan_key, rating_figure, timeline_figures
 
     radius, goals = robot_and_goals(result)
     timeline = read_timeline(run, radius)
@@ -273,15 +273,7 @@ def _script_data(moments: Sequence[RunMoment], rating: Rating | None) -> dict[st
         "first": next((n for n, moment in enumerate(moments) if moment.rules), 0),
         "moments": [
             {
-                "time": moment.time,
-                "image": moment.image,
-                "flow": moment.flow,
-                "cells": moment.cells,
-                "sentence": moment.sentence,
-                "rules": moment.rules,
-                "command": moment.command,
-                "robot": moment.true,
-                "way": moment.path,
+                **{name: getattr(moment, name) for name in _OF_MOMENTS},
                 "desires": _field(moment.rating, rating, "desirability"),
                 "forbids": _field(moment.rating, rating, "prohibition"),
             }
@@ -300,7 +292,7 @@ def _script_data(moments: Sequence[RunMoment], rating: Rating | None) -> dict[st
     return dict(plain_json(data))
 
 
-def _field(rating: Rating | None, shape: Rating | None, part: str) -> str:
+def _field(rating: Rating | None, shape: Rating | None, layer_name: str) -> str:
     """The fields of all behaviours in one image, lowest row first, as bytes in base64.
 
     Empty where the moment has no rating of that ``shape``. A left turn is at the left, the first
@@ -308,7 +300,7 @@ def _field(rating: Rating | None, shape: Rating | None, part: str) -> str:
     """
     if rating is None or shape is None:
         return ""
-    layers = getattr(rating, part)
+    layers = getattr(rating, layer_name)
     if layers.shape != shape.desirability.shape or rating.names != shape.names:
         return ""
     padded = np.pad(layers[::-1, :, ::-1], ((0, 0), (0, 1), (0, 0)))

@@ -17,7 +17,12 @@ from navfw.recording import palette
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of, recording_in
 from navfw.recording.run_folder import read_result
 from navfw.recording.video_output import VideoOutput
-from navfw.report.run_moments import newest_at_images, read_timeline, robot_and_goals
+from navfw.report.run_moments import (
+    located_damage,
+    newest_at_images,
+    read_timeline,
+    robot_and_goals,
+)
 from navfw.report.video_plan import VideoPlan
 from navfw.signals import Array, Image
 
@@ -110,15 +115,6 @@ _MAX_AGE = 2.0
 """Age of a message from which it is no longer shown [s]."""
 _MAX_REPEATS = 600
 """Largest number of times that a picture is repeated while the camera gives no other."""
-_OF_DAMAGED_MESSAGES = (
-    ArithmeticError,
-    AttributeError,
-    IndexError,
-    KeyError,
-    TypeError,
-    ValueError,
-)
-"""Errors while a message is drawn whose fields are missing, or have impossible values."""
 _SHOWN = (
     topics.CAMERA_IMAGE,
     topics.FLOW,
@@ -180,9 +176,6 @@ def _picture(newest: dict[str, RecordedMessage], plan: VideoPlan, run: RecordedR
         for topic, message in newest.items()
         if camera.time - message.time < _MAX_AGE
     }
-    try:
+    with located_damage(run, f"a message before {camera.time:.2f} s"):
         left = draw_camera(camera.time, image_of(camera, run.path), content, _SIZE)
         return np.concatenate([left, plan.draw(camera.time, content)], axis=1)
-    except (*_OF_DAMAGED_MESSAGES, cv2.error) as error:
-        what = f"a message before {camera.time:.2f} s is damaged ({type(error).__name__}: {error})"
-        raise ConfigError(what, file=run.path) from None

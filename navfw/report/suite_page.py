@@ -72,8 +72,8 @@ class RunLines:
     def line(self, row: RunRow) -> RunLine:
         """The line of one run."""
         recording = self._folder.recording(row)
-        known = is_file(recording / RECORDING) or is_file(recording / REPORT)
-        report = relative_link(recording / REPORT, self._page) if known else ""
+        recorded = is_file(recording / RECORDING) or is_file(recording / REPORT)
+        report = relative_link(recording / REPORT, self._page) if recorded else ""
         file = self._folder.pictures / Path(row.picture).name
         if not row.picture or not is_file(file):
             return RunLine(row, "", "", report)
@@ -113,7 +113,9 @@ def suite_report(folder: SuiteFolder, page: Path) -> tuple[str, list[str]]:
     rows = finished_rows(folder)
     last = folder.summary()
     expected = {
-        name: part["expect"] for name, part in last.get("by_entry", {}).items() if "expect" in part
+        name: entry["expect"]
+        for name, entry in last.get("by_entry", {}).items()
+        if "expect" in entry
     }
     summary = summarize(rows, expected)
     table = summary_table(summary)
@@ -180,7 +182,7 @@ def comparison_report(
     finished = [finished_rows(suite) for suite in suites]
     with locating(file=f"{first.path}, {second.path}"):
         rows = [of_variant(*chosen) for chosen in zip(finished, variants, strict=True)]
-        found = compare_tables(*rows)
+        comparison = compare_tables(*rows)
     pairs = pair_up(*rows)
     changes = PairedChanges.of(pairs)
     neither = [pair for pair in pairs if not pair.a.succeeded and not pair.b.succeeded]
@@ -196,13 +198,13 @@ def comparison_report(
             (letter, name, relative_link(suite.report, page))
             for letter, name, suite in zip("AB", names, suites, strict=True)
         ],
-        several="by_configuration" in found,
-        pairs=found["pairs"],
-        unpaired=found["unpaired"],
-        numbers=comparison_rows(found),
+        several="by_configuration" in comparison,
+        pairs=comparison["pairs"],
+        unpaired=comparison["unpaired"],
+        numbers=comparison_rows(comparison),
         groups=[
-            (name, note, _sides(part, lines))
-            for name, note, part in (
+            (name, note, _sides(changed_pairs, lines))
+            for name, note, changed_pairs in (
                 ("Lost", "only A reached its goals", changes.lost),
                 ("Worse", "both reached their goals, the SPL of B is lower", changes.worse),
                 ("Gained", "only B reached its goals", changes.gained),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -24,7 +23,7 @@ from navfw.recording.top_view import (
     robot_shapes,
     way_shapes,
 )
-from navfw.report.run_moments import RunTimeline
+from navfw.report.run_moments import RunTimeline, planar_pose
 from navfw.signals import Array, Image, Pose
 
 _KEY_HEIGHT = 70
@@ -80,14 +79,14 @@ class VideoPlan:
         write_key(
             image, self._key, (10.0, self._shape[0] - _KEY_HEIGHT + 22.0), 12.0, palette.bgr(_INK)
         )
-        true = _planar(content.get(topics.TRUE_POSE))
-        believed = _planar(content.get(topics.POSE))
+        true = _pose(content, topics.TRUE_POSE)
+        believed = _pose(content, topics.POSE)
         shown = image[: self._shape[0] - _KEY_HEIGHT]
         canvas = _Canvas(shown, self._corner(true or believed), self._scale)
         canvas.image[:] = palette.bgr(palette.FLOOR)
         canvas.draw(self._world)
         if topics.TRANSFORMS in content:
-            odom = _transform(content[topics.TRANSFORMS].transforms[0])
+            odom = planar_pose(content[topics.TRANSFORMS].transforms[0])
             _draw_local_map(canvas, content.get(topics.LOCAL_MAP), odom)
             canvas.draw(_movers(content.get(topics.OBSTACLES), odom))
         until = int(np.searchsorted(self._timeline.time, time + 1e-6))
@@ -134,8 +133,8 @@ class _Canvas:
                 cv2.fillPoly(self.image, corners, palette.bgr(fill), cv2.LINE_AA, _SHIFT)
                 self._lines(corners, edge, width, closed=True)
             elif isinstance(shape, Line):
-                known = np.isfinite(shape.points).all(axis=1)
-                runs = np.split(shape.points, np.flatnonzero(~known))
+                measured = np.isfinite(shape.points).all(axis=1)
+                runs = np.split(shape.points, np.flatnonzero(~measured))
                 lines = [self._fixed(run[np.isfinite(run).all(axis=1)]) for run in runs]
                 self._lines(lines, fill, width)
             elif isinstance(shape, Disc):
@@ -220,24 +219,11 @@ def _way(content: Mapping[str, Any], believed: Pose | None) -> list[Shape]:
     if topics.PATH not in content:
         return []
     robot, *waypoints = [(p.position.x, p.position.y) for p in content[topics.PATH].poses]
-    goal = _planar(content.get(topics.LOCAL_GOAL))
+    goal = _pose(content, topics.LOCAL_GOAL)
     point = None if goal is None or believed is None else believed.to_parent(goal.x, goal.y)
     return way_shapes(robot, waypoints, point)
 
 
-def _planar(message: Any) -> Pose | None:
-    """The planar pose in a message with a pose; None without one."""
-    if message is None:
-        return None
-    pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
-    return Pose(pose.position.x, pose.position.y, _yaw(pose.orientation))
-
-
-def _transform(message: Any) -> Pose:
-    """The planar pose of a transform's child frame."""
-    return Pose(message.translation.x, message.translation.y, _yaw(message.rotation))
-
-
-def _yaw(turn: Any) -> float:
-    """The yaw [rad] of a quaternion about the vertical axis."""
-    return 2.0 * math.atan2(turn.z, turn.w)
+def _pose(content: Mapping[str, Any], topic: str) -> Pose | None:
+    """The newest pose on a channel; None without one."""
+    return planar_pose(content[topic]) if topic in content else None

@@ -37,7 +37,7 @@ def test_a_replay_has_the_same_landmark_frames(stack: Path, tmp_path: Path) -> N
         write_run(result, folder)
     assert folder.final is not None
     recording = load_recording(folder.final / "run.mcap")
-    taken = [r for r in recording.readings() if r.landmark_frame is not None]
+    taken = [r for r in recording.readings if r.landmark_frame is not None]
     wanted = session.mission.spec.robot.landmark_camera
     assert len(taken) == pytest.approx(result.run.sim_time * wanted.rate, abs=2)
     assert set(session.stack.state.detection_counts)  # the lobby has markers

@@ -21,8 +21,8 @@ from navfw.cli import app
 from navfw.errors import InputError
 from navfw.missions.session_setup import prepare
 from navfw.recording import channel_list as topics
+from navfw.recording.channel_list import unpack_reading
 from navfw.recording.live_server import LiveServer
-from navfw.recording.reading_message import unpack_reading
 
 WANTED = (topics.COMMAND, topics.READING, topics.CAMERA_IMAGE, topics.WORLD)
 

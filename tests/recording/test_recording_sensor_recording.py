@@ -13,10 +13,17 @@ from mcap.writer import CompressionType
 from mcap_rewriting import Change, rewrite
 
 from navfw.errors import ConfigError
-from navfw.recording.channel_list import CAMERA_IMAGE, LANDMARK_IMAGE, READING, RIGHT_IMAGE
-from navfw.recording.reading_message import ReadingRow, pack_reading, unpack_reading
+from navfw.recording.channel_list import (
+    CAMERA_IMAGE,
+    LANDMARK_IMAGE,
+    MAX_BYTES,
+    READING,
+    RIGHT_IMAGE,
+    ReadingRow,
+    pack_reading,
+    unpack_reading,
+)
 from navfw.recording.recorded_run import RecordedRun
-from navfw.recording.run_folder import MAX_BYTES
 from navfw.recording.run_recorder import RunRecorder
 from navfw.recording.run_replay import compare_commands, replay_commands
 from navfw.recording.sensor_recording import load_recording
@@ -71,7 +78,7 @@ def same_frame(a: Frame | None, b: Frame | None) -> bool:
 def test_readings_are_loaded_as_recorded(tmp_path: Path) -> None:
     readings = random_readings(1)
     recording = load_recording(recorded(readings, tmp_path / "run.mcap"))
-    back = list(recording.readings())
+    back = list(recording.readings)
     assert recording.complete
     assert len(back) == TICKS
     for before, after in zip(readings, back, strict=True):
@@ -96,7 +103,7 @@ def test_a_reading_that_is_not_a_number_is_kept() -> None:
 
 
 def test_an_empty_recording_can_be_loaded(tmp_path: Path) -> None:
-    assert list(load_recording(recorded([], tmp_path / "empty.mcap")).readings()) == []
+    assert list(load_recording(recorded([], tmp_path / "empty.mcap")).readings) == []
 
 
 def test_a_recorder_keeps_its_size_limit(tmp_path: Path) -> None:
@@ -134,7 +141,13 @@ def test_of_a_cut_file_the_intact_part_is_used(tmp_path: Path) -> None:
         recording = load_recording(path)
         assert not recording.complete
         assert 3 < len(recording) < TICKS
-        assert recording.rows == whole.rows[: len(recording)]
+        assert np.array_equal(recording.commands, whole.commands[: len(recording)])
+        for cut, reading in zip(recording.readings, whole.readings, strict=False):
+            assert (cut.time, cut.inertial, cut.encoders) == (
+                reading.time,
+                reading.inertial,
+                reading.encoders,
+            )
     path.write_bytes(content[:1500])
     with pytest.raises(ConfigError, match="cut off before its first reading"):
         load_recording(path)
