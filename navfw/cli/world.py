@@ -135,23 +135,22 @@ def show(
 
 def _draw_plan(path: Path, world: WorldSpec) -> None:
     """Write a picture of the floor plan, with the names of rooms, as PNG."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    import numpy as np
 
     from navfw.missions.run_drawing import outline_of
     from navfw.process.atomic import atomic_file
-    from navfw.recording.top_view import draw_outline, style_axes
+    from navfw.recording.plan_picture import draw_shapes, plan_axes
     from navfw.sim.scene_geometry import SceneGeometry
 
     x0, y0, x1, y1 = (plan := SceneGeometry.from_world(world)).bounds
     scale = min(16.0 / (x1 - x0), 11.0 / (y1 - y0))
-    figure = Figure(figsize=((x1 - x0) * scale + 0.8, (y1 - y0) * scale + 0.8))
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot(aspect="equal", xlim=(x0, x1), ylim=(y0, y1), title=world.name)
-    draw_outline(axes, outline_of(plan), edge=0.6, wall_edge=0.4)
+    size = (x1 - x0) * scale + 0.8, (y1 - y0) * scale + 0.8
+    frame = (0.4 / size[0], 0.4 / size[1], 1.0 - 0.8 / size[0], 1.0 - 0.8 / size[1])
+    figure, axes = plan_axes(size, frame, np.array([x0, y0]), np.array([x1, y1]))
+    axes.set_title(world.name)
+    draw_shapes(axes, outline_of(plan).shapes(), zorder=1.0)
     for room in world.rooms:
         axes.text(sum(room.x) / 2.0, sum(room.y) / 2.0, room.name, ha="center", color="#3A3A3A")
-    style_axes(axes)
     with atomic_file(path, parents=True) as part:
         metadata = {"Software": "navfw"}
         figure.savefig(part, dpi=110, format="png", bbox_inches="tight", metadata=metadata)
