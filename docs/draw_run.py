@@ -17,7 +17,7 @@ import numpy as np
 from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedRun, image_of, recording_in
 from navfw.report.run_moments import newest_at_images
-from navfw.report.video_camera import draw_camera
+from navfw.report.run_video import draw_camera
 from navfw.signals import Image
 
 WIDTH, HEIGHT = 640, 720
