@@ -27,6 +27,7 @@ check: | uv
 	$(UV) run ruff format --check
 	$(UV) run mypy
 	$(UV) run lint-imports
+	$(UV) run python tests/helpers/line_budget.py
 
 kernels: | uv
 	$(UV) run navfw warm --quiet

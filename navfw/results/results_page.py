@@ -192,9 +192,14 @@ class _Writer:
         return [result for name in names for result in self._suites if result.suite == name]
 
     def _table(self, columns: Iterable[Column], records: Sequence[Any]) -> str:
-        """A table with the origin of each record in its last columns; empty without records."""
+        """A table with its origin, in the last columns where rows differ; empty without rows."""
+        if not records:
+            return ""
         origin = Column("revision", _short), Column("machine", self._letter_of)
-        return ResultTable("", [*columns, *origin], records).markdown() if records else ""
+        several = [c for c in origin if len({c.cell(record) for record in records}) > 1]
+        common = [f"{c.title} {c.cell(records[0])}" for c in origin if c not in several]
+        table = ResultTable("", [*columns, *several], records).markdown()
+        return f"{table}\nAll rows: {', '.join(common)}." if common else table
 
     def _letter_of(self, record: _Line | StoredResult) -> str:
         return _letter(self._machines.index(_result_of(record).machine))
@@ -250,13 +255,13 @@ class _Writer:
         result = self._results.get(name)
         if not isinstance(result, StoredValues):
             return ""
-        origin = [_short(result), self._letter_of(result)]
-        rows = []
+        values = []
         for text in wanted:
             label, _, rest = text.rpartition("=")
             key, _, form = rest.partition(":")
-            rows.append([label, _formatted(result, key, form), *origin])
-        return markdown_table(["quantity", "value", "revision", "machine"], rows)
+            values.append((label, _formatted(result, key, form)))
+        table = markdown_table(["quantity", "value"], values)
+        return f"{table}\nRevision {_short(result)}, machine {self._letter_of(result)}."
 
     def _called(self, name: str) -> list[StoredResult]:
         """The result of that name; else all of that suite, driven as the suite has it."""
