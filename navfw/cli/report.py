@@ -86,10 +86,8 @@ def report(
             comparison = _compare(folder, variants) if len(folder) == 2 else None
         for what in notes:
             print_status(f"navfw: left out: {what}")
-    if comparison is not None and json:
-        print_json(comparison)
-    elif comparison is not None:
-        _print_comparison(comparison)
+    if comparison is not None:
+        (print_json if json else _print_comparison)(comparison)
     if not (text or json):
         typer.echo(f"report: {target}")
     if comparison is not None and margin is not None:

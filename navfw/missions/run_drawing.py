@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from navfw.recording import palette
 from navfw.recording.top_view import Disc, Line, Marks, OutlineDisc, WorldOutline, way_shapes
 from navfw.signals import Pose, SensorReading, Twist
-from navfw.sim.display import Point3, SimulatorWindow
 from navfw.sim.scene_geometry import SceneGeometry
-from navfw.stack import Stack
+
+if TYPE_CHECKING:
+    from navfw.sim.display import Point3, SimulatorWindow
+    from navfw.stack import Stack
 
 _LIFT = 0.03
 """Height of lines above the floor [m]."""

@@ -86,7 +86,7 @@ class TableRow:
 
 
 @dataclass(frozen=True, slots=True)
-class _Column:
+class _TimedColumn:
     """The column ``name``, whose numbers times ``unit`` are in SI units."""
 
     name: str
@@ -108,7 +108,7 @@ class TimedTable:
         self.file = shown_path(path)
         self.header: tuple[str, ...] = ()
         self._kind = kind
-        self._columns: list[_Column | None] = []
+        self._columns: list[_TimedColumn | None] = []
         self._lines: Iterator[tuple[int, list[str]]] = self._split(
             read_input_text(path, _MAX_BYTES)
         )
@@ -216,7 +216,7 @@ class TimedTable:
         except csv.Error as error:
             raise self.error(f"is not a CSV file: {error}", reader.line_num) from None
 
-    def _by_position(self, line: int, count: int) -> list[_Column | None]:
+    def _by_position(self, line: int, count: int) -> list[_TimedColumn | None]:
         """The columns of a table without a header."""
         columns, needed, others = self._kind.columns, self._kind.needed, self._kind.others
         if count < needed or (count > len(columns) and not others):
@@ -226,10 +226,10 @@ class TimedTable:
                 f"{optional}",
                 line,
             )
-        of_use = [_Column(name) for name in columns[:count]]
+        of_use = [_TimedColumn(name) for name in columns[:count]]
         return [*of_use, *[None] * (count - len(of_use))]
 
-    def _by_header(self, line: int) -> list[_Column | None]:
+    def _by_header(self, line: int) -> list[_TimedColumn | None]:
         """The columns that the header names."""
         columns = [self._named(line, word) for word in self.header]
         names = [column.name for column in columns if column is not None]
@@ -241,7 +241,7 @@ class TimedTable:
                 raise self.error(f"has several columns of {name!r}; keep one", line)
         return columns
 
-    def _named(self, line: int, word: str) -> _Column | None:
+    def _named(self, line: int, word: str) -> _TimedColumn | None:
         """The column with the name ``word`` in the header; None for another quantity."""
         written, unit = name_and_unit(word)
         name = self._kind.names.get(written)
@@ -252,11 +252,11 @@ class TimedTable:
                 raise self.error(f"unknown column {word!r}: {hint}", line)
             return None
         if unit is None:
-            return _Column(name)
+            return _TimedColumn(name)
         units = _TIME_UNITS if name == TIME else _RATE_UNITS
         if unit not in units:
             raise self.error(f"unknown unit in {word!r}; known: {', '.join(units)}", line)
-        return _Column(name, units[unit])
+        return _TimedColumn(name, units[unit])
 
     def _number(self, line: int, name: str, cell: str) -> float:
         try:

@@ -59,7 +59,7 @@ _REVISION_DIGITS = 9
 
 
 @dataclass(frozen=True, slots=True)
-class _Line:
+class _FigureRow:
     """A row of a table: its label, the result, and the figures of a suite that it shows."""
 
     label: str
@@ -201,12 +201,12 @@ class _Writer:
         table = ResultTable("", [*columns, *several], records).markdown()
         return f"{table}\nAll rows: {', '.join(common)}." if common else table
 
-    def _letter_of(self, record: _Line | StoredResult) -> str:
+    def _letter_of(self, record: _FigureRow | StoredResult) -> str:
         return _letter(self._machines.index(_result_of(record).machine))
 
     def _suite_table(self, *names: str) -> str:
         lines = [
-            _Line(_label(result), result, result.figures)
+            _FigureRow(_label(result), result, result.figures)
             for result in self._of_suites(names)
             if not result.variant
         ]
@@ -214,7 +214,7 @@ class _Writer:
 
     def _part_table(self, *names: str) -> str:
         lines = [
-            _Line(part, result, figures)
+            _FigureRow(part, result, figures)
             for result in self._of_suites(names)
             if not result.variant
             for part, figures in (result.parts or {_label(result): result.figures}).items()
@@ -231,12 +231,12 @@ class _Writer:
             Column("p", lambda line: line.result.p, ".2g", missing=""),
             *(Column(entry, partial(_reached_in, entry), missing="") for entry in entries),
         ]
-        lines = [_Line(result.variant, result, result.figures) for result in variants]
+        lines = [_FigureRow(result.variant, result, result.figures) for result in variants]
         return self._table(columns, lines)
 
     def _sizing_table(self, *names: str) -> str:
         lines = [
-            _Line(_label(result), result, result.figures)
+            _FigureRow(_label(result), result, result.figures)
             for result in self._of_suites(names)
             if not result.variant and result.figures.cpu_time_s
         ]
@@ -326,7 +326,7 @@ def _reached(figures: Figures) -> str:
     return f"{figures.reached} of {figures.runs}"
 
 
-def _reached_in(entry: str, line: _Line) -> str | None:
+def _reached_in(entry: str, line: _FigureRow) -> str | None:
     parts = line.result.parts
     return _reached(parts[entry]) if entry in parts else None
 
@@ -345,11 +345,11 @@ def _causes(figures: Figures) -> str:
     return "; ".join(f"{cause} {count}" for cause, count in figures.causes.items()) or "none"
 
 
-def _result_of(record: _Line | StoredResult) -> StoredResult:
-    return record.result if isinstance(record, _Line) else record
+def _result_of(record: _FigureRow | StoredResult) -> StoredResult:
+    return record.result if isinstance(record, _FigureRow) else record
 
 
-def _short(record: _Line | StoredResult) -> str:
+def _short(record: _FigureRow | StoredResult) -> str:
     """The revision that a record was measured at, shortened."""
     result = _result_of(record)
     if not result.dirty:

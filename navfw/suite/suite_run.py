@@ -113,7 +113,7 @@ def run_suite(
             started.
 
     """
-    table = _ResultTable(plan, out, have)
+    table = _SuiteRows(plan, out, have)
     jobs = [
         Job(case, out.pictures.absolute(), keep, record)
         for case in plan.cases
@@ -137,7 +137,7 @@ def run_suite(
 
 def _drive(
     results: Iterable[tuple[Job, RunRow | WorkerFailure]],
-    table: _ResultTable,
+    table: _SuiteRows,
     on_row: Callable[[Case, RunRow], None] | None,
 ) -> list[Job]:
     """Put the runs that have ended into the table; returns those to drive again."""
@@ -155,7 +155,7 @@ def _drive(
     return again
 
 
-class _ResultTable:
+class _SuiteRows:
     """Holds the rows; each goes to the journal at once, table and summary are exported later.
 
     ``deaths`` counts the processes that died with a run which has no row yet.

@@ -127,7 +127,7 @@ def test_the_look_of_an_entry_is_that_of_its_worlds(tmp_path: Path) -> None:
         ("{family: boxes, set: {ovoid.margin: 1}}", "did you mean 'avoid'?"),
         (
             "{family: boxes, set: {mission.goals: [and]}}",
-            "entries[0]: unknown place 'and': did you mean 'end'?",
+            "entries[0]: --set mission.goals=[\"and\"]: unknown place 'and': did you mean 'end'?",
         ),
         ("{family: boxes, stack: defalt}", "entries[0].stack: unknown stack"),
     ],
