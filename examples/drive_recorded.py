@@ -48,7 +48,7 @@ def load_stack(folder: Path) -> Stack:
 def drive(stack: Stack, recording: SensorRecording) -> int:
     """Drive through all readings; the number of ticks with another command than the recorded."""
     leader, different = "", 0
-    for reading, (v, w) in zip(recording.readings(), recording.commands, strict=True):
+    for reading, (v, w) in zip(recording.readings, recording.commands, strict=True):
         twist = stack.step(reading)
         different += (twist.v, twist.w) != (v, w)
         command = stack.state.command
