@@ -94,11 +94,15 @@ def test_rows_have_figures_and_origin() -> None:
     text = filled("{{suites rooms}}", suite_result())
     assert (
         "| rooms | 0:4 | 3 of 4 (75.0 %, 30.0 to 95.0) | 1 (1) | 0.70 | 0.50 | 20.0 s"
-        " | 0.05, 0.20 m | collided: slow 1 | 012345678 | A |"
+        " | 0.05, 0.20 m | collided: slow 1 |\n\nAll rows: revision 012345678, machine A."
     ) in text
     changed = suite_result(revision=f"{REVISION}-dirty", command="navfw suite rooms --seeds 0:4 -x")
     assert "| rooms `-x` |" in filled("{{suites rooms}}", changed)
-    assert "| 012345678-dirty | A |" in filled("{{suites rooms}}", changed)
+    assert "revision 012345678-dirty, machine A." in filled("{{suites rooms}}", changed)
+    both = filled("{{suites rooms}}", suite_result(), changed)
+    assert "| 012345678 |\n" in both
+    assert "| 012345678-dirty |\n" in both
+    assert "All rows: machine A." in both
 
 
 def test_parts_show_what_passes() -> None:
@@ -116,8 +120,9 @@ def test_variants_stand_beside_the_first() -> None:
     shared = {"parts": {"maze": figures}}
     first = suite_result("rooms-z", variant="zero", **shared)
     other = suite_result("rooms-a", variant="bare", p=0.0312, against="zero", **shared)
-    head, _, *rows = filled("{{variants rooms}}", other, first).splitlines()
-    assert "| p | maze | revision | machine |" in head
+    head, _, *rows, _, origin = filled("{{variants rooms}}", other, first).splitlines()
+    assert origin == "All rows: revision 012345678, machine A."
+    assert "| p | maze |" in head
     assert [row.split(" | ")[0] for row in rows] == ["| zero", "| bare"]
     assert "| 0.031 | 3 of 4 |" in rows[1]
     assert filled("{{suites rooms}}", first) == "not measured"
@@ -128,7 +133,7 @@ def test_sizing_extrapolates_the_processor_time_of_runs() -> None:
     assert filled("{{sizing rooms}}", measured) == "not measured", "of an older version"
     figures = measured.figures.model_copy(update={"cpu_time_s": 4.5, "memory_mb": 380.4})
     sized = measured.model_copy(update={"figures": figures, "disk_kb": 9.27})
-    row = "| rooms | 4 | 800 | 12.5 h | 380 MB | 9.3 kB | 012345678 | A |"
+    row = "| rooms | 4 | 800 | 12.5 h | 380 MB | 9.3 kB |"
     assert row in filled("{{sizing rooms}}", sized)
 
 
@@ -155,11 +160,11 @@ def test_values_runs_and_machines() -> None:
         '{{values bench-loop\n "loop = all"=loop_over_render:.2f\n laps=spread.loop_over_render}}',
         bench_result(),
     )
-    assert "| loop = all | 1.23 | 012345678 | A |\n| laps | 1.1 to 1.3 |" in text
+    assert "| loop = all | 1.23 |\n| laps | 1.1 to 1.3 |\n\nRevision 012345678" in text
     text = filled("{{runs office-*}}", bench_result(), other)
     assert (
         "| office `tour` | 3 | default | reached | 12.3 m | 40.0 s | 0.042 m, 0.100 m |  | 0 |"
-        " 012345678 | B |"
+        "\n\nAll rows: revision 012345678, machine B."
     ) in text
     assert "| B | Kettle 3000 | 8 |" in filled("{{machines}}", bench_result(), other)
 
