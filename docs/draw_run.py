@@ -14,11 +14,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from navfw.numerics import Image
 from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedRun, image_of, recording_in
 from navfw.report.run_moments import newest_at_images
 from navfw.report.run_video import draw_camera
-from navfw.signals import Image
 
 WIDTH, HEIGHT = 640, 720
 """Size of the camera's part [px]; the path has the same height."""

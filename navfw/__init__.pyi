@@ -28,7 +28,6 @@ from .interfaces import MissionEvent as MissionEvent
 from .interfaces import Perception as Perception
 from .interfaces import Planner as Planner
 from .interfaces import WorldFamily as WorldFamily
-from .kernels import compile_kernels as compile_kernels
 from .missions.outcome import Outcome as Outcome
 from .missions.pilot import TickView as TickView
 from .missions.session import MissionResult as MissionResult
@@ -39,7 +38,11 @@ from .missions.session_setup import run as run
 from .mofis.ruled import RuledBehavior as RuledBehavior
 from .mofis.ruled import RuledComposite as RuledComposite
 from .mofis.rules import BehaviorRules as BehaviorRules
+from .numerics import Array as Array
+from .numerics import Image as Image
+from .numerics import Mask as Mask
 from .plugins import default_registry as default_registry
+from .process import compile_kernels as compile_kernels
 from .recording.recorded_run import RecordedRun as RecordedRun
 from .recording.recorded_run import open_run as open_run
 from .recording.sensor_recording import SensorRecording as SensorRecording
@@ -47,7 +50,6 @@ from .recording.sensor_recording import load_recording as load_recording
 from .robot import CameraModel as CameraModel
 from .robot import RobotModel as RobotModel
 from .robot.robotfile import load_robot as load_robot
-from .signals import Array as Array
 from .signals import Belief as Belief
 from .signals import CameraMotion as CameraMotion
 from .signals import Command as Command
@@ -57,11 +59,9 @@ from .signals import Explain as Explain
 from .signals import FlowField as FlowField
 from .signals import Frame as Frame
 from .signals import FramePair as FramePair
-from .signals import Image as Image
 from .signals import Inertial as Inertial
 from .signals import Label as Label
 from .signals import LandmarkDetection as LandmarkDetection
-from .signals import Mask as Mask
 from .signals import MovingObject as MovingObject
 from .signals import OccupiedDisc as OccupiedDisc
 from .signals import Odometry as Odometry

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
+from navfw.numerics import Image
 from navfw.robot import RobotModel
 from navfw.signals import (
     Belief,
@@ -22,7 +23,6 @@ from navfw.signals import (
     FlowField,
     Frame,
     FramePair,
-    Image,
     LandmarkDetection,
     Odometry,
     PassageQuery,

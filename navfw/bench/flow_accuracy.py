@@ -33,10 +33,11 @@ from navfw.flow.ideal import Ideal
 from navfw.flow.lucas_kanade import LucasKanade
 from navfw.flow.registered import Registered
 from navfw.interfaces import FlowProcessor
+from navfw.numerics import Array
 from navfw.process.result_table import Column, ResultTable, named, shown
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, CameraMotion, Frame, FramePair
+from navfw.signals import CameraMotion, Frame, FramePair
 
 SIGMA_BINS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, np.inf)
 """Limits [px] of the intervals of sigma in the calibration table."""

@@ -39,12 +39,13 @@ from navfw.flow.confidence import SIGMA_UNKNOWN
 from navfw.flow.grid_flow import GridFlow, MatchedFlow
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import FlowProcessor
+from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats
 from navfw.perceive.working_size import WorkingSize
 from navfw.process.result_table import Column, ResultTable, named
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
-from navfw.signals import Array, CameraMotion, Image
+from navfw.signals import CameraMotion
 
 _DenseMethod = Callable[[Image, Image], Floats]
 """Displacement (height, width, 2) [px] of each pixel of the first image in the second."""

@@ -14,10 +14,11 @@ from navfw.bench.true_pairs import exposed
 from navfw.features.aruco import Aruco
 from navfw.features.posters import Posters
 from navfw.interfaces import FeatureRecognizer
+from navfw.numerics import Image
 from navfw.process.result_table import Column, ResultTable
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
-from navfw.signals import Frame, Image, LandmarkDetection, Pose
+from navfw.signals import Frame, LandmarkDetection, Pose
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldspec import LandmarkPlateSpec, WallSpec, WorldSpec

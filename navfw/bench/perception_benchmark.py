@@ -15,12 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from navfw.bench import (
-    flow_accuracy,
-    flow_comparison,
-    perception_accuracy,
-    recorded_approach,
-)
+from navfw.bench import flow_accuracy, flow_comparison, perception_accuracy, recorded_approach
 from navfw.bench.flow_accuracy import match_template_ratio
 from navfw.bench.perception_samples import samples_of_world
 from navfw.errors import InputError

@@ -21,25 +21,17 @@ from itertools import count
 
 import numpy as np
 
-from navfw.bench.random_world import random_world
+from navfw.bench.random_worlds import random_world
 from navfw.bench.true_pairs import arc, exposed, true_field
 from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
 from navfw.camera_geometry.rotations import derotate
-from navfw.egomotion.camera_motion import camera_motion
+from navfw.egomotion.camera_motions import camera_motion
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.pairing import FrameBuffer, PairingParams
 from navfw.egomotion.refinement import refine
 from navfw.flow.block_matching import BlockMatching
 from navfw.robot import RobotModel
-from navfw.signals import (
-    CameraMotion,
-    FlowField,
-    Frame,
-    FramePair,
-    Pose,
-    Twist,
-    wrap_angle,
-)
+from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Pose, Twist, wrap_angle
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
 from navfw.sim.simulation import Simulation

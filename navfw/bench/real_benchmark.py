@@ -33,6 +33,7 @@ from navfw.bench.recording_truth import (
 from navfw.camera_geometry.lens_models import CameraCalibration
 from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
+from navfw.numerics import Array
 from navfw.perceive.image_sources import IMAGES, ImageSource, open_source
 from navfw.perceive.image_times import natural_key
 from navfw.perceive.lens_estimate import LensEstimate, estimate_lens
@@ -42,7 +43,6 @@ from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.plugins import Registry
 from navfw.process.result_table import Column, ResultTable
 from navfw.process.work_progress import ProgressCallback, silent
-from navfw.signals import Array
 
 _LEAD = 6
 """Number of images before the first labelled one of a part that are processed as well."""

@@ -21,9 +21,10 @@ from navfw.config.input_file import is_file, open_input
 from navfw.errors import ConfigError
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.divergence import ContactFilter, Expansion, fit_expansion
+from navfw.numerics import Array, Image
 from navfw.process.result_table import Column, ResultTable
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
+from navfw.signals import CameraMotion, Frame, FramePair
 
 _MAX_TIMES = 1_000_000
 """Largest size of the file of times [byte]; the original has 1 kB."""

@@ -26,10 +26,11 @@ from navfw.bench.true_pairs import TruePair
 from navfw.config.image_file import read_image
 from navfw.config.input_file import is_file, read_input_text
 from navfw.errors import ConfigError
+from navfw.numerics import Array, Image
 from navfw.perceive.motion_record import load_pose_record
 from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
-from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
+from navfw.signals import CameraMotion, Frame, FramePair
 
 _MAX_TEXT = 50_000_000
 """Largest size of a file of text [byte]; the originals have at most 0.3 MB."""

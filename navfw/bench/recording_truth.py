@@ -13,11 +13,12 @@ import numpy as np
 from navfw.bench.recorded_pairs import HOLOLENS_UNIT, DepthFile, TumRecording, read_poses
 from navfw.config.input_file import is_file
 from navfw.errors import ConfigError
+from navfw.numerics import Array
 from navfw.perceive.image_times import ImageTimes, load_image_times
 from navfw.perceive.motion_record import GyroRecord, load_gyro_record
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.working_size import WorkingSize
-from navfw.signals import Array, Label
+from navfw.signals import Label
 
 _READINGS = "readings.csv"
 """File of a recording with a gyro: a row for each image, with its time and the gyro's rates."""

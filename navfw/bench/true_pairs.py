@@ -18,12 +18,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.bench.random_world import random_world
+from navfw.bench.random_worlds import random_world
 from navfw.config.lookup import find
-from navfw.egomotion.camera_motion import camera_motion, yaw_rotation
+from navfw.egomotion.camera_motions import camera_motion, yaw_rotation
 from navfw.flow.ideal import SIGMA, nearness_at, true_vectors
+from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair, Image, Pose, wrap_angle
+from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Pose, wrap_angle
 from navfw.sim import Simulation, WorldSpec, load_world
 from navfw.sim.camera import DepthImage
 

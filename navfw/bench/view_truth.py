@@ -39,10 +39,11 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics import Array
 from navfw.offis.nearness import find_distances
 from navfw.offis.pyramid import QUADRANTS
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, Pose
+from navfw.signals import Pose
 from navfw.sim.camera import DepthImage
 from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import opening_segment, solids_of, wall_segments

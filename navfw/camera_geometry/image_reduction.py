@@ -5,7 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from navfw.signals import Frame, Image
+from navfw.numerics import Image
+from navfw.signals import Frame
 
 
 def reduce_frame(frame: Frame, factor: int) -> Frame:

@@ -17,7 +17,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from navfw.signals import Array
+from navfw.numerics import Array
 
 FISHEYE = "equidistant"
 """Model of lenses of any field of view (Kannala and Brandt): OpenCV's module ``fisheye``."""

@@ -20,7 +20,7 @@ def compile_with_progress(*, loaded: bool = False, quiet: bool = False) -> int:
 
     The bar appears only when something is compiled.
     """
-    from navfw.kernels import CompilationState, compile_kernels
+    from navfw.process import CompilationState, compile_kernels
 
     with ProgressBar("compiling", "kernels", quiet=quiet, moving=True) as bar:
 

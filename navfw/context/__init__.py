@@ -6,14 +6,6 @@ alone, so that interfaces and MOFIS share it without a circle.
 
 from __future__ import annotations
 
-from navfw.context.command_grid import CommandGrid, CommandGridParams, peak
-from navfw.context.decision_context import Context, QuadrantDistances, quadrant_distances
+import lazy_loader
 
-__all__ = [
-    "CommandGrid",
-    "CommandGridParams",
-    "Context",
-    "QuadrantDistances",
-    "peak",
-    "quadrant_distances",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -8,9 +8,10 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array, Twist
-from navfw.signals.immutable import Sealed, read_only
+from navfw.signals import Twist
+from navfw.signals.immutability import Sealed, read_only
 
 _SPEED_STEP = 0.0625
 """Largest step [m/s] between forward speeds: from standstill the robot begins with one step."""

@@ -10,16 +10,7 @@ from typing import TYPE_CHECKING
 from navfw.context.command_grid import CommandGrid
 from navfw.numerics.products import sum_in_order
 from navfw.robot import RobotModel
-from navfw.signals import (
-    Belief,
-    Command,
-    Conflicts,
-    FlowField,
-    Percept,
-    Pose,
-    Twist,
-    Waypoint,
-)
+from navfw.signals import Belief, Command, Conflicts, FlowField, Percept, Pose, Twist, Waypoint
 
 if TYPE_CHECKING:
     from navfw.localmap import Arcs, LocalGoal, Ranges

@@ -2,15 +2,6 @@
 
 from __future__ import annotations
 
-from navfw.egomotion.camera_motion import camera_motion
-from navfw.egomotion.odometer import Odometer, OdometryHistory
-from navfw.egomotion.pairing import FrameBuffer, PairingParams, seeing_speed
+import lazy_loader
 
-__all__ = [
-    "FrameBuffer",
-    "Odometer",
-    "OdometryHistory",
-    "PairingParams",
-    "camera_motion",
-    "seeing_speed",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -15,12 +15,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from navfw.egomotion.camera_motion import YAW_RATE_SIGMA
+from navfw.egomotion.camera_motions import YAW_RATE_SIGMA
 from navfw.egomotion.floor_registration import FloorImage, FloorRegistration, FloorStep
+from navfw.numerics import Array
 from navfw.numerics.linear_systems import solve
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
-from navfw.signals import Array, Frame, Odometry, Pose, Twist, YawCorrection, wrap_angle
+from navfw.signals import Frame, Odometry, Pose, Twist, YawCorrection, wrap_angle
 
 _KEY_DISTANCE = 0.12
 """Distance [m] from the key frame at which the present frame becomes the next one."""

@@ -14,13 +14,14 @@ import cv2
 import numpy as np
 
 from navfw.egomotion.floor_kernels import SLANT, UNKNOWNS, register_floor
+from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats
 from navfw.numerics.functions import log
 from navfw.numerics.linear_systems import inverse, solve
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
-from navfw.signals import Array, Image, Pose
-from navfw.signals.immutable import read_only
+from navfw.signals import Pose
+from navfw.signals.immutability import read_only
 
 _STRIDE = 2
 """Distance [px] between the pixels used, along rows and columns: neighbours are alike."""

@@ -18,15 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.camera_geometry.rotations import rotate_points, rotation_matrix, rotation_vector
-from navfw.egomotion.epipolar_kernels import (
-    fit_motion,
-    fit_rotation,
-    rate_directions,
-    tangents,
-)
+from navfw.egomotion.epipolar_kernels import fit_motion, fit_rotation, rate_directions, tangents
+from navfw.numerics import Array
 from navfw.numerics.linear_systems import inverse, solve
 from navfw.numerics.products import product
-from navfw.signals import Array
 
 DIRECTIONS = 128
 """Number of directions of the global search, on a hemisphere: 13 deg apart."""

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from navfw.egomotion.camera_motion import SLIP, YAW_RATE_SIGMA, camera_motion
+from navfw.egomotion.camera_motions import SLIP, YAW_RATE_SIGMA, camera_motion
 from navfw.interfaces import Params
 from navfw.robot import RobotModel
 from navfw.signals import Frame, FramePair, Odometry, Pose, wrap_angle

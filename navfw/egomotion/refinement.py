@@ -10,9 +10,10 @@ import numpy.typing as npt
 
 from navfw.camera_geometry.rotations import derotated_vectors, rotation_matrix
 from navfw.egomotion.refinement_kernels import refine_rotation, weigh_residuals
+from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.robot import CameraModel
-from navfw.signals import Array, CameraMotion, FlowField
+from navfw.signals import CameraMotion, FlowField
 
 ITERATIONS = 6
 

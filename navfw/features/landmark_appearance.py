@@ -15,8 +15,8 @@ import numpy as np
 
 from navfw.errors import InputError
 from navfw.interfaces import LandmarkKind
+from navfw.numerics import Array, Image
 from navfw.robot import RobotModel
-from navfw.signals import Array, Image
 
 _ARUCO_IDS = 1000
 """Number of ids in the largest dictionary; the smaller ones of 4 x 4 modules are its first part."""

@@ -14,8 +14,9 @@ from navfw.config.image_file import read_image
 from navfw.features.landmark_appearance import poster_image
 from navfw.features.square_localization import is_upright, landmark_sizes, square_detection
 from navfw.interfaces import FeatureRecognizer
+from navfw.numerics import Array, Image
 from navfw.robot import RobotModel
-from navfw.signals import Array, Frame, Image, LandmarkDetection
+from navfw.signals import Frame, LandmarkDetection
 from navfw.topomap import TopoMap
 
 _SIDES = (160, 64)

@@ -13,10 +13,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from navfw.features.landmark_appearance import identity_of
+from navfw.numerics import Array
 from navfw.numerics.functions import arctan2
 from navfw.numerics.products import product
 from navfw.robot import CameraModel
-from navfw.signals import Array, LandmarkDetection
+from navfw.signals import LandmarkDetection
 from navfw.topomap import TopoMap
 
 _STEP = 0.25

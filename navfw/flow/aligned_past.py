@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.camera_geometry.rotations import turn_point
+from navfw.numerics import Array, Image, Mask
 from navfw.numerics.linear_systems import inverse
 from navfw.numerics.products import product
 from navfw.robot import CameraModel
-from navfw.signals import Array, Image, Mask
 
 Pixels = npt.NDArray[Any]
 

@@ -14,10 +14,11 @@ from navfw.flow.confidence import local_spread, match_sigma, ramp
 from navfw.flow.correlation_kernels import correlate, find_peaks
 from navfw.flow.grid_flow import MatchedFlow
 from navfw.flow.registration import grid_windows, register_windows
+from navfw.numerics import Image
 from navfw.numerics.arrays import Array, Floats, Indices, Mask
 from navfw.robot import RobotModel
-from navfw.signals import FramePair, Image
-from navfw.signals.immutable import read_only
+from navfw.signals import FramePair
+from navfw.signals.immutability import read_only
 
 #: Correlation of a peak: confidence rises from 0 at the first to 1 at the second value. Below the
 #: first there is no registration: an affine motion can also be fitted to an accidental similarity.

@@ -10,9 +10,10 @@ import numpy.typing as npt
 
 from navfw.flow.aligned_past import rotation_matters
 from navfw.interfaces import Params
+from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats
 from navfw.robot import CameraModel
-from navfw.signals import Array, FramePair, Image
+from navfw.signals import FramePair
 
 Floating = npt.NDArray[np.floating[Any]]
 

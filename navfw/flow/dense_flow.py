@@ -12,9 +12,9 @@ from pydantic import Field
 from navfw.flow.aligned_past import is_visible
 from navfw.flow.confidence import gradient_products, match_sigma, ramp, smaller_eigenvalue
 from navfw.flow.grid_flow import MatchedFlow
+from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats
 from navfw.robot import RobotModel
-from navfw.signals import Array, Image
 
 #: Least standard deviation of a cell's mean vector [px].
 SIGMA_FLOOR = 0.05

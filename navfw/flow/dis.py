@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from navfw.flow.dense_flow import DenseFlow
+from navfw.numerics import Image
 from navfw.numerics.arrays import Floats
 from navfw.robot import RobotModel
-from navfw.signals import Image
 
 _PRESETS = {
     "ultrafast": cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,

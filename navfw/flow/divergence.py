@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.signals import Array, FlowField
+from navfw.signals import FlowField
 
 ITERATIONS = 10
 #: Least number of vectors for a fit.

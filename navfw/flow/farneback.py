@@ -9,8 +9,8 @@ import numpy as np
 from pydantic import Field
 
 from navfw.flow.dense_flow import DenseFlow
+from navfw.numerics import Image
 from navfw.numerics.arrays import Floats
-from navfw.signals import Image
 
 
 class Farneback(DenseFlow):

@@ -17,12 +17,13 @@ import numpy.typing as npt
 
 from navfw.flow.cell_kernels import match_cells, unwarp_cells
 from navfw.flow.grid import check_frame
+from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats
 from navfw.numerics.linear_systems import inverse
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
-from navfw.signals import Array, CameraMotion, FlowField, FramePair, Image
-from navfw.signals.immutable import read_only
+from navfw.signals import CameraMotion, FlowField, FramePair
+from navfw.signals.immutability import read_only
 
 CELL = 4
 """Side of the cells [px] over which flow is averaged."""

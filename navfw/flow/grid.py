@@ -8,9 +8,10 @@ import math
 import numpy as np
 
 from navfw.errors import ConfigError
+from navfw.numerics import Array
 from navfw.robot import CameraModel
-from navfw.signals import Array, FlowField, Frame
-from navfw.signals.immutable import read_only
+from navfw.signals import FlowField, Frame
+from navfw.signals.immutability import read_only
 
 
 def above_horizon(flow: FlowField, camera: CameraModel) -> FlowField:

@@ -13,8 +13,9 @@ from navfw.camera_geometry.rotations import rotate_points
 from navfw.flow.aligned_past import align_past, visible_in_past
 from navfw.flow.confidence import SIGMA_UNKNOWN, check_ramps, is_frozen
 from navfw.flow.grid import check_frame, check_grid, grid_points
+from navfw.numerics import Array, Image
 from navfw.robot import RobotModel
-from navfw.signals import Array, FlowField, FramePair, Image
+from navfw.signals import FlowField, FramePair
 
 
 class GridFlow(interfaces.FlowProcessor):

@@ -16,9 +16,10 @@ from navfw.errors import PluginError
 from navfw.flow.confidence import SIGMA_UNKNOWN
 from navfw.flow.grid import check_frame
 from navfw.flow.grid_flow import GridFlow
+from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair
+from navfw.signals import CameraMotion, FlowField, Frame, FramePair
 
 Depth = npt.NDArray[np.float32]
 

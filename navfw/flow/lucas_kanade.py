@@ -18,8 +18,8 @@ from navfw.flow.confidence import (
 )
 from navfw.flow.grid import grid_points
 from navfw.flow.grid_flow import MatchedFlow
+from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, Image
 
 #: Least standard deviation of a tracked vector [px].
 SIGMA_FLOOR = 0.05

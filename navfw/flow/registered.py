@@ -12,9 +12,9 @@ from pydantic import Field
 from navfw.flow.confidence import ramp
 from navfw.flow.grid_flow import MatchedFlow
 from navfw.flow.registration import grid_windows, register_windows, roughness
+from navfw.numerics import Array, Image
 from navfw.robot import RobotModel
-from navfw.signals import Array, Image
-from navfw.signals.immutable import read_only
+from navfw.signals.immutability import read_only
 
 #: Least standard deviation of a registered vector [px], however well the window fits.
 FLOOR = 0.035

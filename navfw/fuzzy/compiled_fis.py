@@ -21,8 +21,8 @@ from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
 from navfw.fuzzy.inference_kernels import infer
 from navfw.fuzzy.interpolation_kernels import fuzzify
 from navfw.fuzzy.rulebase import RuleBase, Variable
+from navfw.numerics import Array
 from navfw.numerics.arrays import Indices
-from navfw.signals import Array
 
 
 class FiredRule(TypedDict):

@@ -13,8 +13,8 @@ import math
 import numba
 
 from navfw.fuzzy.interpolation_kernels import interpolate, interval_of
+from navfw.numerics import Array
 from navfw.numerics.arrays import Indices
-from navfw.signals import Array
 
 CENTROID, BISECTOR, MOM, SOM, LOM = 0, 1, 2, 3, 4
 

@@ -12,7 +12,7 @@ import numpy as np
 from navfw.fuzzy.compiled_fis import CompiledFis
 from navfw.fuzzy.reference_fis import ReferenceFis
 from navfw.fuzzy.rulebase import RuleBase
-from navfw.signals import Array
+from navfw.numerics import Array
 
 _BATCH = 16
 """Samples in one call: about the number of regions in a frame."""

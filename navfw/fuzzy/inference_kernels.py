@@ -10,8 +10,8 @@ import numpy as np
 
 from navfw.fuzzy.defuzzification_kernels import CENTROID, defuzzify, join
 from navfw.fuzzy.interpolation_kernels import interpolate, interval_of
+from navfw.numerics import Array
 from navfw.numerics.arrays import Indices
-from navfw.signals import Array
 
 # Opcodes of antecedents in postfix form; an opcode >= 0 pushes the degree of that literal.
 AND_MIN, AND_PROD, OR_MAX, NOT = -1, -2, -3, -4

@@ -7,7 +7,7 @@ import math
 import numba
 import numpy as np
 
-from navfw.signals import Array
+from navfw.numerics import Array
 
 
 @numba.njit(cache=True)

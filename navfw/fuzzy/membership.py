@@ -15,8 +15,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.numerics.functions import exp
-from navfw.signals import Array
 
 _EDGE_WIDTH = 1e-9
 """Width of the ramp that represents a vertical edge, relative to the range of the variable."""

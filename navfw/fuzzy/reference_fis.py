@@ -38,7 +38,7 @@ from navfw.config.extras import extra_imports
 from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
 from navfw.fuzzy.inference_kernels import FIRING_FLOOR
 from navfw.fuzzy.rulebase import RuleBase, Variable
-from navfw.signals import Array
+from navfw.numerics import Array
 
 _RESET_EVERY = 500
 """Samples after which the past results of the simulation are dropped, to bound its memory."""

@@ -13,7 +13,7 @@ from typing import Literal, TypeAlias
 
 from navfw.fuzzy.grammar import Clause
 from navfw.fuzzy.membership import Shape, hedged, sample_universe
-from navfw.signals import Array
+from navfw.numerics import Array
 
 Defuzzification: TypeAlias = Literal["centroid", "bisector", "mom", "som", "lom"]
 """Centroid, bisector, mean / smallest / largest of maximum."""

@@ -8,20 +8,6 @@
 
 from __future__ import annotations
 
-from navfw.guard.plugin_guard import (
-    FailingStage,
-    PluginCallError,
-    PluginFault,
-    PluginGuard,
-    label_of,
-)
-from navfw.process.watchdog import PluginTimeout
+import lazy_loader
 
-__all__ = [
-    "FailingStage",
-    "PluginCallError",
-    "PluginFault",
-    "PluginGuard",
-    "PluginTimeout",
-    "label_of",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numba
 
-from navfw.signals import Array
+from navfw.numerics import Array
 
 _ROUNDING = 1e-9
 """By how much a degree may exceed 1: sums and products of degrees round."""

@@ -15,8 +15,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from navfw.guard.answer_kernels import are_degrees, are_finite
-from navfw.signals import Array, Pose, Twist
-from navfw.signals.immutable import read_only
+from navfw.numerics import Array
+from navfw.signals import Pose, Twist
+from navfw.signals.immutability import read_only
 
 _MAX_ITEMS = 10_000
 """Largest number of items in an answer: landmarks in one image, waypoints, places."""

@@ -14,12 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from navfw.guard.answer_kernels import (
-    are_deviations,
-    are_finite_where,
-    are_within,
-    is_symmetric,
-)
+from navfw.guard.answer_kernels import are_deviations, are_finite_where, are_within, is_symmetric
 from navfw.guard.answers import (
     AnswerError,
     array,
@@ -38,8 +33,8 @@ from navfw.guard.answers import (
     texts,
     twist,
 )
+from navfw.numerics import Array
 from navfw.signals import (
-    Array,
     Belief,
     Command,
     FlowField,

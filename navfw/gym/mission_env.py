@@ -23,8 +23,9 @@ from navfw.gym.observation_kinds import KINDS, AgentView, Observation
 from navfw.missions.outcome import GoalChecker, Outcome
 from navfw.missions.pilot import TickView
 from navfw.missions.session import Session, SteppedSession
+from navfw.numerics import Image
 from navfw.plugins import Registry, default_registry
-from navfw.signals import Image, Pose
+from navfw.signals import Pose
 from navfw.stack import Stack
 from navfw.suite.case import Case
 from navfw.suite.entry_cases import with_seed

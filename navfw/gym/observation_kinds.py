@@ -17,8 +17,9 @@ from gymnasium import spaces
 
 from navfw.errors import ConfigError
 from navfw.missions.pilot import TickView
+from navfw.numerics import Array, Image
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
-from navfw.signals import Array, Image, Label, Pose
+from navfw.signals import Label, Pose
 from navfw.stack import Stack
 
 Observation = Literal["image", "flow", "percept", "local_map"]

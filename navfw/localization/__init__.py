@@ -10,3 +10,7 @@ searches it for an unknown start (``plan_search``).
 """
 
 from __future__ import annotations
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

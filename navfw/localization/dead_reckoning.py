@@ -18,8 +18,9 @@ from navfw.localization.place_posterior import (
     known_start,
     probability_within,
 )
+from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
+from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap
 
 NonNegative = Annotated[float, Field(ge=0.0, le=10.0)]

@@ -18,9 +18,10 @@ from navfw.localization.landmark_observations import LandmarkObservation, consis
 from navfw.localization.lattice import Lattice
 from navfw.localization.place_posterior import COUNT
 from navfw.localization.situation_model import LEARNT, SituationTable
+from navfw.numerics import Array
 from navfw.numerics.functions import arctan2, exp, power
 from navfw.numerics.products import product
-from navfw.signals import Array, Odometry, Pose, wrap_angle
+from navfw.signals import Odometry, Pose, wrap_angle
 from navfw.topomap import TopoMap
 
 _FACING = math.radians(80.0)

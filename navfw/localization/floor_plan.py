@@ -17,18 +17,10 @@ from navfw.localization.place_posterior import PlacePosterior, probability_withi
 from navfw.localization.plan_field import PlanField
 from navfw.localization.plan_scan import PlanScan, scan_of
 from navfw.localization.plan_search import PlanSearch, are_close
+from navfw.numerics import Array
 from navfw.numerics.linear_systems import inverse, solve
 from navfw.numerics.products import product
-from navfw.signals import (
-    Array,
-    Belief,
-    LandmarkDetection,
-    Odometry,
-    Percept,
-    Pose,
-    Twist,
-    wrap_angle,
-)
+from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, Twist, wrap_angle
 from navfw.topomap import TopoMap
 
 MIN_POINTS = 8

@@ -11,8 +11,9 @@ import math
 import numpy as np
 from scipy.ndimage import binary_erosion
 
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array, Belief, Pose
+from navfw.signals import Belief, Pose
 from navfw.topomap.occupancy_map import OccupancyMap
 
 REACH = 2.0

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.numerics.linear_systems import determinant, inverse
 from navfw.numerics.products import product
-from navfw.signals import Array, wrap_angle
+from navfw.signals import wrap_angle
 
 _MAX_GAIN, _MAX_LOSS = 1.0, -1.5
 """Bounds on the log-odds that one observation adds."""

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.signals import Array, LandmarkDetection, Odometry, Pose
+from navfw.numerics import Array
+from navfw.signals import LandmarkDetection, Odometry, Pose
 from navfw.topomap import Landmark, TopoMap
 
 MAX_AGE = 2.0

@@ -12,8 +12,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics import Array
 from navfw.numerics.arrays import Floats
-from navfw.signals import Array
 from navfw.topomap import TopoMap
 
 _MAX_HALF_WIDTH = 1.5

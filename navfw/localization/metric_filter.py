@@ -20,10 +20,11 @@ from navfw.localization.motion_model import (
     transition,
 )
 from navfw.localization.passage_walls import PassageFix
+from navfw.numerics import Array
 from navfw.numerics.linear_systems import solve
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
-from navfw.signals import Array, Odometry, Pose, wrap_angle
+from navfw.signals import Odometry, Pose, wrap_angle
 
 NonNegative = Annotated[float, Field(ge=0.0, le=10.0)]
 """Sigmas in metres and radians, and of their growth: 10 says that nothing is known."""

@@ -21,8 +21,9 @@ import numpy as np
 from pydantic import Field
 
 from navfw.interfaces import Params
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array, Odometry, Pose, wrap_angle
+from navfw.signals import Odometry, Pose, wrap_angle
 
 NonNegative = Annotated[float, Field(ge=0.0, le=10.0)]
 """Sigmas in metres and radians, and of their growth: 10 says that nothing is known."""

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from navfw.localization.plan_scan import PlanScan
+from navfw.numerics import Array
 from navfw.numerics.linear_systems import inverse, solve
 from navfw.numerics.products import product
-from navfw.signals import Array, Pose, wrap_angle
+from navfw.signals import Pose, wrap_angle
 from navfw.topomap import Passage, Place, TopoMap
 
 MAX_WIDTH = 3.0

@@ -8,8 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from navfw.errors import InputError
+from navfw.numerics import Array
 from navfw.numerics.functions import exp
-from navfw.signals import Array, Pose, position_sigma
+from navfw.signals import Pose, position_sigma
 from navfw.topomap import TopoMap
 
 PLACE_RADIUS = 1.0

@@ -16,8 +16,9 @@ from navfw.localization.plan_kernels import (
     share_of_blocked_rays,
 )
 from navfw.localization.plan_scan import PlanScan
+from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.signals import Array, Pose
+from navfw.signals import Pose
 from navfw.topomap.occupancy_map import OccupancyMap
 
 _PLAN_SIGMA = 0.04

@@ -13,9 +13,9 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics import Array
 from navfw.numerics.algebra_kernels import dot, solve_system
 from navfw.numerics.arrays import Floats
-from navfw.signals import Array
 
 
 @numba.njit(cache=True, error_model="numpy")

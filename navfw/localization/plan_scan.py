@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
-from navfw.signals import Array, Label, Percept, Pose
+from navfw.signals import Label, Percept, Pose
 
 _MIN_HEIGHT, MAX_HEIGHT = 0.12, 2.0
 """Heights [m above the floor] between which seen points count: below is the floor with its error,

@@ -13,7 +13,8 @@ import numpy as np
 
 from navfw.localization.plan_field import PlanField
 from navfw.localization.plan_scan import PlanScan, ScanMemory
-from navfw.signals import Array, Pose, wrap_angle
+from navfw.numerics import Array
+from navfw.signals import Pose, wrap_angle
 from navfw.topomap.occupancy_map import OccupancyMap
 
 MEMORY = 8.0

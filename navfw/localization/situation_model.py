@@ -19,8 +19,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from navfw.config.document import YamlDocument, load_yaml
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, UnknownNameError
+from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.signals import Array, Percept
+from navfw.signals import Percept
 from navfw.topomap import PLACE_KINDS, TopoMap
 
 FLOOR = 0.05

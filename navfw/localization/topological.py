@@ -27,8 +27,9 @@ from navfw.localization.passage_walls import (
 from navfw.localization.place_posterior import PlacePosterior, probability_within
 from navfw.localization.plan_scan import PlanScan, ScanMemory, scan_of
 from navfw.localization.situation_model import observed_situations, situation_table
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
+from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap
 
 _SCAN_EVERY = 0.1

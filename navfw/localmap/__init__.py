@@ -4,7 +4,7 @@ A library without plugins. ``LocalMap`` joins its parts:
 
 - ``occupancy_grid``: the rolling grid of log-odds, built from percepts and stixels;
 - ``drop_map``: spots of missing floor;
-- ``free_distance``: free distance along arcs and all around, by ``ray_kernels``;
+- ``free_distances``: free distance along arcs and all around, by ``ray_kernels``;
 - ``local_planner``: cost-to-go and the local goal, by ``cost_kernels``;
 - ``traversability``: whether the passages ahead are open.
 
@@ -14,8 +14,6 @@ has not been updated yet offers no room at all.
 
 from __future__ import annotations
 
-from navfw.localmap.free_distance import Arcs, FreeDistance, Ranges
-from navfw.localmap.local_map import LocalMap, LocalMapParams
-from navfw.localmap.local_planner import LocalGoal
+import lazy_loader
 
-__all__ = ["Arcs", "FreeDistance", "LocalGoal", "LocalMap", "LocalMapParams", "Ranges"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from navfw.signals import Array, Mask
+from navfw.numerics import Array, Mask
 
 
 def cell_disc(radius: int) -> Mask:

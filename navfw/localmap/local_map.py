@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
-from navfw.localmap.free_distance import (
+from navfw.localmap.free_distances import (
     Arcs,
     FreeDistance,
     Ranges,
@@ -24,9 +24,9 @@ from navfw.localmap.local_planner import LocalGoal, LocalPlanner, LocalPlannerPa
 from navfw.localmap.occupancy_grid import OccupancyGrid, OccupancyParams
 from navfw.localmap.path_sight import PathSight
 from navfw.localmap.traversability import TraversabilityCheck, TraversabilityParams
+from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import (
-    Array,
     Belief,
     Label,
     OccupiedDisc,

@@ -16,7 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.localmap.cost_kernels import cost_to_go, descend, first_leg, price_cells
 from navfw.localmap.occupancy_grid import OccupancyGrid
-from navfw.signals import Array, OccupiedDisc, Pose, wrap_angle
+from navfw.numerics import Array
+from navfw.signals import OccupiedDisc, Pose, wrap_angle
 
 _LEG = 0.4
 """Length [m] of the first leg, by which one of several ways of similar cost is chosen."""

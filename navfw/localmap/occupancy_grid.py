@@ -17,8 +17,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from navfw.localmap.cell_arrays import cell_disc, distances, shifted
 from navfw.localmap.sensor_kernels import cast_evidence, decay_view, merge_evidence, rays_of
+from navfw.numerics import Array, Mask
 from navfw.robot import Footprint, RobotModel
-from navfw.signals import Array, Mask, OccupiedDisc, Percept, Pose, Stixels
+from navfw.signals import OccupiedDisc, Percept, Pose, Stixels
 
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]
 """Log-odds, lengths [m] and times [s]: beyond 100 nothing changes any more."""

@@ -8,9 +8,10 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics import Array, Image
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
-from navfw.signals import Array, Image, Percept, Sight
+from navfw.signals import Percept, Sight
 
 REACH = 2.0
 """Distance ahead [m] up to which the floor of the path counts."""

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from navfw.signals import Array
+from navfw.numerics import Array
 
 Ground = tuple[Array, npt.NDArray[np.uint8], float, float, float]
 """What rays are cast through: ``clearance`` (n, n) [m], the distance of each cell to the nearest

@@ -12,7 +12,7 @@ import math
 import numba
 import numpy as np
 
-from navfw.signals import Array
+from navfw.numerics import Array
 
 _PEAK = 1.0 / math.sqrt(2.0 * math.pi)
 

@@ -19,8 +19,8 @@ from navfw.config.input_file import read_input, shown_path
 from navfw.config.xml_file import read_xml
 from navfw.errors import ConfigError
 from navfw.meshes.triangle_mesh import TriangleMesh
+from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.signals import Array
 
 _FREE_FORM = {"cstype", "curv", "curv2", "surf", "deg"}
 """Keywords of curved surfaces in OBJ files."""

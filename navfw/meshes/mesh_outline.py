@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from navfw.meshes.section_grid import windings
 from navfw.meshes.triangle_mesh import TriangleMesh
-from navfw.signals import Array, Mask
+from navfw.numerics import Array, Mask
 
 _CELL = 0.02
 """Edge of a cell [m]; doubled until there are few enough cells and boxes."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from navfw.numerics import Array, Mask
 from navfw.numerics.arrays import Indices
-from navfw.signals import Array, Mask
 
 _CELL = 0.02
 """Edge of a cell [m]."""

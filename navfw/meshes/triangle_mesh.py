@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.numerics.arrays import Indices
 from navfw.numerics.products import product
-from navfw.signals import Array
 
 _LEVEL = 0.999
 """Least share of a level triangle's normal that is upright."""

@@ -16,7 +16,7 @@ from navfw.missions.event_clock import Event
 from navfw.missions.eventspec import BehaviorFault, EventSpec, NearTrigger
 from navfw.missions.missionfile import MissionFile
 from navfw.robot import RobotModel
-from navfw.signals.immutable import immutable
+from navfw.signals.immutability import immutable
 from navfw.sim.drop_geometry import drop_under
 from navfw.sim.event_actions import DoorChange, EventAction, Obstacle, Textureless
 from navfw.sim.textures import STOCK

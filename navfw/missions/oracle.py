@@ -11,7 +11,8 @@ from navfw.errors import SimulationError
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import Plugin
 from navfw.mofis.navground import Navground, Surroundings
-from navfw.signals import Array, CameraMotion, Frame, FramePair
+from navfw.numerics import Array
+from navfw.signals import CameraMotion, Frame, FramePair
 from navfw.sim.shapes import Circle, Shape
 from navfw.sim.simulation import Simulation
 from navfw.stack import Stack

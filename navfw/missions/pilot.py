@@ -8,17 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from navfw.signals import (
-    Array,
-    FlowField,
-    Image,
-    Percept,
-    Pose,
-    Proposal,
-    SensorReading,
-    Twist,
-    Waypoint,
-)
+from navfw.numerics import Array, Image
+from navfw.signals import FlowField, Percept, Pose, Proposal, SensorReading, Twist, Waypoint
 from navfw.stack.stack_state import StackState
 
 

@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics import Array
 from navfw.recording.run_log import Contact, RunLog
-from navfw.signals import Array
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.walkers import WalkerTrack
 from navfw.sim.world_changes import ChangeTrack

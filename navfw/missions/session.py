@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, Self
 
 from navfw.errors import InputError
-from navfw.kernels import compile_kernels
 from navfw.missions.event_clock import Event, EventClock, EventTarget
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.oracle import plugins_of, reveal
@@ -27,6 +26,7 @@ from navfw.missions.run_metrics import CombinedClearance, RunMetrics, measure, p
 from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
 from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import SimulatorWatch
+from navfw.process import compile_kernels
 from navfw.recording.run_folder import plain_json
 from navfw.recording.run_observer import RunObserver, SeenRun
 from navfw.recording.run_recorder import RunRecorder

@@ -18,8 +18,9 @@ from navfw.config.extras import extra_imports
 from navfw.context import Context, peak
 from navfw.errors import PluginError
 from navfw.interfaces import Behavior
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array, Proposal
+from navfw.signals import Proposal
 
 
 @dataclass(frozen=True, slots=True)

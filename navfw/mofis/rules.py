@@ -17,8 +17,8 @@ from navfw.fuzzy import (
     load_rule_base,
     parse_rule_base,
 )
+from navfw.numerics import Array
 from navfw.numerics.products import sum_in_order
-from navfw.signals import Array
 
 _CACHE_SIZE = 64
 """Number of sets of terms kept for the next call."""

@@ -23,17 +23,6 @@ the discs that tracks occupy to the local map.
 
 from __future__ import annotations
 
-from navfw.movers.conflict_prediction import ConflictParams, ConflictPredictor
-from navfw.movers.multi_view import MultiViewDetector
-from navfw.movers.params import MoverParams
-from navfw.movers.tracking import Track, Tracker, TrackerParams
+import lazy_loader
 
-__all__ = [
-    "ConflictParams",
-    "ConflictPredictor",
-    "MoverParams",
-    "MultiViewDetector",
-    "Track",
-    "Tracker",
-    "TrackerParams",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

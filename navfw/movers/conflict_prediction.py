@@ -17,8 +17,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.movers.tracking import Track
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array, Conflicts, Odometry
+from navfw.signals import Conflicts, Odometry
 
 STEP = 0.1
 """Time step of the prediction [s]."""

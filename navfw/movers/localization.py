@@ -14,9 +14,10 @@ import cv2
 import numpy as np
 
 from navfw.movers.motion_segmentation import segment_motion
+from navfw.numerics import Array, Mask
 from navfw.numerics.products import product
 from navfw.robot import CameraModel
-from navfw.signals import Array, FlowField, Mask, MovingObject
+from navfw.signals import FlowField, MovingObject
 
 MIN_CELLS = 6
 """Least number of connected cells of one object; fewer are mismatches."""

@@ -20,8 +20,9 @@ import cv2
 import numba
 import numpy as np
 
+from navfw.numerics import Array, Mask
 from navfw.robot import CameraModel
-from navfw.signals import Array, CameraMotion, FlowField, Mask
+from navfw.signals import CameraMotion, FlowField
 
 GATE, _GATE_SIGMA = 3.0, 0.05
 """Residual of a single vector from which it is moving [sigma], and the sigma [px] added to its

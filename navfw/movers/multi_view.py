@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
-from navfw.egomotion.camera_motion import with_yaw_sigma
+from navfw.egomotion.camera_motions import with_yaw_sigma
 from navfw.egomotion.pairing import PairingParams, PosedFrame
 from navfw.egomotion.refinement import RefinementParams, refine
 from navfw.flow.floor_aligned import FloorAlignedFlow

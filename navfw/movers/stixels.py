@@ -15,8 +15,9 @@ import math
 import numba
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.robot import CameraModel
-from navfw.signals import Array, FlowField, Stixels
+from navfw.signals import FlowField, Stixels
 
 _MAX_PITCH = 0.15
 """Pitch [rad] of the camera beyond which upright edges cross image columns."""

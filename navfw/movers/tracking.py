@@ -16,10 +16,11 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.movers.view_merging import BORDER_ANGLE
+from navfw.numerics import Array
 from navfw.numerics.linear_systems import inverse, solve
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
-from navfw.signals import Array, MovingObject, OccupiedDisc, Pose
+from navfw.signals import MovingObject, OccupiedDisc, Pose
 
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]
 """Sigmas and speeds [m/s]: beyond 100 nothing changes any more."""

@@ -4,3 +4,9 @@ Input is a derotated flow field. Output is a percept: metric nearness with label
 drop, above), and the paper's fuzzy results (nearest objects, planes, slopes, elementary
 situations).
 """
+
+from __future__ import annotations
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.offis.fuzzy_systems import FuzzyEvaluation, infer, load_system
 from navfw.offis.grid_geometry import GridGeometry
 from navfw.offis.object_cells import ObjectCells
 from navfw.offis.slopes import Slopes
 from navfw.offis.walls import Walls
-from navfw.signals import Array
 
 TABLE = (
     "door or corridor",

@@ -13,10 +13,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics import Array
 from navfw.offis.nearness import Nearness
 from navfw.offis.percept_kernels import label_cells
 from navfw.robot import CameraModel
-from navfw.signals import Array
 
 _LOW_CAMERA = 0.2
 """Height of a camera [m] below which the tolerances of the floor are relative to it."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from navfw.fuzzy import CompiledFis, load_rule_base
 from navfw.fuzzy import Inference as Result
-from navfw.signals import Array
+from navfw.numerics import Array
 
 RULES = Path(__file__).parent / "rules"
 """Folder of the rule bases, one YAML file per inference system."""

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics import Array
 from navfw.offis.floor import floor_nearness
 from navfw.offis.fuzzy_systems import FuzzyEvaluation, infer_rows, load_system
 from navfw.offis.percept_kernels import blind_border
 from navfw.offis.pyramid import Pyramid
 from navfw.robot import RobotModel
-from navfw.signals import Array, FlowField
+from navfw.signals import FlowField
 
 _LOW_SHARE = 0.3
 """Weight of cells below the horizon in the fits of planes.

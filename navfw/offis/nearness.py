@@ -13,9 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.offis.fuzzy_systems import FuzzyEvaluation, infer, load_system
 from navfw.offis.percept_kernels import triangulate_cells
-from navfw.signals import Array, FlowField
+from navfw.signals import FlowField
 
 TERMS = ("near", "middle", "far")
 

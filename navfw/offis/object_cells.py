@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics import Array
 from navfw.offis.grid_geometry import BlindBorders, GridGeometry
 from navfw.offis.nearness import Nearness
 from navfw.offis.percept_kernels import object_cells, object_nearness
 from navfw.offis.pyramid import Channels
 from navfw.offis.walls import Walls
-from navfw.signals import Array, FlowField
+from navfw.signals import FlowField
 
 
 @dataclass(frozen=True, slots=True)

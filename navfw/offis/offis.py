@@ -14,6 +14,7 @@ import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from navfw.interfaces import Perception
+from navfw.numerics import Array
 from navfw.offis.elementary_situations import FLOOR_IN_FRONT, find_situations, front_features
 from navfw.offis.floor import FloorModel
 from navfw.offis.grid_geometry import GridGeometry, find_blind_borders
@@ -26,7 +27,7 @@ from navfw.offis.report_sentence import report
 from navfw.offis.slopes import SIDES, slopes_of_means, slopes_of_walls
 from navfw.offis.walls import find_walls
 from navfw.robot import RobotModel
-from navfw.signals import Array, FlowField, Percept, Twist
+from navfw.signals import FlowField, Percept, Twist
 
 ALIKE = 0.7
 """Least size of a region that joins the nearest object, relative to the biggest region.

@@ -14,7 +14,7 @@ from navfw.offis.planes import Planes
 from navfw.offis.pyramid import Pyramid, RegionStatistics
 from navfw.offis.slopes import SIDES, Slopes
 from navfw.offis.walls import Walls
-from navfw.signals.immutable import Sealed
+from navfw.signals.immutability import Sealed
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from navfw.signals import Array
+from navfw.numerics import Array
 
 SIGMA_LIMIT = 20.0
 """Sigma [1/m] of unknown cells, and upper limit of all others: no surface is nearer than 5 cm."""

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.offis.fuzzy_systems import FuzzyEvaluation, infer_rows, load_system
 from navfw.offis.percept_kernels import compare_pairs
 from navfw.offis.pyramid import NEIGHBOURS, Pyramid, RegionStatistics
-from navfw.signals import Array
 
 
 @dataclass(frozen=True, slots=True)

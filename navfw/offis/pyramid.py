@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics import Array
 from navfw.offis.percept_kernels import region_moments
-from navfw.signals import Array
 
 QUADRANTS = ("P1", "P2", "P3", "P4")
 """P1 upper right, P2 upper left, P3 lower left, P4 lower right (METHOD R4)."""

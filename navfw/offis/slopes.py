@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.offis.fuzzy_systems import FuzzyEvaluation, infer, load_system
 from navfw.offis.pyramid import RegionStatistics
 from navfw.offis.walls import Walls
-from navfw.signals import Array
 
 _CODES = {
     "very_slope": ("[3 1]", "[1 3]"),

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from navfw.signals import Array
+from navfw.numerics import Array
 
 
 @numba.njit(cache=True)

@@ -20,10 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.offis.grid_geometry import GridGeometry
 from navfw.offis.nearness import Nearness
 from navfw.offis.wall_kernels import find_wall_planes
-from navfw.signals import Array
 
 ENOUGH = 0.06
 """Share of the cells of a half in its plane from which on the plane has full support."""

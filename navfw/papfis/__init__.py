@@ -8,18 +8,6 @@ plans a single route without a mission.
 
 from __future__ import annotations
 
-from navfw.papfis.edge_costs import CostParams, EdgeCosts
-from navfw.papfis.papfis import Papfis
-from navfw.papfis.route_plan import RoutePlan, plan_route
-from navfw.papfis.routes import Endpoint, Route, Router
+import lazy_loader
 
-__all__ = [
-    "CostParams",
-    "EdgeCosts",
-    "Endpoint",
-    "Papfis",
-    "Route",
-    "RoutePlan",
-    "Router",
-    "plan_route",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 
 from navfw.fuzzy import CompiledFis, Inference, load_rule_base
+from navfw.numerics import Array, Mask
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
-from navfw.signals import Array, Mask
 from navfw.topomap import Passage, TopoMap
 
 RULE_BASE = Path(__file__).parent / "rules" / "edge_cost.yaml"

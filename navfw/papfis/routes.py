@@ -11,11 +11,11 @@ from itertools import pairwise
 from typing import Any
 
 from navfw.errors import MapError
+from navfw.numerics import Array
 from navfw.numerics.products import sum_in_order
 from navfw.papfis.access import OFF_PASSAGE_COST, Access, Doorways, find_access
 from navfw.papfis.edge_costs import CostParams, EdgeCosts
 from navfw.robot import RobotModel
-from navfw.signals import Array
 from navfw.topomap import Passage, PassageProjection, TopoMap
 
 

@@ -16,7 +16,7 @@ from navfw.camera_geometry.lens_models import ARCTAN, FISHEYE, CameraCalibration
 from navfw.config.document import MAX_BYTES, KeyPath, YamlDocument, key_text, parse_yaml
 from navfw.config.input_file import read_input_text, shown_path
 from navfw.errors import InputError, did_you_mean
-from navfw.signals import Array, Image
+from navfw.numerics import Array, Image
 
 _COUNTS: dict[str, tuple[int, ...]] = {
     "plumb_bob": (0, 4, 5),

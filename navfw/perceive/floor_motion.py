@@ -18,9 +18,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats, Mask
 from navfw.robot import CameraModel
-from navfw.signals import Array, CameraMotion, FlowField, Image
+from navfw.signals import CameraMotion, FlowField
 
 NOISE = 3.0
 """Standard deviation of the difference of two images of one surface [grey levels]."""

@@ -16,11 +16,11 @@ from navfw.camera_geometry.lens_models import CameraCalibration
 from navfw.config.image_file import read_image
 from navfw.config.input_file import is_file, is_folder, no_such_file
 from navfw.errors import InputError
+from navfw.numerics import Image
 from navfw.perceive.calibration import Undistortion
 from navfw.perceive.image_times import ImageTimes, natural_key, require_order, times_in_names
 from navfw.perceive.video_file import FRAME_RATE, FRAME_RATES, VideoFile
 from navfw.recording.run_folder import FILES, RESULT
-from navfw.signals import Image
 
 _BITS = (8, 10, 12, 14, 16)
 """Numbers of bits of cameras' converters; files keep all beyond 8 in 16 bits."""

@@ -17,12 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.camera_geometry.lens_models import (
-    ARCTAN,
-    CameraCalibration,
-    LensShape,
-    focal_for,
-)
+from navfw.camera_geometry.lens_models import ARCTAN, CameraCalibration, LensShape, focal_for
 from navfw.errors import InputError
 from navfw.perceive.image_sources import ImageSource
 from navfw.perceive.lens_fit import LensFit, TrackedPair

@@ -20,7 +20,7 @@ from navfw.camera_geometry.lens_models import CURVATURES, LensShape, focal_for
 from navfw.camera_geometry.rotations import rotation_vector
 from navfw.egomotion.epipolar_kernels import fit_motion
 from navfw.egomotion.flow_egomotion import FREE_TURN, PointMotion, estimate_egomotion
-from navfw.signals import Array
+from navfw.numerics import Array
 
 SIGMA = 0.18
 """Standard deviation of a track [px of the image in which it was tracked]."""

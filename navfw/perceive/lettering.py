@@ -13,7 +13,7 @@ from PIL import Image as PillowImage
 from PIL import ImageDraw, ImageFont
 
 from navfw.config.extras import require_extra
-from navfw.signals import Image
+from navfw.numerics import Image
 
 Colour = tuple[int, int, int]
 """Blue, green, red, each in 0..255."""

@@ -12,10 +12,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from navfw.errors import InputError
+from navfw.numerics import Array
 from navfw.perceive.image_sources import ImageSource
 from navfw.perceive.timed_table import TIME, TIME_NAMES, TableFormat, TableRow, TimedTable
 from navfw.robot import CameraModel
-from navfw.signals import Array
 
 RATES = ("yaw_rate", "pitch_rate", "roll_rate")
 """Rates of rotation, positive for a turn to the left, nose down and right side down."""

@@ -10,13 +10,14 @@ import cv2
 import numpy as np
 
 from navfw.errors import InputError
+from navfw.numerics import Array, Image
 from navfw.perceive.image_sources import ImageSource
 from navfw.perceive.lettering import Colour, text_width, wrap, write, write_key
 from navfw.perceive.pair_result import PairResult, strongest_term
 from navfw.perceive.working_size import WorkingSize
 from navfw.process.atomic import AtomicFolder
 from navfw.recording.video_output import VIDEO_SUFFIX, VideoOutput
-from navfw.signals import Array, FlowField, Image, Percept
+from navfw.signals import FlowField, Percept
 
 _NO_FOLDERS = {".avi", ".m4v", ".mov", ".mkv", ".webm", ".gif", ".png", ".jpg", ".jpeg"}
 _OURS = re.compile(r"view-[0-9]{5,}\.png")

@@ -33,10 +33,11 @@ from navfw.egomotion.flow_egomotion import (
     PointMotion,
     estimate_egomotion,
 )
+from navfw.numerics import Array, Image
 from navfw.perceive.motion_record import RATES, MotionRecord
 from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
-from navfw.signals import Array, CameraMotion, FlowField, Image
+from navfw.signals import CameraMotion, FlowField
 
 _NOMINAL_SPEED = 0.35
 """Speed assumed if the scale is unknown [m/s]: the limits of OFFIS's distance terms in metres,

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from navfw.egomotion.flow_egomotion import Egomotion
+from navfw.numerics import Array
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
 from navfw.perceive.pair_motion import Scale
-from navfw.signals import Array, FlowField, Percept
+from navfw.signals import FlowField, Percept
 
 
 @dataclass(frozen=True, slots=True)

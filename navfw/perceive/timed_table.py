@@ -20,7 +20,7 @@ import numpy as np
 
 from navfw.config.input_file import read_input_text, shown_path
 from navfw.errors import InputError, did_you_mean
-from navfw.signals import Array
+from navfw.numerics import Array
 
 TIME = "time"
 TIME_NAMES = {TIME: TIME, "t": TIME, "timestamp": TIME, "stamp": TIME}

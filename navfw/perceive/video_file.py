@@ -15,7 +15,7 @@ import numpy as np
 from navfw.config.image_file import MAX_PIXELS
 from navfw.config.input_file import open_input, shown_path
 from navfw.errors import InputError
-from navfw.signals import Image
+from navfw.numerics import Image
 
 FRAME_RATE = 10.0
 """Frame rate assumed if none is known [1/s]."""

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from navfw.errors import InputError
+from navfw.numerics import Array, Image
 from navfw.robot import CameraModel
-from navfw.signals import Array, Image
 
 HFOV = (15.0, 155.0)
 """Smallest and largest horizontal field of view of a pinhole camera [deg]."""

@@ -7,17 +7,6 @@
 
 from __future__ import annotations
 
-from navfw.plugins.plugin_import import plugin
-from navfw.plugins.registry import BUILT_IN, GROUPS, Registry, default_registry
-from navfw.plugins.verification import find_problems, kind_of, verify
+import lazy_loader
 
-__all__ = [
-    "BUILT_IN",
-    "GROUPS",
-    "Registry",
-    "default_registry",
-    "find_problems",
-    "kind_of",
-    "plugin",
-    "verify",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

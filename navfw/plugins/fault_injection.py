@@ -7,8 +7,8 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from navfw.context import Context
-from navfw.guard import PluginTimeout
 from navfw.interfaces import Behavior
+from navfw.process import PluginTimeout
 from navfw.signals import Proposal
 
 Failure = Literal["raises", "hangs", "returns_nan"]

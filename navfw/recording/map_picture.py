@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.process.atomic import atomic_file
 from navfw.recording.palette import GOAL, START
 from navfw.recording.plan_picture import (
@@ -20,7 +21,6 @@ from navfw.recording.plan_picture import (
     write_legend,
 )
 from navfw.recording.top_view import Area, Line, Marks, Shape, Style, WorldOutline
-from navfw.signals import Array
 from navfw.topomap import TopoMap
 
 if TYPE_CHECKING:

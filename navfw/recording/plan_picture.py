@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navfw.config.extras import extra_imports
+from navfw.numerics import Array
 from navfw.recording.palette import FLOOR
 from navfw.recording.top_view import Area, Disc, Line, Point, Shape
-from navfw.signals import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -27,6 +27,7 @@ from navfw.config.extras import extra_imports
 from navfw.config.image_file import decode_image
 from navfw.config.input_file import is_file, open_input, shown_path
 from navfw.errors import ConfigError
+from navfw.numerics import Image
 from navfw.recording.channel_list import (
     CAMERA_IMAGE,
     CHANNELS,
@@ -40,20 +41,10 @@ from navfw.recording.channel_list import (
     unpack_reading,
 )
 from navfw.recording.run_folder import OLD_RECORDING, RECORDING
-from navfw.signals import Image
 
 with extra_imports("record"):
     import zstandard
-    from mcap.records import (
-        Channel,
-        Chunk,
-        DataEnd,
-        Header,
-        McapRecord,
-        Message,
-        Metadata,
-        Schema,
-    )
+    from mcap.records import Channel, Chunk, DataEnd, Header, McapRecord, Message, Metadata, Schema
     from mcap.stream_reader import StreamReader, breakup_chunk
     from mcap.well_known import MessageEncoding, SchemaEncoding
     from mcap_protobuf.decoder import DecoderFactory

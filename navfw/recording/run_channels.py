@@ -15,11 +15,12 @@ from foxglove.messages import CompressedImage, Timestamp
 
 from navfw.guard import PluginGuard
 from navfw.mofis.explanation import explain_command
+from navfw.numerics import Image
 from navfw.recording import channel_list as topics
 from navfw.recording import viewer_messages as messages
 from navfw.recording.run_folder import plain_json
 from navfw.recording.run_observer import SeenRun
-from navfw.signals import Image, Percept, Pose, SensorReading, Twist
+from navfw.signals import Percept, Pose, SensorReading, Twist
 from navfw.stack import Stack
 from navfw.stack.stack_state import StackState
 

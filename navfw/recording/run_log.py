@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.config.extras import extra_imports
-from navfw.signals import Array, Belief, Pose, Sight, Twist, Waypoint
+from navfw.numerics import Array
+from navfw.signals import Belief, Pose, Sight, Twist, Waypoint
 
 if TYPE_CHECKING:
     import pandas

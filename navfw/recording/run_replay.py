@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict
 from navfw.config.problems import rewording
 from navfw.errors import ConfigError, InputError
 from navfw.features.landmark_appearance import check_landmark_kind
+from navfw.numerics import Array
 from navfw.plugins.fault_injection import Failure, inject_faults
 from navfw.recording.channel_list import CAMERA_IMAGE
 from navfw.recording.recorded_run import recording_in
@@ -23,7 +24,7 @@ from navfw.recording.run_folder import RESULT, read_result
 from navfw.recording.run_log import hash_commands
 from navfw.recording.sensor_recording import SensorRecording, load_recording
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, Pose, SensorReading, Twist, Waypoint
+from navfw.signals import Pose, SensorReading, Twist, Waypoint
 
 if TYPE_CHECKING:
     from navfw.stack import Stack

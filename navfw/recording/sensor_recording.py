@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from navfw.errors import ConfigError
+from navfw.numerics import Array, Image
 from navfw.recording.channel_list import (
     CAMERA_IMAGE,
     IMAGES,
@@ -21,7 +22,7 @@ from navfw.recording.channel_list import (
     ReadingRow,
 )
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of
-from navfw.signals import Array, Encoders, Frame, Image, Inertial, SensorReading
+from navfw.signals import Encoders, Frame, Inertial, SensorReading
 
 _TOLERANCE = 1.0
 """Largest difference of clocks in a recording [s]."""

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.recording import palette
-from navfw.signals import Array, Pose
+from navfw.signals import Pose
 
 Point = tuple[float, float]
 

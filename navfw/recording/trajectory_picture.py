@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.recording.palette import CONTACT, GOAL, START
 from navfw.recording.plan_picture import (
     PathLabels,
@@ -34,7 +35,7 @@ from navfw.recording.top_view import (
     robot_shapes,
     waypoint_marks,
 )
-from navfw.signals import Array, Pose
+from navfw.signals import Pose
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

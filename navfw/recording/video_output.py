@@ -10,8 +10,8 @@ import numpy as np
 
 from navfw.config.extras import extra_imports
 from navfw.errors import InputError
+from navfw.numerics import Image
 from navfw.process.atomic import AtomicTarget, output_file
-from navfw.signals import Image
 
 VIDEO_SUFFIX = ".mp4"
 """Suffix of the files written."""

@@ -41,10 +41,11 @@ from foxglove.messages import Pose as Pose3
 from navfw.localmap import LocalGoal
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.movers.tracking import Track
+from navfw.numerics import Array
 from navfw.recording import palette
 from navfw.recording.top_view import Area, Disc, Line, Shape, WorldOutline, mover_shapes
 from navfw.robot import CameraModel
-from navfw.signals import Array, Belief, FlowField, Label, Percept, Pose, Proposal, Twist, Waypoint
+from navfw.signals import Belief, FlowField, Label, Percept, Pose, Proposal, Twist, Waypoint
 
 _LINE_LIFT, _LINE_WIDTH = 0.1, 0.05
 """Height and width of lines in a scene [m]."""

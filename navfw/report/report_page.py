@@ -14,7 +14,7 @@ from PIL import Image as PillowImage
 from navfw.config.extras import extra_imports
 from navfw.config.input_file import read_input
 from navfw.errors import ConfigError
-from navfw.signals import Image
+from navfw.numerics import Image
 
 with extra_imports("report"):
     from jinja2 import Environment, FileSystemLoader, StrictUndefined

@@ -14,12 +14,13 @@ import numpy.typing as npt
 
 from navfw.errors import ConfigError
 from navfw.mofis.explanation import explanation_lines
+from navfw.numerics import Array
 from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of
 from navfw.recording.run_folder import RESULT
 from navfw.recording.top_view import OutlineDisc, WorldOutline
 from navfw.report.report_page import reduced_source
-from navfw.signals import Array, Pose
+from navfw.signals import Pose
 
 _MAX_ROWS = 4000
 """Largest number of rows; of a longer run every n-th command is taken."""

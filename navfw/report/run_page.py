@@ -13,6 +13,7 @@ import numpy as np
 
 from navfw.config.input_file import is_file
 from navfw.errors import ConfigError
+from navfw.numerics import Array
 from navfw.recording import palette
 from navfw.recording.recorded_run import RecordedRun, recording_in
 from navfw.recording.run_folder import PICTURE, RECORDING, plain_json, read_result
@@ -35,7 +36,6 @@ from navfw.report.run_moments import (
     read_timeline,
     robot_and_goals,
 )
-from navfw.signals import Array
 
 if TYPE_CHECKING:
     from bokeh.plotting import figure

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from navfw.errors import ConfigError
+from navfw.numerics import Array, Image
 from navfw.perceive.lettering import write, write_key
 from navfw.recording import channel_list as topics
 from navfw.recording import palette
@@ -24,7 +25,6 @@ from navfw.report.run_moments import (
     robot_and_goals,
 )
 from navfw.report.video_plan import VideoPlan
-from navfw.signals import Array, Image
 
 _TEXT_HEIGHT = 240
 """Height of the text below the camera's image [px]."""

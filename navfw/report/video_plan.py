@@ -8,6 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from navfw.numerics import Array, Image
 from navfw.perceive.lettering import write_key
 from navfw.recording import channel_list as topics
 from navfw.recording import palette
@@ -24,7 +25,7 @@ from navfw.recording.top_view import (
     way_shapes,
 )
 from navfw.report.run_moments import RunTimeline, planar_pose
-from navfw.signals import Array, Image, Pose
+from navfw.signals import Pose
 
 _KEY_HEIGHT = 70
 """Height of the key below the plan [px]."""

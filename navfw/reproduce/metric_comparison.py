@@ -17,11 +17,12 @@ import numpy.typing as npt
 
 from navfw.bench.perception_accuracy import check_percept
 from navfw.bench.perception_samples import PerceptionSample, drawn_samples
+from navfw.numerics import Array
 from navfw.offis.offis import Offis
 from navfw.offis.pyramid import QUADRANTS, Channels, Pyramid
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
-from navfw.signals import Array, FlowField, Twist
+from navfw.signals import FlowField, Twist
 from navfw.suite.run_statistics import mcnemar_exact
 
 _TWO_LAYERS, _ONE_LAYER = "L=2, means", "L=1, means and variances"

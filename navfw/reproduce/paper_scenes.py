@@ -20,14 +20,7 @@ from itertools import pairwise
 from navfw.bench.true_pairs import arc
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Pose, Twist
-from navfw.sim.worldspec import (
-    BoxSpec,
-    CylinderSpec,
-    OpeningSpec,
-    TextureSpec,
-    WallSpec,
-    WorldSpec,
-)
+from navfw.sim.worldspec import BoxSpec, CylinderSpec, OpeningSpec, TextureSpec, WallSpec, WorldSpec
 
 START = Pose(0.9, 2.3, 0.0)
 """Start pose of the robot in the map of ``paper-room``."""

@@ -17,6 +17,7 @@ import cv2
 from navfw.bench.real_labels import FrameLabel, SentenceVerdict
 from navfw.config.extras import extra_imports
 from navfw.config.lookup import find
+from navfw.numerics import Image
 from navfw.offis.pyramid import position
 from navfw.plugins import default_registry
 from navfw.process.atomic import AtomicFolder
@@ -36,9 +37,8 @@ from navfw.reproduce.paper_tables import (
     table3,
     timings,
 )
-from navfw.reproduce.real_scenes import RealScene, chosen_frames, real_as_data, real_scenes
+from navfw.reproduce.photographs import RealScene, chosen_frames, real_as_data, real_scenes
 from navfw.reproduce.reproduction_pictures import draw_map, scene_picture, waypoint_picture
-from navfw.signals import Image
 from navfw.sim.worldfile import load_world
 
 with extra_imports("report", key="navfw reproduce"):

@@ -9,12 +9,13 @@ from io import BytesIO
 import cv2
 import numpy as np
 
+from navfw.numerics import Image
 from navfw.perceive.lettering import write
 from navfw.perceive.overlay import draw_flow
 from navfw.recording.palette import FURNITURE, WALL
 from navfw.reproduce.paper_scenes import TrajectoryPoint
 from navfw.reproduce.paper_tables import FAST, SceneRow, WaypointRow
-from navfw.signals import FlowField, Image
+from navfw.signals import FlowField
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldspec import WorldSpec
 

@@ -2,16 +2,6 @@
 
 from __future__ import annotations
 
-from navfw.robot.camera_models import CameraModel, LandmarkCamera, SideCamera, SideViews
-from navfw.robot.robot_model import DrivenUrdf, Footprint, OdometrySheet, RobotModel
+import lazy_loader
 
-__all__ = [
-    "CameraModel",
-    "DrivenUrdf",
-    "Footprint",
-    "LandmarkCamera",
-    "OdometrySheet",
-    "RobotModel",
-    "SideCamera",
-    "SideViews",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.signals import Array
 
 Rate = Annotated[float, Field(ge=0.1, le=60.0)]
 """Rate of frames [Hz]; a slower camera sees nothing in time, a faster one is not simulated."""

@@ -19,8 +19,8 @@ from navfw.config.extras import require_extra
 from navfw.config.input_file import is_file, shown_path
 from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError
+from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.signals import Array
 
 _MAX_BYTES = 5_000_000
 """Largest size of a file [bytes]; that of Husky has 11 kB."""

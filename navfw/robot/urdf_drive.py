@@ -11,10 +11,10 @@ import numpy as np
 
 from navfw.config.document import KeyPath, YamlDocument, key_text
 from navfw.errors import ConfigError, UnknownNameError
+from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.robot import CameraModel, DrivenUrdf, RobotModel
 from navfw.robot.urdf import UrdfModel, read_urdf
-from navfw.signals import Array
 
 _ACROSS = 0.99
 """Least share of a wheel's axis that is across the body."""

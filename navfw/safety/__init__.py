@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from navfw.safety.monitor import PersistentFailure, SafetyMonitor, SafetyParams, SafetyVerdict
+import lazy_loader
 
-__all__ = ["PersistentFailure", "SafetyMonitor", "SafetyParams", "SafetyVerdict"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

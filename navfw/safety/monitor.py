@@ -18,8 +18,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.guard import FailingStage
 from navfw.localmap import LocalMap
+from navfw.numerics import Image
 from navfw.robot import RobotModel
-from navfw.signals import Frame, Image, Odometry, Pose, SensorReading, Twist, wrap_angle
+from navfw.signals import Frame, Odometry, Pose, SensorReading, Twist, wrap_angle
 
 _DARK, BRIGHT = 8.0, 247.0
 """Mean grey levels below and above which an image is invalid."""

@@ -8,7 +8,7 @@ from typing import Any
 
 from navfw.numerics.arrays import Array
 from navfw.signals.geometry import Twist
-from navfw.signals.immutable import freeze
+from navfw.signals.immutability import freeze
 
 Explain = Callable[[int, int], Sequence[Mapping[str, Any]]]
 """Returns the rules that fired for the command at (row, column) of the grid, strongest first."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from navfw.numerics.arrays import Array
 from navfw.numerics.products import product
 from navfw.signals.geometry import Pose, Twist
-from navfw.signals.immutable import freeze
+from navfw.signals.immutability import freeze
 from navfw.signals.sensors import Frame
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.numerics.arrays import Array
-from navfw.signals.immutable import freeze
+from navfw.signals.immutability import freeze
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from typing import Literal
 
 from navfw.numerics.arrays import Array
 from navfw.signals.geometry import Pose, position_sigma
-from navfw.signals.immutable import freeze
+from navfw.signals.immutability import freeze
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from navfw.numerics.arrays import Image
-from navfw.signals.immutable import freeze
+from navfw.signals.immutability import freeze
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics import Array, Image
 from navfw.numerics.products import product, sum_in_order
 from navfw.robot import CameraModel
-from navfw.signals import Array, Image
 from navfw.sim.raster import Light, depth_buffer
 from navfw.sim.scenery import Scenery
 from navfw.sim.visibility import field_of_view

@@ -14,9 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import SimulationError
+from navfw.numerics import Image
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
-from navfw.signals import CameraMotion, Frame, Image
+from navfw.signals import CameraMotion, Frame
 from navfw.sim.camera import Camera, DepthImage
 from navfw.sim.injected_faults import InjectedFaults
 from navfw.sim.robot_body import BodyState

@@ -14,8 +14,8 @@ from itertools import pairwise
 import cv2
 
 from navfw.errors import InputError
+from navfw.numerics import Image
 from navfw.process.atomic import scratch_folder
-from navfw.signals import Image
 from navfw.sim.engine import BulletClient, bullet
 from navfw.sim.textured_mesh import TexturedMesh
 

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from navfw.signals import Array
+from navfw.numerics import Array
 from navfw.sim.shapes import OVERLAP_TOLERANCE, Rectangle, Shape, overlap_depth
 from navfw.sim.worldspec import DropSpec, WorldSpec
 

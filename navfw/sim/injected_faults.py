@@ -10,7 +10,8 @@ from typing import TypeVar
 import cv2
 import numpy as np
 
-from navfw.signals import Encoders, Frame, Image, Inertial
+from navfw.numerics import Image
+from navfw.signals import Encoders, Frame, Inertial
 from navfw.sim.event_actions import (
     CameraFault,
     EncoderFault,

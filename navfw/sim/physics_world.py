@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from navfw.meshes.furniture_mesh import furniture_mesh
-from navfw.signals import Array
+from navfw.meshes.furniture_meshes import furniture_mesh
+from navfw.numerics import Array
 from navfw.sim.drop_geometry import floor_pieces, treads_of
 from navfw.sim.engine import BulletClient, bullet
 from navfw.sim.scenery import Scenery

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics import Array, Image, Mask
 from navfw.numerics.arrays import Floats
 from navfw.numerics.products import product
-from navfw.signals import Array, Image, Mask
 from navfw.sim.raster_kernels import cover
 from navfw.sim.raster_shading import shade
 from navfw.sim.textured_mesh import TexturedMesh

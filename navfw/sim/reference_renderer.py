@@ -9,8 +9,9 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics import Image
 from navfw.robot import CameraModel
-from navfw.signals import Image, Pose
+from navfw.signals import Pose
 from navfw.sim.camera import Camera, RenderRequest
 from navfw.sim.display import Display
 from navfw.sim.engine import BulletConnection, bullet

@@ -15,10 +15,11 @@ from functools import partial
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.process.atomic import scratch_folder
 from navfw.robot import RobotModel
-from navfw.signals import Array, Pose, wrap_angle
+from navfw.signals import Pose, wrap_angle
 from navfw.sim.engine import BulletClient, bullet
 from navfw.sim.physics_world import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
 

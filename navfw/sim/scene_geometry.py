@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import WorldError
-from navfw.signals import Array
+from navfw.numerics import Array
 from navfw.sim.drop_geometry import drop_rectangle
 from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.solids import solids_of

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from navfw.features.landmark_appearance import landmark_kind
-from navfw.meshes.furniture_mesh import furniture_mesh
+from navfw.meshes.furniture_meshes import furniture_mesh
+from navfw.numerics import Array, Image
 from navfw.numerics.products import product
-from navfw.signals import Array, Image
 from navfw.sim.display import Display
 from navfw.sim.raster import Raster
 from navfw.sim.shapes import Rectangle

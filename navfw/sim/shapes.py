@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.signals import Array
 
 OVERLAP_TOLERANCE = 0.002
 """Two solids of a world file may overlap by this much [m]: coordinates are rounded."""

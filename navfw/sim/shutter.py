@@ -16,11 +16,11 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from navfw.numerics import Array, Image
 from navfw.numerics.functions import arccos
 from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.robot.camera_effects import CameraEffects
-from navfw.signals import Array, Image
 from navfw.sim.camera import Camera, DepthImage
 from navfw.sim.robot_body import BodyState
 

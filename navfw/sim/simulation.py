@@ -14,8 +14,9 @@ from typing import Literal
 import numpy as np
 
 from navfw.errors import SimulationError, WorldError
+from navfw.numerics import Array, Image
 from navfw.robot import RobotModel
-from navfw.signals import Array, CameraMotion, Frame, Image, Pose, SensorReading, wrap_angle
+from navfw.signals import CameraMotion, Frame, Pose, SensorReading, wrap_angle
 from navfw.sim.camera import DepthImage
 from navfw.sim.camera_rig import CameraRig, NoiseGenerators, Timings
 from navfw.sim.display import Display, SimulatorWindow

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
-from navfw.meshes.furniture_mesh import furniture_outline
+from navfw.meshes.furniture_meshes import furniture_outline
 from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.worldspec import MeshSpec, OpeningSpec, WallSpec, WorldSpec
 

@@ -14,8 +14,8 @@ from functools import partial
 import numpy as np
 
 from navfw.features.landmark_appearance import landmark_kind
+from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.signals import Array
 from navfw.sim.drop_geometry import Tread, drop_at, treads_of
 from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import Solid, opening_segment, wall_segments

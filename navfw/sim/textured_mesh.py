@@ -14,8 +14,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.signals import Array
 from navfw.sim.textures import TILE
 
 _MAX_PATCH = 2.0

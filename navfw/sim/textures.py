@@ -21,9 +21,9 @@ import numpy as np
 
 from navfw.config.image_file import read_image
 from navfw.errors import ConfigError
+from navfw.numerics import Array, Image
 from navfw.numerics.functions import power
 from navfw.numerics.products import product
-from navfw.signals import Array, Image
 
 if TYPE_CHECKING:
     from navfw.sim.worldspec import TextureSpec

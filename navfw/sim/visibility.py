@@ -15,8 +15,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics import Array, Mask
 from navfw.numerics.products import product
-from navfw.signals import Array, Mask
 from navfw.sim.shapes import Rectangle
 
 _BEHIND = 1e-6

@@ -14,7 +14,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from navfw.signals import Array, Pose
+from navfw.numerics import Array
+from navfw.signals import Pose
 from navfw.sim.worldspec import WalkerSpec
 
 _YIELD_DISTANCE = 0.6

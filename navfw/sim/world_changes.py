@@ -8,7 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from navfw.signals import Array, Pose
+from navfw.numerics import Array
+from navfw.signals import Pose
 from navfw.sim.drop_geometry import drop_under
 from navfw.sim.event_actions import DoorChange, Obstacle, Textureless
 from navfw.sim.physics_world import PhysicsWorld

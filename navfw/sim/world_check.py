@@ -12,7 +12,7 @@ import numpy as np
 from navfw.config.document import KeyPath, key_text
 from navfw.errors import WorldError, did_you_mean
 from navfw.features.landmark_appearance import identity_of, landmark_kind
-from navfw.signals import Array
+from navfw.numerics import Array
 from navfw.sim.drop_geometry import drop_rectangle
 from navfw.sim.shapes import OVERLAP_TOLERANCE, Circle, Rectangle, Shape, overlap_depth
 from navfw.sim.solids import Solid, opening_segment, solids_of, wall_segments

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from navfw.config.document import YamlDocument, load_yaml
 from navfw.config.yamlfile import validate
-from navfw.meshes.furniture_mesh import furniture_mesh
+from navfw.meshes.furniture_meshes import furniture_mesh
 from navfw.sim.textures import read_picture
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec

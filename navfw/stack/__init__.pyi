@@ -1,2 +1,13 @@
+from .progress_watch import NO_ROUTE_AFTER as NO_ROUTE_AFTER
+from .progress_watch import STUCK_AFTER as STUCK_AFTER
+from .progress_watch import ProgressWatch as ProgressWatch
 from .stack import TIMED as TIMED
 from .stack import Stack as Stack
+from .stack_document import STAGES as STAGES
+from .stack_document import read_stack as read_stack
+from .stack_state import StackState as StackState
+from .stackfile import Choice as Choice
+from .stackfile import StackSettings as StackSettings
+from .stackfile import load_stack as load_stack
+from .vision import View as View
+from .vision import Vision as Vision

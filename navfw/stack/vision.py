@@ -5,22 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from navfw.camera_geometry.rotations import derotate
-from navfw.egomotion.camera_motion import with_yaw_sigma
+from navfw.egomotion.camera_motions import with_yaw_sigma
 from navfw.egomotion.pairing import FrameBuffer
 from navfw.egomotion.refinement import refine
 from navfw.flow.grid import above_horizon
 from navfw.guard.guarded_stages import GuardedFlow, GuardedPerception
 from navfw.movers import MultiViewDetector
 from navfw.robot import RobotModel
-from navfw.signals import (
-    FlowField,
-    Frame,
-    MovingObject,
-    Odometry,
-    Percept,
-    Stixels,
-    YawCorrection,
-)
+from navfw.signals import FlowField, Frame, MovingObject, Odometry, Percept, Stixels, YawCorrection
 from navfw.stack.stackfile import StackSettings
 from navfw.stack.stopwatch import timed
 

@@ -16,8 +16,9 @@ from navfw.localmap import LocalMap
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.missions.run_metrics import path_length
 from navfw.missions.session import MissionResult
+from navfw.numerics import Array
 from navfw.recording.run_log import Contact, RunLog
-from navfw.signals import Array, Odometry, Pose, Sight, wrap_angle
+from navfw.signals import Odometry, Pose, Sight, wrap_angle
 from navfw.sim.scene_geometry import NamedShape, SceneGeometry
 from navfw.sim.shapes import Circle
 from navfw.suite.failure_causes import (

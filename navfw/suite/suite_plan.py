@@ -14,12 +14,7 @@ from navfw.config.input_file import read_input, read_input_text
 from navfw.errors import InputError, MissingExtraError, UnknownNameError
 from navfw.recording.provenance import fingerprint
 from navfw.suite.case import Case
-from navfw.suite.entry_cases import (
-    case_templates,
-    stack_files,
-    stacks_of,
-    with_seed,
-)
+from navfw.suite.entry_cases import case_templates, stack_files, stacks_of, with_seed
 from navfw.suite.suitefile import Expect, Suite, VariantSpec
 from navfw.topomap.mapfile import map_data
 

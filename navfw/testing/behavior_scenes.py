@@ -16,10 +16,10 @@ from navfw.context import CommandGrid, Context
 from navfw.interfaces import Fusion
 from navfw.localmap import LocalMap
 from navfw.mofis.mofis import DecisionInputs, Mofis
+from navfw.numerics import Array
 from navfw.offis.offis import Offis
 from navfw.robot import RobotModel
 from navfw.signals import (
-    Array,
     Belief,
     CameraMotion,
     Command,

@@ -13,9 +13,9 @@ from navfw.missions.outcome import Outcome
 from navfw.missions.run_metrics import RunMetrics
 from navfw.missions.session import MissionResult, Session
 from navfw.mofis.explanation import explanation_lines
+from navfw.numerics import Array
 from navfw.recording.run_folder import PICTURE, RECORDING
 from navfw.recording.run_log import RunLog
-from navfw.signals import Array
 from navfw.testing.driven_run import DrivenRun, drive
 from navfw.testing.mission_cache import MissionCache
 from navfw.testing.mission_case import MissionCase

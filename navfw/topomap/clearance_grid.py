@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from navfw.signals import Array
+from navfw.numerics import Array
 
 _EXACT = 1.0
 """Distances up to this [m] are exact: they decide on doors and free widths."""

@@ -16,9 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import MapError
+from navfw.numerics import Array
 from navfw.numerics.linear_systems import inverse, solve
 from navfw.numerics.products import product
-from navfw.signals import Array, LandmarkDetection, Odometry, Pose, wrap_angle
+from navfw.signals import LandmarkDetection, Odometry, Pose, wrap_angle
 from navfw.topomap.elements import Landmark
 from navfw.topomap.topological_map import TopoMap
 

@@ -14,9 +14,9 @@ from collections.abc import Mapping
 import networkx as nx
 
 from navfw.errors import MapError
+from navfw.numerics import Array
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
-from navfw.signals import Array
 from navfw.topomap.clearance_grid import ClearanceGrid
 from navfw.topomap.elements import Passage, Place, PlaceKind
 from navfw.topomap.map_regions import BEFORE_DOOR, DOOR_WIDTH, Bounds, PlaceNames, Regions, doors_on

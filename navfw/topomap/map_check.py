@@ -10,8 +10,8 @@ from typing import Literal
 import networkx as nx
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array
 from navfw.topomap.elements import Passage
 from navfw.topomap.topological_map import TopoMap
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from navfw.signals import Array
+from navfw.numerics import Array
 from navfw.topomap.clearance_grid import ClearanceGrid
 
 DOOR_WIDTH = 1.5

@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import MapError
-from navfw.signals import Array, Mask, Pose
-from navfw.signals.immutable import freeze
+from navfw.numerics import Array, Mask
+from navfw.signals import Pose
+from navfw.signals.immutability import freeze
 
 Cells = npt.NDArray[np.int8]
 

@@ -19,8 +19,9 @@ from navfw.config.input_file import shown_path
 from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import load_model
 from navfw.errors import ConfigError, MapError
+from navfw.numerics import Array, Mask
 from navfw.process.atomic import atomic_file, write_text
-from navfw.signals import Array, Mask, Pose
+from navfw.signals import Pose
 from navfw.topomap.occupancy_map import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, Cells, OccupancyMap
 
 PlanMode = Literal["trinary", "scale", "raw"]

@@ -16,7 +16,7 @@ import networkx as nx
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
-from navfw.signals import Array, Mask
+from navfw.numerics import Array, Mask
 from navfw.topomap.clearance_grid import ClearanceGrid
 
 _STRETCH = 1.05

@@ -6,7 +6,7 @@ import cv2
 import networkx as nx
 import numpy as np
 
-from navfw.signals import Mask
+from navfw.numerics import Mask
 from navfw.topomap.clearance_grid import ClearanceGrid
 
 _SPUR = 1.6

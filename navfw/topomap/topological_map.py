@@ -15,8 +15,8 @@ import networkx as nx
 import numpy as np
 
 from navfw.errors import MapError, UnknownNameError
-from navfw.signals import Array
-from navfw.signals.immutable import Sealed
+from navfw.numerics import Array
+from navfw.signals.immutability import Sealed
 from navfw.topomap.elements import Landmark, Passage, Place, map_violations
 from navfw.topomap.occupancy_map import OccupancyMap
 

@@ -21,7 +21,7 @@ from navfw.suite.case import Case
 from navfw.suite.run_table import RunRow
 from navfw.suite.suite_plan import SuitePlan, plan_runs
 from navfw.suite.suitefile import Suite, parse_seeds
-from navfw.tune.search_space import SearchSpace, search_space
+from navfw.tune.search_spaces import SearchSpace, search_space
 from navfw.tune.study_folder import StudyFolder
 from navfw.tune.trials import Drive, Objectives, best_of, run_trials, with_settings
 

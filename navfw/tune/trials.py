@@ -16,7 +16,7 @@ from navfw.suite.case import Case, Job
 from navfw.suite.run_table import RunRow
 from navfw.suite.suite_run import Engine, answered_row
 from navfw.suite.worker_pool import WorkerFailure
-from navfw.tune.search_space import SearchSpace
+from navfw.tune.search_spaces import SearchSpace
 
 CLEAR = 0.5
 """Clearance [m] from which more of it counts no more."""

@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-from navfw.worldgen.generated_world import GeneratedWorld
-from navfw.worldgen.generation import FAMILIES, generate
+import lazy_loader
 
-__all__ = ["FAMILIES", "GeneratedWorld", "generate"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -22,7 +22,7 @@ from navfw.config.input_file import is_file, read_input
 from navfw.config.problems import rewording
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.missions.missionspec import MissionSpec
-from navfw.signals import Array
+from navfw.numerics import Array
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec

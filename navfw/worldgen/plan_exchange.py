@@ -15,8 +15,9 @@ import numpy as np
 from navfw.config.problems import rewording
 from navfw.errors import InputError, MapError
 from navfw.missions.missionspec import MissionSpec
+from navfw.numerics import Array
 from navfw.process.work_progress import ProgressCallback, silent
-from navfw.signals import Array, Pose
+from navfw.signals import Pose
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import Rectangle
 from navfw.sim.world_check import check_world

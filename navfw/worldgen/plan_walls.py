@@ -21,8 +21,8 @@ import numpy.typing as npt
 from pydantic import Field
 
 from navfw.config.strict_model import StrictModel
+from navfw.numerics import Array, Mask
 from navfw.numerics.products import product
-from navfw.signals import Array, Mask
 from navfw.sim.shapes import Rectangle
 from navfw.topomap.occupancy_map import FREE, OCCUPIED, UNKNOWN, Cells, OccupancyMap
 

@@ -14,7 +14,7 @@ import networkx as nx
 import numpy as np
 
 from navfw.errors import WorldError
-from navfw.signals import Array
+from navfw.numerics import Array
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.topomap import Passage, Place, PlaceKind, TopoMap
 from navfw.worldgen.world_draft import Point, Unsuitable

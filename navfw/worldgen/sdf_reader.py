@@ -20,11 +20,11 @@ from navfw.config.input_file import is_file, shown_path
 from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.meshes import MeshLimits, read_triangles
+from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.robot.urdf import rigid_transform
-from navfw.signals import Array
 from navfw.sim.shapes import Circle
-from navfw.worldgen.mesh_solids import mesh_solids
+from navfw.worldgen.upright_parts import mesh_solids
 
 MAX_BYTES = 20_000_000
 """Largest size of a file [bytes]; the largest BARN world has 0.7 MB."""

@@ -13,12 +13,13 @@ from behavior_samples import behavior_of, composite_of, desired_twist
 from navfw.context import Context
 from navfw.errors import InputError
 from navfw.interfaces import Composite
-from navfw.localmap.local_planner import LocalGoal
+from navfw.localmap import LocalGoal
 from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Twist, Waypoint
-from navfw.stack.stackfile import load_stack
-from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
+from navfw.stack import load_stack
+from navfw.testing import contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene
 
 ROBOT = RobotModel()
 REGISTRY = default_registry()

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from random_contexts import COMMANDS, ROBOT, conflicts, contexts, drives, layers
 
 from navfw.context import Context
-from navfw.guard.stage_answers import check_proposal
+from navfw.guard import check_proposal
 from navfw.interfaces import Fusion
 from navfw.signals import Conflicts, Proposal, Twist
-from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
+from navfw.testing import contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene
 
 BASELINES = {"navground"}
 """Behaviours that need the simulator's truth and another package."""

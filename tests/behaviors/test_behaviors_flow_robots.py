@@ -14,7 +14,8 @@ from navfw.context import Context
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Proposal, Twist
-from navfw.testing.behavior_scenes import BehaviorScene, contexts_of, wall_flow
+from navfw.testing import contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene, wall_flow
 
 ROBOT = RobotModel()
 REGISTRY = default_registry()

@@ -11,7 +11,8 @@ from behavior_samples import behavior_of, desired_twist
 
 from navfw.context import Context
 from navfw.signals import Percept, Pose, Proposal, Twist
-from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
+from navfw.testing import contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene
 
 
 def last(scene: BehaviorScene) -> Context:

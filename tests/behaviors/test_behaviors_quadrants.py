@@ -12,7 +12,8 @@ from navfw.context import Context, quadrant_distances
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Twist
-from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
+from navfw.testing import contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene
 
 ROBOT = RobotModel()
 REGISTRY = default_registry()

@@ -12,14 +12,13 @@ from behavior_samples import desired_twist
 
 from navfw.context import CommandGrid, Context
 from navfw.interfaces import Behavior, Composite
-from navfw.localmap.local_planner import LocalGoal
-from navfw.movers.conflict_prediction import ConflictParams, ConflictPredictor
-from navfw.movers.tracking import Track
+from navfw.localmap import LocalGoal
+from navfw.movers import ConflictParams, ConflictPredictor, Track
 from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Odometry, Pose, Proposal, Twist, Waypoint
-from navfw.testing import check_behavior
-from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
+from navfw.testing import check_behavior, contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene
 
 ROBOT = RobotModel()
 SHIPPED = (

@@ -12,14 +12,19 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from navfw.bench.flow_comparison import measure_set, recorded_sets
-from navfw.bench.recorded_approach import bench_approach
-from navfw.bench.recorded_pairs import FR1_DISTORTION, FR1_MATRIX, TumRecording, frame_pairs
-from navfw.bench.true_pairs import TruePair
+from navfw.bench import (
+    FR1_DISTORTION,
+    FR1_MATRIX,
+    TruePair,
+    TumRecording,
+    bench_approach,
+    frame_pairs,
+    measure_set,
+    recorded_sets,
+)
 from navfw.errors import ConfigError, InputError
-from navfw.flow.block_matching import BlockMatching
-from navfw.flow.dis import Dis
-from navfw.signals import Array
+from navfw.flow import BlockMatching, Dis
+from navfw.numerics import Array
 
 
 def texture(size: int, seed: int = 0) -> Array:

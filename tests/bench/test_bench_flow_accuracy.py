@@ -7,21 +7,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navfw.bench.flow_accuracy import (
+from navfw.bench import (
+    MOTIONS,
     all_processors,
     bench_flow,
+    load_worlds,
     match_template_ratio,
+    plot,
+    rendered_pairs,
     statistics,
     tables,
 )
-from navfw.bench.perception_benchmark import plot
-from navfw.bench.true_pairs import MOTIONS, load_worlds, rendered_pairs
-from navfw.flow.block_matching import BlockMatching
-from navfw.flow.ideal import Ideal
+from navfw.flow import BlockMatching, Ideal
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FramePair
-from navfw.sim.world_check import check_world
+from navfw.sim import check_world
 
 ROBOT = RobotModel()
 

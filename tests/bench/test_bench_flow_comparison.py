@@ -15,30 +15,30 @@ import pytest
 from flow_scene import room, turn_about
 from typer.testing import CliRunner
 
-from navfw.bench import flow_comparison
-from navfw.bench.flow_comparison import (
+from navfw.bench import (
     PARTS,
     PlainDense,
     PlainPoints,
+    TruePair,
     TrueSet,
     bench_flow_sets,
+    flow_comparison,
     measure_set,
     plain_processors,
     recorded_sets,
     rendered_set,
-    tables,
+    true_flow,
+    with_recording_error,
 )
-from navfw.bench.true_pairs import TruePair, true_flow, with_recording_error
 from navfw.cli import app
 from navfw.errors import ConfigError, InputError
-from navfw.flow.block_matching import BlockMatching
-from navfw.flow.grid import grid_points
-from navfw.flow.grid_flow import MatchedFlow
+from navfw.flow import BlockMatching, MatchedFlow, grid_points
 from navfw.interfaces import FlowProcessor
-from navfw.perceive.perceiver_options import PerceiverOptions
+from navfw.numerics import Array, Image
+from navfw.perceive import PerceiverOptions
 from navfw.plugins import default_registry
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair, Image
+from navfw.signals import CameraMotion, FlowField, Frame, FramePair
 
 WIDE = CameraModel(width=352, height=248)
 CUT = 16  # rows cut off at the top: the principal point is not in the middle
@@ -89,7 +89,7 @@ def test_the_geometry_of_a_recorded_walk_is_right(data: Path) -> None:
         assert measured["coverage"] > 0.6
         assert measured["ms"] > 0.0
     assert processors["cv_lk_15"]["within_2_sigma"] is None
-    (table,) = tables(result)
+    (table,) = flow_comparison.tables(result)
     assert table.title.startswith("hololens_office: 5 pairs of ")
     assert [row[0] for row in table.rows] == ["block_matching", "cv_lk_15"]
     assert all(len(row) == len(table.head) for row in table.rows)

@@ -6,16 +6,22 @@ import math
 import numpy as np
 import pytest
 
-from navfw.bench.perception_accuracy import run, score
-from navfw.bench.perception_samples import random_views, samples_of_world
-from navfw.bench.random_world import random_world
-from navfw.bench.view_truth import DOMINANT, MAJORITY, WallGeometry, true_term, truth_of
-from navfw.offis.nearness import triangulate
+from navfw.bench import (
+    DOMINANT,
+    MAJORITY,
+    WallGeometry,
+    random_views,
+    random_world,
+    run,
+    samples_of_world,
+    score,
+    true_term,
+    truth_of,
+)
+from navfw.offis import triangulate
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim import Simulation
-from navfw.sim.world_check import check_world
-from navfw.sim.worldspec import BoxSpec, OpeningSpec, WallSpec, WorldSpec
+from navfw.sim import BoxSpec, OpeningSpec, Simulation, WallSpec, WorldSpec, check_world
 
 ROBOT = RobotModel()
 SHARES = (

@@ -2,13 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from navfw.bench.perception_benchmark import (
-    MAX_DIFFERENCE,
-    compare_rule_bases,
-    time_flow,
-    time_offis,
-)
-from navfw.offis.fuzzy_systems import RULES
+from navfw.bench import MAX_DIFFERENCE, compare_rule_bases, time_flow, time_offis
+from navfw.offis import RULES
 
 
 def test_every_rule_base_of_offis_equals_scikit_fuzzy() -> None:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from navfw.bench.planning_time import bench_planning, large_map
+from navfw.bench import bench_planning, large_map
 
 
 def test_the_map_is_as_large_as_asked_for_and_in_one_part() -> None:

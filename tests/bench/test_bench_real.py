@@ -12,9 +12,7 @@ from labelled_frames import label, save_approach
 from perceive_images import save, texture
 from typer.testing import CliRunner
 
-from navfw.bench import real_benchmark
-from navfw.bench.real_benchmark import RECORDINGS, bench_real, tables
-from navfw.bench.real_labels import SentenceVerdict, judge, load_labels
+from navfw.bench import RECORDINGS, SentenceVerdict, bench_real, judge, load_labels, real_benchmark
 from navfw.cli import app
 from navfw.errors import ConfigError
 from navfw.plugins import default_registry
@@ -78,7 +76,7 @@ def approach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def rows_of(result: dict[str, Any]) -> list[list[str]]:
-    (table,) = tables(result)
+    (table,) = real_benchmark.tables(result)
     assert all(len(row) == len(table.head) for row in table.rows)
     return table.rows
 

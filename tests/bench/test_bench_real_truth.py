@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from perceive_images import HEIGHT, WIDTH, save, texture, wall_at
 
-from navfw.bench.recorded_pairs import DepthFile
-from navfw.bench.recording_truth import (
+from navfw.bench import (
+    DepthFile,
     camera_way,
     depth_files,
     nearness_errors,
@@ -20,11 +20,7 @@ from navfw.bench.recording_truth import (
     yaw_summary,
 )
 from navfw.errors import ConfigError
-from navfw.perceive.image_sources import open_source
-from navfw.perceive.pair_result import PairResult
-from navfw.perceive.perceiver import Perceiver
-from navfw.perceive.perceiver_options import PerceiverOptions
-from navfw.perceive.working_size import WorkingSize
+from navfw.perceive import PairResult, Perceiver, PerceiverOptions, WorkingSize, open_source
 from navfw.plugins import default_registry
 
 STEP = 0.05

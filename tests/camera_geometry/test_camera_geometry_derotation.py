@@ -8,11 +8,12 @@ from flow_scene import exact_field, turn_about
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.camera_geometry.rotations import derotate, rotational_flow
+from navfw.camera_geometry import derotate, rotational_flow
 from navfw.egomotion import camera_motion
-from navfw.flow.grid import grid_points
+from navfw.flow import grid_points
+from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, CameraMotion, Pose
+from navfw.signals import CameraMotion, Pose
 
 CAMERA = CameraModel()
 

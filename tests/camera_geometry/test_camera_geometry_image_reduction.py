@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from navfw.camera_geometry.image_reduction import reduce_frame
+from navfw.camera_geometry import reduce_frame
 from navfw.robot import CameraModel, RobotModel, SideViews
 from navfw.signals import Frame
 

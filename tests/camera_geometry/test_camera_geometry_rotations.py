@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from navfw.camera_geometry.rotations import (
+from navfw.camera_geometry import (
     rotate_points,
     rotation_matrix,
     rotation_vector,

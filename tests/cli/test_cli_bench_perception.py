@@ -10,6 +10,10 @@ import pytest
 from typer.testing import CliRunner
 
 from navfw.bench import (
+    TARGETS,
+    Target,
+    TruePair,
+    TrueSet,
     flow_accuracy,
     flow_comparison,
     perception_accuracy,
@@ -17,11 +21,8 @@ from navfw.bench import (
     recorded_approach,
     true_pairs,
 )
-from navfw.bench.flow_comparison import TrueSet
-from navfw.bench.perception_benchmark import TARGETS, Target
-from navfw.bench.true_pairs import TruePair
 from navfw.cli import app
-from navfw.flow.farneback import Farneback
+from navfw.flow import Farneback
 from navfw.interfaces import FlowProcessor
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, FramePair

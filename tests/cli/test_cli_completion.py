@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from navfw.config.lookup import list_files
+from navfw.config import list_files
 
 
 def completed(line: str, **more: str) -> list[str]:

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from navfw.cli import app
-from navfw.topomap.map_formats import load_any_map
+from navfw.topomap import load_any_map
 
 
 def ran(*arguments: str, code: int = 0) -> str:

@@ -14,9 +14,8 @@ from typer.testing import CliRunner, Result
 import navfw
 from navfw.cli import app
 from navfw.plugins import default_registry
-from navfw.scaffold.part_kinds import PARTS
-from navfw.suite.suite_plan import plan_runs
-from navfw.suite.suitefile import load_suite
+from navfw.scaffold import PARTS
+from navfw.suite import load_suite, plan_runs
 from navfw.testing import check_behavior
 
 NAMES = {

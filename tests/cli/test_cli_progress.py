@@ -13,7 +13,7 @@ import typer
 
 from navfw.cli import progress_bar, run
 from navfw.cli.progress_bar import ProgressBar
-from navfw.missions.runner import Progress
+from navfw.missions import Progress
 from navfw.process import watchdog
 
 

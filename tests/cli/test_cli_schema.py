@@ -9,9 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from navfw.cli import app
-from navfw.config.document import load_yaml
-from navfw.config.file_kinds import FILE_KINDS
-from navfw.config.lookup import shipped_folder
+from navfw.config import FILE_KINDS, load_yaml, shipped_folder
 
 ROOT = shipped_folder()
 EXAMPLES = {

@@ -15,9 +15,8 @@ import typer.main
 from typer.testing import CliRunner, Result
 
 from navfw.cli import app
-from navfw.config.project_code import LIBRARY_SETTINGS, TRUST_VARIABLE
-from navfw.config.trust_file import TrustFile
-from navfw.missions.session_setup import prepare
+from navfw.config import LIBRARY_SETTINGS, TRUST_VARIABLE, TrustFile
+from navfw.missions import prepare
 from navfw.plugins import default_registry
 
 BEHAVIOR = '''

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from navfw.config.document import MAX_DEPTH, KeyPath, key_text, load_yaml, parse_yaml
+from navfw.config import MAX_DEPTH, KeyPath, key_text, load_yaml, parse_yaml
 from navfw.errors import ConfigError
 
 

@@ -12,11 +12,7 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.cli.completion import completer_of
-from navfw.config.document import load_yaml
-from navfw.config.file_kinds import FILE_KINDS, FileKind
-from navfw.config.lookup import find, list_files
-from navfw.config.strict_model import StrictModel
-from navfw.config.yamlfile import validate
+from navfw.config import FILE_KINDS, FileKind, StrictModel, find, list_files, load_yaml, validate
 from navfw.errors import ConfigError, UnknownNameError
 
 

@@ -13,20 +13,23 @@ import numpy as np
 import pytest
 from architecture_sources import MODULES, dotted, shown, tree_of
 
-from navfw.config.document import load_yaml
-from navfw.config.image_file import read_image
-from navfw.config.input_file import is_file, is_folder, read_input, read_input_text
-from navfw.config.json_file import read_json_object
-from navfw.config.lookup import find, project_folder
+from navfw.config import (
+    find,
+    is_file,
+    is_folder,
+    load_yaml,
+    project_folder,
+    read_image,
+    read_input,
+    read_input_text,
+    read_json_object,
+)
 from navfw.errors import ConfigError, InputError
-from navfw.perceive.image_sources import open_source
-from navfw.perceive.motion_record import load_gyro_record
-from navfw.recording.run_folder import read_result
-from navfw.recording.sensor_recording import load_recording
-from navfw.suite.run_table import read_table
-from navfw.suite.suitefile import load_suite
-from navfw.topomap.map_formats import load_any_map
-from navfw.worldgen.sdf_reader import read_sdf
+from navfw.perceive import load_gyro_record, open_source
+from navfw.recording import load_recording, read_result
+from navfw.suite import load_suite, read_table
+from navfw.topomap import load_any_map
+from navfw.worldgen import read_sdf
 
 READERS = {
     "open",
@@ -69,7 +72,7 @@ ALLOWED = {
     "navfw/process/target_lock.py": {"os.open": "the lock of an output"},
     "navfw/recording/provenance.py": {"?.read_text": "/proc/cpuinfo"},
     "navfw/process/process_memory.py": {"_STATUS.read_text": "/proc/self/status"},
-    "navfw/kernels/kernel_list.py": {"KERNEL_FILE.read_text": "a file of the package"},
+    "navfw/process/kernel_list.py": {"KERNEL_FILE.read_text": "a file of the package"},
     "navfw/suite/dask_worker.py": {"picture.read_bytes": "what this process has just written"},
     "navfw/suite/job_package.py": {
         "zipfile.ZipFile": "of bytes checked by their hash",

@@ -8,11 +8,15 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, RootModel, field_validator, model_validator
 
-from navfw.config.document import parse_yaml
-from navfw.config.overrides import apply_overrides
-from navfw.config.problems import MAX_TOLD
-from navfw.config.type_descriptions import parameters_of
-from navfw.config.yamlfile import check, load_model, validate
+from navfw.config import (
+    MAX_TOLD,
+    apply_overrides,
+    check,
+    load_model,
+    parameters_of,
+    parse_yaml,
+    validate,
+)
 from navfw.errors import ConfigError
 from navfw.robot import RobotModel
 

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from navfw.config.project_code import (
+from navfw.config import (
     MAX_NAMED,
     TRUST_VARIABLE,
     ProjectCode,
+    TrustFile,
     asking,
     require_trust,
     trusting,
 )
-from navfw.config.trust_file import TrustFile
 from navfw.errors import ConfigError, InputError, UnknownNameError, UntrustedCodeError
 
 STRANGER = 54321

@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode
 
-from navfw.config.yaml_compose import MAX_NESTING, compose_quickly
+from navfw.config import MAX_NESTING, compose_quickly
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted(

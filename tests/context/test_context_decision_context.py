@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.signals import Belief, Pose, Twist, Waypoint
-from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
+from navfw.testing import contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene
 
 OPEN = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), ticks=8))[-1]
 

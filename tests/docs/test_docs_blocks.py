@@ -16,15 +16,14 @@ import yaml
 from docs_pages import PAGES, ROOT, DocBlock, blocks_of
 
 from navfw.context import CommandGrid, CommandGridParams
-from navfw.fuzzy.grammar import parse_rule
-from navfw.missions.missionfile import load_mission
-from navfw.mofis.rules import BehaviorRules
-from navfw.perceive.calibration import load_calibration
+from navfw.fuzzy import parse_rule
+from navfw.missions import load_mission
+from navfw.mofis import BehaviorRules
+from navfw.perceive import load_calibration
 from navfw.plugins import default_registry
-from navfw.robot import RobotModel
-from navfw.robot.robotfile import RobotSpec, load_robot
-from navfw.sim.worldfile import load_world
-from navfw.stack.stackfile import load_stack
+from navfw.robot import RobotModel, RobotSpec, load_robot
+from navfw.sim import load_world
+from navfw.stack import load_stack
 
 BLOCKS = [block for page in PAGES for block in blocks_of(page)]
 

@@ -16,14 +16,11 @@ from typer.testing import CliRunner
 
 from navfw import Behavior, Composite
 from navfw.cli import app
-from navfw.config.overrides import parse_override
-from navfw.missions.outcome import Outcome
-from navfw.missions.session import MissionResult
-from navfw.missions.session_setup import prepare
+from navfw.config import parse_override
+from navfw.missions import MissionResult, Outcome, prepare
 from navfw.plugins import default_registry
-from navfw.scaffold.new_parts import write_part
-from navfw.scaffold.new_project import write_project
-from navfw.stack.stackfile import load_stack
+from navfw.scaffold import write_part, write_project
+from navfw.stack import load_stack
 from navfw.testing import check_behavior, check_composite
 from navfw.worldgen import generate
 

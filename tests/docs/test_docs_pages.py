@@ -17,7 +17,7 @@ from pydantic import BaseModel
 
 from navfw import Context, Proposal
 from navfw.signals import Conflicts
-from navfw.testing.behavior_scenes import SCENES, contexts_of
+from navfw.testing import SCENES, contexts_of
 
 DOCS = ROOT / "docs"
 DECISIONS = sorted((DOCS / "decisions").glob("[0-9]*.md"))

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from docs_pages import ROOT
 
-from navfw.missions.session_setup import prepare
+from navfw.missions import prepare
 
 EXAMPLES = ROOT / "examples"
 

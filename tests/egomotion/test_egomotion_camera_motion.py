@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.egomotion import camera_motion
-from navfw.egomotion.camera_motion import yaw_rotation
+from navfw.egomotion import camera_motion, yaw_rotation
+from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, Pose
+from navfw.signals import Pose
 
 poses = st.builds(Pose, st.floats(-5, 5), st.floats(-5, 5), st.floats(-math.pi, math.pi))
 

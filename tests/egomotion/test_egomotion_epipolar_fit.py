@@ -11,19 +11,22 @@ from flow_scene import exact_field, turn_about
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.camera_geometry.rotations import rotation_matrix, turn_point
-from navfw.egomotion import camera_motion
-from navfw.egomotion.epipolar_fit import epipolar_residual, fit_reweighted
-from navfw.egomotion.epipolar_kernels import fit_motion
-from navfw.egomotion.flow_egomotion import (
+from navfw.camera_geometry import rotation_matrix, turn_point
+from navfw.egomotion import (
     EgomotionPrior,
     MotionKind,
     PointMotion,
+    RefinementParams,
+    camera_motion,
+    epipolar_residual,
     estimate_egomotion,
+    fit_reweighted,
+    refine,
 )
-from navfw.egomotion.refinement import RefinementParams, refine
+from navfw.egomotion.epipolar_kernels import fit_motion
+from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, CameraMotion, FlowField, Pose
+from navfw.signals import CameraMotion, FlowField, Pose
 
 FOCAL = 80.0
 UNIT = np.eye(3)

@@ -10,9 +10,7 @@ from flow_scene import exact_field
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.egomotion import Odometer, OdometryHistory
-from navfw.egomotion.camera_motion import with_yaw_sigma
-from navfw.egomotion.odometer import EncoderFaultDetector
+from navfw.egomotion import EncoderFaultDetector, Odometer, OdometryHistory, with_yaw_sigma
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Encoders, Inertial, Odometry, Pose, Twist, YawCorrection
 

@@ -10,19 +10,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from navfw.egomotion.floor_odometry import FloorOdometry
-from navfw.egomotion.floor_registration import FloorRegistration
+from navfw.egomotion import FloorOdometry, FloorRegistration
+from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import (
-    Array,
-    CameraMotion,
-    Frame,
-    Image,
-    Odometry,
-    Pose,
-    Twist,
-    YawCorrection,
-)
+from navfw.signals import CameraMotion, Frame, Odometry, Pose, Twist, YawCorrection
 
 ROBOT = RobotModel()
 METRE = 100.0

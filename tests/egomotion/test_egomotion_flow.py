@@ -10,14 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.egomotion.flow_egomotion import (
-    Egomotion,
-    EgomotionPrior,
-    MotionKind,
-    PointMotion,
-    estimate_egomotion,
-)
-from navfw.signals import Array
+from navfw.egomotion import Egomotion, EgomotionPrior, MotionKind, PointMotion, estimate_egomotion
+from navfw.numerics import Array
 
 FOCAL = 100.0
 HALF = np.array([80.0, 60.0])

@@ -8,11 +8,11 @@ from flow_scene import cell_truth, exact_field, room, turn_about
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.egomotion import camera_motion
-from navfw.egomotion.refinement import RefinementParams, refine
-from navfw.flow.dis import Dis
+from navfw.egomotion import RefinementParams, camera_motion, refine
+from navfw.flow import Dis
+from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, CameraMotion, FlowField, Pose
+from navfw.signals import CameraMotion, FlowField, Pose
 
 ROBOT = RobotModel()
 WIDE = 0.02

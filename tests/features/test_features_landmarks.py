@@ -12,18 +12,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.bench.landmark_recognition import view_of
+from navfw.bench import view_of
 from navfw.errors import ConfigError
-from navfw.features.aruco import Aruco
-from navfw.features.combined_landmarks import Landmarks
-from navfw.features.landmark_appearance import landmark_kind, marker_dictionary, poster_image
-from navfw.features.posters import Posters
-from navfw.features.square_localization import is_upright, locate, locate_with_covariance
+from navfw.features import (
+    Aruco,
+    Landmarks,
+    Posters,
+    is_upright,
+    landmark_kind,
+    locate,
+    locate_with_covariance,
+    marker_dictionary,
+    poster_image,
+)
+from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, Frame, Image, Pose
-from navfw.sim.sensor_models import SensorParams
-from navfw.sim.simulation import Simulation
-from navfw.sim.worldspec import LandmarkPlateSpec, WallSpec, WorldSpec
+from navfw.signals import Frame, Pose
+from navfw.sim import LandmarkPlateSpec, SensorParams, Simulation, WallSpec, WorldSpec
 from navfw.topomap import Landmark, Place, TopoMap
 
 ROBOT = RobotModel()

@@ -7,8 +7,8 @@ from flow_scene import turn_about
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.camera_geometry.rotations import rotate_points
-from navfw.flow.aligned_past import align_past, visible_in_past
+from navfw.camera_geometry import rotate_points
+from navfw.flow import align_past, visible_in_past
 from navfw.robot import CameraModel
 
 CAMERA = CameraModel()

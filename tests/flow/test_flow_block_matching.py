@@ -8,12 +8,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from navfw.errors import ConfigError
-from navfw.flow import block_matching
-from navfw.flow.block_matching import BlockMatching
-from navfw.flow.confidence import SIGMA_UNKNOWN
+from navfw.flow import SIGMA_UNKNOWN, BlockMatching, block_matching
 from navfw.flow.correlation_kernels import correlate, find_peaks
+from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
+from navfw.signals import CameraMotion, Frame, FramePair
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera

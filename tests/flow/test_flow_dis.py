@@ -6,9 +6,7 @@ from flow_scene import cell_truth, room, turn_about
 from pydantic import ValidationError
 
 from navfw.errors import ConfigError
-from navfw.flow.block_matching import BlockMatching
-from navfw.flow.dis import Dis
-from navfw.flow.grid import grid_points
+from navfw.flow import BlockMatching, Dis, grid_points
 from navfw.interfaces import FlowProcessor
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, FramePair

@@ -8,11 +8,10 @@ from flow_scene import wall
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.flow.block_matching import BlockMatching
-from navfw.flow.divergence import ContactFilter, Expansion, fit_expansion
-from navfw.flow.grid import grid_points
+from navfw.flow import BlockMatching, ContactFilter, Expansion, fit_expansion, grid_points
+from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, CameraMotion, FlowField
+from navfw.signals import CameraMotion, FlowField
 
 CAMERA = CameraModel()
 POINTS = grid_points(CAMERA, 12, 16)

@@ -8,13 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
-from navfw.camera_geometry.rotations import derotate
-from navfw.egomotion.camera_motion import camera_motion
+from navfw.camera_geometry import derotate
+from navfw.egomotion import camera_motion
 from navfw.errors import ConfigError
+from navfw.flow import FloorAlignedFlow
 from navfw.flow.cell_kernels import match_cells
-from navfw.flow.floor_aligned import FloorAlignedFlow
+from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, CameraMotion, Frame, FramePair, Image, Pose
+from navfw.signals import CameraMotion, Frame, FramePair, Pose
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera

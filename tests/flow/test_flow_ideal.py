@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 from flow_scene import cell_truth, room, turn_about
 
-from navfw.config.lookup import find
+from navfw.config import find
 from navfw.errors import ConfigError, PluginError, SimulationError
-from navfw.flow.ideal import Ideal, nearness_at, true_vectors
-from navfw.missions.oracle import SimulatorTruth, reveal
-from navfw.missions.session_setup import prepare
+from navfw.flow import Ideal, nearness_at, true_vectors
+from navfw.missions import SimulatorTruth, prepare, reveal
+from navfw.numerics import Array
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
-from navfw.signals import Array, CameraMotion, Frame, FramePair, Pose
-from navfw.sim import Simulation, load_world
-from navfw.sim.sensor_models import SensorParams
-from navfw.stack.stackfile import load_stack
+from navfw.signals import CameraMotion, Frame, FramePair, Pose
+from navfw.sim import SensorParams, Simulation, load_world
+from navfw.stack import load_stack
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera

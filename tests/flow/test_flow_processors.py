@@ -6,16 +6,12 @@ import numpy as np
 import pytest
 from flow_scene import cell_truth, room, turn_about, wall
 
-from navfw.flow.block_matching import BlockMatching
-from navfw.flow.confidence import SIGMA_UNKNOWN
-from navfw.flow.dis import Dis
-from navfw.flow.farneback import Farneback
-from navfw.flow.lucas_kanade import LucasKanade
-from navfw.flow.registered import Registered
+from navfw.flow import SIGMA_UNKNOWN, BlockMatching, Dis, Farneback, LucasKanade, Registered
 from navfw.interfaces import FlowProcessor
+from navfw.numerics import Image
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
-from navfw.signals import CameraMotion, Frame, FramePair, Image
+from navfw.signals import CameraMotion, Frame, FramePair
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera

@@ -9,12 +9,20 @@ import pytest
 from flow_scene import cell_truth, room, turn_about, wall
 
 import navfw.flow.registered as module
-from navfw.flow.block_matching import BlockMatching
-from navfw.flow.confidence import SIGMA_UNKNOWN
-from navfw.flow.registered import ROUGHNESS_POWER, ROUGHNESS_RANGE, UNKNOWN_ROUGHNESS, Registered
-from navfw.flow.registration import grid_windows, register_windows, roughness
+from navfw.flow import (
+    ROUGHNESS_POWER,
+    ROUGHNESS_RANGE,
+    SIGMA_UNKNOWN,
+    UNKNOWN_ROUGHNESS,
+    BlockMatching,
+    Registered,
+    grid_windows,
+    register_windows,
+    roughness,
+)
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array, CameraMotion, FlowField, FramePair
+from navfw.signals import CameraMotion, FlowField, FramePair
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.flow.registration import Registration, register_windows
-from navfw.flow.registration.windows import find_mixtures
-from navfw.signals import Array, Image
+from navfw.flow import Registration, find_mixtures, register_windows
+from navfw.numerics import Array, Image
 
 X = np.array([[20, 44], [60, 84], [100, 124]])
 Y = np.array([[20, 44], [70, 94]])

@@ -3,9 +3,8 @@
 import numpy as np
 
 from navfw.flow import block_matching as judged
-from navfw.flow.block_matching import judge_registration, uniqueness
-from navfw.flow.confidence import ramp
-from navfw.signals import Array
+from navfw.flow import judge_registration, ramp, uniqueness
+from navfw.numerics import Array
 
 SHAPE = (12, 16)
 LIMITS = (0.85, 0.97)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from flow_scene import cell_truth, true_flow
 
-from navfw.config.lookup import find
+from navfw.config import find
 from navfw.egomotion import camera_motion
-from navfw.flow.block_matching import BlockMatching
-from navfw.flow.dis import Dis
+from navfw.flow import BlockMatching, Dis
 from navfw.interfaces import FlowProcessor
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array, Frame, FramePair, Pose
+from navfw.signals import Frame, FramePair, Pose
 from navfw.sim import Simulation, load_world
 
 ROBOT = RobotModel()

@@ -11,8 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from navfw.errors import RuleBaseError
-from navfw.fuzzy import CompiledFis, rule_base_from_mapping
-from navfw.fuzzy.coverage import uncovered_region
+from navfw.fuzzy import CompiledFis, rule_base_from_mapping, uncovered_region
 from navfw.fuzzy.inference_kernels import FIRING_FLOOR
 
 

@@ -8,8 +8,14 @@ from fuzzy_samples import corner_values, rule_bases, samples, small
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from navfw.fuzzy import CompiledFis, ReferenceFis, RuleBase, rule_base_from_mapping
-from navfw.fuzzy.fis_benchmark import compare, random_inputs
+from navfw.fuzzy import (
+    CompiledFis,
+    ReferenceFis,
+    RuleBase,
+    compare,
+    random_inputs,
+    rule_base_from_mapping,
+)
 
 TOLERANCE = 1e-6
 METHODS = ["centroid", "bisector", "mom", "som", "lom"]

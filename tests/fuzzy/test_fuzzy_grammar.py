@@ -7,17 +7,7 @@ from fuzzy_samples import clauses
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.fuzzy.grammar import (
-    KEYWORDS,
-    And,
-    Clause,
-    Is,
-    Not,
-    Or,
-    ParsedRule,
-    SentenceError,
-    parse_rule,
-)
+from navfw.fuzzy import KEYWORDS, And, Clause, Is, Not, Or, ParsedRule, SentenceError, parse_rule
 
 INPUTS = {"distance": ("near", "far"), "side": ("left", "middle", "right")}
 OUTPUTS = {"turn": ("left", "right"), "speed": ("slow", "fast")}

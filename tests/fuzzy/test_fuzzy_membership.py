@@ -10,7 +10,7 @@ from fuzzy_samples import shapes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.fuzzy.membership import SHAPES, hedged, make_shape, sample_universe
+from navfw.fuzzy import SHAPES, hedged, make_shape, sample_universe
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")

@@ -13,11 +13,17 @@ from typing import Any, NoReturn
 import pytest
 
 from navfw.errors import InputError, PluginError
-from navfw.guard import PluginCallError, PluginGuard, PluginTimeout
-from navfw.guard.answers import nothing, number
-from navfw.guard.plugin_guard import MAX_SUSPENSION, SUSPENSION, error_text
+from navfw.guard import (
+    MAX_SUSPENSION,
+    SUSPENSION,
+    PluginCallError,
+    PluginGuard,
+    error_text,
+    nothing,
+    number,
+)
 from navfw.interfaces import Behavior, Plugin
-from navfw.process.interruption import interruptible
+from navfw.process import PluginTimeout, interruptible
 from navfw.robot import RobotModel
 
 

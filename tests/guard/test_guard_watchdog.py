@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 import numba
 import pytest
 
-from navfw.process.watchdog import (
+from navfw.process import (
     GRACE,
     HEARTBEAT_SIZE,
     MAX_GAP,

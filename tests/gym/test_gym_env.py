@@ -18,9 +18,8 @@ gymnasium = pytest.importorskip("gymnasium", reason="needs the extra gym: uv syn
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
-from navfw.gym import IDS  # noqa: E402
+from navfw.gym import IDS, MissionEnv  # noqa: E402
 from navfw.gym.agent_plugins import AgentChoice  # noqa: E402
-from navfw.gym.mission_env import MissionEnv  # noqa: E402
 from navfw.gym.observation_kinds import KINDS  # noqa: E402
 
 TRUTH = {"true_pose", "plan", "session", "result", "world", "simulator", "contacts"}

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from navfw.signals import Pose
-from navfw.topomap.occupancy_map import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from navfw.topomap import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 __all__ = ["PLANS", "with_noise"]
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import combinations
 
-from navfw.config.lookup import find
-from navfw.missions.session import Session
+from navfw.config import find
+from navfw.missions import Session
 from navfw.plugins import Registry
-from navfw.suite.case import Case
-from navfw.suite.suitefile import EntrySpec, load_suite
+from navfw.suite import Case, EntrySpec, load_suite
 
 SEED = 0
 _FAMILIES = ("corridors", "rooms")

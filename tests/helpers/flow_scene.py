@@ -8,9 +8,10 @@ from functools import cache
 import cv2
 import numpy as np
 
-from navfw.flow.grid import grid_points
+from navfw.flow import grid_points
+from navfw.numerics import Array, Image
 from navfw.robot import CameraModel
-from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair, Image
+from navfw.signals import CameraMotion, FlowField, Frame, FramePair
 
 TILE = 2.0  # period of the textures [m]
 TEXELS = 256

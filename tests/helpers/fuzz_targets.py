@@ -146,22 +146,21 @@ def _world(folder: Path) -> None:
 
 
 def _prepare_mission(folder: Path) -> object:
-    from navfw.missions.session_setup import prepare
+    from navfw.missions import prepare
 
     return prepare(str(folder), str(folder / "missions" / "cross.yaml"))
 
 
 def _prepare_stack(folder: Path) -> object:
     from navfw.plugins import default_registry
-    from navfw.stack.stackfile import load_stack
+    from navfw.stack import load_stack
 
     return load_stack(folder / "stack.yaml", default_registry())
 
 
 def _plan_suite(folder: Path) -> object:
     from navfw.plugins import default_registry
-    from navfw.suite.suite_plan import plan_runs
-    from navfw.suite.suitefile import load_suite
+    from navfw.suite import load_suite, plan_runs
 
     return plan_runs(load_suite(folder / "suite.yaml"), range(1), default_registry())
 
@@ -173,20 +172,20 @@ def _load_rules(folder: Path) -> object:
 
 
 def _find_project(folder: Path) -> object:
-    from navfw.config.lookup import project_folder
+    from navfw.config import project_folder
 
     return project_folder(folder)
 
 
 def _load_results(folder: Path) -> object:
-    from navfw.results.result_file import load_results
+    from navfw.results import load_results
 
     return load_results(folder)
 
 
 def _map_as(suffix: str) -> Callable[[Path], None]:
     def write(folder: Path) -> None:
-        from navfw.topomap.map_formats import load_any_map, save_map
+        from navfw.topomap import load_any_map, save_map
 
         save_map(load_any_map(ROOT / "maps" / "paper-room.yaml"), folder / f"map{suffix}")
 
@@ -195,9 +194,8 @@ def _map_as(suffix: str) -> Callable[[Path], None]:
 
 def _recorded(folder: Path) -> None:
     """A run folder with a recording of 2.2 s."""
-    from navfw.missions.run_report import write_run
-    from navfw.missions.session_setup import prepare
-    from navfw.recording.run_folder import RunFolder
+    from navfw.missions import prepare, write_run
+    from navfw.recording import RunFolder
 
     session = prepare("paper-room", "through-the-door", overrides=["mission.timeout=2.2"])
     with RunFolder(folder / "run") as target:
@@ -222,7 +220,7 @@ def _images(folder: Path) -> None:
 def _table(folder: Path) -> None:
     from suite_samples import row
 
-    from navfw.suite.run_table import write_table
+    from navfw.suite import write_table
 
     write_table(folder / "table.csv", [row(seed) for seed in range(4)])
     shutil.copy(folder / "table.csv", folder / "other.csv")

@@ -7,8 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from navfw.fuzzy import RuleBase, rule_base_from_mapping
-from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
+from navfw.fuzzy import And, Clause, Is, Not, Or, RuleBase, atoms, rule_base_from_mapping
 
 SMALL = {
     "name": "turn",

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 
 from numba.extending import is_jitted
 
-from navfw.config.lookup import list_files
-from navfw.kernels.kernel_list import KERNEL_FILE
-from navfw.missions.session_setup import prepare
+from navfw.config import list_files
+from navfw.missions import prepare
+from navfw.process import KERNEL_FILE
 
 __all__ = ["Calls", "calls_of_drives", "listed_calls"]
 

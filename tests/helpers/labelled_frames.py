@@ -6,7 +6,7 @@ from pathlib import Path
 
 from perceive_images import save, texture, wall_at
 
-from navfw.bench.real_labels import FrameLabel
+from navfw.bench import FrameLabel
 
 EVERYWHERE = "upper_left upper_right lower_left lower_right"
 

@@ -11,20 +11,12 @@ import networkx as nx
 import numpy as np
 import numpy.typing as npt
 
-from navfw.egomotion.odometer import Odometer
+from navfw.egomotion import Odometer
 from navfw.interfaces import Localizer
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import (
-    Array,
-    Encoders,
-    Inertial,
-    LandmarkDetection,
-    Odometry,
-    Pose,
-    Twist,
-    wrap_angle,
-)
-from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
+from navfw.signals import Encoders, Inertial, LandmarkDetection, Odometry, Pose, Twist, wrap_angle
+from navfw.sim import GyroModel, SensorParams, WheelEncoderModel
 from navfw.topomap import Landmark, TopoMap
 
 RATE = 60

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from navfw.localmap.occupancy_grid import OccupancyGrid
+from navfw.localmap import OccupancyGrid
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 

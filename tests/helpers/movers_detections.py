@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from navfw.movers.tracking import Tracker
+from navfw.movers import Tracker
 from navfw.robot import RobotModel
 from navfw.signals import MovingObject, Pose
 

@@ -8,8 +8,9 @@ from functools import cache
 import cv2
 import numpy as np
 
+from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, Frame, Image, Odometry, Pose, Twist
+from navfw.signals import Frame, Odometry, Pose, Twist
 
 TEXEL = 0.02
 """Side of a texel [m]."""

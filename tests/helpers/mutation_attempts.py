@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from navfw.signals.immutable import Sealed
+from navfw.signals import Sealed
 
 _LEAVES = (type(None), bool, int, float, str, bytes, slice, enum.Enum, Path, np.generic)
 _KNOWN = (np.ndarray, frozenset, tuple, Mapping, BaseModel, Sealed)

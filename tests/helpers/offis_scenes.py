@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.robot import CameraModel
-from navfw.signals import Array, CameraMotion, FlowField
+from navfw.signals import CameraMotion, FlowField
 
 
 @dataclass(frozen=True)

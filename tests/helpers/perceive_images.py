@@ -9,7 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from navfw.signals import Image
+from navfw.numerics import Image
 
 HEIGHT, WIDTH = 240, 320
 

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array, Label, Odometry, Percept, Pose, Twist
-from navfw.topomap import Passage, Place, TopoMap
-from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
+from navfw.signals import Label, Odometry, Percept, Pose, Twist
+from navfw.topomap import FREE, OCCUPIED, OccupancyMap, Passage, Place, TopoMap
 
 ROBOT = RobotModel()
 CELL = 0.05

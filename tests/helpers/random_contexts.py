@@ -9,19 +9,10 @@ from hypothesis import strategies as st
 
 from navfw.context import CommandGrid, Context
 from navfw.localmap import Arcs, LocalGoal, Ranges
-from navfw.offis.offis import Offis
+from navfw.numerics import Array
+from navfw.offis import Offis
 from navfw.robot import RobotModel
-from navfw.signals import (
-    Array,
-    Belief,
-    Command,
-    Conflicts,
-    FlowField,
-    Percept,
-    Pose,
-    Twist,
-    Waypoint,
-)
+from navfw.signals import Belief, Command, Conflicts, FlowField, Percept, Pose, Twist, Waypoint
 from navfw.testing.behavior_scenes import wall_flow
 
 ROBOT = RobotModel()

@@ -8,12 +8,8 @@ from typing import Any
 
 from suite_samples import case, row
 
-from navfw.results.result_file import Figures, Machine, StoredSuiteResult, StoredValues
-from navfw.suite.run_table import RunRow
-from navfw.suite.suite_folder import SuiteFolder
-from navfw.suite.suite_plan import SuitePlan
-from navfw.suite.suite_summary import summarize
-from navfw.suite.suitefile import Expect
+from navfw.results import Figures, Machine, StoredSuiteResult, StoredValues
+from navfw.suite import Expect, RunRow, SuiteFolder, SuitePlan, summarize
 
 REVISION = "0123456789abcdef0123456789abcdef01234567"
 MACHINE = Machine(processor="Kettle 3000", cores=2, python="3.11.7", system="Linux x86_64")

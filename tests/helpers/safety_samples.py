@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from navfw.localmap import FreeDistance, LocalMap
+from navfw.numerics import Image
 from navfw.robot import RobotModel
 from navfw.safety import SafetyMonitor
-from navfw.signals import Encoders, Frame, Image, Inertial, Odometry, Pose, SensorReading, Twist
+from navfw.signals import Encoders, Frame, Inertial, Odometry, Pose, SensorReading, Twist
 
 ROBOT = RobotModel()
 ORIGIN = Pose(0.0, 0.0, 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import navfw.cli
 import navfw.process.watchdog
-from navfw.guard.plugin_guard import PluginGuard
+from navfw.guard import PluginGuard
 
 if __name__ == "__main__":
     PluginGuard.__init__.__defaults__ = (6.0, 20.0)

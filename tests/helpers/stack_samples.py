@@ -8,16 +8,16 @@ from functools import cache
 
 import numpy as np
 
-from navfw.config.lookup import find
+from navfw.config import find
 from navfw.context import Context
 from navfw.interfaces import Behavior, FeatureRecognizer, Localizer, Planner
+from navfw.numerics import Image
 from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
 from navfw.signals import (
     Belief,
     Encoders,
     Frame,
-    Image,
     Inertial,
     LandmarkDetection,
     Odometry,
@@ -30,9 +30,7 @@ from navfw.signals import (
     Twist,
     Waypoint,
 )
-from navfw.stack import Stack
-from navfw.stack.stackfile import Choice, load_stack
-from navfw.stack.vision import View, Vision
+from navfw.stack import Choice, Stack, View, Vision, load_stack
 from navfw.testing.fakes import FakeSimulator
 from navfw.topomap import Passage, Place, TopoMap
 

@@ -10,11 +10,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from navfw.process.atomic import atomic_file
-from navfw.process.watchdog import begin_call
-from navfw.suite.case import Case, Job
-from navfw.suite.run_table import RunRow
-from navfw.suite.worker_pool import stop_requested
+from navfw.process import atomic_file, begin_call
+from navfw.suite import Case, Job, RunRow, stop_requested
 
 
 def row(seed: int = 0, outcome: str = "reached", **values: Any) -> RunRow:

@@ -7,11 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.localization.bayes import Bayes
-from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
-from navfw.localization.landmark_model import LandmarkExistence
-from navfw.localization.landmark_observations import LandmarkObserver
-from navfw.localization.lattice import MAX_STATES, Lattice
+from navfw.localization import (
+    MAX_STATES,
+    Bayes,
+    DiscreteFilter,
+    DiscreteParams,
+    LandmarkExistence,
+    LandmarkObserver,
+    Lattice,
+)
 from navfw.robot import RobotModel
 from navfw.signals import LandmarkDetection, Odometry, Pose, Twist, wrap_angle
 from navfw.topomap import Landmark, Passage, Place, TopoMap, load_map

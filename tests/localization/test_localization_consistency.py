@@ -13,12 +13,10 @@ import pytest
 from localization_drives import FakeRecognizer, Report, drive, follow, straight_drive
 from localization_hall import HALL, MARKS, RING, START
 
-from navfw.localization.ekf import Ekf
-from navfw.localization.landmark_model import Association, associate
-from navfw.localization.motion_model import MotionParams, motion_noise
+from navfw.localization import Association, Ekf, MotionParams, associate, motion_noise
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array
-from navfw.sim.sensor_models import PRESETS, SensorParams
+from navfw.sim import PRESETS, SensorParams
 
 Trip = Callable[..., tuple[Report, list[float]]]
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.errors import InputError
-from navfw.localization.dead_reckoning import DeadReckoning
+from navfw.localization import DeadReckoning
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Odometry, Pose, Twist, wrap_angle
 from navfw.topomap import Place, TopoMap

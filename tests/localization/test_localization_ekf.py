@@ -16,10 +16,10 @@ from localization_drives import (
 from localization_hall import HALL, MARKS, RING, START
 
 from navfw.errors import InputError
-from navfw.localization.ekf import Ekf
+from navfw.localization import Ekf
 from navfw.robot import RobotModel
 from navfw.signals import LandmarkDetection, Odometry, Pose, Twist
-from navfw.sim.sensor_models import SensorParams
+from navfw.sim import SensorParams
 from navfw.topomap import Landmark
 
 

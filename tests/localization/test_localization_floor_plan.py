@@ -8,16 +8,13 @@ import numpy as np
 import pytest
 from plan_samples import MAP, PLAN, ROBOT, START, arcs, building, wall_percept
 
-from navfw.config.lookup import find
+from navfw.config import find
 from navfw.errors import MapError
-from navfw.localization.floor_plan import FloorPlanLocalizer
-from navfw.localization.plan_field import PlanField
-from navfw.localization.plan_scan import PlanScan, scan_of
+from navfw.localization import FloorPlanLocalizer, PlanField, PlanScan, scan_of
 from navfw.plugins import default_registry
 from navfw.signals import Belief, Odometry, Pose, Twist, wrap_angle
-from navfw.stack.stackfile import load_stack
-from navfw.topomap import TopoMap
-from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
+from navfw.stack import load_stack
+from navfw.topomap import FREE, OCCUPIED, OccupancyMap, TopoMap
 
 ROUND = [(2.0, 0.5, 0.3), (4.0, 0.5, 0.35), (3.0, 0.5, 0.5), (4.0, 0.5, 0.3), (4.0, 0.5, 0.6)]
 AT_REST = Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), 0.0, still=True)

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.localization.known_walls import SURE_XY, SURE_YAW, KnownWalls
+from navfw.localization import SURE_XY, SURE_YAW, KnownWalls
 from navfw.robot import Footprint, RobotModel
 from navfw.signals import Belief, Pose
-from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
+from navfw.topomap import FREE, OCCUPIED, OccupancyMap
 
 CELLS = np.full((100, 200), FREE, np.int8)
 CELLS[40:46, 20:180] = OCCUPIED

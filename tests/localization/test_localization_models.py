@@ -9,24 +9,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.localization.landmark_model import (
+from navfw.localization import (
+    BY_FLOOR,
     ELSEWHERE_DENSITY,
     GATE,
     LandmarkExistence,
+    MotionParams,
     associate,
     expected_measurement,
     joseph,
-)
-from navfw.localization.motion_model import (
-    BY_FLOOR,
-    MotionParams,
     motion_noise,
     predict,
     process_noise,
     transition,
 )
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array, Odometry, Pose, Twist, wrap_angle
+from navfw.signals import Odometry, Pose, Twist, wrap_angle
 
 coordinates = st.floats(-20.0, 20.0)
 angles = st.floats(-3.0, 3.0)

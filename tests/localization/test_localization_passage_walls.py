@@ -11,15 +11,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plan_samples import wall_percept
 
-from navfw.localization.landmark_model import LandmarkExistence
-from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
-from navfw.localization.passage_walls import PassageAxis, corridor_fix, door_fix, passage_axes
-from navfw.localization.plan_scan import PlanScan
-from navfw.localization.topological import PassageObserver
+from navfw.localization import (
+    LandmarkExistence,
+    MetricFilter,
+    MetricFilterParams,
+    PassageAxis,
+    PassageObserver,
+    PlanScan,
+    corridor_fix,
+    door_fix,
+    passage_axes,
+)
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array, Odometry, Pose, Twist
-from navfw.topomap import Passage, Place, TopoMap
-from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
+from navfw.signals import Odometry, Pose, Twist
+from navfw.topomap import FREE, OCCUPIED, OccupancyMap, Passage, Place, TopoMap
 
 WIDTH = 1.5
 CORRIDOR = PassageAxis((2.0, 1.0), 0.5, 8.0, WIDTH)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.errors import InputError
-from navfw.localization.place_posterior import PlacePosterior, known_start, likeliest_places
+from navfw.localization import PlacePosterior, known_start, likeliest_places
 from navfw.signals import Pose, position_sigma
 from navfw.topomap import Place, TopoMap
 

@@ -11,20 +11,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.errors import ConfigError, InputError, UnknownNameError
-from navfw.localization.bayes import Bayes
-from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
-from navfw.localization.landmark_model import LandmarkExistence
-from navfw.localization.situation_model import (
+from navfw.localization import (
     FLOOR,
     SITUATIONS,
+    Bayes,
+    DiscreteFilter,
+    DiscreteParams,
+    LandmarkExistence,
     SituationTable,
+    Topological,
     learn_table,
     load_table,
     situation_shares,
     situation_table,
 )
-from navfw.localization.topological import Topological
-from navfw.offis.elementary_situations import ELEMENTARY
+from navfw.offis import ELEMENTARY
 from navfw.robot import RobotModel
 from navfw.signals import Odometry, Pose, Twist
 from navfw.topomap import PLACE_KINDS, Passage, Place, TopoMap

@@ -20,10 +20,10 @@ from localization_drives import (
     with_landmarks,
 )
 
-from navfw.localization.topological import Topological
+from navfw.localization import Topological
 from navfw.robot import RobotModel
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, Twist
-from navfw.sim.sensor_models import SensorParams
+from navfw.sim import SensorParams
 from navfw.topomap import load_map
 
 ROOT = Path(__file__).parents[2]

@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 from localmap_samples import ORIGIN
 
 from navfw.context import CommandGrid
-from navfw.localmap import LocalMap
-from navfw.localmap.free_distance import arcs_of, free_distance, free_turn, ranges_around
-from navfw.localmap.occupancy_grid import OccupancyGrid
+from navfw.localmap import LocalMap, OccupancyGrid, arcs_of, free_distance, free_turn, ranges_around
 from navfw.robot import Footprint, RobotModel
 from navfw.safety import SafetyMonitor
 from navfw.signals import Pose, Twist

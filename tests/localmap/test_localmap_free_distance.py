@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from localmap_samples import ORIGIN, ROBOT, WALL_AHEAD, grid_with
 
 from navfw.context import CommandGrid
-from navfw.localmap.free_distance import Arcs, Ranges, arcs_of, free_distance, ranges_around
-from navfw.localmap.occupancy_grid import OccupancyGrid
+from navfw.localmap import Arcs, OccupancyGrid, Ranges, arcs_of, free_distance, ranges_around
 from navfw.signals import Pose, Twist
 
 COMMANDS = CommandGrid(ROBOT)

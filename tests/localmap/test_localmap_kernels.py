@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from navfw.localmap.cost_kernels import cost_to_go, price_cells
 from navfw.localmap.ray_kernels import least_within, sweep_arcs
 from navfw.localmap.sensor_kernels import decay_view, merge_evidence, rays_of
+from navfw.numerics import Array, Mask
 from navfw.robot import RobotModel
-from navfw.signals import Array, Mask
 
 SEEDS = st.integers(0, 2**32 - 1)
 CAMERA = RobotModel().camera

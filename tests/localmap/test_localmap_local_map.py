@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 from param_ranges import check_ranges
 
-from navfw.localmap import LocalGoal, LocalMap, LocalMapParams, Ranges
-from navfw.localmap.local_planner import LocalPlannerParams
-from navfw.localmap.occupancy_grid import OccupancyParams
-from navfw.localmap.traversability import TraversabilityParams
-from navfw.offis.offis import Offis
+from navfw.localmap import (
+    LocalGoal,
+    LocalMap,
+    LocalMapParams,
+    LocalPlannerParams,
+    OccupancyParams,
+    Ranges,
+    TraversabilityParams,
+)
+from navfw.offis import Offis
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Label, Odometry, Percept, Pose, Twist
 from navfw.testing.behavior_scenes import wall_flow

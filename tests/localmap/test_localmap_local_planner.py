@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from localmap_samples import ORIGIN, grid_with
 
+from navfw.localmap import LocalPlanner, LocalPlannerParams
 from navfw.localmap.cost_kernels import cost_to_go, descend, first_leg
-from navfw.localmap.local_planner import LocalPlanner, LocalPlannerParams
-from navfw.signals import Array, OccupiedDisc, Pose
+from navfw.numerics import Array
+from navfw.signals import OccupiedDisc, Pose
 
 
 def test_cost_to_go_in_the_open_is_the_distance() -> None:

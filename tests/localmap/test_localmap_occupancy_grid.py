@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.localmap.occupancy_grid import OccupancyGrid, OccupancyParams
+from navfw.localmap import OccupancyGrid, OccupancyParams
 from navfw.robot import RobotModel
 from navfw.signals import Label, OccupiedDisc, Percept, Pose, Stixels
 

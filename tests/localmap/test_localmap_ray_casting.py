@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.localmap.ray_kernels import Ground, Start, cast_ranges, follow_arc
-from navfw.signals import Array
+from navfw.numerics import Array
 
 CELL = 0.05
 SIZE = 61

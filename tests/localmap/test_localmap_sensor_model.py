@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.localmap.sensor_kernels import cast_evidence
-from navfw.signals import Array
+from navfw.numerics import Array
 
 CELL, SIZE = 0.05, 81
 ORIGIN = (-2.0, 1.0)

@@ -10,10 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.localmap import LocalMap
-from navfw.localmap.local_map import CERTAIN, CLEAR_VOTES, INTERVAL, SPOT, DropMap
-from navfw.localmap.occupancy_grid import OccupancyGrid
-from navfw.localmap.traversability import TraversabilityCheck
+from navfw.localmap import (
+    CERTAIN,
+    CLEAR_VOTES,
+    INTERVAL,
+    SPOT,
+    DropMap,
+    LocalMap,
+    OccupancyGrid,
+    TraversabilityCheck,
+)
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Label, Odometry, PassageQuery, Percept, Pose, Twist
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.locom.trim import MIN_DISTANCE, MIN_SHARE, TIME_CONSTANT, WINDOW, WheelTrim
+from navfw.locom import MIN_DISTANCE, MIN_SHARE, TIME_CONSTANT, WINDOW, WheelTrim
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Twist
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from param_ranges import check_ranges
 
-from navfw.locom.unicycle import Unicycle
+from navfw.locom import Unicycle
 from navfw.robot import RobotModel
 from navfw.signals import Command, Odometry, Pose, Twist
 

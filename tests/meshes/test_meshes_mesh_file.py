@@ -10,8 +10,7 @@ import pytest
 import trimesh
 
 from navfw.errors import ConfigError
-from navfw.meshes import TriangleMesh, mesh_file, read_mesh
-from navfw.meshes.mesh_file import FURNITURE_LIMITS
+from navfw.meshes import FURNITURE_LIMITS, TriangleMesh, mesh_file, read_mesh
 
 MAX_TRIANGLES = FURNITURE_LIMITS.triangles
 POINTS = "".join(f"v {x} {y} {z}\n" for z in (0, 2) for x, y in ((0, 0), (3, 0), (3, 1), (0, 1)))

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from navfw.missions.session import MissionResult, Session
+from navfw.missions import MissionResult, Session
 
 
 @pytest.fixture(autouse=True)

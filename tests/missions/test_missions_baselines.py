@@ -9,16 +9,11 @@ import numpy as np
 import pytest
 
 from navfw.errors import WorldError
-from navfw.flow.grid import above_horizon
-from navfw.missions.missionfile import load_mission
-from navfw.missions.oracle import SimulatorTruth
-from navfw.missions.session import MissionResult
-from navfw.missions.session_setup import prepare
+from navfw.flow import above_horizon
+from navfw.missions import MissionResult, SimulatorTruth, load_mission, prepare
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.simulation import Simulation
-from navfw.sim.worldspec import WorldSpec
+from navfw.sim import SceneGeometry, Simulation, WorldSpec
 from navfw.testing.behavior_scenes import wall_flow
 
 

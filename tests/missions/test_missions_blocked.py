@@ -7,11 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from navfw.missions.outcome import Outcome
-from navfw.missions.session import MissionResult
-from navfw.missions.session_setup import prepare
-from navfw.papfis.papfis import Papfis
-from navfw.sim.worldfile import load_world
+from navfw.missions import MissionResult, Outcome, prepare
+from navfw.papfis import Papfis
+from navfw.sim import load_world
 
 WORLD = """\
 name: pair

@@ -16,18 +16,15 @@ import pytest
 from model_bounds import BoundedNumber, numbers_of
 from pydantic import BaseModel
 
-from navfw.config.document import parse_yaml
+from navfw.config import parse_yaml
 from navfw.errors import InputError
-from navfw.fuzzy.rulespec import InputSpec, OutputSpec
-from navfw.missions.missionspec import MissionSpec
-from navfw.missions.outcome import Outcome
-from navfw.missions.session_setup import prepare
+from navfw.fuzzy import InputSpec, OutputSpec
+from navfw.missions import MissionSpec, Outcome, prepare
 from navfw.plugins import default_registry
-from navfw.sim.worldspec import WorldSpec
-from navfw.stack.stack_document import STAGES
-from navfw.stack.stackfile import StackSettings
-from navfw.suite.suitefile import SuiteSpec
-from navfw.topomap.mapspec import EdgeSpec, MapSpec
+from navfw.sim import WorldSpec
+from navfw.stack import STAGES, StackSettings
+from navfw.suite import SuiteSpec
+from navfw.topomap import EdgeSpec, MapSpec
 
 SHORT = "mission.timeout=1.3"
 """Long enough for the standstill at the start and three frames."""

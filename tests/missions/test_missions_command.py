@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from navfw.cli import app
-from navfw.missions.loop_timing import Lap, summarize
+from navfw.missions import Lap, summarize
 
 NAVFW = [sys.executable, "-c", "from navfw.cli import main; main()"]
 SHORT = ["run", "paper-room", "through-the-door", "--seed", "5", "--set", "mission.timeout=3"]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from navfw.missions.session_setup import prepare
+from navfw.missions import prepare
 
 MISSION = ("paper-room", "through-the-door")
 SEED = 11

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from navfw.errors import InputError
-from navfw.missions.outcome import Outcome
-from navfw.missions.session import MissionResult
-from navfw.missions.session_setup import prepare
-from navfw.sim.drop_geometry import drop_rectangle
+from navfw.missions import MissionResult, Outcome, prepare
+from navfw.sim import drop_rectangle
 
 DROP = "{name: shaft, x: [3, 4], y: [1.2, 2.4], depth: 0.8}"
 MISSION = """\

@@ -10,14 +10,10 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import InputError
-from navfw.missions.event_clock import Event, EventClock
-from navfw.missions.run_report import write_run
-from navfw.missions.session import MissionResult
-from navfw.missions.session_setup import prepare
-from navfw.recording.run_folder import RunFolder, read_result
-from navfw.recording.run_replay import explain_at, replay
+from navfw.missions import Event, EventClock, MissionResult, prepare, write_run
+from navfw.recording import RunFolder, explain_at, read_result, replay
 from navfw.signals import Pose
-from navfw.sim.event_actions import CameraFault, GyroFault
+from navfw.sim import CameraFault, GyroFault
 
 MISSION = """\
 start: [1, 1.5, 0.3]

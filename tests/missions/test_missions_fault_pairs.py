@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from fault_pairs import pairs, session_of, survivable_entries
 
-from navfw.missions.outcome import Outcome
+from navfw.missions import Outcome
 from navfw.plugins import default_registry
-from navfw.suite.suitefile import EntrySpec
+from navfw.suite import EntrySpec
 
 ENDS = {Outcome.REACHED, Outcome.STUCK, Outcome.LOST, Outcome.TIMEOUT, Outcome.FAULT}
 PAIRS = pairs()

@@ -14,8 +14,8 @@ import pytest
 from typer.testing import CliRunner
 
 from navfw.cli import app
-from navfw.missions.session import MissionResult, Session
-from navfw.recording.run_folder import read_result
+from navfw.missions import MissionResult, Session
+from navfw.recording import read_result
 
 
 def navfw_run(out: Path, *options: str) -> Any:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from navfw.process.interruption import check_interrupted, deferred, interrupted, interruptible
+from navfw.process import check_interrupted, deferred, interrupted, interruptible
 
 
 @pytest.fixture(autouse=True)

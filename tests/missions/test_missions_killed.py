@@ -19,8 +19,8 @@ from typing import Any
 import pytest
 from killing import Ended, Started, moments
 
-from navfw.process.atomic import scratch_folder
-from navfw.recording.run_folder import FILES, RunFolder, read_result
+from navfw.process import scratch_folder
+from navfw.recording import FILES, RunFolder, read_result
 
 MANY = int(os.environ.get("NAVFW_KILLS", "5"))
 """Moments for each signal in the slow test."""

@@ -10,12 +10,8 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import MapError
-from navfw.missions.learning_drives import learn_landmarks
-from navfw.missions.run_report import write_run
-from navfw.missions.session_setup import prepare
-from navfw.recording.run_folder import RunFolder
-from navfw.recording.run_replay import replay
-from navfw.recording.sensor_recording import load_recording
+from navfw.missions import learn_landmarks, prepare, write_run
+from navfw.recording import RunFolder, load_recording, replay
 from navfw.topomap import load_map
 
 SHORT = ["mission.timeout=9"]

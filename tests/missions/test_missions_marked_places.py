@@ -7,14 +7,12 @@ from collections.abc import Iterator
 
 import pytest
 
-from navfw.config.lookup import find
-from navfw.features.aruco import Aruco
-from navfw.missions.missionfile import start_candidates
+from navfw.config import find
+from navfw.features import Aruco
+from navfw.missions import start_candidates
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Pose
-from navfw.sim.sensor_models import SensorParams
-from navfw.sim.simulation import Simulation
-from navfw.sim.worldfile import load_world
+from navfw.sim import SensorParams, Simulation, load_world
 from navfw.topomap import Place, TopoMap, load_map
 
 VIEWS = 12

@@ -7,14 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from navfw.config.lookup import NamedFile, find, list_files, list_missions
+from navfw.config import NamedFile, find, list_files, list_missions
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
-from navfw.missions.missionfile import MissionFile, load_mission
-from navfw.missions.session_setup import chosen_stack, prepare
+from navfw.missions import MissionFile, chosen_stack, load_mission, prepare
 from navfw.robot import RobotModel
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.sensor_models import PRESETS, SensorParams
-from navfw.sim.worldfile import load_world
+from navfw.sim import PRESETS, SceneGeometry, SensorParams, load_world
 
 GOOD = """\
 description: a test

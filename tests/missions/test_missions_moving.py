@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from navfw.missions.outcome import Outcome
-from navfw.missions.session import MissionResult
-from navfw.missions.session_setup import prepare
+from navfw.missions import MissionResult, Outcome, prepare
 
 WORLD = """\
 name: hall

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from navfw.missions.process_state import ProcessState
+from navfw.missions import ProcessState
 from navfw.safety import SafetyMonitor
 
 

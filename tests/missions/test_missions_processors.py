@@ -12,14 +12,14 @@ import pytest
 from hash_table import measured_hashes, stored_hashes
 from processors import WITH_AVX2, WITH_AVX512, Settings, threads
 
-from navfw.missions.session_setup import prepare
+from navfw.missions import prepare
 
 MISSION = ("office", "lobby-to-lab")
 TIMEOUT = "mission.timeout=6"
 RUN = ["run", *MISSION, "--seed", "2", "--set", TIMEOUT, "--json", "--quiet"]
 LOADED = "from navfw.cli import main; main()"
 COMPILED_HERE = f"""
-from navfw.kernels.kernel_list import listed_kernels
+from navfw.process import listed_kernels
 from navfw.missions.session_setup import prepare
 prepare(*{MISSION})
 for kernel in listed_kernels(loaded=True):

@@ -11,7 +11,7 @@ import pytest
 
 import navfw
 from navfw.errors import InputError, MissingExtraError
-from navfw.missions.session_setup import prepare
+from navfw.missions import prepare
 
 SHORT = {"mission.timeout": 2.5}
 

@@ -9,11 +9,9 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import InputError, UnknownNameError
-from navfw.missions.missionfile import load_mission
-from navfw.missions.session_setup import prepare, split_overrides
-from navfw.robot import RobotModel
-from navfw.robot.robotfile import load_robot
-from navfw.sim.sensor_models import SensorParams
+from navfw.missions import load_mission, prepare, split_overrides
+from navfw.robot import RobotModel, load_robot
+from navfw.sim import SensorParams
 
 MISSION = "start: [1, 1, 0]\ngoals: [{x: 3, y: 1}]\n"
 TALL = "description: tall\nradius: 0.25\ncamera: {mount_height: 0.8, pitch: 0.2}\nheight: 0.9\n"

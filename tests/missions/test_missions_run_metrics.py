@@ -9,9 +9,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from navfw.missions.run_metrics import RunMetrics, count_collisions, measure, path_length
-from navfw.recording.run_log import Contact, RunLog, RunLogger
-from navfw.signals import Array, Pose, Twist
+from navfw.missions import RunMetrics, count_collisions, measure, path_length
+from navfw.numerics import Array
+from navfw.recording import Contact, RunLog, RunLogger
+from navfw.signals import Pose, Twist
 
 RADIUS = 0.18
 

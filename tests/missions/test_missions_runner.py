@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 
 from navfw.errors import MapError
 from navfw.guard import PluginCallError
-from navfw.missions.outcome import FaultKind, Outcome
-from navfw.missions.runner import MissionLoop, Progress, Task
+from navfw.missions import FaultKind, MissionLoop, Outcome, Progress, Task
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading, Sight, Twist, Waypoint
 from navfw.testing.fakes import FakePilot, FakeSimulator, Post, ScriptedPilot

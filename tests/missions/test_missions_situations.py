@@ -9,16 +9,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from navfw.bench.situation_learning import learn_situations, place_accuracy
+from navfw.bench import learn_situations, place_accuracy
 from navfw.cli import app
 from navfw.errors import InputError
-from navfw.localization.situation_model import learn_table, load_table, situation_table
-from navfw.missions.learning_drives import SituationDrive, record_situations
-from navfw.missions.session_setup import prepare
+from navfw.localization import learn_table, load_table, situation_table
+from navfw.missions import SituationDrive, prepare, record_situations
 from navfw.plugins import default_registry
 from navfw.signals import Pose
-from navfw.suite.suite_plan import plan_runs
-from navfw.suite.suitefile import load_suite
+from navfw.suite import load_suite, plan_runs
 
 SUITE = """\
 entries:

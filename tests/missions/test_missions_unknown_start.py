@@ -9,19 +9,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from navfw.config.lookup import find
+from navfw.config import find
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
-from navfw.missions.missionfile import MissionFile, draw_start, load_mission
-from navfw.missions.outcome import Outcome
-from navfw.missions.run_metrics import measure_localization
-from navfw.missions.runner import MissionLoop, Task
-from navfw.missions.session_setup import prepare
-from navfw.recording.run_log import RunLogger
+from navfw.missions import (
+    MissionFile,
+    MissionLoop,
+    Outcome,
+    Task,
+    draw_start,
+    load_mission,
+    measure_localization,
+    prepare,
+)
+from navfw.recording import RunLogger
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Pose, SensorReading, Twist, Waypoint
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.worldfile import load_world
-from navfw.stack.stack_state import StackState
+from navfw.sim import SceneGeometry, load_world
+from navfw.stack import StackState
 from navfw.testing.fakes import FakeSimulator
 from navfw.topomap import Place
 

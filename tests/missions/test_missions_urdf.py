@@ -10,9 +10,8 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import InputError
-from navfw.missions.session_setup import prepare
-from navfw.robot.robotfile import load_robot
-from navfw.robot.urdf import read_urdf
+from navfw.missions import prepare
+from navfw.robot import load_robot, read_urdf
 
 SHIPPED = Path(__file__).parents[2] / "navfw" / "robot" / "robots"
 URDF = (SHIPPED / "urdf" / "cart.urdf").read_text()

@@ -20,10 +20,9 @@ from virtual_display import virtual_display
 
 from navfw.cli import app
 from navfw.errors import InputError
-from navfw.missions.run_drawing import WindowOverlay
-from navfw.missions.session_setup import prepare
+from navfw.missions import WindowOverlay, prepare
 from navfw.recording import palette
-from navfw.sim.display import Point3, SimulatorWindow, check_display
+from navfw.sim import Point3, SimulatorWindow, check_display
 
 RUN = ("run", "empty", "straight")
 NAVFW = [sys.executable, "-c", "from navfw.cli import main; main()"]

@@ -13,15 +13,20 @@ from hypothesis.extra import numpy as hnp
 from navfw.context import CommandGrid, Context
 from navfw.interfaces import Behavior, Composite, Fusion
 from navfw.localmap import LocalMap
-from navfw.mofis.explanation import explain_command
-from navfw.mofis.fusion.blend import BlendFusion
-from navfw.mofis.fusion.damn import DamnFusion
-from navfw.mofis.fusion.fuzzy import FuzzyFusion
-from navfw.mofis.fusion.pareto import ParetoFusion, pareto_front
-from navfw.mofis.fusion.priority import PriorityFusion
-from navfw.mofis.mofis import DecisionInputs, Mofis
+from navfw.mofis import (
+    BlendFusion,
+    DamnFusion,
+    DecisionInputs,
+    FuzzyFusion,
+    Mofis,
+    ParetoFusion,
+    PriorityFusion,
+    explain_command,
+    pareto_front,
+)
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array, Belief, Command, Odometry, Pose, Proposal, Twist, Waypoint
+from navfw.signals import Belief, Command, Odometry, Pose, Proposal, Twist, Waypoint
 
 ROBOT = RobotModel()
 GRID = CommandGrid(ROBOT)

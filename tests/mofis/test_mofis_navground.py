@@ -12,10 +12,11 @@ from behavior_samples import desired_twist
 
 from navfw.context import Context
 from navfw.errors import MissingExtraError, PluginError
-from navfw.mofis.navground import Navground, Surroundings
+from navfw.mofis import Navground, Surroundings
 from navfw.robot import RobotModel
 from navfw.signals import Twist
-from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
+from navfw.testing import contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene
 
 ROBOT = RobotModel()
 OPEN = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), waypoint=(4.0, 0.0), ticks=3))[-1]

@@ -10,8 +10,7 @@ import pytest
 from param_ranges import check_ranges
 
 from navfw.context import CommandGrid
-from navfw.movers.conflict_prediction import ConflictParams, ConflictPredictor
-from navfw.movers.tracking import Track
+from navfw.movers import ConflictParams, ConflictPredictor, Track
 from navfw.robot import RobotModel
 from navfw.signals import Conflicts, Odometry, Pose, Twist
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from movers_detections import AHEAD, ROBOT, START, cross, detection
 
-from navfw.movers.tracking import Track, Tracker, TrackerParams
+from navfw.movers import Track, Tracker, TrackerParams
 
 
 def test_a_second_track_of_the_same_object_is_dropped() -> None:

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from navfw.movers.multi_view import NEAR, QUIET_TIME, DetectionMode, DetectionSchedule
+from navfw.movers import NEAR, QUIET_TIME, DetectionMode, DetectionSchedule
 from navfw.signals import MovingObject
 
 RATE = 10.0

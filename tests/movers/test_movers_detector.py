@@ -7,9 +7,8 @@ import math
 import pytest
 from movers_scenes import Board, frame_at
 
-from navfw.egomotion.pairing import FrameBuffer, PairingParams
-from navfw.movers import MultiViewDetector
-from navfw.movers.multi_view import QUIET_TIME, MovingObjectDetector
+from navfw.egomotion import FrameBuffer, PairingParams
+from navfw.movers import QUIET_TIME, MovingObjectDetector, MultiViewDetector
 from navfw.robot import CameraModel, RobotModel, SideViews
 from navfw.signals import MovingObject, Stixels, Twist
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from navfw.movers import conflict_prediction, motion_segmentation, stixels
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array
 
 CAMERA = RobotModel().camera
 ROWS, COLS = 7, 5

@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.egomotion.camera_motion import camera_motion
-from navfw.movers.localization import _quantile, locate_moving_objects
-from navfw.movers.motion_segmentation import direction_sigma, segment_motion
+from navfw.egomotion import camera_motion
+from navfw.movers import direction_sigma, locate_moving_objects, segment_motion
+from navfw.movers.localization import _quantile
+from navfw.numerics import Array
 from navfw.robot import RobotModel, SideViews
-from navfw.signals import Array, CameraMotion, FlowField, Pose
+from navfw.signals import CameraMotion, FlowField, Pose
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from navfw.movers.multi_view import RecentFrames
+from navfw.movers import RecentFrames
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Odometry, Pose, Twist
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.egomotion.camera_motion import camera_motion
-from navfw.movers.stixels import find_stixels
+from navfw.egomotion import camera_motion
+from navfw.movers import find_stixels
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import FlowField, Pose, Stixels
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from movers_detections import AHEAD, ROBOT, START, cross, detection
 from param_ranges import check_ranges
 
-from navfw.localmap.occupancy_grid import OccupancyGrid
-from navfw.movers.tracking import Track, Tracker, TrackerParams
+from navfw.localmap import OccupancyGrid
+from navfw.movers import Track, Tracker, TrackerParams
 from navfw.signals import OccupiedDisc, Pose
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.movers.view_merging import merge_views
+from navfw.movers import merge_views
 from navfw.robot import RobotModel, SideViews
 from navfw.signals import MovingObject
 

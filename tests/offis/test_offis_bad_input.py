@@ -7,11 +7,12 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from navfw.egomotion.refinement import refine
-from navfw.flow.block_matching import BlockMatching
-from navfw.offis.offis import Offis
+from navfw.egomotion import refine
+from navfw.flow import BlockMatching
+from navfw.numerics import Image
+from navfw.offis import Offis
 from navfw.robot import RobotModel
-from navfw.signals import CameraMotion, Frame, FramePair, Image, Label, Percept, Twist
+from navfw.signals import CameraMotion, Frame, FramePair, Label, Percept, Twist
 
 ROBOT = RobotModel()
 AHEAD = CameraMotion(np.eye(3), np.array([0.0, 0.0, 0.07]), 0.2, 0.001, 0.002)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from offis_scenes import Scene, ideal_flow, wall_ahead
 
-from navfw.offis.grid_geometry import GridGeometry, find_blind_borders
-from navfw.offis.offis import Offis
+from navfw.numerics import Array
+from navfw.offis import GridGeometry, Offis, find_blind_borders
 from navfw.robot import RobotModel
-from navfw.signals import Array, FlowField, Twist
+from navfw.signals import FlowField, Twist
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera

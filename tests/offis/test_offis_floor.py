@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from offis_scenes import Scene, box, grid_points, ideal_flow, motion, wall_ahead
 
-from navfw.offis.floor import FloorModel, floor_nearness
-from navfw.offis.nearness import Nearness, triangulate
+from navfw.numerics import Array
+from navfw.offis import FloorModel, Nearness, floor_nearness, triangulate
 from navfw.robot import CameraModel
-from navfw.signals import Array, Label
+from navfw.signals import Label
 
 CAMERA = CameraModel()
 TOP = 0.45

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from offis_scenes import Scene, box, ideal_flow, motion, wall_ahead
 
-from navfw.offis.nearness import triangulate
+from navfw.offis import triangulate
 from navfw.offis.percept_kernels import SIGMA_LIMIT
 from navfw.robot import CameraModel
 

@@ -24,8 +24,7 @@ from offis_scenes import (
 )
 from pydantic import ValidationError
 
-from navfw.offis.elementary_situations import ELEMENTARY, TABLE
-from navfw.offis.offis import Offis
+from navfw.offis import ELEMENTARY, TABLE, Offis
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Label, Percept, Twist
 

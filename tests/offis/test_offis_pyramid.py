@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.offis.pyramid import Channels, Pyramid, position
+from navfw.offis import Channels, Pyramid, position
 
 
 def sizes(pyramid: Pyramid, prefix: str) -> set[tuple[int, int]]:

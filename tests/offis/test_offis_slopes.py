@@ -9,12 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from offis_scenes import Scene, Wall, corner, corridor, door, grid_points, ideal_flow, wall_ahead
 
-from navfw.offis.grid_geometry import GridGeometry
-from navfw.offis.nearness import Nearness, triangulate
-from navfw.offis.slopes import slopes_of_walls
-from navfw.offis.walls import Walls, find_walls
+from navfw.numerics import Array
+from navfw.offis import GridGeometry, Nearness, Walls, find_walls, slopes_of_walls, triangulate
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array
 
 GEOMETRY = GridGeometry.of(grid_points(CameraModel()), 2, RobotModel(), 2.0, 2.2)
 ONES = np.ones((12, 16))

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from offis_scenes import Scene, ideal_flow, wall_ahead
 
-from navfw.offis.elementary_situations import TABLE
-from navfw.offis.fuzzy_systems import infer, load_system
-from navfw.offis.offis import Offis
+from navfw.offis import TABLE, Offis, infer, load_system
 from navfw.robot import RobotModel
 from navfw.signals import Twist
 

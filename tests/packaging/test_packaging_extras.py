@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from navfw.config.extras import extra_imports, require_extra
+from navfw.config import extra_imports, require_extra
 from navfw.errors import MissingExtraError
 
 ROOT = Path(__file__).parents[2]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.fuzzy import CompiledFis, load_rule_base
-from navfw.papfis.edge_costs import RULE_BASE, CostParams, EdgeCosts, inputs_of
+from navfw.papfis import RULE_BASE, CostParams, EdgeCosts, inputs_of
 from navfw.robot import RobotModel
 from navfw.topomap import Passage, Place, TopoMap
 

@@ -10,10 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from papfis_maps import joined, random_maps
 
-from navfw.papfis.edge_costs import EdgeCosts
-from navfw.papfis.routes import CostGraph
+from navfw.numerics import Array
+from navfw.papfis import CostGraph, EdgeCosts
 from navfw.robot import RobotModel
-from navfw.signals import Array
 from navfw.topomap import Place, TopoMap
 
 

@@ -11,14 +11,11 @@ import pytest
 from papfis_maps import belief, goal, joined, line, next_waypoint, office
 
 from navfw.errors import MapError
-from navfw.papfis import Papfis
-from navfw.papfis.waypoints import PassingTolerances, distance_to_leg, has_passed
+from navfw.papfis import Papfis, PassingTolerances, distance_to_leg, has_passed
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Waypoint
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.worldfile import load_world
-from navfw.topomap import Place, TopoMap
-from navfw.topomap.elements import PlaceKind
+from navfw.sim import SceneGeometry, load_world
+from navfw.topomap import Place, PlaceKind, TopoMap
 
 ROOT = Path(__file__).parents[2]
 ROBOT = RobotModel()

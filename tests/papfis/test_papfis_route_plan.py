@@ -6,8 +6,7 @@ import pytest
 from papfis_maps import joined, office
 
 from navfw.errors import MapError, UnknownNameError
-from navfw.papfis import Endpoint, plan_route
-from navfw.papfis.route_plan import parse_endpoint, parse_passage
+from navfw.papfis import Endpoint, parse_endpoint, parse_passage, plan_route
 from navfw.topomap import Place, TopoMap
 
 

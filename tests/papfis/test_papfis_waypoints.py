@@ -10,13 +10,9 @@ from typing import get_args
 import pytest
 from papfis_maps import goal, joined
 
-from navfw.papfis import Endpoint
-from navfw.papfis.access import AT_PLACE
-from navfw.papfis.routes import Route
-from navfw.papfis.waypoints import PassingTolerances, waypoints_of
+from navfw.papfis import AT_PLACE, Endpoint, PassingTolerances, Route, waypoints_of
 from navfw.signals import Waypoint
-from navfw.topomap import Place, TopoMap
-from navfw.topomap.elements import PlaceKind
+from navfw.topomap import Place, PlaceKind, TopoMap
 
 KINDS: tuple[PlaceKind, ...] = get_args(PlaceKind)
 PASSING = PassingTolerances(open=0.7, door=0.2, beside_door=0.4)

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
-from navfw.camera_geometry.lens_models import CameraCalibration
+from navfw.camera_geometry import CameraCalibration
 from navfw.errors import InputError
-from navfw.perceive.calibration import Undistortion, load_calibration
-from navfw.signals import Array, Image
+from navfw.numerics import Array, Image
+from navfw.perceive import Undistortion, load_calibration
 
 MATRIX = np.array([[210.0, 0.0, 155.0], [0.0, 205.0, 124.0], [0.0, 0.0, 1.0]])
 PLUMB_BOB = np.array([-0.28, 0.07, 0.001, -0.002, 0.01])

@@ -15,7 +15,7 @@ from typer.testing import CliRunner, Result
 
 from navfw.cli import app, progress_bar
 from navfw.cli.output import print_json_list
-from navfw.signals import Image
+from navfw.numerics import Image
 
 PICTURE = texture()
 DISTANCES = (2.0, 1.95, 1.90, 1.85)

@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
-from navfw.flow.grid import grid_points
-from navfw.flow.ideal import true_vectors
-from navfw.perceive.floor_motion import FloorFinder
+from navfw.flow import grid_points, true_vectors
+from navfw.numerics import Array, Image
+from navfw.perceive import FloorFinder
 from navfw.robot import CameraModel
-from navfw.signals import Array, CameraMotion, FlowField, Image
+from navfw.signals import CameraMotion, FlowField
 
 PITCH = math.radians(12.5)
 CAMERA = CameraModel(hfov=math.radians(70.0), mount_height=0.3, mount_forward=0.0, pitch=PITCH)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.errors import InputError
-from navfw.perceive.motion_record import GyroRecord, load_gyro_record
+from navfw.perceive import GyroRecord, load_gyro_record
 
 
 def write(tmp_path: Path, text: str) -> Path:

@@ -12,8 +12,8 @@ from perceive_images import save, texture
 from PIL import Image as PillowImage
 
 from navfw.errors import InputError
-from navfw.perceive.image_sources import ImageSource, open_source
-from navfw.signals import Image
+from navfw.numerics import Image
+from navfw.perceive import ImageSource, open_source
 
 PICTURE = texture()[:48, :64]
 UPRIGHT_MATRIX = struct.pack(">9i", 0, 65536, 0, -65536, 0, 0, 0, 0, 1 << 30)

@@ -10,28 +10,31 @@ import numpy as np
 import pytest
 from perceive_images import save, texture, wall_at
 
-from navfw.camera_geometry.lens_models import (
+from navfw.camera_geometry import (
     ARCTAN,
     FISHEYE,
     CameraCalibration,
     LensShape,
     distort,
     focal_for,
+    rotation_matrix,
     straighten,
 )
-from navfw.camera_geometry.rotations import rotation_matrix
-from navfw.perceive import lens_estimate
-from navfw.perceive.calibration import Undistortion, load_calibration
-from navfw.perceive.image_sources import ImageSource, open_source
-from navfw.perceive.lens_estimate import (
+from navfw.numerics import Array
+from navfw.perceive import (
+    ImageSource,
     LensEstimate,
+    LensFit,
+    TrackedPair,
+    Undistortion,
     estimate_lens,
     estimate_line,
+    lens_estimate,
     lens_pairs,
+    load_calibration,
+    open_source,
     open_with_lens,
 )
-from navfw.perceive.lens_fit import LensFit, TrackedPair
-from navfw.signals import Array
 
 WIDTH, HEIGHT = 320, 240
 HALF = 0.5 * WIDTH

@@ -8,23 +8,23 @@ import cv2
 import numpy as np
 import pytest
 
-from navfw.camera_geometry.rotations import rotation_matrix
-from navfw.egomotion.flow_egomotion import FREE_TURN, Egomotion, MotionKind
-from navfw.flow.grid import grid_points
-from navfw.flow.ideal import true_vectors
-from navfw.perceive.pair_motion import (
+from navfw.camera_geometry import rotation_matrix
+from navfw.egomotion import FREE_TURN, Egomotion, MotionKind
+from navfw.flow import grid_points, true_vectors
+from navfw.numerics import Array, Image
+from navfw.perceive import (
     DEVIATION,
     RATE_DRIFT,
     PairMotion,
     PairMotionEstimator,
     ScaleEstimator,
     TrackImage,
+    WorkingSize,
     rotation_vector,
     track_points,
 )
-from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
-from navfw.signals import Array, CameraMotion, FlowField, Image
+from navfw.signals import CameraMotion, FlowField
 
 SIZE = WorkingSize.of(640, 480, 12, 16)
 CAMERA: CameraModel = SIZE.camera(math.radians(65.0), 0.9, 0.0, 10.0)

@@ -10,9 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from navfw.errors import InputError
-from navfw.perceive.motion_record import MotionRecord, load_pose_record
-from navfw.perceive.perceiver_options import PerceiverOptions
-from navfw.signals import Array
+from navfw.numerics import Array
+from navfw.perceive import MotionRecord, PerceiverOptions, load_pose_record
 
 START = 1305031449.0
 LINE = "0 0 0 0 0 0 0 1\n"

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from perceive_images import save
 
 from navfw.errors import InputError
-from navfw.perceive.image_sources import open_source
-from navfw.perceive.image_times import natural_key
+from navfw.perceive import natural_key, open_source
 
 GREY = np.full((48, 64, 3), 90, np.uint8)
 

@@ -9,8 +9,7 @@ import pytest
 from perceive_images import save
 
 from navfw.errors import InputError
-from navfw.perceive.image_sources import open_source
-from navfw.perceive.image_times import load_image_times
+from navfw.perceive import load_image_times, open_source
 
 GREY = np.full((48, 64), 90, np.uint8)
 

@@ -14,12 +14,9 @@ from perceive_images import HEIGHT, WIDTH, assert_ahead, save, texture, wall_at
 from typer.testing import CliRunner
 
 from navfw.cli import app
-from navfw.perceive import pair_motion
-from navfw.perceive.floor_motion import FloorFinder
-from navfw.perceive.overlay import COLOURS
-from navfw.perceive.perceiver import NO_FLOOR
+from navfw.numerics import Image
+from navfw.perceive import COLOURS, NO_FLOOR, FloorFinder, pair_motion
 from navfw.recording import run_folder
-from navfw.signals import Image
 
 PICTURE = texture()
 APPROACH = [wall_at(d, PICTURE) for d in (2.0, 1.95, 1.90, 1.85, 1.80)]

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.errors import InputError
-from navfw.perceive.perceiver_options import PerceiverOptions
-from navfw.perceive.working_size import WorkingSize
+from navfw.perceive import PerceiverOptions, WorkingSize
 
 SIDES = st.integers(60, 4000)
 

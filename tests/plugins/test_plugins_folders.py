@@ -11,7 +11,7 @@ from plugins_samples import GOOD, discovered, put, statuses
 from navfw.errors import PluginError
 from navfw.interfaces import Behavior
 from navfw.plugins import Registry, plugin_import
-from navfw.process.interruption import interruptible
+from navfw.process import interruptible
 from navfw.robot import RobotModel
 
 

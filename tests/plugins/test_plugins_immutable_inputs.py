@@ -17,13 +17,10 @@ from pydantic import BaseModel
 
 from navfw.context import Context
 from navfw.interfaces import KINDS, Plugin
-from navfw.missions.composed_events import Blackout
-from navfw.missions.session import Session
-from navfw.missions.session_setup import prepare
+from navfw.missions import Blackout, Session, prepare
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
-from navfw.signals import Conflicts, FlowField
-from navfw.signals.immutable import Sealed, freeze, immutable, read_only
+from navfw.signals import Conflicts, FlowField, Sealed, freeze, immutable, read_only
 
 EVENT = "mission.events=[{at: 1, plugin: {blackout: {}}}]"
 OWN = {"rng": "a random generator is given to be drawn from"}

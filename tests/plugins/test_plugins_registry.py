@@ -9,7 +9,7 @@ import pytest
 from plugins_samples import Mine, discovered, put
 
 from navfw.errors import PluginError, UnknownNameError
-from navfw.features.no_features import NoFeatures
+from navfw.features import NoFeatures
 from navfw.interfaces import Behavior
 from navfw.plugins import Registry, default_registry, plugin, plugin_import
 

@@ -8,11 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from navfw.missions.oracle import plugins_of
-from navfw.missions.session import MissionResult
-from navfw.missions.session_setup import prepare
-from navfw.plugins import default_registry
-from navfw.plugins.simulator_access import SimulatorWatch, source_findings
+from navfw.missions import MissionResult, plugins_of, prepare
+from navfw.plugins import SimulatorWatch, default_registry, source_findings
 from navfw.robot import RobotModel
 
 BEHAVIOR = '''\

@@ -8,12 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.config.document import parse_yaml
-from navfw.config.layering import layered
-from navfw.config.lookup import find, list_files
+from navfw.config import find, layered, list_files, parse_yaml
 from navfw.errors import InputError
 from navfw.plugins import default_registry
-from navfw.stack.stackfile import load_stack
+from navfw.stack import load_stack
 
 REGISTRY = default_registry()
 

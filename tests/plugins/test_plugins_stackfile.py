@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from navfw.config.lookup import find
+from navfw.config import find
 from navfw.errors import InputError
 from navfw.plugins import default_registry
-from navfw.stack.stackfile import load_stack
+from navfw.stack import load_stack
 
 
 @pytest.mark.parametrize(

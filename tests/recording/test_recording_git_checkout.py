@@ -10,8 +10,7 @@ import pytest
 from git_samples import git
 
 from navfw.config import ownership
-from navfw.recording.git_checkout import GitCheckout
-from navfw.recording.provenance import code_revision, git_revision
+from navfw.recording import GitCheckout, code_revision, git_revision
 
 
 def commit(folder: Path, *options: str) -> Path:

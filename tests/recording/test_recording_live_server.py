@@ -19,10 +19,9 @@ from websockets.typing import Subprotocol
 
 from navfw.cli import app
 from navfw.errors import InputError
-from navfw.missions.session_setup import prepare
+from navfw.missions import prepare
+from navfw.recording import LiveServer, unpack_reading
 from navfw.recording import channel_list as topics
-from navfw.recording.channel_list import unpack_reading
-from navfw.recording.live_server import LiveServer
 
 WANTED = (topics.COMMAND, topics.READING, topics.CAMERA_IMAGE, topics.WORLD)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from git_samples import git
 
-from navfw.recording.provenance import code_revision, git_revision, machine_kind
+from navfw.recording import code_revision, git_revision, machine_kind
 
 
 @pytest.fixture

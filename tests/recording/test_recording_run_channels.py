@@ -12,11 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navfw.missions.session import MissionResult
-from navfw.missions.session_setup import prepare
+from navfw.missions import MissionResult, prepare
+from navfw.recording import RecordedRun, RunRecorder
 from navfw.recording import channel_list as topics
-from navfw.recording.recorded_run import RecordedRun
-from navfw.recording.run_recorder import RunRecorder
 
 TIME = 4.0
 

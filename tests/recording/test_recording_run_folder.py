@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from navfw.errors import ConfigError, InputError
-from navfw.recording.run_folder import RESULT, RunFolder, plain_json, read_result
+from navfw.recording import RESULT, RunFolder, plain_json, read_result
 
 
 def write(target: Path, text: str = "one", *, numbered: bool = False) -> Path:

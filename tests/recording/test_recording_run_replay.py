@@ -18,14 +18,19 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import ConfigError, InputError
-from navfw.missions.run_report import write_run
-from navfw.missions.session import MissionResult
-from navfw.missions.session_setup import prepare
-from navfw.recording.channel_list import CAMERA_IMAGE
-from navfw.recording.recorded_run import RecordedRun, image_of
-from navfw.recording.run_folder import RECORDING, RESULT, RunFolder, read_result
-from navfw.recording.run_replay import explain_at, replay
-from navfw.signals import Image
+from navfw.missions import MissionResult, prepare, write_run
+from navfw.numerics import Image
+from navfw.recording import (
+    CAMERA_IMAGE,
+    RECORDING,
+    RESULT,
+    RecordedRun,
+    RunFolder,
+    explain_at,
+    image_of,
+    read_result,
+    replay,
+)
 
 # None in sys.modules makes the import of PyBullet fail.
 ALONE = """

@@ -13,20 +13,21 @@ from mcap.writer import CompressionType
 from mcap_rewriting import Change, rewrite
 
 from navfw.errors import ConfigError
-from navfw.recording.channel_list import (
+from navfw.recording import (
     CAMERA_IMAGE,
     LANDMARK_IMAGE,
     MAX_BYTES,
     READING,
     RIGHT_IMAGE,
     ReadingRow,
+    RecordedRun,
+    RunRecorder,
+    compare_commands,
+    load_recording,
     pack_reading,
+    replay_commands,
     unpack_reading,
 )
-from navfw.recording.recorded_run import RecordedRun
-from navfw.recording.run_recorder import RunRecorder
-from navfw.recording.run_replay import compare_commands, replay_commands
-from navfw.recording.sensor_recording import load_recording
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist, Waypoint
 from navfw.testing.fakes import FakePilot, FakeSimulator

@@ -16,10 +16,16 @@ from pathlib import Path
 import pytest
 
 from navfw.errors import InputError
-from navfw.process import target_lock
-from navfw.process.atomic import AtomicFolder, scratch_folder, write_text
-from navfw.process.target_lock import TargetInUseError, TargetLock, sweep
-from navfw.recording.run_folder import RESULT, RunFolder, read_result
+from navfw.process import (
+    AtomicFolder,
+    TargetInUseError,
+    TargetLock,
+    scratch_folder,
+    sweep,
+    target_lock,
+    write_text,
+)
+from navfw.recording import RESULT, RunFolder, read_result
 
 PAGE = re.compile("index.md")
 

@@ -10,9 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from navfw.recording.palette import behavior_color, bgr
-from navfw.recording.plan_picture import PathLabels, write_legend
-from navfw.signals import Array
+from navfw.numerics import Array
+from navfw.recording import PathLabels, behavior_color, bgr, write_legend
 
 NO_PATH = np.empty((0, 2))
 

@@ -13,11 +13,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.recording.palette import FLOOR, MOVING, rgb
-from navfw.recording.run_log import Contact, RunLog, RunLogger, hash_commands
-from navfw.recording.top_view import OutlineDisc, WorldOutline
-from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
-from navfw.signals import Array, Pose, Twist, Waypoint
+from navfw.numerics import Array
+from navfw.recording import (
+    FLOOR,
+    MOVING,
+    Contact,
+    OutlineDisc,
+    RunLog,
+    RunLogger,
+    TrajectoryPicture,
+    WorldOutline,
+    draw_trajectory,
+    hash_commands,
+    rgb,
+)
+from navfw.signals import Pose, Twist, Waypoint
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 

@@ -10,9 +10,8 @@ from report_browser import seen_in_browser
 from typer.testing import CliRunner, Result
 
 from navfw.cli import app
-from navfw.recording.recorded_run import open_run
-from navfw.recording.run_folder import PICTURE, RECORDING, REPORT
-from navfw.report.run_moments import read_moments
+from navfw.recording import PICTURE, RECORDING, REPORT, open_run
+from navfw.report import read_moments
 
 PROBE = """
 setTimeout(() => {

@@ -17,9 +17,7 @@ from suite_samples import row
 from typer.testing import CliRunner, Result
 
 from navfw.cli import app
-from navfw.suite.paired_comparison import compare_tables
-from navfw.suite.run_journal import RunJournal
-from navfw.suite.run_table import RunRow, read_table
+from navfw.suite import RunJournal, RunRow, compare_tables, read_table
 
 PROBE = """
 const settle = () => new Promise((done) => setTimeout(done, 300));

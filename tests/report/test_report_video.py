@@ -12,11 +12,8 @@ from mcap_rewriting import rewrite
 from typer.testing import CliRunner, Result
 
 from navfw.cli import app
-from navfw.recording import palette
-from navfw.recording.channel_list import LOCAL_MAP
-from navfw.recording.recorded_run import open_run
-from navfw.recording.run_folder import RECORDING, read_result
-from navfw.signals import Array
+from navfw.numerics import Array
+from navfw.recording import LOCAL_MAP, RECORDING, open_run, palette, read_result
 
 av = pytest.importorskip("av", reason="needs the extra video")
 

@@ -5,8 +5,7 @@ from functools import partial
 
 import pytest
 
-from navfw.reproduce import paper_tables, reproduction
-from navfw.reproduce.metric_comparison import compare_metrics
+from navfw.reproduce import compare_metrics, paper_tables, reproduction
 
 
 @pytest.fixture(scope="module")

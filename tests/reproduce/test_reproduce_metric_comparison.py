@@ -5,12 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navfw.reproduce.metric_comparison import (
-    _claims,
-    _discriminate,
-    _features,
-    compare_metrics,
-)
+from navfw.reproduce import compare_metrics
+from navfw.reproduce.metric_comparison import _claims, _discriminate, _features
 from navfw.robot import RobotModel
 from navfw.testing.behavior_scenes import wall_flow
 

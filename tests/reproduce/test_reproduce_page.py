@@ -17,17 +17,11 @@ import numpy as np
 import pytest
 from labelled_frames import label, save_approach
 
-from navfw.bench import real_benchmark
-from navfw.bench.real_benchmark import RECORDINGS
+from navfw.bench import RECORDINGS, real_benchmark
 from navfw.plugins import default_registry
-from navfw.process.work_progress import silent
-from navfw.recording.run_folder import plain_json
-from navfw.reproduce.real_scenes import (
-    chosen_frames,
-    real_as_data,
-    real_scenes,
-)
-from navfw.reproduce.reproduction import reproduce, write_page
+from navfw.process import silent
+from navfw.recording import plain_json
+from navfw.reproduce import chosen_frames, real_as_data, real_scenes, reproduce, write_page
 
 UNLICENSED = "car_gyro_lab/images"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")

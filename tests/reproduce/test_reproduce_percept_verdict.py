@@ -9,8 +9,7 @@ from typing import cast
 
 import pytest
 
-from navfw.bench.perception_accuracy import judge_percept, no_situation
-from navfw.bench.view_truth import HalfPlane, ViewTruth
+from navfw.bench import HalfPlane, ViewTruth, judge_percept, no_situation
 from navfw.signals import Percept
 
 WALL = ViewTruth(

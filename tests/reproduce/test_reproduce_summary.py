@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from navfw.reproduce.reproduction import summary
+from navfw.reproduce import summary
 
 
 def claim(what: str, two: int, one: int, differ: int, p: float) -> dict[str, Any]:

@@ -8,29 +8,29 @@ import re
 import numpy as np
 import pytest
 
-from navfw.bench.perception_accuracy import front_of
-from navfw.camera_geometry.rotations import rotational_flow
-from navfw.config.lookup import find
-from navfw.reproduce.paper_scenes import (
+from navfw.bench import front_of
+from navfw.camera_geometry import rotational_flow
+from navfw.config import find
+from navfw.reproduce import (
+    FAST,
     FAST_TURN,
     SCENES,
     WAYPOINTS,
-    before,
-    drive,
-    hand_held,
-    length,
-)
-from navfw.reproduce.paper_tables import (
-    FAST,
     SceneRow,
     WaypointRow,
     as_data,
+    before,
     checks,
+    draw_map,
+    drive,
+    hand_held,
+    length,
+    scene_picture,
     table2,
     table3,
     true_flow,
+    waypoint_picture,
 )
-from navfw.reproduce.reproduction_pictures import draw_map, scene_picture, waypoint_picture
 from navfw.robot import RobotModel
 from navfw.sim import SceneGeometry, load_world
 

@@ -14,13 +14,10 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import InputError
-from navfw.missions.run_report import write_run
-from navfw.missions.session_setup import prepare
-from navfw.recording.provenance import machine_kind
-from navfw.recording.run_folder import RunFolder
-from navfw.results.collection import collect, seed_range
-from navfw.results.result_file import StoredSuiteResult, StoredValues, load_results
-from navfw.suite.run_statistics import wilson
+from navfw.missions import prepare, write_run
+from navfw.recording import RunFolder, machine_kind
+from navfw.results import StoredSuiteResult, StoredValues, collect, load_results, seed_range
+from navfw.suite import wilson
 
 
 def of_suite(folder: Path) -> StoredSuiteResult:

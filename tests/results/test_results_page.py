@@ -12,8 +12,15 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import ConfigError, InputError, UnknownNameError
-from navfw.results.result_file import StoredResult, load_results, save_result
-from navfw.results.results_page import SENTENCES, TEMPLATE, current_pages, fill
+from navfw.results import (
+    SENTENCES,
+    TEMPLATE,
+    StoredResult,
+    current_pages,
+    fill,
+    load_results,
+    save_result,
+)
 
 ROOT = Path(__file__).parents[2]
 

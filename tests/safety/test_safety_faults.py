@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from safety_samples import ORIGIN, monitor_with, odometry, picture, reading
 
+from navfw.numerics import Image
 from navfw.safety import SafetyMonitor
-from navfw.signals import Image, Twist
+from navfw.signals import Twist
 
 RATE = 60.0
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from safety_samples import odometry, picture, reading
 
-from navfw.safety.monitor import MOVED, MOVED_SLIGHTLY, Senses
-from navfw.signals import Image
+from navfw.numerics import Image
+from navfw.safety import MOVED, MOVED_SLIGHTLY, Senses
 
 
 def flat(mean: float, spread: float) -> Image:

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from safety_samples import ROBOT, monitor_with, odometry, picture, reading
 
-from navfw.localmap.path_sight import PathSight
+from navfw.localmap import PathSight
+from navfw.numerics import Array, Image
 from navfw.safety import SafetyMonitor
-from navfw.signals import Array, Image, Percept, Twist
-from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
+from navfw.signals import Percept, Twist
+from navfw.testing import contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene
 
 RATE = 60.0
 AHEAD = Twist(0.15, 0.0)

@@ -9,12 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
+from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, Pose
-from navfw.sim.camera import DepthImage
-from navfw.sim.sensor_models import SensorParams
-from navfw.sim.simulation import Simulation
-from navfw.sim.worldspec import BoxSpec, WallSpec, WorldSpec
+from navfw.signals import Pose
+from navfw.sim import BoxSpec, DepthImage, SensorParams, Simulation, WallSpec, WorldSpec
 
 WORLD = WorldSpec(
     name="hall",

@@ -10,19 +10,27 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from navfw.missions.session_setup import prepare
-from navfw.robot import CameraModel, RobotModel, SideViews
-from navfw.robot.camera_effects import AutoExposure, CameraEffects
-from navfw.robot.robotfile import load_robot
-from navfw.signals import Array, Image, Pose
-from navfw.sim.camera import Camera
-from navfw.sim.event_actions import LightChange
-from navfw.sim.robot_body import BodyState
-from navfw.sim.scenery import Scenery
-from navfw.sim.sensor_models import SensorParams
-from navfw.sim.shutter import ImageSensor, Shutter, image_motion, light_falloff, row_weights
-from navfw.sim.simulation import Simulation
-from navfw.sim.worldspec import LightSpec, TextureSpec, WallSpec, WorldSpec
+from navfw.missions import prepare
+from navfw.numerics import Array, Image
+from navfw.robot import AutoExposure, CameraEffects, CameraModel, RobotModel, SideViews, load_robot
+from navfw.signals import Pose
+from navfw.sim import (
+    BodyState,
+    Camera,
+    ImageSensor,
+    LightChange,
+    LightSpec,
+    Scenery,
+    SensorParams,
+    Shutter,
+    Simulation,
+    TextureSpec,
+    WallSpec,
+    WorldSpec,
+    image_motion,
+    light_falloff,
+    row_weights,
+)
 
 PERFECT = SensorParams.preset("perfect")
 HERE = Pose(0.0, 0.0, 0.0)

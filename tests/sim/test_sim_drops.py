@@ -14,12 +14,16 @@ from hypothesis import strategies as st
 from navfw.errors import InputError
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim.drop_geometry import floor_pieces, treads_of
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.simulation import Simulation
-from navfw.sim.world_check import check_world
-from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import DropSpec, WorldSpec
+from navfw.sim import (
+    DropSpec,
+    SceneGeometry,
+    Simulation,
+    WorldSpec,
+    check_world,
+    floor_pieces,
+    load_world,
+    treads_of,
+)
 
 PIT = {"name": "pit", "x": [3, 4], "y": [1, 2], "depth": 0.8}
 

@@ -9,27 +9,32 @@ import cv2
 import numpy as np
 import pytest
 
-from navfw.config.lookup import find
+from navfw.config import find
+from navfw.numerics import Image
 from navfw.robot import RobotModel
-from navfw.signals import Frame, Image, Pose, SensorReading
-from navfw.sim.drop_geometry import drop_rectangle
-from navfw.sim.event_actions import (
+from navfw.signals import Frame, Pose, SensorReading
+from navfw.sim import (
+    CLEAR_OF_ROBOT,
     CameraFault,
     DoorChange,
+    DoorSpec,
+    DropSpec,
     EncoderFault,
     EventAction,
     GyroFault,
     LightChange,
     Obstacle,
+    OpeningSpec,
+    SensorParams,
+    Simulation,
     Slippery,
     Textureless,
+    WallSpec,
     WeakWheel,
+    WorldSpec,
+    drop_rectangle,
+    load_world,
 )
-from navfw.sim.sensor_models import SensorParams
-from navfw.sim.simulation import Simulation
-from navfw.sim.world_changes import CLEAR_OF_ROBOT
-from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import DoorSpec, DropSpec, OpeningSpec, WallSpec, WorldSpec
 
 ROBOT = RobotModel()
 START = Pose(1.0, 1.5, 0.3)

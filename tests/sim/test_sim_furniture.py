@@ -9,13 +9,10 @@ import numpy as np
 import pytest
 
 from navfw.errors import ConfigError, InputError
-from navfw.meshes.furniture_mesh import furniture_mesh, furniture_outline
-from navfw.meshes.mesh_outline import boxes_around
+from navfw.meshes import boxes_around, furniture_mesh, furniture_outline
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim import Simulation
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.worldfile import load_world
+from navfw.sim import SceneGeometry, Simulation, load_world
 
 THINGS = Path(__file__).parents[2] / "worlds" / "lounge" / "things"
 ARMCHAIR = str(THINGS / "armchair.obj")

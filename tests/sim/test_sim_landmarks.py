@@ -10,16 +10,12 @@ import cv2
 import numpy as np
 import pytest
 
-from navfw.config.lookup import find
+from navfw.config import find
 from navfw.errors import ConfigError, WorldError
-from navfw.features.landmark_appearance import landmark_kind
+from navfw.features import landmark_kind
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim.event_actions import CameraFault
-from navfw.sim.sensor_models import SensorParams
-from navfw.sim.simulation import Simulation
-from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import WorldSpec
+from navfw.sim import CameraFault, SensorParams, Simulation, WorldSpec, load_world
 from navfw.topomap import load_map
 
 ROBOT = RobotModel()

@@ -11,10 +11,7 @@ import pytest
 from navfw.errors import ConfigError
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim import Simulation
-from navfw.sim.textures import picture_texture, read_picture
-from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import TextureSpec
+from navfw.sim import Simulation, TextureSpec, load_world, picture_texture, read_picture
 
 WALL = """\
 name: gallery

@@ -9,17 +9,21 @@ import cv2
 import numpy as np
 import pytest
 
-from navfw.config.lookup import find
+from navfw.config import find
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Pose
-from navfw.sim.raster import Raster, depth_buffer
-from navfw.sim.reference_renderer import ReferenceRenderer
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.sensor_models import SensorParams
-from navfw.sim.simulation import Simulation
-from navfw.sim.solids import solids_of
-from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import WalkerSpec, WorldSpec
+from navfw.sim import (
+    Raster,
+    ReferenceRenderer,
+    SceneGeometry,
+    SensorParams,
+    Simulation,
+    WalkerSpec,
+    WorldSpec,
+    depth_buffer,
+    load_world,
+    solids_of,
+)
 from navfw.worldgen import FAMILIES, generate
 
 

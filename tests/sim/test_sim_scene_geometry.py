@@ -10,10 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.errors import WorldError
-from navfw.signals import Array
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.shapes import Circle, Rectangle, Shape, overlap_depth
-from navfw.sim.worldspec import BoxSpec, CylinderSpec, OpeningSpec, WallSpec, WorldSpec
+from navfw.numerics import Array
+from navfw.sim import (
+    BoxSpec,
+    Circle,
+    CylinderSpec,
+    OpeningSpec,
+    Rectangle,
+    SceneGeometry,
+    Shape,
+    WallSpec,
+    WorldSpec,
+    overlap_depth,
+)
 
 RADIUS = 0.18
 places = st.floats(-2.0, 2.0)

@@ -9,9 +9,10 @@ import pytest
 from pydantic import ValidationError
 
 from navfw.errors import UnknownNameError
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array, Encoders, Inertial
-from navfw.sim.sensor_models import PRESETS, GyroModel, SensorParams, WheelEncoderModel
+from navfw.signals import Encoders, Inertial
+from navfw.sim import PRESETS, GyroModel, SensorParams, WheelEncoderModel
 
 ROBOT = RobotModel()
 DT = 1.0 / 60.0

@@ -5,15 +5,26 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from navfw.numerics import Image
 from navfw.robot import RobotModel
-from navfw.signals import Image, Pose, Twist
-from navfw.sim import scenery
-from navfw.sim.camera import DepthImage
-from navfw.sim.sensor_models import SensorParams
-from navfw.sim.shapes import Circle, Rectangle, gap_between
-from navfw.sim.simulation import Simulation
-from navfw.sim.textured_mesh import box_mesh, cylinder_mesh, side_count
-from navfw.sim.worldspec import BoxSpec, CylinderSpec, OpeningSpec, WallSpec, WorldSpec
+from navfw.signals import Pose, Twist
+from navfw.sim import (
+    BoxSpec,
+    Circle,
+    CylinderSpec,
+    DepthImage,
+    OpeningSpec,
+    Rectangle,
+    SensorParams,
+    Simulation,
+    WallSpec,
+    WorldSpec,
+    box_mesh,
+    cylinder_mesh,
+    gap_between,
+    scenery,
+    side_count,
+)
 
 ROBOT = RobotModel()
 PERFECT = SensorParams.preset("perfect")

@@ -10,10 +10,7 @@ from pydantic import ValidationError
 
 from navfw.robot import CameraModel, RobotModel, SideViews
 from navfw.signals import Frame, Pose
-from navfw.sim.event_actions import CameraFault
-from navfw.sim.sensor_models import SensorParams
-from navfw.sim.simulation import Simulation
-from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec
+from navfw.sim import BoxSpec, CameraFault, CylinderSpec, SensorParams, Simulation, WorldSpec
 
 WORLD = WorldSpec(
     name="hall",

@@ -15,9 +15,7 @@ import pytest
 from navfw.errors import SimulationError, WorldError
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist
-from navfw.sim.sensor_models import SensorParams
-from navfw.sim.simulation import Simulation
-from navfw.sim.worldspec import BoxSpec, CylinderSpec, WallSpec, WorldSpec
+from navfw.sim import BoxSpec, CylinderSpec, SensorParams, Simulation, WallSpec, WorldSpec
 
 ROBOT = RobotModel()
 TICK = 1.0 / 60.0

@@ -7,8 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 import pytest
 
-from navfw.sim.textures import TILE, luminance_pattern, synthesize
-from navfw.sim.worldspec import TextureSpec
+from navfw.sim import TILE, TextureSpec, luminance_pattern, synthesize
 
 Style = Literal[
     "plaster",

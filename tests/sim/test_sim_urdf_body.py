@@ -7,13 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from navfw.config.lookup import find
-from navfw.robot.robotfile import load_robot
-from navfw.signals import Array, Pose, Twist
-from navfw.sim.sensor_models import SensorParams
-from navfw.sim.simulation import Simulation
-from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import BoxSpec, WorldSpec
+from navfw.config import find
+from navfw.numerics import Array
+from navfw.robot import load_robot
+from navfw.signals import Pose, Twist
+from navfw.sim import BoxSpec, SensorParams, Simulation, WorldSpec, load_world
 
 EMPTY = load_world(find("world", "empty"))
 START = Pose(0.5 * sum(EMPTY.x), 0.5 * sum(EMPTY.y), 0.4)

@@ -11,19 +11,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.config.lookup import find
+from navfw.config import find
+from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, Image, Pose
-from navfw.sim import simulation
-from navfw.sim.camera import DepthImage
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.scenery import Scenery
-from navfw.sim.sensor_models import SensorParams
-from navfw.sim.shapes import Rectangle
-from navfw.sim.simulation import Simulation
-from navfw.sim.visibility import PartBounds, Visibility, field_of_view
-from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import WorldSpec
+from navfw.signals import Pose
+from navfw.sim import (
+    DepthImage,
+    PartBounds,
+    Rectangle,
+    SceneGeometry,
+    Scenery,
+    SensorParams,
+    Simulation,
+    Visibility,
+    WorldSpec,
+    field_of_view,
+    load_world,
+    simulation,
+)
 from navfw.worldgen import FAMILIES, generate
 
 ROBOT = RobotModel()

@@ -13,11 +13,18 @@ from hypothesis import strategies as st
 from navfw.errors import ConfigError, WorldError
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Twist
-from navfw.sim.sensor_models import SensorParams
-from navfw.sim.simulation import Simulation
-from navfw.sim.walkers import Walker, WalkerPath, WalkerTrack, caused_by_robot
-from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import BoxSpec, WalkerSpec, WorldSpec
+from navfw.sim import (
+    BoxSpec,
+    SensorParams,
+    Simulation,
+    Walker,
+    WalkerPath,
+    WalkerSpec,
+    WalkerTrack,
+    WorldSpec,
+    caused_by_robot,
+    load_world,
+)
 
 ROBOT = RobotModel()
 TICK = 1.0 / 60.0

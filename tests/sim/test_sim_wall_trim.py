@@ -7,10 +7,7 @@ import pytest
 
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim import Simulation
-from navfw.sim.solids import solids_of
-from navfw.sim.surface_patches import SurfacePatch, wall_patches
-from navfw.sim.worldspec import WorldSpec
+from navfw.sim import Simulation, SurfacePatch, WorldSpec, solids_of, wall_patches
 
 ROOM = {
     "name": "room",

@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 
 from navfw.errors import ConfigError, WorldError
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.solids import solids_of
-from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import WorldSpec
+from navfw.sim import SceneGeometry, WorldSpec, load_world, solids_of
 
 WORLDS = Path(__file__).parents[2] / "worlds"
 
@@ -141,7 +138,7 @@ def test_lobby_to_lab_is_long_enough() -> None:
 
 
 def test_worlds_without_file_are_checked() -> None:
-    from navfw.sim.world_check import check_world
+    from navfw.sim import check_world
 
     with pytest.raises(WorldError, match="unknown texture"):
         check_world(WorldSpec(name="a", x=(0, 1), y=(0, 1), floor="lava"))

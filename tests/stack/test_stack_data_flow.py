@@ -10,14 +10,12 @@ import pytest
 from architecture_sources import ROOT, imports, tree_of
 from stack_samples import GOAL, ROBOT, START, drive, sample_stack
 
-from navfw.camera_geometry.rotations import rotational_flow
+from navfw.camera_geometry import rotational_flow
 from navfw.context import Context
-from navfw.egomotion import Odometer
-from navfw.egomotion.floor_odometry import FloorOdometry
-from navfw.guard import PluginGuard
-from navfw.guard.guarded_stages import GuardedFlow, GuardedPerception
+from navfw.egomotion import FloorOdometry, Odometer
+from navfw.guard import GuardedFlow, GuardedPerception, PluginGuard
 from navfw.interfaces import FlowProcessor
-from navfw.offis.offis import Offis
+from navfw.offis import Offis
 from navfw.robot import RobotModel
 from navfw.signals import (
     CameraMotion,
@@ -29,9 +27,7 @@ from navfw.signals import (
     Twist,
     YawCorrection,
 )
-from navfw.stack import TIMED
-from navfw.stack.stackfile import StackSettings
-from navfw.stack.vision import View, Vision
+from navfw.stack import TIMED, StackSettings, View, Vision
 from navfw.testing.behavior_scenes import wall_flow
 from navfw.testing.fakes import FakeSimulator
 

@@ -21,12 +21,10 @@ from stack_samples import (
     sample_stack,
 )
 
-from navfw.config.lookup import find
-from navfw.offis.offis import Offis
+from navfw.config import find
+from navfw.offis import Offis
 from navfw.signals import Frame, LandmarkDetection, MovingObject, Odometry, PassageQuery, Twist
-from navfw.stack import Stack
-from navfw.stack.stackfile import load_stack
-from navfw.stack.vision import View
+from navfw.stack import Stack, View, load_stack
 from navfw.testing.behavior_scenes import wall_flow
 
 

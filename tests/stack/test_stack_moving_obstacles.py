@@ -8,9 +8,9 @@ from stack_samples import Idle, drive, sample_stack
 
 from navfw.context import Context
 from navfw.interfaces import Behavior
-from navfw.plugins.fault_injection import inject_faults
+from navfw.plugins import inject_faults
 from navfw.signals import Frame, MovingObject, Odometry, Proposal, Twist
-from navfw.stack.vision import View
+from navfw.stack import View
 
 
 class Careful(Idle):

@@ -8,13 +8,10 @@ import numpy as np
 import pytest
 from stack_samples import GOAL, ROBOT, START, Ahead, Idle, Rig, ScriptedVision, drive, sample_stack
 
-from navfw.offis.offis import Offis
+from navfw.offis import Offis
 from navfw.safety import PersistentFailure
 from navfw.signals import Encoders, Inertial, MovingObject, Pose, Stixels, Twist
-from navfw.stack import TIMED, Stack
-from navfw.stack.progress_watch import NO_ROUTE_AFTER, STUCK_AFTER
-from navfw.stack.stack_state import StackState
-from navfw.stack.vision import View
+from navfw.stack import NO_ROUTE_AFTER, STUCK_AFTER, TIMED, Stack, StackState, View
 from navfw.testing.behavior_scenes import wall_flow
 
 # --- giving up ------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from navfw.signals import Belief, Pose, Waypoint
-from navfw.stack.progress_watch import NO_ROUTE_AFTER, STUCK_AFTER, ProgressWatch
+from navfw.stack import NO_ROUTE_AFTER, STUCK_AFTER, ProgressWatch
 
 GOAL = Waypoint(2.0, 1.0, 0.15, "lab", "goal", final=True)
 PASSING = Waypoint(2.0, 1.0, 0.15, "hall", "room", final=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from stack_samples import GOAL, LINE, ROBOT, START, RecordingPlanner, drive, registry, sample_stack
 
-from navfw.config.lookup import find
+from navfw.config import find
 from navfw.errors import ConfigError, InputError
 from navfw.signals import Belief, Waypoint
 from navfw.stack import Stack

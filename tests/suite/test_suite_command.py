@@ -16,8 +16,8 @@ from suite_samples import row
 from typer.testing import CliRunner
 
 from navfw.cli import app
-from navfw.missions.session_setup import prepare
-from navfw.suite.run_table import columns_of, read_table, write_table
+from navfw.missions import prepare
+from navfw.suite import columns_of, read_table, write_table
 
 TINY = """
 entries:
@@ -150,8 +150,7 @@ def test_bad_input_gives_one_message_and_leaves_no_files(
 
 def test_a_folder_of_worlds_gives_each_world_with_its_missions(folder: Path) -> None:
     from navfw.plugins import default_registry
-    from navfw.suite.suite_plan import plan_runs
-    from navfw.suite.suitefile import load_suite
+    from navfw.suite import load_suite, plan_runs
 
     for name in ("world-10", "world-2"):
         (folder / "imported" / name / "missions").mkdir(parents=True)

@@ -20,14 +20,17 @@ from typer.testing import CliRunner, Result
 
 from navfw.cli import app
 from navfw.errors import InputError
-from navfw.suite import dask_engine
-from navfw.suite.case import Job
-from navfw.suite.dask_engine import DaskEngine
-from navfw.suite.job_package import JobPackage, worker_identity
-from navfw.suite.run_table import RunRow
-from navfw.suite.suite_folder import SuiteFolder
-from navfw.suite.suite_plan import SuitePlan
-from navfw.suite.suite_run import run_suite
+from navfw.suite import (
+    DaskEngine,
+    Job,
+    JobPackage,
+    RunRow,
+    SuiteFolder,
+    SuitePlan,
+    dask_engine,
+    run_suite,
+    worker_identity,
+)
 
 pytest.importorskip("distributed", reason="needs the extra dask: uv sync --extra dask")
 
@@ -147,7 +150,7 @@ def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_a_worker_is_not_profiled_while_it_has_a_suite(tmp_path: Path) -> None:
-    from navfw.suite.dask_worker import PackageOnWorker
+    from navfw.suite import PackageOnWorker
 
     log: list[str] = []
     profile = SimpleNamespace(stop=lambda: log.append("stop"), start=lambda: log.append("start"))
@@ -163,7 +166,7 @@ def test_a_worker_is_not_profiled_while_it_has_a_suite(tmp_path: Path) -> None:
 
 
 def test_a_worker_itself_imports_no_simulator(tmp_path: Path) -> None:
-    from navfw.suite.dask_worker import PackageOnWorker
+    from navfw.suite import PackageOnWorker
 
     work = "navfw.suite.case_worker:run_job"
     plugin = PackageOnWorker(JobPackage.of([samples.case(1)]), work, 10.0, 1000.0)

@@ -10,9 +10,7 @@ import suite_samples as samples
 
 from navfw.errors import ConfigError, InputError
 from navfw.plugins import default_registry
-from navfw.suite.suite_plan import plan_runs
-from navfw.suite.suite_summary import summarize
-from navfw.suite.suitefile import Expect, load_suite
+from navfw.suite import Expect, load_suite, plan_runs, summarize
 
 EVENTS = """\
 entries:

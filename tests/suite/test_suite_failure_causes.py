@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from navfw.missions.outcome import FaultKind, Outcome
+from navfw.missions import FaultKind, Outcome
 from navfw.signals import Sight
-from navfw.suite.failure_causes import (
+from navfw.suite import (
     Cause,
     CollisionSymptoms,
     FailureSymptoms,

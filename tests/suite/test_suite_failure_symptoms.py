@@ -9,19 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navfw.missions.outcome import MissionVerdict, Outcome
-from navfw.missions.runner import RunResult
-from navfw.missions.session import MissionResult, Session
-from navfw.missions.session_setup import prepare
-from navfw.mofis.mofis import DecisionInputs
+from navfw.missions import MissionResult, MissionVerdict, Outcome, RunResult, Session, prepare
+from navfw.mofis import DecisionInputs
 from navfw.plugins import default_registry
-from navfw.recording.run_log import Contact, RunLog
+from navfw.recording import Contact, RunLog
 from navfw.signals import Belief, Odometry, Pose, Sight, Twist
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.walkers import WalkerTrack
-from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec
-from navfw.suite.failure_causes import Cause, classify
-from navfw.suite.failure_symptoms import collect_symptoms
+from navfw.sim import BoxSpec, CylinderSpec, SceneGeometry, WalkerTrack, WorldSpec
+from navfw.suite import Cause, classify, collect_symptoms
 
 
 @pytest.fixture(scope="module")

@@ -9,13 +9,10 @@ import pytest
 
 from navfw import worldgen
 from navfw.errors import InputError, UnknownNameError, WorldError
-from navfw.missions.missionspec import MissionSpec
+from navfw.missions import MissionSpec
 from navfw.plugins import default_registry
-from navfw.sim.worldspec import BoxSpec, Look, TextureSpec, WorldSpec
-from navfw.suite.case import Job
-from navfw.suite.case_worker import run_job
-from navfw.suite.suite_plan import SuitePlan, plan_runs
-from navfw.suite.suitefile import load_suite
+from navfw.sim import BoxSpec, Look, TextureSpec, WorldSpec
+from navfw.suite import Job, SuitePlan, load_suite, plan_runs, run_job
 from navfw.topomap import Passage, Place, TopoMap
 
 

@@ -14,12 +14,17 @@ import pytest
 import suite_samples as samples
 
 from navfw.errors import InputError
-from navfw.suite import suite_folder
-from navfw.suite.run_journal import JournalDamagedError, RunJournal
-from navfw.suite.run_table import read_table
-from navfw.suite.suite_folder import StartMode, SuiteFolder
-from navfw.suite.suite_plan import SuitePlan
-from navfw.suite.suite_run import SuiteResult, run_suite
+from navfw.suite import (
+    JournalDamagedError,
+    RunJournal,
+    StartMode,
+    SuiteFolder,
+    SuitePlan,
+    SuiteResult,
+    read_table,
+    run_suite,
+    suite_folder,
+)
 
 
 def plan(seeds: int = 4, **contents: str) -> SuitePlan:

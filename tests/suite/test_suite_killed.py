@@ -18,8 +18,7 @@ import pytest
 import suite_samples
 from killing import Ended, Started, moments
 
-from navfw.suite.run_table import RunRow, read_table
-from navfw.suite.suite_folder import SuiteFolder
+from navfw.suite import RunRow, SuiteFolder, read_table
 
 MANY = int(os.environ.get("NAVFW_KILLS", "5"))
 """Moments for each signal in the slow tests."""

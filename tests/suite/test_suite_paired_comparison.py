@@ -8,9 +8,7 @@ from scipy.stats import binomtest, quantile_test
 from suite_samples import row
 
 from navfw.errors import InputError
-from navfw.suite.paired_comparison import compare_tables
-from navfw.suite.run_statistics import median_interval, paired_interval
-from navfw.suite.suite_summary import summarize
+from navfw.suite import compare_tables, median_interval, paired_interval, summarize
 
 
 def test_a_summary_counts_every_run() -> None:

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from navfw.process.process_memory import peak_memory_mb
+from navfw.process import peak_memory_mb
 
 FRAGMENTS = """
 from pathlib import Path

@@ -8,8 +8,7 @@ import pytest
 
 from navfw.errors import InputError
 from navfw.plugins import default_registry
-from navfw.suite.suite_plan import plan_runs
-from navfw.suite.suitefile import load_suite
+from navfw.suite import load_suite, plan_runs
 
 
 @pytest.fixture

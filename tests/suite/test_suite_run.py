@@ -11,12 +11,17 @@ import pytest
 import suite_samples as samples
 
 from navfw.errors import InputError
-from navfw.recording.provenance import machine_kind
-from navfw.suite.case import Case
-from navfw.suite.run_table import RunRow, read_table
-from navfw.suite.suite_folder import StartMode, SuiteFolder
-from navfw.suite.suite_plan import SuitePlan
-from navfw.suite.suite_run import SuiteResult, run_suite
+from navfw.recording import machine_kind
+from navfw.suite import (
+    Case,
+    RunRow,
+    StartMode,
+    SuiteFolder,
+    SuitePlan,
+    SuiteResult,
+    read_table,
+    run_suite,
+)
 
 CONTENT = {"entry rooms": "1234", "stack default of entry rooms": "5678"}
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from navfw.suite.run_statistics import barn_score, mcnemar_exact, sct, wilson
+from navfw.suite import barn_score, mcnemar_exact, sct, wilson
 
 
 @given(st.integers(1, 2000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from suite_samples import row
 
 from navfw.errors import ConfigError, InputError
-from navfw.suite.run_table import COLUMNS, RunRow, read_table, write_table
-from navfw.suite.suite_summary import summarize
+from navfw.suite import COLUMNS, RunRow, read_table, summarize, write_table
 
 numbers = st.none() | st.floats(allow_nan=False)
 texts = st.text(st.characters(codec="utf-8"), max_size=40)

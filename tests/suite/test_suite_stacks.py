@@ -8,11 +8,10 @@ from typing import Any
 
 import pytest
 
-from navfw.config.lookup import list_missions, shipped_folder
+from navfw.config import list_missions, shipped_folder
 from navfw.errors import InputError
 from navfw.plugins import default_registry
-from navfw.suite.suite_plan import plan_runs
-from navfw.suite.suitefile import load_suite
+from navfw.suite import load_suite, plan_runs
 
 
 @pytest.fixture

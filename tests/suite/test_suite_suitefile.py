@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from navfw.config.lookup import list_files
+from navfw.config import list_files
 from navfw.errors import InputError
-from navfw.suite.entry_cases import draw_difficulty
-from navfw.suite.suitefile import load_suite, parse_seeds
+from navfw.suite import draw_difficulty, load_suite, parse_seeds
 
 
 def suite(folder: Path, text: str) -> Path:

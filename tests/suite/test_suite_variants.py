@@ -13,13 +13,20 @@ from suite_samples import row
 from navfw.errors import InputError, MissingExtraError, UnknownNameError
 from navfw.mofis import navground
 from navfw.plugins import default_registry
-from navfw.suite.paired_comparison import compare_tables, of_variant
-from navfw.suite.run_table import RunRow, read_table, write_table
-from navfw.suite.suite_folder import SuiteFolder
-from navfw.suite.suite_plan import SuitePlan, plan_runs
-from navfw.suite.suite_run import run_suite
-from navfw.suite.suite_summary import markdown_summary, summarize
-from navfw.suite.suitefile import load_suite
+from navfw.suite import (
+    RunRow,
+    SuiteFolder,
+    SuitePlan,
+    compare_tables,
+    load_suite,
+    markdown_summary,
+    of_variant,
+    plan_runs,
+    read_table,
+    run_suite,
+    summarize,
+    write_table,
+)
 
 SUITE = """\
 entries:

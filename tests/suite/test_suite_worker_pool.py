@@ -11,8 +11,7 @@ import pytest
 import suite_samples as samples
 
 from navfw.errors import SimulationError
-from navfw.suite.failure_causes import Cause
-from navfw.suite.worker_pool import WorkerFailure, WorkerPool
+from navfw.suite import Cause, WorkerFailure, WorkerPool
 
 
 def test_jobs_run_in_parallel_in_separate_processes(tmp_path: Path) -> None:

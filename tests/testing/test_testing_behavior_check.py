@@ -18,8 +18,8 @@ from navfw.interfaces import Behavior, Composite
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Label, Proposal, Twist
-from navfw.testing import check_behavior, check_composite
-from navfw.testing.behavior_scenes import SCENES, BehaviorScene, contexts_of, wall_flow
+from navfw.testing import SCENES, check_behavior, check_composite, contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene, wall_flow
 
 REGISTRY = default_registry()
 # behaviours that need the simulator's truth do not work in a scene
@@ -234,7 +234,7 @@ def test_scenes_match_their_description(scene: BehaviorScene) -> None:
 
 
 def test_the_flow_of_a_wall_gives_its_distance() -> None:
-    from navfw.offis.offis import Offis
+    from navfw.offis import Offis
 
     robot = RobotModel()
     flow = wall_flow(robot, 0.0, 1.5, 20.0, 20.0)

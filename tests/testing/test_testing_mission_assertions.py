@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from navfw.errors import UnknownNameError
-from navfw.missions.outcome import MissionVerdict, Outcome
-from navfw.missions.run_metrics import measure
-from navfw.recording.run_log import Contact, RunLogger
-from navfw.signals import Array, Pose, Twist
+from navfw.missions import MissionVerdict, Outcome, measure
+from navfw.numerics import Array
+from navfw.recording import Contact, RunLogger
+from navfw.signals import Pose, Twist
 from navfw.testing import (
     MissionRun,
     assert_behavior_led,

@@ -9,10 +9,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from navfw.config.lookup import shipped_folder
-from navfw.missions.run_report import draw
-from navfw.missions.session import MissionResult
-from navfw.missions.session_setup import prepare
+from navfw.config import shipped_folder
+from navfw.missions import MissionResult, draw, prepare
 from navfw.testing import driven_run, mission_cache, mission_run
 from navfw.testing.driven_run import FILES, DrivenRun, read_run, store_run
 from navfw.testing.mission_case import MissionCase

@@ -19,8 +19,7 @@ SHORT = 'set=["mission.timeout=1.5"]'  # every run ends after 1.5 s, as a timeou
 @pytest.fixture(scope="module", autouse=True)
 def _everything_imported(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Pytester removes modules imported inside it, and numpy cannot be imported twice."""
-    from navfw.missions.run_report import draw
-    from navfw.missions.session_setup import prepare
+    from navfw.missions import draw, prepare
 
     result = prepare("empty", "straight", overrides=["mission.timeout=1.5"]).run()
     draw(result, tmp_path_factory.mktemp("warm") / "trajectory.png")

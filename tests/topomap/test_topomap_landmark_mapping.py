@@ -10,9 +10,16 @@ import pytest
 
 from navfw.errors import MapError
 from navfw.signals import LandmarkDetection, Odometry, Pose, Twist
-from navfw.topomap import Landmark, Place, TopoMap
-from navfw.topomap.landmark_mapping import LandmarkEstimate, LandmarkMapper, with_landmarks
-from navfw.topomap.mapfile import load_map, map_text
+from navfw.topomap import (
+    Landmark,
+    LandmarkEstimate,
+    LandmarkMapper,
+    Place,
+    TopoMap,
+    load_map,
+    map_text,
+    with_landmarks,
+)
 
 START = Pose(1.0, 2.0, 0.5)
 MARKS = {f"aruco-{i}": (4.0 * math.cos(i), 4.0 * math.sin(i)) for i in range(6)}

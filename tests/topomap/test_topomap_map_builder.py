@@ -15,14 +15,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from navfw.errors import MapError
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import WorldSpec
-from navfw.topomap import TopoMap
-from navfw.topomap.clearance_grid import ClearanceGrid
-from navfw.topomap.map_builder import build_map
-from navfw.topomap.map_check import check_map
-from navfw.topomap.skeleton import skeleton_graph, thinned
+from navfw.sim import SceneGeometry, WorldSpec, load_world
+from navfw.topomap import ClearanceGrid, TopoMap, build_map, check_map, skeleton_graph, thinned
 
 ROOT = Path(__file__).parents[2]
 

@@ -6,12 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.worldfile import load_world
-from navfw.topomap import Passage, Place, TopoMap, load_map
-from navfw.topomap.map_check import check_map
+from navfw.sim import SceneGeometry, load_world
+from navfw.topomap import Passage, Place, TopoMap, check_map, load_map
 
 ROOT = Path(__file__).parents[2]
 A, B, C = Place("a", 0, 0), Place("b", 4, 0), Place("c", 8, 0)

@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.config.document import parse_yaml
+from navfw.config import parse_yaml
 from navfw.errors import ConfigError, InputError, MapError
-from navfw.topomap import Landmark, Passage, Place, TopoMap, load_map
-from navfw.topomap.mapfile import map_text, read_map
+from navfw.topomap import Landmark, Passage, Place, TopoMap, load_map, map_text, read_map
 
 MAPS = Path(__file__).parents[2] / "maps"
 texts = st.one_of(

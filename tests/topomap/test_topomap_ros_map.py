@@ -14,13 +14,22 @@ from hypothesis import strategies as st
 
 from navfw.errors import ConfigError, InputError, MapError
 from navfw.signals import Pose
-from navfw.sim.worldfile import load_world
-from navfw.topomap import TopoMap, load_map
-from navfw.topomap.elements import Place
-from navfw.topomap.map_formats import load_any_map, save_map
-from navfw.topomap.occupancy_map import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from navfw.topomap.ros_map import load_ros_map, plan_of_image, save_ros_map
-from navfw.worldgen.plan_exchange import exported_plan
+from navfw.sim import load_world
+from navfw.topomap import (
+    FREE,
+    OCCUPIED,
+    UNKNOWN,
+    OccupancyMap,
+    Place,
+    TopoMap,
+    load_any_map,
+    load_map,
+    load_ros_map,
+    plan_of_image,
+    save_map,
+    save_ros_map,
+)
+from navfw.worldgen import exported_plan
 
 ROOT = Path(__file__).parents[2]
 GREYS = np.array([[0, 64, 100], [205, 206, 255]], dtype=np.uint8)

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from navfw.robot import RobotModel
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.worldfile import load_world
+from navfw.sim import SceneGeometry, load_world
 from navfw.topomap import TopoMap, load_map
 
 ROOT = Path(__file__).parents[2]

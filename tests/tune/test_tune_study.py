@@ -16,26 +16,18 @@ import pytest
 from typer.testing import CliRunner
 
 from navfw.cli import app
-from navfw.config.lookup import find
-from navfw.config.overrides import parse_override
+from navfw.config import find, parse_override
 from navfw.errors import InputError, RuleBaseError, UnknownNameError
 from navfw.fuzzy import load_rule_base
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
-from navfw.stack.stackfile import load_stack
-from navfw.suite.case import Case, Job
-from navfw.suite.failure_causes import Cause
-from navfw.suite.run_table import RunRow
-from navfw.suite.suitefile import load_suite
-from navfw.suite.worker_pool import WorkerFailure
+from navfw.stack import load_stack
+from navfw.suite import Case, Cause, Job, RunRow, WorkerFailure, load_suite
 
 pytest.importorskip("optuna", reason="needs the extra tune: uv sync --extra tune")
 
-from navfw.suite.suite_run import engine_or_processes
-from navfw.tune.search_space import BreakPoints, search_space
-from navfw.tune.stack_study import StackStudy
-from navfw.tune.study_folder import StudyFolder
-from navfw.tune.trials import Objectives, driver
+from navfw.suite import engine_or_processes
+from navfw.tune import BreakPoints, Objectives, StackStudy, StudyFolder, driver, search_space
 
 DETUNED = "base: default\nbehaviors:\n  avoid: {spare: 0.9}\n"
 BEST = 0.06

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from navfw.errors import ConfigError
-from navfw.worldgen.gazebo_import import reference_length
+from navfw.worldgen import reference_length
 
 
 def test_the_reference_path_runs_from_the_start_over_its_cells_to_the_goal(tmp_path: Path) -> None:

@@ -15,21 +15,20 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from navfw.errors import InputError, UnknownNameError
-from navfw.missions.missionfile import load_mission
+from navfw.missions import load_mission
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.shapes import gap_between
-from navfw.sim.simulation import Simulation
-from navfw.sim.solids import solids_of
-from navfw.sim.textures import STOCK
-from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import WalkerSpec
+from navfw.sim import (
+    STOCK,
+    SceneGeometry,
+    Simulation,
+    WalkerSpec,
+    gap_between,
+    load_world,
+    solids_of,
+)
 from navfw.topomap import load_map
-from navfw.worldgen import FAMILIES, GeneratedWorld, generate
-from navfw.worldgen.generated_world import MAP_FILE
-from navfw.worldgen.rooms import furnish
-from navfw.worldgen.world_draft import WorldDraft
+from navfw.worldgen import FAMILIES, MAP_FILE, GeneratedWorld, WorldDraft, furnish, generate
 
 ROBOT = RobotModel()
 CASES = [

@@ -12,10 +12,9 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import ConfigError, InputError, WorldError
-from navfw.missions.session_setup import prepare
-from navfw.sim.worldfile import load_world
-from navfw.worldgen.gazebo_import import POLE_HEIGHT, import_world
-from navfw.worldgen.sdf_reader import MAX_BYTES, read_sdf
+from navfw.missions import prepare
+from navfw.sim import load_world
+from navfw.worldgen import MAX_BYTES, POLE_HEIGHT, import_world, read_sdf
 
 GROUND = """
 <model name='ground_plane'><static>1</static><link name='link'><collision name='collision'>
@@ -82,7 +81,7 @@ def test_box_may_rest_on_any_face(tmp_path: Path) -> None:
     corners = {
         (round(c * x - s * y, 3), round(s * x + c * y, 3)) for x in (x0, x1) for y in (y0, y1)
     }
-    from navfw.sim.scene_geometry import SceneGeometry
+    from navfw.sim import SceneGeometry
 
     (_, found) = next(SceneGeometry.from_world(world).rectangles())
     assert {(round(x, 3), round(y, 3)) for x, y in found.tolist()} == corners

@@ -15,13 +15,17 @@ from typer.testing import CliRunner
 from navfw.cli import app
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.meshes import MeshLimits
-from navfw.missions.session_setup import prepare
-from navfw.signals import Array
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.shapes import Circle, Rectangle
-from navfw.worldgen import sdf_reader
-from navfw.worldgen.gazebo_import import ImportedWorld, import_world
-from navfw.worldgen.mesh_solids import MAX_PARTS, UprightPart, mesh_solids
+from navfw.missions import prepare
+from navfw.numerics import Array
+from navfw.sim import Circle, Rectangle, SceneGeometry
+from navfw.worldgen import (
+    MAX_PARTS,
+    ImportedWorld,
+    UprightPart,
+    import_world,
+    mesh_solids,
+    sdf_reader,
+)
 
 POINT = tuple[float, float]
 

@@ -7,11 +7,9 @@ from pathlib import Path
 import pytest
 
 from navfw.errors import InputError, UnknownNameError
-from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import Look
-from navfw.suite.suitefile import EntrySpec
-from navfw.worldgen import generate
-from navfw.worldgen.looks import LOOKS
+from navfw.sim import Look, load_world
+from navfw.suite import EntrySpec
+from navfw.worldgen import LOOKS, generate
 
 SURFACES = {"textures", "skirting", "door_frames"}
 

@@ -11,11 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 from navfw.cli import app
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.worldfile import load_world
-from navfw.topomap.ros_map import load_ros_map
-from navfw.worldgen.plan_exchange import exported_plan, import_plan
-from navfw.worldgen.plan_walls import PlanCleaning
+from navfw.sim import SceneGeometry, load_world
+from navfw.topomap import load_ros_map
+from navfw.worldgen import PlanCleaning, exported_plan, import_plan
 
 ROOT = Path(__file__).parents[2]
 WORLDS = ROOT / "worlds"

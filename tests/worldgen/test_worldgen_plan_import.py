@@ -14,16 +14,11 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import InputError
-from navfw.missions.missionfile import load_mission
-from navfw.missions.session_setup import chosen_stack
+from navfw.missions import chosen_stack, load_mission
 from navfw.signals import Pose
-from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.worldfile import load_world
-from navfw.topomap import load_map
-from navfw.topomap.map_check import check_map
-from navfw.topomap.occupancy_map import FREE, OccupancyMap
-from navfw.topomap.ros_map import save_ros_map
-from navfw.worldgen.plan_exchange import ImportedPlan, import_plan
+from navfw.sim import SceneGeometry, load_world
+from navfw.topomap import FREE, OccupancyMap, check_map, load_map, save_ros_map
+from navfw.worldgen import ImportedPlan, import_plan
 
 
 def imported(name: str) -> ImportedPlan:

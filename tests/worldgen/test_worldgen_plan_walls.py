@@ -9,9 +9,9 @@ from drawn_plans import PLANS, with_noise
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.signals import Mask
-from navfw.sim.shapes import Rectangle
-from navfw.worldgen.plan_walls import PlanCleaning, cleaned, wall_rectangles
+from navfw.numerics import Mask
+from navfw.sim import Rectangle
+from navfw.worldgen import PlanCleaning, cleaned, wall_rectangles
 
 CELL = 0.05
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from navfw.flow.registration.roughness import roughness
-from navfw.flow.registration.windows import Registration, grid_windows, register_windows
+import lazy_loader
 
-__all__ = ["Registration", "grid_windows", "register_windows", "roughness"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.flow.registration.affine_kernels import register
+from navfw.numerics import Image
 from navfw.numerics.arrays import Array, Floats, Indices, Mask
 from navfw.numerics.functions import exp
-from navfw.signals import Image
 
 
 @numba.njit(cache=True)

@@ -9,7 +9,8 @@ import numpy as np
 from navfw.context import Context
 from navfw.interfaces import Fusion
 from navfw.mofis.fusion.common import Proposals, command_at, no_command, prohibition_of
-from navfw.signals import Array, Command
+from navfw.numerics import Array
+from navfw.signals import Command
 
 
 class BlendFusion(Fusion):

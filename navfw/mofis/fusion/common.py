@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from navfw.context import Context
+from navfw.numerics import Array, Mask
 from navfw.numerics.products import sum_in_order
-from navfw.signals import Array, Command, Mask, Proposal, Twist
+from navfw.signals import Command, Proposal, Twist
 
 Proposals = Mapping[str, Proposal]
 

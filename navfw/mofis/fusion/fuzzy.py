@@ -10,15 +10,10 @@ from pydantic import Field
 
 from navfw.context import Context
 from navfw.interfaces import Fusion
-from navfw.mofis.fusion.common import (
-    Proposals,
-    command_at,
-    no_command,
-    prohibition_of,
-    shares_of,
-)
+from navfw.mofis.fusion.common import Proposals, command_at, no_command, prohibition_of, shares_of
+from navfw.numerics import Array, Mask
 from navfw.numerics.products import product
-from navfw.signals import Array, Command, Mask
+from navfw.signals import Command
 
 
 class FuzzyFusion(Fusion):

@@ -11,8 +11,9 @@ from pydantic import Field
 from navfw.context import Context
 from navfw.interfaces import Fusion
 from navfw.mofis.fusion.common import Proposals, command_at, no_command, prohibition_of
+from navfw.numerics import Array
 from navfw.numerics.functions import power
-from navfw.signals import Array, Command
+from navfw.signals import Command
 
 
 class ParetoFusion(Fusion):

@@ -18,12 +18,12 @@ from navfw.bench.real_benchmark import RECORDINGS, judge_result, labelled_parts,
 from navfw.bench.real_labels import FrameLabel, Judgement, SentenceVerdict
 from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
+from navfw.numerics import Image
 from navfw.perceive.overlay import draw
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.plugins import Registry
 from navfw.process.work_progress import ProgressCallback
-from navfw.signals import Image
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,9 @@ from navfw.errors import ConfigError
 from navfw.meshes.mesh_file import FURNITURE_LIMITS, read_mesh
 from navfw.meshes.mesh_outline import OutlineBox, boxes_around
 from navfw.meshes.triangle_mesh import TriangleMesh, joined
+from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.robot.urdf import attribute_numbers, origin_frame, read_urdf, urdf_error
-from navfw.signals import Array
 
 Up = Literal["y", "z"]
 

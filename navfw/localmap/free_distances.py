@@ -22,9 +22,10 @@ from navfw.localmap.ray_kernels import (
     sweep_arcs,
     sweep_body,
 )
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Array, Pose, Twist
-from navfw.signals.immutable import freeze, read_only
+from navfw.signals import Pose, Twist
+from navfw.signals.immutability import freeze, read_only
 
 _SECTORS = 48
 

@@ -17,7 +17,7 @@ import numpy as np
 from navfw.errors import WorldError
 from navfw.meshes.section_grid import SectionGrid
 from navfw.meshes.triangle_mesh import TriangleMesh
-from navfw.signals import Array, Mask
+from navfw.numerics import Array, Mask
 from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.worldgen.plan_walls import wall_rectangles
 

@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 from kernel_recording import listed_calls
 
-from navfw.kernels import groups_of, listed_kernels, parse_types
+from navfw.process import groups_of, listed_kernels, parse_types
 
 COMPILE = """
 import sys
-from navfw.kernels import parallel_compilation, Kernel
+from navfw.process import parallel_compilation, Kernel
 from navfw.guard.answer_kernels import are_degrees, are_finite, are_within
-from navfw.kernels import parse_types
+from navfw.process import parse_types
 one, two = parse_types("array(float64, 1d, C)"), parse_types("readonly array(float64, 1d, C)")
 kernels = [Kernel(str(f), f, (one, two)) for f in (are_degrees, are_finite)]
 parallel_compilation.listed_kernels = lambda loaded: kernels

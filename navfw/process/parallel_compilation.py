@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from navfw.kernels.kernel_list import Kernel, groups_of, listed_kernels
 from navfw.process.interruption import check_interrupted
+from navfw.process.kernel_list import Kernel, groups_of, listed_kernels
 from navfw.process.target_lock import TargetInUseError, TargetLock
 
 PERIOD = 0.5

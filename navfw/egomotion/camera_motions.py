@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
-from navfw.signals import Array, CameraMotion, FlowField, Odometry, Pose, wrap_angle
+from navfw.signals import CameraMotion, FlowField, Odometry, Pose, wrap_angle
 
 #: Standard deviation of the gyro's error once its bias is removed, a constant rate [rad/s].
 YAW_RATE_SIGMA = 0.003

@@ -1,0 +1,16 @@
+from .image_reduction import reduce_frame as reduce_frame
+from .lens_models import ARCTAN as ARCTAN
+from .lens_models import FISHEYE as FISHEYE
+from .lens_models import CameraCalibration as CameraCalibration
+from .lens_models import LensShape as LensShape
+from .lens_models import distort as distort
+from .lens_models import focal_for as focal_for
+from .lens_models import straighten as straighten
+from .rotations import derotate as derotate
+from .rotations import rotate_points as rotate_points
+from .rotations import rotation_matrix as rotation_matrix
+from .rotations import rotation_vector as rotation_vector
+from .rotations import rotational_flow as rotational_flow
+from .rotations import turn_point as turn_point
+from .rotations import turning_slope as turning_slope
+from .rotations import undo_turn as undo_turn

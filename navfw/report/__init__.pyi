@@ -1,0 +1,1 @@
+from .run_moments import read_moments as read_moments

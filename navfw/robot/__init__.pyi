@@ -1,0 +1,13 @@
+from .camera_effects import AutoExposure as AutoExposure
+from .camera_effects import CameraEffects as CameraEffects
+from .camera_models import CameraModel as CameraModel
+from .camera_models import LandmarkCamera as LandmarkCamera
+from .camera_models import SideCamera as SideCamera
+from .camera_models import SideViews as SideViews
+from .robot_model import DrivenUrdf as DrivenUrdf
+from .robot_model import Footprint as Footprint
+from .robot_model import OdometrySheet as OdometrySheet
+from .robot_model import RobotModel as RobotModel
+from .robotfile import RobotSpec as RobotSpec
+from .robotfile import load_robot as load_robot
+from .urdf import read_urdf as read_urdf
