@@ -16,10 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import RuleBaseError, UnknownNameError
-from navfw.fuzzy import defuzzification_kernels, inference_kernels
+from navfw.fuzzy import inference_kernels
 from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
-from navfw.fuzzy.inference_kernels import infer
-from navfw.fuzzy.interpolation_kernels import fuzzify
+from navfw.fuzzy.inference_kernels import fuzzify, infer
 from navfw.fuzzy.rulebase import RuleBase, Variable
 from navfw.numerics import Array
 from navfw.numerics.arrays import Indices
@@ -37,20 +36,20 @@ def explain(rule_base: RuleBase, firing: Array, minimum: float = 0.05) -> list[F
 
     Rules of equal strength keep the order of the rule base. A rule of strength 0 is never listed.
     """
-    found = [
+    listed = [
         FiredRule(rule=rule.sentence, strength=float(strength))
         for rule, strength in zip(rule_base.rules, firing, strict=True)
         if strength > 0.0 and strength >= minimum
     ]
-    return sorted(found, key=lambda fired: -fired["strength"])
+    return sorted(listed, key=lambda fired: -fired["strength"])
 
 
 _METHODS = {
-    "centroid": defuzzification_kernels.CENTROID,
-    "bisector": defuzzification_kernels.BISECTOR,
-    "mom": defuzzification_kernels.MOM,
-    "som": defuzzification_kernels.SOM,
-    "lom": defuzzification_kernels.LOM,
+    "centroid": inference_kernels.CENTROID,
+    "bisector": inference_kernels.BISECTOR,
+    "mom": inference_kernels.MOM,
+    "som": inference_kernels.SOM,
+    "lom": inference_kernels.LOM,
 }
 
 

@@ -54,33 +54,31 @@ class Not:
         return f"NOT {_grouped(self.clause)}"
 
 
-@dataclass(frozen=True, slots=True)
-class And:
+@dataclass(frozen=True)
+class _Joined:
+    """Two clauses joined by the word that is the name of the subclass."""
+
+    left: Clause
+    right: Clause
+
+    def __str__(self) -> str:
+        kind = type(self)
+        return f"{_grouped(self.left, kind)} {kind.__name__.upper()} {_grouped(self.right)}"
+
+
+class And(_Joined):
     """Conjunction: the smaller degree, or the product (``and: prod``)."""
 
-    left: Clause
-    right: Clause
 
-    def __str__(self) -> str:
-        return f"{_grouped(self.left, And)} AND {_grouped(self.right)}"
-
-
-@dataclass(frozen=True, slots=True)
-class Or:
+class Or(_Joined):
     """Disjunction: the larger degree."""
-
-    left: Clause
-    right: Clause
-
-    def __str__(self) -> str:
-        return f"{_grouped(self.left, Or)} OR {_grouped(self.right)}"
 
 
 Clause = Is | Not | And | Or
 
 
-def _grouped(clause: Clause, same: type[And | Or] | None = None) -> str:
-    bare = isinstance(clause, Is | Not) or (same is not None and isinstance(clause, same))
+def _grouped(clause: Clause, joined: type[_Joined] | None = None) -> str:
+    bare = isinstance(clause, Is | Not) or (joined is not None and isinstance(clause, joined))
     return str(clause) if bare else f"({clause})"
 
 
@@ -119,8 +117,8 @@ class _Token(NamedTuple):
     text: str
     column: int
 
-    def is_word(self, *words: str) -> bool:
-        return self.kind == "keyword" and self.text.upper() in words
+    def is_word(self, word: str) -> bool:
+        return self.kind == "keyword" and self.text.upper() == word
 
     def __str__(self) -> str:
         return "the end of the sentence" if self.kind == "end" else repr(self.text)
@@ -141,15 +139,15 @@ def parse_rule(sentence: str, inputs: Vocabulary, outputs: Vocabulary) -> Parsed
 
 
 def _tokens(sentence: str) -> list[_Token]:
-    found = []
+    tokens = []
     for match in _TOKEN.finditer(sentence):
         kind = str(match.lastgroup)
         text, column = match.group(kind), match.start(kind) + 1
         if kind == "name" and text.upper() in KEYWORDS:
             kind = "keyword"
-        found.append(_Token(kind, text, column))
-    found.append(_Token("end", "", len(sentence.rstrip()) + 1))
-    return found
+        tokens.append(_Token(kind, text, column))
+    tokens.append(_Token("end", "", len(sentence.rstrip()) + 1))
+    return tokens
 
 
 class _Parser:
@@ -172,6 +170,12 @@ class _Parser:
         self._next += token.kind != "end"
         return token
 
+    def _skipped(self, word: str) -> bool:
+        """Whether the next token is the keyword ``word``, which is then skipped."""
+        is_next = self._token.is_word(word)
+        self._next += is_next
+        return is_next
+
     def _error(self, problem: str, token: _Token | None = None) -> SentenceError:
         return SentenceError(problem, self._sentence, (token or self._token).column)
 
@@ -179,22 +183,20 @@ class _Parser:
         return self._error(f"expected {what}, got {self._token}")
 
     def _keyword(self, word: str, after: str = "") -> None:
-        if not self._token.is_word(word):
+        if not self._skipped(word):
             hint = ""
             if self._token.kind == "name":
                 near = did_you_mean(self._token.text.upper(), [word])
                 hint = f"; {near}" if near.startswith("did") else ""
             raise self._error(f"expected {word}{after}, got {self._token}{hint}")
-        self._advance()
 
     def rule(self) -> ParsedRule:
         self._keyword("IF")
         antecedent = self._or()
         if self._token.kind == "mark" and self._token.text == ")":
             raise self._error("expected AND, OR or THEN, got ')' without its '('")
-        if not self._token.is_word("THEN"):
+        if not self._skipped("THEN"):
             raise self._expected("AND, OR or THEN")
-        self._advance()
         conclusions = self._conclusions()
         weight = self._weight()
         if self._token.kind != "end":
@@ -203,15 +205,13 @@ class _Parser:
 
     def _or(self) -> Clause:
         clause = self._and()
-        while self._token.is_word("OR"):
-            self._advance()
+        while self._skipped("OR"):
             clause = Or(clause, self._and())
         return clause
 
     def _and(self) -> Clause:
         clause = self._not()
-        while self._token.is_word("AND"):
-            self._advance()
+        while self._skipped("AND"):
             clause = And(clause, self._not())
         return clause
 
@@ -224,8 +224,7 @@ class _Parser:
         return clause
 
     def _primary(self) -> Clause:
-        if self._token.is_word("NOT"):
-            self._advance()
+        if self._skipped("NOT"):
             return Not(self._not())
         if self._token.text == "(":
             opening = self._advance()
@@ -239,9 +238,7 @@ class _Parser:
     def _literal(self) -> Clause:
         variable = self._variable("input", self._inputs, self._outputs)
         self._keyword("IS", f" after {variable!r}")
-        negated = self._token.is_word("NOT")
-        if negated:
-            self._advance()
+        negated = self._skipped("NOT")
         terms = self._inputs[variable]
         hedges = []
         while self._token.text in HEDGES and self._token.text not in terms:
@@ -249,16 +246,16 @@ class _Parser:
         literal = Is(variable, self._term(variable, terms, HEDGES), tuple(hedges))
         return Not(literal) if negated else literal
 
-    def _variable(self, role: str, known: Vocabulary, others: Vocabulary) -> str:
+    def _variable(self, role: str, vocabulary: Vocabulary, others: Vocabulary) -> str:
         token = self._token
         if token.kind != "name":
             raise self._expected(f"an {role}" + (", NOT or '('" if role == "input" else ""))
-        if token.text not in known:
+        if token.text not in vocabulary:
             if token.text in others:
-                part = "THEN" if role == "input" else "IF"
-                hint = f"it is used after {part}; {_known(known)}"
+                side = "THEN" if role == "input" else "IF"
+                hint = f"it is used after {side}; known: {', '.join(sorted(vocabulary))}"
             else:
-                hint = did_you_mean(token.text, known)
+                hint = did_you_mean(token.text, vocabulary)
             raise self._error(f"expected an {role}, got {token}: {hint}")
         return self._advance().text
 
@@ -274,31 +271,26 @@ class _Parser:
         return self._advance().text
 
     def _conclusions(self) -> tuple[tuple[str, str], ...]:
-        found: dict[str, str] = {}
+        conclusions: dict[str, str] = {}
         while True:
             start = self._token
             output = self._variable("output", self._outputs, self._inputs)
-            if output in found:
+            if output in conclusions:
                 raise self._error(f"expected each output once, got {output!r} again", start)
             self._keyword("IS", f" after {output!r}")
-            found[output] = self._term(output, self._outputs[output])
-            if not (self._token.text == "," or self._token.is_word("AND")):
-                return tuple(found.items())
-            self._advance()
+            conclusions[output] = self._term(output, self._outputs[output])
+            if self._token.text == ",":
+                self._advance()
+            elif not self._skipped("AND"):
+                return tuple(conclusions.items())
 
     def _weight(self) -> float:
-        if not self._token.is_word("WITH"):
+        if not self._skipped("WITH"):
             return 1.0
-        self._advance()
         token = self._token
         value = float(token.text) if token.kind == "number" else -1.0
         if not 0.0 < value <= 1.0:
             raise self._expected("a weight above 0 and at most 1")
         self._advance()
-        if self._token.is_word("WEIGHT"):
-            self._advance()
+        self._skipped("WEIGHT")
         return value
-
-
-def _known(names: Iterable[str]) -> str:
-    return "known: " + ", ".join(sorted(names))

@@ -11,7 +11,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from itertools import pairwise
 
 import numpy as np
 
@@ -27,8 +27,6 @@ _SAME = 1e-13
 
 class Shape(ABC):
     """A membership function: crisp values in, degrees in [0, 1] out (arrays of the same shape)."""
-
-    kind: ClassVar[str]
 
     @abstractmethod
     def __call__(self, x: Array) -> Array:
@@ -50,63 +48,47 @@ class Shape(ABC):
         return ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Trapezoid(Shape):
-    """Zero up to a, one from b to c, zero from d; a <= b <= c <= d. Equal corners: an edge."""
+    """Zero up to a, one from b to c, zero from d; ``places`` are a <= b <= c <= d.
 
-    a: float
-    b: float
-    c: float
-    d: float
+    A triangle has three: b and c are one. Equal places make a vertical edge.
+    """
 
-    kind: ClassVar[str] = "trapezoid"
+    places: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        if not self.a <= self.b <= self.c <= self.d:
-            raise ValueError("expected four corners a <= b <= c <= d")
+        if not all(left <= right for left, right in pairwise(self.places)):
+            count = "three" if len(self.places) == 3 else "four"
+            order = " <= ".join("abcd"[: len(self.places)])
+            raise ValueError(f"expected {count} corners {order}")
 
     def __call__(self, x: Array) -> Array:
         """Linear between the corners."""
-        return _trapezoid(x, self.a, self.b, self.c, self.d)
+        (a, b), (c, d) = self.places[:2], self.places[-2:]
+        y = np.ones_like(x)
+        rising = (x < b) & (x > a)
+        falling = (x > c) & (x < d)
+        y[rising] = (x[rising] - a) / (b - a)
+        y[falling] = (d - x[falling]) / (d - c)
+        # zero outside; at a vertical edge the corner itself has degree 1
+        y[((x <= a) & (x < b)) | ((x >= d) & (x > c))] = 0.0
+        return y
 
     @property
     def corners(self) -> tuple[float, ...]:
-        """All four."""
-        return (self.a, self.b, self.c, self.d)
+        """All ``places``."""
+        return self.places
 
     @property
     def jumps(self) -> tuple[tuple[float, int], ...]:
         """Where a = b or c = d."""
-        return _jumps(self.a, self.b, self.c, self.d)
+        (a, b), (c, d) = self.places[:2], self.places[-2:]
+        return (((b, -1),) if a == b else ()) + (((c, 1),) if c == d else ())
 
 
-@dataclass(frozen=True, slots=True)
-class Triangle(Shape):
-    """Zero up to a, one at b, zero from c; a <= b <= c. Equal corners: a vertical edge."""
-
-    a: float
-    b: float
-    c: float
-
-    kind: ClassVar[str] = "triangle"
-
-    def __post_init__(self) -> None:
-        if not self.a <= self.b <= self.c:
-            raise ValueError("expected three corners a <= b <= c")
-
-    def __call__(self, x: Array) -> Array:
-        """Linear between the corners."""
-        return _trapezoid(x, self.a, self.b, self.b, self.c)
-
-    @property
-    def corners(self) -> tuple[float, ...]:
-        """All three."""
-        return (self.a, self.b, self.c)
-
-    @property
-    def jumps(self) -> tuple[tuple[float, int], ...]:
-        """Where a = b or b = c."""
-        return _jumps(self.a, self.b, self.b, self.c)
+def _trapezoid(*corners: float) -> Shape:
+    return Trapezoid(corners)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,8 +97,6 @@ class Gauss(Shape):
 
     mean: float
     sigma: float
-
-    kind: ClassVar[str] = "gauss"
 
     def __post_init__(self) -> None:
         if not self.sigma > 0:
@@ -145,8 +125,6 @@ class Sigmoid(Shape):
     centre: float
     slope: float
 
-    kind: ClassVar[str] = "sigmoid"
-
     def __post_init__(self) -> None:
         if self.slope == 0:
             raise ValueError("expected centre and slope with slope not 0")
@@ -167,28 +145,13 @@ class Sigmoid(Shape):
         return tuple(self.centre + z / self.slope for z in np.linspace(-8.0, 8.0, 33).tolist())
 
 
-def _trapezoid(x: Array, a: float, b: float, c: float, d: float) -> Array:
-    y = np.ones_like(x)
-    rising = (x < b) & (x > a)
-    falling = (x > c) & (x < d)
-    y[rising] = (x[rising] - a) / (b - a)
-    y[falling] = (d - x[falling]) / (d - c)
-    # Zero outside; at a vertical edge the corner itself has degree 1.
-    y[((x <= a) & (x < b)) | ((x >= d) & (x > c))] = 0.0
-    return y
-
-
-def _jumps(a: float, b: float, c: float, d: float) -> tuple[tuple[float, int], ...]:
-    return (((b, -1),) if a == b else ()) + (((c, 1),) if c == d else ())
-
-
-SHAPES: dict[str, tuple[type[Shape], tuple[str, ...]]] = {
-    "triangle": (Triangle, ("a", "b", "c")),
-    "trapezoid": (Trapezoid, ("a", "b", "c", "d")),
+SHAPES: dict[str, tuple[Callable[..., Shape], tuple[str, ...]]] = {
+    "triangle": (_trapezoid, ("a", "b", "c")),
+    "trapezoid": (_trapezoid, ("a", "b", "c", "d")),
     "gauss": (Gauss, ("mean", "sigma")),
     "sigmoid": (Sigmoid, ("centre", "slope")),
 }
-"""Shape classes by their name in rule files, with the names of their parameters in order."""
+"""Makers of shapes by their name in rule files, with the names of their parameters in order."""
 
 
 def make_shape(kind: str, parameters: Sequence[float]) -> Shape:

@@ -30,7 +30,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -47,15 +47,12 @@ _LIFT = 1e-300
 """Least degree of a joined conclusion given to ``skfuzzy.defuzz``; see the bisector above."""
 
 
-class ReferenceInference:
+class ReferenceInference(NamedTuple):
     """``Inference`` of the compiled evaluator, for one sample: arrays of length 1."""
 
-    def __init__(
-        self, outputs: dict[str, Array], firing: Array, degrees: dict[str, dict[str, Array]]
-    ) -> None:
-        self.outputs = outputs
-        self.firing = firing
-        self.degrees = degrees
+    outputs: dict[str, Array]
+    firing: Array
+    degrees: dict[str, dict[str, Array]]
 
 
 class ReferenceFis:

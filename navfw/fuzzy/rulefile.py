@@ -56,9 +56,9 @@ def _with_corners(document: YamlDocument, terms: TermCorners) -> YamlDocument:
     changes = []
     for name, corners in terms.items():
         inputs = document.at(("inputs",))
-        known = _member(document, inputs, name, "input").get("terms", {})
+        terms_of = _member(document, inputs, name, "input").get("terms", {})
         for term, values in corners.items():
-            kind = next(iter(_member(document, known, term, f"term of {name}")), "")
+            kind = next(iter(_member(document, terms_of, term, f"term of {name}")), "")
             text = f"terms.{name}.{term}={list(values)}"
             changes.append(Override(("inputs", name, "terms", term, kind), list(values), text))
     return apply_overrides(document, changes)
@@ -66,12 +66,12 @@ def _with_corners(document: YamlDocument, terms: TermCorners) -> YamlDocument:
 
 def _member(document: YamlDocument, mapping: Any, name: str, what: str) -> dict[str, Any]:
     """The mapping called ``name`` in ``mapping``."""
-    found = mapping.get(name) if isinstance(mapping, dict) else None
-    if not isinstance(found, dict):
-        known = mapping if isinstance(mapping, dict) else ()
-        message = f"the rule base has no {what} called {name!r}: {did_you_mean(name, known)}"
+    member = mapping.get(name) if isinstance(mapping, dict) else None
+    if not isinstance(member, dict):
+        names = mapping if isinstance(mapping, dict) else ()
+        message = f"the rule base has no {what} called {name!r}: {did_you_mean(name, names)}"
         raise RuleBaseError(message, file=document.file, key=f"terms.{name}")
-    return found
+    return member
 
 
 def parse_rule_base(text: str, source: str | None = None) -> RuleBase:

@@ -19,7 +19,7 @@ import numpy as np
 from navfw.errors import ConfigError, UnknownNameError
 from navfw.fuzzy import RuleBase, Variable
 from navfw.fuzzy.coverage import check_coverage
-from navfw.fuzzy.membership import Shape, Trapezoid, Triangle
+from navfw.fuzzy.membership import Shape, Trapezoid
 from navfw.mofis.ruled import RuledBehavior, RuledComposite
 from navfw.robot import RobotModel
 from navfw.stack.stackfile import Choice, StackConfig
@@ -89,7 +89,7 @@ class BreakPoints:
 
     def _shapes(self) -> dict[str, Shape]:
         terms = self.variable.terms.items()
-        return {name: shape for name, shape in terms if isinstance(shape, Trapezoid | Triangle)}
+        return {name: shape for name, shape in terms if isinstance(shape, Trapezoid)}
 
     def _names(self) -> list[str]:
         return [f"{self.path}[{index}]" for index in range(len(self.points) + 1)]
@@ -132,7 +132,7 @@ class BreakPoints:
 
     def _check(self, terms: Mapping[str, Sequence[float]]) -> None:
         shapes = {**self.variable.terms}
-        shapes |= {name: type(shapes[name])(*corners) for name, corners in terms.items()}
+        shapes |= {name: Trapezoid(tuple(corners)) for name, corners in terms.items()}
         changed = replace(self.variable, terms=shapes)
         inputs = {**self.base.inputs, self.variable.name: changed}
         check_coverage(replace(self.base, inputs=inputs))

@@ -1,4 +1,4 @@
-"""Compiled inner loops of window registration: affine Lucas-Kanade, one window at a time."""
+"""Compiled loops of window registration: affine Lucas-Kanade, and a field's disagreements."""
 
 from __future__ import annotations
 
@@ -286,3 +286,68 @@ def register(
             variance[r, c] = left_over * worst
             by_grey[r, c] = worst
     return vectors, gradients, score, variance, by_grey, share
+
+
+@numba.njit(cache=True)
+def find_mixtures(
+    vectors: Array, gradients: Array, trusted: Mask, x_centres: Array, y_centres: Array
+) -> Array:
+    """Disagreement (rows, cols) [px] of each window's affine motion with both its neighbours.
+
+    A window across a depth edge can fit both surfaces by a steep gradient of the flow that neither
+    surface has. Within a surface both neighbours continue a window's motion; next to an edge the
+    neighbour on the same side does. Only a mixed window disagrees with both neighbours. The result
+    is therefore the smaller disagreement of the two neighbours, of rows or columns whichever is
+    larger. For a neighbour that is missing or not ``trusted`` zero change of the flow is assumed.
+    """
+    rows, cols = trusted.shape
+    worst = np.zeros((rows, cols), np.float64)
+    for r in range(rows):
+        for c in range(cols):
+            for axis in range(2):
+                least = np.inf
+                for side in (-1, 1):
+                    i, j = (r, c + side) if axis == 0 else (r + side, c)
+                    exists = 0 <= i < rows and 0 <= j < cols
+                    centres, own = (x_centres, c) if axis == 0 else (y_centres, r)
+                    away = centres[own + side] - centres[own] if exists else centres[1] - centres[0]
+                    off_x = gradients[r, c, axis] * away
+                    off_y = gradients[r, c, 2 + axis] * away
+                    if exists and trusted[i, j]:
+                        off_x -= vectors[i, j, 0] - vectors[r, c, 0]
+                        off_y -= vectors[i, j, 1] - vectors[r, c, 1]
+                    least = min(least, math.sqrt(off_x * off_x + off_y * off_y))
+                worst[r, c] = max(worst[r, c], least)
+    return worst
+
+
+@numba.njit(cache=True)
+def roughness(vectors: Array, variance: Array, trusted: Mask, least: int) -> float:
+    """Median over the field of the second differences in units of their standard deviation.
+
+    Along a row or a column of cells three vectors of one surface lie almost on a line, so what is
+    left of ``vectors`` (rows, cols, 2) [px] in their second difference is mostly error, and has the
+    variance a + 4 b + c for three independent vectors. ``variance`` (rows, cols) [px^2] belongs to
+    a component. Only triples of ``trusted`` cells count; NaN if there are fewer than ``least``.
+    """
+    rows, cols = trusted.shape
+    ratios = np.empty(2 * rows * cols, np.float64)
+    count = 0
+    for r in range(rows):
+        for c in range(cols):
+            if not trusted[r, c]:
+                continue
+            for down, right in ((0, 1), (1, 0)):
+                i, j, k, m = r - down, c - right, r + down, c + right
+                if i < 0 or j < 0 or k >= rows or m >= cols:
+                    continue
+                if not (trusted[i, j] and trusted[k, m]):
+                    continue
+                x = vectors[i, j, 0] - 2.0 * vectors[r, c, 0] + vectors[k, m, 0]
+                y = vectors[i, j, 1] - 2.0 * vectors[r, c, 1] + vectors[k, m, 1]
+                expected = variance[i, j] + 4.0 * variance[r, c] + variance[k, m]
+                ratios[count] = math.sqrt((x * x + y * y) / expected)
+                count += 1
+    if count < least:
+        return math.nan
+    return float(np.median(ratios[:count]))
