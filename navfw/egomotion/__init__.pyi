@@ -1,8 +1,8 @@
 from .camera_motions import camera_motion as camera_motion
 from .camera_motions import with_yaw_sigma as with_yaw_sigma
 from .camera_motions import yaw_rotation as yaw_rotation
-from .epipolar_fit import epipolar_residual as epipolar_residual
-from .epipolar_fit import fit_reweighted as fit_reweighted
+from .epipolar_kernels import epipolar_residual as epipolar_residual
+from .epipolar_kernels import fit_reweighted as fit_reweighted
 from .floor_odometry import FloorOdometry as FloorOdometry
 from .floor_registration import FloorRegistration as FloorRegistration
 from .flow_egomotion import FREE_TURN as FREE_TURN

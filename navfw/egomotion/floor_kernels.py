@@ -12,7 +12,7 @@ import math
 import numba
 import numpy as np
 
-from navfw.egomotion.epipolar_fit import CAUCHY
+from navfw.egomotion.epipolar_kernels import CAUCHY
 from navfw.numerics.algebra_kernels import dot, solve_system
 from navfw.numerics.arrays import Array, Floats
 

@@ -205,49 +205,49 @@ class FloorOdometry:
 
     def _measure(self, past: FloorImage, now: FloorImage) -> bool:
         """Correct the state by the floor's motion from ``past`` to ``now``; whether it was used."""
-        known = _WIDENED * self._covariance[:3, :3] + np.diag(_MIN_KNOWN**2)
-        found = self._registered(past, now, known)
-        if found is None:
+        search_covariance = _WIDENED * self._covariance[:3, :3] + np.diag(_MIN_KNOWN**2)
+        step = self._registered(past, now, search_covariance)
+        if step is None:
             return False
-        if self._distance(found) <= GATE:
+        if self._distance(step) <= GATE:
             self._disagreed = 0
-            self._update(found)
+            self._update(step)
             return True
         # either this is no floor, or the wheels slip: then only the way along the heading is wrong
         c, s = math.cos(self._state[2]), math.sin(self._state[2])
         way = _SLIPPED * math.hypot(*self._state[:2])
         slip = way**2 * np.outer((c, s, 0.0), (c, s, 0.0))
-        found = self._registered(past, now, known + slip)
-        if found is None or found.share < CLEAR_SHARE or found.explained < _CLEAR_EXPLAINED:
+        step = self._registered(past, now, search_covariance + slip)
+        if step is None or step.share < CLEAR_SHARE or step.explained < _CLEAR_EXPLAINED:
             return False
         self._disagreed += 1
         if not self.slipping:
             return False
         self._covariance[:3, :3] += slip
-        self._update(found)
+        self._update(step)
         return True
 
-    def _registered(self, past: FloorImage, now: FloorImage, known: Array) -> FloorStep | None:
+    def _registered(self, past: FloorImage, now: FloorImage, covariance: Array) -> FloorStep | None:
         guess = Pose(*self._state[:3].tolist())
-        return self._registration.register(past, now, guess, known)
+        return self._registration.register(past, now, guess, covariance)
 
-    def _distance(self, found: FloorStep) -> float:
+    def _distance(self, step: FloorStep) -> float:
         """Squared Mahalanobis distance of ``found`` from the state."""
-        off = self._offset(found)
-        return float(product(off, solve(self._covariance[:3, :3] + found.covariance, off)))
+        off = self._offset(step)
+        return float(product(off, solve(self._covariance[:3, :3] + step.covariance, off)))
 
-    def _offset(self, found: FloorStep) -> Array:
+    def _offset(self, step: FloorStep) -> Array:
         x, y, yaw = self._state[:3].tolist()
-        pose = found.pose
+        pose = step.pose
         return np.array([pose.x - x, pose.y - y, wrap_angle(pose.yaw - yaw)])
 
-    def _update(self, found: FloorStep) -> None:
-        spread = self._covariance[:3, :3] + found.covariance
+    def _update(self, step: FloorStep) -> None:
+        spread = self._covariance[:3, :3] + step.covariance
         gain = solve(spread, self._covariance[:3, :]).T
-        self._state = self._state + product(gain, self._offset(found))
+        self._state = self._state + product(gain, self._offset(step))
         keep = np.eye(5)
         keep[:, :3] -= gain
-        noise = product(gain, found.covariance, gain.T)
+        noise = product(gain, step.covariance, gain.T)
         self._covariance = product(keep, self._covariance, keep.T) + noise
 
 

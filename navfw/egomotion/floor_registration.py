@@ -145,7 +145,7 @@ class FloorRegistration:
         start = np.array([guess.x, guess.y, guess.yaw, 0.0, 0.0])
         prior = self._known[:UNKNOWNS, :UNKNOWNS].copy()
         prior[:3, :3] = inverse(covariance)
-        found: Any = register_floor(
+        fit: Any = register_floor(
             past.grey,
             now.values,
             self._ground,
@@ -157,7 +157,7 @@ class FloorRegistration:
             _MIN_GREY,
             ITERATIONS,
         )
-        at, information, slanted, share, explained = found
+        at, information, slanted, share, explained = fit
         if share < MIN_SHARE or explained < _MIN_EXPLAINED:
             return None
         information = information / CORRELATION + self._known

@@ -162,18 +162,18 @@ def estimate_egomotion(
     motion: PointMotion, focal: float, prior: EgomotionPrior | None = None
 ) -> Egomotion:
     """The camera's motion that explains ``motion``, given what is known before."""
-    known = prior or EgomotionPrior()
+    prior = prior or EgomotionPrior()
     if int(motion.used.sum()) < MIN_VECTORS:
-        return _without_direction(MotionKind.UNKNOWN, known)
+        return _without_direction(MotionKind.UNKNOWN, prior)
     motion = replace(motion, sigma=np.hypot(motion.sigma, MODEL_SIGMA))
     arrays = (motion.points, motion.past, motion.sigma, motion.weight, focal)
-    rotation = fit_rotation(*arrays, known.rotation, known.information, 8)
+    rotation = fit_rotation(*arrays, prior.rotation, prior.information, 8)
     left = motion.points - rotate_points(motion.past, rotation, focal)
     if motion.percentile(left) < MIN_PARALLAX:
         still = motion.percentile(motion.points - motion.past) < MIN_FLOW
         kind = MotionKind.STILL if still else MotionKind.ROTATION
-        return _without_direction(kind, known, rotation)
-    return _translation(motion, focal, known)
+        return _without_direction(kind, prior, rotation)
+    return _translation(motion, focal, prior)
 
 
 def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Egomotion:
@@ -254,13 +254,13 @@ def _starts(
     )
     gap = directions - prior.direction
     cost = cost + 0.5 * ((product(gap, pull)) * gap).sum(axis=1)
-    found: list[tuple[Array, Array]] = []
+    starts: list[tuple[Array, Array]] = []
     for k in np.argsort(cost, kind="stable").tolist():
-        if all(abs(float(product(directions[k], other))) < APART for _, other in found):
-            found.append((product(rotation_matrix(turns[k]), prior.rotation), directions[k]))
-        if len(found) == _STARTS:
+        if all(abs(float(product(directions[k], other))) < APART for _, other in starts):
+            starts.append((product(rotation_matrix(turns[k]), prior.rotation), directions[k]))
+        if len(starts) == _STARTS:
             break
-    return found
+    return starts
 
 
 @cache

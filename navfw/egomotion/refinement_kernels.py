@@ -7,7 +7,7 @@ import math
 import numba
 import numpy as np
 
-from navfw.egomotion.epipolar_fit import epipolar_residual, fit_reweighted
+from navfw.egomotion.epipolar_kernels import epipolar_residual, fit_reweighted
 from navfw.numerics.arrays import Array, Mask
 
 MIN_SIGMA = 1e-6
