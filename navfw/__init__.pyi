@@ -15,7 +15,7 @@ from .errors import WorldError as WorldError
 from .features.square_localization import is_upright as is_upright
 from .features.square_localization import landmark_sizes as landmark_sizes
 from .features.square_localization import square_detection as square_detection
-from .flow.grid import grid_points as grid_points
+from .flow.grid_flow import grid_points as grid_points
 from .interfaces import Behavior as Behavior
 from .interfaces import Composite as Composite
 from .interfaces import Controller as Controller

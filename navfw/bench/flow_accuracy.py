@@ -27,8 +27,7 @@ from navfw.bench.true_pairs import (
     true_flow,
 )
 from navfw.flow.block_matching import BlockMatching
-from navfw.flow.dis import Dis
-from navfw.flow.farneback import Farneback
+from navfw.flow.dense_flow import Dis, Farneback
 from navfw.flow.ideal import Ideal
 from navfw.flow.lucas_kanade import LucasKanade
 from navfw.flow.registered import Registered

@@ -5,15 +5,15 @@ from .block_matching import judge_registration as judge_registration
 from .block_matching import uniqueness as uniqueness
 from .confidence import SIGMA_UNKNOWN as SIGMA_UNKNOWN
 from .confidence import ramp as ramp
-from .dis import Dis as Dis
+from .dense_flow import Dis as Dis
+from .dense_flow import Farneback as Farneback
 from .divergence import ContactFilter as ContactFilter
 from .divergence import Expansion as Expansion
 from .divergence import fit_expansion as fit_expansion
-from .farneback import Farneback as Farneback
 from .floor_aligned import FloorAlignedFlow as FloorAlignedFlow
-from .grid import above_horizon as above_horizon
-from .grid import grid_points as grid_points
 from .grid_flow import MatchedFlow as MatchedFlow
+from .grid_flow import above_horizon as above_horizon
+from .grid_flow import grid_points as grid_points
 from .ideal import Ideal as Ideal
 from .ideal import nearness_at as nearness_at
 from .ideal import true_vectors as true_vectors
@@ -25,5 +25,5 @@ from .registered import Registered as Registered
 from .registration import Registration as Registration
 from .registration import grid_windows as grid_windows
 from .registration import register_windows as register_windows
-from .registration import roughness as roughness
-from .registration.windows import find_mixtures as find_mixtures
+from .registration_kernels import find_mixtures as find_mixtures
+from .registration_kernels import roughness as roughness

@@ -47,14 +47,6 @@ _ramp: Any = numba.njit(cache=True, error_model="numpy")(ramp)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _uniqueness(height: float, second: float, inner: bool) -> float:
-    # ratio of the mismatches (1 - score) of the second highest score and of the peak
-    contrast = (1.0 - second) / max(1.0 - height, 1e-3)
-    low, high = _UNIQUE_INSIDE if inner else _UNIQUE_AT_EDGE
-    return float(_ramp(contrast, low, high))
-
-
-@numba.njit(cache=True)
 def uniqueness(height: Array, second: Array, inner: Mask) -> Array:
     """1 for a unique peak, 0 if another displacement fits as well (METHOD 2.9); (rows, cols).
 
@@ -64,7 +56,10 @@ def uniqueness(height: Array, second: Array, inner: Mask) -> Array:
     unique = np.empty(height.shape)
     for r in range(height.shape[0]):
         for c in range(height.shape[1]):
-            unique[r, c] = _uniqueness(height[r, c], second[r, c], inner[r, c])
+            # ratio of the mismatches (1 - score) of the second highest score and of the peak
+            contrast = (1.0 - second[r, c]) / max(1.0 - height[r, c], 1e-3)
+            low, high = _UNIQUE_INSIDE if inner[r, c] else _UNIQUE_AT_EDGE
+            unique[r, c] = _ramp(contrast, low, high)
     return unique
 
 
@@ -249,7 +244,7 @@ class BlockMatching(MatchedFlow):
         """Vectors, confidence and sigma by affine registration from the correlation's peaks."""
         p = self.params
         _, start, height, second, _, inner = find_peaks(scores)
-        found = register_windows(
+        registration = register_windows(
             now,
             past,
             self._x_windows,
@@ -261,16 +256,16 @@ class BlockMatching(MatchedFlow):
             p.weight_width,
         )
         confidence, sigma = judge_registration(
-            found.score,
-            found.share,
-            found.mixture,
-            found.sigma * np.sqrt(max(_CORRELATION_LENGTH / p.stride, 1.0)),
-            found.vectors - start,
+            registration.score,
+            registration.share,
+            registration.mixture,
+            registration.sigma * np.sqrt(max(_CORRELATION_LENGTH / p.stride, 1.0)),
+            registration.vectors - start,
             height,
             uniqueness(height, second, inner),
             (p.registered_low, p.registered_high),
         )
-        return found.vectors, confidence, sigma
+        return registration.vectors, confidence, sigma
 
     def _peaks(self, scores: Floats) -> tuple[Array, Array, Array]:
         """Vectors, confidence and sigma by quadratic interpolation of the correlation peaks."""

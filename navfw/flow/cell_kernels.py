@@ -29,13 +29,13 @@ def match_cells(
             off, steep = np.int64(0), np.int64(0)
             for y in range(r * cell, (r + 1) * cell):
                 up, down = now[abs(y - 1)], now[y + 1 if y + 1 < h else h - 2]
-                here = now[y]
+                row = now[y]
                 for x in range(c * cell, (c + 1) * cell):
                     left, right = abs(x - 1), x + 1 if x + 1 < w else w - 2
-                    off += abs(np.int64(here[x]) - np.int64(moved[y, x]))
+                    off += abs(np.int64(row[x]) - np.int64(moved[y, x]))
                     a, b = np.int64(up[left]), np.int64(down[right])
                     d, e = np.int64(up[right]), np.int64(down[left])
-                    across = b + d - a - e + 2 * (np.int64(here[right]) - np.int64(here[left]))
+                    across = b + d - a - e + 2 * (np.int64(row[right]) - np.int64(row[left]))
                     along = b + e - a - d + 2 * (np.int64(down[x]) - np.int64(up[x]))
                     steep += across * across + along * along
             good[r, c] = off < most and steep > least

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.flow.aligned_past import rotation_matters
-from navfw.interfaces import Params
 from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats
 from navfw.robot import CameraModel
@@ -44,22 +43,6 @@ def ramp(value: Array, low: float, high: float) -> Array:
     """0 below ``low``, 1 above ``high``, linear between."""
     # equal to np.clip, at a third of its cost on arrays of the size of a grid
     return np.minimum(np.maximum((value - low) / (high - low), 0.0), 1.0)
-
-
-def check_ramps(params: Params) -> None:
-    """Check that each field ``..._low`` is less than its ``..._high``.
-
-    Raises:
-        ValueError: a pair is not in that order (pydantic turns it into a validation error).
-
-    """
-    for low in type(params).model_fields:
-        if low.endswith("_low"):
-            high = low.removesuffix("_low") + "_high"
-            if getattr(params, low) >= getattr(params, high):
-                raise ValueError(
-                    f"{low} {getattr(params, low)} is not below {high} {getattr(params, high)}"
-                )
 
 
 def is_frozen(pair: FramePair, camera: CameraModel) -> bool:

@@ -6,9 +6,8 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from navfw.numerics.arrays import Array, Bytes, Floats, Indices, Int32s
+from navfw.numerics.arrays import Array, Bytes, Floats, Indices, Int32s, Mask
 
 #: Score of displacements whose window would leave the visible part of the past image.
 OUTSIDE = np.float32(-2.0)
@@ -227,16 +226,7 @@ def _templates(now: Bytes, x_windows: Indices, y_windows: Indices) -> tuple[Arra
 
 
 @numba.njit(cache=True)
-def find_peaks(
-    scores: Floats,
-) -> tuple[
-    npt.NDArray[np.int64],
-    Array,
-    Array,
-    Array,
-    Array,
-    npt.NDArray[np.bool_],
-]:
+def find_peaks(scores: Floats) -> tuple[Indices, Array, Array, Array, Array, Mask]:
     """Highest score of each window, refined to subpixel accuracy by a quadratic surface.
 
     Returns, per (row, col): ``peak`` (2,) whole-pixel displacement (dx, dy); ``fine`` (2,) the

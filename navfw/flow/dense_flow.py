@@ -1,9 +1,9 @@
-"""Base of dense flow processors: means over the grid's cells, confidence, sigma."""
+"""Dense flow processors: one mean vector per grid cell, its confidence and sigma."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated
+from typing import Annotated, ClassVar, Literal
 
 import cv2
 import numpy as np
@@ -22,6 +22,12 @@ SIGMA_FLOOR = 0.05
 _SIGMA_SCALE = 1.5
 #: Share of the standard deviation of the flow within a cell that counts as error of its mean.
 SPREAD_SHARE = 0.45
+
+_PRESETS = {
+    "ultrafast": cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
+    "fast": cv2.DISOPTICAL_FLOW_PRESET_FAST,
+    "medium": cv2.DISOPTICAL_FLOW_PRESET_MEDIUM,
+}
 
 
 class DenseFlow(MatchedFlow):
@@ -130,3 +136,70 @@ def _structure(cells: _Cells, image: Image, variance: Array) -> tuple[Array, Arr
     xx, yy, xy = (cells.mean(product) for product in gradient_products(image))
     smaller = smaller_eigenvalue(xx, yy, xy).astype(np.float64)
     return np.sqrt(smaller), smaller / np.maximum(variance, 1e-3)
+
+
+class Dis(DenseFlow):
+    """OpenCV's dense inverse search (DIS) flow, one mean vector per grid cell (METHOD 2.7)."""
+
+    name: ClassVar[str] = "dis"
+
+    class Params(DenseFlow.Params):
+        """Grid, limits of the confidence (METHOD 2.9), and OpenCV's settings."""
+
+        preset: Annotated[
+            Literal["ultrafast", "fast", "medium"], Field(description="OpenCV's preset")
+        ] = "ultrafast"
+        finest_scale: Annotated[
+            int, Field(ge=0, le=3, description="finest pyramid level, in halvings of the image")
+        ] = 0
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+        super().__init__(robot, params)
+        self._dis = cv2.DISOpticalFlow.create(_PRESETS[self.params.preset])
+        self._dis.setFinestScale(self.params.finest_scale)
+
+    def _dense(self, now: Image, past: Image) -> Floats:
+        start: Floats = np.zeros((*now.shape, 2), dtype=np.float32)
+        return np.asarray(self._dis.calc(now, past, start), dtype=np.float32)
+
+
+class Farneback(DenseFlow):
+    """OpenCV's Farneback flow, one mean vector per grid cell (Farneback 2003).
+
+    Each neighbourhood of both images is approximated by a quadratic polynomial; the displacement
+    follows from the change of its coefficients, from coarse to fine levels of a pyramid.
+    """
+
+    name: ClassVar[str] = "farneback"
+
+    class Params(DenseFlow.Params):
+        """Grid, limits of the confidence (METHOD 2.9), and OpenCV's settings."""
+
+        levels: Annotated[int, Field(ge=1, le=6, description="levels of the image pyramid")] = 3
+        window: Annotated[int, Field(ge=5, le=63, description="averaging window [px]")] = 9
+        iterations: Annotated[int, Field(ge=1, le=10, description="iterations at each level")] = 3
+        neighbourhood: Annotated[
+            int, Field(ge=5, le=9, description="side of the polynomials' support [px]")
+        ] = 5
+
+    params: Params
+
+    def _dense(self, now: Image, past: Image) -> Floats:
+        p = self.params
+        start: Floats = np.zeros((*now.shape, 2), dtype=np.float32)
+        flow = cv2.calcOpticalFlowFarneback(
+            now,
+            past,
+            start,
+            pyr_scale=0.5,
+            levels=p.levels,
+            winsize=p.window,
+            iterations=p.iterations,
+            poly_n=p.neighbourhood,
+            # as OpenCV recommends: 1.1 for 5 px, 1.5 for 7 px
+            poly_sigma=0.2 * p.neighbourhood + 0.1,
+            flags=0,
+        )
+        return np.asarray(flow, dtype=np.float32)

@@ -13,11 +13,10 @@ import math
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from navfw.flow.cell_kernels import match_cells, unwarp_cells
-from navfw.flow.grid import check_frame
-from navfw.numerics import Array, Image
+from navfw.flow.grid_flow import check_frame
+from navfw.numerics import Array, Image, Mask
 from navfw.numerics.arrays import Floats
 from navfw.numerics.linear_systems import inverse
 from navfw.numerics.products import product
@@ -41,7 +40,6 @@ _COARSE_STRIDE = 8
 """Distance [px] between matched patches in coarse mode: the patches do not overlap."""
 SIGMA = 0.2
 """Standard deviation of a cell's mean flow [px], measured on rendered frames."""
-
 
 _UNIT = np.eye(3)
 
@@ -129,7 +127,7 @@ class FloorAlignedFlow:
         shift = _UNIT + motion.translation[:, None] * self._down / height
         return np.asarray(product(self._intrinsics, motion.rotation.T, shift, self._rays))
 
-    def _matches(self, now: Image, past: Image, back: Floats) -> npt.NDArray[np.bool_]:
+    def _matches(self, now: Image, past: Image, back: Floats) -> Mask:
         """Whether the past image matches the current one along the flow, for each cell."""
         moved = cv2.remap(
             past,

@@ -1,7 +1,9 @@
-"""Bases of flow processors: the regular grid, and the steps before and after matching."""
+"""The regular sparse grid of image points at which flow is measured, and bases of processors."""
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from abc import abstractmethod
 from typing import Annotated, Self
 
@@ -10,12 +12,66 @@ from pydantic import Field, model_validator
 
 from navfw import interfaces
 from navfw.camera_geometry.rotations import rotate_points
+from navfw.errors import ConfigError
 from navfw.flow.aligned_past import align_past, visible_in_past
-from navfw.flow.confidence import SIGMA_UNKNOWN, check_ramps, is_frozen
-from navfw.flow.grid import check_frame, check_grid, grid_points
+from navfw.flow.confidence import SIGMA_UNKNOWN, is_frozen
 from navfw.numerics import Array, Image
-from navfw.robot import RobotModel
-from navfw.signals import FlowField, FramePair
+from navfw.robot import CameraModel, RobotModel
+from navfw.signals import FlowField, Frame, FramePair
+from navfw.signals.immutability import read_only
+
+
+def above_horizon(flow: FlowField, camera: CameraModel) -> FlowField:
+    """``flow`` with confidence 0 below the horizon, where a ray may meet the floor (METHOD 2.8)."""
+    falls = flow.points[..., 1] * math.cos(camera.pitch) + camera.focal * math.sin(camera.pitch)
+    return dataclasses.replace(flow, confidence=np.where(falls > 0.0, 0.0, flow.confidence))
+
+
+def check_grid(camera: CameraModel, rows: int, cols: int, owner: str) -> None:
+    """Check that ``rows`` x ``cols`` equal cells fill the camera's image.
+
+    Raises:
+        ConfigError: the image's height or width is not a multiple. The key in the message starts
+            with ``owner``, the plugin's name.
+
+    """
+    for key, count, side, size in (
+        ("rows", rows, "height", camera.height),
+        ("cols", cols, "width", camera.width),
+    ):
+        if size % count:
+            divisors = [n for n in range(4, size // 4 + 1) if size % n == 0]
+            nearest = sorted(sorted(divisors, key=lambda n: abs(n - count))[:4])
+            possible = ", ".join(map(str, nearest)) or "none"
+            raise ConfigError(
+                f"{count} cells cannot divide the image {side} of {size} px equally; "
+                f"possible nearby: {possible}",
+                key=f"{owner}.{key}",
+            )
+
+
+def grid_points(camera: CameraModel, rows: int, cols: int) -> Array:
+    """(rows, cols, 2) centres of the grid's cells [px, relative to the principal point]."""
+    x = (np.arange(cols) + 0.5) * (camera.width / cols) - 0.5 * camera.width
+    y = (np.arange(rows) + 0.5) * (camera.height / rows) - 0.5 * camera.height
+    return read_only(np.stack(np.meshgrid(x, y), axis=-1))
+
+
+def check_frame(frame: Frame, camera: CameraModel) -> None:
+    """Check that ``frame`` has the camera's size and is uint8 luminance.
+
+    Raises:
+        ConfigError: size or type differ.
+
+    """
+    image = frame.image
+    if image.shape != (camera.height, camera.width) or image.dtype != np.uint8:
+        size = " x ".join(map(str, image.shape[::-1]))
+        raise ConfigError(
+            f"the frame at {frame.time:.3f} s is {size} {image.dtype}, but the camera model "
+            f"specifies {camera.width} x {camera.height} uint8 luminance",
+            key="camera",
+        )
 
 
 class GridFlow(interfaces.FlowProcessor):
@@ -29,7 +85,12 @@ class GridFlow(interfaces.FlowProcessor):
 
         @model_validator(mode="after")
         def _ramps_rise(self) -> Self:
-            check_ramps(self)
+            for low in type(self).model_fields:
+                high = low.removesuffix("_low") + "_high"
+                if low.endswith("_low") and getattr(self, low) >= getattr(self, high):
+                    raise ValueError(
+                        f"{low} {getattr(self, low)} is not below {high} {getattr(self, high)}"
+                    )
             return self
 
     params: Params

@@ -10,18 +10,15 @@ from __future__ import annotations
 from typing import ClassVar, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from navfw.errors import PluginError
 from navfw.flow.confidence import SIGMA_UNKNOWN
-from navfw.flow.grid import check_frame
-from navfw.flow.grid_flow import GridFlow
+from navfw.flow.grid_flow import GridFlow, check_frame
 from navfw.numerics import Array
+from navfw.numerics.arrays import Floats
 from navfw.numerics.products import product
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair
-
-Depth = npt.NDArray[np.float32]
 
 #: Standard deviation reported with ideal flow [px].
 SIGMA = 0.02
@@ -32,7 +29,7 @@ ONE_SURFACE = 1.15
 class TruthSource(Protocol):
     """Source of ground truth: the simulator, made accessible by a mission or a benchmark."""
 
-    def depth(self, frame: Frame) -> Depth:
+    def depth(self, frame: Frame) -> Floats:
         """True depth (height, width) [m] along the optical axis of ``frame``; inf: no surface."""
         ...
 
@@ -90,7 +87,7 @@ class Ideal(GridFlow):
         )
 
 
-def nearness_at(points: Array, depth: Depth, camera: CameraModel) -> Array:
+def nearness_at(points: Array, depth: Floats, camera: CameraModel) -> Array:
     """Nearness 1/Z [1/m] at image ``points`` (..., 2) [px], interpolated in ``depth``.
 
     Nearness is affine over the image of a plane, so bilinear interpolation is exact on planes.

@@ -16,8 +16,7 @@ from navfw.flow.confidence import (
     ramp,
     smaller_eigenvalue,
 )
-from navfw.flow.grid import grid_points
-from navfw.flow.grid_flow import MatchedFlow
+from navfw.flow.grid_flow import MatchedFlow, grid_points
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
 
@@ -75,14 +74,14 @@ class LucasKanade(MatchedFlow):
         self, now: Image, past: Image, visible: tuple[int, int, int, int]
     ) -> tuple[Array, Array, Array]:
         p = self.params
-        there, returned, residual = self._track(now, past, visible)
+        origins, returned, residual = self._track(now, past, visible)
         gradient, contrast = _texture(now, self._seeds, p.window)
         trust = 1.0 - ramp(returned, p.return_low, p.return_high)
         trust *= 1.0 - ramp(residual / np.maximum(contrast, 1.0), p.residual_low, p.residual_high)
         trust *= ramp(gradient, p.gradient_low, p.gradient_high)
         noise = _NOISE_SCALE * residual / (np.maximum(gradient, 0.1) * p.window)
-        own = noise**2 + (_RETURN_SHARE * np.minimum(returned, SIGMA_UNKNOWN)) ** 2
-        vectors, confidence, variance = _cells(self._seeds - there, trust, own)
+        point_variance = noise**2 + (_RETURN_SHARE * np.minimum(returned, SIGMA_UNKNOWN)) ** 2
+        vectors, confidence, variance = _cells(self._seeds - origins, trust, point_variance)
         spread = SPREAD_SHARE / p.points * local_spread(vectors, confidence)
         return vectors, confidence, np.sqrt(variance + spread**2 + SIGMA_FLOOR**2)
 
@@ -96,20 +95,20 @@ class LucasKanade(MatchedFlow):
         p = self.params
         size = (p.window, p.window)
         seeds = self._seeds.reshape(-1, 1, 2).astype(np.float32)
-        there, found, error = cv2.calcOpticalFlowPyrLK(
+        origins, is_tracked, error = cv2.calcOpticalFlowPyrLK(
             now, past, seeds, seeds.copy(), winSize=size, maxLevel=p.levels
         )
-        back, kept, _ = cv2.calcOpticalFlowPyrLK(
-            past, now, there, np.array(there), winSize=size, maxLevel=p.levels
+        back, is_returned, _ = cv2.calcOpticalFlowPyrLK(
+            past, now, origins, np.array(origins), winSize=size, maxLevel=p.levels
         )
-        there, found, error = np.asarray(there), np.asarray(found), np.asarray(error)
+        origins, is_tracked, error = np.asarray(origins), np.asarray(is_tracked), np.asarray(error)
         shape = self._seeds.shape[:-1]
         off = np.linalg.norm(np.asarray(back) - seeds, axis=-1).reshape(shape).astype(np.float64)
-        x, y = there[:, 0, 0].reshape(shape), there[:, 0, 1].reshape(shape)
-        good = (found.reshape(shape) > 0) & (np.asarray(kept).reshape(shape) > 0)
+        x, y = origins[:, 0, 0].reshape(shape), origins[:, 0, 1].reshape(shape)
+        good = (is_tracked.reshape(shape) > 0) & (np.asarray(is_returned).reshape(shape) > 0)
         good &= is_visible(x, y, visible)
         return (
-            there.reshape(*shape, 2).astype(np.float64),
+            origins.reshape(*shape, 2).astype(np.float64),
             np.where(good, off, np.inf),
             # the residual of a lost point is undefined
             np.where(good, error.reshape(shape), np.float32(255.0)).astype(np.float64),
@@ -149,11 +148,11 @@ def _cells(tracks: Array, trust: Array, variance: Array) -> tuple[Array, Array, 
         return tracks[..., 0, :], trust[..., 0], variance[..., 0]
     good = trust > 0.0
     none = np.asarray(~good.any(axis=-1, keepdims=True))
-    kept = np.where((good | none)[..., None], tracks, np.nan)
-    vectors: Array = np.nanmedian(kept, axis=2)
+    usable = np.where((good | none)[..., None], tracks, np.nan)
+    vectors: Array = np.nanmedian(usable, axis=2)
     apart = np.where(good, np.linalg.norm(tracks - vectors[..., None, :], axis=-1), 0.0)
     count = np.maximum(good.sum(axis=-1), 1)
     disagreement = (apart**2).sum(axis=-1) / count
-    own = np.where(good, variance, 0.0).sum(axis=-1) / count
+    mean_variance = np.where(good, variance, 0.0).sum(axis=-1) / count
     # the mean confidence of all points of a cell, lost ones included
-    return vectors, trust.mean(axis=-1), own + _CELL_SHARE**2 * disagreement
+    return vectors, trust.mean(axis=-1), mean_variance + _CELL_SHARE**2 * disagreement

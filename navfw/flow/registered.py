@@ -11,7 +11,8 @@ from pydantic import Field
 
 from navfw.flow.confidence import ramp
 from navfw.flow.grid_flow import MatchedFlow
-from navfw.flow.registration import grid_windows, register_windows, roughness
+from navfw.flow.registration import grid_windows, register_windows
+from navfw.flow.registration_kernels import roughness
 from navfw.numerics import Array, Image
 from navfw.robot import RobotModel
 from navfw.signals.immutability import read_only
@@ -108,7 +109,7 @@ class Registered(MatchedFlow):
     ) -> tuple[Array, Array, Array]:
         p = self.params
         now, past = np.ascontiguousarray(now), np.ascontiguousarray(past)
-        found = register_windows(
+        registration = register_windows(
             now,
             past,
             self._x_windows,
@@ -119,18 +120,18 @@ class Registered(MatchedFlow):
             p.stride,
             p.weight_width,
         )
-        likely = (found.score > LIKELY[0]) & (found.share > LIKELY[1])
-        grey = np.where(likely, found.sensitivity, 0.0)
-        variance = found.sigma**2 + (_ROUNDING * grey) ** 2 + FLOOR**2
-        rough = roughness(found.vectors, variance, likely, _MIN_TRIPLES)
+        likely = (registration.score > LIKELY[0]) & (registration.share > LIKELY[1])
+        grey = np.where(likely, registration.sensitivity, 0.0)
+        variance = registration.sigma**2 + (_ROUNDING * grey) ** 2 + FLOOR**2
+        rough = roughness(registration.vectors, variance, likely, _MIN_TRIPLES)
         rough = UNKNOWN_ROUGHNESS if math.isnan(rough) else rough
         rough = min(max(rough, ROUGHNESS_RANGE[0]), ROUGHNESS_RANGE[1])
-        variance += (_COMMON_GREY * grey) ** 2 + (MIXTURE_SHARE * found.mixture) ** 2
+        variance += (_COMMON_GREY * grey) ** 2 + (MIXTURE_SHARE * registration.mixture) ** 2
         sigma = (rough / _USUAL_ROUGHNESS) ** ROUGHNESS_POWER * np.sqrt(variance)
-        confidence = ramp(found.score, p.registered_low, p.registered_high)
-        confidence *= ramp(found.share, 0.6, 0.9)
+        confidence = ramp(registration.score, p.registered_low, p.registered_high)
+        confidence *= ramp(registration.share, 0.6, 0.9)
         confidence *= np.minimum((p.sigma_full / sigma) ** 2, 1.0) * (sigma <= p.sigma_max)
-        return found.vectors, confidence, sigma
+        return registration.vectors, confidence, sigma
 
     def _coarse(self, now: Image, past: Image) -> Array:
         """Displacements (rows, cols, 2) [px], now - past, of the windows by dense search."""

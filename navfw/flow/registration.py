@@ -15,7 +15,6 @@ from navfw.numerics import Image
 from navfw.numerics.arrays import Array, Floats, Indices, Mask
 from navfw.numerics.functions import exp
 
-
 #: Standard deviation of the smoothing before registration [px]: without it interpolation is wrong
 #: at edges.
 SMOOTHING = 0.8

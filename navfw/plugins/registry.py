@@ -24,8 +24,8 @@ BUILT_IN: dict[str, dict[str, str]] = {
     "behavior": {"navground": "navfw.mofis.navground:Navground"},
     "flow": {
         "block_matching": "navfw.flow.block_matching:BlockMatching",
-        "dis": "navfw.flow.dis:Dis",
-        "farneback": "navfw.flow.farneback:Farneback",
+        "dis": "navfw.flow.dense_flow:Dis",
+        "farneback": "navfw.flow.dense_flow:Farneback",
         "ideal": "navfw.flow.ideal:Ideal",
         "lucas_kanade": "navfw.flow.lucas_kanade:LucasKanade",
         "registered": "navfw.flow.registered:Registered",

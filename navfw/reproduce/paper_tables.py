@@ -19,7 +19,7 @@ from navfw.config.lookup import find
 from navfw.egomotion.camera_motions import camera_motion
 from navfw.egomotion.refinement import refine
 from navfw.flow.block_matching import BlockMatching
-from navfw.flow.grid import grid_points
+from navfw.flow.grid_flow import grid_points
 from navfw.offis.offis import Offis
 from navfw.reproduce.paper_scenes import (
     COLS,

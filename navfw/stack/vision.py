@@ -8,7 +8,7 @@ from navfw.camera_geometry.rotations import derotate
 from navfw.egomotion.camera_motions import with_yaw_sigma
 from navfw.egomotion.pairing import FrameBuffer
 from navfw.egomotion.refinement import refine
-from navfw.flow.grid import above_horizon
+from navfw.flow.grid_flow import above_horizon
 from navfw.guard.guarded_stages import GuardedFlow, GuardedPerception
 from navfw.movers import MultiViewDetector
 from navfw.robot import RobotModel
