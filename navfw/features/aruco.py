@@ -60,13 +60,13 @@ class Aruco(FeatureRecognizer):
 
     def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
         """All upright markers in ``frame``, ordered by id; of two with one id the larger."""
-        found, ids, _ = self._detector.detectMarkers(frame.image)
+        quads, ids, _ = self._detector.detectMarkers(frame.image)
         if ids is None or not len(ids):
             return ()
         largest: dict[int, tuple[float, LandmarkDetection]] = {}
         height, width = frame.image.shape
         camera = self.robot.landmark_view.model_copy(update={"width": width, "height": height})
-        for quad, number in zip(found, map(int, np.ravel(ids)), strict=True):
+        for quad, number in zip(quads, map(int, np.ravel(ids)), strict=True):
             pixels = np.asarray(quad, np.float64).reshape(4, 2)
             tall = float(min(pixels[3, 1] - pixels[0, 1], pixels[2, 1] - pixels[1, 1]))
             if tall < self.params.smallest or not is_upright(pixels):

@@ -31,21 +31,25 @@ class Landmarks(FeatureRecognizer):
 
     def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
         super().__init__(robot, params)
-        self._parts: tuple[FeatureRecognizer, ...] = (
+        self._recognizers: tuple[FeatureRecognizer, ...] = (
             Aruco(robot, self.params.aruco),
             Posters(robot, self.params.posters),
         )
 
     def reset(self) -> None:
         """Reset both recognisers."""
-        for part in self._parts:
-            part.reset()
+        for recognizer in self._recognizers:
+            recognizer.reset()
 
     def set_map(self, topo_map: TopoMap) -> None:
         """Set the map, which gives the landmarks' sizes and the posters to detect."""
-        for part in self._parts:
-            part.set_map(topo_map)
+        for recognizer in self._recognizers:
+            recognizer.set_map(topo_map)
 
     def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
         """All markers, then all posters, in ``frame``."""
-        return tuple(detection for part in self._parts for detection in part.recognize(frame))
+        return tuple(
+            detection
+            for recognizer in self._recognizers
+            for detection in recognizer.recognize(frame)
+        )

@@ -129,10 +129,10 @@ class Posters(FeatureRecognizer):
         points, descriptors = [np.zeros((0, 2))], [np.zeros((0, 32), np.uint8)]
         for side in _SIDES:
             scaled = cv2.resize(picture, (side, side), interpolation=cv2.INTER_AREA)
-            keypoints, found = self._template_orb.detectAndCompute(scaled, None)
-            if found is not None:
+            keypoints, binary = self._template_orb.detectAndCompute(scaled, None)
+            if binary is not None:
                 points.append((np.array([k.pt for k in keypoints]) + 0.5) / side)
-                descriptors.append(found.astype(np.uint8, copy=False))
+                descriptors.append(binary.astype(np.uint8, copy=False))
         return _PosterTemplate(number, np.concatenate(points), np.concatenate(descriptors))
 
     def _find(self, template: _PosterTemplate, points: Array, descriptors: Image) -> Array | None:
@@ -149,13 +149,15 @@ class Posters(FeatureRecognizer):
         ]
         if len(good) < least:
             return None
-        there = template.points[[match.queryIdx for match in good]]
-        here = points[[match.trainIdx for match in good]]
-        homography, mask = cv2.findHomography(there, here, cv2.USAC_DEFAULT, _INLIER_DISTANCE)
+        template_points = template.points[[match.queryIdx for match in good]]
+        frame_points = points[[match.trainIdx for match in good]]
+        homography, mask = cv2.findHomography(
+            template_points, frame_points, cv2.USAC_DEFAULT, _INLIER_DISTANCE
+        )
         if homography is None or int(np.count_nonzero(mask)) < least:
             return None
         # count points of the frame matched twice only once
-        agreed = {tuple(point) for point in np.rint(here[np.ravel(mask) > 0]).tolist()}
+        agreed = {tuple(point) for point in np.rint(frame_points[np.ravel(mask) > 0]).tolist()}
         square = np.array([[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]])
         corners = cv2.perspectiveTransform(square, homography)[0].astype(np.float64)
         return corners if len(agreed) >= least and _plausible(corners) else None

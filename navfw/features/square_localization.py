@@ -65,11 +65,11 @@ def locate_with_covariance(
     """
     shifts = _STEP * np.eye(8).reshape(8, 4, 2)
     varied = locate(np.concatenate([corners[None], corners + shifts]), side, camera)
-    found = varied[0]
-    jacobian = (varied[1:] - found) / _STEP
+    located = varied[0]
+    jacobian = (varied[1:] - located) / _STEP
     covariance = product(sigma**2 * jacobian.T, jacobian)
-    covariance += np.diag([_BEARING_FLOOR**2, (_RANGE_FLOOR * found[1]) ** 2])
-    return found, covariance
+    covariance += np.diag([_BEARING_FLOOR**2, (_RANGE_FLOOR * located[1]) ** 2])
+    return located, covariance
 
 
 def is_upright(corners: Array) -> bool:

@@ -54,7 +54,7 @@ def locate_moving_objects(flow: FlowField, camera: CameraModel) -> tuple[MovingO
         return ()
     count, labels = cv2.connectedComponents(moving.view(np.uint8), connectivity=8)
     sizes = np.bincount(labels.ravel(), minlength=count)
-    found = []
+    objects = []
     for label in range(1, count):
         if sizes[label] >= MIN_CELLS:
             detection = _locate(flow, fall, labels == label, camera)
@@ -62,8 +62,8 @@ def locate_moving_objects(flow: FlowField, camera: CameraModel) -> tuple[MovingO
                 detection is not None
                 and _SPEEDS[0] <= math.hypot(*detection.velocity()) <= _SPEEDS[1]
             ):
-                found.append(detection)
-    return tuple(sorted(found, key=lambda detection: -detection.bearing))
+                objects.append(detection)
+    return tuple(sorted(objects, key=lambda detection: -detection.bearing))
 
 
 def _locate(flow: FlowField, fall: Array, cells: Mask, camera: CameraModel) -> MovingObject | None:
@@ -91,10 +91,10 @@ def _quantile(values: Array, share: float) -> float:
     place = share * (ordered.size - 1)
     low = int(place)
     below, above = float(ordered[low]), float(ordered[min(low + 1, ordered.size - 1)])
-    part = place - low
-    if part >= 0.5:
-        return above - (above - below) * (1.0 - part)
-    return below + (above - below) * part
+    fraction = place - low
+    if fraction >= 0.5:
+        return above - (above - below) * (1.0 - fraction)
+    return below + (above - below) * fraction
 
 
 def _velocity(

@@ -176,12 +176,12 @@ class Tracker:
 
         They are the same object; the track takes over the largest number of hits.
         """
-        here = track.predict(track.time)
+        position = track.predict(track.time)
         duplicates = [
             other
             for other in self.tracks
             if other.time != track.time
-            and math.dist(other.predict(track.time), here) <= MERGE_DISTANCE
+            and math.dist(other.predict(track.time), position) <= MERGE_DISTANCE
         ]
         track.hits = max((track.hits, *(duplicate.hits for duplicate in duplicates)))
         self.tracks = [other for other in self.tracks if other not in duplicates]

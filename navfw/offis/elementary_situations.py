@@ -118,8 +118,8 @@ def find_situations(
     in_table = infer(
         load_system("situation"), {"left": slopes.value[:1], "right": slopes.value[1:]}
     )
-    found = in_table.result.first("situation")
-    table = {name: support * found[name.replace(" ", "_")] for name in TABLE}
+    concluded = in_table.result.first("situation")
+    table = {name: support * concluded[name.replace(" ", "_")] for name in TABLE}
     table["unknown"] = max(table["unknown"], 1.0 - support)
 
     in_front = infer(

@@ -128,7 +128,7 @@ def find_blind_borders(
     ``longest`` [px] is the longest vector that the flow processor can measure.
     """
     motion = flow.motion
-    found = blind_border(
+    columns = blind_border(
         flow.points.reshape(-1, 2),
         geometry.fall,
         geometry.column,
@@ -140,12 +140,12 @@ def find_blind_borders(
         float(motion.translation[2]),
         longest,
     )
-    evaluation = infer_rows(load_system("border"), np.ascontiguousarray(found[:, :2].T))
-    degree = evaluation.degree("border", "near") * (found[:, 1] >= 0.0)
+    evaluation = infer_rows(load_system("border"), np.ascontiguousarray(columns[:, :2].T))
+    degree = evaluation.degree("border", "near") * (columns[:, 1] >= 0.0)
     hidden = np.zeros((2, flow.shape[1]))
-    last_left, first_right = int(found[0, 3]), int(found[1, 3])
+    last_left, first_right = int(columns[0, 3]), int(columns[1, 3])
     if degree[0] > 0.0:
-        hidden[0, : last_left + 1], hidden[1, : last_left + 1] = _BEYOND * found[0, 2], degree[0]
+        hidden[0, : last_left + 1], hidden[1, : last_left + 1] = _BEYOND * columns[0, 2], degree[0]
     if degree[1] > 0.0:
-        hidden[0, first_right:], hidden[1, first_right:] = _BEYOND * found[1, 2], degree[1]
+        hidden[0, first_right:], hidden[1, first_right:] = _BEYOND * columns[1, 2], degree[1]
     return BlindBorders(hidden, evaluation)

@@ -47,13 +47,13 @@ def nearest_objects(
     """
     sizes, shown, same = size.tolist(), present.tolist(), planes.same.tolist()
     terms = distances.term.tolist()
-    found: dict[str, dict[str, str]] = {}
+    obstacles: dict[str, dict[str, str]] = {}
     families = [0]
     for layer in range(1, pyramid.layers + 1):
         chosen = [r for first in families for r in _biggest(first, sizes, shown, same)]
-        found[f"layer{layer}"] = {pyramid.names[r]: TERMS[terms[r]] for r in sorted(chosen)}
+        obstacles[f"layer{layer}"] = {pyramid.names[r]: TERMS[terms[r]] for r in sorted(chosen)}
         families = [child for r in chosen if (child := pyramid.first_child(r)) is not None]
-    return found
+    return obstacles
 
 
 def common_regions(
@@ -201,10 +201,10 @@ class Offis(Perception):
         """
         geometry = self._geometry_of(flow.points)
         seen, height, label = self._cells(flow, geometry)
-        found = self._infer(flow, twist, geometry, seen, label)
+        results = self._infer(flow, twist, geometry, seen, label)
         if alternatives:
-            found = self._settle(found, alternatives, twist, geometry)
-        degrees, situations = found.distances.degrees, found.situations
+            results = self._settle(results, alternatives, twist, geometry)
+        degrees, situations = results.distances.degrees, results.situations
         return Percept(
             time=flow.time,
             points=flow.points,
@@ -213,25 +213,25 @@ class Offis(Perception):
             confidence=seen.confidence,
             height=height,
             label=label,
-            obstacles=found.obstacles,
+            obstacles=results.obstacles,
             quadrants={
                 quadrant: dict(zip(TERMS, degrees[:, i].tolist(), strict=True))
                 for i, quadrant in enumerate(QUADRANTS)
             },
             planes={
-                f"{QUADRANTS[i]}-{QUADRANTS[j]}": float(found.planes.plane[k])
+                f"{QUADRANTS[i]}-{QUADRANTS[j]}": float(results.planes.plane[k])
                 for k, (i, j) in enumerate(NEIGHBOURS)
             },
-            slopes=dict(zip(SIDES, found.slopes.codes, strict=True)),
+            slopes=dict(zip(SIDES, results.slopes.codes, strict=True)),
             situations=situations.degrees,
             floor_in_front=situations.floor_in_front,
             sentence=report(
-                found.obstacles,
+                results.obstacles,
                 situations.front,
                 situations.floor_in_front >= FLOOR_IN_FRONT,
-                found.known,
+                results.known,
             ),
-            explanation=PerceptExplanation(found),
+            explanation=PerceptExplanation(results),
         )
 
     def _cells(
@@ -248,7 +248,7 @@ class Offis(Perception):
 
     def _settle(
         self,
-        found: OffisResults,
+        results: OffisResults,
         alternatives: Sequence[FlowField],
         twist: Twist,
         geometry: GridGeometry,
@@ -258,10 +258,12 @@ class Offis(Perception):
         for flow in alternatives:
             seen, _, label = self._cells(flow, geometry)
             others.append(self._infer(flow, twist, geometry, seen, label))
-        obstacles = common_regions(found.obstacles, [other.obstacles for other in others])
-        empty = all(other.known and not other.obstacles["layer1"] for other in (found, *others))
+        obstacles = common_regions(results.obstacles, [other.obstacles for other in others])
+        empty = all(other.known and not other.obstacles["layer1"] for other in (results, *others))
         return replace(
-            found, obstacles=obstacles, known=found.known and (bool(obstacles["layer1"]) or empty)
+            results,
+            obstacles=obstacles,
+            known=results.known and (bool(obstacles["layer1"]) or empty),
         )
 
     def _infer(

@@ -298,17 +298,17 @@ def object_nearness(
     values, weights, known = np.empty((3, n)), np.empty((3, n)), np.zeros(n)
     for i in range(n):
         value, share = nearness[i], weight[i]
-        at, edge, trust = 0.0, 0.0, 0.0
+        wall, edge, trust = 0.0, 0.0, 0.0
         for half in range(2):
             if halves[half, i] and support[half] > 0.0:
-                here = slant[half] * lateral[i] + front[half] * ahead[i]
-                if here > at:
-                    at, trust = here, support[half]
-                    edge = max(slant[half] * lateral_edge[i] + front[half] * ahead[i], at)
+                in_plane = slant[half] * lateral[i] + front[half] * ahead[i]
+                if in_plane > wall:
+                    wall, trust = in_plane, support[half]
+                    edge = max(slant[half] * lateral_edge[i] + front[half] * ahead[i], wall)
         floor = max(fall[i], 0.0) / mount
         if weight[i] > 0.0:
-            width = 2.5 * sigma[i] + 0.08 * at + 0.02
-            if at > 0.0 and abs(nearness[i] - at) < width and at > floor:
+            width = 2.5 * sigma[i] + 0.08 * wall + 0.02
+            if wall > 0.0 and abs(nearness[i] - wall) < width and wall > floor:
                 value += trust * (edge * nearer[column[i]] - nearness[i])
             elif floor > 0.0:
                 # an obstacle may be badly measured floor: it must differ clearly from the floor
@@ -316,7 +316,7 @@ def object_nearness(
                 clear = (nearness[i] - floor) / spread
                 share *= min(max(0.5 * (clear - 2.0), 0.0), 1.0)
         elif floor_seen[i] == 0.0:
-            if at > max(floor, 0.05) and mount - fall[i] / at < wall_height:
+            if wall > max(floor, 0.05) and mount - fall[i] / wall < wall_height:
                 value, share = edge * nearer[column[i]], 0.5 * trust
             hidden, degree = border[0, column[i]], border[1, column[i]]
             if degree > 0.0 and hidden > floor and mount - fall[i] / hidden < wall_height:

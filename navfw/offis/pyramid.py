@@ -92,8 +92,8 @@ class Pyramid:
             children = []
             for parent, rectangle in parents:
                 prefix = "P" if layer == 0 else parent if layer > 1 else f"s{parent}"
-                for i, part in enumerate(_split(rectangle)):
-                    children.append((f"{prefix}{i + 1}", part))
+                for i, quarter in enumerate(_split(rectangle)):
+                    children.append((f"{prefix}{i + 1}", quarter))
             self.names += [name for name, _ in children]
             rectangles += [rectangle for _, rectangle in children]
             parents = children

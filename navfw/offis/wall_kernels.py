@@ -141,30 +141,30 @@ def _fit_planes(
     for i in range(n):
         if weight[i] <= 0.0:
             continue
-        for part in range(3):
-            if part == 2 or halves[part, i]:
-                k = counts[part]
-                cells[part, 0, k], cells[part, 1, k] = lateral[i], ahead[i]
-                cells[part, 2, k], cells[part, 3, k] = nearness[i], weight[i]
-                cells[part, 4, k] = sigma[i]
-                counts[part] += 1
+        for fit in range(3):
+            if fit == 2 or halves[fit, i]:
+                k = counts[fit]
+                cells[fit, 0, k], cells[fit, 1, k] = lateral[i], ahead[i]
+                cells[fit, 2, k], cells[fit, 3, k] = nearness[i], weight[i]
+                cells[fit, 4, k] = sigma[i]
+                counts[fit] += 1
     result = np.zeros((3, 4))
-    for part in range(3):
-        own = cells[part, :, : counts[part]]
-        result[part, 3] = own[3].sum()
-        if counts[part] < 3:
+    for fit in range(3):
+        members = cells[fit, :, : counts[fit]]
+        result[fit, 3] = members[3].sum()
+        if counts[fit] < 3:
             continue
-        middle = 0.5 * np.abs(own[0]).max()
+        middle = 0.5 * np.abs(members[0]).max()
         for start in range(3):
             # starts: fits to all cells, to the outer and to the inner ones; for the whole image, to
             # all cells and the planes of the halves
-            if part == 2 and start > 0:
+            if fit == 2 and start > 0:
                 slant, front = result[start - 1, 0], result[start - 1, 1]
             else:
-                slant, front = _least_squares(own, start, middle)
-            slant, front, explained = _settle(own, slant, front)
-            if explained > result[part, 2]:
-                result[part, 0], result[part, 1], result[part, 2] = slant, front, explained
+                slant, front = _least_squares(members, start, middle)
+            slant, front, explained = _settle(members, slant, front)
+            if explained > result[fit, 2]:
+                result[fit, 0], result[fit, 1], result[fit, 2] = slant, front, explained
     return result
 
 

@@ -62,7 +62,7 @@ class Walls:
 
 def find_walls(geometry: GridGeometry, seen: Nearness, weight: Array) -> Walls:
     """Fit the walls to ``seen`` with ``weight`` (n,); cells of weight 0 are left out."""
-    found, nearer = find_wall_planes(
+    planes, nearer = find_wall_planes(
         geometry.lateral,
         geometry.ahead,
         geometry.fall,
@@ -74,20 +74,20 @@ def find_walls(geometry: GridGeometry, seen: Nearness, weight: Array) -> Walls:
         seen.confidence.reshape(-1),
         geometry.mount_height,
     )
-    (left, right, (shared, opening, *step)) = found.tolist()
+    (left, right, (shared, opening, *step)) = planes.tolist()
     most = max(left[2], right[2])
     cells = ENOUGH * geometry.half_cells
     inclines, explained, support = [], [], []
-    for slant, front, part, total in ((-left[0], *left[1:]), right):
+    for slant, front, inliers, total in ((-left[0], *left[1:]), right):
         inclines.append(min(max(math.atan2(slant, front), -0.5 * math.pi), 0.5 * math.pi))
-        explained.append(part / max(total, 1e-9))
+        explained.append(inliers / max(total, 1e-9))
         # one wall across both halves is supported by the cells of both
-        carried = min((part + shared * (most - part)) / cells, 1.0)
+        carried = min((inliers + shared * (most - inliers)) / cells, 1.0)
         near = (math.hypot(slant, front) - _MAX_WALL_OFFSET) / (_SURE_WALL - _MAX_WALL_OFFSET)
         support.append(carried * min(max(near, 0.0), 1.0))
     return Walls(
-        slant=found[:2, 0],
-        front=found[:2, 1],
+        slant=planes[:2, 0],
+        front=planes[:2, 1],
         incline=np.array(inclines),
         explained=np.array(explained),
         support=np.array(support),
