@@ -170,8 +170,10 @@ class FloorOdometry:
         if dt <= 0.0:
             return
         if now.still:
-            self._covariance[4, 4] += self._walk * dt
-            self._take_bias(now)
+            # the odometer knows the bias of a robot at rest
+            self._state[4] = now.yaw_bias
+            self._covariance[4, :] = self._covariance[:, 4] = 0.0
+            self._covariance[4, 4] = self._bias_prior
             return
         moved = last.pose.relative(now.pose)
         x, y, yaw, share, bias = self._state.tolist()
@@ -196,12 +198,6 @@ class FloorOdometry:
         self._covariance[2, 2] += self._gyro * dt + (1e-3 * moved.yaw) ** 2
         self._covariance[3, 3] += _CALIBRATION_WALK**2 * way
         self._covariance[4, 4] += self._walk * dt
-
-    def _take_bias(self, now: Odometry) -> None:
-        """The odometer knows the bias of a robot at rest."""
-        self._state[4] = now.yaw_bias
-        self._covariance[4, :] = self._covariance[:, 4] = 0.0
-        self._covariance[4, 4] = self._bias_prior
 
     def _measure(self, past: FloorImage, now: FloorImage) -> bool:
         """Correct the state by the floor's motion from ``past`` to ``now``; whether it was used."""

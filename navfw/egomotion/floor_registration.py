@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
@@ -145,7 +144,7 @@ class FloorRegistration:
         start = np.array([guess.x, guess.y, guess.yaw, 0.0, 0.0])
         prior = self._known[:UNKNOWNS, :UNKNOWNS].copy()
         prior[:3, :3] = inverse(covariance)
-        fit: Any = register_floor(
+        at, information, slanted, share, explained = register_floor(
             past.grey,
             now.values,
             self._ground,
@@ -157,11 +156,13 @@ class FloorRegistration:
             _MIN_GREY,
             ITERATIONS,
         )
-        at, information, slanted, share, explained = fit
         if share < MIN_SHARE or explained < _MIN_EXPLAINED:
             return None
         information = information / CORRELATION + self._known
-        pull = np.append(_prior_pull(prior, start, at), slanted / CORRELATION)
+        # of the prior of the motion, back to the start; of the images, on the slant
+        pull = np.zeros(UNKNOWNS + 1)
+        pull[:3] = product(prior[:3, :3], at[:3] - start[:3])
+        pull[SLANT] = slanted / CORRELATION
         # covariance of the motion if the slant is not known beforehand, either
         spread = inverse(information)
         if float(product(spread[SLANT], pull)) > _MAX_SLANT:
@@ -172,10 +173,3 @@ class FloorRegistration:
         spread[np.diag_indices(3)] += MIN_SIGMA**2
         spread[:2, :2] += SCALE_SIGMA**2 * np.outer(at[:2], at[:2])
         return FloorStep(Pose(*at[:3].tolist()), spread, share, explained)
-
-
-def _prior_pull(prior: Array, start: Array, at: Array) -> Array:
-    """The pull (UNKNOWNS,) of the prior of the motion on a fit at ``at``, back to ``start``."""
-    pull = np.zeros(UNKNOWNS)
-    pull[:3] = product(prior[:3, :3], at[:3] - start[:3])
-    return pull

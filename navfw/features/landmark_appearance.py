@@ -62,7 +62,10 @@ class ArucoMarker(LandmarkKind):
 
     def plate_image(self, number: int) -> Image:
         """The marker with its white rim (N, N), luminance."""
-        return _aruco_plate(number)
+        marker = cv2.aruco.generateImageMarker(
+            marker_dictionary(_ARUCO_IDS), number, _MODULES * _MODULE, borderBits=1
+        )
+        return np.pad(marker, _MODULE, constant_values=255).astype(np.uint8, copy=False)
 
 
 class Poster(LandmarkKind):
@@ -104,13 +107,6 @@ def check_landmark_kind(name: str) -> str:
     except InputError as error:
         raise ValueError(str(error)) from None
     return name
-
-
-def _aruco_plate(number: int) -> Image:
-    marker = cv2.aruco.generateImageMarker(
-        marker_dictionary(_ARUCO_IDS), number, _MODULES * _MODULE, borderBits=1
-    )
-    return np.pad(marker, _MODULE, constant_values=255).astype(np.uint8, copy=False)
 
 
 @lru_cache(maxsize=256)

@@ -78,7 +78,10 @@ class Posters(FeatureRecognizer):
             nfeatures=_TEMPLATE_FEATURES, edgeThreshold=12, fastThreshold=10
         )
         self._matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
-        self._own = {number: _picture(file) for number, file in self.params.images.items()}
+        self._own = {
+            number: read_image(file, cv2.IMREAD_GRAYSCALE, _MAX_BYTES).astype(np.uint8, copy=False)
+            for number, file in self.params.images.items()
+        }
         self._templates: dict[int, _PosterTemplate] = {}
         self._sizes: Mapping[int, float] = {}
         self._wanted: tuple[_PosterTemplate, ...] = ()
@@ -171,8 +174,3 @@ def _plausible(corners: Array) -> bool:
     width = 0.5 * (corners[1, 0] - corners[0, 0] + corners[2, 0] - corners[3, 0])
     sides = 0.5 < left / right < 2.0 and 0.15 < width / max(left, right) < 1.6
     return bool(sides and min(left, right) > 10.0)
-
-
-def _picture(file: str) -> Image:
-    """The luminance of a picture in a file; raises ConfigError."""
-    return read_image(file, cv2.IMREAD_GRAYSCALE, _MAX_BYTES).astype(np.uint8, copy=False)

@@ -111,7 +111,9 @@ class FloorAlignedFlow:
         back: Floats = np.asarray(dis.calc(now, past, start), dtype=np.float32)
         good = self._matches(now, past, back)
         vectors = np.empty_like(self._centres)
-        unwarp_cells(self._centres, self._means(back), warp, self._border, good, vectors)
+        means = cv2.resize(back, (self._cols, self._rows), interpolation=cv2.INTER_AREA)
+        means = np.asarray(means, dtype=np.float32)
+        unwarp_cells(self._centres, means, warp, self._border, good, vectors)
         return FlowField(
             time=pair.now.time,
             points=self._points,
@@ -139,11 +141,6 @@ class FloorAlignedFlow:
         good = np.empty((self._rows, self._cols), dtype=np.bool_)
         match_cells(now, np.asarray(moved, dtype=np.uint8), CELL, _DIFFERENCE, _GRADIENT, good)
         return good
-
-    def _means(self, values: Floats) -> Floats:
-        """Means (rows, cols, ...) of ``values`` (height, width, ...) over the cells."""
-        size = (self._cols, self._rows)
-        return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
 def _matcher() -> cv2.DISOpticalFlow:

@@ -2,14 +2,13 @@
 
 The data flow one way, from image cells to predicted conflicts:
 
-1. ``recent_frames`` pairs the newest frame with one 0.2 s older (0.1 s for near objects), and
+1. ``RecentFrames`` pairs the newest frame with one 0.2 s older (0.1 s for near objects), and
    ``navfw.flow.floor_aligned`` gives dense flow of the image below the horizon.
 2. ``motion_segmentation`` marks cells whose flow no static point can have.
 3. ``localization`` makes one detection of each connected region: bearing, distance by the foot
    point on the floor, velocity by the flow.
-4. ``detector`` runs 1 to 3 for one camera as its ``detection_schedule`` asks: full, coarse or idle.
-   ``multi_view`` does so for all views of the lens, and ``view_merging`` joins an object that shows
-   in two of them.
+4. ``multi_view`` runs 1 to 3 for each view of the lens as its ``DetectionSchedule`` asks: full,
+   coarse or idle; ``view_merging`` joins an object that shows in two of them.
 5. ``tracking`` associates detections with tracks in the odom frame (gated cost, Kalman filter with
    constant velocity) and confirms them.
 6. ``conflict_prediction`` moves robot and tracks on together and gives, for every command, distance

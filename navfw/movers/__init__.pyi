@@ -1,5 +1,6 @@
 from .conflict_prediction import ConflictParams as ConflictParams
 from .conflict_prediction import ConflictPredictor as ConflictPredictor
+from .conflict_prediction import MoverParams as MoverParams
 from .localization import locate_moving_objects as locate_moving_objects
 from .motion_segmentation import direction_sigma as direction_sigma
 from .motion_segmentation import segment_motion as segment_motion
@@ -10,7 +11,6 @@ from .multi_view import DetectionSchedule as DetectionSchedule
 from .multi_view import MovingObjectDetector as MovingObjectDetector
 from .multi_view import MultiViewDetector as MultiViewDetector
 from .multi_view import RecentFrames as RecentFrames
-from .params import MoverParams as MoverParams
 from .stixels import find_stixels as find_stixels
 from .tracking import Track as Track
 from .tracking import Tracker as Tracker

@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from navfw.movers.tracking import Track
+from navfw.movers.tracking import Track, TrackerParams
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Conflicts, Odometry
@@ -46,6 +46,16 @@ class ConflictParams(BaseModel):
     uncertainty: Annotated[
         float, Field(ge=0.0, le=1.0, description="growth of the uncertainty of distances [m/s]")
     ] = 0.06
+
+
+class MoverParams(BaseModel):
+    """Whether moving objects are detected, and how they are tracked and predicted."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    detect: Annotated[bool, Field(description="detect moving objects")] = False
+    tracking: TrackerParams = TrackerParams()
+    conflicts: ConflictParams = ConflictParams()
 
 
 class ConflictPredictor:
@@ -114,10 +124,8 @@ def _predict(
         for j in range(turns.size):
             approach[i, j] = _approach(moving, state[:2], ways[i], headings[j], radius)
             if speeds[i] == 0.0 and turns[j] != 0.0:
-                distance[i, j], when[i, j] = (
-                    -math.inf,
-                    0.0,
-                )  # the best of the turns below replaces it
+                # the best of the turns below replaces it
+                distance[i, j], when[i, j] = -math.inf, 0.0
                 continue
             distance[i, j], when[i, j] = _follow(
                 moving, state[:2], ways[i], headings[j], radius, uncertainty

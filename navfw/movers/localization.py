@@ -58,10 +58,7 @@ def locate_moving_objects(flow: FlowField, camera: CameraModel) -> tuple[MovingO
     for label in range(1, count):
         if sizes[label] >= MIN_CELLS:
             detection = _locate(flow, fall, labels == label, camera)
-            if (
-                detection is not None
-                and _SPEEDS[0] <= math.hypot(*detection.velocity()) <= _SPEEDS[1]
-            ):
+            if detection and _SPEEDS[0] <= math.hypot(*detection.velocity()) <= _SPEEDS[1]:
                 objects.append(detection)
     return tuple(sorted(objects, key=lambda detection: -detection.bearing))
 

@@ -57,24 +57,27 @@ def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
     """
     motion = flow.motion
     standing = motion.baseline < MIN_BASELINE
-    field = (
+    skid = float(motion.skid_sigma / max(motion.baseline, MIN_BASELINE))
+    moving, crossing, nearer = _suspects(
         np.ascontiguousarray(flow.points, dtype=np.float64),
         np.ascontiguousarray(flow.vectors, dtype=np.float64),
         np.ascontiguousarray(flow.sigma, dtype=np.float64),
         np.ascontiguousarray(flow.confidence, dtype=np.float64),
         np.ascontiguousarray(motion.translation, dtype=np.float64),
         camera.focal,
+        np.ascontiguousarray(np.maximum(fall, 0.0) / camera.mount_height),
+        standing,
+        (
+            float(motion.yaw_sigma),
+            direction_sigma(motion),
+            math.hypot(SLIP, skid),
+            math.hypot(_PATCH_DIRECTION_SIGMA, skid),
+        ),
     )
-    nearness = np.ascontiguousarray(np.maximum(fall, 0.0) / camera.mount_height)
-    skid = float(motion.skid_sigma / max(motion.baseline, MIN_BASELINE))
-    slip, patch_direction = math.hypot(SLIP, skid), math.hypot(_PATCH_DIRECTION_SIGMA, skid)
-    sigmas = float(motion.yaw_sigma), direction_sigma(motion), slip
-    moving = _below_floor_flow(*field, nearness, standing, sigmas)
     if flow.inconsistency is not None:
         moving |= flow.inconsistency > 0.0
     if not standing:
-        moving |= _patches(_off_epipolar(*field, patch_direction))
-        moving |= _patches(_nearer_than_foot(*field, nearness, slip))
+        moving |= _patches(crossing) | _patches(nearer)
     return moving
 
 
@@ -85,16 +88,7 @@ def _patches(moving: Mask) -> Mask:
 
 
 @numba.njit(cache=True)
-def _lever(point: Array, translation: Array, focal: float) -> tuple[float, float, float]:
-    """Unit vector away from the focus of expansion, and its length: flow times depth [px m]."""
-    x = point[0] * translation[2] - focal * translation[0]
-    y = point[1] * translation[2] - focal * translation[1]
-    length = max(math.hypot(x, y), 1e-9)
-    return x / length, y / length, length
-
-
-@numba.njit(cache=True)
-def _below_floor_flow(
+def _suspects(
     points: Array,
     vectors: Array,
     sigma: Array,
@@ -103,93 +97,53 @@ def _below_floor_flow(
     focal: float,
     floor: Array,
     standing: bool,
-    sigmas: tuple[float, float, float],
-) -> Mask:
-    """(rows, cols) which valid vectors fall short of those of a floor of that nearness [1/m].
+    sigmas: tuple[float, float, float, float],
+) -> tuple[Mask, Mask, Mask]:
+    """Masks (rows, cols) of valid vectors: short ones, and for patches crossing and nearer ones.
 
-    ``sigmas`` are those of the yaw, of the direction of motion [rad], and of the way, relative to
-    it. While ``standing``, any vector counts that the error of the yaw does not explain.
+    Short are those below those of a floor of the nearness ``floor`` [1/m]; while ``standing``, all
+    that the error of the yaw does not explain, and the other masks are empty. Crossing are those
+    across their epipolar lines; nearer [1/m] than the floor below them, up every column, seem the
+    others. The farthest floor cell of a column may be half hidden, so an object may stand one row
+    nearer. ``sigmas`` are those of yaw and direction of motion [rad], of the way, relative to it,
+    and of the epipolar lines' direction [rad].
     """
-    yaw_sigma, direction, slip = sigmas
-    moving = np.zeros(sigma.shape, np.bool_)
-    for r, c in np.ndindex(sigma.shape):
-        if not confidence[r, c] > 0.0:
-            continue
-        u, v = vectors[r, c, 0], vectors[r, c, 1]
-        length = math.hypot(u, v)
-        if standing:
-            turning = yaw_sigma * (focal + points[r, c, 0] * points[r, c, 0] / focal)
-            moving[r, c] = length > GATE * (math.hypot(sigma[r, c], turning) + 2.0 * _GATE_SIGMA)
-            continue
-        near = floor[r, c]
-        if not near > 0.0:
-            continue
-        ex, ey, lever = _lever(points[r, c], translation, focal)
-        least = lever * near / (1.0 + translation[2] * near)
-        sigma_px = math.hypot(sigma[r, c], direction * (length - least)) + _GATE_SIGMA
-        moving[r, c] = ex * u + ey * v < least * (1.0 - slip) - GATE * sigma_px
-    return moving
-
-
-@numba.njit(cache=True)
-def _off_epipolar(
-    points: Array,
-    vectors: Array,
-    sigma: Array,
-    confidence: Array,
-    translation: Array,
-    focal: float,
-    direction: float,
-) -> Mask:
-    """(rows, cols) which valid vectors point across their epipolar lines; for patches.
-
-    ``direction`` [rad] is the sigma of the lines' direction.
-    """
-    nearest = _FOE_RADIUS * math.sqrt(np.sum(translation * translation))
-    moving = np.zeros(sigma.shape, np.bool_)
-    for r, c in np.ndindex(sigma.shape):
-        if not confidence[r, c] > 0.0:
-            continue
-        ex, ey, lever = _lever(points[r, c], translation, focal)
-        if lever <= nearest:
-            continue
-        u, v = vectors[r, c, 0], vectors[r, c, 1]
-        allowed = math.hypot(sigma[r, c], direction * math.hypot(u, v))
-        moving[r, c] = abs(ex * v - ey * u) > _PATCH_GATE * math.hypot(allowed, _PATCH_SIGMA)
-    return moving
-
-
-@numba.njit(cache=True)
-def _nearer_than_foot(
-    points: Array,
-    vectors: Array,
-    sigma: Array,
-    confidence: Array,
-    translation: Array,
-    focal: float,
-    floor: Array,
-    slip: float,
-) -> Mask:
-    """(rows, cols) which cells seem nearer [1/m] than the ``floor`` below them, up every column.
-
-    ``slip`` is the relative sigma of the way driven.
-
-    The farthest floor cell of a column may be half hidden, so an object may stand one row nearer.
-    """
+    yaw_sigma, direction, slip, line_direction = sigmas
     rows, cols = sigma.shape
-    moving = np.zeros((rows, cols), np.bool_)
+    short = np.zeros((rows, cols), np.bool_)
+    crossing, nearer = np.zeros_like(short), np.zeros_like(short)
+    foe_radius = _FOE_RADIUS * math.sqrt(np.sum(translation * translation))
     for c in range(cols):
         stands = np.inf
         for r in range(rows - 1, -1, -1):
             if not confidence[r, c] > 0.0:
                 continue
-            ex, ey, lever = _lever(points[r, c], translation, focal)
-            along = ex * vectors[r, c, 0] + ey * vectors[r, c, 1]
+            x, y = points[r, c, 0], points[r, c, 1]
+            u, v = vectors[r, c, 0], vectors[r, c, 1]
+            length = math.hypot(u, v)
+            if standing:
+                turning = yaw_sigma * (focal + x * x / focal)
+                short[r, c] = length > GATE * (math.hypot(sigma[r, c], turning) + 2.0 * _GATE_SIGMA)
+                continue
+            # unit vector away from the focus of expansion, and its length: flow times depth [px m]
+            ex = x * translation[2] - focal * translation[0]
+            ey = y * translation[2] - focal * translation[1]
+            lever = max(math.hypot(ex, ey), 1e-9)
+            ex, ey = ex / lever, ey / lever
+            along, near = ex * u + ey * v, floor[r, c]
+            if near > 0.0:
+                least = lever * near / (1.0 + translation[2] * near)
+                allowed = math.hypot(sigma[r, c], direction * (length - least)) + _GATE_SIGMA
+                short[r, c] = along < least * (1.0 - slip) - GATE * allowed
+            if lever > foe_radius:
+                allowed = math.hypot(sigma[r, c], line_direction * length)
+                gate = _PATCH_GATE * math.hypot(allowed, _PATCH_SIGMA)
+                crossing[r, c] = abs(ex * v - ey * u) > gate
             nearness = along / max(lever - translation[2] * along, 1e-9)
             nearness_sigma = math.hypot(sigma[r, c], slip * along) / lever
-            like = max(_FLOOR_TOLERANCE * floor[r, c], 2.0 * nearness_sigma)
-            if floor[r, c] > 0.0 and abs(nearness - floor[r, c]) < like:
+            like = max(_FLOOR_TOLERANCE * near, 2.0 * nearness_sigma)
+            if near > 0.0 and abs(nearness - near) < like:
                 stands = floor[min(r + 1, rows - 1), c]
             else:
-                moving[r, c] = nearness - _NEARER_GATE * nearness_sigma > _NEARER * stands
-    return moving
+                nearer[r, c] = nearness - _NEARER_GATE * nearness_sigma > _NEARER * stands
+    return short, crossing, nearer

@@ -79,9 +79,7 @@ class FloorModel:
             fall = self.camera.fall_per_depth(points).flatten()
         shape = seen.nearness.shape
         height, label = label_cells(
-            seen.nearness.reshape(-1),
-            seen.sigma.reshape(-1),
-            seen.confidence.reshape(-1),
+            *seen.flat,
             fall,
             float(self.camera.mount_height),
             self._limits,

@@ -59,6 +59,11 @@ class Nearness(NamedTuple):
     sigma: Array
     confidence: Array
 
+    @property
+    def flat(self) -> tuple[Array, Array, Array]:
+        """The three arrays, each (rows * cols,)."""
+        return self.nearness.reshape(-1), self.sigma.reshape(-1), self.confidence.reshape(-1)
+
 
 def triangulate(
     flow: FlowField, focal: float, *, minimum_baseline: float = 0.005, rejection: float = 3.0

@@ -37,9 +37,7 @@ def find_objects(
 ) -> ObjectCells:
     """Weights of the cells of ``seen`` by their ``label`` (rows, cols)."""
     cells = object_cells(
-        seen.nearness.reshape(-1),
-        seen.sigma.reshape(-1),
-        seen.confidence.reshape(-1),
+        *seen.flat,
         label.reshape(-1),
         geometry.upward,
         geometry.wall_top,
@@ -72,9 +70,7 @@ def object_channels(
         walls.slant,
         walls.front,
         walls.support,
-        seen.nearness.reshape(-1),
-        seen.sigma.reshape(-1),
-        seen.confidence.reshape(-1),
+        *seen.flat,
         objects.weight,
         objects.floor,
         geometry.column,

@@ -1,4 +1,4 @@
-"""Explanation of a percept: inputs and fired rules of all its inferences, computed on access."""
+"""Explanation of a percept: the sentence, and inputs and fired rules of all its inferences."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any
 from navfw.offis.elementary_situations import FLOOR_IN_FRONT, Situations
 from navfw.offis.fuzzy_systems import FuzzyEvaluation
 from navfw.offis.grid_geometry import BlindBorders
-from navfw.offis.nearness import Distances
-from navfw.offis.planes import Planes
-from navfw.offis.pyramid import Pyramid, RegionStatistics
+from navfw.offis.nearest_objects import Planes
+from navfw.offis.nearness import TERMS, Distances
+from navfw.offis.pyramid import Pyramid, RegionStatistics, position
 from navfw.offis.slopes import SIDES, Slopes
 from navfw.offis.walls import Walls
 from navfw.signals.immutability import Sealed
@@ -147,3 +147,40 @@ def evaluations_of(explanation: PerceptExplanation) -> tuple[FuzzyEvaluation, ..
         results.situations.table_evaluation,
         results.situations.front_evaluation,
     )
+
+
+def report(
+    obstacles: Mapping[str, Mapping[str, str]], front: str, floor_in_front: bool, known: bool
+) -> str:
+    """The report as one sentence of the paper's words (Tables 2 and 3, METHOD R13).
+
+    Layer 1 names all quadrants of the nearest object with one distance, the deeper layers name the
+    distance per quadrant: "Layer1: nearest object is on upper right and on upper left in middle
+    distance; Layer2: nearest object is on upper right in middle distance and on upper left in
+    middle distance; Front is a door; Floor in front". ``known`` is false if all regions are
+    unknown.
+    """
+    parts = []
+    for number, regions in enumerate(obstacles.values(), start=1):
+        if not known:
+            parts.append(f"Layer{number}: nearest object is unknown")
+        elif not regions:
+            parts.append(f"Layer{number}: no object in sight")
+        else:
+            parts.append(f"Layer{number}: nearest object is {_location(number, regions)}")
+    parts.append("Front is unknown" if front == "unknown" else f"Front is a {front}")
+    if floor_in_front:
+        parts.append("Floor in front")
+    return "; ".join(parts)
+
+
+def _location(layer: int, regions: Mapping[str, str]) -> str:
+    nearest: dict[str, str] = {}
+    for region, term in regions.items():
+        place = position(region)
+        if place not in nearest or TERMS.index(term) < TERMS.index(nearest[place]):
+            nearest[place] = term
+    if layer == 1:
+        term = min(nearest.values(), key=TERMS.index)
+        return f"{' and '.join(f'on {place}' for place in nearest)} in {term} distance"
+    return " and ".join(f"on {place} in {term} distance" for place, term in nearest.items())

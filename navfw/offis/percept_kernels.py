@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from navfw.numerics import Array
+from navfw.numerics.arrays import Array, Indices, Mask
 
 SIGMA_LIMIT = 20.0
 """Sigma [1/m] of unknown cells, and upper limit of all others: no surface is nearer than 5 cm."""
@@ -125,7 +125,7 @@ def object_cells(
     sigma: Array,
     confidence: Array,
     label: npt.NDArray[np.int8],
-    upward: npt.NDArray[np.bool_],
+    upward: Mask,
     wall_top: Array,
     wall_share: Array,
     least: float,
@@ -147,7 +147,7 @@ def object_cells(
 
 @numba.njit(cache=True)
 def region_moments(
-    regions: npt.NDArray[np.int64],
+    regions: Indices,
     values: Array,
     weights: Array,
     known: Array,
@@ -212,7 +212,7 @@ def region_moments(
 def blind_border(
     points: Array,
     fall: Array,
-    column: npt.NDArray[np.int64],
+    column: Indices,
     vectors: Array,
     confidence: Array,
     rotation: Array,
@@ -268,7 +268,7 @@ def object_nearness(
     lateral: Array,
     ahead: Array,
     fall: Array,
-    halves: npt.NDArray[np.bool_],
+    halves: Mask,
     off_axis: Array,
     slant: Array,
     front: Array,
@@ -278,7 +278,7 @@ def object_nearness(
     confidence: Array,
     weight: Array,
     floor_seen: Array,
-    column: npt.NDArray[np.int64],
+    column: Indices,
     nearer: Array,
     border: Array,
     mount: float,
@@ -332,7 +332,7 @@ def object_nearness(
 
 @numba.njit(cache=True)
 def compare_pairs(
-    pairs: npt.NDArray[np.int64], mu_u: Array, mu_v: Array, size: Array, objects: Array
+    pairs: Indices, mu_u: Array, mu_v: Array, size: Array, objects: Array
 ) -> tuple[Array, Array]:
     """Inputs (3, n_pairs) of the plane inference, and whether both regions show an object (1, 0).
 

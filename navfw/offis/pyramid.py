@@ -28,6 +28,9 @@ NEAR_SHARE = 0.125
 _MIN_NEAR_WEIGHT = 2.5
 """Least weight of that part [cells of confidence 1]; missing weight counts as empty space."""
 
+Rectangle = tuple[int, int, int, int]
+"""Row, end row, column, end column of cells."""
+
 _POSITIONS = ("upper right", "upper left", "lower left", "lower right")
 
 
@@ -77,6 +80,7 @@ class Pyramid:
     ``names`` lists the regions layer by layer, siblings in the order P1..P4. The last four are
     ``left outer``, ``left inner``, ``right inner`` and ``right outer``: the halves of the left
     plane (P2 + P3) and of the right plane (P1 + P4) at the border and at the middle of the image.
+    ``families`` are the indices of the first of each four siblings, layer by layer.
     """
 
     def __init__(self, shape: tuple[int, int], layers: int) -> None:
@@ -86,14 +90,13 @@ class Pyramid:
         self.shape = shape
         self.layers = layers
         self.names: list[str] = []
-        rectangles: list[tuple[int, int, int, int]] = []
+        rectangles: list[Rectangle] = []
         parents = [("", (0, rows, 0, cols))]
         for layer in range(layers):
-            children = []
+            children: list[tuple[str, Rectangle]] = []
             for parent, rectangle in parents:
                 prefix = "P" if layer == 0 else parent if layer > 1 else f"s{parent}"
-                for i, quarter in enumerate(_split(rectangle)):
-                    children.append((f"{prefix}{i + 1}", quarter))
+                children += [(f"{prefix}{i + 1}", q) for i, q in enumerate(_split(rectangle))]
             self.names += [name for name, _ in children]
             rectangles += [rectangle for _, rectangle in children]
             parents = children
@@ -101,11 +104,7 @@ class Pyramid:
         self.names += ["left outer", "left inner", "right inner", "right outer"]
         rectangles += [*_columns(left), *_columns(right)]
         self.rectangles: npt.NDArray[np.int64] = np.array(rectangles, dtype=np.int64)
-        self.families = self._families()
-
-    def _families(self) -> list[int]:
-        """Index of the first of each four siblings, layer by layer."""
-        return list(range(0, len(self.names) - 4, 4))
+        self.families = range(0, len(self.names) - 4, 4)
 
     def first_child(self, region: int) -> int | None:
         """Index of the first of the four parts of ``region``; None in the deepest layer."""
@@ -123,9 +122,6 @@ class Pyramid:
             _MIN_NEAR_WEIGHT,
         )
         return RegionStatistics(*moments.T)
-
-
-Rectangle = tuple[int, int, int, int]
 
 
 def _split(rectangle: Rectangle) -> list[Rectangle]:

@@ -6,9 +6,8 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from navfw.numerics import Array
+from navfw.numerics.arrays import Array, Indices, Mask
 
 
 @numba.njit(cache=True)
@@ -16,12 +15,12 @@ def find_wall_planes(
     lateral: Array,
     ahead: Array,
     fall: Array,
-    halves: npt.NDArray[np.bool_],
-    column: npt.NDArray[np.int64],
+    halves: Mask,
+    column: Indices,
     nearness: Array,
-    weight: Array,
     sigma: Array,
     confidence: Array,
+    weight: Array,
     mount: float,
 ) -> tuple[Array, Array]:
     """The planes of both halves and the deviations from them; see ``walls``.
@@ -69,8 +68,8 @@ def _off_planes(
     lateral: Array,
     ahead: Array,
     fall: Array,
-    halves: npt.NDArray[np.bool_],
-    column: npt.NDArray[np.int64],
+    halves: Mask,
+    column: Indices,
     nearness: Array,
     sigma: Array,
     confidence: Array,
@@ -84,19 +83,12 @@ def _off_planes(
     # far along a corridor an open door changes nearness little: the scale is at least a share of
     # the greatest nearness in the planes
     near = 0.0
-    for half in range(2):
-        for i in range(nearness.shape[0]):
-            if halves[half, i]:
-                here = planes[half, 0] * lateral[i] + planes[half, 1] * ahead[i]
-                near = max(near, here)
+    for i in range(nearness.shape[0]):
+        near = max(near, _nearer_plane(planes, lateral, ahead, halves, i))
     for i in range(nearness.shape[0]):
         if confidence[i] < 0.1:
             continue
-        predicted = 0.0
-        for half in range(2):
-            if halves[half, i]:
-                here = planes[half, 0] * lateral[i] + planes[half, 1] * ahead[i]
-                predicted = max(predicted, here)
+        predicted = _nearer_plane(planes, lateral, ahead, halves, i)
         if predicted < 0.05:
             continue
         height = mount - fall[i] / predicted
@@ -108,6 +100,16 @@ def _off_planes(
         sums[0, column[i]] += w
         sums[1, column[i]] += w * (predicted - nearness[i]) / scale
     return sums
+
+
+@numba.njit(cache=True)
+def _nearer_plane(planes: Array, lateral: Array, ahead: Array, halves: Mask, i: int) -> float:
+    """Nearness [1/m] of the planes in whose half cell ``i`` lies, the larger one; at least 0."""
+    nearness = 0.0
+    for half in range(2):
+        if halves[half, i]:
+            nearness = max(nearness, planes[half, 0] * lateral[i] + planes[half, 1] * ahead[i])
+    return nearness
 
 
 @numba.njit(cache=True)
@@ -126,7 +128,7 @@ def _surely(sums: Array, begin: int, end: int, sign: float) -> float:
 def _fit_planes(
     lateral: Array,
     ahead: Array,
-    halves: npt.NDArray[np.bool_],
+    halves: Mask,
     nearness: Array,
     weight: Array,
     sigma: Array,
@@ -161,7 +163,7 @@ def _fit_planes(
             if fit == 2 and start > 0:
                 slant, front = result[start - 1, 0], result[start - 1, 1]
             else:
-                slant, front = _least_squares(members, start, middle)
+                slant, front = _start(members, start, middle)
             slant, front, explained = _settle(members, slant, front)
             if explained > result[fit, 2]:
                 result[fit, 0], result[fit, 1], result[fit, 2] = slant, front, explained
@@ -169,23 +171,16 @@ def _fit_planes(
 
 
 @numba.njit(cache=True)
-def _least_squares(cells: Array, start: int, middle: float) -> tuple[float, float]:
+def _start(cells: Array, start: int, middle: float) -> tuple[float, float]:
     """Weighted fit to all cells (``start`` 0), those beyond ``middle`` (1) or within it (2)."""
-    xx, xy, yy, xq, yq = 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(cells.shape[1]):
-        x, y, q, w, s = cells[0, i], cells[1, i], cells[2, i], cells[3, i], cells[4, i]
+    weights = np.zeros(cells.shape[1])
+    for i in range(weights.size):
+        x, q, s = cells[0, i], cells[2, i], cells[4, i]
         if (start == 1 and abs(x) < middle) or (start == 2 and abs(x) > middle):
             continue
-        w /= s * s + 0.01 * q * q + 0.001
-        xx += w * x * x
-        xy += w * x * y
-        yy += w * y * y
-        xq += w * x * q
-        yq += w * y * q
-    determinant = xx * yy - xy * xy
-    if determinant <= 1e-9 * xx * yy + 1e-12:
-        return 0.0, 0.0
-    return (xq * yy - yq * xy) / determinant, (yq * xx - xq * xy) / determinant
+        weights[i] = cells[3, i] / (s * s + 0.01 * q * q + 0.001)
+    slant, front, _ = _least_squares(cells, weights)
+    return slant, front
 
 
 @numba.njit(cache=True)
@@ -194,31 +189,41 @@ def _settle(cells: Array, slant: float, front: float) -> tuple[float, float, flo
 
     The explained weight is the sum over the cells of weight times 1 - (residual / width)^2.
     """
-    explained = 0.0
+    weights = np.empty(cells.shape[1])
     for step in range(7):
         widen = max(4.0 - 0.75 * step, 1.0)
-        xx, xy, yy, xq, yq = 0.0, 0.0, 0.0, 0.0, 0.0
         explained = 0.0
-        for i in range(cells.shape[1]):
-            x, y, q, s = cells[0, i], cells[1, i], cells[2, i], cells[4, i]
-            predicted = slant * x + front * y
+        for i in range(weights.size):
+            q, s = cells[2, i], cells[4, i]
+            predicted = slant * cells[0, i] + front * cells[1, i]
             # two sigmas plus the unevenness of walls
             width = widen * (2.0 * s + 0.08 * abs(predicted) + 0.02)
             ratio = (q - predicted) / width
-            share = 1.0 - ratio * ratio
-            if share <= 0.0:
-                continue
-            w = cells[3, i] * share
-            explained += w
-            w *= share / (s * s + 0.0025 * q * q + 0.0004)
-            xx += w * x * x
-            xy += w * x * y
-            yy += w * y * y
-            xq += w * x * q
-            yq += w * y * q
-        determinant = xx * yy - xy * xy
-        if step == 6 or determinant <= 1e-9 * xx * yy + 1e-12:
+            share = max(1.0 - ratio * ratio, 0.0)
+            weights[i] = cells[3, i] * share
+            explained += weights[i]
+            weights[i] *= share / (s * s + 0.0025 * q * q + 0.0004)
+        if step == 6:
             break
-        slant = (xq * yy - yq * xy) / determinant
-        front = (yq * xx - xq * xy) / determinant
+        fitted_slant, fitted_front, unique = _least_squares(cells, weights)
+        if not unique:
+            break
+        slant, front = fitted_slant, fitted_front
     return slant, front, explained
+
+
+@numba.njit(cache=True)
+def _least_squares(cells: Array, weights: Array) -> tuple[float, float, bool]:
+    """Slant and front of the plane that fits ``cells``, and whether it is the only one; else 0."""
+    xx, xy, yy, xq, yq = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(weights.size):
+        x, y, q, w = cells[0, i], cells[1, i], cells[2, i], weights[i]
+        xx += w * x * x
+        xy += w * x * y
+        yy += w * y * y
+        xq += w * x * q
+        yq += w * y * q
+    determinant = xx * yy - xy * xy
+    if determinant <= 1e-9 * xx * yy + 1e-12:
+        return 0.0, 0.0, False
+    return (xq * yy - yq * xy) / determinant, (yq * xx - xq * xy) / determinant, True

@@ -68,10 +68,8 @@ def find_walls(geometry: GridGeometry, seen: Nearness, weight: Array) -> Walls:
         geometry.fall,
         geometry.halves,
         geometry.column,
-        seen.nearness.reshape(-1),
+        *seen.flat,
         weight,
-        seen.sigma.reshape(-1),
-        seen.confidence.reshape(-1),
         geometry.mount_height,
     )
     (left, right, (shared, opening, *step)) = planes.tolist()

@@ -36,17 +36,16 @@ def floor(points: Array) -> Array:
 def test_motion_segmentation(seed: int) -> None:
     flow = field(seed)
     near = floor(flow[0])
-    for kernel, arguments in (
-        (motion_segmentation._off_epipolar, (*flow, 0.04)),
-        (motion_segmentation._nearer_than_foot, (*flow, near, 0.05)),
-        (motion_segmentation._below_floor_flow, (*flow, near, False, (0.01, 0.05, 0.05))),
-        (motion_segmentation._below_floor_flow, (*flow, near, True, (0.01, 0.05, 0.05))),
-    ):
-        compiled = kernel(*arguments)
-        assert np.array_equal(kernel.py_func(*arguments), compiled)
-        assert compiled.any()
-        assert not compiled.all()
-        assert not compiled[flow[3] == 0.0].any()
+    kernel = motion_segmentation._suspects
+    for standing in (False, True):
+        arguments = (*flow, near, standing, (0.01, 0.05, 0.05, 0.04))
+        masks = kernel(*arguments)
+        assert np.array_equal(kernel.py_func(*arguments), masks)
+        for mask in masks[:1] if standing else masks:
+            assert mask.any()
+            assert not mask.all()
+            assert not mask[flow[3] == 0.0].any()
+        assert np.any(masks[1:]) != standing
 
 
 @pytest.mark.parametrize("seed", range(3))
