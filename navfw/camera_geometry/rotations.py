@@ -15,7 +15,7 @@ from navfw.numerics.arrays import Array
 from navfw.robot import CameraModel
 from navfw.signals import FlowField
 
-SMALL = 1e-12
+_SMALL = 1e-12
 """Angle [rad] or sine below which the first-order formula is exact."""
 
 
@@ -25,7 +25,7 @@ def rotation_matrix(vector: Array) -> Array:
     x, y, z = vector[0], vector[1], vector[2]
     angle = math.sqrt(x * x + y * y + z * z)
     a, b = 1.0, 0.0
-    if angle >= SMALL:
+    if angle >= _SMALL:
         a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / (angle * angle)
     rotation = np.empty((3, 3))
     rotation[0, 0] = 1.0 + b * (-z * z - y * y)
@@ -46,13 +46,13 @@ def rotation_vector(r: Array) -> Array:
     x, y, z = 0.5 * (r[2, 1] - r[1, 2]), 0.5 * (r[0, 2] - r[2, 0]), 0.5 * (r[1, 0] - r[0, 1])
     sine = math.sqrt(x * x + y * y + z * z)
     cosine = 0.5 * (r[0, 0] + r[1, 1] + r[2, 2] - 1.0)
-    scale = math.atan2(sine, cosine) / sine if sine > SMALL else 1.0
+    scale = math.atan2(sine, cosine) / sine if sine > _SMALL else 1.0
     vector = np.empty(3)
     vector[0], vector[1], vector[2] = scale * x, scale * y, scale * z
     return vector
 
 
-BEHIND = 1e-9
+_BEHIND = 1e-9
 """Depth of a turned ray, in focal lengths, up to which it has no image."""
 
 
@@ -63,7 +63,7 @@ def turn_point(x: float, y: float, r: Array, focal: float) -> tuple[float, float
     NaN where the rotated ray points behind the camera.
     """
     depth = (r[2, 0] * x + r[2, 1] * y) / focal + r[2, 2]
-    if not depth > BEHIND:
+    if not depth > _BEHIND:
         return math.nan, math.nan
     u = (r[0, 0] * x + r[0, 1] * y + r[0, 2] * focal) / depth
     return u, (r[1, 0] * x + r[1, 1] * y + r[1, 2] * focal) / depth

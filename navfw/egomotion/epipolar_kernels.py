@@ -29,7 +29,7 @@ CAUCHY = 2.385**2
 _COARSE = 0.5
 """Standard deviation [px] of residuals because the directions searched are not the right one."""
 
-HOLE = 4.0
+_HOLE = 4.0
 """Radius around the focus of expansion [px] within which the epipolar line has no direction: there
 the whole derotated vector is residual, since it has to be short."""
 
@@ -81,14 +81,14 @@ def epipolar_residual(
 
 
 @numba.njit(cache=True)
-def cauchy_weight(residual: float, sigma: float, weight: float) -> float:
+def _cauchy_weight(residual: float, sigma: float, weight: float) -> float:
     """Weight [1/px^2] of an equation: an outlier of many ``sigma`` [px] has next to none."""
     off = residual / sigma
     return weight / (sigma * sigma * (1.0 + off * off / CAUCHY))
 
 
 @numba.njit(cache=True)
-def add_equations(
+def _add_equations(
     matrix: Array, right: Array, slopes: Array, offsets: Array, weights: Array
 ) -> None:
     """Add the equations ``slopes @ parameters = -offsets`` to normal equations.
@@ -149,10 +149,10 @@ def fit_reweighted(
             off = offsets[i]
             for j in range(k):
                 off += slopes[i, j] * parameters[j]
-            weights[i] = cauchy_weight(off, sigma[i], weight[i])
+            weights[i] = _cauchy_weight(off, sigma[i], weight[i])
         matrix[:] = prior
         right[:] = 0.0
-        add_equations(matrix, right, slopes, offsets, weights)
+        _add_equations(matrix, right, slopes, offsets, weights)
         if k == 2:
             det = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[0, 1]
             parameters[0] = (matrix[1, 1] * right[0] - matrix[0, 1] * right[1]) / det
@@ -202,14 +202,14 @@ def fit_rotation(
             weights[i] = 0.0
             if math.isnan(length[i]):
                 continue
-            weights[i] = cauchy_weight(length[i] / scale, sigma[i], weight[i])
+            weights[i] = _cauchy_weight(length[i] / scale, sigma[i], weight[i])
             for k in range(3):
                 u, v = turning_slope(ends[i, 0], ends[i, 1], axes[k], focal)
                 along_x[i, k], along_y[i, k] = u, v
         matrix[:] = prior
         right[:] = 0.0
-        add_equations(matrix, right, along_x, off[:, 0], weights)
-        add_equations(matrix, right, along_y, off[:, 1], weights)
+        _add_equations(matrix, right, along_x, off[:, 0], weights)
+        _add_equations(matrix, right, along_y, off[:, 1], weights)
         step = solve_system(matrix, right)
         rotation = multiply(rotation_matrix(step), rotation)
     return rotation
@@ -224,8 +224,8 @@ def _residual(
     axes: Array,
     row: Array,
 ) -> float:
-    """``epipolar_residual`` with HOLE filled: there it is the length of ``vector``."""
-    residual: float = epipolar_residual(point, vector, focal, direction, HOLE, axes, row)
+    """``epipolar_residual`` with _HOLE filled: there it is the length of ``vector``."""
+    residual: float = epipolar_residual(point, vector, focal, direction, _HOLE, axes, row)
     if math.isnan(residual):
         return math.sqrt(vector[0] * vector[0] + vector[1] * vector[1])
     return residual
@@ -246,7 +246,7 @@ def _direction_slopes(
     ex, ey = x * direction[2] - focal * direction[0], y * direction[2] - focal * direction[1]
     length = math.sqrt(ex * ex + ey * ey)
     slopes[:] = 0.0
-    if not length > HOLE:
+    if not length > _HOLE:
         return
     residual = (ex * v - ey * u) / length
     for k in range(2):
@@ -360,8 +360,8 @@ def fit_motion(
             _direction_slopes(point, vector, focal, t, basis, slopes[i, 3:])
             weights[i] = 0.0
             if weight[i] > 0.0 and not math.isnan(residuals[i]):
-                weights[i] = cauchy_weight(residuals[i], sigma[i], weight[i])
-        add_equations(matrix, right, slopes, residuals, weights)
+                weights[i] = _cauchy_weight(residuals[i], sigma[i], weight[i])
+        _add_equations(matrix, right, slopes, residuals, weights)
         if step == iterations:
             break
         # a little damping: the direction is free where all points are far away

@@ -25,13 +25,13 @@ SLANT = UNKNOWNS
 shows something nearer than the floor by the factor (distance / nearest)^s, ``nearest`` being the
 distance of the nearest floor in view. 0 is the floor, 1 a wall that stands there."""
 
-DEVIATION = 0.6745
+_DEVIATION = 0.6745
 """Median absolute deviation of a normal distribution of standard deviation 1."""
 
 _CONVERGED = 2e-5
 """Step of the motion [m and rad] below which the fit has converged."""
 
-WIDE = 3
+_WIDE = 3
 """Number of steps with Cauchy weights, which reach far; the others have Welsch weights."""
 
 _WELSCH = 2.985**2
@@ -162,7 +162,7 @@ def register_floor(
 
     """
     n = values.size
-    texture = np.median(np.abs(values - np.median(values))) / DEVIATION
+    texture = np.median(np.abs(values - np.median(values))) / _DEVIATION
     size = UNKNOWNS + 1
     at, offsets, slopes = start.copy(), np.empty(n), np.zeros((size, n))
     weights, scaled = np.empty(n), np.empty(n)
@@ -173,7 +173,7 @@ def register_floor(
         seen = np.abs(offsets[~np.isnan(offsets)])
         if seen.size < n // 4:
             return at, matrix, 0.0, 0.0, 0.0
-        sigma = max(np.median(seen) / DEVIATION, least)
+        sigma = max(np.median(seen) / _DEVIATION, least)
         agree = 0
         for i in range(n):
             weights[i] = 0.0
@@ -182,7 +182,7 @@ def register_floor(
                 continue
             off = offsets[i] / sigma
             agree += abs(off) < 3.0
-            if iteration < WIDE:
+            if iteration < _WIDE:
                 weights[i] = 1.0 / (sigma * sigma * (1.0 + off * off / CAUCHY))
             else:
                 weights[i] = math.exp(-off * off / _WELSCH) / (sigma * sigma)
@@ -192,7 +192,7 @@ def register_floor(
             right[a] += dot(prior[a], away)
         step = solve_system(matrix[:UNKNOWNS, :UNKNOWNS] + prior, right[:UNKNOWNS])
         at += step
-        if iteration >= WIDE and max(abs(step[0]), abs(step[1]), abs(step[2])) < _CONVERGED:
+        if iteration >= _WIDE and max(abs(step[0]), abs(step[1]), abs(step[2])) < _CONVERGED:
             break
     explained = 1.0 - (sigma / max(texture, least)) ** 2
     return at, matrix, right[SLANT], agree / seen.size, explained

@@ -32,7 +32,7 @@ _KEY_TURN = math.radians(8.0)
 _LOST_DISTANCE = 0.3
 """Distance [m] at which a key frame is given up that no frame could be registered to."""
 
-GATE = 16.0
+_GATE = 16.0
 """Largest squared Mahalanobis distance of a measurement, of 3 degrees of freedom (0.1 %)."""
 
 _WIDENED = 4.0
@@ -44,11 +44,11 @@ _MIN_KNOWN = np.array([5e-4, 2e-4, 5e-4])
 _SLIPPED = 0.3
 """Standard deviation of the wheels' distance, as a part of it, where they are found slipping."""
 
-CLEAR_SHARE, _CLEAR_EXPLAINED = 0.85, 0.985
+_CLEAR_SHARE, _CLEAR_EXPLAINED = 0.85, 0.985
 """Least share of agreeing pixels, and of the variance that they explain, of an image that shows the
 floor so clearly that it is believed against the wheels."""
 
-SURPRISE = 16.0
+_SURPRISE = 16.0
 """Squared ratio of a yaw correction to its standard deviation from which on the bias has jumped."""
 
 _CONVINCED = 3
@@ -58,7 +58,7 @@ _FLOW_SHARE = 0.5
 """Error of the yaw by the whole flow field, as a part of the standard deviation that comes with it,
 which allows for errors that neighbours share (measured on drives through the office)."""
 
-CALIBRATION = 0.02
+_CALIBRATION = 0.02
 """Prior standard deviation of k: slip and tyres of a data sheet that is only about right."""
 
 _CALIBRATION_WALK = 5e-4
@@ -96,7 +96,7 @@ class FloorOdometry:
         self._shift = Pose(0.0, 0.0, 0.0)
         self._state = np.zeros(5)
         self._covariance = np.zeros((5, 5))
-        self._covariance[3, 3] = CALIBRATION**2
+        self._covariance[3, 3] = _CALIBRATION**2
         self._used_until = -math.inf
         self._disagreed = 0
         self._registered_last = False
@@ -156,7 +156,7 @@ class FloorOdometry:
         self._used_until = self._raw.time
         column = self._covariance[:, 4].copy()
         spread = float(column[4]) * dt + self._gyro + (_FLOW_SHARE * correction.sigma) ** 2 / dt
-        surplus = correction.yaw**2 / dt - SURPRISE * spread
+        surplus = correction.yaw**2 / dt - _SURPRISE * spread
         if surplus > 0.0:  # the bias has jumped
             self._covariance[4, 4] += surplus / dt
             column[4] += surplus / dt
@@ -205,7 +205,7 @@ class FloorOdometry:
         step = self._registered(past, now, search_covariance)
         if step is None:
             return False
-        if self._distance(step) <= GATE:
+        if self._distance(step) <= _GATE:
             self._disagreed = 0
             self._update(step)
             return True
@@ -214,7 +214,7 @@ class FloorOdometry:
         way = _SLIPPED * math.hypot(*self._state[:2])
         slip = way**2 * np.outer((c, s, 0.0), (c, s, 0.0))
         step = self._registered(past, now, search_covariance + slip)
-        if step is None or step.share < CLEAR_SHARE or step.explained < _CLEAR_EXPLAINED:
+        if step is None or step.share < _CLEAR_SHARE or step.explained < _CLEAR_EXPLAINED:
             return False
         self._disagreed += 1
         if not self.slipping:

@@ -25,26 +25,26 @@ from navfw.signals.immutability import read_only
 _STRIDE = 2
 """Distance [px] between the pixels used, along rows and columns: neighbours are alike."""
 
-REACH = 3.2
+_REACH = 3.2
 """Farthest point of the floor that is used, in heights of the camera. Beyond, a pixel covers more
 of the floor than the finest detail of its texture."""
 
-SMOOTHING = 1.0
+_SMOOTHING = 1.0
 """Standard deviation of the smoothing of images [px]: gradients are then linear over a pixel."""
 
 _SMOOTHED = 8
 """Rows above the horizon [px] that are kept, so that smoothing at the border changes no floor."""
 
-CORRELATION = 4.0
+_CORRELATION = 4.0
 """Number of neighbouring pixels with a common error, by smoothing and by the texture's sampling."""
 
 _MIN_GREY = 0.7
 """Least standard deviation of a residual [grey levels]: noise of both images after smoothing."""
 
-GAIN, OFFSET = 0.05, 5.0
+_GAIN, _OFFSET = 0.05, 5.0
 """Standard deviations of the change of brightness: of the gain, and of the offset [grey levels]."""
 
-MIN_SHARE = 0.5
+_MIN_SHARE = 0.5
 """Least share of the pixels that agree with one motion of the floor."""
 
 _MIN_EXPLAINED = 0.5
@@ -59,13 +59,13 @@ fill the view."""
 _MIN_PIXELS = 100
 """Least number of pixels that could show the floor."""
 
-ITERATIONS = 10
+_ITERATIONS = 10
 """Largest number of Gauss-Newton steps."""
 
-SCALE_SIGMA = 1.5e-3
+_SCALE_SIGMA = 1.5e-3
 """Error of height and pitch of the camera, as a part of the way: it does not average out."""
 
-MIN_SIGMA = np.array([1e-4, 1e-4, 5e-4])
+_MIN_SIGMA = np.array([1e-4, 1e-4, 5e-4])
 """Least standard deviations of x, y [m] and yaw [rad]: of the interpolation of grey values."""
 
 
@@ -104,7 +104,7 @@ class FloorRegistration:
         y = rows - 0.5 * (camera.height - 1)
         rays = np.stack([x / camera.focal, y / camera.focal, np.ones_like(x)], axis=-1)
         rays = product(rays, camera.base_from_camera.T)
-        near = -rays[..., 2] * REACH > np.hypot(rays[..., 0], rays[..., 1])
+        near = -rays[..., 2] * _REACH > np.hypot(rays[..., 0], rays[..., 1])
         rays = rays[near]
         horizon = 0.5 * (camera.height - 1) - camera.focal * math.tan(camera.pitch)
         self._top = min(max(math.floor(horizon) - _SMOOTHED, 0), camera.height - 1)
@@ -123,11 +123,11 @@ class FloorRegistration:
             )
         )
         self._base_from_camera = np.ascontiguousarray(camera.base_from_camera)
-        self._known = np.diag([0.0, 0.0, 0.0, GAIN**-2, OFFSET**-2, _SLANT_SIGMA**-2])
+        self._known = np.diag([0.0, 0.0, 0.0, _GAIN**-2, _OFFSET**-2, _SLANT_SIGMA**-2])
 
     def prepare(self, image: Image) -> FloorImage:
         """``image`` (height, width) made ready for registration."""
-        blurred = cv2.GaussianBlur(image[self._top :].astype(np.float32), (0, 0), SMOOTHING)
+        blurred = cv2.GaussianBlur(image[self._top :].astype(np.float32), (0, 0), _SMOOTHING)
         grey = np.asarray(blurred, dtype=np.float32)
         return FloorImage(grey, grey[self._at].astype(np.float64))
 
@@ -152,17 +152,17 @@ class FloorRegistration:
             self._camera,
             self._base_from_camera,
             start,
-            CORRELATION * prior,
+            _CORRELATION * prior,
             _MIN_GREY,
-            ITERATIONS,
+            _ITERATIONS,
         )
-        if share < MIN_SHARE or explained < _MIN_EXPLAINED:
+        if share < _MIN_SHARE or explained < _MIN_EXPLAINED:
             return None
-        information = information / CORRELATION + self._known
+        information = information / _CORRELATION + self._known
         # of the prior of the motion, back to the start; of the images, on the slant
         pull = np.zeros(UNKNOWNS + 1)
         pull[:3] = product(prior[:3, :3], at[:3] - start[:3])
-        pull[SLANT] = slanted / CORRELATION
+        pull[SLANT] = slanted / _CORRELATION
         # covariance of the motion if the slant is not known beforehand, either
         spread = inverse(information)
         if float(product(spread[SLANT], pull)) > _MAX_SLANT:
@@ -170,6 +170,6 @@ class FloorRegistration:
         # the answer of the images alone: where they and the prior pull equally hard
         at = at + solve(information[:SLANT, :SLANT], pull[:SLANT])
         spread = spread[:3, :3].copy()
-        spread[np.diag_indices(3)] += MIN_SIGMA**2
-        spread[:2, :2] += SCALE_SIGMA**2 * np.outer(at[:2], at[:2])
+        spread[np.diag_indices(3)] += _MIN_SIGMA**2
+        spread[:2, :2] += _SCALE_SIGMA**2 * np.outer(at[:2], at[:2])
         return FloorStep(Pose(*at[:3].tolist()), spread, share, explained)

@@ -23,16 +23,16 @@ from navfw.numerics import Array
 from navfw.numerics.linear_systems import inverse, solve
 from navfw.numerics.products import product
 
-DIRECTIONS = 128
+_DIRECTIONS = 128
 """Number of directions of the global search, on a hemisphere: 13 deg apart."""
 
 _STARTS = 5
 """Number of minima of the search that are refined."""
 
-APART = math.cos(math.radians(25.0))
+_APART = math.cos(math.radians(25.0))
 """Cosine of the least angle between two of them."""
 
-MODEL_SIGMA = 0.1
+_MODEL_SIGMA = 0.1
 """Standard deviation [px] of residuals beside the flow's own: distortion, rolling shutter."""
 
 FREE_TURN = 0.15
@@ -44,13 +44,13 @@ _BOUND = 3.5
 _DECISIVE = 3.0
 """Least difference of log likelihoods between two directions for the better one to be known."""
 
-MIN_PARALLAX = 0.3
+_MIN_PARALLAX = 0.3
 """Least 90th percentile [px] of the flow that a pure rotation leaves, for a translation."""
 
-MIN_FLOW = 0.25
+_MIN_FLOW = 0.25
 """Least 90th percentile [px] of the flow, for a motion."""
 
-MIN_VECTORS = 12
+_MIN_VECTORS = 12
 """Least number of vectors with confidence."""
 
 _SIGN_SHARE = 0.6
@@ -163,14 +163,14 @@ def estimate_egomotion(
 ) -> Egomotion:
     """The camera's motion that explains ``motion``, given what is known before."""
     prior = prior or EgomotionPrior()
-    if int(motion.used.sum()) < MIN_VECTORS:
+    if int(motion.used.sum()) < _MIN_VECTORS:
         return _without_direction(MotionKind.UNKNOWN, prior)
-    motion = replace(motion, sigma=np.hypot(motion.sigma, MODEL_SIGMA))
+    motion = replace(motion, sigma=np.hypot(motion.sigma, _MODEL_SIGMA))
     arrays = (motion.points, motion.past, motion.sigma, motion.weight, focal)
     rotation = fit_rotation(*arrays, prior.rotation, prior.information, 8)
     left = motion.points - rotate_points(motion.past, rotation, focal)
-    if motion.percentile(left) < MIN_PARALLAX:
-        still = motion.percentile(motion.points - motion.past) < MIN_FLOW
+    if motion.percentile(left) < _MIN_PARALLAX:
+        still = motion.percentile(motion.points - motion.past) < _MIN_FLOW
         kind = MotionKind.STILL if still else MotionKind.ROTATION
         return _without_direction(kind, prior, rotation)
     return _translation(motion, focal, prior)
@@ -246,9 +246,9 @@ def _surprise(prior: EgomotionPrior, rotation: Array, direction: Array) -> float
 def _starts(
     motion: PointMotion, focal: float, prior: EgomotionPrior, information: Array, pull: Array
 ) -> list[tuple[Array, Array]]:
-    """The best directions of the search with their rotations, at least APART from each other."""
+    """The best directions of the search with their rotations, at least _APART from each other."""
     past = rotate_points(motion.past, prior.rotation, focal)
-    directions = _hemisphere(DIRECTIONS)
+    directions = _hemisphere(_DIRECTIONS)
     cost, turns = rate_directions(
         motion.points, past, motion.sigma, motion.weight, focal, directions, information, 4
     )
@@ -256,7 +256,7 @@ def _starts(
     cost = cost + 0.5 * ((product(gap, pull)) * gap).sum(axis=1)
     starts: list[tuple[Array, Array]] = []
     for k in np.argsort(cost, kind="stable").tolist():
-        if all(abs(float(product(directions[k], other))) < APART for _, other in starts):
+        if all(abs(float(product(directions[k], other))) < _APART for _, other in starts):
             starts.append((product(rotation_matrix(turns[k]), prior.rotation), directions[k]))
         if len(starts) == _STARTS:
             break

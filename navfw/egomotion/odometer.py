@@ -14,11 +14,11 @@ from navfw.robot import RobotModel
 from navfw.signals import Encoders, Inertial, Odometry, Pose, Twist, YawCorrection, wrap_angle
 
 #: Time [s] for which odometry is kept. An older frame is assigned the oldest entry.
-MEMORY = 3.0
+_MEMORY = 3.0
 
 
 class OdometryHistory:
-    """The odometry of the last ``MEMORY`` seconds, queried by time."""
+    """The odometry of the last ``_MEMORY`` seconds, queried by time."""
 
     def __init__(self) -> None:
         self.reset()
@@ -28,9 +28,9 @@ class OdometryHistory:
         self._past: deque[Odometry] = deque()
 
     def add(self, odometry: Odometry) -> None:
-        """Append the newest odometry and delete entries older than ``MEMORY``."""
+        """Append the newest odometry and delete entries older than ``_MEMORY``."""
         self._past.append(odometry)
-        while odometry.time - self._past[0].time > MEMORY:
+        while odometry.time - self._past[0].time > _MEMORY:
             self._past.popleft()
 
     def at(self, time: float) -> Odometry:
@@ -47,10 +47,10 @@ class OdometryHistory:
 #: Least commanded rim speed [m/s] that counts as evidence: friction may stop a slower wheel.
 _MIN_SPEED = 0.03
 #: Commanded travel of the rim [m] without a tick from which on an encoder counts as silent.
-SILENT = 0.03
+_SILENT = 0.03
 #: Commanded travel of the rim [m] without a tick from which on a constant count no longer proves
 #: that the wheel is at rest.
-DOUBT = 0.01
+_DOUBT = 0.01
 
 
 class EncoderFaultDetector:
@@ -87,16 +87,16 @@ class EncoderFaultDetector:
     def silent(self) -> tuple[bool, bool]:
         """Whether the encoder (left, right) has failed to count a commanded motion."""
         left, right = self._unanswered
-        return left >= SILENT, right >= SILENT
+        return left >= _SILENT, right >= _SILENT
 
     @property
     def doubtful(self) -> bool:
         """Whether either encoder may be silent, so that a constant count is no proof of rest."""
-        return max(self._unanswered) >= DOUBT
+        return max(self._unanswered) >= _DOUBT
 
 
 #: Time for which the wheels must have rested before the robot counts as still [s].
-REST = 0.3
+_REST = 0.3
 #: Change of an encoder at rest [ticks]: it may flicker between two neighbouring ticks.
 _FLICKER = 1
 #: Largest bias of the gyro [rad/s]; a higher rate at rest is an external turn of the robot.
@@ -112,15 +112,15 @@ _RESIDUAL_MEMORY = 1.5
 #: Spread of turning rates [rad/s] below which bias and scale error cannot be told apart.
 _RATE_FLOOR = 0.02
 #: Mean gyro residual [rad/s] from which it is significant: the bias has changed.
-SIGNIFICANT = 0.003
+_SIGNIFICANT = 0.003
 #: Mean gyro residual [rad/s] down to which the bias is then corrected.
 _SETTLED = 0.0005
 #: Largest turn per distance [rad/m] of wheels that seem to roll straight: 2 % unequal radii.
 _MAX_SKEW = 0.08
 #: Least distance [m] by which a correction of the skew is divided.
-MIN_DISTANCE = 0.04
+_MIN_DISTANCE = 0.04
 #: Share of the mean gyro residual by which the bias is corrected at every pair of frames.
-GAIN = 0.1
+_GAIN = 0.1
 
 
 class Odometer:
@@ -207,16 +207,16 @@ class Odometer:
         if motion.dt <= 0.0:
             return
         if self._stale:
-            skew = self._skew + GAIN * correction.yaw / max(motion.baseline, MIN_DISTANCE)
+            skew = self._skew + _GAIN * correction.yaw / max(motion.baseline, _MIN_DISTANCE)
             self._skew = min(max(skew, -_MAX_SKEW), _MAX_SKEW)
             return
         r = motion.rotation
         # y points down in camera axes: counter-clockwise from above is negative about it
         rate = 0.5 * (r[0, 2] - r[2, 0]) / motion.dt
         mean = self._residual.update(correction.yaw / motion.dt, rate, motion.dt)
-        self._correcting = abs(mean) > SIGNIFICANT or (self._correcting and abs(mean) > _SETTLED)
+        self._correcting = abs(mean) > _SIGNIFICANT or (self._correcting and abs(mean) > _SETTLED)
         if self._correcting:
-            self._bias -= GAIN * mean
+            self._bias -= _GAIN * mean
 
     def _distances(
         self, before: Encoders, now: Encoders, dt: float, rate: float, commanded: Twist
@@ -255,7 +255,7 @@ class Odometer:
         )
 
     def _resting(self, time: float) -> bool:
-        return time - self._rest_since >= REST and not self._wheels.doubtful
+        return time - self._rest_since >= _REST and not self._wheels.doubtful
 
     def _watch_rest(self, encoders: Encoders) -> None:
         moved = max(

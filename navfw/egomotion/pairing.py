@@ -20,7 +20,7 @@ Length = Annotated[float, Field(gt=0.0, le=1.0)]
 _BASELINE_SHARE = 0.9
 """Share of the largest baseline that successive frames may be apart: commands and poses vary."""
 
-MAX_HEIGHTS = 0.32
+_MAX_HEIGHTS = 0.32
 """Largest desired baseline in heights of the camera: beyond, the motion of near floor between the
 frames exceeds the flow's range (METHOD 2.7)."""
 
@@ -124,7 +124,7 @@ class FrameBuffer:
     def __init__(self, robot: RobotModel, params: PairingParams | None = None) -> None:
         self.params = PairingParams() if params is None else params
         self._robot = robot
-        low = MAX_HEIGHTS * robot.camera.mount_height
+        low = _MAX_HEIGHTS * robot.camera.mount_height
         self._desired = max(min(self.params.baseline, low), self.params.min_baseline)
         self.reset()
 

@@ -15,11 +15,11 @@ from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, FlowField
 
-ITERATIONS = 6
+_ITERATIONS = 6
 
-CERTAIN, DOUBT = 3.0, 0.1
-"""A vector is inconsistent with the motion if its epipolar residual exceeds CERTAIN standard
-deviations, to which DOUBT [px] is added in quadrature."""
+_CERTAIN, _DOUBT = 3.0, 0.1
+"""A vector is inconsistent with the motion if its epipolar residual exceeds _CERTAIN standard
+deviations, to which _DOUBT [px] is added in quadrature."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +74,8 @@ class Refinement:
             _flat(self.allowed),
             np.ascontiguousarray(self.consistent).ravel(),
             _flat(flow.confidence),
-            CERTAIN,
-            DOUBT,
+            _CERTAIN,
+            _DOUBT,
         )
         return dataclasses.replace(
             flow,
@@ -108,7 +108,7 @@ def refine(flow: FlowField, camera: CameraModel, params: RefinementParams = _USU
         np.array([-up, right]),
         np.array([max(motion.yaw_sigma, 1e-9), p.pitch_sigma]),
         (p.hole, p.direction_sigma, p.overlap),
-        ITERATIONS,
+        _ITERATIONS,
     )
     residual, allowed = (values.reshape(flow.shape) for values in per_vector)
     yaw, pitch = angles.tolist()

@@ -10,7 +10,7 @@ import numpy as np
 from navfw.egomotion.epipolar_kernels import epipolar_residual, fit_reweighted
 from navfw.numerics.arrays import Array, Mask
 
-MIN_SIGMA = 1e-6
+_MIN_SIGMA = 1e-6
 """Least standard deviation of a residual [px]: a processor may call its vectors exact."""
 
 
@@ -63,7 +63,7 @@ def refine_rotation(
         offsets[i] = epipolar_residual(
             (points[i, 0], points[i, 1]), (u, v), focal, translation, nearest, axes, slopes[i]
         )
-        allowed[i] = max(math.hypot(sigma[i], direction_sigma * math.hypot(u, v)), MIN_SIGMA)
+        allowed[i] = max(math.hypot(sigma[i], direction_sigma * math.hypot(u, v)), _MIN_SIGMA)
         if math.isfinite(u) and math.isfinite(v):
             weight[i] = confidence[i] / overlap
     information = np.zeros((2, 2))

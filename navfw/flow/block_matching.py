@@ -22,23 +22,23 @@ from navfw.signals.immutability import read_only
 
 #: Correlation of a peak: confidence rises from 0 at the first to 1 at the second value. Below the
 #: first there is no registration: an affine motion can also be fitted to an accidental similarity.
-PEAK_CORRELATION = (0.4, 0.6)
+_PEAK_CORRELATION = (0.4, 0.6)
 #: Share of a window's samples inside the past image: confidence rises from 0 to 1.
-SAMPLES_INSIDE = (0.6, 0.9)
+_SAMPLES_INSIDE = (0.6, 0.9)
 #: Distance [px] from the correlation peak to the registered position: confidence falls from 1 at
 #: the first to 0 at the second value.
-REGISTRATION_SHIFT = (1.5, 3.0)
+_REGISTRATION_SHIFT = (1.5, 3.0)
 #: Variance [px^2] of a registered vector, however well the window fits.
-REGISTRATION_FLOOR = 0.05**2
+_REGISTRATION_FLOOR = 0.05**2
 #: Factors of the estimated sigma and of its square [1/px] in the error of a registered vector,
 #: fitted to rendered frames. The square is there because the affine model holds the less, the worse
 #: a window fits.
-REGISTRATION_SCALE, REGISTRATION_EXCESS = 1.0, 3.4
+_REGISTRATION_SCALE, _REGISTRATION_EXCESS = 1.0, 3.4
 #: Disagreement with both neighbours [px] (see ``find_mixtures``): confidence falls from 1 at the
 #: first to 0 at the second value, where the window certainly spans two surfaces.
-MIXTURE = (0.5, 2.0)
+_MIXTURE = (0.5, 2.0)
 #: Share of the disagreement with both neighbours that counts as standard deviation.
-MIXTURE_SHARE = 0.4
+_MIXTURE_SHARE = 0.4
 #: Ratio of mismatches at which a peak begins to be, and is, unique; the same at the edge of the
 #: search range, where it is known on one side only.
 _UNIQUE_INSIDE, _UNIQUE_AT_EDGE = (1.0, 1.5), (1.3, 2.2)
@@ -85,16 +85,16 @@ def judge_registration(
     for r in range(score.shape[0]):
         for c in range(score.shape[1]):
             trust = _ramp(score[r, c], limits[0], limits[1])
-            trust *= _ramp(share[r, c], SAMPLES_INSIDE[0], SAMPLES_INSIDE[1])
-            trust *= _ramp(peak[r, c], PEAK_CORRELATION[0], PEAK_CORRELATION[1]) * unique[r, c]
+            trust *= _ramp(share[r, c], _SAMPLES_INSIDE[0], _SAMPLES_INSIDE[1])
+            trust *= _ramp(peak[r, c], _PEAK_CORRELATION[0], _PEAK_CORRELATION[1]) * unique[r, c]
             x, y = shift[r, c]
             way = math.sqrt(x * x + y * y)
-            trust *= 1.0 - _ramp(way, REGISTRATION_SHIFT[0], REGISTRATION_SHIFT[1])
-            confidence[r, c] = trust * (1.0 - _ramp(mixture[r, c], MIXTURE[0], MIXTURE[1]))
-            scaled = REGISTRATION_SCALE * noise[r, c]
-            excess = REGISTRATION_EXCESS * (noise[r, c] * noise[r, c])
-            mixed = MIXTURE_SHARE * mixture[r, c]
-            variance = scaled * scaled + REGISTRATION_FLOOR
+            trust *= 1.0 - _ramp(way, _REGISTRATION_SHIFT[0], _REGISTRATION_SHIFT[1])
+            confidence[r, c] = trust * (1.0 - _ramp(mixture[r, c], _MIXTURE[0], _MIXTURE[1]))
+            scaled = _REGISTRATION_SCALE * noise[r, c]
+            excess = _REGISTRATION_EXCESS * (noise[r, c] * noise[r, c])
+            mixed = _MIXTURE_SHARE * mixture[r, c]
+            variance = scaled * scaled + _REGISTRATION_FLOOR
             sigma[r, c] = math.sqrt(variance + (excess * excess + mixed * mixed))
     return confidence, sigma
 
@@ -103,9 +103,9 @@ def judge_registration(
 _CORRELATION_LENGTH = 3.0
 #: Share of the windows in the lower half of the image, mostly floor, with a deviation below
 #: ``texture_high`` above which both images are smoothed; usual frames have next to none.
-WEAK_SHARE = 0.4
+_WEAK_SHARE = 0.4
 #: Standard deviation of the smoothing [px]: it leaves 0.28 of the noise, and most of the texture.
-SMOOTHING = 1.0
+_SMOOTHING = 1.0
 #: Factor of ``texture_low`` and ``texture_high`` in smoothed images: 0.28, and the rounding to
 #: whole grey levels.
 _SMOOTHED_TEXTURE = 0.5
@@ -201,7 +201,7 @@ class BlockMatching(MatchedFlow):
         low, high = p.texture_low, p.texture_high
         scores, deviation = correlate(now, past, *windows, p.search, visible)
         lower = deviation[len(deviation) // 2 :]
-        if np.count_nonzero(lower < high) > WEAK_SHARE * lower.size:
+        if np.count_nonzero(lower < high) > _WEAK_SHARE * lower.size:
             now, past = _smoothed(now), _smoothed(past)
             low, high = _SMOOTHED_TEXTURE * low, _SMOOTHED_TEXTURE * high
             scores, deviation = correlate(now, past, *windows, p.search, visible)
@@ -250,7 +250,7 @@ class BlockMatching(MatchedFlow):
             self._x_windows,
             self._y_windows,
             start,
-            (height > PEAK_CORRELATION[0]) & textured,
+            (height > _PEAK_CORRELATION[0]) & textured,
             visible,
             p.stride,
             p.weight_width,
@@ -279,4 +279,4 @@ class BlockMatching(MatchedFlow):
 
 
 def _smoothed(image: Image) -> Image:
-    return np.asarray(cv2.GaussianBlur(image, (0, 0), SMOOTHING))
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), _SMOOTHING))

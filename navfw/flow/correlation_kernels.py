@@ -10,7 +10,7 @@ import numpy as np
 from navfw.numerics.arrays import Array, Bytes, Floats, Indices, Int32s, Mask
 
 #: Score of displacements whose window would leave the visible part of the past image.
-OUTSIDE = np.float32(-2.0)
+_OUTSIDE = np.float32(-2.0)
 
 _LOW = np.int64((1 << 32) - 1)
 
@@ -145,14 +145,14 @@ def correlate(
 
     Returns:
         scores (rows, cols, 2 search + 1, 2 search + 1) in [-1, 1] at displacement (dy, dx) =
-        index - search, or OUTSIDE where the window would leave the visible past; and deviations
+        index - search, or _OUTSIDE where the window would leave the visible past; and deviations
         (rows, cols) [grey] of the windows' grey values in ``now``.
 
     """
     h, w = now.shape
     rows, cols = y_windows.shape[0], x_windows.shape[0]
     span = 2 * search + 1
-    scores = np.full((rows, cols, span, span), OUTSIDE, np.float32)
+    scores = np.full((rows, cols, span, span), _OUTSIDE, np.float32)
     left, right, top, bottom = visible
     totals, inverses, deviations = _templates(now, x_windows, y_windows)
 
@@ -247,7 +247,7 @@ def find_peaks(scores: Floats) -> tuple[Indices, Array, Array, Array, Array, Mas
         for c in range(cols):
             s = scores[r, c]
             py, px, best, rival = _highest(s, tops)
-            if best <= OUTSIDE:
+            if best <= _OUTSIDE:
                 continue
             height[r, c] = best
             second[r, c] = rival
@@ -258,7 +258,7 @@ def find_peaks(scores: Floats) -> tuple[Indices, Array, Array, Array, Array, Mas
             complete = True
             for iy in range(py - 1, py + 2):
                 for ix in range(px - 1, px + 2):
-                    if s[iy, ix] <= OUTSIDE:
+                    if s[iy, ix] <= _OUTSIDE:
                         complete = False
             if not complete:
                 continue
@@ -286,7 +286,7 @@ def _highest(s: Floats, tops: Floats) -> tuple[int, int, np.float32, np.float32]
     px = 0
     while s[py, px] < best:
         px += 1
-    rival = OUTSIDE
+    rival = _OUTSIDE
     for iy in range(span):
         if abs(iy - py) > 1:
             rival = max(rival, tops[iy])
@@ -297,8 +297,8 @@ def _highest(s: Floats, tops: Floats) -> tuple[int, int, np.float32, np.float32]
 
 @numba.njit(cache=True, fastmath={"nnan", "nsz"})
 def _maximum(values: Floats) -> np.float32:
-    """The largest of ``values``, at least OUTSIDE; a loop that the compiler vectorises."""
-    top = OUTSIDE
+    """The largest of ``values``, at least _OUTSIDE; a loop that the compiler vectorises."""
+    top = _OUTSIDE
     for value in values:
         top = value if value > top else top
     return top

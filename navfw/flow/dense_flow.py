@@ -17,11 +17,11 @@ from navfw.numerics.arrays import Floats
 from navfw.robot import RobotModel
 
 #: Least standard deviation of a cell's mean vector [px].
-SIGMA_FLOOR = 0.05
+_SIGMA_FLOOR = 0.05
 #: Factor that scales the noise model to the errors measured on rendered frames.
 _SIGMA_SCALE = 1.5
 #: Share of the standard deviation of the flow within a cell that counts as error of its mean.
-SPREAD_SHARE = 0.45
+_SPREAD_SHARE = 0.45
 
 _PRESETS = {
     "ultrafast": cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
@@ -89,7 +89,7 @@ class DenseFlow(MatchedFlow):
         confidence *= ramp(gradient, p.gradient_low, p.gradient_high)
         confidence *= 1.0 - ramp(spread, p.spread_low, p.spread_high)
         noise = _SIGMA_SCALE * match_sigma(score, curvature, cells.pixels)
-        sigma = np.sqrt(noise**2 + (SPREAD_SHARE * spread) ** 2 + SIGMA_FLOOR**2)
+        sigma = np.sqrt(noise**2 + (_SPREAD_SHARE * spread) ** 2 + _SIGMA_FLOOR**2)
         return -back, confidence, sigma
 
 

@@ -11,13 +11,13 @@ from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.signals import FlowField
 
-ITERATIONS = 10
+_ITERATIONS = 10
 #: Least number of vectors for a fit.
-MIN_VECTORS = 8
+_MIN_VECTORS = 8
 #: Least standard deviation of the residuals [px].
 _RESIDUAL_FLOOR = 0.03
 #: Number of vectors with a common error: neighbouring windows overlap.
-OVERLAP = 4.0
+_OVERLAP = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,14 +50,14 @@ def fit_expansion(flow: FlowField, least: float = 0.2) -> Expansion | None:
     more are used; None if there are too few.
     """
     chosen = (flow.confidence >= least) & np.isfinite(flow.vectors).all(axis=-1)
-    if np.count_nonzero(chosen) < MIN_VECTORS:
+    if np.count_nonzero(chosen) < _MIN_VECTORS:
         return None
     points, vectors, sigma = flow.points[chosen], flow.vectors[chosen], flow.sigma[chosen]
     first = flow.confidence[chosen] / sigma**2
     weight, rate, spread = first, 0.0, 1.0
     centre = mean = np.zeros(2)
     off, away = np.zeros(len(points)), points
-    for _ in range(ITERATIONS):
+    for _ in range(_ITERATIONS):
         total = weight.sum()
         centre, mean = product(weight, points) / total, product(weight, vectors) / total
         away = points - centre
@@ -69,7 +69,7 @@ def fit_expansion(flow: FlowField, least: float = 0.2) -> Expansion | None:
         scale = max(1.2 * float(np.median(off)), _RESIDUAL_FLOOR)
         weight = first / (1.0 + (off / (2.0 * scale)) ** 2)
     component = max(float(product(weight, off**2)) / (2.0 * weight.sum()), _RESIDUAL_FLOOR**2)
-    variance = OVERLAP * component * float(product(weight**2, (away**2).sum(axis=1))) / spread**2
+    variance = _OVERLAP * component * float(product(weight**2, (away**2).sum(axis=1))) / spread**2
     agree = off <= 3.0 * max(1.2 * float(np.median(off)), _RESIDUAL_FLOOR)
     focus = centre - mean / rate if rate != 0.0 else centre
     return Expansion(rate, math.sqrt(variance), focus, float(agree.mean()))

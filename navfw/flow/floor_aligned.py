@@ -24,13 +24,13 @@ from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, FramePair
 from navfw.signals.immutability import read_only
 
-CELL = 4
+_CELL = 4
 """Side of the cells [px] over which flow is averaged."""
 _CELLS_ABOVE = 3
 """Rows of cells above the horizon. Near objects visible further up also extend down to here."""
 _MIN_ROWS = 4
 """Least number of cell rows below the horizon; with fewer the floor is hardly visible."""
-EDGE = 5
+_EDGE = 5
 """Margin at the image's border [px] in which matches are unreliable and discarded."""
 _DIFFERENCE = 8.0
 """Largest mean absolute difference [grey levels] between a cell and its match."""
@@ -38,7 +38,7 @@ _GRADIENT = 1.5
 """Least root mean square gradient [grey levels/px] of a cell that can be matched."""
 _COARSE_STRIDE = 8
 """Distance [px] between matched patches in coarse mode: the patches do not overlap."""
-SIGMA = 0.2
+_SIGMA = 0.2
 """Standard deviation of a cell's mean flow [px], measured on rendered frames."""
 
 _UNIT = np.eye(3)
@@ -55,21 +55,21 @@ class FloorAlignedFlow:
         self._robot = robot
         camera = robot.camera
         horizon = 0.5 * camera.height - camera.focal * math.tan(camera.pitch)
-        most = camera.height // CELL
-        self._rows = min(max(math.ceil((camera.height - horizon) / CELL) + _CELLS_ABOVE, 0), most)
-        self._cols = camera.width // CELL
-        self._top = camera.height - self._rows * CELL
-        self._left = (camera.width - self._cols * CELL) // 2
-        size = self._rows * CELL, self._cols * CELL
+        most = camera.height // _CELL
+        self._rows = min(max(math.ceil((camera.height - horizon) / _CELL) + _CELLS_ABOVE, 0), most)
+        self._cols = camera.width // _CELL
+        self._top = camera.height - self._rows * _CELL
+        self._left = (camera.width - self._cols * _CELL) // 2
+        size = self._rows * _CELL, self._cols * _CELL
         self._pixel_y, self._pixel_x = np.mgrid[: size[0], : size[1]].astype(np.float32)
         # centres of the cells, in pixels from the top left of the whole image
-        x = self._left + CELL * np.arange(self._cols) + 0.5 * (CELL - 1)
-        y = self._top + CELL * np.arange(self._rows) + 0.5 * (CELL - 1)
+        x = self._left + _CELL * np.arange(self._cols) + 0.5 * (_CELL - 1)
+        y = self._top + _CELL * np.arange(self._rows) + 0.5 * (_CELL - 1)
         self._centres = np.stack(np.meshgrid(x, y), axis=-1)
         cx, cy = 0.5 * (camera.width - 1), 0.5 * (camera.height - 1)
         self._points = read_only(self._centres - np.array([cx, cy]))
-        last = camera.width - 1.0 - EDGE, camera.height - 1.0 - EDGE
-        self._border = np.array([EDGE, EDGE, *last])
+        last = camera.width - 1.0 - _EDGE, camera.height - 1.0 - _EDGE
+        self._border = np.array([_EDGE, _EDGE, *last])
         f = camera.focal
         self._intrinsics = np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
         self._rays = inverse(self._intrinsics)
@@ -111,15 +111,15 @@ class FloorAlignedFlow:
         back: Floats = np.asarray(dis.calc(now, past, start), dtype=np.float32)
         good = self._matches(now, past, back)
         vectors = np.empty_like(self._centres)
-        means = cv2.resize(back, (self._cols, self._rows), interpolation=cv2.INTER_AREA)
-        means = np.asarray(means, dtype=np.float32)
+        size = (self._cols, self._rows)
+        means = np.asarray(cv2.resize(back, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
         unwarp_cells(self._centres, means, warp, self._border, good, vectors)
         return FlowField(
             time=pair.now.time,
             points=self._points,
             vectors=vectors,
             confidence=good.astype(np.float64),
-            sigma=np.full(good.shape, SIGMA),
+            sigma=np.full(good.shape, _SIGMA),
             motion=pair.motion,
         )
 
@@ -139,7 +139,7 @@ class FloorAlignedFlow:
             borderMode=cv2.BORDER_REPLICATE,
         )
         good = np.empty((self._rows, self._cols), dtype=np.bool_)
-        match_cells(now, np.asarray(moved, dtype=np.uint8), CELL, _DIFFERENCE, _GRADIENT, good)
+        match_cells(now, np.asarray(moved, dtype=np.uint8), _CELL, _DIFFERENCE, _GRADIENT, good)
         return good
 
 

@@ -27,7 +27,7 @@ def above_horizon(flow: FlowField, camera: CameraModel) -> FlowField:
     return dataclasses.replace(flow, confidence=np.where(falls > 0.0, 0.0, flow.confidence))
 
 
-def check_grid(camera: CameraModel, rows: int, cols: int, owner: str) -> None:
+def _check_grid(camera: CameraModel, rows: int, cols: int, owner: str) -> None:
     """Check that ``rows`` x ``cols`` equal cells fill the camera's image.
 
     Raises:
@@ -98,7 +98,7 @@ class GridFlow(interfaces.FlowProcessor):
     def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
         super().__init__(robot, params)
         p, camera = self.params, robot.camera
-        check_grid(camera, p.rows, p.cols, self.name)
+        _check_grid(camera, p.rows, p.cols, self.name)
         self._points = grid_points(camera, p.rows, p.cols)
 
 

@@ -23,7 +23,7 @@ from navfw.signals import CameraMotion, FlowField, Frame, FramePair
 #: Standard deviation reported with ideal flow [px].
 SIGMA = 0.02
 #: Largest ratio of the nearness of neighbouring pixels of one surface.
-ONE_SURFACE = 1.15
+_ONE_SURFACE = 1.15
 
 
 class TruthSource(Protocol):
@@ -106,7 +106,7 @@ def nearness_at(points: Array, depth: Floats, camera: CameraModel) -> Array:
     )
     weights = np.stack([(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy], axis=-1)
     mixed = np.sum(weights * corners, axis=-1)
-    one = corners.max(axis=-1) <= ONE_SURFACE * corners.min(axis=-1)
+    one = corners.max(axis=-1) <= _ONE_SURFACE * corners.min(axis=-1)
     chosen = np.take_along_axis(corners, weights.argmax(axis=-1)[..., None], axis=-1)[..., 0]
     return np.asarray(np.where(one, mixed, chosen))
 

@@ -21,12 +21,12 @@ from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
 
 #: Least standard deviation of a tracked vector [px].
-SIGMA_FLOOR = 0.05
+_SIGMA_FLOOR = 0.05
 #: Factor that scales the noise model to the errors measured on rendered frames.
 _NOISE_SCALE = 1.3
 #: Shares that count as standard deviation: of the forward-backward error, of the disagreement
 #: within a cell, and of the variation between cells (over the points per axis of a cell).
-_RETURN_SHARE, _CELL_SHARE, SPREAD_SHARE = 0.5, 0.5, 0.25
+_RETURN_SHARE, _CELL_SHARE, _SPREAD_SHARE = 0.5, 0.5, 0.25
 
 
 class LucasKanade(MatchedFlow):
@@ -82,8 +82,8 @@ class LucasKanade(MatchedFlow):
         noise = _NOISE_SCALE * residual / (np.maximum(gradient, 0.1) * p.window)
         point_variance = noise**2 + (_RETURN_SHARE * np.minimum(returned, SIGMA_UNKNOWN)) ** 2
         vectors, confidence, variance = _cells(self._seeds - origins, trust, point_variance)
-        spread = SPREAD_SHARE / p.points * local_spread(vectors, confidence)
-        return vectors, confidence, np.sqrt(variance + spread**2 + SIGMA_FLOOR**2)
+        spread = _SPREAD_SHARE / p.points * local_spread(vectors, confidence)
+        return vectors, confidence, np.sqrt(variance + spread**2 + _SIGMA_FLOOR**2)
 
     def _track(
         self, now: Image, past: Image, visible: tuple[int, int, int, int]

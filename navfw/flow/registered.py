@@ -18,18 +18,18 @@ from navfw.robot import RobotModel
 from navfw.signals.immutability import read_only
 
 #: Least standard deviation of a registered vector [px], however well the window fits.
-FLOOR = 0.035
+_FLOOR = 0.035
 #: Standard deviation [grey levels] of rounding to whole grey levels: residuals of images without
 #: noise may be smaller by chance.
 _ROUNDING = 0.29
 #: Standard deviation [grey levels] of errors that a window shares with its neighbours, so that
-#: neither its residual nor the roughness shows them. This, MIXTURE_SHARE, ROUGHNESS_POWER and
+#: neither its residual nor the roughness shows them. This, _MIXTURE_SHARE, ROUGHNESS_POWER and
 #: _USUAL_ROUGHNESS were fitted to the odd pairs of ``navfw bench flow``: about 86 % of the vectors
 #: lie within two sigmas.
 _COMMON_GREY = 0.45
 #: Share of the disagreement with both neighbours (``Registration.mixture``) that counts as standard
 #: deviation.
-MIXTURE_SHARE = 0.36
+_MIXTURE_SHARE = 0.36
 #: Power of the field's roughness by which all its sigmas are scaled: images with blur, or with a
 #: motion that varies within windows, have errors that no single window's residual shows.
 ROUGHNESS_POWER = 1.23
@@ -40,7 +40,7 @@ _USUAL_ROUGHNESS = 1.025
 UNKNOWN_ROUGHNESS, _MIN_TRIPLES, ROUGHNESS_RANGE = 1.5, 10, (0.6, 3.0)
 #: Least score and least share inside the past image of the vectors that the roughness is taken of.
 #: All others have confidence 0.
-LIKELY = 0.8, 0.6
+_LIKELY = 0.8, 0.6
 
 
 class Registered(MatchedFlow):
@@ -120,13 +120,13 @@ class Registered(MatchedFlow):
             p.stride,
             p.weight_width,
         )
-        likely = (registration.score > LIKELY[0]) & (registration.share > LIKELY[1])
+        likely = (registration.score > _LIKELY[0]) & (registration.share > _LIKELY[1])
         grey = np.where(likely, registration.sensitivity, 0.0)
-        variance = registration.sigma**2 + (_ROUNDING * grey) ** 2 + FLOOR**2
+        variance = registration.sigma**2 + (_ROUNDING * grey) ** 2 + _FLOOR**2
         rough = roughness(registration.vectors, variance, likely, _MIN_TRIPLES)
         rough = UNKNOWN_ROUGHNESS if math.isnan(rough) else rough
         rough = min(max(rough, ROUGHNESS_RANGE[0]), ROUGHNESS_RANGE[1])
-        variance += (_COMMON_GREY * grey) ** 2 + (MIXTURE_SHARE * registration.mixture) ** 2
+        variance += (_COMMON_GREY * grey) ** 2 + (_MIXTURE_SHARE * registration.mixture) ** 2
         sigma = (rough / _USUAL_ROUGHNESS) ** ROUGHNESS_POWER * np.sqrt(variance)
         confidence = ramp(registration.score, p.registered_low, p.registered_high)
         confidence *= ramp(registration.share, 0.6, 0.9)

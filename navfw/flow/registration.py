@@ -17,20 +17,20 @@ from navfw.numerics.functions import exp
 
 #: Standard deviation of the smoothing before registration [px]: without it interpolation is wrong
 #: at edges.
-SMOOTHING = 0.8
+_SMOOTHING = 0.8
 #: Regularisation of the affine part, as a mean gradient [grey/px]: less texture does not justify a
 #: deformation of the window.
 _STIFFNESS = 0.5
-ITERATIONS = 6
+_ITERATIONS = 6
 #: Step of the displacement [px] below which the iteration ends.
-TOLERANCE = 0.05
+_TOLERANCE = 0.05
 #: Largest distance from the starting displacement [px]; a window that moves further is lost.
-REACH = 3.0
+_REACH = 3.0
 #: Least score of the windows that are compared with their neighbours.
-LIKELY = 0.8
+_LIKELY = 0.8
 
 _PLACES = np.arange(-3.0, 4.0)
-_BELL = exp(-0.5 * (_PLACES / SMOOTHING) ** 2)
+_BELL = exp(-0.5 * (_PLACES / _SMOOTHING) ** 2)
 _BELL /= _BELL.sum()
 # derivative of the bell, scaled to give 1 for a slope of 1
 _SLOPE = _PLACES * _BELL
@@ -103,14 +103,14 @@ def register_windows(
         stride,
         width,
         _STIFFNESS**2,
-        ITERATIONS,
-        TOLERANCE,
-        REACH,
+        _ITERATIONS,
+        _TOLERANCE,
+        _REACH,
     )
     mixture = find_mixtures(
         vectors,
         gradients,
-        score > LIKELY,
+        score > _LIKELY,
         (x_windows[:, 0] + x_windows[:, 1]) / 2,
         (y_windows[:, 0] + y_windows[:, 1]) / 2,
     )

@@ -11,16 +11,16 @@ from navfw.numerics.algebra_kernels import dot, fma
 from navfw.numerics.arrays import Array, Floats, Indices, Mask
 
 #: Number of unknowns: displacement (x, y), then the change of each over half a window in x and y.
-UNKNOWNS = 6
+_UNKNOWNS = 6
 #: Largest gain of the brightness between the frames, and its reciprocal the least; the offset is
 #: free.
-GAIN = 2.0
+_GAIN = 2.0
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _factorize(matrix: Array, lower: Array) -> bool:
     """Cholesky factor, its diagonal inverted; False if ``matrix`` is not positive definite."""
-    for i in range(UNKNOWNS):
+    for i in range(_UNKNOWNS):
         for j in range(i):
             total = matrix[i, j]
             for k in range(j):
@@ -38,14 +38,14 @@ def _factorize(matrix: Array, lower: Array) -> bool:
 @numba.njit(cache=True)
 def _solve(lower: Array, right: Array, out: Array) -> None:
     """Solve (L L^T) out = right for L from ``_factorize``."""
-    for i in range(UNKNOWNS):
+    for i in range(_UNKNOWNS):
         total = right[i]
         for k in range(i):
             total -= lower[i, k] * out[k]
         out[i] = total * lower[i, i]
-    for i in range(UNKNOWNS - 1, -1, -1):
+    for i in range(_UNKNOWNS - 1, -1, -1):
         total = out[i]
-        for k in range(i + 1, UNKNOWNS):
+        for k in range(i + 1, _UNKNOWNS):
             total -= lower[k, i] * out[k]
         out[i] = total * lower[i, i]
 
@@ -99,7 +99,7 @@ def _read(
 def _weigh(places: Floats, grey: Floats, steep: Floats) -> tuple[float, float]:
     """Multiply ``grey`` less its mean, and gradients, by the root weight; fill in ``steep``.
 
-    ``steep`` (UNKNOWNS, samples) are the steepest descent images. A product of two such rows is
+    ``steep`` (_UNKNOWNS, samples) are the steepest descent images. A product of two such rows is
     weighted. Returns the sum of the weights and the mean grey value.
     """
     p, q, root = places[2], places[3], places[4]
@@ -213,13 +213,13 @@ def register(
     variance = np.full((rows, cols), np.inf)
     by_grey = np.full((rows, cols), np.inf)
     share = np.zeros((rows, cols), np.float64)
-    hessian = np.empty((UNKNOWNS, UNKNOWNS), np.float64)
-    lower = np.zeros((UNKNOWNS, UNKNOWNS), np.float64)
-    slope = np.empty(UNKNOWNS, np.float64)
-    fixed = np.empty(UNKNOWNS, np.float64)
-    moving = np.empty(UNKNOWNS, np.float64)
-    change = np.empty(UNKNOWNS, np.float64)
-    warp = np.empty(UNKNOWNS, np.float64)
+    hessian = np.empty((_UNKNOWNS, _UNKNOWNS), np.float64)
+    lower = np.zeros((_UNKNOWNS, _UNKNOWNS), np.float64)
+    slope = np.empty(_UNKNOWNS, np.float64)
+    fixed = np.empty(_UNKNOWNS, np.float64)
+    moving = np.empty(_UNKNOWNS, np.float64)
+    change = np.empty(_UNKNOWNS, np.float64)
+    warp = np.empty(_UNKNOWNS, np.float64)
     columns = [_axis(x_windows[c, 0], x_windows[c, 1], step, width) for c in range(cols)]
     for r in range(rows):
         lines = _axis(y_windows[r, 0], y_windows[r, 1], step, width)
@@ -229,14 +229,14 @@ def register(
             count = columns[c][0].size * lines[0].size
             places, steep = (
                 np.empty((5, count), np.float32),
-                np.empty((UNKNOWNS, count), np.float32),
+                np.empty((_UNKNOWNS, count), np.float32),
             )
             grey, samples = np.empty(count, np.float32), np.empty(count, np.float32)
             _read(now, gradient_x, gradient_y, columns[c], lines, places, grey, steep)
             weight, mean = _weigh(places, grey, steep)
             energy = float(dot(grey, grey))
             hold = stiffness * weight
-            for k in range(UNKNOWNS):
+            for k in range(_UNKNOWNS):
                 slope[k], fixed[k] = dot(steep[k], places[4]), dot(steep[k], grey)
                 for m in range(k + 1):
                     hessian[k, m] = dot(steep[k], steep[m]) - slope[k] * slope[m] / weight
@@ -253,15 +253,15 @@ def register(
                 spread = max(float(dot(samples, samples)) - total * total / weight, 1e-6)
                 score[r, c] = both / math.sqrt(spread * energy)
                 share[r, c] = 1.0 - outside / count
-                gain = min(max(both / spread, 1.0 / GAIN), GAIN)
-                for k in range(UNKNOWNS):
+                gain = min(max(both / spread, 1.0 / _GAIN), _GAIN)
+                for k in range(_UNKNOWNS):
                     # the mean of the samples is free: offset of the brightness
                     product = dot(steep[k], samples) - total / weight * slope[k]
                     moving[k] = gain * product - fixed[k]
                     if k >= 2:
                         moving[k] -= hold * warp[k]
                 _solve(lower, moving, change)
-                for k in range(UNKNOWNS):
+                for k in range(_UNKNOWNS):
                     warp[k] += change[k]
                 off_x, off_y = warp[0] - start[r, c, 0], warp[1] - start[r, c, 1]
                 if off_x * off_x + off_y * off_y > reach * reach:

@@ -78,10 +78,10 @@ class InferenceTables(NamedTuple):
     @property
     def packed(self) -> tuple[Array, Indices]:
         """All arrays of numbers and all of indices, each as one (``pack``)."""
-        return pack(self[:6], np.float64), pack(self[6:], np.int64)
+        return _pack(self[:6], np.float64), _pack(self[6:], np.int64)
 
 
-def pack(arrays: Sequence[npt.NDArray[Any]], dtype: type[Any]) -> npt.NDArray[Any]:
+def _pack(arrays: Sequence[npt.NDArray[Any]], dtype: type[Any]) -> npt.NDArray[Any]:
     """``arrays`` one after the other in one, flat, preceded by where each begins and the end.
 
     ``inference_kernels.part`` reads them.
@@ -90,7 +90,7 @@ def pack(arrays: Sequence[npt.NDArray[Any]], dtype: type[Any]) -> npt.NDArray[An
     return np.concatenate([[*starts], *(array.ravel() for array in arrays)], dtype=dtype)
 
 
-def concluded_terms(rule_base: RuleBase) -> list[list[str]]:
+def _concluded_terms(rule_base: RuleBase) -> list[list[str]]:
     """For each output the terms that a rule concludes, in the order of their declaration."""
     outputs = list(rule_base.outputs.values())
     concluded = _group(outputs, (pair for rule in rule_base.rules for pair in rule.conclusions))
@@ -100,9 +100,9 @@ def concluded_terms(rule_base: RuleBase) -> list[list[str]]:
     ]
 
 
-def tables_of(rule_base: RuleBase) -> InferenceTables:
+def _tables_of(rule_base: RuleBase) -> InferenceTables:
     """``rule_base`` as arrays."""
-    terms = concluded_terms(rule_base)
+    terms = _concluded_terms(rule_base)
     inputs, outputs = list(rule_base.inputs.values()), list(rule_base.outputs.values())
     literals = _group(
         inputs,
@@ -254,7 +254,7 @@ class CompiledFis:
 
     def __init__(self, rule_base: RuleBase) -> None:
         self.rule_base = rule_base
-        self._tables = tables_of(rule_base).packed
+        self._tables = _tables_of(rule_base).packed
         self._layout = _layout(rule_base)
         self._row_of = {name: row for row, name in enumerate(rule_base.inputs)}
 
@@ -360,7 +360,7 @@ def _layout(rule_base: RuleBase) -> ResultLayout:
     """Columns: strengths of the rules, activations of the concluded terms, crisp outputs."""
     columns: dict[str, dict[str, int | None]] = {}
     column = len(rule_base.rules)
-    terms = concluded_terms(rule_base)
+    terms = _concluded_terms(rule_base)
     for output, names in zip(rule_base.outputs.values(), terms, strict=True):
         columns[output.name] = dict.fromkeys(output.terms)
         for name in names:

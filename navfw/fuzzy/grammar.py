@@ -23,7 +23,7 @@ from navfw.fuzzy.membership import HEDGES
 
 KEYWORDS = frozenset({"IF", "IS", "AND", "OR", "NOT", "THEN", "WITH", "WEIGHT"})
 NAME_PATTERN = r"[A-Za-z_][A-Za-z0-9_]*"
-MAX_NESTING = 50
+_MAX_NESTING = 50
 """Largest depth of NOT and parentheses, below Python's limit of recursion."""
 
 _TOKEN = re.compile(
@@ -217,8 +217,8 @@ class _Parser:
 
     def _not(self) -> Clause:
         self._depth += 1
-        if self._depth > MAX_NESTING:
-            raise self._error(f"expected at most {MAX_NESTING} levels of NOT and parentheses")
+        if self._depth > _MAX_NESTING:
+            raise self._error(f"expected at most {_MAX_NESTING} levels of NOT and parentheses")
         clause = self._primary()
         self._depth -= 1
         return clause

@@ -37,7 +37,7 @@ _MIN_POSITIVE = 5e-324
 
 
 @numba.njit(cache=True)
-def interval_of(xs: Array, x: float) -> int:
+def _interval_of(xs: Array, x: float) -> int:
     """The index i with xs[i] <= x < xs[i + 1] (xs increasing, x within them)."""
     low, high = 0, xs.size - 1
     while high - low > 1:
@@ -50,7 +50,7 @@ def interval_of(xs: Array, x: float) -> int:
 
 
 @numba.njit(cache=True)
-def interpolate(xs: Array, ys: Array, i: int, x: float) -> float:
+def _interpolate(xs: Array, ys: Array, i: int, x: float) -> float:
     """``np.interp`` of x with xs[i] <= x < xs[i + 1], to the last bit."""
     if xs[i] == x or i == xs.size - 1:
         return float(ys[i])
@@ -65,13 +65,13 @@ def fuzzify(x: Array, xs: Array, sampled: Array, out: Array) -> None:
         if math.isnan(x[n]):
             out[n, :] = np.nan
             continue
-        i = interval_of(xs, value)
+        i = _interval_of(xs, value)
         for t in range(sampled.shape[0]):
-            out[n, t] = interpolate(xs, sampled[t], i, value)
+            out[n, t] = _interpolate(xs, sampled[t], i, value)
 
 
 @numba.njit(cache=True)
-def join(
+def _join(
     xs: Array,
     terms: Array,
     support: Indices,
@@ -150,7 +150,7 @@ def _merge(
     size = xs.size
     fresh = 0
     for k in range(count):
-        i = interval_of(xs, min(max(extra[k], xs[0]), xs[-1]))
+        i = _interval_of(xs, min(max(extra[k], xs[0]), xs[-1]))
         if xs[i] != extra[k]:
             extra[fresh] = extra[k]
             fresh += 1
@@ -164,7 +164,7 @@ def _merge(
             if 0 <= i < size - 1:
                 for t in range(cuts.size):
                     if cuts[t] > 0.0:
-                        y = max(y, min(cuts[t], interpolate(xs, terms[t], i, extra[k])))
+                        y = max(y, min(cuts[t], _interpolate(xs, terms[t], i, extra[k])))
             py[at] = y
             k -= 1
         else:
@@ -247,7 +247,7 @@ def _of_maximum(px: Array, py: Array, size: int, method: int) -> float:
 
 
 @numba.njit(cache=True)
-def defuzzify(px: Array, py: Array, size: int, method: int) -> float:
+def _defuzzify(px: Array, py: Array, size: int, method: int) -> float:
     """The crisp value of a union of conclusions (not empty)."""
     if method == CENTROID:
         return _centroid(px, py, size)
@@ -257,7 +257,7 @@ def defuzzify(px: Array, py: Array, size: int, method: int) -> float:
 
 
 @numba.njit(cache=True)
-def fire(
+def _fire(
     program: Indices, starts: Indices, weights: Array, literals: Array, stack: Array, firing: Array
 ) -> None:
     """Compute ``firing``, the weighted strengths (rules,), from the degrees of the literals."""
@@ -292,9 +292,9 @@ def _read(
             return False
         universe = xs[starts[i] : starts[i + 1]]
         value = min(max(x[i], universe[0]), universe[-1])
-        at = interval_of(universe, value)
+        at = _interval_of(universe, value)
         for k in range(literal_starts[i], literal_starts[i + 1]):
-            literals[k] = interpolate(universe, ys[k, : universe.size], at, value)
+            literals[k] = _interpolate(universe, ys[k, : universe.size], at, value)
     return True
 
 
@@ -314,7 +314,7 @@ def _find_equal(rows: Array, n: int, different: Indices, count: int) -> int:
 
 
 @numba.njit(cache=True)
-def part(packed: Any, number: int) -> Any:
+def _part(packed: Any, number: int) -> Any:
     """Array ``number`` of a ``packed`` sequence of arrays (``compiled_fis.pack``), flat."""
     return packed[int(packed[number]) : int(packed[number + 1])]
 
@@ -327,15 +327,15 @@ def infer(x: Array, reals: Array, indices: Indices) -> Array:
     costs a quarter of one with sixteen. Returns a table (N, rules + terms + outputs): firing
     strengths, activations of the concluding terms, crisp outputs.
     """
-    input_xs, weights, output_xs = part(reals, 0), part(reals, 2), part(reals, 3)
-    defaults = part(reals, 5)
-    input_starts, literal_starts = part(indices, 0), part(indices, 1)
-    program, program_starts = part(indices, 2), part(indices, 3)
-    conclusions, support = part(indices, 4).reshape(-1, 2), part(indices, 7).reshape(-1, 2)
-    output_starts, term_starts = part(indices, 5), part(indices, 6)
-    literal_ys = part(reals, 1).reshape(literal_starts[-1], -1)
-    term_ys = part(reals, 4).reshape(term_starts[-1], -1)
-    method, scale, depth, workspace = part(indices, 8)
+    input_xs, weights, output_xs = _part(reals, 0), _part(reals, 2), _part(reals, 3)
+    defaults = _part(reals, 5)
+    input_starts, literal_starts = _part(indices, 0), _part(indices, 1)
+    program, program_starts = _part(indices, 2), _part(indices, 3)
+    conclusions, support = _part(indices, 4).reshape(-1, 2), _part(indices, 7).reshape(-1, 2)
+    output_starts, term_starts = _part(indices, 5), _part(indices, 6)
+    literal_ys = _part(reals, 1).reshape(literal_starts[-1], -1)
+    term_ys = _part(reals, 4).reshape(term_starts[-1], -1)
+    method, scale, depth, workspace = _part(indices, 8)
     samples, rules, terms = x.shape[1], weights.size, support.shape[0]
     table = np.zeros((samples, rules + terms + defaults.size))
     literals, stack = np.empty(literal_starts[-1]), np.empty(depth)
@@ -356,7 +356,7 @@ def infer(x: Array, reals: Array, indices: Indices) -> Array:
         crisp[:] = defaults
         if not _read(inputs[n], input_xs, input_starts, literal_ys, literal_starts, literals):
             continue
-        fire(program, program_starts, weights, literals, stack, firing)
+        _fire(program, program_starts, weights, literals, stack, firing)
         for k in range(conclusions.shape[0]):
             term = conclusions[k, 1]
             cuts[term] = max(cuts[term], firing[conclusions[k, 0]])
@@ -373,8 +373,8 @@ def infer(x: Array, reals: Array, indices: Indices) -> Array:
             xs = output_xs[output_starts[o] : output_starts[o + 1]]
             ys = term_ys[first:last, : xs.size]
             lean = method == CENTROID
-            size = join(
+            size = _join(
                 xs, ys, support[first:last], cuts[first:last], scale == 1, lean, px, py, extra
             )
-            crisp[o] = min(max(defuzzify(px, py, size, method), xs[0]), xs[-1])
+            crisp[o] = min(max(_defuzzify(px, py, size, method), xs[0]), xs[-1])
     return table

@@ -19,7 +19,7 @@ from navfw.fuzzy.membership import SHAPES, Shape, make_shape
 from navfw.fuzzy.rulebase import Rule, RuleBase, Variable
 from navfw.fuzzy.rulespec import InputSpec, OutputSpec, RuleBaseSpec, check_name
 
-MAX_KEPT = 64
+_MAX_KEPT = 64
 """Number of rule bases kept for the next stack."""
 
 TermCorners = Mapping[str, Mapping[str, Sequence[float]]]
@@ -45,7 +45,7 @@ def load_rule_base(path: str | Path, terms: TermCorners | None = None) -> RuleBa
     return _checked(_with_corners(document, terms))
 
 
-@lru_cache(maxsize=MAX_KEPT)
+@lru_cache(maxsize=_MAX_KEPT)
 def _of_file(text: str, name: str) -> RuleBase:
     """The rule base in a file of this content: every stack reads the same ones."""
     return _checked(parse_mapping(text, name))

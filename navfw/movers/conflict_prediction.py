@@ -21,7 +21,7 @@ from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Conflicts, Odometry
 
-STEP = 0.1
+_STEP = 0.1
 """Time step of the prediction [s]."""
 _TURN_DURATIONS = 1.0, 1.5, 2.0
 """Candidate durations of a turn on the spot before driving off [s]; the best of them counts."""
@@ -117,7 +117,7 @@ def _predict(
     robot, ``limits`` its accelerations, ``ahead`` the parameters.
     """
     horizon, turn_time, uncertainty, onward_speed = ahead
-    steps = int(horizon / STEP)
+    steps = int(horizon / _STEP)
     ways = _ways(speeds, state[3], limits[0], limits[1], math.inf, 0.0, steps)
     headings = _headings(turns, state[2], state[4], limits[2], turn_time, steps)
     for i in range(speeds.size):
@@ -151,7 +151,7 @@ def _follow(
     x, y = start
     least, when = math.inf, 0.0
     for k in range(way.size):
-        t = k * STEP
+        t = k * _STEP
         for m in range(moving.shape[0]):
             dx = moving[m, 0] + moving[m, 2] * t - x
             dy = moving[m, 1] + moving[m, 3] * t - y
@@ -168,7 +168,7 @@ def _follow(
 def _approach(moving: Array, start: Array, way: Array, heading: Array, radius: float) -> float:
     """Largest approach [m] within _MOMENT to the present place of a close moving obstacle."""
     x, y = start
-    for k in range(int(_MOMENT / STEP)):
+    for k in range(int(_MOMENT / _STEP)):
         x += way[k] * heading[k, 0]
         y += way[k] * heading[k, 1]
     most = 0.0
@@ -197,10 +197,10 @@ def _ways(
     for i in range(speeds.size):
         now = v
         for k in range(steps + 1):
-            wanted = onward_speed if speeds[i] == 0.0 and k * STEP >= turn_time else speeds[i]
+            wanted = onward_speed if speeds[i] == 0.0 and k * _STEP >= turn_time else speeds[i]
             change = accel if abs(wanted) > abs(now) else brake
-            now += min(max(wanted - now, -change * STEP), change * STEP)
-            ways[i, k] = now * STEP
+            now += min(max(wanted - now, -change * _STEP), change * _STEP)
+            ways[i, k] = now * _STEP
     return ways
 
 
@@ -213,9 +213,9 @@ def _headings(
     for j in range(turns.size):
         direction, now = yaw, w
         for k in range(steps + 1):
-            wanted = turns[j] if k * STEP < turn_time else 0.0
-            now += min(max(wanted - now, -turn_accel * STEP), turn_accel * STEP)
-            direction += 0.5 * now * STEP
+            wanted = turns[j] if k * _STEP < turn_time else 0.0
+            now += min(max(wanted - now, -turn_accel * _STEP), turn_accel * _STEP)
+            direction += 0.5 * now * _STEP
             headings[j, k, 0], headings[j, k, 1] = math.cos(direction), math.sin(direction)
-            direction += 0.5 * now * STEP
+            direction += 0.5 * now * _STEP
     return headings

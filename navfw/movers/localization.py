@@ -19,9 +19,9 @@ from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import FlowField, MovingObject
 
-MIN_CELLS = 6
+_MIN_CELLS = 6
 """Least number of connected cells of one object; fewer are mismatches."""
-MIN_FALL = 0.10
+_MIN_FALL = 0.10
 """Least fall per metre of depth of the ray to a foot point; flatter rays give no usable
 distance."""
 _BORDER = 9.0
@@ -33,7 +33,7 @@ the nearest floor in view."""
 _SPEEDS = 0.08, 1.5
 """Least and largest speed of a moving object [m/s]: slower ones are left to the occupancy grid,
 faster ones are mismatches."""
-SHARED_ERRORS = 4.0
+_SHARED_ERRORS = 4.0
 """Number of neighbouring cells that share one error."""
 _FLOW_ERROR = 0.5
 """Error of the vectors on an object's body, which is no plane [px]."""
@@ -50,13 +50,13 @@ def locate_moving_objects(flow: FlowField, camera: CameraModel) -> tuple[MovingO
         return ()
     fall = camera.fall_per_depth(flow.points)
     moving = segment_motion(flow, fall, camera)
-    if np.count_nonzero(moving) < MIN_CELLS:
+    if np.count_nonzero(moving) < _MIN_CELLS:
         return ()
     count, labels = cv2.connectedComponents(moving.view(np.uint8), connectivity=8)
     sizes = np.bincount(labels.ravel(), minlength=count)
     objects = []
     for label in range(1, count):
-        if sizes[label] >= MIN_CELLS:
+        if sizes[label] >= _MIN_CELLS:
             detection = _locate(flow, fall, labels == label, camera)
             if detection and _SPEEDS[0] <= math.hypot(*detection.velocity()) <= _SPEEDS[1]:
                 objects.append(detection)
@@ -69,7 +69,7 @@ def _locate(flow: FlowField, fall: Array, cells: Mask, camera: CameraModel) -> M
     half_cell = 0.5 * abs(flow.points[0, 1, 0] - flow.points[0, 0, 0])
     # the foot point is at the lower border of the lowest cells, but for one or two outliers
     lowest = _quantile(fall[cells], 0.95) + half_cell / camera.focal
-    if lowest < MIN_FALL:
+    if lowest < _MIN_FALL:
         return None
     depth = camera.mount_height / lowest
     if fall[cells].max() >= fall.max() - _BORDER / camera.focal:
@@ -109,6 +109,6 @@ def _velocity(
     design = np.stack(columns, axis=1) * (motion.dt / depth_then)
     s = motion.translation
     at_rest = (points * s[2] - f * s[:2]) / depth_then
-    weight = 1.0 / (SHARED_ERRORS * _FLOW_ERROR**2)
+    weight = 1.0 / (_SHARED_ERRORS * _FLOW_ERROR**2)
     weighted = weight * design.T
     return product(weighted, design), product(weighted, (at_rest - vectors).ravel())

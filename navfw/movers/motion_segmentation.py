@@ -24,12 +24,12 @@ from navfw.numerics import Array, Mask
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, FlowField
 
-GATE, _GATE_SIGMA = 3.0, 0.05
+_GATE, _GATE_SIGMA = 3.0, 0.05
 """Residual of a single vector from which it is moving [sigma], and the sigma [px] added to its
 own."""
-SLIP = 0.05
+_SLIP = 0.05
 """Relative error of the way driven by the wheels, and so of the floor's flow."""
-MIN_BASELINE = 0.002
+_MIN_BASELINE = 0.002
 """Baseline [m] below which the camera counts as standing: static points then have no flow."""
 _PATCH_GATE, _PATCH_SIGMA, _PATCH_DIRECTION_SIGMA = 2.5, 0.1, 0.04
 """The same for patches [sigma, px], and the error of their epipolar direction [rad]."""
@@ -56,8 +56,8 @@ def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
     marks vectors off their epipolar lines already (``navfw.egomotion.refinement``).
     """
     motion = flow.motion
-    standing = motion.baseline < MIN_BASELINE
-    skid = float(motion.skid_sigma / max(motion.baseline, MIN_BASELINE))
+    standing = motion.baseline < _MIN_BASELINE
+    skid = float(motion.skid_sigma / max(motion.baseline, _MIN_BASELINE))
     moving, crossing, nearer = _suspects(
         np.ascontiguousarray(flow.points, dtype=np.float64),
         np.ascontiguousarray(flow.vectors, dtype=np.float64),
@@ -70,7 +70,7 @@ def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
         (
             float(motion.yaw_sigma),
             direction_sigma(motion),
-            math.hypot(SLIP, skid),
+            math.hypot(_SLIP, skid),
             math.hypot(_PATCH_DIRECTION_SIGMA, skid),
         ),
     )
@@ -123,7 +123,9 @@ def _suspects(
             length = math.hypot(u, v)
             if standing:
                 turning = yaw_sigma * (focal + x * x / focal)
-                short[r, c] = length > GATE * (math.hypot(sigma[r, c], turning) + 2.0 * _GATE_SIGMA)
+                short[r, c] = length > _GATE * (
+                    math.hypot(sigma[r, c], turning) + 2.0 * _GATE_SIGMA
+                )
                 continue
             # unit vector away from the focus of expansion, and its length: flow times depth [px m]
             ex = x * translation[2] - focal * translation[0]
@@ -134,7 +136,7 @@ def _suspects(
             if near > 0.0:
                 least = lever * near / (1.0 + translation[2] * near)
                 allowed = math.hypot(sigma[r, c], direction * (length - least)) + _GATE_SIGMA
-                short[r, c] = along < least * (1.0 - slip) - GATE * allowed
+                short[r, c] = along < least * (1.0 - slip) - _GATE * allowed
             if lever > foe_radius:
                 allowed = math.hypot(sigma[r, c], line_direction * length)
                 gate = _PATCH_GATE * math.hypot(allowed, _PATCH_SIGMA)

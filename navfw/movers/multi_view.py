@@ -23,7 +23,7 @@ from navfw.movers.view_merging import merge_views
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Frame, FramePair, MovingObject, Odometry, Stixels
 
-INTERVAL = 0.2
+_INTERVAL = 0.2
 """Time between the frames of a pair [s]: a walking person moves far enough to be segmented."""
 _NEAR_INTERVAL = 0.1
 """The same for near objects [s], whose image motion would leave the search range."""
@@ -56,11 +56,11 @@ class RecentFrames:
         self._frames.append(now)
 
     def pair(self, near: bool = False) -> FramePair | None:
-        """The newest frame with one INTERVAL s older, or _NEAR_INTERVAL s for ``near`` objects.
+        """The newest frame with one _INTERVAL s older, or _NEAR_INTERVAL s for ``near`` objects.
 
         None if there is none, or if the robot has turned too far in between.
         """
-        interval = _NEAR_INTERVAL if near else INTERVAL
+        interval = _NEAR_INTERVAL if near else _INTERVAL
         if len(self._frames) < 2:
             return None
         *earlier, now = self._frames
@@ -118,13 +118,13 @@ class DetectionSchedule:
         self._nearest = min((detection.distance for detection in detections), default=math.inf)
 
 
-SIDEWAYS = 0.05
+_SIDEWAYS = 0.05
 """Sideways displacement of the camera [m] beyond which near points leave the search range."""
 
-SHARED_ERRORS = 25.0
+_SHARED_ERRORS = 25.0
 """Number of neighbouring cells of the dense flow that share one error: cells are small."""
 
-_REFINEMENT = RefinementParams(overlap=SHARED_ERRORS)
+_REFINEMENT = RefinementParams(overlap=_SHARED_ERRORS)
 
 
 class MovingObjectDetector:
@@ -182,7 +182,7 @@ class MovingObjectDetector:
         """The pair of frames to search; over a shorter time where image motion is large."""
         near = self._schedule.near
         pair = self._frames.pair(near)
-        if near or pair is None or abs(pair.motion.translation[0]) <= SIDEWAYS:
+        if near or pair is None or abs(pair.motion.translation[0]) <= _SIDEWAYS:
             return pair
         return self._frames.pair(near=True)
 

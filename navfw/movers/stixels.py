@@ -21,23 +21,23 @@ from navfw.signals import FlowField, Stixels
 
 _MAX_PITCH = 0.15
 """Pitch [rad] of the camera beyond which upright edges cross image columns."""
-NEARNESS = np.array([0.3 * (5.0 / 0.3) ** (k / 56) for k in range(57)])
+_NEARNESS = np.array([0.3 * (5.0 / 0.3) ** (k / 56) for k in range(57)])
 """Candidates of nearness [1/m, ahead of the camera] that every column is fitted with."""
 _FARTHER = 0.7
 """The fit is compared with the best candidate of at most this share of its nearness."""
 _OUTLIER = 9.0
 """Bound of one cell's squared residual: three standard deviations."""
-MODEL_SIGMA = 0.1
+_MODEL_SIGMA = 0.1
 """Model error of a cell [px] beside its flow's sigma: uneven floor, cells with two depths."""
-MIN_CELLS = 5
+_MIN_CELLS = 5
 """Least number of valid cells in a column that is fitted."""
 _GAIN_RANGE = 6.0, 14.0
 """Gain of the fit [sigma^2] at which confidence begins to rise from 0, and where it reaches 1."""
-MAX_DIFFERENCE = 0.2
+_MAX_DIFFERENCE = 0.2
 """Largest relative difference in nearness of neighbouring columns that support each other."""
 _RELATIVE_SIGMA = 0.08
 """Relative sigma of nearness, measured against the floor plan in rendered drives."""
-MIN_BASELINE = 0.03
+_MIN_BASELINE = 0.03
 """Baseline [m] below which flow gives no usable distances."""
 
 
@@ -49,7 +49,7 @@ def find_stixels(flow: FlowField, camera: CameraModel) -> Stixels | None:
     if not flow.derotated:
         raise ValueError("stixels need derotated flow (navfw.camera_geometry.rotations)")
     motion = flow.motion
-    if motion.baseline < MIN_BASELINE or abs(camera.pitch) > _MAX_PITCH:
+    if motion.baseline < _MIN_BASELINE or abs(camera.pitch) > _MAX_PITCH:
         return None
     fall = camera.fall_per_depth(flow.points)
     ahead = math.cos(camera.pitch) - flow.points[..., 1] / camera.focal * math.sin(camera.pitch)
@@ -63,7 +63,7 @@ def find_stixels(flow: FlowField, camera: CameraModel) -> Stixels | None:
         np.ascontiguousarray(motion.translation, dtype=np.float64),
         camera.focal,
         float(motion.yaw_sigma),
-        NEARNESS,
+        _NEARNESS,
     )
     low, high = _GAIN_RANGE
     confidence = np.clip((gain - low) / (high - low), 0.0, 1.0)
@@ -81,7 +81,7 @@ def find_stixels(flow: FlowField, camera: CameraModel) -> Stixels | None:
 
 def _supported(nearness: Array, gain: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """(n,) which columns have a neighbour of similar nearness and some gain."""
-    alike = np.abs(np.diff(nearness)) < MAX_DIFFERENCE * np.minimum(nearness[1:], nearness[:-1])
+    alike = np.abs(np.diff(nearness)) < _MAX_DIFFERENCE * np.minimum(nearness[1:], nearness[:-1])
     alike &= np.minimum(gain[1:], gain[:-1]) > 0.5 * _GAIN_RANGE[0]
     supported = np.zeros(nearness.size, np.bool_)
     supported[1:] |= alike
@@ -126,12 +126,12 @@ def _columns(
             away_x, away_y = away_x / lever, away_y / lever
             along = vectors[i, j, 0] * away_x + vectors[i, j, 1] * away_y
             turning = yaw_sigma * ((focal + x * x / focal) * away_x + x * y / focal * away_y)
-            variance = sigma[i, j] ** 2 + turning**2 + MODEL_SIGMA**2
+            variance = sigma[i, j] ** 2 + turning**2 + _MODEL_SIGMA**2
             for k in range(candidates.size):
                 q = max(candidates[k] * ahead[i, j], floor[i, j])
                 off = along - lever * q / (1.0 + tz * q)
                 cost[k] += min(off * off / variance, _OUTLIER)
-        if cells < MIN_CELLS:
+        if cells < _MIN_CELLS:
             continue
         chosen = int(np.argmin(cost))
         best[j] = candidates[chosen]

@@ -25,15 +25,15 @@ from navfw.signals import MovingObject, OccupiedDisc, Pose
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]
 """Sigmas and speeds [m/s]: beyond 100 nothing changes any more."""
 
-MERGE_DISTANCE = 0.3
+_MERGE_DISTANCE = 0.3
 """Tracks nearer to each other than this [m] are one object: people keep farther apart."""
-MAX_AGE, OVERLAP = 0.25, 0.03
-"""A track not updated for MAX_AGE s whose predicted place overlaps the robot by more than OVERLAP m
-is dropped: the object has gone elsewhere."""
+_MAX_AGE, _OVERLAP = 0.25, 0.03
+"""A track not updated for the first [s] whose predicted place overlaps the robot by more than the
+second [m] is dropped: the object has gone elsewhere."""
 _GATE_DISTANCE = 0.8
 """Largest distance [m] between a detection and the predicted place of its track. The covariance of
 an old track alone would admit detections from anywhere."""
-VELOCITY_SIGMA = 0.2
+_VELOCITY_SIGMA = 0.2
 """Change of velocity [m/s] that costs as much in association as one sigma of position."""
 _SHAPE_SIGMA = 0.06
 """Error of a position [m] because the body is no disc and is seen in part from near."""
@@ -181,7 +181,7 @@ class Tracker:
             other
             for other in self.tracks
             if other.time != track.time
-            and math.dist(other.predict(track.time), position) <= MERGE_DISTANCE
+            and math.dist(other.predict(track.time), position) <= _MERGE_DISTANCE
         ]
         track.hits = max((track.hits, *(duplicate.hits for duplicate in duplicates)))
         self.tracks = [other for other in self.tracks if other not in duplicates]
@@ -200,7 +200,7 @@ class Tracker:
     def _plausible(self, track: Track, time: float, pose: Pose) -> bool:
         """Whether the track is recent or its predicted place does not overlap the robot."""
         away = math.dist(track.predict(time), (pose.x, pose.y))
-        return time - track.time <= MAX_AGE or away > self._radius + track.radius - OVERLAP
+        return time - track.time <= _MAX_AGE or away > self._radius + track.radius - _OVERLAP
 
     @property
     def confirmed(self) -> tuple[Track, ...]:
@@ -264,7 +264,7 @@ class Tracker:
         """Cost [sigma] of associating ``measurement`` with ``track``; inf outside the gates.
 
         The Mahalanobis distance of the positions, plus the change of velocity in units of
-        VELOCITY_SIGMA. The latter tells objects apart that pass each other; it is bounded by the
+        _VELOCITY_SIGMA. The latter tells objects apart that pass each other; it is bounded by the
         gate, so an object that turns round keeps its track.
         """
         state, covariance = self._predicted(track, measurement.time)
@@ -274,7 +274,7 @@ class Tracker:
         if distance > self.params.gate or math.hypot(*off) > _GATE_DISTANCE:
             return math.inf
         change = math.dist(measurement.velocity, track.velocity)
-        return distance + min(change / VELOCITY_SIGMA, self.params.gate)
+        return distance + min(change / _VELOCITY_SIGMA, self.params.gate)
 
     def _correct(self, track: Track, measurement: _Measurement) -> None:
         """The Kalman filter's correction of ``track`` by ``measurement``."""

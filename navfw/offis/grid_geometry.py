@@ -108,7 +108,7 @@ _BEYOND = 1.4
 """Nearness of such an obstacle relative to the least nearness outside the search range; a typical
 value from measurements."""
 
-SLACK = 1.5
+_SLACK = 1.5
 """Distance [px] beyond the outermost column up to which the past image still shows enough of it."""
 
 
@@ -136,7 +136,7 @@ def find_blind_borders(
         flow.confidence.reshape(-1),
         motion.rotation,
         focal,
-        float(geometry.off_axis[0].max()) + SLACK,
+        float(geometry.off_axis[0].max()) + _SLACK,
         float(motion.translation[2]),
         longest,
     )

@@ -17,7 +17,7 @@ from navfw.offis.nearness import TERMS, Distances
 from navfw.offis.percept_kernels import compare_pairs
 from navfw.offis.pyramid import NEIGHBOURS, Pyramid, RegionStatistics, position
 
-ALIKE = 0.7
+_ALIKE = 0.7
 """Least size of a region that joins the nearest object, relative to the biggest region.
 
 The rule base compares direct neighbours only; this limit also holds along a chain of neighbours."""
@@ -100,7 +100,7 @@ def _biggest(first: int, size: list[float], shown: list[bool], same: list[float]
     if not members:
         return []
     biggest = max(members, key=size.__getitem__)
-    least = ALIKE * size[biggest]
+    least = _ALIKE * size[biggest]
     chosen = {biggest}
     # siblings form a ring: three rounds reach the end of every chain
     for k, (i, j) in enumerate(NEIGHBOURS * 3):

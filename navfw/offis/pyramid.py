@@ -22,7 +22,7 @@ QUADRANTS = ("P1", "P2", "P3", "P4")
 NEIGHBOURS = ((0, 1), (1, 2), (2, 3), (3, 0))
 """Pairs of the four sibling regions that share a side, by index."""
 
-NEAR_SHARE = 0.125
+_NEAR_SHARE = 0.125
 """Share of a region's object cells in its nearest part."""
 
 _MIN_NEAR_WEIGHT = 2.5
@@ -118,7 +118,7 @@ class Pyramid:
             channels.values,
             channels.weights,
             channels.known,
-            NEAR_SHARE,
+            _NEAR_SHARE,
             _MIN_NEAR_WEIGHT,
         )
         return RegionStatistics(*moments.T)

@@ -25,7 +25,7 @@ from navfw.offis.grid_geometry import GridGeometry
 from navfw.offis.nearness import Nearness
 from navfw.offis.wall_kernels import find_wall_planes
 
-ENOUGH = 0.06
+_ENOUGH = 0.06
 """Share of the cells of a half in its plane from which on the plane has full support."""
 
 _MAX_WALL_OFFSET, _SURE_WALL = 0.05, 0.10
@@ -74,7 +74,7 @@ def find_walls(geometry: GridGeometry, seen: Nearness, weight: Array) -> Walls:
     )
     (left, right, (shared, opening, *step)) = planes.tolist()
     most = max(left[2], right[2])
-    cells = ENOUGH * geometry.half_cells
+    cells = _ENOUGH * geometry.half_cells
     inclines, explained, support = [], [], []
     for slant, front, inliers, total in ((-left[0], *left[1:]), right):
         inclines.append(min(max(math.atan2(slant, front), -0.5 * math.pi), 0.5 * math.pi))

@@ -153,7 +153,7 @@ def test_texture_hardly_above_the_noise_is_matched_in_smoothed_images(
     error = np.linalg.norm(flow.vectors - (3.4, -1.3), axis=-1)[trusted]
     assert np.median(error) < 0.2
     assert error.max() < 1.0
-    monkeypatch.setattr(block_matching, "WEAK_SHARE", 1.0)
+    monkeypatch.setattr(block_matching, "_WEAK_SHARE", 1.0)
     assert (BlockMatching(ROBOT).compute(pair).confidence > 0.3).mean() < 0.2
 
 

@@ -31,15 +31,15 @@ def test_confidence_and_sigma_are_those_of_the_formulae() -> None:
     confidence, sigma = judge_registration(
         score, share, mixture, noise, shift, peak, unique, LIMITS
     )
-    expected = ramp(score, *LIMITS) * ramp(share, *judged.SAMPLES_INSIDE)
-    expected *= ramp(peak, *judged.PEAK_CORRELATION) * unique
-    expected *= 1.0 - ramp(np.linalg.norm(shift, axis=-1), *judged.REGISTRATION_SHIFT)
-    expected *= 1.0 - ramp(mixture, *judged.MIXTURE)
-    variance = (judged.REGISTRATION_SCALE * noise) ** 2 + judged.REGISTRATION_FLOOR
-    variance += (judged.REGISTRATION_EXCESS * noise**2) ** 2
+    expected = ramp(score, *LIMITS) * ramp(share, *judged._SAMPLES_INSIDE)
+    expected *= ramp(peak, *judged._PEAK_CORRELATION) * unique
+    expected *= 1.0 - ramp(np.linalg.norm(shift, axis=-1), *judged._REGISTRATION_SHIFT)
+    expected *= 1.0 - ramp(mixture, *judged._MIXTURE)
+    variance = (judged._REGISTRATION_SCALE * noise) ** 2 + judged._REGISTRATION_FLOOR
+    variance += (judged._REGISTRATION_EXCESS * noise**2) ** 2
     assert confidence.tobytes() == expected.tobytes()
     assert confidence[0, 0] == 0.0 < confidence.max()
     assert np.isinf(sigma[0, 0])
     np.testing.assert_allclose(
-        sigma, np.sqrt(variance + (judged.MIXTURE_SHARE * mixture) ** 2), rtol=1e-15
+        sigma, np.sqrt(variance + (judged._MIXTURE_SHARE * mixture) ** 2), rtol=1e-15
     )

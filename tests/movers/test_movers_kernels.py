@@ -53,7 +53,7 @@ def test_stixels(seed: int) -> None:
     points, vectors, sigma, confidence, translation, focal = field(seed)
     confidence[2:, 0] = 0.0  # too few cells in this column
     arguments = (points, vectors, sigma, confidence, floor(points), np.ones((ROWS, COLS)))
-    rest = (translation, focal, 0.01, stixels.NEARNESS)
+    rest = (translation, focal, 0.01, stixels._NEARNESS)
     compiled = stixels._columns(*arguments, *rest)
     for plain, fast in zip(stixels._columns.py_func(*arguments, *rest), compiled, strict=True):
         np.testing.assert_allclose(plain, fast, rtol=1e-9, atol=1e-12)
