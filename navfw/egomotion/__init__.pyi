@@ -5,6 +5,7 @@ from .epipolar_kernels import epipolar_residual as epipolar_residual
 from .epipolar_kernels import fit_reweighted as fit_reweighted
 from .floor_odometry import FloorOdometry as FloorOdometry
 from .floor_registration import FloorRegistration as FloorRegistration
+from .floor_registration import FloorStep as FloorStep
 from .flow_egomotion import FREE_TURN as FREE_TURN
 from .flow_egomotion import Egomotion as Egomotion
 from .flow_egomotion import EgomotionPrior as EgomotionPrior

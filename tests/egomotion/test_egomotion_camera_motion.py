@@ -64,11 +64,14 @@ def test_nose_down_pitch_looks_at_forward_motion_from_above() -> None:
     np.testing.assert_allclose(motion.translation, expected, atol=1e-12)
 
 
-def test_sigmas_grow_with_time_and_way() -> None:
-    short = camera_motion(RobotModel(), Pose(0, 0, 0), Pose(0.05, 0, 0), 0.1, slip=0.04)
-    long = camera_motion(
-        RobotModel(), Pose(0, 0, 0), Pose(0.1, 0, 0), 0.3, yaw_rate_sigma=0.01, slip=0.04
-    )
+def test_sigmas_grow_with_time_way_and_turn() -> None:
+    start, skidding = Pose(0, 0, 0), RobotModel(skid=0.02)
+    usual = camera_motion(RobotModel(), start, Pose(0.05, 0, 0), 0.1)
+    assert usual.yaw_sigma == pytest.approx(0.0003)
+    assert usual.translation_sigma == pytest.approx(math.hypot(5e-4, 0.03 * 0.05))
+    long = camera_motion(skidding, start, Pose(0.1, 0, 0.2), -0.3, yaw_rate_sigma=0.01, slip=0.04)
     assert long.yaw_sigma == pytest.approx(0.003)
-    assert long.translation_sigma == pytest.approx(0.004, rel=0.02)
-    assert short.translation_sigma < long.translation_sigma
+    assert long.skid_sigma == pytest.approx(0.02 * 0.2)
+    assert long.translation_sigma == pytest.approx(
+        math.hypot(5e-4, 0.04 * long.baseline, 0.02 * 0.2)
+    )

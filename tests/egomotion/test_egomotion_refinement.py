@@ -1,14 +1,30 @@
+"""Robust fits of epipolar residuals, and the refinement of the gyro's rotation as their case."""
+
 from __future__ import annotations
 
 import dataclasses
+import math
 
+import cv2
 import numpy as np
 import pytest
 from flow_scene import cell_truth, exact_field, room, turn_about
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.egomotion import RefinementParams, camera_motion, refine
+from navfw.camera_geometry import derotate, rotate_points, rotation_matrix, turn_point
+from navfw.egomotion import (
+    EgomotionPrior,
+    MotionKind,
+    PointMotion,
+    RefinementParams,
+    camera_motion,
+    epipolar_residual,
+    estimate_egomotion,
+    fit_reweighted,
+    refine,
+)
+from navfw.egomotion.epipolar_kernels import fit_motion, tangents
 from navfw.flow import Dis
 from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel
@@ -16,26 +32,188 @@ from navfw.signals import CameraMotion, FlowField, Pose
 
 ROBOT = RobotModel()
 WIDE = 0.02
+FOCAL = 80.0
+UNIT = np.eye(3)
+SIDE = st.floats(-70.0, 70.0)
+SMALL = st.floats(-3.0, 3.0)
+
+
+@given(SIDE, SIDE, SMALL, SMALL, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+def test_a_residual_is_a_distance_and_its_slopes_are_derivatives(
+    x: float, y: float, u: float, v: float, right: float, down: float
+) -> None:
+    translation, row = np.array([right, down, 1.0]), np.zeros(3)
+    foe = FOCAL * translation[:2]
+    line = np.array([x, y]) - foe
+    found = epipolar_residual((x, y), (u, v), FOCAL, translation, 4.0, UNIT, row)
+    if np.hypot(*line) < 4.0:
+        assert math.isnan(found)
+        assert not row.any()
+        return
+    assert abs(found) == pytest.approx(abs(line[0] * v - line[1] * u) / np.hypot(*line), abs=1e-9)
+    for axis in range(3):
+        ends = []
+        for angle in (-1e-6, 1e-6):
+            px, py = turn_point(x - u, y - v, rotation_matrix(angle * UNIT[axis]), FOCAL)
+            vector = x - px, y - py
+            ends.append(
+                epipolar_residual((x, y), vector, FOCAL, translation, 4.0, UNIT, np.zeros(3))
+            )
+        assert row[axis] == pytest.approx((ends[1] - ends[0]) / 2e-6, abs=1e-3)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_the_fit_is_weighted_least_squares_with_a_prior(count: int) -> None:
+    rng = np.random.default_rng(count)
+    slopes, truth = rng.normal(size=(60, count)), rng.normal(size=count)
+    offsets = -slopes @ truth
+    offsets[:5] += 500.0
+    offsets[5] = math.nan
+    sigma, weight = rng.uniform(0.5, 2.0, 60), rng.uniform(0.2, 1.0, 60)
+    weight[6], offsets[6] = 0.0, 1e9
+    prior = np.diag(rng.uniform(0.0, 0.1, count))
+    found, information = fit_reweighted(offsets, slopes, sigma, weight, prior, 12)
+    use = np.isfinite(offsets) & (weight > 0.0)
+    off = ((offsets + slopes @ found) / sigma)[use]
+    w = weight[use] / sigma[use] ** 2 / (1.0 + (off / 2.385) ** 2)
+    matrix = prior + (slopes[use].T * w) @ slopes[use]
+    assert information == pytest.approx(matrix, rel=1e-6)
+    assert found == pytest.approx(-np.linalg.solve(matrix, (slopes[use].T * w) @ offsets[use]))
+    assert found == pytest.approx(truth, abs=0.1), "outliers have next to no weight"
+
+
+def epipolar_distance(point: Array, vector: Array, direction: Array) -> float:
+    """``epipolar_residual`` of any length of ``direction``, without its derivatives."""
+    unit = direction / np.linalg.norm(direction)
+    return float(
+        epipolar_residual(tuple(point), tuple(vector), FOCAL, unit, 4.0, UNIT, np.zeros(3))
+    )
+
+
+@pytest.mark.parametrize("pulled", [0.0, 4e3])
+def test_a_step_of_the_full_fit_solves_its_normal_equations(pulled: float) -> None:
+    """By derivatives in differences; with a strong prior on the heading a step is limited."""
+    rng = np.random.default_rng(2)
+    points = rng.uniform(-60.0, 60.0, (30, 2))
+    past = points - points * 0.05 + rng.normal(0.0, 0.6, (30, 2))
+    sigma, weight = rng.uniform(0.3, 1.0, 30), rng.uniform(0.2, 1.0, 30)
+    weight[:3] = 0.0
+    start = rotation_matrix(np.array([0.01, -0.02, 0.015]))
+    direction: Array = np.array([0.2, -0.1, 1.0]) / math.sqrt(1.05)
+    mean, towards = rotation_matrix(np.array([0.02, 0.01, -0.01])), np.array([0.8, 0.0, 0.6])
+    information = np.diag([200.0, 300.0, 250.0])
+    information[0, 1] = information[1, 0] = 40.0
+    pull = pulled * np.diag([1.0, 0.7, 1.3])
+    basis = tangents(direction)
+
+    def residuals(moved: Array) -> Array:
+        turn = rotation_matrix(moved[:3]) @ start
+        ends = [turn_point(x, y, turn, FOCAL) for x, y in past]
+        towards_foe = direction + moved[3:] @ basis
+        return np.array(
+            [
+                epipolar_distance(point, point - end, towards_foe)
+                for point, end in zip(points, ends, strict=True)
+            ]
+        )
+
+    off, small = residuals(np.zeros(5)), 1e-6
+    steps = small * np.eye(5)
+    slopes = np.stack([(residuals(s) - residuals(-s)) / (2 * small) for s in steps], axis=1)
+    # near the focus of expansion the whole vector is residual
+    in_hole = np.isnan(off)
+    assert in_hole.any()
+    lengths = np.linalg.norm(points - rotate_points(past, start, FOCAL), axis=1)
+    off, slopes = np.where(in_hole, lengths, off), np.nan_to_num(slopes)
+    w = weight / sigma**2 / (1.0 + (off / sigma / 2.385) ** 2)
+    expected = (slopes.T * w) @ slopes
+    expected[:3, :3] += information
+    expected[3:, 3:] += basis @ pull @ basis.T
+    wrong_turn = turn_vector(start @ mean.T)
+    right = -(slopes.T * w) @ off
+    right[:3] -= information @ wrong_turn
+    right[3:] -= basis @ pull @ (direction - towards)
+    arguments = (points, past, sigma, weight, FOCAL, (start, direction))
+    priors = (mean, information), (towards, pull)
+    rotation, same, matrix, found = fit_motion(*arguments, *priors, 0)
+    assert (rotation == start).all()
+    assert (same == direction).all()
+    assert found == pytest.approx(off, abs=1e-9)
+    assert matrix == pytest.approx(expected, rel=1e-5, abs=1e-3)
+    damped = expected + np.diag(0.001 * expected.diagonal() + 1e-6)
+    move = np.asarray(np.linalg.solve(damped, right), dtype=np.float64)
+    turned = math.hypot(move[3], move[4])
+    assert (turned > 0.3) == (pulled > 0.0)
+    move *= min(1.0, 0.3 / turned)
+    rotation, moved, _, _ = fit_motion(*arguments, *priors, 1)
+    assert rotation == pytest.approx(rotation_matrix(move[:3]) @ start, abs=1e-7)
+    gone = direction + move[3:] @ basis
+    assert moved == pytest.approx(gone / np.linalg.norm(gone), abs=1e-6)
+
+
+def turn_vector(rotation: Array) -> Array:
+    return np.asarray(cv2.Rodrigues(rotation)[0].ravel())
 
 
 def measured(
-    camera: CameraModel, yaw: float, pitch: float, step: Pose, seed: int = 0
+    camera: CameraModel,
+    yaw: float,
+    pitch: float,
+    step: Pose,
+    noise: float = 0.0,
+    yaw_sigma: float = WIDE,
 ) -> tuple[FlowField, CameraMotion]:
-    """Exact flow with a wrong measured motion (yaw and pitch too small by these), and the true."""
+    """Flow with a wrong measured motion (yaw and pitch too small by these), and the true motion."""
     true = camera_motion(RobotModel(camera=camera), Pose(0, 0, 0), step, 0.2)
-    depth = np.random.default_rng(seed).uniform(0.8, 5.0, (12, 16))
-    field = exact_field(camera, true, depth)
-    up = camera.base_from_camera[2]
-    wrong = turn_about(0, -pitch) @ _about(up, yaw) @ true.rotation
-    return dataclasses.replace(
-        field, motion=dataclasses.replace(true, rotation=wrong, yaw_sigma=WIDE)
-    ), true
+    rng = np.random.default_rng(0)
+    field = exact_field(camera, true, rng.uniform(0.8, 5.0, (12, 16)))
+    wrong = turn_about(0, -pitch) @ rotation_matrix(yaw * camera.base_from_camera[2])
+    motion = dataclasses.replace(true, rotation=wrong @ true.rotation, yaw_sigma=yaw_sigma)
+    vectors = field.vectors + rng.normal(0.0, noise, field.vectors.shape)
+    return dataclasses.replace(field, vectors=vectors, motion=motion), true
 
 
-def _about(axis: Array, angle: float) -> Array:
-    x, y, z = axis * angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + cross + 0.5 * cross @ cross)
+def test_the_refinement_is_the_fit_of_all_with_the_rest_known() -> None:
+    camera = CameraModel(pitch=0.1)
+    flow, true = measured(camera, 0.003, -0.002, Pose(0.08, 0.001, 0.02), noise=0.1, yaw_sigma=0.01)
+    params = RefinementParams(overlap=1.0, direction_sigma=0.0, pitch_sigma=0.01)
+    loop = refine(flow, camera, params)
+    assert loop.yaw == pytest.approx(0.003, abs=5e-4)
+    points = np.array(flow.points.reshape(-1, 2))
+    axes = np.stack([-camera.base_from_camera[2], UNIT[0], camera.base_from_camera[0]])
+    known: Array = axes.T @ np.diag([0.01**-2, 0.01**-2, 1e12]) @ axes
+    direction = np.array(flow.motion.translation) / flow.motion.baseline
+    rotation, found, matrix, _ = fit_motion(
+        points,
+        points - flow.vectors.reshape(-1, 2),
+        np.array(flow.sigma.ravel()),
+        np.array(flow.confidence.ravel()),
+        camera.focal,
+        (np.array(flow.motion.rotation), direction),
+        (np.array(flow.motion.rotation), known),
+        (direction, UNIT * 1e14),
+        12,
+    )
+    assert found == pytest.approx(direction, abs=1e-6)
+    assert rotation == pytest.approx(loop.motion.rotation, abs=2e-6)
+    assert (
+        np.abs(rotation - true.rotation).max() < 0.3 * np.abs(rotation - flow.motion.rotation).max()
+    )
+    turns = np.linalg.inv(axes @ matrix[:3, :3] @ axes.T)
+    assert math.sqrt(turns[0, 0]) == pytest.approx(loop.yaw_sigma, rel=0.02)
+    assert math.sqrt(turns[1, 1]) == pytest.approx(loop.pitch_sigma, rel=0.02)
+
+
+def test_a_prior_that_turns_all_points_behind_the_camera_leaves_the_motion_unknown() -> None:
+    points = np.random.default_rng(0).uniform(-60.0, 60.0, (50, 2))
+    motion = PointMotion(points, points - 1.0, np.full(50, 0.1), np.ones(50))
+    back = EgomotionPrior(rotation=turn_about(1, math.pi))
+    found = estimate_egomotion(motion, FOCAL, back)
+    assert found.kind is MotionKind.UNKNOWN
+    assert found.heading_sigma == math.inf
+
+
+# --- refinement ---
 
 
 @given(
@@ -97,7 +275,9 @@ def test_measured_flow_mends_a_wrong_gyro() -> None:
     true = camera_motion(ROBOT, Pose(0, 0, 0), Pose(0.06, 0.001, 0.03), 0.2)
     pair, truth = room(camera).pair(true, noise=2.0)
     wrong = dataclasses.replace(
-        true, rotation=_about(camera.base_from_camera[2], 0.004) @ true.rotation, yaw_sigma=0.004
+        true,
+        rotation=rotation_matrix(0.004 * camera.base_from_camera[2]) @ true.rotation,
+        yaw_sigma=0.004,
     )
     flow = Dis(ROBOT).compute(dataclasses.replace(pair, motion=wrong))
     result = refine(flow, camera)
@@ -116,3 +296,20 @@ def test_vectors_without_any_error_need_no_division_by_zero() -> None:
     result = refine(exact, camera)
     assert result.yaw == pytest.approx(0.0, abs=1e-6)
     assert np.isfinite(result.allowed).all()
+
+
+def test_confidence_falls_with_the_residual_and_is_lost_to_inconsistency() -> None:
+    flow, _ = measured(ROBOT.camera, 0.001, 0.0, Pose(0.08, 0.0, 0.0), noise=0.2)
+    vectors = flow.vectors + np.random.default_rng(1).choice([0.0, 0.9], flow.vectors.shape)
+    flow = dataclasses.replace(flow, vectors=vectors, confidence=np.full(flow.shape, 0.8))
+    result = refine(flow, ROBOT.camera)
+    refined = result.apply(flow, ROBOT.camera)
+    length = np.linalg.norm(derotate(flow, ROBOT.camera).vectors, axis=-1)
+    np.testing.assert_allclose(result.allowed, np.hypot(0.1, 0.03 * length))
+    off = np.nan_to_num(np.abs(result.residual))
+    np.testing.assert_array_equal(result.consistent, off <= 3.0 * result.allowed)
+    trust = np.where(result.consistent, np.exp(-((0.5 * off / result.allowed) ** 2)), 0.0)
+    np.testing.assert_allclose(refined.confidence, 0.8 * trust)
+    odd = ~result.consistent & (off > 3.0 * np.hypot(result.allowed, 0.1))
+    np.testing.assert_array_equal(refined.inconsistency, 0.8 * odd)
+    assert 10 < np.count_nonzero(odd) < np.count_nonzero(~result.consistent)
