@@ -122,24 +122,36 @@ def test_the_best_duration_of_a_turn_on_the_spot_counts() -> None:
     assert closest(predicted, 0.0, 0.0)[0] < slow < fast
 
 
-def distance_after_turn(moving: tuple[float, ...], w: float, duration: float) -> float:
-    """Distance [m] at closest approach of a standing robot that turns, then drives off.
+def distance_on_way(
+    moving: tuple[float, ...],
+    v: float,
+    w: float,
+    turn_time: float = CERTAIN.turn_time,
+    *,
+    twist: Twist = STANDING,
+    v_turning: float | None = None,
+    dt: float = 0.005,
+) -> float:
+    """Distance [m] at closest approach of a robot that drives ``twist``, and is to drive (v, w).
 
-    It turns by ``w`` [rad/s] for ``duration`` [s], then drives straight on, within the limits of
-    the drive; integrated here in steps of 2 ms. ``moving`` is x, y, vx, vy of the obstacle.
+    It turns by ``w`` for ``turn_time`` [s], then drives straight on, within the limits of the
+    drive, integrated in steps of ``dt`` [s]; while it turns its speed is ``v_turning``, or ``v``.
+    ``moving`` is x, y, vx, vy of the obstacle.
     """
-    dt, least = 0.002, math.inf
-    x = y = yaw = v = rate = 0.0
+    least, x, y, yaw = math.inf, 0.0, 0.0, 0.0
+    speed, rate = twist.v, twist.w
     for step in range(round(CERTAIN.horizon / dt)):
         t = step * dt
         off = moving[0] + moving[2] * t - x, moving[1] + moving[3] * t - y
         least = min(least, math.hypot(*off) - TOUCH)
-        turning = t < duration
+        turning = t < turn_time
+        wanted = v_turning if turning and v_turning is not None else v
+        limit = ROBOT.max_accel if abs(wanted) > abs(speed) else ROBOT.max_brake
+        speed += min(max(wanted - speed, -limit * dt), limit * dt)
         spin = ROBOT.max_turn_accel * dt
         rate += min(max((w if turning else 0.0) - rate, -spin), spin)
-        v += 0.0 if turning else min(CERTAIN.onward_speed - v, ROBOT.max_accel * dt)
         yaw += rate * dt
-        x, y = x + v * dt * math.cos(yaw), y + v * dt * math.sin(yaw)
+        x, y = x + speed * dt * math.cos(yaw), y + speed * dt * math.sin(yaw)
     return least
 
 
@@ -155,9 +167,14 @@ def test_turns_on_the_spot_of_each_duration_are_tried(
     best: float, w: float, moving: tuple[float, float, float, float]
 ) -> None:
     # driving off sooner or later than after ``best`` seconds leads nearer to the obstacle
-    expected = distance_after_turn(moving, w, best)
+
+    def distance_after_turn(duration: float) -> float:
+        v = CERTAIN.onward_speed
+        return distance_on_way(moving, v, w, duration, v_turning=0.0, dt=0.002)
+
+    expected = distance_after_turn(best)
     durations = (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.2, 2.5)
-    others = [distance_after_turn(moving, w, duration) for duration in durations]
+    others = [distance_after_turn(duration) for duration in durations]
     assert sorted(others)[-1] == expected
     assert sorted(others)[-2] < expected - 0.05
     distance, _ = closest(conflicts(track(*moving)), 0.0, w)
@@ -215,33 +232,10 @@ def test_the_way_of_a_command_is_that_of_its_drive(seed: int) -> None:
     for v, w in itertools.product(COMMANDS.v[::2].tolist(), COMMANDS.w[::2].tolist()):
         if v == 0.0 and w != 0.0:
             continue
-        expected = distance_on_way(tuple(obstacle.state.tolist()), twist, v, w)
+        expected = distance_on_way(tuple(obstacle.state.tolist()), v, w, twist=twist)
         assert closest(predicted, v, w)[0] == pytest.approx(expected, abs=0.08)
         compared += 1
     assert compared > 20
-
-
-def distance_on_way(
-    moving: tuple[float, ...], twist: Twist, v: float, w: float, dt: float = 0.005
-) -> float:
-    """Distance [m] at closest approach of a robot that drives ``twist``, and is to drive (v, w).
-
-    It turns for the turn time, then drives straight on, within the limits of the drive. ``moving``
-    is x, y, vx, vy of the obstacle.
-    """
-    least, x, y, yaw = math.inf, 0.0, 0.0, 0.0
-    now, rate = twist.v, twist.w
-    for step in range(round(CERTAIN.horizon / dt)):
-        t = step * dt
-        off = moving[0] + moving[2] * t - x, moving[1] + moving[3] * t - y
-        least = min(least, math.hypot(*off) - TOUCH)
-        limit = ROBOT.max_accel if abs(v) > abs(now) else ROBOT.max_brake
-        now += float(np.clip(v - now, -limit * dt, limit * dt))
-        spin = ROBOT.max_turn_accel * dt
-        rate += float(np.clip((w if t < CERTAIN.turn_time else 0.0) - rate, -spin, spin))
-        yaw += rate * dt
-        x, y = x + now * dt * math.cos(yaw), y + now * dt * math.sin(yaw)
-    return least
 
 
 def test_contact_is_at_the_time_of_the_first_touch() -> None:

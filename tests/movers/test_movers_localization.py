@@ -1,4 +1,4 @@
-"""Localisation of moving objects: segmentation, foot point on the floor, and velocity."""
+"""Moving objects and stixels in dense flow of the floor and upright boards."""
 
 from __future__ import annotations
 
@@ -11,11 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.egomotion import camera_motion
-from navfw.movers import direction_sigma, locate_moving_objects, segment_motion
+from navfw.movers import (
+    direction_sigma,
+    find_stixels,
+    locate_moving_objects,
+    segment_motion,
+)
 from navfw.movers.localization import _quantile
 from navfw.numerics import Array
-from navfw.robot import RobotModel, SideViews
-from navfw.signals import CameraMotion, FlowField, Pose
+from navfw.robot import CameraModel, RobotModel, SideViews
+from navfw.signals import CameraMotion, FlowField, Pose, Stixels
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera
@@ -24,23 +29,49 @@ POINTS = np.stack([X, Y], axis=-1)
 DT = 0.2
 
 
+def driven(way: float, robot: RobotModel = ROBOT) -> CameraMotion:
+    return camera_motion(robot, Pose(0, 0, 0), Pose(way, 0, 0), DT)
+
+
 def flow_of(
     nearness: Array,
     motion: CameraMotion,
-    own: tuple[float, float],
-    robot: RobotModel = ROBOT,
+    own: tuple[float, float] = (0.0, 0.0),
+    camera: CameraModel = CAMERA,
 ) -> Array:
-    """Exact derotated flow at POINTS of objects with ``nearness`` and velocity ``own`` [m/s].
+    """Exact derotated flow at POINTS of surfaces of ``nearness``, moving by ``own`` [m/s].
 
     ``own`` is (ahead, left) in base_link.
     """
-    s = motion.translation - robot.camera.base_from_camera.T @ np.array([*own, 0.0]) * DT
-    lever = POINTS * s[2] - CAMERA.focal * s[:2]
+    s = motion.translation - camera.base_from_camera.T @ np.array([*own, 0.0]) * DT
+    lever = POINTS * s[2] - camera.focal * s[:2]
     return np.asarray(lever * (nearness / (1.0 + s[2] * nearness))[..., None])
 
 
-def driven(way: float) -> CameraMotion:
-    return camera_motion(ROBOT, Pose(0, 0, 0), Pose(way, 0, 0), DT)
+def boards_on_floor(
+    way: float,
+    boards: list[tuple[float, float, float]],
+    own: tuple[float, float] = (0.0, 0.0),
+    noise: float = 0.0,
+    robot: RobotModel = ROBOT,
+    seed: int = 0,
+) -> FlowField:
+    """Flow of the floor and of upright ``boards`` (ahead, left, width) [m] after ``way`` [m].
+
+    The boards move by ``own`` [m/s].
+    """
+    camera, motion = robot.camera, driven(way, robot)
+    floor = np.maximum(camera.fall_per_depth(POINTS), 0.0) / camera.mount_height
+    ahead = math.cos(camera.pitch) - Y / camera.focal * math.sin(camera.pitch)
+    nearest, vectors = floor, flow_of(floor, motion, camera=camera)
+    for distance, left, width in boards:
+        depth = distance / ahead
+        hit = (np.abs(X / camera.focal * depth + left) < 0.5 * width) & (nearest < 1.0 / depth)
+        nearest = np.where(hit, 1.0 / depth, nearest)
+        vectors[hit] = flow_of(1.0 / depth, motion, own, camera)[hit]
+    vectors += noise * np.random.default_rng(seed).standard_normal(vectors.shape)
+    known = np.ones(X.shape)
+    return FlowField(1.0, POINTS, vectors, known, 0.2 * known, motion, derotated=True)
 
 
 def scene(
@@ -50,31 +81,15 @@ def scene(
     noise: float = 0.0,
     robot: RobotModel = ROBOT,
 ) -> FlowField:
-    """Floor and an upright board ``body`` (depth, left, width) [m] that moves by ``own`` [m/s]."""
-    motion = camera_motion(robot, Pose(0, 0, 0), Pose(way, 0, 0), DT)
-    nearness = np.maximum(Y, 0.0) / CAMERA.focal / CAMERA.mount_height
-    vectors = flow_of(nearness, motion, (0.0, 0.0), robot)
-    depth, left, width = body
-    cells = (np.abs(X * depth / CAMERA.focal + left) < 0.5 * width) & (nearness < 1.0 / depth)
-    vectors[cells] = flow_of(np.full_like(X, 1.0 / depth), motion, own, robot)[cells]
-    vectors += noise * np.random.default_rng(0).standard_normal(vectors.shape)
-    across = np.zeros_like(X)
+    """One board, with the inconsistency of vectors that point across their epipolar lines."""
+    flow = boards_on_floor(way, [body], own, noise, robot)
+    motion, (u, v) = flow.motion, np.moveaxis(flow.vectors, -1, 0)
     lever = POINTS * motion.translation[2] - CAMERA.focal * motion.translation[:2]
-    length = np.hypot(lever[..., 0], lever[..., 1])
-    known = length > 1e-6
-    cross = vectors[..., 0] * lever[..., 1] - vectors[..., 1] * lever[..., 0]
-    across[known] = np.abs(cross[known]) / length[known]
-    sigma = np.hypot(0.2, direction_sigma(motion) * np.hypot(*np.moveaxis(vectors, -1, 0)))
-    return FlowField(
-        1.0,
-        POINTS,
-        vectors,
-        np.ones(X.shape),
-        np.full(X.shape, 0.2),
-        motion,
-        derotated=True,
-        inconsistency=1.0 * (across > 3.0 * np.hypot(sigma, 0.1)),
-    )
+    across = np.abs(u * lever[..., 1] - v * lever[..., 0])
+    across /= np.maximum(np.hypot(lever[..., 0], lever[..., 1]), 1e-6)
+    sigma = np.hypot(0.2, direction_sigma(motion) * np.hypot(u, v))
+    odd = 1.0 * (across > 3.0 * np.hypot(sigma, 0.1))
+    return dataclasses.replace(flow, inconsistency=odd)
 
 
 @pytest.mark.parametrize("way", [0.0, 0.04, 0.1, -0.03])
@@ -162,6 +177,8 @@ def test_flow_with_rotation_is_refused() -> None:
     flow = dataclasses.replace(scene(0.05, (1.2, 0.0, 0.5), (0.0, 0.4)), derotated=False)
     with pytest.raises(ValueError, match="derotated"):
         locate_moving_objects(flow, CAMERA)
+    with pytest.raises(ValueError, match="derotated"):
+        find_stixels(flow, CAMERA)
 
 
 @pytest.mark.parametrize(("depth", "speed"), [(0.9, 0.3), (0.9, 0.5), (1.3, 0.5)])
@@ -238,7 +255,7 @@ def test_skidding_wheels_move_no_floor(turn: float, farther: float) -> None:
     robot = ROBOT.model_copy(update={"camera": camera})
     nearness = np.maximum(Y, 0.0) / CAMERA.focal / CAMERA.mount_height
     true = camera_motion(robot, Pose(0, 0, 0), Pose(0, -farther * turn, turn), DT)
-    vectors = flow_of(nearness, true, (0.0, 0.0), robot)
+    vectors = flow_of(nearness, true, camera=robot.camera)
     found = {}
     for skid in (0.0, 0.08):
         skidding = robot.model_copy(update={"skid": skid})
@@ -261,3 +278,98 @@ def test_the_foot_point_counts_as_out_of_view_down_to_the_border_of_the_flow() -
         foot = rows[row] + 2.0  # the body ends between this row and the next
         depth = CAMERA.mount_height * CAMERA.focal / foot
         assert located(depth) == pytest.approx(factor * depth, rel=0.01)
+
+
+# --- stixels: one distance explains a whole column of cells above the foot point ---
+
+
+def pitched(pitch: float) -> RobotModel:
+    return RobotModel(camera=CameraModel(pitch=pitch))
+
+
+def stixels_of(flow: FlowField, camera: CameraModel = CAMERA) -> Stixels:
+    stixels = find_stixels(flow, camera)
+    assert stixels is not None
+    return stixels
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    distance=st.floats(0.5, 0.9),
+    aside=st.floats(-0.6, 0.6),
+    way=st.sampled_from([0.08, 0.12, -0.08]),
+    pitch=st.sampled_from([-0.05, 0.0, 0.1]),
+)
+def test_a_pole_is_located(distance: float, aside: float, way: float, pitch: float) -> None:
+    boards = [(distance, aside * distance, 0.15)]
+    stixels = stixels_of(boards_on_floor(way, boards, robot=pitched(pitch)), pitched(pitch).camera)
+    sure = stixels.confidence > 0.5
+    assert sure.any()
+    assert stixels.nearness[sure] == pytest.approx(1.0 / distance, rel=0.06)
+    # slopes to the left are positive, and no other columns than the pole's have confidence
+    half = 0.5 * 0.15 / distance + 4.0 / CAMERA.focal
+    assert (np.abs(stixels.slope[sure] - aside) < half).all()
+    assert (stixels.sigma[sure] > 0.0).all()
+
+
+def test_a_pole_straight_ahead_is_found_where_single_vectors_are_short() -> None:
+    found = 0
+    for seed in range(20):
+        stixels = stixels_of(boards_on_floor(0.08, [(0.9, 0.0, 0.15)], noise=0.15, seed=seed))
+        middle = np.abs(stixels.slope) < 0.06
+        found += bool((stixels.confidence[middle] > 0.3).any())
+        wrong = (stixels.confidence > 0.3) & (stixels.nearness > 1.4 / 0.9)
+        assert np.count_nonzero(wrong) <= 1
+    assert found >= 16
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_there_are_no_near_stixels_on_empty_floor(seed: int) -> None:
+    stixels = stixels_of(boards_on_floor(0.08, [], noise=0.15, seed=seed))
+    assert not ((stixels.confidence > 0.0) & (stixels.nearness > 0.6)).any()
+
+
+def test_the_nearer_of_two_hides_the_other() -> None:
+    stixels = stixels_of(boards_on_floor(0.08, [(1.6, 0.0, 0.8), (0.8, 0.0, 0.15)]))
+    sure = (stixels.confidence > 0.5) & (np.abs(stixels.slope) < 0.05)
+    assert stixels.nearness[sure] == pytest.approx(1.0 / 0.8, rel=0.06)
+
+
+@pytest.mark.parametrize("translation", [(0.0, 0.0, 0.1), (0.05, 0.02, 0.08), (-0.1, 0.0, 0.01)])
+def test_an_error_of_the_yaw_counts_as_the_flow_that_it_makes(
+    translation: tuple[float, float, float],
+) -> None:
+    flow, camera = boards_on_floor(0.08, [(0.7, 0.2, 0.4)]), CAMERA
+    way = np.array(translation)
+    lever = POINTS * way[2] - camera.focal * way[:2]
+    away = lever / np.linalg.norm(lever, axis=-1, keepdims=True)
+    vectors = lever * (1.5 / (1.0 + way[2] * 1.5))  # a wall at 1/1.5 m
+    # the image of a point after a small turn of the camera about its vertical axis
+    turn = 1e-5
+    ahead = camera.focal * math.cos(turn) - X * math.sin(turn)
+    turned = np.stack([camera.focal * math.sin(turn) + X * math.cos(turn), Y], axis=-1)
+    rate = (turned * (camera.focal / ahead)[..., None] - POINTS) / turn
+    confidences = []
+    for yaw_sigma in (0.0, 0.005, 0.01, 0.02, 0.03, 0.05):
+        motion = dataclasses.replace(flow.motion, translation=way, yaw_sigma=0.0)
+        exact = dataclasses.replace(
+            flow, vectors=vectors, motion=dataclasses.replace(motion, yaw_sigma=yaw_sigma)
+        )
+        wide = np.hypot(flow.sigma, yaw_sigma * np.sum(rate * away, axis=-1))
+        same = dataclasses.replace(flow, vectors=vectors, motion=motion, sigma=wide)
+        found, expected = stixels_of(exact, camera), stixels_of(same, camera)
+        assert np.array_equal(found.nearness, expected.nearness)
+        assert found.confidence == pytest.approx(expected.confidence, abs=2e-4)
+        confidences.append(found.confidence)
+    partly = (np.array(confidences) > 0.05) & (np.array(confidences) < 0.95)
+    assert np.count_nonzero(partly) > 10, "the comparison is not of zeros and ones alone"
+
+
+def test_there_are_no_stixels_without_baseline_with_steep_cameras_or_few_cells() -> None:
+    boards, steep = [(0.8, 0.0, 0.15)], pitched(0.4)
+    assert find_stixels(boards_on_floor(0.01, boards), CAMERA) is None
+    assert find_stixels(boards_on_floor(0.08, boards, robot=steep), steep.camera) is None
+    flow = boards_on_floor(0.08, boards)
+    few = np.where(np.arange(18)[:, None] < 14, 0.0, flow.confidence)
+    stixels = stixels_of(dataclasses.replace(flow, confidence=few))
+    assert not stixels.confidence.any()

@@ -1,16 +1,27 @@
-"""Detection of moving objects in rendered frames: one camera, and all views of the lens."""
+"""Detection of moving objects and stixels: pairs of frames, schedule, one camera, and all views."""
 
 from __future__ import annotations
 
+import itertools
 import math
 
+import numpy as np
 import pytest
+from movers_detections import detection
 from movers_scenes import Board, frame_at
 
 from navfw.egomotion import FrameBuffer, PairingParams
-from navfw.movers import QUIET_TIME, MovingObjectDetector, MultiViewDetector
+from navfw.movers import (
+    NEAR,
+    QUIET_TIME,
+    DetectionMode,
+    DetectionSchedule,
+    MovingObjectDetector,
+    MultiViewDetector,
+    RecentFrames,
+)
 from navfw.robot import CameraModel, RobotModel, SideViews
-from navfw.signals import MovingObject, Stixels, Twist
+from navfw.signals import Frame, MovingObject, Odometry, Pose, Stixels, Twist
 
 ROBOT = RobotModel()
 WIDE = RobotModel(side_views=SideViews())
@@ -18,6 +29,89 @@ PAIRING = PairingParams()
 PERSON = Board(1.5, -0.3, vy=0.5)
 """Crosses to the left, 1.4 m before the camera at the origin."""
 SLOW = Twist(0.2, 0.0)
+RATE = 10.0
+IMAGE = np.zeros((ROBOT.camera.height, ROBOT.camera.width), dtype=np.uint8)
+
+
+@pytest.mark.parametrize(("v", "w"), [(0.0, 0.0), (0.3, 0.5), (0.0, 1.2)])
+@pytest.mark.parametrize(("near", "interval"), [(False, 0.2), (True, 0.1)])
+def test_pairs_span_a_fixed_time_whatever_the_robot_does(
+    v: float, w: float, near: bool, interval: float
+) -> None:
+    frames = RecentFrames(ROBOT)
+    assert frames.pair() is None
+    for i in range(8):
+        t = 0.1 * i
+        pose = Pose(v * t, 0.0, w * t)
+        frames.add(Frame(t, IMAGE), Odometry(t, pose, Twist(v, w), 0.0, False))
+    pair = frames.pair(near)
+    assert pair is not None
+    assert pair.now.time == pytest.approx(0.7)
+    assert pair.now.time - pair.past.time == pytest.approx(interval)
+
+
+def test_frames_far_apart_or_after_a_wide_turn_make_no_pair() -> None:
+    for times, turns in (((0.0, 0.6), (0.0, 0.0)), ((0.0, 0.2), (0.0, 0.5))):
+        frames = RecentFrames(ROBOT)
+        for time, turn in zip(times, turns, strict=True):
+            odometry = Odometry(time, Pose(0.0, 0.0, turn), Twist(0.0, 0.0), 0.0, False)
+            frames.add(Frame(time, IMAGE), odometry)
+        assert frames.pair() is None
+
+
+# --- the detection schedule ---
+
+
+def modes(schedule: DetectionSchedule, first: int, last: int) -> list[DetectionMode]:
+    """The mode of each frame from ``first`` up to ``last``; no search finds anything."""
+    frames: list[DetectionMode] = []
+    for k in range(first, last):
+        frames.append(schedule.next_mode(k / RATE))
+        if frames[-1] != "idle":
+            schedule.update((), k / RATE)
+    return frames
+
+
+def test_while_nothing_moves_every_other_frame_is_searched_coarsely() -> None:
+    frames = modes(DetectionSchedule(), 0, 40)
+    assert frames.count("coarse") == frames.count("idle") == 20
+    assert all("idle" in pair and "coarse" in pair for pair in itertools.pairwise(frames))
+
+
+def test_after_a_detection_every_frame_is_searched_fully_for_a_while() -> None:
+    schedule = DetectionSchedule()
+    modes(schedule, 0, 10)
+    schedule.update((detection(0.0, 0.0, 2.0),), 1.0)
+    quiet = 11 + round(QUIET_TIME * RATE)
+    assert set(modes(schedule, 11, quiet)) == {"full"}
+    assert set(modes(schedule, quiet, quiet + 4)) == {"coarse", "idle"}
+
+
+def test_with_always_full_every_frame_is_searched_fully() -> None:
+    assert set(modes(DetectionSchedule(always_full=True), 0, 40)) == {"full"}
+
+
+@pytest.mark.parametrize(("distance", "near"), [(0.9 * NEAR, True), (1.1 * NEAR, False)])
+def test_near_is_the_distance_of_the_nearest_of_the_last_search(
+    distance: float, near: bool
+) -> None:
+    schedule = DetectionSchedule()
+    assert not schedule.near
+    schedule.update((detection(0.0, 0.0, 3.0), detection(0.0, 0.0, distance)), 0.0)
+    assert schedule.near is near
+    schedule.update((), 0.1)
+    assert not schedule.near
+
+
+def test_reset_drops_the_last_detections() -> None:
+    schedule = DetectionSchedule()
+    schedule.update((detection(0.0, 0.0, 0.5),), 5.0)
+    schedule.reset()
+    assert not schedule.near
+    assert "full" not in modes(schedule, 51, 54)
+
+
+# --- one camera ---
 
 
 def detect(
