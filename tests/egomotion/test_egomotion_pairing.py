@@ -91,43 +91,43 @@ def test_up_to_the_seeing_speed_successive_frames_are_pairs(rate: float) -> None
     assert not any(drive(1.2 * speed, 0.0, dt=1.0 / rate))
 
 
-def test_standing_still_after_a_drive_repeats_nothing() -> None:
-    buffer = FrameBuffer(ROBOT)
-    for i in range(5):
-        buffer.add(
-            Frame(0.1 * i, IMAGE), Odometry(0.1 * i, Pose(0.04 * i, 0, 0), Twist(0.4, 0), 0, False)
-        )
-    assert buffer.pairs()
-    buffer.add(Frame(0.5, IMAGE), Odometry(0.5, Pose(0.16, 0, 0), Twist(0, 0), 0, True))
-    assert buffer.pairs() == ()
-    buffer.add(Frame(0.6, IMAGE), Odometry(0.6, Pose(0.2, 0, 0), Twist(0.4, 0), 0, False))
-    assert buffer.pairs()
+def added(buffer: FrameBuffer, *places: tuple[float, float], v: float = 0.4) -> int:
+    """Number of pairs after frames at times [s] and places ahead [m], in order."""
+    for time, x in places:
+        odometry = Odometry(time, Pose(x, 0.0, 0.0), Twist(v, 0.0), 0.0, still=False)
+        buffer.add(Frame(time, IMAGE), odometry)
+    return len(buffer.pairs())
 
 
-def test_old_frames_are_forgotten() -> None:
+@pytest.mark.parametrize("moved", [0.0, 0.0019, 0.0021])
+def test_a_step_of_less_than_two_millimetres_repeats_no_pair(moved: float) -> None:
     buffer = FrameBuffer(ROBOT)
-    buffer.add(Frame(0.0, IMAGE), Odometry(0.0, Pose(0, 0, 0), Twist(0, 0), 0, True))
-    buffer.add(Frame(2.5, IMAGE), Odometry(2.5, Pose(0.08, 0, 0), Twist(0, 0), 0, False))
+    assert added(buffer, *((0.1 * i, 0.04 * i) for i in range(5))) == 1
+    assert added(buffer, (0.5, 0.16 + moved), v=0.0) == (moved > 0.002)
+    assert added(buffer, (0.6, 0.2)) == 1
+
+
+def test_old_frames_are_forgotten_and_a_reset_forgets_all() -> None:
+    assert added(FrameBuffer(ROBOT), (0.0, 0.0), (1.9, 0.08)) == 1
+    assert added(FrameBuffer(ROBOT), (0.0, 0.0), (2.1, 0.08)) == 0
+    buffer = FrameBuffer(ROBOT)
+    assert added(buffer, (0.0, 0.0), (0.1, 0.04), (0.2, 0.08)) == 1
+    buffer.reset()
     assert buffer.pairs() == ()
+    assert added(buffer, (0.4, 0.2)) == 0
 
 
 def test_a_frame_older_than_its_odometry_is_placed_by_the_twist() -> None:
-    buffer = FrameBuffer(ROBOT)
-    buffer.add(Frame(0.0, IMAGE), Odometry(0.0, Pose(0, 0, 0), Twist(0.5, 0), 0, False))
-    buffer.add(Frame(0.2, IMAGE), Odometry(0.22, Pose(0.11, 0, 0), Twist(0.5, 0), 0, False))
-    assert buffer.pairs()[0].motion.baseline == pytest.approx(0.1)
-
-
-def test_reset_forgets_everything() -> None:
-    buffer = FrameBuffer(ROBOT)
-    for i in range(3):
-        buffer.add(
-            Frame(0.1 * i, IMAGE), Odometry(0.1 * i, Pose(0.04 * i, 0, 0), Twist(0.4, 0), 0, False)
-        )
-    buffer.reset()
-    assert buffer.pairs() == ()
-    buffer.add(Frame(0.4, IMAGE), Odometry(0.4, Pose(0.2, 0, 0), Twist(0.4, 0), 0, False))
-    assert buffer.pairs() == ()
+    buffer = FrameBuffer(ROBOT, PairingParams(max_rotation=0.5))
+    added(buffer, (0.0, 0.0), v=0.5)
+    arc = Odometry(0.22, Pose(0.11, 0.0, 0.1), Twist(0.5, 1.0), 0.0, still=False)
+    buffer.add(Frame(0.2, IMAGE), arc)
+    (pair,) = buffer.pairs()
+    then = arc.pose.compose(Pose(-0.01 * math.cos(0.01), 0.01 * math.sin(0.01), -0.02))
+    camera = ROBOT.camera.mount_forward
+    place = then.to_parent(camera, 0.0)
+    assert pair.motion.baseline == pytest.approx(math.hypot(place[0] - camera, place[1]))
+    assert math.atan2(pair.motion.rotation[0, 2], pair.motion.rotation[2, 2]) == pytest.approx(0.08)
 
 
 @pytest.mark.parametrize(

@@ -76,8 +76,6 @@ def test_every_output_is_checked() -> None:
 
 @settings(
     max_examples=30,
-    derandomize=True,
-    deadline=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
 @given(data=st.data())

@@ -40,8 +40,6 @@ def assert_same(rule_base: RuleBase, reference: ReferenceFis, inputs: dict[str, 
 
 @settings(
     max_examples=40,
-    derandomize=True,
-    deadline=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
 @given(data=st.data())
