@@ -1,4 +1,4 @@
-"""Odometry that sees: wheels and gyro, corrected by the floor's motion in the images.
+"""Visual odometry: wheels and gyro, corrected by the floor's motion in the images.
 
 The state is (x [m], y [m], yaw [rad], k, b [rad/s]): the pose since a key frame, in the key frame's
 base_link; the share k of the wheels' distance that the robot does not cover (mean slip, radius
@@ -38,7 +38,7 @@ _GATE = 16.0
 _WIDENED = 4.0
 """Factor on the predicted covariance within which the floor's motion is searched."""
 
-_MIN_KNOWN = np.array([5e-4, 2e-4, 5e-4])
+_MIN_SEARCH_SIGMA = np.array([5e-4, 2e-4, 5e-4])
 """Least standard deviations of that search: x, y [m], yaw [rad]."""
 
 _SLIPPED = 0.3
@@ -201,7 +201,7 @@ class FloorOdometry:
 
     def _measure(self, past: FloorImage, now: FloorImage) -> bool:
         """Correct the state by the floor's motion from ``past`` to ``now``; whether it was used."""
-        search_covariance = _WIDENED * self._covariance[:3, :3] + np.diag(_MIN_KNOWN**2)
+        search_covariance = _WIDENED * self._covariance[:3, :3] + np.diag(_MIN_SEARCH_SIGMA**2)
         step = self._registered(past, now, search_covariance)
         if step is None:
             return False

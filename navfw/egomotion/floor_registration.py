@@ -82,7 +82,7 @@ class FloorImage:
 
 @dataclass(frozen=True, slots=True)
 class FloorStep:
-    """Where the robot is, seen from where it was: ``pose`` with ``covariance`` (3, 3).
+    """The robot's motion over the floor: ``pose`` in its past base_link, ``covariance`` (3, 3).
 
     ``share`` in [0, 1] is the share of the pixels that agree, ``explained`` that of the variance of
     the grey levels that this motion explains.
@@ -137,7 +137,7 @@ class FloorRegistration:
         """The motion from ``past`` to ``now``; None if they do not show a level floor's motion.
 
         ``guess`` with ``covariance`` (3, 3) is what is known of it beforehand. It guides the fit,
-        which tells the floor from other things by it, but is no part of the answer.
+        which separates the floor from other things by it, but is no part of the answer.
         """
         if len(self._ground) < _MIN_PIXELS:
             return None

@@ -103,7 +103,7 @@ class ParsedRule(NamedTuple):
 
 
 class SentenceError(ValueError):
-    """A rule sentence cannot be parsed; ``column`` is 1-based, ``problem`` says why."""
+    """A rule sentence cannot be parsed; ``column`` is 1-based, ``problem`` the reason."""
 
     def __init__(self, problem: str, sentence: str, column: int) -> None:
         self.problem = problem

@@ -194,7 +194,7 @@ _STIXEL_BASELINE = 0.05
 class MultiViewDetector:
     """One detector for the camera's image, and one for each side view.
 
-    ``moving_objects`` and ``stixels`` say what is wanted of it.
+    ``moving_objects`` and ``stixels`` switch on the detection of each.
     """
 
     def __init__(

@@ -19,7 +19,7 @@ from navfw.signals.immutability import Sealed
 
 @dataclass(frozen=True, slots=True)
 class OffisResults:
-    """All intermediate results of one frame; ``known`` tells whether the nearest object is."""
+    """All intermediate results of one frame; ``known``: the nearest object has been determined."""
 
     mode: str
     pyramid: Pyramid

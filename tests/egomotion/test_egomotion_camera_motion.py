@@ -41,14 +41,6 @@ def test_static_points_move_as_the_motion_says(
     np.testing.assert_allclose(motion.rotation @ motion.rotation.T, np.eye(3), atol=1e-12)
 
 
-def test_driving_ahead_moves_the_camera_along_its_axis() -> None:
-    motion = camera_motion(
-        RobotModel(), Pose(1, 2, 0.7), Pose(1, 2, 0.7).compose(Pose(0.1, 0, 0)), 1
-    )
-    np.testing.assert_allclose(motion.translation, [0.0, 0.0, 0.1], atol=1e-12)
-    np.testing.assert_allclose(motion.rotation, np.eye(3), atol=1e-12)
-
-
 def test_a_camera_ahead_of_the_axle_swings_left_in_a_left_turn() -> None:
     robot = RobotModel(camera=CameraModel(mount_forward=0.1))
     motion = camera_motion(robot, Pose(0, 0, 0), Pose(0, 0, 0.02), 0.1)

@@ -253,20 +253,6 @@ def test_a_turn_on_skidding_wheels_is_seen_to_move_the_robot_aside() -> None:
     assert errors[1] < 0.015
 
 
-def test_yaw_by_the_flow_corrects_the_gyro_bias_once_for_each_stretch() -> None:
-    odometry = FloorOdometry(ROBOT)
-    bare = np.full((ROBOT.camera.height, ROBOT.camera.width), 128, np.uint8)
-    still = CameraMotion(np.eye(3), np.zeros(3), 0.2)
-    estimates: list[float] = []
-    for _, raw in drive(8.0, 0.4, 0.0, scale=1.0, bias=0.01):
-        odometry.observe(Frame(raw.time, bare), raw)
-        left = 0.01 - odometry.calibration[1]
-        odometry.correct(YawCorrection(-left * still.dt, 5e-4, still))
-        estimates.append(odometry.calibration[1])
-    assert estimates[-1] == pytest.approx(0.01, abs=0.002)
-    assert estimates[10] == estimates[9] or estimates[11] == estimates[10]
-
-
 # --- the Kalman filter ---
 
 STATE = np.array([0.05, 0.01, 0.2, 0.03, 0.005])
