@@ -101,12 +101,11 @@ def _suspects(
 ) -> tuple[Mask, Mask, Mask]:
     """Masks (rows, cols) of valid vectors: short ones, and for patches crossing and nearer ones.
 
-    Short are those below those of a floor of the nearness ``floor`` [1/m]; while ``standing``, all
-    that the error of the yaw does not explain, and the other masks are empty. Crossing are those
-    across their epipolar lines; nearer [1/m] than the floor below them, up every column, seem the
-    others. The farthest floor cell of a column may be half hidden, so an object may stand one row
-    nearer. ``sigmas`` are those of yaw and direction of motion [rad], of the way, relative to it,
-    and of the epipolar lines' direction [rad].
+    Short: below those of a floor of the nearness ``floor`` [1/m]; while ``standing``, all that the
+    error of the yaw does not explain, and the other masks are empty. Crossing: across the epipolar
+    line. Nearer: of larger nearness than the next floor down the column; as the farthest floor cell
+    of a column may be half hidden, that of one row below it. ``sigmas`` are those of yaw and
+    direction of motion [rad], of the way, relative to it, and of epipolar directions [rad].
     """
     yaw_sigma, direction, slip, line_direction = sigmas
     rows, cols = sigma.shape
@@ -122,10 +121,8 @@ def _suspects(
             u, v = vectors[r, c, 0], vectors[r, c, 1]
             length = math.hypot(u, v)
             if standing:
-                turning = yaw_sigma * (focal + x * x / focal)
-                short[r, c] = length > _GATE * (
-                    math.hypot(sigma[r, c], turning) + 2.0 * _GATE_SIGMA
-                )
+                off = math.hypot(sigma[r, c], yaw_sigma * (focal + x * x / focal))
+                short[r, c] = length > _GATE * (off + 2.0 * _GATE_SIGMA)
                 continue
             # unit vector away from the focus of expansion, and its length: flow times depth [px m]
             ex = x * translation[2] - focal * translation[0]

@@ -137,12 +137,21 @@ def test_the_registration_converges_to_its_robust_normal_equations() -> None:
     past, now = (r.prepare(floor.view(pose)) for pose in (Pose(0.0, 0.0, 0.0), true))
     start, prior = np.array([0.082, 0.0035, 0.101, 0.0, 0.0]), np.diag([1e5, 1e6, 1e5, 400.0, 0.04])
     fixed = (past.grey, now.values, r._ground, r._farness, r._camera, r._base_from_camera)
+
+    def linearised(at: Array) -> tuple[Array, Array, float]:
+        """Residuals and slopes of the visible pixels at ``at``, and the residuals' deviation."""
+        offsets, slopes = np.empty(now.values.size), np.zeros((6, now.values.size))
+        _residuals(*fixed, at, offsets, slopes)
+        seen = ~np.isnan(offsets)
+        sigma = max(float(np.median(np.abs(offsets[seen]))) / 0.6745, 0.7)
+        return offsets[seen], slopes[:, seen], sigma
+
+    off, slopes, sigma = linearised(start)
+    weighted = slopes[:5] / (sigma**2 + (off / 2.385) ** 2)
+    step = np.linalg.solve(weighted @ slopes[:5].T + prior, -weighted @ off)
+    assert register_floor(*fixed, start, prior, 0.7, 1)[0] == pytest.approx(start + step, rel=1e-6)
     at, information, pull, share, explained = register_floor(*fixed, start, prior, 0.7, 10)
-    offsets, slopes = np.empty(now.values.size), np.zeros((6, now.values.size))
-    _residuals(*fixed, at, offsets, slopes)
-    seen = ~np.isnan(offsets)
-    off, slopes = offsets[seen], slopes[:, seen]
-    sigma = max(float(np.median(np.abs(off))) / 0.6745, 0.7)
+    off, slopes, sigma = linearised(at)
     weights = np.exp(-((off / sigma / 2.985) ** 2)) / sigma**2
     expected = (slopes * weights) @ slopes.T
     scale = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
