@@ -16,11 +16,11 @@ from navfw.bench import (
     FR1_DISTORTION,
     FR1_MATRIX,
     TruePair,
-    TumRecording,
     bench_approach,
     frame_pairs,
     measure_set,
     recorded_sets,
+    tum_frames,
 )
 from navfw.errors import ConfigError, InputError
 from navfw.flow import BlockMatching, Dis
@@ -154,7 +154,7 @@ def test_real_frames_geometry_is_right(tum: Path) -> None:
 
 
 def tum_pairs(folder: Path, size: tuple[int, int]) -> list[TruePair]:
-    return list(frame_pairs("tum_fr1", TumRecording(folder).frames(size)))
+    return list(frame_pairs("tum_fr1", tum_frames(folder, size)[1]))
 
 
 def test_depth_is_carried_to_the_colour_images_pose(tum: Path) -> None:

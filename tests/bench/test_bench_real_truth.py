@@ -11,10 +11,9 @@ import pytest
 from perceive_images import HEIGHT, WIDTH, save, texture, wall_at
 
 from navfw.bench import (
-    DepthFile,
     camera_way,
-    depth_files,
     nearness_errors,
+    posed_images,
     recorded_gyro,
     yaw_rates,
     yaw_summary,
@@ -67,13 +66,16 @@ def test_cells_without_depth_or_without_result_are_not_judged(
 
 
 def test_depth_images_have_a_unit(tmp_path: Path) -> None:
-    (tmp_path / "hololens_office" / "depth").mkdir(parents=True)
-    file = tmp_path / "hololens_office" / "depth" / "1.png"
-    assert cv2.imwrite(str(file), np.array([[0, 1500]], np.uint16))
-    found = depth_files(tmp_path, "hololens_office/images")
-    assert found["1.png"].read().tolist() == [[0.0, 1.5]]
-    assert DepthFile(file, 5000.0).read()[0, 1] == 0.3
-    assert depth_files(tmp_path, "donkeycar/images") == {}
+    for folder in ("images", "depth"):
+        (tmp_path / "hololens_office" / folder).mkdir(parents=True)
+        for k in (1, 2):
+            file = tmp_path / "hololens_office" / folder / f"{k}.png"
+            assert cv2.imwrite(str(file), np.array([[0, 1500]], np.uint16))
+    np.savetxt(tmp_path / "hololens_office" / "poses.txt", np.stack([np.eye(4).ravel()] * 2))
+    image = posed_images(tmp_path, "hololens_office/images")["1.png"]
+    assert image.depth().tolist() == [[0.0, 1.5]]
+    assert replace(image, unit=5000.0).depth()[0, 1] == 0.3
+    assert posed_images(tmp_path, "donkeycar/images") == {}
 
 
 def test_the_way_between_two_poses() -> None:
@@ -95,10 +97,11 @@ def test_yaw_rates_are_compared_at_the_time_of_the_pair(
     images = readings(tmp_path, 8)
     gyro = recorded_gyro(tmp_path, images)
     assert gyro is not None
-    assert gyro.times.of(images[2:4]) == [100.2, 100.3]
+    times, record = gyro
+    assert times.of(images[2:4]) == [100.2, 100.3]
     turned = replace(approached[0], time=0.2, dt=0.1, rotation_vector=np.array([0.0, 0.0, 0.04]))
     beyond = replace(turned, time=9.0)
-    rates = yaw_rates([turned, beyond], 100.2, gyro.record)
+    rates = yaw_rates([turned, beyond], 100.2, record)
     assert rates == pytest.approx(np.array([[0.4, np.radians(30.0)]]))
 
 
