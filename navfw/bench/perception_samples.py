@@ -22,7 +22,7 @@ from itertools import count
 import numpy as np
 
 from navfw.bench.random_worlds import random_world
-from navfw.bench.true_pairs import arc, exposed, true_field
+from navfw.bench.true_pairs import exposed, pose_before, true_field
 from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
 from navfw.camera_geometry.rotations import derotate
 from navfw.egomotion.camera_motions import camera_motion
@@ -58,10 +58,6 @@ class RandomView:
     pose: Pose
     twist: Twist
     aim: str
-
-    def before(self, seconds: float) -> Pose:
-        """The robot's pose ``seconds`` [s] earlier on the same arc."""
-        return self.pose.compose(arc(-self.twist.v * seconds, -self.twist.w * seconds))
 
 
 VIEWS_PER_WORLD = 12
@@ -138,7 +134,7 @@ def _sample(
     if measured is None:
         return None
     motion, twist, past_time, now_time = measured
-    past_pose = view.before(now_time - past_time)
+    past_pose = pose_before(view.pose, view.twist, now_time - past_time)
     past, _ = sim.render_from(past_pose)
     now, depth = sim.render_from(view.pose)
     frames = [
@@ -320,7 +316,8 @@ def _wall_point(rng: np.random.Generator, world: WorldSpec) -> _Facing:
 
 def _is_free(plan: SceneGeometry, view: RandomView, robot: RobotModel) -> bool:
     """Whether the robot keeps MARGIN at its pose and on the last second of its path."""
-    poses = [view.before(seconds) for seconds in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    times = (0.0, 0.25, 0.5, 0.75, 1.0)
+    poses = [pose_before(view.pose, view.twist, seconds) for seconds in times]
     points = np.array([(pose.x, pose.y) for pose in poses])
     x0, y0, x1, y1 = plan.bounds
     inside = (points > (x0, y0)).all() and (points < (x1, y1)).all()

@@ -24,7 +24,7 @@ from navfw.egomotion.camera_motions import camera_motion, yaw_rotation
 from navfw.flow.ideal import SIGMA, nearness_at, true_vectors
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Pose, wrap_angle
+from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Pose, Twist, wrap_angle
 from navfw.sim import Simulation, WorldSpec, load_world
 from navfw.sim.camera import DepthImage
 
@@ -43,14 +43,19 @@ _CLEARANCE = 0.35
 """Least distance [m] of robot and camera to anything: about the least in missions."""
 
 
-def arc(way: float, turn: float) -> Pose:
+def _arc(way: float, turn: float) -> Pose:
     """Pose at the end of an arc of length ``way`` [m] and ``turn`` [rad], in its start's frame."""
     chord = way * float(np.sinc(turn / math.tau))
     return Pose(chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn), wrap_angle(turn))
 
 
+def pose_before(pose: Pose, twist: Twist, seconds: float) -> Pose:
+    """The pose ``seconds`` [s] earlier on the arc of ``twist``."""
+    return pose.compose(_arc(-twist.v * seconds, -twist.w * seconds))
+
+
 def _moved(centimetres: float, degrees: float = 0.0) -> Pose:
-    return arc(0.01 * centimetres, math.radians(degrees))
+    return _arc(0.01 * centimetres, math.radians(degrees))
 
 
 MOTIONS: dict[str, tuple[Pose, ...]] = {

@@ -2,7 +2,6 @@ from .metric_comparison import compare_metrics as compare_metrics
 from .paper_scenes import FAST_TURN as FAST_TURN
 from .paper_scenes import SCENES as SCENES
 from .paper_scenes import WAYPOINTS as WAYPOINTS
-from .paper_scenes import before as before
 from .paper_scenes import drive as drive
 from .paper_scenes import hand_held as hand_held
 from .paper_scenes import length as length

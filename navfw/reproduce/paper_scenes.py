@@ -17,7 +17,7 @@ import math
 from dataclasses import dataclass
 from itertools import pairwise
 
-from navfw.bench.true_pairs import arc
+from navfw.bench.true_pairs import pose_before
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Pose, Twist
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, OpeningSpec, TextureSpec, WallSpec, WorldSpec
@@ -81,14 +81,9 @@ def drive() -> list[TrajectoryPoint]:
         turn = min(max(_GAIN * bearing, -FAST_TURN), FAST_TURN)
         twist = Twist(_SPEED * max(math.cos(bearing), 0.45), turn)
         way.append(TrajectoryPoint(time, pose, twist))
-        pose = pose.compose(arc(twist.v * _TICK, twist.w * _TICK))
+        pose = pose_before(pose, twist, -_TICK)
         time += _TICK
     return way
-
-
-def before(point: TrajectoryPoint, seconds: float) -> Pose:
-    """The pose ``seconds`` [s] earlier on the arc of the present twist."""
-    return point.pose.compose(arc(-point.twist.v * seconds, -point.twist.w * seconds))
 
 
 def length(way: list[TrajectoryPoint]) -> float:
