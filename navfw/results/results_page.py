@@ -133,10 +133,8 @@ def current_pages(folder: Path) -> dict[Path, str]:
     return pages
 
 
-def fill(template: str, results: Sequence[StoredResult], file: Path, lines_before: int = 0) -> str:
-    """``template`` with every placeholder replaced.
-
-    ``lines_before`` is the number of lines of ``file`` before the template begins.
+def fill(template: str, results: Sequence[StoredResult], file: Path) -> str:
+    """``template``, the text of ``file``, with every placeholder replaced.
 
     Raises:
         ConfigError: a placeholder cannot be read; the message names ``file`` and line.
