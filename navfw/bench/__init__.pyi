@@ -53,7 +53,6 @@ from .situation_learning import place_accuracy as place_accuracy
 from .true_pairs import MOTIONS as MOTIONS
 from .true_pairs import TruePair as TruePair
 from .true_pairs import load_worlds as load_worlds
-from .true_pairs import pose_before as pose_before
 from .true_pairs import rendered_pairs as rendered_pairs
 from .true_pairs import true_flow as true_flow
 from .true_pairs import with_recording_error as with_recording_error

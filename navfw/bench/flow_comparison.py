@@ -115,11 +115,6 @@ def plain_processors(robot: RobotModel) -> dict[str, MatchedFlow]:
     return {**dis, **points, **farneback}
 
 
-def reference_processor(robot: RobotModel) -> MatchedFlow:
-    """The most accurate of OpenCV's processors, and the most costly one."""
-    return PlainDense(robot, _dis("medium", 0))
-
-
 def _dis(preset: str, finest: int) -> _DenseMethod:
     dis = cv2.DISOpticalFlow.create(_DIS[preset])
     dis.setFinestScale(finest)
@@ -210,7 +205,8 @@ def rendered_set(
 
 def _unaided(pairs: Iterable[TruePair], robot: RobotModel) -> list[TruePair]:
     """The pairs without the measured motion, and without the error of the recorded one."""
-    reference, corrected = reference_processor(robot), []
+    reference = PlainDense(robot, _dis("medium", 0))  # the most accurate of OpenCV's
+    corrected = []
     for true in pairs:
         still = CameraMotion(np.eye(3), np.zeros(3), true.pair.motion.dt)
         unaided = replace(true, pair=replace(true.pair, motion=still))

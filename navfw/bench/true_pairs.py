@@ -25,7 +25,7 @@ from navfw.flow.ideal import SIGMA, nearness_at, true_vectors
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Pose, Twist, wrap_angle
-from navfw.sim import Simulation, WorldSpec, load_world
+from navfw.sim import SceneGeometry, Simulation, WorldSpec, load_world
 from navfw.sim.camera import DepthImage
 
 WORLDS = ("office", "paper-room", "corridor")
@@ -49,9 +49,16 @@ def _arc(way: float, turn: float) -> Pose:
     return Pose(chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn), wrap_angle(turn))
 
 
-def pose_before(pose: Pose, twist: Twist, seconds: float) -> Pose:
-    """The pose ``seconds`` [s] earlier on the arc of ``twist``."""
-    return pose.compose(_arc(-twist.v * seconds, -twist.w * seconds))
+@dataclass(frozen=True, slots=True)
+class MovingPose:
+    """The robot's ``pose`` in the map while it drives with ``twist``."""
+
+    pose: Pose
+    twist: Twist
+
+    def before(self, seconds: float) -> Pose:
+        """The pose ``seconds`` [s] earlier on the arc of the twist."""
+        return self.pose.compose(_arc(-self.twist.v * seconds, -self.twist.w * seconds))
 
 
 def _moved(centimetres: float, degrees: float = 0.0) -> Pose:
@@ -108,13 +115,11 @@ def rendered_pairs(
     robot: RobotModel,
     places: int,
     seed: int = 0,
-    noise: float = IMAGE_NOISE,
-    motions: dict[str, tuple[Pose, ...]] = MOTIONS,
 ) -> Iterator[TruePair]:
     """One pair of every motion at each of ``places`` random free poses of each world.
 
-    The variants of a motion (left and right, for example) take turns. ``noise`` is the standard
-    deviation of the image noise [grey levels]. The same arguments give the same pairs.
+    The variants of a motion (left and right, for example) take turns. The same arguments give the
+    same pairs.
     """
     for name, world in worlds.items():
         rng = np.random.default_rng([seed, *name.encode()])
@@ -122,12 +127,12 @@ def rendered_pairs(
             for k in range(places):
                 pose = _free_pose(simulation, rng)
                 after, depth = simulation.render_from(pose)
-                for motion_name, variants in motions.items():
+                for motion_name, variants in MOTIONS.items():
                     step = variants[k % len(variants)]
                     past = pose.compose(step.relative(Pose(0.0, 0.0, 0.0)))
                     before, depth_before = simulation.render_from(past)
                     true = camera_motion(robot, past, pose, PERIOD)
-                    frames = (exposed(image, rng, noise) for image in (before, after))
+                    frames = (exposed(image, rng) for image in (before, after))
                     pair = FramePair(
                         Frame(0.0, next(frames)),
                         Frame(PERIOD, next(frames)),
@@ -138,24 +143,27 @@ def rendered_pairs(
 
 def _start(world: WorldSpec, robot: RobotModel) -> Pose:
     """A free pose for the robot's body, which is never drawn."""
-    from navfw.sim.scene_geometry import SceneGeometry
-
     plan = SceneGeometry.from_world(world, robot.height)
     rng = np.random.default_rng(0)
     while True:
-        x, y = rng.uniform((world.x[0], world.y[0]), (world.x[1], world.y[1])).tolist()
+        x, y = _random_point(world, rng)
         if plan.clearance(x, y) > robot.radius + 0.1:
             return Pose(x, y, 0.0)
 
 
 def _free_pose(simulation: Simulation, rng: np.random.Generator) -> Pose:
-    world, plan = simulation.world, simulation.plan
+    plan = simulation.plan
     while True:
-        x, y = rng.uniform((world.x[0], world.y[0]), (world.x[1], world.y[1])).tolist()
+        x, y = _random_point(simulation.world, rng)
         pose = Pose(x, y, float(rng.uniform(-math.pi, math.pi)))
         camera = pose.to_parent(simulation.robot.camera.mount_forward, 0.0)
         if min(plan.clearance(x, y), plan.clearance(*camera)) > _CLEARANCE:
             return pose
+
+
+def _random_point(world: WorldSpec, rng: np.random.Generator) -> tuple[float, float]:
+    x, y = rng.uniform((world.x[0], world.y[0]), (world.x[1], world.y[1])).tolist()
+    return x, y
 
 
 def exposed(image: Image, rng: np.random.Generator, noise: float = IMAGE_NOISE) -> Image:

@@ -97,7 +97,7 @@ class ViewTruth:
     are all that hold, or ``("mixed",)``, or ``("hidden",)``; ``possible_situations`` those that
     hold by the limits for possible ones if furniture is ignored. ``planes`` and ``hidden`` have
     the largest plane of the left and of the right half, and the share of its wall pixels that are
-    behind furniture; ``furniture`` is that of the whole view.
+    behind furniture.
     """
 
     nearness: tuple[float, ...]
@@ -109,7 +109,6 @@ class ViewTruth:
     possible_situations: tuple[str, ...]
     planes: tuple[HalfPlane, HalfPlane]
     hidden: tuple[float, float]
-    furniture: float
 
     @property
     def clear(self) -> bool:
@@ -280,7 +279,6 @@ def truth_of(
         possible_situations=walls.situations(pose, camera, possible=True),
         planes=walls.halves(pose, camera),
         hidden=(hidden[0], hidden[1]),
-        furniture=float(hides.sum() / max(expected.sum(), 1)),
     )
 
 

@@ -105,27 +105,25 @@ class MotionRecord(ABC):
         """
         first, last = float(self.times[0]), float(self.times[-1])
         start, duration = images.start, min(images.duration, _MAX_RECORDING)
-        offset = 0.0
+        offset, problem = 0.0, ""
         if start is not None and first < start + duration and last > start:
             offset = start
         elif not (first < duration and last > 0.0):
             clock = ""
             if start is not None:
                 clock = f" ({start:.2f} to {start + duration:.2f} s on their clock)"
-            raise InputError(
+            problem = (
                 f"expected readings within the time of the images, 0 to {duration:.2f} s{clock}; "
                 f"got {first:.2f} to {last:.2f} s. Count times from the first image, or give those "
-                "of the images by their names or --times",
-                file=self.file,
-                key=self.option,
+                "of the images by their names or --times"
             )
-        if not images.rate_known:
-            raise InputError(
+        if not problem and not images.rate_known:
+            problem = (
                 "the times of the images are not known, so readings cannot be assigned to them; "
-                "give --fps or --times",
-                file=self.file,
-                key=self.option,
+                "give --fps or --times"
             )
+        if problem:
+            raise InputError(problem, file=self.file, key=self.option)
         return replace(self, times=self.times - offset) if offset else self
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from navfw.bench.perception_accuracy import judge_percept, no_situation
 from navfw.bench.perception_benchmark import median_ms
 from navfw.bench.real_labels import Judgement, SentenceVerdict
-from navfw.bench.true_pairs import exposed, pose_before, true_field
+from navfw.bench.true_pairs import MovingPose, exposed, true_field
 from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
 from navfw.camera_geometry.rotations import derotate
 from navfw.config.lookup import find
@@ -30,7 +30,6 @@ from navfw.reproduce.paper_scenes import (
     STEP,
     WAYPOINTS,
     OfficeScene,
-    TrajectoryPoint,
     TrajectoryWaypoint,
     drive,
     hand_held,
@@ -144,7 +143,7 @@ class WaypointRow:
     """
 
     waypoint: TrajectoryWaypoint
-    point: TrajectoryPoint
+    point: MovingPose
     view: RenderedPair
     percepts: Mapping[tuple[str, str, str], CheckedPercept]
 
@@ -172,8 +171,7 @@ def table2(seed: int) -> list[WaypointRow]:
     with Simulation(load_world(find("world", "paper-room")), robot, START, 0, _SENSORS) as sim:
         for waypoint in WAYPOINTS:
             point = way[round(waypoint.time * 60.0)]
-            past = pose_before(point.pose, point.twist, PERIOD)
-            view = _rendered(sim, rng, past, point.pose, PERIOD)
+            view = _rendered(sim, rng, point.before(PERIOD), point.pose, PERIOD)
             true = true_flow(view, robot)
             with_gyro = _matched_flow(view, robot, params, gyro=True)
             flows = {

@@ -9,11 +9,11 @@ from io import BytesIO
 import cv2
 import numpy as np
 
+from navfw.bench.true_pairs import MovingPose
 from navfw.numerics import Image
 from navfw.perceive.lettering import write
 from navfw.perceive.overlay import draw_flow
 from navfw.recording.palette import FURNITURE, WALL
-from navfw.reproduce.paper_scenes import TrajectoryPoint
 from navfw.reproduce.paper_tables import FAST, SceneRow, WaypointRow
 from navfw.signals import FlowField
 from navfw.sim.scene_geometry import SceneGeometry
@@ -73,7 +73,7 @@ def _beside(panels: list[Image]) -> Image:
     return np.concatenate(joined, axis=1)
 
 
-def draw_map(world: WorldSpec, way: list[TrajectoryPoint], rows: list[WaypointRow]) -> Image:
+def draw_map(world: WorldSpec, way: list[MovingPose], rows: list[WaypointRow]) -> Image:
     """The room from above with trajectory and waypoints (Fig. 16)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -10,7 +10,6 @@ from navfw.bench import (
     DOMINANT,
     MAJORITY,
     WallGeometry,
-    pose_before,
     random_views,
     random_world,
     run,
@@ -140,7 +139,7 @@ def test_a_view_drove_its_arc() -> None:
     rng = np.random.default_rng(3)
     world = random_world(rng, "world")
     view = random_views(rng, world, ROBOT, 1, lambda _: ("wall",))[0]
-    past, half = (pose_before(view.pose, view.twist, seconds) for seconds in (1.0, 0.5))
+    past, half = view.before(1.0), view.before(0.5)
     assert math.hypot(past.x - view.pose.x, past.y - view.pose.y) <= view.twist.v + 1e-9
     forward = past.relative(half)
     again = half.relative(view.pose)

@@ -22,7 +22,6 @@ WALL = ViewTruth(
     possible_situations=("wall",),
     planes=(HalfPlane(0, 0.9, 0.1), HalfPlane(0, 0.9, -0.1)),
     hidden=(0.0, 0.1),
-    furniture=0.05,
 )
 NEARLY = replace(
     WALL, situations=("mixed",), planes=(HalfPlane(0, 0.6, 0.0), HalfPlane(0, 0.9, 0.0))

@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from navfw.bench import front_of, pose_before
+from navfw.bench import front_of
 from navfw.camera_geometry import rotational_flow
 from navfw.config import find
 from navfw.reproduce import (
@@ -66,7 +66,7 @@ def test_before_is_where_the_robot_came_from() -> None:
     way = drive()
     for index in (200, 670, 700, 1000):
         past, now = way[index - 3], way[index]
-        before = pose_before(now.pose, now.twist, 0.05)
+        before = now.before(0.05)
         # the twist hardly changes within 50 ms
         assert math.dist((before.x, before.y), (past.pose.x, past.pose.y)) < 0.003
 
