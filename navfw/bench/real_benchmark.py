@@ -169,7 +169,7 @@ def bench_real(
 def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
     """The parts, their total and the single photographs, by flow processor."""
     rows = [
-        {"flow": flow, "part": part, **row, **row["verdicts"]}
+        {"flow": flow, "part": part, "good": _good(row["verdicts"]), **row, **row["verdicts"]}
         for flow, measured in result["flows"].items()
         for part, row in (
             *measured["parts"].items(),
@@ -181,7 +181,7 @@ def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
         Column("flow", "flow"),
         Column("part", "part"),
         *(Column(verdict, verdict) for verdict in SentenceVerdict),
-        Column("good", _good, ".0%"),
+        Column("good", "good", ".0%"),
         Column("headings", lambda row: f"{row['headings_known']} of {row['pairs']}"),
         Column("sigma [deg]", "heading_sigma_deg", ".1f"),
         Column("error [deg]", "heading_error_deg", ".1f"),
@@ -193,9 +193,8 @@ def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
     yield ResultTable(f"{result['frames']} frames of the split {result['split']}", columns, rows)
 
 
-def _good(row: Mapping[str, Any]) -> float:
-    """The share of frames whose sentence is right or partly so."""
-    counts: Mapping[str, int] = row["verdicts"]
+def _good(counts: Mapping[str, int]) -> float:
+    """The share of sentences that are right or partly so."""
     return (counts["right"] + counts["partly"]) / max(sum(counts.values()), 1)
 
 

@@ -263,7 +263,12 @@ class Undistortion:
                 f"{self._calibration.file} does not say its size of images: taken as {width} x "
                 f"{height}"
             )
-            self._require_inside(matrix)
+            x, y = matrix[:2, 2]
+            if not (0.25 * width < x < 0.75 * width and 0.25 * height < y < 0.75 * height):
+                raise self._error(
+                    f"has its principal point at ({x:g}, {y:g}), far from the centre of images of "
+                    f"{width} x {height} px; calibrate at the size of the recording"
+                )
             return matrix
         full_width, full_height = self._calibration.size
         if (full_width, full_height) == (width, height):
@@ -288,15 +293,6 @@ class Undistortion:
             "scaled and not cut"
         )
         return matrix
-
-    def _require_inside(self, matrix: Array) -> None:
-        x, y = matrix[:2, 2]
-        width, height = self._size
-        if not (0.25 * width < x < 0.75 * width and 0.25 * height < y < 0.75 * height):
-            raise self._error(
-                f"has its principal point at ({x:g}, {y:g}), far from the centre of images of "
-                f"{width} x {height} px; calibrate at the size of the recording"
-            )
 
     def _focal(self) -> float:
         """The least focal length [px] of the result at which all of it lies in the image."""
