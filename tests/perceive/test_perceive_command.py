@@ -140,6 +140,8 @@ def test_what_is_assumed_is_said(approach: Path, tmp_path: Path) -> None:
     done = invoke(approach, "--hfov", "60", "--pitch", "0", "--fps", "10")
     first = done.stdout.splitlines()[0]
     assert first == "assumed: lens distortion none (--calibration)"
+    assert "Front is a wall" in done.stdout
+    assert "no --speed given" in done.stderr
     # of upright images the longer side shows 65 degrees
     upright = save(tmp_path, [np.ascontiguousarray(np.rot90(image)) for image in APPROACH])
     views = perceive(upright, "--fps", "10")
