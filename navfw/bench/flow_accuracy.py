@@ -53,23 +53,17 @@ _EDGE_STEP = 0.12
 surfaces."""
 
 
-class TruePairSource:
-    """True depth and motion of one pair at a time (``navfw.flow.ideal.TruthSource``)."""
+@dataclass(frozen=True, slots=True)
+class _PairTruth:
+    """A ``navfw.flow.ideal.TruthSource`` for one pair."""
 
-    def __init__(self) -> None:
-        self.now: TruePair | None = None
+    pair: TruePair
 
     def depth(self, frame: Frame) -> Floats:
-        """True depth of the pair's current frame."""
-        if self.now is None:
-            raise ValueError("no pair has been set")
-        return self.now.depth
+        return self.pair.depth
 
     def motion(self, pair: FramePair) -> CameraMotion:
-        """True motion of the pair."""
-        if self.now is None:
-            raise ValueError("no pair has been set")
-        return self.now.motion
+        return self.pair.motion
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,13 +168,11 @@ def measure(
 
     Plain data: the values of a processor in ``bench_flow``.
     """
-    truth = TruePairSource()
-    if isinstance(processor, Ideal):
-        processor.set_truth(truth)
     answers: list[FlowAnswer] = []
     is_edge, names = [], []
     for pair in pairs:
-        truth.now = pair
+        if isinstance(processor, Ideal):
+            processor.set_truth(_PairTruth(pair))
         if not answers:
             processor.compute(pair.pair)  # compiles kernels, which is not timed
         answers.append(answer(processor, pair))
@@ -326,7 +318,6 @@ def match_template_ratio(robot: RobotModel, pairs: Sequence[FramePair]) -> dict[
 
 
 def _cpu_ms(method: Callable[[FramePair], ResultT], pair: FramePair) -> tuple[float, ResultT]:
-    """CPU time [ms] of a call, and its result."""
     begun = time.thread_time()
     result = method(pair)
     return 1e3 * (time.thread_time() - begun), result

@@ -187,7 +187,6 @@ def recorded_sets(
 
 
 def _recorded_frames(name: str, folder: Path) -> tuple[CameraModel, list[RecordedFrame]]:
-    """The camera and the frames of a recording."""
     if name == "hololens_office":
         return hololens_frames(folder, ROWS, COLS)
     working = WorkingSize.of(640, 480, ROWS, COLS)

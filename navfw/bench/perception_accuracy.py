@@ -106,7 +106,6 @@ def run(
 def _score_percept(
     offis: Perception, flow: FlowField, twist: Twist, truth: ViewTruth
 ) -> PerceptScore:
-    """Compare the percept that ``offis`` infers from one flow field with the truth."""
     offis.reset()
     percept = offis.perceive(flow, twist)
     table = _strongest(percept, TABLE)

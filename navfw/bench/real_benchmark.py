@@ -194,7 +194,6 @@ def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
 
 
 def _good(counts: Mapping[str, int]) -> float:
-    """The share of sentences that are right or partly so."""
     return (counts["right"] + counts["partly"]) / max(sum(counts.values()), 1)
 
 
@@ -271,7 +270,6 @@ def judge_result(result: PairResult | None, label: FrameLabel) -> Judgement:
 
 
 def _part(data: Path, labels: Sequence[FrameLabel], flow: str, registry: Registry) -> _Findings:
-    """The findings in one part."""
     folder = labels[0].folder
     perceiver, gyro = open_part(data, labels, flow, registry)
     source = perceiver.source
@@ -308,7 +306,6 @@ def _judged(results: Mapping[str, PairResult], labels: Sequence[FrameLabel]) -> 
 
 
 def _images_of(images: Sequence[Path], folder: Path, labels: Sequence[FrameLabel]) -> list[Path]:
-    """Those of the ``images`` of a part, with some before the first labelled one."""
     names = [path.name for path in images]
     for label in labels:
         if label.file not in names:

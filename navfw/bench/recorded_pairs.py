@@ -19,7 +19,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from navfw.bench.recorded_approach import read_grey
 from navfw.bench.true_pairs import TruePair
@@ -27,6 +26,7 @@ from navfw.config.image_file import read_image
 from navfw.config.input_file import is_file, read_input_text
 from navfw.errors import ConfigError
 from navfw.numerics import Array, Image
+from navfw.numerics.arrays import Floats
 from navfw.perceive.motion_record import load_pose_record
 from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
@@ -61,7 +61,7 @@ class RecordedFrame:
 
     time: float
     image: Image
-    depth: npt.NDArray[np.float32]
+    depth: Floats
     pose: Array
 
 
@@ -99,9 +99,7 @@ class PosedImage:
         depth = np.asarray(read_image(self.depth_file, cv2.IMREAD_UNCHANGED), np.float64)
         return depth / self.unit
 
-    def reduced_depth(
-        self, rays_of: Callable[[Array], Array], camera: CameraModel
-    ) -> npt.NDArray[np.float32]:
+    def reduced_depth(self, rays_of: Callable[[Array], Array], camera: CameraModel) -> Floats:
         """Depth (height, width) [m] in the image of a ``camera`` at ``pose``; 0: unknown.
 
         ``rays_of`` gives the rays (n, 3), of depth 1, of pixels (n, 2) of the depth image.
@@ -171,7 +169,6 @@ def hololens_frames(folder: Path, rows: int, cols: int) -> tuple[CameraModel, li
 
 
 def _numbers(file: Path, columns: int) -> Array:
-    """Rows of ``columns`` numbers each."""
     lines = read_input_text(file, _MAX_TEXT).splitlines()
     try:
         rows = np.loadtxt(lines, ndmin=2, dtype=np.float64)
@@ -238,7 +235,6 @@ def tum_frames(folder: Path, size: tuple[int, int]) -> tuple[CameraModel, list[R
 
 
 def _listing(folder: Path, name: str) -> list[tuple[float, Path]]:
-    """Time stamps [s] and existing files of an index file."""
     lines = read_input_text(folder / name, _MAX_TEXT).splitlines()
     pairs = [line.split() for line in lines if line and not line.startswith("#")]
     try:
@@ -260,7 +256,7 @@ def _matrix(camera: CameraModel) -> Array:
     return np.array([[f, 0.0, x], [0.0, f, y], [0.0, 0.0, 1.0]])
 
 
-def project_depth(points: Array, camera: CameraModel) -> npt.NDArray[np.float32]:
+def project_depth(points: Array, camera: CameraModel) -> Floats:
     """Depth image (height, width) [m] of ``points`` (n, 3) [m] in the axes of ``camera``.
 
     A pixel has the mean nearness of the points of the nearest surface in it; 0 where there is none.

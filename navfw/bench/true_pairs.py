@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from navfw.bench.random_worlds import random_world
 from navfw.config.lookup import find
 from navfw.egomotion.camera_motions import camera_motion, yaw_rotation
 from navfw.flow.ideal import SIGMA, nearness_at, true_vectors
 from navfw.numerics import Array, Image
+from navfw.numerics.arrays import Floats, Indices, Mask
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Pose, Twist, wrap_angle
 from navfw.sim import SceneGeometry, Simulation, WorldSpec, load_world
@@ -94,8 +94,8 @@ class TruePair:
     name: str
     pair: FramePair
     motion: CameraMotion
-    depth: npt.NDArray[np.float32]
-    past_depth: npt.NDArray[np.float32]
+    depth: Floats
+    past_depth: Floats
     recording_error: Array | None = None
 
 
@@ -142,7 +142,6 @@ def rendered_pairs(
 
 
 def _start(world: WorldSpec, robot: RobotModel) -> Pose:
-    """A free pose for the robot's body, which is never drawn."""
     plan = SceneGeometry.from_world(world, robot.height)
     rng = np.random.default_rng(0)
     while True:
@@ -185,9 +184,7 @@ ITERATIONS = 20
 """Steps of the robust fit of the recording's error."""
 
 
-def true_flow(
-    points: Array, true: TruePair, camera: CameraModel
-) -> tuple[Array, npt.NDArray[np.bool_]]:
+def true_flow(points: Array, true: TruePair, camera: CameraModel) -> tuple[Array, Mask]:
     """True vectors (rows, cols, 2) [px] at ``points``, and where there is a truth.
 
     There is none where one of the four pixels around a point has no depth, and where the point is
@@ -276,7 +273,7 @@ def _nearness(points: Array, true: TruePair, camera: CameraModel) -> Array:
 
 def _hidden(
     points: Array, nearness: Array, vectors: Array, true: TruePair, camera: CameraModel
-) -> npt.NDArray[np.bool_]:
+) -> Mask:
     """Where the surface at ``points`` lies behind another one in the past frame."""
     ray = np.concatenate([points / camera.focal, np.ones_like(points[..., :1])], axis=-1)
     past = (ray + nearness[..., None] * true.motion.translation) @ true.motion.rotation
@@ -286,9 +283,7 @@ def _hidden(
     return np.asarray(seen[pixels(points - np.nan_to_num(vectors), camera)] > HIDDEN * expected)
 
 
-def pixels(
-    points: Array, camera: CameraModel
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def pixels(points: Array, camera: CameraModel) -> tuple[Indices, Indices]:
     """Rows and columns of the pixels at ``points``, those outside moved to the border."""
     x = np.clip(points[..., 0] + 0.5 * camera.width, 0, camera.width - 1).astype(np.int64)
     y = np.clip(points[..., 1] + 0.5 * camera.height, 0, camera.height - 1).astype(np.int64)

@@ -168,7 +168,6 @@ class _Reader:
         return None
 
     def _by_count(self) -> str:
-        """The polynomial model with the given number of coefficients."""
         numbers = self._numbers(self._needed(_COEFFICIENTS))[1]
         return "plumb_bob" if numbers.size <= 5 else "rational_polynomial"
 
@@ -201,7 +200,6 @@ class _Reader:
         return number
 
     def _key(self, names: Iterable[str]) -> str | None:
-        """The first of ``names`` that the document has."""
         return next((name for name in names if name in self._document.data), None)
 
     def _needed(self, names: tuple[str, ...]) -> str:

@@ -286,7 +286,6 @@ class FloorFinder:
         return abs(math.log(speed / float(np.median(self._speeds)))) < USUAL
 
     def _floor(self, warp: PlaneWarp, pitch: float, ratio: float) -> FloorMotion:
-        """The cells that show floor."""
         normal = _level(pitch)
         moving = warp.difference(normal, ratio)
         others = np.minimum(warp.difference(normal, 0.0), warp.difference(normal, 1.6 * ratio))

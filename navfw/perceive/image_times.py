@@ -155,6 +155,5 @@ def require_order(paths: Sequence[Path]) -> None:
 
 
 def _first_step_back(times: Sequence[float]) -> int | None:
-    """The index of the first time that does not come after the one before it."""
     pairs = enumerate(itertools.pairwise(times), start=1)
     return next((k for k, (before, after) in pairs if after <= before), None)

@@ -131,7 +131,6 @@ class Perceiver:
             earlier.append(now)
 
     def _start(self, first: SourceImage) -> WorkingSize:
-        """Prepare camera and flow processor for the size of the ``first`` image."""
         height, width = first.image.shape[:2]
         o = self.options
         rows, cols = o.grid_for(width, height)
@@ -148,7 +147,6 @@ class Perceiver:
         return size
 
     def _analyse(self, past: _Prepared, now: _Prepared) -> _Analysis:
-        """Egomotion, flow, scale and percept of a pair."""
         motion = self._motions.estimate(past.track, now.track, past.frame.time, now.frame.time)
         pair = FramePair(past.frame, now.frame, motion.camera_motion(1.0))
         raw = self._processor.compute(pair)
@@ -340,13 +338,11 @@ def _fastest(flow: FlowField) -> float:
 
 
 def _alike(past: Frame, now: Frame) -> bool:
-    """Whether two images with texture differ by no more than noise."""
     change = np.abs(now.image.astype(np.int16) - past.image).mean()
     return bool(change < 0.1 * now.image.std() and now.image.std() > 4.0)
 
 
 def _unknown(flow: FlowField) -> FlowField:
-    """``flow`` without confidence."""
     return replace(flow, confidence=np.zeros(flow.shape))
 
 

@@ -204,7 +204,6 @@ class TimedTable:
             raise self.error(f"is not a CSV file: {error}", reader.line_num) from None
 
     def _by_position(self, line: int, count: int) -> list[_TimedColumn | None]:
-        """The columns of a table without a header."""
         columns, needed, others = self._kind.columns, self._kind.needed, self._kind.others
         if count < needed or (count > len(columns) and not others):
             optional = f" [, {', '.join(columns[needed:])}]" if columns[needed:] else ""
@@ -217,7 +216,6 @@ class TimedTable:
         return [*used, *[None] * (count - len(used))]
 
     def _by_header(self, line: int) -> list[_TimedColumn | None]:
-        """The columns that the header names."""
         columns = [self._named(line, word) for word in self.header]
         names = [column[0] for column in columns if column is not None]
         for name in self._kind.columns[: self._kind.needed]:

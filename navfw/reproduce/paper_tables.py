@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -101,7 +100,7 @@ def _matched_flow(
 ) -> FlowField:
     """Flow of ``view`` by block matching; without ``gyro`` no rotation is predicted."""
     motion = view.motion if gyro else _unturned(view.motion)
-    pair = dataclasses.replace(view.pair, motion=motion)
+    pair = replace(view.pair, motion=motion)
     return BlockMatching(robot, params).compute(pair)
 
 
@@ -112,11 +111,11 @@ def _refined(flow: FlowField, robot: RobotModel) -> FlowField:
 
 def _not_derotated(flow: FlowField) -> FlowField:
     """``flow`` unchanged but labelled as without rotation: the error of the paper's waypoint 3."""
-    return dataclasses.replace(flow, motion=_unturned(flow.motion), derotated=True)
+    return replace(flow, motion=_unturned(flow.motion), derotated=True)
 
 
 def _unturned(motion: CameraMotion) -> CameraMotion:
-    return dataclasses.replace(motion, rotation=np.eye(3))
+    return replace(motion, rotation=np.eye(3))
 
 
 def _checked_percept(offis: Offis, flow: FlowField, view: RenderedPair) -> CheckedPercept:
@@ -281,9 +280,8 @@ def as_data(rows: list[WaypointRow], scenes: list[SceneRow]) -> dict[str, Any]:
             {
                 "waypoint": row.waypoint.number,
                 "doing": row.waypoint.doing,
-                "pose": [round(v, 4) for v in (row.point.pose.x, row.point.pose.y)]
-                + [round(row.point.pose.yaw, 4)],
-                "twist": [round(row.point.twist.v, 4), round(row.point.twist.w, 4)],
+                "pose": [round(value, 4) for value in astuple(row.point.pose)],
+                "twist": [round(value, 4) for value in astuple(row.point.twist)],
                 "truth": _truth(row.view),
                 "readings": [
                     {"flow": kind, "rotation": rotation, "mode": mode, **_reading(checked)}
@@ -322,7 +320,6 @@ def _truth(view: RenderedPair) -> dict[str, Any]:
 
 
 def _reading(checked: CheckedPercept) -> dict[str, Any]:
-    """A sentence, its verdict, and whether each of its statements is true."""
     return {
         "sentence": checked.percept.sentence,
         "verdict": str(checked.judgement.verdict),

@@ -145,7 +145,6 @@ def _significant(claims: Sequence[Mapping[str, Any]]) -> int:
 
 
 def _claim_text(claim: Mapping[str, Any]) -> str:
-    """One comparison of section 4.3 with its figures."""
     question = {
         "quadrant": "nearest quadrant",
         "distance": "distance of the nearest object",
@@ -284,7 +283,6 @@ def write_page(result: Mapping[str, Any], pictures: Mapping[str, Image]) -> str:
 
 
 def _embedded(picture: Image) -> dict[str, Any]:
-    """A picture as data within the page, with its size."""
     code = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])[1].tobytes()
     data = base64.b64encode(code).decode("ascii")
     height, width = picture.shape[:2]

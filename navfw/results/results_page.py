@@ -191,7 +191,6 @@ class _Writer:
         return [result for name in names for result in self._suites if result.suite == name]
 
     def _whole_suites(self, names: Sequence[str]) -> list[_FigureRow]:
-        """The results of the suites that are no variants."""
         results = [result for result in self._of_suites(names) if not result.variant]
         return [_FigureRow(_label(result), result, result.figures) for result in results]
 
