@@ -161,26 +161,6 @@ def test_grid_and_processor(approach: Path) -> None:
     assert view["ttc_s"] == pytest.approx(3.6, rel=0.1)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--hfov", "200"), "--hfov: must be between 15 and 155 deg, got 200"),
-        (("--hfov", "nan"), "--hfov: must be between"),
-        (("--speed", "-1"), "--speed: must be between 0 and 100 m/s, got -1"),
-        (("--height", "0"), "--height: must be between"),
-        (("--pitch", "60"), "--pitch: must be between"),
-        (("--grid", "12"), "--grid: expected ROWSxCOLUMNS such as 12x16"),
-        (("--grid", "1x2"), "--grid rows: must be between"),
-        (("--stride", "99"), "--stride: must be between"),
-        (("--flow", "diss"), "did you mean 'dis'?"),
-        (("--flow", "ideal"), "needs the true depth"),
-        (("--overlay", "view.gif"), "neither a .mp4 nor the name of a folder"),
-    ],
-)
-def test_bad_options(approach: Path, arguments: tuple[str, ...], message: str) -> None:
-    assert message in refused(approach, *arguments)
-
-
 def test_overlay_folder(approach: Path, tmp_path: Path) -> None:
     out = tmp_path / "new" / "overlay"
     images = [approach / f"image_{n}.png" for n in (1, 2, 3)]
