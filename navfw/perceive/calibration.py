@@ -73,7 +73,7 @@ def load_calibration(path: Path) -> CameraCalibration:
     document = parse_yaml(_plain_yaml(text), file)
     if not isinstance(document.data, dict):
         raise InputError("expected a calibration ('camera_matrix: ...')", file=file)
-    reader = _Reader(file, document)
+    reader = _Reader(document)
     model = reader.model()
     return CameraCalibration(
         file=file,
@@ -100,8 +100,7 @@ def _plain_yaml(text: str) -> str:
 class _Reader:
     """The parts of a calibration ``document``, checked."""
 
-    def __init__(self, file: str, document: YamlDocument) -> None:
-        self._file = file
+    def __init__(self, document: YamlDocument) -> None:
         self._document = document
 
     def model(self) -> str:
@@ -207,12 +206,12 @@ class _Reader:
         if key is None:
             near = did_you_mean(names[0], map(str, self._document.data))
             hint = f"; {near}" if near.startswith("did") else ""
-            raise InputError(f"has no key {names[0]!r}{hint}", file=self._file)
+            raise InputError(f"has no key {names[0]!r}{hint}", file=self._document.file)
         return key
 
     def _error(self, message: str, path: KeyPath) -> InputError:
         line = self._document.line_of(path)
-        return InputError(message, file=self._file, line=line, key=key_text(path))
+        return InputError(message, file=self._document.file, line=line, key=key_text(path))
 
 
 class Undistortion:
