@@ -70,11 +70,11 @@ class CheckedPercept:
         return self.judgement.verdict is SentenceVerdict.RIGHT
 
 
-_SENSORS = SensorParams(supersample=2)
+SENSORS = SensorParams(supersample=2)
 """Images are rendered at twice the size and averaged, against aliasing."""
 
 
-def _rendered(
+def rendered_view(
     sim: Simulation, rng: np.random.Generator, past: Pose, now: Pose, dt: float
 ) -> RenderedPair:
     """The images from two poses, ``dt`` [s] apart, with noise by ``rng``."""
@@ -167,10 +167,10 @@ def table2(seed: int) -> list[WaypointRow]:
     params = BlockMatching.Params(search=_SEARCH)
     rows = []
     rng = np.random.default_rng(seed)
-    with Simulation(load_world(find("world", "paper-room")), robot, START, 0, _SENSORS) as sim:
+    with Simulation(load_world(find("world", "paper-room")), robot, START, 0, SENSORS) as sim:
         for waypoint in WAYPOINTS:
             point = way[round(waypoint.time * 60.0)]
-            view = _rendered(sim, rng, point.before(PERIOD), point.pose, PERIOD)
+            view = rendered_view(sim, rng, point.before(PERIOD), point.pose, PERIOD)
             true = true_flow(view, robot)
             with_gyro = _matched_flow(view, robot, params, gyro=True)
             flows = {
@@ -199,8 +199,8 @@ def table3(seed: int) -> list[SceneRow]:
     for scene in SCENES:
         past = scene.pose.compose(Pose(-STEP, 0.0, 0.0))
         rng = np.random.default_rng(seed + scene.number)
-        with Simulation(scene.world, robot, scene.pose, 0, _SENSORS) as sim:
-            view = _rendered(sim, rng, past, scene.pose, STEP / SPEED)
+        with Simulation(scene.world, robot, scene.pose, 0, SENSORS) as sim:
+            view = rendered_view(sim, rng, past, scene.pose, STEP / SPEED)
         flows = {
             "ideal": derotate(true_flow(view, robot, ROWS, COLS), robot.camera),
             "block matching": _refined(_matched_flow(view, robot, params, gyro=True), robot),
