@@ -22,9 +22,10 @@ from navfw.config.lookup import find
 from navfw.egomotion.refinement import refine
 from navfw.interfaces import FlowProcessor, Perception
 from navfw.plugins import default_registry
-from navfw.reproduce.paper_tables import RenderedPair, ViewRenderer
+from navfw.reproduce.paper_tables import SENSORS, RenderedPair, rendered_view
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Label, Percept, Pose
+from navfw.sim.simulation import Simulation
 from navfw.sim.worldfile import load_world
 from navfw.stack.stackfile import load_stack
 
@@ -66,8 +67,9 @@ def read_office() -> OfficeReading:
     flow_processor, offis = (
         stages[name].plugin(robot, stages[name].params) for name in ("flow", "perception")
     )
-    with ViewRenderer(load_world(find("world", "office")), robot, PLACE, 1) as renderer:
-        view = renderer.render(PLACE.compose(Pose(-STEP, 0.0, 0.0)), PLACE, PERIOD)
+    past = PLACE.compose(Pose(-STEP, 0.0, 0.0))
+    with Simulation(load_world(find("world", "office")), robot, PLACE, 0, SENSORS) as sim:
+        view = rendered_view(sim, np.random.default_rng(1), past, PLACE, PERIOD)
     raw = cast(FlowProcessor, flow_processor).compute(view.pair)
     flow = refine(raw, robot.camera).apply(raw, robot.camera)
     return OfficeReading(view, flow, cast(Perception, offis).perceive(flow, view.twist))

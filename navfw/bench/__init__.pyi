@@ -39,12 +39,12 @@ from .real_labels import load_labels as load_labels
 from .recorded_approach import bench_approach as bench_approach
 from .recorded_pairs import FR1_DISTORTION as FR1_DISTORTION
 from .recorded_pairs import FR1_MATRIX as FR1_MATRIX
-from .recorded_pairs import DepthFile as DepthFile
-from .recorded_pairs import TumRecording as TumRecording
+from .recorded_pairs import PosedImage as PosedImage
 from .recorded_pairs import frame_pairs as frame_pairs
+from .recorded_pairs import tum_frames as tum_frames
 from .recording_truth import camera_way as camera_way
-from .recording_truth import depth_files as depth_files
 from .recording_truth import nearness_errors as nearness_errors
+from .recording_truth import posed_images as posed_images
 from .recording_truth import recorded_gyro as recorded_gyro
 from .recording_truth import yaw_rates as yaw_rates
 from .recording_truth import yaw_summary as yaw_summary

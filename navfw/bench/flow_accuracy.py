@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
 from statistics import median
-from typing import Any
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from navfw.bench.true_pairs import (
     MOTIONS,
@@ -33,10 +32,13 @@ from navfw.flow.lucas_kanade import LucasKanade
 from navfw.flow.registered import Registered
 from navfw.interfaces import FlowProcessor
 from navfw.numerics import Array
+from navfw.numerics.arrays import Floats, Mask
 from navfw.process.result_table import Column, ResultTable, named, shown
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, Frame, FramePair
+
+ResultT = TypeVar("ResultT")
 
 SIGMA_BINS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, np.inf)
 """Limits [px] of the intervals of sigma in the calibration table."""
@@ -50,49 +52,53 @@ _EDGE_STEP = 0.12
 surfaces."""
 
 
-class TruePairSource:
-    """True depth and motion of one pair at a time (``navfw.flow.ideal.TruthSource``)."""
+@dataclass(frozen=True, slots=True)
+class _PairTruth:
+    """A ``navfw.flow.ideal.TruthSource`` for one pair."""
 
-    def __init__(self) -> None:
-        self.now: TruePair | None = None
+    pair: TruePair
 
-    def depth(self, frame: Frame) -> npt.NDArray[np.float32]:
-        """True depth of the pair's current frame."""
-        if self.now is None:
-            raise ValueError("no pair has been set")
-        return self.now.depth
+    def depth(self, frame: Frame) -> Floats:
+        return self.pair.depth
 
     def motion(self, pair: FramePair) -> CameraMotion:
-        """True motion of the pair."""
-        if self.now is None:
-            raise ValueError("no pair has been set")
-        return self.now.motion
+        return self.pair.motion
 
 
 @dataclass(frozen=True, slots=True)
 class FlowAnswer:
-    """The answer of a processor on one pair; arrays (rows, cols).
+    """The answer of a processor on one pair, or on n: arrays (rows, cols) or (n, rows, cols).
 
-    ``off`` (rows, cols, 2) [px] is measured minus true flow, ``true`` (rows, cols, 2) [px] the
+    ``off`` (..., 2) [px] is measured minus true flow at ``points``, ``true`` (..., 2) [px] the
     latter, ``sigma`` [px] the processor's own estimate of the error. ``valid`` is where there is a
     truth, ``trusted`` where the processor has a confidence of TRUSTED as well; ``ms`` the CPU time
-    of the call.
+    of the call, or the median of n.
     """
 
     points: Array
     off: Array
     true: Array
     sigma: Array
-    valid: npt.NDArray[np.bool_]
-    trusted: npt.NDArray[np.bool_]
+    valid: Mask
+    trusted: Mask
     ms: float
+
+    @classmethod
+    def stacked(cls, answers: Sequence[FlowAnswer]) -> FlowAnswer:
+        """The answers on n pairs as one."""
+        names = [field.name for field in fields(cls) if field.name != "ms"]
+        arrays: dict[str, Any] = {n: np.stack([getattr(a, n) for a in answers]) for n in names}
+        return cls(**arrays, ms=median(a.ms for a in answers))
+
+    @property
+    def error(self) -> Array:
+        """End-point errors [px]."""
+        return np.asarray(np.hypot(self.off[..., 0], self.off[..., 1]))
 
 
 def answer(processor: FlowProcessor, pair: TruePair) -> FlowAnswer:
     """The answer of ``processor`` on a pair, compared with the true flow."""
-    begun = time.thread_time()
-    flow = processor.compute(pair.pair)
-    spent = 1e3 * (time.thread_time() - begun)
+    spent, flow = _cpu_ms(processor.compute, pair.pair)
     true, valid = true_flow(flow.points, pair, processor.robot.camera)
     trusted = (flow.confidence >= TRUSTED) & valid
     return FlowAnswer(flow.points, flow.vectors - true, true, flow.sigma, valid, trusted, spent)
@@ -161,23 +167,20 @@ def measure(
 
     Plain data: the values of a processor in ``bench_flow``.
     """
-    truth = TruePairSource()
-    if isinstance(processor, Ideal):
-        processor.set_truth(truth)
     answers: list[FlowAnswer] = []
-    edges, names = [], []
+    is_edge, names = [], []
     for pair in pairs:
-        truth.now = pair
+        if isinstance(processor, Ideal):
+            processor.set_truth(_PairTruth(pair))
         if not answers:
             processor.compute(pair.pair)  # compiles kernels, which is not timed
         answers.append(answer(processor, pair))
-        edges.append(_edges(pair.depth, answers[-1].points, processor.robot.camera))
+        is_edge.append(_edges(pair.depth, answers[-1].points, processor.robot.camera))
         names.append((pair.name, pair.world))
-    off, sigma, trusted = (
-        np.stack([getattr(a, field) for a in answers]) for field in ("off", "sigma", "trusted")
-    )
+    edges, whole = np.stack(is_edge), FlowAnswer.stacked(answers)
+    off, sigma, trusted = whole.off, whole.sigma, whole.trusted
 
-    def of(chosen: npt.NDArray[np.bool_], cells: int) -> dict[str, Any]:
+    def of(chosen: Mask, cells: int) -> dict[str, Any]:
         return statistics(off[trusted & chosen], sigma[trusted & chosen], cells)
 
     def with_name(name: str, cells: int | None = None) -> dict[str, Any]:
@@ -186,18 +189,16 @@ def measure(
 
     return {
         **statistics(off[trusted], sigma[trusted], trusted.size),
-        "ms": median(a.ms for a in answers),
+        "ms": whole.ms,
         "by_motion": {name: with_name(name) for name in MOTIONS},
         "by_world": {name: with_name(name, trusted.size // len(worlds)) for name in worlds},
-        "edges": of(np.stack(edges), 0),
-        "smooth": of(~np.stack(edges), 0),
+        "edges": of(edges, 0),
+        "smooth": of(~edges, 0),
         "calibration": _calibration(off[trusted], sigma[trusted]),
     }
 
 
-def _edges(
-    depth: npt.NDArray[np.float32], points: Array, camera: CameraModel
-) -> npt.NDArray[np.bool_]:
+def _edges(depth: Floats, points: Array, camera: CameraModel) -> Mask:
     """Where (rows, cols) a depth edge lies within _EDGE_REACH of a point."""
     nearness = 1.0 / depth.astype(np.float64)
     step = np.zeros_like(nearness)
@@ -216,20 +217,21 @@ def statistics(off: Array, sigma: Array, cells: int) -> dict[str, Any]:
     ``within_1_sigma`` and ``within_2_sigma`` (shares; 0.68 and 0.95 if normal); ``sigma_median``.
     All None when there are no vectors.
     """
-    keys = ("epe_median", "epe_p95", "epe_mean", "over_half_px")
-    rest = ("within_1_sigma", "within_2_sigma", "sigma_median")
-    if not len(off):
-        return {"n": 0, "coverage": 0.0, **dict.fromkeys((*keys, *rest))}
     length = np.hypot(off[:, 0], off[:, 1])
     ratio = np.abs(off) / sigma[:, None]
-    values = (
-        *(np.median(length), np.percentile(length, 95), length.mean(), (length > 0.5).mean()),
-        *((ratio < 1.0).mean(), (ratio < 2.0).mean(), np.median(sigma)),
-    )
+    figures: dict[str, Callable[[], Any]] = {
+        "epe_median": lambda: np.median(length),
+        "epe_p95": lambda: np.percentile(length, 95),
+        "epe_mean": length.mean,
+        "over_half_px": (length > 0.5).mean,
+        "within_1_sigma": (ratio < 1.0).mean,
+        "within_2_sigma": (ratio < 2.0).mean,
+        "sigma_median": lambda: np.median(sigma),
+    }
     return {
         "n": len(off),
         "coverage": len(off) / cells if cells else 0.0,
-        **{key: float(value) for key, value in zip((*keys, *rest), values, strict=True)},
+        **{key: float(value()) if len(off) else None for key, value in figures.items()},
     }
 
 
@@ -239,17 +241,10 @@ def _calibration(off: Array, sigma: Array) -> list[dict[str, Any]]:
         chosen = (sigma >= low) & (sigma < high)
         if not chosen.any():
             continue
-        within = statistics(off[chosen], sigma[chosen], 0)
-        rows.append(
-            {
-                "sigma_from": float(low),
-                "sigma_to": float(high) if np.isfinite(high) else None,
-                "n": within["n"],
-                "rms": float(np.sqrt((off[chosen] ** 2).mean())),
-                "within_1_sigma": within["within_1_sigma"],
-                "within_2_sigma": within["within_2_sigma"],
-            }
-        )
+        figures = statistics(off[chosen], sigma[chosen], 0)
+        row = {"sigma_from": float(low), "sigma_to": float(high) if np.isfinite(high) else None}
+        row |= {"n": figures["n"], "rms": float(np.sqrt((off[chosen] ** 2).mean()))}
+        rows.append(row | {key: figures[key] for key in ("within_1_sigma", "within_2_sigma")})
     return rows
 
 
@@ -298,9 +293,7 @@ def _calibration_rows(processors: Mapping[str, Mapping[str, Any]]) -> Iterator[d
 # --- reference: a loop over matchTemplate - ------------------------------------------------------
 
 
-def match_template_ratio(
-    robot: RobotModel, pairs: Sequence[FramePair], processor: BlockMatching | None = None
-) -> dict[str, float]:
+def match_template_ratio(robot: RobotModel, pairs: Sequence[FramePair]) -> dict[str, float]:
     """CPU time of a loop of OpenCV's ``matchTemplate`` over the windows, against block matching.
 
     The loop finds whole-pixel peaks only; block matching includes confidence and subpixel
@@ -308,23 +301,22 @@ def match_template_ratio(
     (without registration) and ``block_matching_ratio``; medians over ``pairs``, with the three
     methods called in turns.
     """
-    matcher = processor or BlockMatching(robot)
-    peak = BlockMatching(robot, matcher.params.model_copy(update={"subpixel": "peak"}))
-    spent: dict[str, list[float]] = {"loop": [], "matcher": [], "peak": []}
+    matcher = BlockMatching(robot)
+    peak = BlockMatching(robot, BlockMatching.Params(subpixel="peak"))
+    methods: dict[str, Callable[[FramePair], object]] = {
+        "match_template_ms": matcher.whole_pixel_loop,
+        "block_matching_ms": matcher.compute,
+        "block_matching_peak_ms": peak.compute,
+    }
     matcher.compute(pairs[0])
     peak.compute(pairs[0])
-    for pair in pairs:
-        for name, work in (
-            ("loop", matcher.whole_pixel_loop),
-            ("matcher", matcher.compute),
-            ("peak", peak.compute),
-        ):
-            begun = time.thread_time()
-            work(pair)
-            spent[name].append(1e3 * (time.thread_time() - begun))
-    return {
-        "match_template_ms": median(spent["loop"]),
-        "block_matching_ms": median(spent["matcher"]),
-        "block_matching_peak_ms": median(spent["peak"]),
-        "block_matching_ratio": median(spent["loop"]) / median(spent["matcher"]),
-    }
+    spent = [[_cpu_ms(method, pair)[0] for method in methods.values()] for pair in pairs]
+    times = dict(zip(methods, np.median(spent, axis=0).tolist(), strict=True))
+    ratio = times["match_template_ms"] / times["block_matching_ms"]
+    return {**times, "block_matching_ratio": ratio}
+
+
+def _cpu_ms(method: Callable[[FramePair], ResultT], pair: FramePair) -> tuple[float, ResultT]:
+    begun = time.thread_time()
+    result = method(pair)
+    return 1e3 * (time.thread_time() - begun), result

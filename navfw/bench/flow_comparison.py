@@ -12,7 +12,6 @@ import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from statistics import median
 from typing import Any, ClassVar
 
 import cv2
@@ -21,11 +20,10 @@ import numpy.typing as npt
 
 from navfw.bench.flow_accuracy import TRUSTED, FlowAnswer, all_processors, answer
 from navfw.bench.recorded_pairs import (
-    HololensRecording,
     RecordedFrame,
-    TumRecording,
     frame_pairs,
-    tum_camera,
+    hololens_frames,
+    tum_frames,
 )
 from navfw.bench.true_pairs import (
     WORLDS,
@@ -40,11 +38,11 @@ from navfw.flow.grid_flow import GridFlow, MatchedFlow
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import FlowProcessor
 from navfw.numerics import Array, Image
-from navfw.numerics.arrays import Floats
+from navfw.numerics.arrays import Floats, Mask
 from navfw.perceive.working_size import WorkingSize
 from navfw.process.result_table import Column, ResultTable, named
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
-from navfw.robot import RobotModel
+from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion
 
 _DenseMethod = Callable[[Image, Image], Floats]
@@ -117,11 +115,6 @@ def plain_processors(robot: RobotModel) -> dict[str, MatchedFlow]:
     return {**dis, **points, **farneback}
 
 
-def reference_processor(robot: RobotModel) -> MatchedFlow:
-    """The most accurate of OpenCV's processors, and the most costly one."""
-    return PlainDense(robot, _dis("medium", 0))
-
-
 def _dis(preset: str, finest: int) -> _DenseMethod:
     dis = cv2.DISOpticalFlow.create(_DIS[preset])
     dis.setFinestScale(finest)
@@ -185,21 +178,19 @@ def recorded_sets(
         raise InputError(f"holds none of {', '.join(_RECORDED)}", file=folder, key="--data")
     sets = []
     for name in names:
-        robot, frames = _recorded_frames(name, folder / name)
+        camera, frames = _recorded_frames(name, folder / name)
+        robot = RobotModel(camera=camera)
         pairs = [list(frame_pairs(name, frames, stride))[part] for stride in _RECORDED[name]]
         unaided = _unaided(itertools.chain.from_iterable(pairs), robot)
         sets.append(TrueSet(name, robot, unaided))
     return sets
 
 
-def _recorded_frames(name: str, folder: Path) -> tuple[RobotModel, list[RecordedFrame]]:
-    """A robot with the camera of a recording, and the recording's frames."""
+def _recorded_frames(name: str, folder: Path) -> tuple[CameraModel, list[RecordedFrame]]:
     if name == "hololens_office":
-        walk = HololensRecording(folder, ROWS, COLS)
-        return RobotModel(camera=walk.camera), walk.frames
+        return hololens_frames(folder, ROWS, COLS)
     working = WorkingSize.of(640, 480, ROWS, COLS)
-    size = (working.cut_width, working.cut_height)
-    return RobotModel(camera=tum_camera(size)), TumRecording(folder).frames(size)
+    return tum_frames(folder, (working.cut_width, working.cut_height))
 
 
 def rendered_set(
@@ -213,7 +204,8 @@ def rendered_set(
 
 def _unaided(pairs: Iterable[TruePair], robot: RobotModel) -> list[TruePair]:
     """The pairs without the measured motion, and without the error of the recorded one."""
-    reference, corrected = reference_processor(robot), []
+    reference = PlainDense(robot, _dis("medium", 0))  # the most accurate of OpenCV's
+    corrected = []
     for true in pairs:
         still = CameraMotion(np.eye(3), np.zeros(3), true.pair.motion.dt)
         unaided = replace(true, pair=replace(true.pair, motion=still))
@@ -273,47 +265,25 @@ def measure_set(
         for name, processor in processors.items():
             answers[name].append(answer(processor, pair))
     plain = frozenset(plain_processors(chosen.robot))
-    stacked = {name: _StackedAnswers.of(of_pairs) for name, of_pairs in answers.items()}
+    stacked = {name: FlowAnswer.stacked(of_pairs) for name, of_pairs in answers.items()}
     common = np.logical_and.reduce([s.trusted for name, s in stacked.items() if name not in plain])
-    lengths = [np.hypot(a.true[..., 0], a.true[..., 1])[a.valid] for a in [*answers.values()][-1]]
+    last = [*stacked.values()][-1]
     return {
         "pairs": len(chosen.pairs),
         "width": chosen.robot.camera.width,
         "height": chosen.robot.camera.height,
-        "flow_median_px": float(np.median(np.concatenate(lengths))),
+        "flow_median_px": float(np.median(np.hypot(*np.moveaxis(last.true[last.valid], -1, 0)))),
         "common": int(common.sum()),
         "processors": {name: _figures(name, stacked, common, plain) for name in processors},
     }
 
 
-@dataclass(frozen=True, slots=True)
-class _StackedAnswers:
-    """End-point errors [px] of one processor on n pairs (n, rows, cols), and its median time."""
-
-    error: Array
-    valid: npt.NDArray[np.bool_]
-    trusted: npt.NDArray[np.bool_]
-    within: npt.NDArray[np.bool_]
-    ms: float
-
-    @classmethod
-    def of(cls, answers: Sequence[FlowAnswer]) -> _StackedAnswers:
-        error = np.stack([np.hypot(a.off[..., 0], a.off[..., 1]) for a in answers])
-        within = error < 2.0 * np.stack([a.sigma for a in answers])
-        valid, trusted = (
-            np.stack([getattr(a, name) for a in answers]) for name in ("valid", "trusted")
-        )
-        return cls(error, valid, trusted, within, median(a.ms for a in answers))
-
-
 def _figures(
-    name: str,
-    answers: Mapping[str, _StackedAnswers],
-    common: npt.NDArray[np.bool_],
-    plain: frozenset[str],
+    name: str, answers: Mapping[str, FlowAnswer], common: Mask, plain: frozenset[str]
 ) -> dict[str, Any]:
     own, first = answers[name], next(iter(answers.values()))
-    mean, points = _mean(own.error[own.trusted]), int(own.valid.sum())
+    error = own.error
+    mean, points = _mean(error[own.trusted]), int(own.valid.sum())
     beaten_by = []
     for other in plain & answers.keys() - {name}:
         rival = answers[other]
@@ -324,10 +294,10 @@ def _figures(
         "ms": own.ms,
         "coverage": float(own.trusted.sum()) / points if points else 0.0,
         "epe": mean,
-        "epe_median": float(np.median(own.error[own.trusted])) if own.trusted.any() else None,
-        "epe_common": _mean(own.error[common]),
-        "epe_at_first": _mean(own.error[own.trusted & first.trusted]),
-        "within_2_sigma": None if name in plain else _mean(own.within[own.trusted]),
+        "epe_median": float(np.median(error[own.trusted])) if own.trusted.any() else None,
+        "epe_common": _mean(error[common]),
+        "epe_at_first": _mean(error[own.trusted & first.trusted]),
+        "within_2_sigma": None if name in plain else _mean((error < 2.0 * own.sigma)[own.trusted]),
         "beaten_by": sorted(beaten_by),
     }
 

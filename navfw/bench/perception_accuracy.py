@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
@@ -35,11 +35,8 @@ from navfw.offis.pyramid import QUADRANTS
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Percept, Twist
 
-_TUNING_SEEDS = (1, 2, 3)
-"""Seeds that the rule bases were tuned on; results are not reported on them."""
-
 HELD_OUT_SEED = 101
-"""Seed of the reported results."""
+"""Seed of the reported results; the rule bases were tuned on the seeds 1 to 3."""
 
 NONE = "none"
 """The distance term of a percept without a named quadrant."""
@@ -57,17 +54,15 @@ class PerceptScore:
     """What OFFIS inferred of one view, which parts are correct, and the causes of its errors.
 
     ``table`` is the most probable entry of Table 1, ``elementary`` the most probable elementary
-    situation; ``table_right`` and ``elementary_right`` are None without a clear situation.
+    situation; ``right`` says of "quadrant", "distance" and, where the situation is clear, "table"
+    and "elementary" whether they are correct.
     """
 
     quadrants: frozenset[str]
     term: str
     table: str
     elementary: str
-    quadrant_right: bool
-    distance_right: bool
-    table_right: bool | None
-    elementary_right: bool | None
+    right: Mapping[str, bool]
     causes: tuple[str, ...]
 
 
@@ -111,34 +106,24 @@ def run(
 def _score_percept(
     offis: Perception, flow: FlowField, twist: Twist, truth: ViewTruth
 ) -> PerceptScore:
-    """Compare the percept that ``offis`` infers from one flow field with the truth."""
     offis.reset()
     percept = offis.perceive(flow, twist)
     table = _strongest(percept, TABLE)
     elementary = _strongest(percept, ELEMENTARY)
-    quadrant_right, distance_right, _ = check_percept(percept, truth)
-    table_right = elementary_right = None
+    quadrant, distance, _ = check_percept(percept, truth)
+    right = {"quadrant": quadrant, "distance": distance}
     if truth.clear:
-        table_right = any(name in truth.situations for name in table.split(" or "))
-        elementary_right = elementary in truth.situations
+        right["table"] = any(name in truth.situations for name in table.split(" or "))
+        right["elementary"] = elementary in truth.situations
     causes = []
-    if not quadrant_right:
+    if not right["quadrant"]:
         causes.append(f"quadrant: {_why_quadrant(truth, flow)}")
-    if not distance_right:
+    if not right["distance"]:
         causes.append(f"distance: {_why_distance(truth, flow, twist)}")
-    if not (table_right is not False and elementary_right is not False):
+    if not (right.get("table", True) and right.get("elementary", True)):
         causes.append(f"situation: {_why_situation(truth, elementary)}")
-    return PerceptScore(
-        quadrants=frozenset(percept.obstacles["layer1"]),
-        term=nearest_term(percept),
-        table=table,
-        elementary=elementary,
-        quadrant_right=quadrant_right,
-        distance_right=distance_right,
-        table_right=table_right,
-        elementary_right=elementary_right,
-        causes=tuple(causes),
-    )
+    quadrants = frozenset(percept.obstacles["layer1"])
+    return PerceptScore(quadrants, nearest_term(percept), table, elementary, right, tuple(causes))
 
 
 def _beyond_search(truth: ViewTruth, flow: FlowField) -> bool:
@@ -186,13 +171,13 @@ def score(truths: Sequence[ViewTruth], scores: Sequence[PerceptScore]) -> dict[s
     farther = [TERMS.index(a.term) - TERMS.index(t.term) for t, a in both if a.term != NONE]
     exact = [a.quadrants >= t.certain and a.quadrants <= t.possible for t, a in both]
     return {
-        "nearest_quadrant_accuracy": _share(a.quadrant_right for _, a in both),
+        "nearest_quadrant_accuracy": _share(a.right["quadrant"] for _, a in both),
         "nearest_quadrant_exact": _share(exact),
-        "distance_accuracy": _share(a.distance_right for _, a in both),
+        "distance_accuracy": _share(a.right["distance"] for _, a in both),
         "far_for_near": sum(step == 2 for step in farther) / max(len(both), 1),
         "one_term_too_far": sum(step == 1 for step in farther) / max(len(both), 1),
-        "situation_contains_truth": _share(bool(a.table_right) for _, a in clear),
-        "situation_top1": _share(bool(a.elementary_right) for _, a in clear),
+        "situation_contains_truth": _share(a.right["table"] for _, a in clear),
+        "situation_top1": _share(a.right["elementary"] for _, a in clear),
         "situations": len(clear),
         "confusion": {
             "quadrant": _confusion((_names(t.certain), _names(a.quadrants)) for t, a in both),

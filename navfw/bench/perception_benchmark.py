@@ -9,6 +9,7 @@ import statistics
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -83,7 +84,7 @@ def time_offis(repeats: int = 1000) -> dict[str, Any]:
         "skfuzzy_ms": reference,
         "offis_skfuzzy_ratio": reference / inference,
         "offis_whole_ratio": reference / whole,
-        "inferences": sum(_samples(evaluation) for evaluation in frames[0]),
+        "inferences": sum(len(evaluation.result) for evaluation in frames[0]),
     }
 
 
@@ -92,10 +93,6 @@ def _evaluations(offis: Offis, flow: FlowField, twist: Twist) -> tuple[FuzzyEval
     if not isinstance(explanation, PerceptExplanation):
         raise TypeError(f"expected an explanation by OFFIS, got {type(explanation).__name__}")
     return evaluations_of(explanation)
-
-
-def _samples(evaluation: FuzzyEvaluation) -> int:
-    return len(evaluation.result)
 
 
 def _repeat(evaluations: Sequence[FuzzyEvaluation]) -> None:
@@ -108,22 +105,21 @@ def _by_reference(
 ) -> None:
     for evaluation in evaluations:
         reference = references[evaluation.system.rule_base.name]
-        for k in range(_samples(evaluation)):
+        for k in range(len(evaluation.result)):
             reference.compute({name: float(x[k]) for name, x in evaluation.inputs.items()})
 
 
 def compare_rule_bases(samples: int, workers: int = 1) -> list[FisComparison]:
     """Every rule base of OFFIS against scikit-fuzzy on ``samples`` random inputs each."""
-    jobs = [(path.stem, samples) for path in sorted(RULES.glob("*.yaml"))]
+    files, compared = sorted(RULES.glob("*.yaml")), partial(_compare, samples=samples)
     if workers <= 1:
-        return [_compare(job) for job in jobs]
+        return [compared(file) for file in files]
     with multiprocessing.get_context("spawn").Pool(workers) as pool:
-        return pool.map(_compare, jobs, chunksize=1)
+        return pool.map(compared, files, chunksize=1)
 
 
-def _compare(job: tuple[str, int]) -> FisComparison:
-    name, samples = job
-    return compare(load_rule_base(RULES / f"{name}.yaml"), samples, np.random.default_rng(_SEED))
+def _compare(file: Path, samples: int) -> FisComparison:
+    return compare(load_rule_base(file), samples, np.random.default_rng(_SEED))
 
 
 def time_flow(repeats: int = 200) -> dict[str, float]:

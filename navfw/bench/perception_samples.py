@@ -22,7 +22,7 @@ from itertools import count
 import numpy as np
 
 from navfw.bench.random_worlds import random_world
-from navfw.bench.true_pairs import arc, exposed, true_field
+from navfw.bench.true_pairs import MovingPose, exposed, true_field
 from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
 from navfw.camera_geometry.rotations import derotate
 from navfw.egomotion.camera_motions import camera_motion
@@ -51,19 +51,6 @@ _STRAIGHT_SHARE = 0.5
 """Share of the views on a straight path; the others are on an arc."""
 
 
-@dataclass(frozen=True, slots=True)
-class RandomView:
-    """``pose`` of the robot in the map while it drives with ``twist``; ``aim`` is one of _AIMS."""
-
-    pose: Pose
-    twist: Twist
-    aim: str
-
-    def before(self, seconds: float) -> Pose:
-        """The robot's pose ``seconds`` [s] earlier on the same arc."""
-        return self.pose.compose(arc(-self.twist.v * seconds, -self.twist.w * seconds))
-
-
 VIEWS_PER_WORLD = 12
 """Views in each world: many enough that building worlds costs little, few enough for variety."""
 
@@ -75,8 +62,7 @@ _STANDING, _DRIVING = 2.0, 2.0
 class PerceptionSample:
     """One view: measured flow and twist, ideal flow (which goes with ``view.twist``), and truth."""
 
-    view: RandomView
-    furnished: bool
+    view: MovingPose
     flow: FlowField
     twist: Twist
     ideal: FlowField
@@ -130,7 +116,7 @@ def _sample(
     rng: np.random.Generator,
     sim: Simulation,
     walls: WallGeometry,
-    view: RandomView,
+    view: MovingPose,
     sensors: SensorParams,
 ) -> PerceptionSample | None:
     robot = sim.robot
@@ -151,7 +137,6 @@ def _sample(
     true_motion = camera_motion(robot, past_pose, view.pose, motion.dt, yaw_rate_sigma=0, slip=0)
     return PerceptionSample(
         view=view,
-        furnished=_furnished(sim.world),
         flow=flow,
         twist=twist,
         ideal=derotate(
@@ -161,17 +146,13 @@ def _sample(
     )
 
 
-def _furnished(world: WorldSpec) -> bool:
-    return bool(world.boxes or world.cylinders)
-
-
 @cache
 def _processor() -> BlockMatching:
     return BlockMatching(RobotModel())
 
 
 def _pair(
-    rng: np.random.Generator, robot: RobotModel, view: RandomView, sensors: SensorParams
+    rng: np.random.Generator, robot: RobotModel, view: MovingPose, sensors: SensorParams
 ) -> tuple[CameraMotion, Twist, float, float] | None:
     """Measured motion, measured twist, times [s] of both frames; None without a pair."""
     gyro = GyroModel(sensors, rng)
@@ -214,7 +195,7 @@ def random_views(
     robot: RobotModel,
     number: int,
     situations: Callable[[Pose], Sequence[str]],
-) -> list[RandomView]:
+) -> list[MovingPose]:
     """At most ``number`` views of ``world``, for the _AIMS in turn, with MARGIN to everything.
 
     ``situations`` gives the elementary situations that the walls form at a pose. Speeds are
@@ -223,14 +204,14 @@ def random_views(
     """
     plan = SceneGeometry.from_world(world, robot.height)
     first = int(rng.integers(len(_AIMS)))
-    views: list[RandomView] = []
+    views: list[MovingPose] = []
     for i in range(number):
         aim = _AIMS[(first + i) % len(_AIMS)]
         for attempt in range(_TRIES):
             pose = _aimed(rng, world, aim)
             turning = rng.random() >= _STRAIGHT_SHARE
             rate = float(rng.uniform(-0.6, 0.6)) if turning else 0.0
-            view = RandomView(pose, Twist(float(rng.uniform(0.1, 0.4)), rate), aim)
+            view = MovingPose(pose, Twist(float(rng.uniform(0.1, 0.4)), rate))
             if not _is_free(plan, view, robot):
                 continue
             shown = aim == "anywhere" or any(
@@ -318,7 +299,7 @@ def _wall_point(rng: np.random.Generator, world: WorldSpec) -> _Facing:
     return x, y, segment.yaw + float(rng.choice([-0.5, 0.5])) * math.pi
 
 
-def _is_free(plan: SceneGeometry, view: RandomView, robot: RobotModel) -> bool:
+def _is_free(plan: SceneGeometry, view: MovingPose, robot: RobotModel) -> bool:
     """Whether the robot keeps MARGIN at its pose and on the last second of its path."""
     poses = [view.before(seconds) for seconds in (0.0, 0.25, 0.5, 0.75, 1.0)]
     points = np.array([(pose.x, pose.y) for pose in poses])

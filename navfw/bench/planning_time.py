@@ -196,7 +196,6 @@ def _check(graph: nx.Graph, route: Route, way: Sequence[str]) -> None:
 
 
 def _timed(call: Callable[[], Result]) -> tuple[float, Result]:
-    """Wall time [ms] of a call, and its result."""
     begin = time.perf_counter()
     result = call()
     return 1e3 * (time.perf_counter() - begin), result

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -20,12 +20,10 @@ import numpy as np
 from navfw.bench.real_labels import FrameLabel, Judgement, SentenceVerdict, judge, load_labels
 from navfw.bench.recording_truth import (
     NearnessErrors,
-    RecordedGyro,
-    camera_poses,
     camera_way,
-    depth_files,
     heading_error,
     nearness_errors,
+    posed_images,
     recorded_gyro,
     yaw_rates,
     yaw_summary,
@@ -35,8 +33,9 @@ from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.perceive.image_sources import IMAGES, ImageSource, open_source
-from navfw.perceive.image_times import natural_key
+from navfw.perceive.image_times import ImageTimes, natural_key
 from navfw.perceive.lens_estimate import LensEstimate, estimate_lens
+from navfw.perceive.motion_record import GyroRecord
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver import Perceiver
 from navfw.perceive.perceiver_options import PerceiverOptions
@@ -106,15 +105,9 @@ class _Findings:
     nearness: list[NearnessErrors] = field(default_factory=list)
     yaw: list[Array] = field(default_factory=list)
 
-    def add(self, other: _Findings) -> None:
-        """Add what was found in another part."""
-        self.verdicts.update(other.verdicts)
-        self.statements.update(other.statements)
-        self.pairs += other.pairs
-        self.heading_sigmas += other.heading_sigmas
-        self.heading_errors += other.heading_errors
-        self.nearness += other.nearness
-        self.yaw += other.yaw
+    def __add__(self, other: _Findings) -> _Findings:
+        names = [field.name for field in fields(self)]
+        return _Findings(*(getattr(self, name) + getattr(other, name) for name in names))
 
     def row(self) -> dict[str, Any]:
         """The findings as plain data; None for what cannot be judged."""
@@ -167,7 +160,7 @@ def bench_real(
             single = labels[0].single
             rows["singles" if single else "parts"][part] = findings.row()
             if not single:
-                total.add(findings)
+                total += findings
         by_flow[flow] = {**rows, "total": total.row()}
     frames = sum(len(labels) for labels in parts.values() if not labels[0].single)
     return {"split": split, "frames": frames, "flows": by_flow}
@@ -176,7 +169,7 @@ def bench_real(
 def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
     """The parts, their total and the single photographs, by flow processor."""
     rows = [
-        {"flow": flow, "part": part, **row, **row["verdicts"]}
+        {"flow": flow, "part": part, "good": _good(row["verdicts"]), **row, **row["verdicts"]}
         for flow, measured in result["flows"].items()
         for part, row in (
             *measured["parts"].items(),
@@ -188,7 +181,7 @@ def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
         Column("flow", "flow"),
         Column("part", "part"),
         *(Column(verdict, verdict) for verdict in SentenceVerdict),
-        Column("good", _good, ".0%"),
+        Column("good", "good", ".0%"),
         Column("headings", lambda row: f"{row['headings_known']} of {row['pairs']}"),
         Column("sigma [deg]", "heading_sigma_deg", ".1f"),
         Column("error [deg]", "heading_error_deg", ".1f"),
@@ -200,9 +193,7 @@ def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
     yield ResultTable(f"{result['frames']} frames of the split {result['split']}", columns, rows)
 
 
-def _good(row: Mapping[str, Any]) -> float:
-    """The share of frames whose sentence is right or partly so."""
-    counts: Mapping[str, int] = row["verdicts"]
+def _good(counts: Mapping[str, int]) -> float:
     return (counts["right"] + counts["partly"]) / max(sum(counts.values()), 1)
 
 
@@ -219,19 +210,12 @@ def labelled_parts(split: str) -> dict[str, list[FrameLabel]]:
     return parts
 
 
-@dataclass(frozen=True, slots=True)
-class OpenedPart:
-    """The images of a part, the perceiver that processes them, and the gyro's record if any."""
-
-    source: ImageSource
-    perceiver: Perceiver
-    gyro: RecordedGyro | None
-
-
 def open_part(
     data: Path, labels: Sequence[FrameLabel], flow: str, registry: Registry
-) -> OpenedPart:
-    """One part of the recordings in ``data``, from some images before the first labelled one on.
+) -> tuple[Perceiver, GyroRecord | None]:
+    """The perceiver of one part of the recordings in ``data``, and the gyro's record if any.
+
+    It has some images before the first labelled one, and all up to the last.
 
     Raises:
         ConfigError: ``data`` lacks the recording or a labelled image.
@@ -244,22 +228,22 @@ def open_part(
     lens, hfov = recording.lens, recording.about.hfov
     source = recording.opened(images, lens.calibration)
     options = PerceiverOptions(hfov=lens.known_hfov(hfov), flow=flow)
-    return OpenedPart(source, Perceiver(options, source, registry), recording.gyro)
+    return Perceiver(options, source, registry), recording.gyro
 
 
 @dataclass(frozen=True)
 class _Recording:
-    """All ``images`` of a recording, what is known ``about`` it, and its gyro if it has one."""
+    """All ``images`` of a recording, their ``times``, what is known ``about`` it, and its gyro."""
 
     images: list[Path]
     about: LabelledRecording
-    gyro: RecordedGyro | None
+    times: ImageTimes | None
+    gyro: GyroRecord | None
 
     def opened(self, images: list[Path], calibration: CameraCalibration | None) -> ImageSource:
         """Some of its images with their times."""
-        if self.gyro is not None:
-            return open_source(images, None, calibration, self.gyro.times)
-        return open_source(images, self.about.rate, calibration)
+        rate = self.about.rate if self.times is None else None
+        return open_source(images, rate, calibration, self.times)
 
     @cached_property
     def lens(self) -> LensEstimate:
@@ -269,9 +253,13 @@ class _Recording:
 
 @lru_cache(maxsize=len(RECORDINGS))
 def _recording(data: Path, folder: str) -> _Recording:
-    images = _images(data / folder)
+    if not is_folder(data / folder):
+        what = "there is no such folder; --data names the folder above"
+        raise ConfigError(what, file=data / folder)
+    images = [path for path in (data / folder).iterdir() if path.suffix.lower() in IMAGES]
+    images.sort(key=natural_key)
     gyro = recorded_gyro(data / folder.split("/", maxsplit=1)[0], images)
-    return _Recording(images, RECORDINGS[folder], gyro)
+    return _Recording(images, RECORDINGS[folder], *(gyro or (None, None)))
 
 
 def judge_result(result: PairResult | None, label: FrameLabel) -> Judgement:
@@ -282,25 +270,24 @@ def judge_result(result: PairResult | None, label: FrameLabel) -> Judgement:
 
 
 def _part(data: Path, labels: Sequence[FrameLabel], flow: str, registry: Registry) -> _Findings:
-    """The findings in one part."""
     folder = labels[0].folder
-    opened = open_part(data, labels, flow, registry)
-    source, perceiver, gyro = opened.source, opened.perceiver, opened.gyro
+    perceiver, gyro = open_part(data, labels, flow, registry)
+    source = perceiver.source
     results = {Path(item.name).name: result for item, result in perceiver.results()}
     findings = _judged(results, labels)
     if gyro is not None and source.start is not None:
-        findings.yaw.append(yaw_rates(results.values(), source.start, gyro.record))
-    poses, depths = camera_poses(data, folder), depth_files(data, folder)
+        findings.yaw.append(yaw_rates(results.values(), source.start, gyro))
+    posed = posed_images(data, folder)
     for name, result in results.items():
-        past, now = poses.get(Path(result.past).name), poses.get(name)
+        past, now = posed.get(Path(result.past).name), posed.get(name)
         if past is None or now is None:
             continue
         if math.isfinite(result.egomotion.heading_sigma):
-            findings.heading_errors.append(heading_error(result, past, now))
+            findings.heading_errors.append(heading_error(result, past.pose, now.pose))
         # depth images are those of the images as they were taken
-        if name in depths and perceiver.size is not None and source.hfov is None:
-            depth, way = depths[name].read(), camera_way(past, now)
-            findings.nearness.append(nearness_errors(result, perceiver.size, depth, way))
+        if perceiver.size is not None and source.hfov is None:
+            way = camera_way(past.pose, now.pose)
+            findings.nearness.append(nearness_errors(result, perceiver.size, now.depth(), way))
     return findings
 
 
@@ -318,17 +305,7 @@ def _judged(results: Mapping[str, PairResult], labels: Sequence[FrameLabel]) -> 
     return findings
 
 
-def _images(folder: Path) -> list[Path]:
-    """All images of a recording in their order."""
-    if not is_folder(folder):
-        raise ConfigError("there is no such folder; --data names the folder above", file=folder)
-    return sorted(
-        (path for path in folder.iterdir() if path.suffix.lower() in IMAGES), key=natural_key
-    )
-
-
 def _images_of(images: Sequence[Path], folder: Path, labels: Sequence[FrameLabel]) -> list[Path]:
-    """Those of the ``images`` of a part, with some before the first labelled one."""
     names = [path.name for path in images]
     for label in labels:
         if label.file not in names:

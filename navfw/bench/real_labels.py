@@ -16,17 +16,12 @@ _MAX_BYTES = 1_000_000
 QUADRANTS = {"P1": "upper_right", "P2": "upper_left", "P3": "lower_left", "P4": "lower_right"}
 """Names in the labels of the quadrants of layer 1."""
 
-FRONTS = {
-    "wall": "wall",
-    "left wall": "wall",
-    "right wall": "wall",
-    "left slope wall": "wall",
-    "right slope wall": "wall",
-    "door": "door",
-    "corner": "corner",
-    "corridor": "corridor",
-}
-"""Names in the labels of the elementary situations; "unknown" has none."""
+_FRONTS = frozenset({"wall", "door", "corner", "corridor"})
+"""Names in the labels of the situations: the last words of theirs, such as "left slope wall"."""
+
+
+_SETS = ("nearest", "nearest_also", "front_also")
+"""Columns with any number of names."""
 
 
 class SentenceVerdict(StrEnum):
@@ -80,16 +75,9 @@ def load_labels() -> list[FrameLabel]:
     text = read_input_text(Path(__file__).with_name("real_frames.csv"), _MAX_BYTES)
     return [
         FrameLabel(
-            part=row["part"],
-            split=row["split"],
-            folder=row["folder"],
-            file=row["file"],
-            single=row["single"] == "yes",
-            nearest=frozenset(row["nearest"].split()),
-            nearest_also=frozenset(row["nearest_also"].split()),
-            floor_in_front=row["floor_in_front"],
-            front=row["front"],
-            front_also=frozenset(row["front_also"].split()),
+            **row
+            | {name: frozenset(row[name].split()) for name in _SETS}
+            | {"single": row["single"] == "yes"}
         )
         for row in csv.DictReader(text.splitlines(), strict=True)
     ]
@@ -127,7 +115,7 @@ def _front(sentence: str, label: FrameLabel) -> bool | None:
         (statement for statement in sentence.split("; ") if statement.startswith("Front is ")), ""
     )
     alternatives = said.removeprefix("Front is ").removeprefix("a ").split(" or ")
-    named = {FRONTS[name] for name in alternatives if name in FRONTS}
+    named = _FRONTS & {name.rpartition(" ")[2] for name in alternatives}
     if not named or label.front == "unknown":
         return None
     return bool(named & (label.front_also | {label.front}))

@@ -23,6 +23,7 @@ from navfw.flow.block_matching import BlockMatching
 from navfw.flow.divergence import ContactFilter, Expansion, fit_expansion
 from navfw.numerics import Array, Image
 from navfw.process.result_table import Column, ResultTable
+from navfw.recording.run_folder import plain_json
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, Frame, FramePair
 
@@ -83,8 +84,8 @@ def bench_approach(folder: str | Path) -> dict[str, Any]:
         "answered": float(measured[close].mean()),
         "by_time": _by_time(true, errors, np.where(measured, raw_errors, np.nan)),
         "truth_s": true.tolist(),
-        "smoothed_s": _listed(smoothed),
-        "raw_s": _listed(raw),
+        "smoothed_s": plain_json(smoothed),
+        "raw_s": plain_json(raw),
     }
 
 
@@ -198,10 +199,6 @@ def _offset(raw: Array, true: Array, step: float) -> float:
 
 def _quantile(values: Array, share: float) -> float | None:
     return float(np.quantile(values, share)) if len(values) else None
-
-
-def _listed(values: Array) -> list[float | None]:
-    return [float(v) if math.isfinite(v) else None for v in values]
 
 
 def _recorded_times(file: Path) -> Array:

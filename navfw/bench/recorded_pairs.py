@@ -1,25 +1,24 @@
 """Frame pairs with known depth and motion from recordings, which are not part of the repository.
 
-``HololensRecording`` is a walk recorded by a head-worn camera (ardaduz/deep-video-mvs, MIT
-licence): a folder with ``images/`` and ``depth/`` (files of the same names; depth in mm, 0 where
-unknown), ``poses.txt`` (a row for each image: 4 x 4 matrix, camera to world) and ``K.txt``
-(intrinsic matrix 3 x 3 [px]). The images have no distortion.
+``hololens_office`` is a walk recorded by a head-worn camera (ardaduz/deep-video-mvs, MIT licence):
+a folder with ``images/`` and ``depth/`` (files of the same names; depth in mm, 0 where unknown),
+``poses.txt`` (a row for each image: 4 x 4 matrix, camera to world) and ``K.txt`` (intrinsic matrix
+3 x 3 [px]). The images have no distortion.
 
-``TumRecording`` is a sequence of the freiburg1 camera of the TUM RGB-D benchmark (Sturm et al.
-2012, CC BY 4.0): a folder with ``rgb.txt``, ``depth.txt``, ``groundtruth.txt`` and the images that
-these list.
+``tum_fr1`` is a sequence of the freiburg1 camera of the TUM RGB-D benchmark (Sturm et al. 2012,
+CC BY 4.0): a folder with ``rgb.txt``, ``depth.txt``, ``groundtruth.txt`` and the images that these
+list.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from navfw.bench.recorded_approach import read_grey
 from navfw.bench.true_pairs import TruePair
@@ -27,6 +26,7 @@ from navfw.config.image_file import read_image
 from navfw.config.input_file import is_file, read_input_text
 from navfw.errors import ConfigError
 from navfw.numerics import Array, Image
+from navfw.numerics.arrays import Floats
 from navfw.perceive.motion_record import load_pose_record
 from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
@@ -34,9 +34,9 @@ from navfw.signals import CameraMotion, Frame, FramePair
 
 _MAX_TEXT = 50_000_000
 """Largest size of a file of text [byte]; the originals have at most 0.3 MB."""
-HOLOLENS_UNIT, TUM_UNIT = 1000.0, 5000.0
+_HOLOLENS_UNIT, _TUM_UNIT = 1000.0, 5000.0
 """Values of depth images for one metre."""
-PERIOD = 0.1
+_PERIOD = 0.1
 """Time between two images of the walk [s]: it has no time stamps."""
 
 FR1_MATRIX = np.array([[517.3, 0.0, 318.6], [0.0, 516.5, 255.3], [0.0, 0.0, 1.0]])
@@ -61,7 +61,7 @@ class RecordedFrame:
 
     time: float
     image: Image
-    depth: npt.NDArray[np.float32]
+    depth: Floats
     pose: Array
 
 
@@ -75,78 +75,100 @@ def frame_pairs(world: str, frames: Sequence[RecordedFrame], stride: int = 1) ->
 
 
 @dataclass(frozen=True, slots=True)
-class DepthFile:
-    """A depth image of the size of its colour image, with ``unit`` values for a metre."""
+class PosedImage:
+    """A colour image at ``time`` [s] from a ``pose`` (4, 4), camera to world, and a depth image.
 
-    path: Path
+    ``depth_file`` has the size of the colour image and ``unit`` values for a metre; ``step`` (4, 4)
+    is the pose from which it was taken, in camera axes of the colour image.
+    """
+
+    time: float
+    file: Path
+    pose: Array
+    depth_file: Path
+    step: Array
     unit: float
 
-    def read(self) -> Array:
-        """Depth (height, width) [m], 0 where it is unknown.
+    def depth(self) -> Array:
+        """Depth (height, width) [m] of the depth image, 0 where it is unknown.
 
         Raises:
             InputError: the file cannot be read.
 
         """
-        return np.asarray(read_image(self.path, cv2.IMREAD_UNCHANGED), np.float64) / self.unit
+        depth = np.asarray(read_image(self.depth_file, cv2.IMREAD_UNCHANGED), np.float64)
+        return depth / self.unit
+
+    def reduced_depth(self, rays_of: Callable[[Array], Array], camera: CameraModel) -> Floats:
+        """Depth (height, width) [m] in the image of a ``camera`` at ``pose``; 0: unknown.
+
+        ``rays_of`` gives the rays (n, 3), of depth 1, of pixels (n, 2) of the depth image.
+        """
+        depth = self.depth()
+        rows, columns = np.nonzero(depth > 0.0)
+        rays = rays_of(np.stack([columns, rows], axis=-1).astype(np.float64))
+        points = (rays * depth[rows, columns, None]) @ self.step[:3, :3].T + self.step[:3, 3]
+        return project_depth(points, camera)
 
 
-# --- the walk -------------------------------------------------------------------------------------
-
-
-class HololensRecording:
-    """A sequence, reduced to working images of a grid, with their camera.
-
-    The images are cropped around the principal point first: ``CameraModel`` has it in the centre.
+def hololens_images(folder: Path) -> list[PosedImage]:
+    """The images of a walk in their order.
 
     Raises:
         ConfigError: the folder lacks a file, or a file cannot be read.
 
     """
-
-    def __init__(self, folder: Path, rows: int, cols: int) -> None:
-        matrix = _numbers(folder / "K.txt", 3)
-        if matrix.shape != (3, 3):
-            raise ConfigError("expected 3 rows of 3 numbers", file=folder / "K.txt")
-        files = sorted((folder / "images").glob("*.png"))
-        poses = read_poses(folder)
-        if len(files) != len(poses) or len(files) < 2:
-            raise ConfigError(
-                f"expected a row for each of two or more images, found {len(poses)} rows for "
-                f"{len(files)} images",
-                file=folder / "poses.txt",
-            )
-        for file in files:
-            if not is_file(folder / "depth" / file.name):
-                raise ConfigError("there is no such file", file=folder / "depth" / file.name)
-        height, width = np.asarray(read_image(files[0], cv2.IMREAD_COLOR)).shape[:2]
-        middle = matrix[:2, 2] + 0.5
-        half = np.floor(np.minimum(middle, (width, height) - middle)).astype(int)
-        left, top = np.rint(middle - half).astype(int)
-        size = WorkingSize.of(2 * int(half[0]), 2 * int(half[1]), rows, cols)
-        cut = np.s_[top : top + size.height, left : left + size.width]
-        hfov = 2.0 * math.atan(0.5 * size.width / matrix[0, 0])
-        self.camera = size.camera(hfov, 1.0, 0.0, 1.0 / PERIOD)
-        self.frames: list[RecordedFrame] = []
-        for number, (file, pose) in enumerate(zip(files, poses, strict=True)):
-            colour = np.asarray(read_image(file, cv2.IMREAD_COLOR), dtype=np.uint8)
-            depth = _reduced_depth(folder / "depth" / file.name, matrix, self.camera)
-            image = size.prepare(colour[cut])
-            self.frames.append(RecordedFrame(number * PERIOD, image, depth, pose))
+    files = sorted((folder / "images").glob("*.png"))
+    poses = _numbers(folder / "poses.txt", 16).reshape(-1, 4, 4)
+    if len(files) != len(poses) or len(files) < 2:
+        raise ConfigError(
+            f"expected a row for each of two or more images, found {len(poses)} rows for "
+            f"{len(files)} images",
+            file=folder / "poses.txt",
+        )
+    images = []
+    for number, (file, pose) in enumerate(zip(files, poses, strict=True)):
+        depth = folder / "depth" / file.name
+        if not is_file(depth):
+            raise ConfigError("there is no such file", file=depth)
+        images.append(PosedImage(number * _PERIOD, file, pose, depth, np.eye(4), _HOLOLENS_UNIT))
+    return images
 
 
-def read_poses(folder: Path) -> Array:
-    """Poses (n, 4, 4), camera to world, of the images in their order.
+def hololens_frames(folder: Path, rows: int, cols: int) -> tuple[CameraModel, list[RecordedFrame]]:
+    """The images of a walk, reduced to working images of a grid, with their camera.
+
+    They are cropped around the principal point first: ``CameraModel`` has it in the centre.
 
     Raises:
-        ConfigError: the file of poses cannot be read.
+        ConfigError: the folder lacks a file, or a file cannot be read.
 
     """
-    return _numbers(folder / "poses.txt", 16).reshape(-1, 4, 4)
+    matrix = _numbers(folder / "K.txt", 3)
+    if matrix.shape != (3, 3):
+        raise ConfigError("expected 3 rows of 3 numbers", file=folder / "K.txt")
+    images = hololens_images(folder)
+    height, width = np.asarray(read_image(images[0].file, cv2.IMREAD_COLOR)).shape[:2]
+    middle = matrix[:2, 2] + 0.5
+    half = np.floor(np.minimum(middle, (width, height) - middle)).astype(int)
+    left, top = np.rint(middle - half).astype(int)
+    size = WorkingSize.of(2 * int(half[0]), 2 * int(half[1]), rows, cols)
+    cut = np.s_[top : top + size.height, left : left + size.width]
+    hfov = 2.0 * math.atan(0.5 * size.width / matrix[0, 0])
+    camera = size.camera(hfov, 1.0, 0.0, 1.0 / _PERIOD)
+
+    def rays_of(pixels: Array) -> Array:
+        return np.insert(pixels, 2, 1.0, axis=1) @ np.linalg.inv(matrix).T
+
+    frames = []
+    for image in images:
+        colour = np.asarray(read_image(image.file, cv2.IMREAD_COLOR), dtype=np.uint8)
+        depth = image.reduced_depth(rays_of, camera)
+        frames.append(RecordedFrame(image.time, size.prepare(colour[cut]), depth, image.pose))
+    return camera, frames
 
 
 def _numbers(file: Path, columns: int) -> Array:
-    """Rows of ``columns`` numbers each."""
     lines = read_input_text(file, _MAX_TEXT).splitlines()
     try:
         rows = np.loadtxt(lines, ndmin=2, dtype=np.float64)
@@ -157,79 +179,62 @@ def _numbers(file: Path, columns: int) -> Array:
     return rows
 
 
-def _reduced_depth(file: Path, matrix: Array, camera: CameraModel) -> npt.NDArray[np.float32]:
-    """Depth (height, width) [m] of a depth image of the original size; 0 where it is unknown."""
-    measured = DepthFile(file, HOLOLENS_UNIT).read()
-    rows, columns = np.nonzero(measured > 0.0)
-    pixels = np.stack([columns, rows, np.ones(len(rows))], axis=-1)
-    rays = pixels @ np.linalg.inv(matrix).T
-    points = np.asarray(rays * measured[rows, columns, None], dtype=np.float64)
-    return project_depth(points, camera)
-
-
-# --- TUM ------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class _PosedImage:
-    """A colour image, and the nearest depth image in time, with the poses (4, 4) of the camera."""
-
-    time: float
-    colour: Path
-    pose: Array
-    depth: DepthFile
-    depth_pose: Array
-
-
-class TumRecording:
-    """A sequence: colour images, each with the depth image and the pose nearest in time.
+def tum_images(folder: Path) -> list[PosedImage]:
+    """The colour images of a sequence with a pose and a depth image within ``MAX_GAP``.
 
     Raises:
         InputError: the folder lacks a file, or a file cannot be read.
 
     """
-
-    def __init__(self, folder: Path) -> None:
-        colour, depth = _listing(folder, "rgb.txt"), _listing(folder, "depth.txt")
-        poses = load_pose_record(folder / "groundtruth.txt")
-        self.images: list[_PosedImage] = []
-        for stamp, file in colour if depth else ():
-            at, nearest = min(depth, key=lambda item: abs(item[0] - stamp))
-            posed = poses.poses_at(stamp, at)
-            if abs(at - stamp) <= MAX_GAP and posed is not None:
-                pose, depth_pose = (
-                    np.block([[axes, place[:, None]], [np.zeros(3), 1.0]])
-                    for place, axes in zip(posed[0], posed[1].as_matrix(), strict=True)
-                )
-                measured = DepthFile(nearest, TUM_UNIT)
-                self.images.append(_PosedImage(stamp, file, pose, measured, depth_pose))
-        if len(self.images) < 2:
-            raise ConfigError(
-                f"expected two colour images with a pose, and a depth image within {MAX_GAP} s",
-                file=folder,
+    colour, depth = _listing(folder, "rgb.txt"), _listing(folder, "depth.txt")
+    record = load_pose_record(folder / "groundtruth.txt")
+    images = []
+    for stamp, file in colour if depth else ():
+        at, nearest = min(depth, key=lambda item: abs(item[0] - stamp))
+        poses = record.poses_at(stamp, at)
+        if abs(at - stamp) <= MAX_GAP and poses is not None:
+            pose, depth_pose = (
+                np.block([[axes, place[:, None]], [np.zeros(3), 1.0]])
+                for place, axes in zip(poses[0], poses[1].as_matrix(), strict=True)
             )
+            step = np.linalg.inv(pose) @ depth_pose
+            images.append(PosedImage(stamp, file, pose, nearest, step, _TUM_UNIT))
+    if len(images) < 2:
+        raise ConfigError(
+            f"expected two colour images with a pose, and a depth image within {MAX_GAP} s",
+            file=folder,
+        )
+    return images
 
-    def frames(self, size: tuple[int, int]) -> list[RecordedFrame]:
-        """The images, undistorted and scaled to ``size`` (width, height).
 
-        Raises:
-            InputError: an image cannot be read.
+def tum_frames(folder: Path, size: tuple[int, int]) -> tuple[CameraModel, list[RecordedFrame]]:
+    """The images of a sequence, undistorted and scaled to ``size`` (width, height).
 
-        """
-        camera = tum_camera(size)
-        return [
-            RecordedFrame(
-                image.time,
-                _rectified(read_grey(image.colour), camera),
-                _registered_depth(image, camera),
-                image.pose,
-            )
-            for image in self.images
-        ]
+    Raises:
+        InputError: the folder lacks a file, or a file cannot be read.
+
+    """
+    camera = _tum_camera(size)
+    maps = cv2.initUndistortRectifyMap(
+        *(FR1_MATRIX, FR1_DISTORTION, np.eye(3), _matrix(_tum_camera((640, 480)))),
+        *((640, 480), cv2.CV_32FC1),
+    )
+
+    def rays_of(pixels: Array) -> Array:
+        straight = cv2.undistortPoints(pixels[:, None], FR1_MATRIX, FR1_DISTORTION)
+        return np.insert(np.asarray(straight)[:, 0], 2, 1.0, axis=1)
+
+    frames = []
+    for image in tum_images(folder):
+        straight = cv2.remap(read_grey(image.file), maps[0], maps[1], cv2.INTER_LINEAR)
+        reduced = cv2.resize(straight, size, interpolation=cv2.INTER_AREA)
+        depth = image.reduced_depth(rays_of, camera)
+        grey = np.asarray(reduced, dtype=np.uint8)
+        frames.append(RecordedFrame(image.time, grey, depth, image.pose))
+    return camera, frames
 
 
 def _listing(folder: Path, name: str) -> list[tuple[float, Path]]:
-    """Time stamps [s] and existing files of an index file."""
     lines = read_input_text(folder / name, _MAX_TEXT).splitlines()
     pairs = [line.split() for line in lines if line and not line.startswith("#")]
     try:
@@ -238,22 +243,10 @@ def _listing(folder: Path, name: str) -> list[tuple[float, Path]]:
         raise ConfigError(f"expected lines of time, file: {error}", file=folder / name) from None
 
 
-def tum_camera(size: tuple[int, int]) -> CameraModel:
+def _tum_camera(size: tuple[int, int]) -> CameraModel:
     """The pinhole camera of the straightened images, with a central principal point."""
     hfov = 2.0 * math.atan(0.5 * 640 / (_ZOOM * FR1_MATRIX[0, 0]))
     return CameraModel(width=size[0], height=size[1], hfov=hfov)
-
-
-def _rectified(image: Image, camera: CameraModel) -> Image:
-    """``image`` (480, 640) without lens distortion, scaled to the size of ``camera``."""
-    full = tum_camera((640, 480))
-    matrix = _matrix(full)
-    maps = cv2.initUndistortRectifyMap(
-        FR1_MATRIX, FR1_DISTORTION, np.eye(3), matrix, (640, 480), cv2.CV_32FC1
-    )
-    straight = cv2.remap(image, maps[0], maps[1], cv2.INTER_LINEAR)
-    reduced = cv2.resize(straight, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
-    return np.asarray(reduced, dtype=np.uint8)
 
 
 def _matrix(camera: CameraModel) -> Array:
@@ -263,23 +256,7 @@ def _matrix(camera: CameraModel) -> Array:
     return np.array([[f, 0.0, x], [0.0, f, y], [0.0, 0.0, 1.0]])
 
 
-def _registered_depth(image: _PosedImage, camera: CameraModel) -> npt.NDArray[np.float32]:
-    """Depth (height, width) [m] seen from the colour image's pose; 0 where it is unknown.
-
-    The depth image was taken slightly earlier or later: its points are transformed to the pose of
-    the colour image.
-    """
-    measured = image.depth.read()
-    rows, columns = np.nonzero(measured > 0.0)
-    pixels = np.stack([columns, rows], axis=-1).astype(np.float64)
-    straight = cv2.undistortPoints(pixels[:, None], FR1_MATRIX, FR1_DISTORTION)
-    rays = np.concatenate([np.asarray(straight)[:, 0], np.ones((len(pixels), 1))], axis=1)
-    step = np.linalg.inv(image.pose) @ image.depth_pose
-    points = (rays * measured[rows, columns, None]) @ step[:3, :3].T + step[:3, 3]
-    return project_depth(points, camera)
-
-
-def project_depth(points: Array, camera: CameraModel) -> npt.NDArray[np.float32]:
+def project_depth(points: Array, camera: CameraModel) -> Floats:
     """Depth image (height, width) [m] of ``points`` (n, 3) [m] in the axes of ``camera``.
 
     A pixel has the mean nearness of the points of the nearest surface in it; 0 where there is none.

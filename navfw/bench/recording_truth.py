@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from navfw.bench.recorded_pairs import HOLOLENS_UNIT, DepthFile, TumRecording, read_poses
+from navfw.bench.recorded_pairs import PosedImage, hololens_images, tum_images
 from navfw.config.input_file import is_file
 from navfw.errors import ConfigError
 from navfw.numerics import Array
@@ -27,18 +27,10 @@ MIN_PAIRS = 10
 """Least number of pairs for a correlation."""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordedGyro:
-    """The ``times`` of a recording's images by name, and the ``record`` of its gyro."""
+def recorded_gyro(folder: Path, images: Iterable[Path]) -> tuple[ImageTimes, GyroRecord] | None:
+    """The times of a recording's images by name, and the record of its gyro; None without one.
 
-    times: ImageTimes
-    record: GyroRecord
-
-
-def recorded_gyro(folder: Path, images: Iterable[Path]) -> RecordedGyro | None:
-    """The gyro of the recording in ``folder``; None without one.
-
-    ``images`` are all images of the recording in their order.
+    ``images`` are all images of the recording in ``folder``, in their order.
 
     Raises:
         ConfigError: the readings are not one for each image.
@@ -55,7 +47,7 @@ def recorded_gyro(folder: Path, images: Iterable[Path]) -> RecordedGyro | None:
             f"expected a row for each of {len(names)} images, found {len(listed.times)}", file=file
         )
     by_name = dict(zip(names, listed.times, strict=True))
-    return RecordedGyro(ImageTimes(listed.file, listed.times, by_name), load_gyro_record(file))
+    return replace(listed, by_name=by_name), load_gyro_record(file)
 
 
 def yaw_rates(results: Iterable[PairResult], start: float, record: GyroRecord) -> Array:
@@ -83,20 +75,18 @@ def yaw_summary(rates: Array) -> dict[str, Any]:
     return summary
 
 
-def camera_poses(data: Path, folder: str) -> Mapping[str, Array]:
-    """Poses (4, 4), camera to world, of the images in ``folder`` by file name; may be empty.
+def posed_images(data: Path, folder: str) -> dict[str, PosedImage]:
+    """The images in ``folder`` with a pose and a depth image, by file name; may be empty.
 
     Raises:
-        ConfigError: a file of poses cannot be read.
+        InputError: a file of the recording is missing or cannot be read.
 
     """
     root = data / folder.split("/", maxsplit=1)[0]
-    if folder.startswith("hololens_office"):
-        names = sorted(path.name for path in (root / "images").glob("*.png"))
-        return dict(zip(names, read_poses(root), strict=False))
-    if folder.startswith("tum_fr1"):
-        return {image.colour.name: image.pose for image in TumRecording(root).images}
-    return {}
+    readers = {"hololens_office": hololens_images, "tum_fr1": tum_images}
+    if root.name not in readers:
+        return {}
+    return {image.file.name: image for image in readers[root.name](root)}
 
 
 def heading_error(result: PairResult, past: Array, now: Array) -> float:
@@ -131,22 +121,6 @@ class NearnessErrors:
     number: int
     by_way: Array
     up_to_scale: Array
-
-
-def depth_files(data: Path, folder: str) -> Mapping[str, DepthFile]:
-    """Depth images of the colour images in ``folder`` by file name; may be empty.
-
-    Raises:
-        ConfigError: a list of images cannot be read.
-
-    """
-    root = data / folder.split("/", maxsplit=1)[0]
-    if folder.startswith("hololens_office"):
-        files = (root / "depth").glob("*.png")
-        return {file.name: DepthFile(file, HOLOLENS_UNIT) for file in files}
-    if folder.startswith("tum_fr1"):
-        return {image.colour.name: image.depth for image in TumRecording(root).images}
-    return {}
 
 
 def nearness_errors(

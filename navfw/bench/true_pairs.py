@@ -16,16 +16,16 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from navfw.bench.random_worlds import random_world
 from navfw.config.lookup import find
 from navfw.egomotion.camera_motions import camera_motion, yaw_rotation
 from navfw.flow.ideal import SIGMA, nearness_at, true_vectors
 from navfw.numerics import Array, Image
+from navfw.numerics.arrays import Floats, Indices, Mask
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Pose, wrap_angle
-from navfw.sim import Simulation, WorldSpec, load_world
+from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Pose, Twist, wrap_angle
+from navfw.sim import SceneGeometry, Simulation, WorldSpec, load_world
 from navfw.sim.camera import DepthImage
 
 WORLDS = ("office", "paper-room", "corridor")
@@ -43,14 +43,26 @@ _CLEARANCE = 0.35
 """Least distance [m] of robot and camera to anything: about the least in missions."""
 
 
-def arc(way: float, turn: float) -> Pose:
+def _arc(way: float, turn: float) -> Pose:
     """Pose at the end of an arc of length ``way`` [m] and ``turn`` [rad], in its start's frame."""
     chord = way * float(np.sinc(turn / math.tau))
     return Pose(chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn), wrap_angle(turn))
 
 
+@dataclass(frozen=True, slots=True)
+class MovingPose:
+    """The robot's ``pose`` in the map while it drives with ``twist``."""
+
+    pose: Pose
+    twist: Twist
+
+    def before(self, seconds: float) -> Pose:
+        """The pose ``seconds`` [s] earlier on the arc of the twist."""
+        return self.pose.compose(_arc(-self.twist.v * seconds, -self.twist.w * seconds))
+
+
 def _moved(centimetres: float, degrees: float = 0.0) -> Pose:
-    return arc(0.01 * centimetres, math.radians(degrees))
+    return _arc(0.01 * centimetres, math.radians(degrees))
 
 
 MOTIONS: dict[str, tuple[Pose, ...]] = {
@@ -82,8 +94,8 @@ class TruePair:
     name: str
     pair: FramePair
     motion: CameraMotion
-    depth: npt.NDArray[np.float32]
-    past_depth: npt.NDArray[np.float32]
+    depth: Floats
+    past_depth: Floats
     recording_error: Array | None = None
 
 
@@ -103,13 +115,11 @@ def rendered_pairs(
     robot: RobotModel,
     places: int,
     seed: int = 0,
-    noise: float = IMAGE_NOISE,
-    motions: dict[str, tuple[Pose, ...]] = MOTIONS,
 ) -> Iterator[TruePair]:
     """One pair of every motion at each of ``places`` random free poses of each world.
 
-    The variants of a motion (left and right, for example) take turns. ``noise`` is the standard
-    deviation of the image noise [grey levels]. The same arguments give the same pairs.
+    The variants of a motion (left and right, for example) take turns. The same arguments give the
+    same pairs.
     """
     for name, world in worlds.items():
         rng = np.random.default_rng([seed, *name.encode()])
@@ -117,12 +127,12 @@ def rendered_pairs(
             for k in range(places):
                 pose = _free_pose(simulation, rng)
                 after, depth = simulation.render_from(pose)
-                for motion_name, variants in motions.items():
+                for motion_name, variants in MOTIONS.items():
                     step = variants[k % len(variants)]
                     past = pose.compose(step.relative(Pose(0.0, 0.0, 0.0)))
                     before, depth_before = simulation.render_from(past)
                     true = camera_motion(robot, past, pose, PERIOD)
-                    frames = (exposed(image, rng, noise) for image in (before, after))
+                    frames = (exposed(image, rng) for image in (before, after))
                     pair = FramePair(
                         Frame(0.0, next(frames)),
                         Frame(PERIOD, next(frames)),
@@ -132,25 +142,27 @@ def rendered_pairs(
 
 
 def _start(world: WorldSpec, robot: RobotModel) -> Pose:
-    """A free pose for the robot's body, which is never drawn."""
-    from navfw.sim.scene_geometry import SceneGeometry
-
     plan = SceneGeometry.from_world(world, robot.height)
     rng = np.random.default_rng(0)
     while True:
-        x, y = rng.uniform((world.x[0], world.y[0]), (world.x[1], world.y[1])).tolist()
+        x, y = _random_point(world, rng)
         if plan.clearance(x, y) > robot.radius + 0.1:
             return Pose(x, y, 0.0)
 
 
 def _free_pose(simulation: Simulation, rng: np.random.Generator) -> Pose:
-    world, plan = simulation.world, simulation.plan
+    plan = simulation.plan
     while True:
-        x, y = rng.uniform((world.x[0], world.y[0]), (world.x[1], world.y[1])).tolist()
+        x, y = _random_point(simulation.world, rng)
         pose = Pose(x, y, float(rng.uniform(-math.pi, math.pi)))
         camera = pose.to_parent(simulation.robot.camera.mount_forward, 0.0)
         if min(plan.clearance(x, y), plan.clearance(*camera)) > _CLEARANCE:
             return pose
+
+
+def _random_point(world: WorldSpec, rng: np.random.Generator) -> tuple[float, float]:
+    x, y = rng.uniform((world.x[0], world.y[0]), (world.x[1], world.y[1])).tolist()
+    return x, y
 
 
 def exposed(image: Image, rng: np.random.Generator, noise: float = IMAGE_NOISE) -> Image:
@@ -172,9 +184,7 @@ ITERATIONS = 20
 """Steps of the robust fit of the recording's error."""
 
 
-def true_flow(
-    points: Array, true: TruePair, camera: CameraModel
-) -> tuple[Array, npt.NDArray[np.bool_]]:
+def true_flow(points: Array, true: TruePair, camera: CameraModel) -> tuple[Array, Mask]:
     """True vectors (rows, cols, 2) [px] at ``points``, and where there is a truth.
 
     There is none where one of the four pixels around a point has no depth, and where the point is
@@ -263,7 +273,7 @@ def _nearness(points: Array, true: TruePair, camera: CameraModel) -> Array:
 
 def _hidden(
     points: Array, nearness: Array, vectors: Array, true: TruePair, camera: CameraModel
-) -> npt.NDArray[np.bool_]:
+) -> Mask:
     """Where the surface at ``points`` lies behind another one in the past frame."""
     ray = np.concatenate([points / camera.focal, np.ones_like(points[..., :1])], axis=-1)
     past = (ray + nearness[..., None] * true.motion.translation) @ true.motion.rotation
@@ -273,9 +283,7 @@ def _hidden(
     return np.asarray(seen[pixels(points - np.nan_to_num(vectors), camera)] > HIDDEN * expected)
 
 
-def pixels(
-    points: Array, camera: CameraModel
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def pixels(points: Array, camera: CameraModel) -> tuple[Indices, Indices]:
     """Rows and columns of the pixels at ``points``, those outside moved to the border."""
     x = np.clip(points[..., 0] + 0.5 * camera.width, 0, camera.width - 1).astype(np.int64)
     y = np.clip(points[..., 1] + 0.5 * camera.height, 0, camera.height - 1).astype(np.int64)

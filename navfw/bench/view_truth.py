@@ -37,10 +37,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from navfw.numerics import Array
-from navfw.offis.nearness import find_distances
+from navfw.numerics.arrays import Indices
+from navfw.offis.nearness import TERMS, find_distances
 from navfw.offis.pyramid import QUADRANTS
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Pose
@@ -97,7 +97,7 @@ class ViewTruth:
     are all that hold, or ``("mixed",)``, or ``("hidden",)``; ``possible_situations`` those that
     hold by the limits for possible ones if furniture is ignored. ``planes`` and ``hidden`` have
     the largest plane of the left and of the right half, and the share of its wall pixels that are
-    behind furniture; ``furniture`` is that of the whole view.
+    behind furniture.
     """
 
     nearness: tuple[float, ...]
@@ -109,7 +109,6 @@ class ViewTruth:
     possible_situations: tuple[str, ...]
     planes: tuple[HalfPlane, HalfPlane]
     hidden: tuple[float, float]
-    furniture: float
 
     @property
     def clear(self) -> bool:
@@ -147,7 +146,7 @@ class WallGeometry:
         ]
         self.height = max((wall.height for wall in world.walls), default=0.0)
 
-    def cast(self, pose: Pose, camera: CameraModel) -> tuple[Array, npt.NDArray[np.int64]]:
+    def cast(self, pose: Pose, camera: CameraModel) -> tuple[Array, Indices]:
         """Depth [m] (inf: no wall) and face of each image column (width,), at camera height."""
         x = np.arange(camera.width) - 0.5 * (camera.width - 1)
         eye, ahead, right = _axes(pose, camera)
@@ -170,8 +169,8 @@ class WallGeometry:
 
         With ``possible``, planes need fill only ``MAJORITY``, and doors may be half as wide.
         """
-        depth, face = self.cast(pose, camera)
-        left, right = self._halves(pose, depth, face)
+        depth, _ = self.cast(pose, camera)
+        left, right = self.halves(pose, camera)
         situations = []
         if self._door_ahead(pose, camera, depth, 0.5 if possible else 1.0):
             situations.append("door")
@@ -181,20 +180,14 @@ class WallGeometry:
 
     def halves(self, pose: Pose, camera: CameraModel) -> tuple[HalfPlane, HalfPlane]:
         """The largest planes of the left and of the right half of the image."""
-        return self._halves(pose, *self.cast(pose, camera))
-
-    def _halves(
-        self, pose: Pose, depth: Array, face: npt.NDArray[np.int64]
-    ) -> tuple[HalfPlane, HalfPlane]:
+        depth, face = self.cast(pose, camera)
         half = face.size // 2
         return (
             self._largest(pose, depth[:half], face[:half], outer=-1.0),
             self._largest(pose, depth[half:], face[half:], outer=1.0),
         )
 
-    def _largest(
-        self, pose: Pose, depth: Array, face: npt.NDArray[np.int64], outer: float
-    ) -> HalfPlane:
+    def _largest(self, pose: Pose, depth: Array, face: Indices, outer: float) -> HalfPlane:
         """The largest plane of a half whose outer side is the left (-1) or the right (1)."""
         planes = np.where(np.isfinite(depth), self._plane[face], -1)
         values, counts = np.unique(planes, return_counts=True)
@@ -223,8 +216,7 @@ class WallGeometry:
 
     def _slope(self, face: int, pose: Pose) -> float:
         """Angle [rad] of a face to the image plane, positive when its right side is nearer."""
-        ahead = np.array([math.cos(pose.yaw), math.sin(pose.yaw)])
-        right = np.array([math.sin(pose.yaw), -math.cos(pose.yaw)])
+        ahead, right = _ahead_and_right(pose)
         towards = -self._normal[face]  # nearness grows along it
         return math.atan2(float(towards @ right), float(towards @ ahead))
 
@@ -287,14 +279,11 @@ def truth_of(
         possible_situations=walls.situations(pose, camera, possible=True),
         planes=walls.halves(pose, camera),
         hidden=(hidden[0], hidden[1]),
-        furniture=float(hides.sum() / max(expected.sum(), 1)),
     )
 
 
 def true_term(distance: float, speed: float) -> str:
     """The distance term by ``distance.yaml`` for a distance [m] at a speed [m/s]."""
-    from navfw.offis.nearness import TERMS
-
     inferred = find_distances(np.array([1.0 / distance]), np.ones(1), speed)
     return TERMS[int(inferred.term[0])]
 
@@ -306,6 +295,10 @@ def _alike(nearness: list[float], share: float) -> frozenset[str]:
 
 def _axes(pose: Pose, camera: CameraModel) -> tuple[Array, Array, Array]:
     """Camera position [m], optical axis and right-hand axis, in the plane (2,) each."""
-    ahead = np.array([math.cos(pose.yaw), math.sin(pose.yaw)])
-    right = np.array([math.sin(pose.yaw), -math.cos(pose.yaw)])
+    ahead, right = _ahead_and_right(pose)
     return np.array([pose.x, pose.y]) + camera.mount_forward * ahead, ahead, right
+
+
+def _ahead_and_right(pose: Pose) -> tuple[Array, Array]:
+    cosine, sine = math.cos(pose.yaw), math.sin(pose.yaw)
+    return np.array([cosine, sine]), np.array([sine, -cosine])

@@ -73,7 +73,7 @@ def load_calibration(path: Path) -> CameraCalibration:
     document = parse_yaml(_plain_yaml(text), file)
     if not isinstance(document.data, dict):
         raise InputError("expected a calibration ('camera_matrix: ...')", file=file)
-    reader = _Reader(file, document)
+    reader = _Reader(document)
     model = reader.model()
     return CameraCalibration(
         file=file,
@@ -100,8 +100,7 @@ def _plain_yaml(text: str) -> str:
 class _Reader:
     """The parts of a calibration ``document``, checked."""
 
-    def __init__(self, file: str, document: YamlDocument) -> None:
-        self._file = file
+    def __init__(self, document: YamlDocument) -> None:
         self._document = document
 
     def model(self) -> str:
@@ -168,7 +167,6 @@ class _Reader:
         return None
 
     def _by_count(self) -> str:
-        """The polynomial model with the given number of coefficients."""
         numbers = self._numbers(self._needed(_COEFFICIENTS))[1]
         return "plumb_bob" if numbers.size <= 5 else "rational_polynomial"
 
@@ -201,7 +199,6 @@ class _Reader:
         return number
 
     def _key(self, names: Iterable[str]) -> str | None:
-        """The first of ``names`` that the document has."""
         return next((name for name in names if name in self._document.data), None)
 
     def _needed(self, names: tuple[str, ...]) -> str:
@@ -209,12 +206,12 @@ class _Reader:
         if key is None:
             near = did_you_mean(names[0], map(str, self._document.data))
             hint = f"; {near}" if near.startswith("did") else ""
-            raise InputError(f"has no key {names[0]!r}{hint}", file=self._file)
+            raise InputError(f"has no key {names[0]!r}{hint}", file=self._document.file)
         return key
 
     def _error(self, message: str, path: KeyPath) -> InputError:
         line = self._document.line_of(path)
-        return InputError(message, file=self._file, line=line, key=key_text(path))
+        return InputError(message, file=self._document.file, line=line, key=key_text(path))
 
 
 class Undistortion:
@@ -263,7 +260,12 @@ class Undistortion:
                 f"{self._calibration.file} does not say its size of images: taken as {width} x "
                 f"{height}"
             )
-            self._require_inside(matrix)
+            x, y = matrix[:2, 2]
+            if not (0.25 * width < x < 0.75 * width and 0.25 * height < y < 0.75 * height):
+                raise self._error(
+                    f"has its principal point at ({x:g}, {y:g}), far from the centre of images of "
+                    f"{width} x {height} px; calibrate at the size of the recording"
+                )
             return matrix
         full_width, full_height = self._calibration.size
         if (full_width, full_height) == (width, height):
@@ -288,15 +290,6 @@ class Undistortion:
             "scaled and not cut"
         )
         return matrix
-
-    def _require_inside(self, matrix: Array) -> None:
-        x, y = matrix[:2, 2]
-        width, height = self._size
-        if not (0.25 * width < x < 0.75 * width and 0.25 * height < y < 0.75 * height):
-            raise self._error(
-                f"has its principal point at ({x:g}, {y:g}), far from the centre of images of "
-                f"{width} x {height} px; calibrate at the size of the recording"
-            )
 
     def _focal(self) -> float:
         """The least focal length [px] of the result at which all of it lies in the image."""

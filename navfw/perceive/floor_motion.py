@@ -39,25 +39,17 @@ UNSEEN = 4.0
 """Variance [NOISE^2] of a cell that is not seen: as of one that differs by twice the noise."""
 
 
-@dataclass(frozen=True, slots=True)
 class PlaneWarp:
-    """Two smoothed images (height, width), the camera's ``motion`` between them, and a grid.
+    """Compares two working images (height, width), between which the camera moved by ``motion``.
 
     ``focal`` [px] is the focal length, ``grid`` the (rows, columns) by which they are compared.
     """
 
-    now: Floats
-    past: Floats
-    motion: CameraMotion
-    focal: float
-    grid: tuple[int, int]
-
-    @classmethod
-    def of(
-        cls, now: Image, past: Image, motion: CameraMotion, focal: float, grid: tuple[int, int]
-    ) -> PlaneWarp:
-        """The comparison of two working images."""
-        return cls(_smooth(now), _smooth(past), motion, focal, grid)
+    def __init__(
+        self, now: Image, past: Image, motion: CameraMotion, focal: float, grid: tuple[int, int]
+    ) -> None:
+        self._now, self._past = _smooth(now), _smooth(past)
+        self._motion, self._focal, self._grid = motion, focal, grid
 
     def difference(self, normal: Array, ratio: float) -> Array:
         """Variance (rows, cols) [NOISE^2] of what a plane leaves unexplained in each cell.
@@ -65,18 +57,18 @@ class PlaneWarp:
         ``normal`` (3,) is the plane's unit normal, away from the camera; ``ratio`` is the baseline
         over the distance of the plane. A difference in brightness of a whole cell does not count.
         """
-        height, width = self.now.shape
-        direction = self.motion.translation / max(self.motion.baseline, 1e-12)
-        plane = self.motion.rotation.T @ (np.eye(3) + ratio * np.outer(direction, normal))
+        height, width = self._now.shape
+        direction = self._motion.translation / max(self._motion.baseline, 1e-12)
+        plane = self._motion.rotation.T @ (np.eye(3) + ratio * np.outer(direction, normal))
         camera = np.array(
             [
-                [self.focal, 0.0, 0.5 * (width - 1)],
-                [0.0, self.focal, 0.5 * (height - 1)],
+                [self._focal, 0.0, 0.5 * (width - 1)],
+                [0.0, self._focal, 0.5 * (height - 1)],
                 [0.0, 0.0, 1.0],
             ]
         )
         warped = cv2.warpPerspective(
-            self.past,
+            self._past,
             camera @ plane @ np.linalg.inv(camera),
             (width, height),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
@@ -84,14 +76,14 @@ class PlaneWarp:
             borderValue=(OUTSIDE,),
         )
         outside = np.asarray(warped < 0.5 * OUTSIDE)
-        off = _cells_of(np.where(outside, 0.0, self.now - warped), self.grid)
+        off = _cells_of(np.where(outside, 0.0, self._now - warped), self._grid)
         variance = (off * off).mean(axis=(1, 3)) - off.mean(axis=(1, 3)) ** 2
-        unseen = _cells_of(outside, self.grid).mean(axis=(1, 3)) > HIDDEN
+        unseen = _cells_of(outside, self._grid).mean(axis=(1, 3)) > HIDDEN
         return np.where(unseen, UNSEEN, variance / NOISE**2)
 
     def mean(self) -> Array:
         """Mean grey level (rows, cols) of each cell of the current image."""
-        mean: Array = _cells_of(self.now, self.grid).mean(axis=(1, 3))
+        mean: Array = _cells_of(self._now, self._grid).mean(axis=(1, 3))
         return mean
 
 
@@ -224,7 +216,7 @@ class FloorFinder:
     def find(self, now: Image, past: Image, motion: CameraMotion) -> FloorMotion | None:
         """The floor between two working images; None if it is not found."""
         self.lost = False
-        warp = PlaneWarp.of(now, past, motion, self._camera.focal, self._grid)
+        warp = PlaneWarp(now, past, motion, self._camera.focal, self._grid)
         pitch_before = self.pitch
         tried = self._pitches
         if pitch_before is not None and self._pairs % _REVIEW:
@@ -294,7 +286,6 @@ class FloorFinder:
         return abs(math.log(speed / float(np.median(self._speeds)))) < USUAL
 
     def _floor(self, warp: PlaneWarp, pitch: float, ratio: float) -> FloorMotion:
-        """The cells that show floor."""
         normal = _level(pitch)
         moving = warp.difference(normal, ratio)
         others = np.minimum(warp.difference(normal, 0.0), warp.difference(normal, 1.6 * ratio))

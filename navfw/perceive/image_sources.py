@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
@@ -27,25 +27,6 @@ _BITS = (8, 10, 12, 14, 16)
 
 DeepImage: TypeAlias = npt.NDArray[np.uint8 | np.uint16]
 """An image (height, width, 3) of 8 or 16 bits."""
-
-
-class PixelRange:
-    """Scales the images of a sequence alike; ``bits`` is the number of bits in use.
-
-    It is the least that holds the brightest pixel of the given ``samples`` of the sequence. Pixels
-    of other images that are brighter are cut off, and ``brighter`` counts these images.
-    """
-
-    def __init__(self, samples: Iterable[DeepImage]) -> None:
-        self.brightest = max(int(sample.max()) for sample in samples)
-        self.bits = next(bits for bits in _BITS if self.brightest < 1 << bits)
-        self.brighter = 0
-
-    def to_8_bits(self, image: DeepImage) -> Image:
-        """``image`` (height, width, 3) with the range in use scaled to 0 to 255."""
-        white = (1 << self.bits) - 1
-        self.brighter += int(image.max()) > white
-        return np.asarray(cv2.convertScaleAbs(image, alpha=255.0 / white), dtype=np.uint8)
 
 
 IMAGES = frozenset(
@@ -172,7 +153,7 @@ class _Files(ImageSource):
             self._times = [time - times[0] for time in times]
             self.rate = 1.0 / float(np.median(np.diff(self._times)))
         self.duration = self._times[-1]
-        self._range: PixelRange | None = None
+        self._bits = self._brighter = 0
 
     def __str__(self) -> str:
         return self._named
@@ -192,21 +173,26 @@ class _Files(ImageSource):
         if broken:
             which = _listed([str(error) for error in broken])
             self.notes.append(f"{len(broken)} of {len(self._paths)} images left out: {which}")
-        if self._range is not None and self._range.brighter:
-            self.notes.append(
-                f"{self._range.brighter} images have pixels beyond {self._range.bits} bits, cut off"
-            )
+        if self._brighter:
+            what = f"{self._brighter} images have pixels beyond {self._bits} bits, cut off"
+            self.notes.append(what)
 
     def _in_8_bits(self, image: DeepImage) -> Image:
+        """``image``, scaled by the least number of bits that holds the samples of the sequence.
+
+        Pixels of other images that are brighter are cut off.
+        """
         if image.dtype == np.uint8:
             return np.asarray(image, np.uint8)
-        if self._range is None:
-            self._range = PixelRange([image, *self._samples()])
-            bits, brightest = self._range.bits, self._range.brightest
+        if not self._bits:
+            brightest = max(int(sample.max()) for sample in (image, *self._samples()))
+            self._bits = next(bits for bits in _BITS if brightest < 1 << bits)
             self.notes.append(
-                f"images of 16 bits with values up to {brightest}: taken as {bits} bits"
+                f"images of 16 bits with values up to {brightest}: taken as {self._bits} bits"
             )
-        return self._range.to_8_bits(image)
+        white = (1 << self._bits) - 1
+        self._brighter += int(image.max()) > white
+        return np.asarray(cv2.convertScaleAbs(image, alpha=255.0 / white), dtype=np.uint8)
 
     def _samples(self) -> Iterator[DeepImage]:
         """Readable images of 16 bits spread over the sequence."""

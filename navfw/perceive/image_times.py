@@ -81,18 +81,14 @@ def load_image_times(path: Path) -> ImageTimes:
 
     """
     table = TimedTable(path, _LIST)
-    times: list[float] = []
-    by_name: dict[str, float] = {}
-    for row in table.rows():
-        time = row.numbers[TIME]
+    times: list[float] = table.array(TIME)[:, 0].tolist()
+    for line, time in zip(table.lines, times, strict=True):
         if not math.isfinite(time):
-            raise table.error(f"'{time}' is not a time in seconds", row.line, TIME)
-        times.append(time)
-        if _FILE in row.texts:
-            by_name[row.texts[_FILE].replace("\\", "/").rsplit("/", 1)[-1]] = time
+            raise table.error(f"'{time}' is not a time in seconds", line, TIME)
     if not times:
         raise table.error("has no times of images")
-    return ImageTimes(table.file, tuple(times), by_name)
+    names = [file.replace("\\", "/").rsplit("/", 1)[-1] for file in table.texts.get(_FILE, ())]
+    return ImageTimes(table.file, tuple(times), dict(zip(names, times, strict=False)))
 
 
 def natural_key(path: Path) -> list[tuple[int, int, str]]:
@@ -115,8 +111,19 @@ def times_in_names(paths: Sequence[Path]) -> list[float] | None:
     """
     if len(paths) < 2:
         return None
-    times = _seconds(paths) or _epochs(paths)
-    if times is not None and (k := _first_step_back(times)) is not None:
+    stems = [path.stem for path in paths]
+    if all(re.fullmatch(r"[0-9]{1,12}\.[0-9]+", stem) for stem in stems):
+        times = [float(stem) for stem in stems]
+    elif len({len(stem) for stem in stems}) == 1 and all(
+        re.fullmatch(r"[0-9]+", stem) for stem in stems
+    ):
+        unit = _EPOCH_UNITS.get(len(stems[0]))
+        if unit is None:
+            return None
+        times = [int(stem) * unit for stem in stems]
+    else:
+        return None
+    if (k := _first_step_back(times)) is not None:
         raise InputError(
             f"its time stamp does not come after that of {paths[k - 1].name}; give the images "
             "in the order of time, or --fps to take them backward",
@@ -148,21 +155,5 @@ def require_order(paths: Sequence[Path]) -> None:
 
 
 def _first_step_back(times: Sequence[float]) -> int | None:
-    """The index of the first time that does not come after the one before it."""
     pairs = enumerate(itertools.pairwise(times), start=1)
     return next((k for k, (before, after) in pairs if after <= before), None)
-
-
-def _seconds(paths: Sequence[Path]) -> list[float] | None:
-    if not all(re.fullmatch(r"[0-9]{1,12}\.[0-9]+", path.stem) for path in paths):
-        return None
-    return [float(path.stem) for path in paths]
-
-
-def _epochs(paths: Sequence[Path]) -> list[float] | None:
-    unit = _EPOCH_UNITS.get(len(paths[0].stem))
-    if unit is None or not all(re.fullmatch(r"[0-9]+", path.stem) for path in paths):
-        return None
-    if len({len(path.stem) for path in paths}) != 1:
-        return None
-    return [int(path.stem) * unit for path in paths]

@@ -47,59 +47,44 @@ def lens_pairs(
     Images are read up to the first that is no good, which is reported when it is its turn;
     ``tick`` is called after each.
     """
-    sampler: _PairSampler | None = None
+    pairs: list[TrackedPair] = []
+    earlier: deque[TrackImage] = deque(maxlen=_MAX_PAIR)
+    width, height, stride = 0, 0, 2
     with contextlib.suppress(InputError):
-        for item in images:
-            if sampler is None:
-                sampler = _PairSampler(item.image.shape[1], item.image.shape[0], images.total)
-            if sampler.full:
+        for count, item in enumerate(images):
+            height, width = item.image.shape[:2]
+            max_count = MAX_PIXELS // (width * height)
+            if count > max_count:
                 break
-            sampler.add(TrackImage.of(item.image), item.after_gap)
+            if item.after_gap:
+                earlier.clear()
+            now = TrackImage.of(item.image)
+            spacing = max(min(images.total or max_count, max_count) // _LOOKED_AT, 1)
+            if count % spacing == 0 and earlier:
+                size = WorkingSize(width, height, 1.0, width, height)
+                stride = _add_pair(pairs, earlier, now, size, stride)
+            earlier.append(now)
             tick()
-    if sampler is None:
-        return [], (0, 0)
-    return sampler.pairs[:: 1 + len(sampler.pairs) // _MAX_PAIRS], (sampler.width, sampler.height)
+    return pairs[:: 1 + len(pairs) // _MAX_PAIRS], (width, height)
 
 
-class _PairSampler:
-    """Tracks every so many images of ``width`` x ``height`` px; ``total`` is their number or 0."""
-
-    def __init__(self, width: int, height: int, total: int) -> None:
-        self.width, self.height = width, height
-        self.pairs: list[TrackedPair] = []
-        self._size = WorkingSize(width, height, 1.0, width, height)
-        self._most = MAX_PIXELS // (width * height)
-        self._spacing = max(min(total or self._most, self._most) // _LOOKED_AT, 1)
-        self._earlier: deque[TrackImage] = deque(maxlen=_MAX_PAIR)
-        self._count = 0
-        self._stride = 2
-
-    @property
-    def full(self) -> bool:
-        """Whether enough images were read."""
-        return self._count > self._most
-
-    def add(self, now: TrackImage, after_gap: bool) -> None:
-        """Add the next image."""
-        if after_gap:
-            self._earlier.clear()
-        if self._count % self._spacing == 0 and self._earlier:
-            self._track(now)
-        self._earlier.append(now)
-        self._count += 1
-
-    def _track(self, now: TrackImage) -> None:
-        """Track points to an earlier image, and choose the distance of the next pair."""
-        apart = min(self._stride, len(self._earlier))
-        tracks = track_points(self._earlier[-apart], now, self._size)
-        if len(tracks.points) < MIN_POINTS:
-            self._stride = max(self._stride // 2, 1)
-            return
-        flow = float(np.median(np.hypot(*(tracks.points - tracks.past).T))) / self.width
-        if flow > MIN_FLOW:
-            self.pairs.append(TrackedPair(tracks.points, tracks.past))
-        wanted = apart * min(max(FLOW / max(flow, 1e-3), 0.5), 2.0)
-        self._stride = min(max(round(wanted), 1), _MAX_PAIR)
+def _add_pair(
+    pairs: list[TrackedPair],
+    earlier: Sequence[TrackImage],
+    now: TrackImage,
+    size: WorkingSize,
+    stride: int,
+) -> int:
+    """Track points to the image ``stride`` before ``now``; the stride of the next pair."""
+    apart = min(stride, len(earlier))
+    tracks = track_points(earlier[-apart], now, size)
+    if len(tracks.points) < MIN_POINTS:
+        return max(stride // 2, 1)
+    flow = float(np.median(np.hypot(*(tracks.points - tracks.past).T))) / size.width
+    if flow > MIN_FLOW:
+        pairs.append(TrackedPair(tracks.points, tracks.past))
+    wanted = apart * min(max(FLOW / max(flow, 1e-3), 0.5), 2.0)
+    return min(max(round(wanted), 1), _MAX_PAIR)
 
 
 MIN_PAIRS = 15
@@ -204,44 +189,13 @@ def estimate_lens(
     """The lens of the camera that took ``images``; ``hfov`` [deg] is its field of view if known.
 
     ``tick`` is called after each image and each fit. Images are read up to the first bad one.
+    Focal length and curvature are correlated: the simplest lens that the images do not contradict
+    is taken, a pinhole or an equidistant fisheye, before one of any curvature.
     """
     pairs, size = lens_pairs(images, tick)
     if len(pairs) < MIN_PAIRS:
         return LensEstimate(size, len(pairs))
-    return _fitted(pairs, size, None if hfov is None else math.radians(hfov), tick)
-
-
-def open_with_lens(
-    opened: Callable[[CameraCalibration | None], ImageSource],
-    hfov: float | None,
-    tick: Callable[[], None] = lambda: None,
-) -> tuple[ImageSource, float | None, LensEstimate]:
-    """Images without the distortion that they show, their field of view [deg], and the estimate.
-
-    ``opened`` opens the images with a calibration, or with none; it is called twice. The field of
-    view is ``hfov`` [deg] where it is known, None if the calibration gives it or nothing does.
-    ``tick`` is called after each step of the work.
-
-    Raises:
-        InputError: the images cannot be opened.
-
-    """
-    lens = estimate_lens(opened(None), hfov, tick)
-    return opened(lens.calibration), lens.known_hfov(hfov), lens
-
-
-def _fitted(
-    pairs: Sequence[TrackedPair],
-    size: tuple[int, int],
-    view: float | None,
-    tick: Callable[[], None],
-) -> LensEstimate:
-    """The estimate by ``pairs`` of images of ``size`` [px], with a known ``view`` [rad] or none.
-
-    Focal length and curvature are correlated: the simplest lens that the images do not contradict
-    is taken, a pinhole or an equidistant fisheye, before one of any curvature.
-    """
-    half = 0.5 * size[0]
+    view, half = None if hfov is None else math.radians(hfov), 0.5 * size[0]
     fit = LensFit(pairs, half, view)
     shape = fit.refined(fit.start())
     tick()
@@ -265,6 +219,25 @@ def _fitted(
     if not determined or focal_sigma > _SURE_FOCAL or not HFOV[0] <= shape.view(half) <= HFOV[1]:
         return LensEstimate(size, len(pairs))
     return LensEstimate(size, len(pairs), shape, focal_sigma, curvature_sigma)
+
+
+def open_with_lens(
+    opened: Callable[[CameraCalibration | None], ImageSource],
+    hfov: float | None,
+    tick: Callable[[], None] = lambda: None,
+) -> tuple[ImageSource, float | None, LensEstimate]:
+    """Images without the distortion that they show, their field of view [deg], and the estimate.
+
+    ``opened`` opens the images with a calibration, or with none; it is called twice. The field of
+    view is ``hfov`` [deg] where it is known, None if the calibration gives it or nothing does.
+    ``tick`` is called after each step of the work.
+
+    Raises:
+        InputError: the images cannot be opened.
+
+    """
+    lens = estimate_lens(opened(None), hfov, tick)
+    return opened(lens.calibration), lens.known_hfov(hfov), lens
 
 
 def _jackknife(

@@ -162,7 +162,6 @@ class LensFit:
 
 
 def _first_motions(pairs: Sequence[TrackedPair], shape: LensShape) -> list[Motion]:
-    """The motion of each pair by a search over all directions."""
     motions = []
     for pair in pairs:
         area = np.maximum(np.linalg.det(shape.slopes(pair.past)), _MIN_STRETCH**2)

@@ -31,9 +31,9 @@ def _font(size: float, bold: bool) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(Path(folder, "mpl-data", "fonts", "ttf", name), size)
 
 
-def text_width(text: str, size: float, *, bold: bool = False) -> float:
+def text_width(text: str, size: float) -> float:
     """Width [px] of ``text`` in letters of ``size`` [px]."""
-    return _font(size, bold).getlength(text)
+    return _font(size, bold=False).getlength(text)
 
 
 def write(

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from navfw.errors import InputError
 from navfw.numerics import Array
 from navfw.perceive.image_sources import ImageSource
-from navfw.perceive.timed_table import TIME, TIME_NAMES, TableFormat, TableRow, TimedTable
+from navfw.perceive.timed_table import TIME, TIME_NAMES, TableFormat, TimedTable
 from navfw.robot import CameraModel
 
 RATES = ("yaw_rate", "pitch_rate", "roll_rate")
@@ -105,27 +105,25 @@ class MotionRecord(ABC):
         """
         first, last = float(self.times[0]), float(self.times[-1])
         start, duration = images.start, min(images.duration, _MAX_RECORDING)
-        offset = 0.0
+        offset, problem = 0.0, ""
         if start is not None and first < start + duration and last > start:
             offset = start
         elif not (first < duration and last > 0.0):
             clock = ""
             if start is not None:
                 clock = f" ({start:.2f} to {start + duration:.2f} s on their clock)"
-            raise InputError(
+            problem = (
                 f"expected readings within the time of the images, 0 to {duration:.2f} s{clock}; "
                 f"got {first:.2f} to {last:.2f} s. Count times from the first image, or give those "
-                "of the images by their names or --times",
-                file=self.file,
-                key=self.option,
+                "of the images by their names or --times"
             )
-        if not images.rate_known:
-            raise InputError(
+        if not problem and not images.rate_known:
+            problem = (
                 "the times of the images are not known, so readings cannot be assigned to them; "
-                "give --fps or --times",
-                file=self.file,
-                key=self.option,
+                "give --fps or --times"
             )
+        if problem:
+            raise InputError(problem, file=self.file, key=self.option)
         return replace(self, times=self.times - offset) if offset else self
 
 
@@ -233,30 +231,25 @@ def load_gyro_record(path: Path) -> GyroRecord:
     notes = [f"gyro columns not used: {', '.join(table.unused)}"] if table.unused else []
     if table.names & _BY_AXIS.keys():
         notes.append("the gyro's axes x, y, z are taken as ahead, left, up")
-    samples: list[list[float]] = []
-    left_out = 0
-    for row in table.rows():
-        sample = [row.numbers.get(name, 0.0) for name in (TIME, *reversed(RATES))]
-        if not all(map(math.isfinite, sample)):
-            left_out += 1
-            continue
-        fastest = max(map(abs, sample[1:]))
-        if fastest > _MAX_RATE:
-            raise table.error(
-                f"a rate of {fastest:g} rad/s is above {_MAX_RATE:g}; are these degrees per "
-                "second? Name the unit in the header: yaw_rate_deg_s, or yaw_rate [mdeg/s]",
-                row.line,
-            )
-        samples.append(sample)
-    samples_array, interval = table.series(samples, "gyro sample")
-    if left_out:
-        notes.append(f"{left_out} of {left_out + len(samples)} gyro samples are not numbers")
-    times = samples_array[:, 0]
-    rates, offsets = _without_offsets(times, samples_array[:, 1:])
+    samples = table.array(TIME, *reversed(RATES))
+    fastest = np.abs(samples[:, 1:]).max(axis=1)
+    is_usable = np.isfinite(samples).all(axis=1)
+    for k in np.flatnonzero(is_usable & (fastest > _MAX_RATE)).tolist():
+        raise table.error(
+            f"a rate of {fastest[k]:g} rad/s is above {_MAX_RATE:g}; are these degrees per "
+            "second? Name the unit in the header: yaw_rate_deg_s, or yaw_rate [mdeg/s]",
+            table.lines[k],
+        )
+    usable = samples[is_usable]
+    times = usable[:, 0]
+    interval = table.interval(times, "gyro sample")
+    if left_out := len(samples) - len(usable):
+        notes.append(f"{left_out} of {len(samples)} gyro samples are not numbers")
+    rates, offsets = _without_offsets(times, usable[:, 1:])
     return GyroRecord(
         times=times,
         longest_gap=_GAP_STEPS * interval,
-        measured=table.columns & frozenset(RATES),
+        measured=frozenset(RATES) & table.numbers.keys(),
         notes=(*notes, *offsets),
         file=table.file,
         rates=rates,
@@ -288,8 +281,17 @@ def load_pose_record(path: Path, pitch: float = 0.0) -> PoseRecord:
 
     """
     table = TimedTable(path, _POSES)
-    poses, interval = table.series([_pose(table, row) for row in table.rows()], "pose")
+    poses = table.array(*_POSES.columns)
+    for line, pose in zip(table.lines, poses.tolist(), strict=True):
+        if not all(map(math.isfinite, pose)) or max(map(abs, pose[1:4])) > _MAX_COORDINATE:
+            raise table.error("expected finite numbers, positions in metres", line)
+        norm = math.hypot(*pose[4:])
+        if not _NORM[0] <= norm <= _NORM[1]:
+            raise table.error(
+                f"qx qy qz qw have the norm {norm:.3g}, not 1; expected the order x, y, z, w", line
+            )
     times, places = poses[:, 0], poses[:, 1:4]
+    interval = table.interval(times, "pose")
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     speed = float(np.median(steps / np.diff(times)))
     if speed > _MAX_SPEED:
@@ -304,16 +306,3 @@ def load_pose_record(path: Path, pitch: float = 0.0) -> PoseRecord:
         quaternions=poses[:, 4:],
         base_from_camera=CameraModel(pitch=pitch).base_from_camera,
     )
-
-
-def _pose(table: TimedTable, row: TableRow) -> list[float]:
-    """Time, position and quaternion of a row."""
-    pose = [row.numbers[name] for name in _POSES.columns]
-    if not all(map(math.isfinite, pose)) or max(map(abs, pose[1:4])) > _MAX_COORDINATE:
-        raise table.error("expected finite numbers, positions in metres", row.line)
-    norm = math.hypot(*pose[4:])
-    if not _NORM[0] <= norm <= _NORM[1]:
-        raise table.error(
-            f"qx qy qz qw have the norm {norm:.3g}, not 1; expected the order x, y, z, w", row.line
-        )
-    return pose

@@ -138,7 +138,9 @@ class TrackImage:
 
 def track_points(past: TrackImage, now: TrackImage, size: WorkingSize) -> PointMotion:
     """Corners of ``now`` found again in ``past``, in pixels of the working image."""
-    corners: Any = cv2.goodFeaturesToTrack(now.grey, POINTS, QUALITY, _distance(now.grey))
+    # half the distance of points spread evenly
+    distance = max(0.5 * float(np.sqrt(now.grey.size / POINTS)), 3.0)
+    corners: Any = cv2.goodFeaturesToTrack(now.grey, POINTS, QUALITY, distance)
     if corners is None:
         none = np.empty((0, 2))
         return PointMotion(none, none, np.empty(0), np.empty(0))
@@ -167,11 +169,6 @@ def _tracked(image: Image, other: Image, points: Any) -> tuple[Any, Any]:
         criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01),
     )
     return moved, np.asarray(status).ravel() > 0
-
-
-def _distance(grey: Image) -> float:
-    """Least distance between two points [px]: that of POINTS spread evenly, halved."""
-    return max(0.5 * float(np.sqrt(grey.size / POINTS)), 3.0)
 
 
 def _centred(points: Array, grey: Image) -> Array:

@@ -115,12 +115,11 @@ def _heading(result: PairResult) -> dict[str, Any]:
     egomotion = result.egomotion
     has_heading = math.isfinite(egomotion.heading_sigma)
     right, down, ahead = egomotion.direction.tolist()
+    bearing, elevation = math.atan2(-right, ahead), math.asin(min(max(-down, -1.0), 1.0))
     return {
         "motion": str(egomotion.kind),
-        "bearing_deg": _n(math.degrees(math.atan2(-right, ahead))) if has_heading else None,
-        "elevation_deg": _n(math.degrees(math.asin(min(max(-down, -1.0), 1.0))))
-        if has_heading
-        else None,
+        "bearing_deg": _n(math.degrees(bearing)) if has_heading else None,
+        "elevation_deg": _n(math.degrees(elevation)) if has_heading else None,
         "sigma_deg": _n(math.degrees(egomotion.heading_sigma)),
     }
 

@@ -103,7 +103,7 @@ class Perceiver:
 
     def __init__(self, options: PerceiverOptions, source: ImageSource, registry: Registry) -> None:
         self.options = options
-        self._source = source
+        self.source = source
         self._plugin = _flow_plugin(options, registry)
         self._scales = ScaleEstimator(options.speed or None, options.height)
         self._stride = options.stride or self._first_stride()
@@ -117,7 +117,7 @@ class Perceiver:
 
         """
         earlier: deque[_Prepared] = deque(maxlen=MAX_STRIDE)
-        for item in self._source:
+        for item in self.source:
             size = self.size or self._start(item)
             if item.after_gap:
                 earlier.clear()
@@ -131,13 +131,12 @@ class Perceiver:
             earlier.append(now)
 
     def _start(self, first: SourceImage) -> WorkingSize:
-        """Prepare camera and flow processor for the size of the ``first`` image."""
         height, width = first.image.shape[:2]
         o = self.options
         rows, cols = o.grid_for(width, height)
         self.size = size = WorkingSize.of(width, height, rows, cols)
-        rate = min(max(self._source.rate, 0.01), 1e4)
-        hfov = o.angle_of_view(width, height, self._source.hfov)
+        rate = min(max(self.source.rate, 0.01), 1e4)
+        hfov = o.angle_of_view(width, height, self.source.hfov)
         self._camera = size.camera(hfov, 1.0, math.radians(o.pitch or 0.0), rate)
         self._processor = self._plugin(RobotModel(camera=self._camera), rows, cols)
         self._offis: dict[tuple[int, int, float], Offis] = {}
@@ -148,7 +147,6 @@ class Perceiver:
         return size
 
     def _analyse(self, past: _Prepared, now: _Prepared) -> _Analysis:
-        """Egomotion, flow, scale and percept of a pair."""
         motion = self._motions.estimate(past.track, now.track, past.frame.time, now.frame.time)
         pair = FramePair(past.frame, now.frame, motion.camera_motion(1.0))
         raw = self._processor.compute(pair)
@@ -289,7 +287,7 @@ class Perceiver:
         speed = self.options.speed
         if not speed:
             return 1
-        return min(max(round(_BASELINE * self._source.rate / speed), 1), MAX_STRIDE)
+        return min(max(round(_BASELINE * self.source.rate / speed), 1), MAX_STRIDE)
 
     def _choose_stride(self, raw: FlowField, flow: FlowField, motion: PairMotion) -> None:
         """Increase the stride for slow flow, decrease it for fast flow (METHOD 2.7).
@@ -340,13 +338,11 @@ def _fastest(flow: FlowField) -> float:
 
 
 def _alike(past: Frame, now: Frame) -> bool:
-    """Whether two images with texture differ by no more than noise."""
     change = np.abs(now.image.astype(np.int16) - past.image).mean()
     return bool(change < 0.1 * now.image.std() and now.image.std() > 4.0)
 
 
 def _unknown(flow: FlowField) -> FlowField:
-    """``flow`` without confidence."""
     return replace(flow, confidence=np.zeros(flow.shape))
 
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import csv
 import difflib
-import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -59,6 +59,10 @@ _MAX_INTERVAL = 2.0
 """Longest usual interval of samples [s]: longer ones are probably not in seconds."""
 
 
+_TimedColumn: TypeAlias = tuple[str, float]
+"""A column's name, and the factor that its numbers have in SI units."""
+
+
 @dataclass(frozen=True, slots=True)
 class TableFormat:
     """What a kind of table holds.
@@ -76,57 +80,42 @@ class TableFormat:
     others: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class TableRow:
-    """A row: ``numbers`` by column, times [s] and rates [rad/s]; nan where a cell is empty."""
-
-    line: int
-    numbers: dict[str, float]
-    texts: dict[str, str]
-
-
-@dataclass(frozen=True, slots=True)
-class _TimedColumn:
-    """The column ``name``, whose numbers times ``unit`` are in SI units."""
-
-    name: str
-    unit: float = 1.0
-
-
 class TimedTable:
     """The table in the file at ``path``, which messages name as ``file``.
 
-    ``header`` has the cells of the header, none without one.
+    ``header`` has the cells of the header, none without one; ``lines`` the number of each row's
+    line; ``numbers`` the values (n,) of each column, times [s] and rates [rad/s], nan where a cell
+    is empty; ``texts`` the cells of the columns without numbers. The times of rows without a
+    missing number increase.
 
     Raises:
         InputError: the file cannot be read, lacks a column, or has a misspelt one or an unknown
-            unit; with file and line.
+            unit; a row has another number of values, a value is not a number, or a time does not
+            come after the one before; with file and line.
 
     """
 
     def __init__(self, path: Path, kind: TableFormat) -> None:
         self.file = shown_path(path)
         self.header: tuple[str, ...] = ()
+        self.lines: list[int] = []
+        self.numbers: dict[str, Array] = {}
+        self.texts: dict[str, list[str]] = {}
         self._kind = kind
         self._columns: list[_TimedColumn | None] = []
-        self._lines: Iterator[tuple[int, list[str]]] = self._split(
-            read_input_text(path, _MAX_BYTES)
-        )
-        first = next(self._lines, None)
-        if first is None:
+        rows = list(self._split(read_input_text(path, _MAX_BYTES)))
+        if not rows:
             return
-        line, cells = first
+        line, cells = rows[0]
         if _is_number(cells[0]):
             self._columns = self._by_position(line, len(cells))
-            self._lines = itertools.chain([first], self._lines)
         else:
             self.header = tuple(cells)
             self._columns = self._by_header(line)
-
-    @property
-    def columns(self) -> frozenset[str]:
-        """The names of the columns that the table has."""
-        return frozenset(column.name for column in self._columns if column is not None)
+            del rows[0]
+        self.lines = [line for line, _ in rows]
+        self._fill(rows)
+        self._check_order()
 
     @property
     def names(self) -> frozenset[str]:
@@ -139,59 +128,57 @@ class TimedTable:
         pairs = zip(self.header, self._columns, strict=True) if self.header else ()
         return [name for name, column in pairs if column is None]
 
-    def rows(self) -> Iterator[TableRow]:
-        """The rows; the times of those without a missing number increase.
+    def array(self, *names: str) -> Array:
+        """The columns of these ``names`` (n, k); 0 where the table has none of the name."""
+        zero = np.zeros(len(self.lines))
+        return np.stack([self.numbers.get(name, zero) for name in names], axis=1)
+
+    def interval(self, times: Array, name: str) -> float:
+        """The usual interval [s] of the ``times`` (n,) of what is called ``name``.
 
         Raises:
-            InputError: a row has another number of values, a value is not a number, or a time does
-                not come after the one before.
+            InputError: there are fewer than two, or the interval is too long to be in seconds.
 
         """
-        last = -math.inf
-        for line, cells in self._lines:
-            if len(cells) != len(self._columns):
-                names = ", ".join(column.name for column in self._columns if column is not None)
-                raise self.error(
-                    f"has {len(cells)} values, not {len(self._columns)} ({names})", line
-                )
-            row = TableRow(line, {}, {})
-            for column, cell in zip(self._columns, cells, strict=True):
-                if column is not None and column.name in self._kind.texts:
-                    row.texts.setdefault(column.name, cell)
-                elif column is not None:
-                    row.numbers[column.name] = column.unit * self._number(line, column.name, cell)
-            if all(map(math.isfinite, row.numbers.values())):
-                time = row.numbers[TIME]
-                if time <= last:
-                    raise self.error(
-                        f"time {time:.6f} s does not come after {last:.6f} s; sort the rows by "
-                        "time",
-                        line,
-                    )
-                last = time
-            yield row
-
-    def series(self, rows: Sequence[Sequence[float]], name: str) -> tuple[Array, float]:
-        """``rows`` (n, k), each with its time first, as an array, and their usual interval [s].
-
-        Raises:
-            InputError: there are fewer than two, called ``name``, or the interval is too long to be
-                in seconds.
-
-        """
-        if len(rows) < 2:
+        if len(times) < 2:
             columns = ", ".join(self._kind.columns[: self._kind.needed])
             raise self.error(
-                f"has {len(rows) or 'no'} usable {name}; at least two rows of {columns} are needed"
+                f"has {len(times) or 'no'} usable {name}; at least two rows of {columns} are needed"
             )
-        table = np.array(rows)
-        interval = float(np.median(np.diff(table[:, 0])))
+        interval = float(np.median(np.diff(times)))
         if interval > _MAX_INTERVAL:
             raise self.error(
                 f"{name}s are {interval:g} s apart; expected times in seconds: if they have "
                 "another unit, name it in the header: time_ms, time_us or time_ns"
             )
-        return table, interval
+        return interval
+
+    def _fill(self, rows: Sequence[tuple[int, list[str]]]) -> None:
+        for line, cells in rows:
+            if len(cells) != len(self._columns):
+                names = ", ".join(column[0] for column in self._columns if column is not None)
+                raise self.error(
+                    f"has {len(cells)} values, not {len(self._columns)} ({names})", line
+                )
+        for k, column in enumerate(self._columns):
+            if column is None:
+                continue
+            name, unit = column
+            if name in self._kind.texts:
+                self.texts.setdefault(name, [cells[k] for _, cells in rows])
+            else:
+                numbers = [self._number(line, name, cells[k]) for line, cells in rows]
+                self.numbers[name] = unit * np.array(numbers)
+
+    def _check_order(self) -> None:
+        usable = np.flatnonzero(np.isfinite(self.array(*self.numbers)).all(axis=1))
+        times = self.numbers[TIME][usable]
+        for k in np.flatnonzero(np.diff(times) <= 0.0).tolist():
+            raise self.error(
+                f"time {times[k + 1]:.6f} s does not come after {times[k]:.6f} s; sort the rows by "
+                "time",
+                self.lines[usable[k + 1]],
+            )
 
     def error(self, message: str, line: int | None = None, key: str | None = None) -> InputError:
         """The error that the table, or its ``line``, is not what it should be."""
@@ -217,7 +204,6 @@ class TimedTable:
             raise self.error(f"is not a CSV file: {error}", reader.line_num) from None
 
     def _by_position(self, line: int, count: int) -> list[_TimedColumn | None]:
-        """The columns of a table without a header."""
         columns, needed, others = self._kind.columns, self._kind.needed, self._kind.others
         if count < needed or (count > len(columns) and not others):
             optional = f" [, {', '.join(columns[needed:])}]" if columns[needed:] else ""
@@ -226,13 +212,12 @@ class TimedTable:
                 f"{optional}",
                 line,
             )
-        of_use = [_TimedColumn(name) for name in columns[:count]]
-        return [*of_use, *[None] * (count - len(of_use))]
+        used = [(name, 1.0) for name in columns[:count]]
+        return [*used, *[None] * (count - len(used))]
 
     def _by_header(self, line: int) -> list[_TimedColumn | None]:
-        """The columns that the header names."""
         columns = [self._named(line, word) for word in self.header]
-        names = [column.name for column in columns if column is not None]
+        names = [column[0] for column in columns if column is not None]
         for name in self._kind.columns[: self._kind.needed]:
             if name not in names:
                 raise self.error(f"has no column {name!r}; name the one that holds it so", line)
@@ -252,11 +237,11 @@ class TimedTable:
                 raise self.error(f"unknown column {word!r}: {hint}", line)
             return None
         if unit is None:
-            return _TimedColumn(name)
+            return name, 1.0
         units = _TIME_UNITS if name == TIME else _RATE_UNITS
         if unit not in units:
             raise self.error(f"unknown unit in {word!r}; known: {', '.join(units)}", line)
-        return _TimedColumn(name, units[unit])
+        return name, units[unit]
 
     def _number(self, line: int, name: str, cell: str) -> float:
         try:

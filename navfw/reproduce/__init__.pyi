@@ -2,7 +2,6 @@ from .metric_comparison import compare_metrics as compare_metrics
 from .paper_scenes import FAST_TURN as FAST_TURN
 from .paper_scenes import SCENES as SCENES
 from .paper_scenes import WAYPOINTS as WAYPOINTS
-from .paper_scenes import before as before
 from .paper_scenes import drive as drive
 from .paper_scenes import hand_held as hand_held
 from .paper_scenes import length as length
@@ -17,9 +16,9 @@ from .paper_tables import true_flow as true_flow
 from .photographs import chosen_frames as chosen_frames
 from .photographs import real_as_data as real_as_data
 from .photographs import real_scenes as real_scenes
+from .reproduction import draw_map as draw_map
 from .reproduction import reproduce as reproduce
+from .reproduction import scene_picture as scene_picture
 from .reproduction import summary as summary
+from .reproduction import waypoint_picture as waypoint_picture
 from .reproduction import write_page as write_page
-from .reproduction_pictures import draw_map as draw_map
-from .reproduction_pictures import scene_picture as scene_picture
-from .reproduction_pictures import waypoint_picture as waypoint_picture

@@ -13,11 +13,11 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from navfw.bench.perception_accuracy import check_percept
 from navfw.bench.perception_samples import PerceptionSample, drawn_samples
 from navfw.numerics import Array
+from navfw.numerics.arrays import Indices
 from navfw.offis.offis import Offis
 from navfw.offis.pyramid import QUADRANTS, Channels, Pyramid
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
@@ -145,7 +145,6 @@ def _perceived(
     seen: Sequence[tuple[FlowField, Twist]],
     samples: Sequence[PerceptionSample],
 ) -> Answers:
-    """OFFIS' answers for nearest quadrant, its distance, and situation."""
     offis = Offis(RobotModel(), params)
     checked = [
         check_percept(offis.perceive(flow, twist), sample.truth)
@@ -210,7 +209,7 @@ def _cross_validated(table: Array, labels: Sequence[str]) -> list[str]:
 def _discriminate(training: Array, labels: Sequence[str], test: Array) -> list[str]:
     """The labels of ``test`` rows by linear discriminant analysis with a ridged covariance."""
     classes = sorted(set(labels))
-    which: npt.NDArray[np.int64] = np.array([classes.index(label) for label in labels])
+    which: Indices = np.array([classes.index(label) for label in labels])
     centre, spread = training.mean(axis=0), training.std(axis=0) + 1e-9
     x, y = (training - centre) / spread, (test - centre) / spread
     means = np.stack([x[which == c].mean(axis=0) for c in range(len(classes))])

@@ -17,7 +17,7 @@ import math
 from dataclasses import dataclass
 from itertools import pairwise
 
-from navfw.bench.true_pairs import arc
+from navfw.bench.true_pairs import MovingPose
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Pose, Twist
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, OpeningSpec, TextureSpec, WallSpec, WorldSpec
@@ -33,15 +33,6 @@ FAST_TURN = 0.9
 
 _SPEED, _REACHED, _GAIN, _TICK = 0.4, 0.12, 4.0, 1.0 / 60.0
 _MAX_TIME = 60.0
-
-
-@dataclass(frozen=True, slots=True)
-class TrajectoryPoint:
-    """Pose at ``time`` [s], and the twist from there on."""
-
-    time: float
-    pose: Pose
-    twist: Twist
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +59,10 @@ WAYPOINTS = (
 """The marked points, in order."""
 
 
-def drive() -> list[TrajectoryPoint]:
+def drive() -> list[MovingPose]:
     """The trajectory from ``START`` over all of ``PLACES``, in steps of 1/60 s."""
-    pose, time, way = START, 0.0, []
+    pose, time = START, 0.0
+    way: list[MovingPose] = []
     places = list(PLACES)
     while places and time < _MAX_TIME:
         x, y = pose.to_local(*places[0])
@@ -80,18 +72,13 @@ def drive() -> list[TrajectoryPoint]:
         bearing = math.atan2(y, x)
         turn = min(max(_GAIN * bearing, -FAST_TURN), FAST_TURN)
         twist = Twist(_SPEED * max(math.cos(bearing), 0.45), turn)
-        way.append(TrajectoryPoint(time, pose, twist))
-        pose = pose.compose(arc(twist.v * _TICK, twist.w * _TICK))
+        way.append(MovingPose(pose, twist))
+        pose = way[-1].before(-_TICK)
         time += _TICK
     return way
 
 
-def before(point: TrajectoryPoint, seconds: float) -> Pose:
-    """The pose ``seconds`` [s] earlier on the arc of the present twist."""
-    return point.pose.compose(arc(-point.twist.v * seconds, -point.twist.w * seconds))
-
-
-def length(way: list[TrajectoryPoint]) -> float:
+def length(way: list[MovingPose]) -> float:
     """Length [m] of a trajectory."""
     return sum(math.dist((a.pose.x, a.pose.y), (b.pose.x, b.pose.y)) for a, b in pairwise(way))
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from navfw.bench.perception_accuracy import judge_percept, no_situation
 from navfw.bench.perception_benchmark import median_ms
 from navfw.bench.real_labels import Judgement, SentenceVerdict
-from navfw.bench.true_pairs import exposed, true_field
+from navfw.bench.true_pairs import MovingPose, exposed, true_field
 from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
 from navfw.camera_geometry.rotations import derotate
 from navfw.config.lookup import find
@@ -30,9 +29,7 @@ from navfw.reproduce.paper_scenes import (
     STEP,
     WAYPOINTS,
     OfficeScene,
-    TrajectoryPoint,
     TrajectoryWaypoint,
-    before,
     drive,
     hand_held,
 )
@@ -42,7 +39,6 @@ from navfw.sim.camera import DepthImage
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldfile import load_world
-from navfw.sim.worldspec import WorldSpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,41 +70,23 @@ class CheckedPercept:
         return self.judgement.verdict is SentenceVerdict.RIGHT
 
 
-class ViewRenderer:
-    """Renders image pairs with a robot's camera in a world; a context manager.
+SENSORS = SensorParams(supersample=2)
+"""Images are rendered at twice the size and averaged, against aliasing."""
 
-    ``seed`` is that of the image noise. The robot's body stays at ``start``.
-    """
 
-    def __init__(self, world: WorldSpec, robot: RobotModel, start: Pose, seed: int) -> None:
-        self.robot = robot
-        self._walls = WallGeometry(world)
-        self._rng = np.random.default_rng(seed)
-        # rendered at twice the size and averaged, against aliasing
-        self._sim = Simulation(world, robot, start, 0, SensorParams(supersample=2))
-
-    def __enter__(self) -> ViewRenderer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._sim.close()
-
-    def render(self, past: Pose, now: Pose, dt: float) -> RenderedPair:
-        """The images from two poses, ``dt`` [s] apart."""
-        robot = self.robot
-        before, _ = self._sim.render_from(past)
-        after, depth = self._sim.render_from(now)
-        motion = camera_motion(robot, past, now, dt, slip=0.0)
-        step = past.relative(now)
-        twist = Twist(float(np.hypot(step.x, step.y)) / dt, step.yaw / dt)
-        frames = Frame(0.0, exposed(before, self._rng)), Frame(dt, exposed(after, self._rng))
-        return RenderedPair(
-            FramePair(*frames, motion),
-            depth,
-            motion,
-            twist,
-            truth_of(self._walls, now, twist.v, depth, robot),
-        )
+def rendered_view(
+    sim: Simulation, rng: np.random.Generator, past: Pose, now: Pose, dt: float
+) -> RenderedPair:
+    """The images from two poses, ``dt`` [s] apart, with noise by ``rng``."""
+    robot = sim.robot
+    image_before, _ = sim.render_from(past)
+    image_now, depth = sim.render_from(now)
+    motion = camera_motion(robot, past, now, dt, slip=0.0)
+    step = past.relative(now)
+    twist = Twist(float(np.hypot(step.x, step.y)) / dt, step.yaw / dt)
+    frames = Frame(0.0, exposed(image_before, rng)), Frame(dt, exposed(image_now, rng))
+    truth = truth_of(WallGeometry(sim.world), now, twist.v, depth, robot)
+    return RenderedPair(FramePair(*frames, motion), depth, motion, twist, truth)
 
 
 def true_flow(view: RenderedPair, robot: RobotModel, rows: int = 12, cols: int = 16) -> FlowField:
@@ -117,32 +95,30 @@ def true_flow(view: RenderedPair, robot: RobotModel, rows: int = 12, cols: int =
     return true_field(points, view.depth, view.motion, camera, view.pair.now.time)
 
 
-def matched_flow(
+def _matched_flow(
     view: RenderedPair, robot: RobotModel, params: BlockMatching.Params, *, gyro: bool
 ) -> FlowField:
     """Flow of ``view`` by block matching; without ``gyro`` no rotation is predicted."""
     motion = view.motion if gyro else _unturned(view.motion)
-    pair = dataclasses.replace(view.pair, motion=motion)
+    pair = replace(view.pair, motion=motion)
     return BlockMatching(robot, params).compute(pair)
 
 
-def derotated(flow: FlowField, robot: RobotModel, *, with_refinement: bool) -> FlowField:
-    """``flow`` without its rotational part: from the gyro alone, or refined by the flow."""
-    if with_refinement:
-        return refine(flow, robot.camera).apply(flow, robot.camera)
-    return derotate(flow, robot.camera)
+def _refined(flow: FlowField, robot: RobotModel) -> FlowField:
+    """``flow`` without its rotational part, that of the gyro refined by the flow."""
+    return refine(flow, robot.camera).apply(flow, robot.camera)
 
 
-def not_derotated(flow: FlowField) -> FlowField:
+def _not_derotated(flow: FlowField) -> FlowField:
     """``flow`` unchanged but labelled as without rotation: the error of the paper's waypoint 3."""
-    return dataclasses.replace(flow, motion=_unturned(flow.motion), derotated=True)
+    return replace(flow, motion=_unturned(flow.motion), derotated=True)
 
 
 def _unturned(motion: CameraMotion) -> CameraMotion:
-    return dataclasses.replace(motion, rotation=np.eye(3))
+    return replace(motion, rotation=np.eye(3))
 
 
-def checked_percept(offis: Offis, flow: FlowField, view: RenderedPair) -> CheckedPercept:
+def _checked_percept(offis: Offis, flow: FlowField, view: RenderedPair) -> CheckedPercept:
     """The percept of ``offis`` from derotated ``flow``, judged by the truth of ``view``."""
     offis.reset()
     percept = offis.perceive(flow, view.twist)
@@ -166,7 +142,7 @@ class WaypointRow:
     """
 
     waypoint: TrajectoryWaypoint
-    point: TrajectoryPoint
+    point: MovingPose
     view: RenderedPair
     percepts: Mapping[tuple[str, str, str], CheckedPercept]
 
@@ -190,22 +166,23 @@ def table2(seed: int) -> list[WaypointRow]:
     modes = _modes(robot, _SEARCH)
     params = BlockMatching.Params(search=_SEARCH)
     rows = []
-    with ViewRenderer(load_world(find("world", "paper-room")), robot, START, seed) as renderer:
+    rng = np.random.default_rng(seed)
+    with Simulation(load_world(find("world", "paper-room")), robot, START, 0, SENSORS) as sim:
         for waypoint in WAYPOINTS:
             point = way[round(waypoint.time * 60.0)]
-            view = renderer.render(before(point, PERIOD), point.pose, PERIOD)
+            view = rendered_view(sim, rng, point.before(PERIOD), point.pose, PERIOD)
             true = true_flow(view, robot)
-            with_gyro = matched_flow(view, robot, params, gyro=True)
+            with_gyro = _matched_flow(view, robot, params, gyro=True)
             flows = {
-                ("ideal", "removed"): derotated(true, robot, with_refinement=False),
-                ("ideal", "left in"): not_derotated(true),
-                ("block matching", "removed"): derotated(with_gyro, robot, with_refinement=True),
-                ("block matching", "left in"): not_derotated(
-                    matched_flow(view, robot, params, gyro=False)
+                ("ideal", "removed"): derotate(true, robot.camera),
+                ("ideal", "left in"): _not_derotated(true),
+                ("block matching", "removed"): _refined(with_gyro, robot),
+                ("block matching", "left in"): _not_derotated(
+                    _matched_flow(view, robot, params, gyro=False)
                 ),
             }
             percepts = {
-                (kind, rotation, mode): checked_percept(offis, flow, view)
+                (kind, rotation, mode): _checked_percept(offis, flow, view)
                 for (kind, rotation), flow in flows.items()
                 for mode, offis in modes.items()
             }
@@ -221,16 +198,15 @@ def table3(seed: int) -> list[SceneRow]:
     rows = []
     for scene in SCENES:
         past = scene.pose.compose(Pose(-STEP, 0.0, 0.0))
-        with ViewRenderer(scene.world, robot, scene.pose, seed + scene.number) as renderer:
-            view = renderer.render(past, scene.pose, STEP / SPEED)
+        rng = np.random.default_rng(seed + scene.number)
+        with Simulation(scene.world, robot, scene.pose, 0, SENSORS) as sim:
+            view = rendered_view(sim, rng, past, scene.pose, STEP / SPEED)
         flows = {
-            "ideal": derotated(true_flow(view, robot, ROWS, COLS), robot, with_refinement=False),
-            "block matching": derotated(
-                matched_flow(view, robot, params, gyro=True), robot, with_refinement=True
-            ),
+            "ideal": derotate(true_flow(view, robot, ROWS, COLS), robot.camera),
+            "block matching": _refined(_matched_flow(view, robot, params, gyro=True), robot),
         }
         percepts = {
-            (kind, mode): checked_percept(offis, flow, view)
+            (kind, mode): _checked_percept(offis, flow, view)
             for kind, flow in flows.items()
             for mode, offis in modes.items()
         }
@@ -304,9 +280,8 @@ def as_data(rows: list[WaypointRow], scenes: list[SceneRow]) -> dict[str, Any]:
             {
                 "waypoint": row.waypoint.number,
                 "doing": row.waypoint.doing,
-                "pose": [round(v, 4) for v in (row.point.pose.x, row.point.pose.y)]
-                + [round(row.point.pose.yaw, 4)],
-                "twist": [round(row.point.twist.v, 4), round(row.point.twist.w, 4)],
+                "pose": [round(value, 4) for value in astuple(row.point.pose)],
+                "twist": [round(value, 4) for value in astuple(row.point.twist)],
                 "truth": _truth(row.view),
                 "readings": [
                     {"flow": kind, "rotation": rotation, "mode": mode, **_reading(checked)}
@@ -345,7 +320,6 @@ def _truth(view: RenderedPair) -> dict[str, Any]:
 
 
 def _reading(checked: CheckedPercept) -> dict[str, Any]:
-    """A sentence, its verdict, and whether each of its statements is true."""
     return {
         "sentence": checked.percept.sentence,
         "verdict": str(checked.judgement.verdict),

@@ -20,7 +20,6 @@ from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
 from navfw.numerics import Image
 from navfw.perceive.overlay import draw
-from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.plugins import Registry
 from navfw.process.work_progress import ProgressCallback
@@ -87,7 +86,7 @@ def _part_scenes(
     """The labelled frames of one part; silent where there is no result."""
     named = {label.file: label for label in labels}
     scenes = {label: RealScene(label, "", (), Judgement({}), None) for label in labels}
-    perceiver = open_part(data, labels, PerceiverOptions().flow, registry).perceiver
+    perceiver, _ = open_part(data, labels, PerceiverOptions().flow, registry)
     for item, result in perceiver.results():
         label = named.get(Path(item.name).name)
         if label is None:
@@ -96,13 +95,9 @@ def _part_scenes(
         shown = label in chosen and RECORDINGS[label.folder].licence is not None
         if shown and perceiver.size is not None:
             picture = draw(item.image, result, perceiver.size)
-        scenes[label] = _scene(label, result, picture)
+        sentence, judged = result.percept.sentence, judge_result(result, label)
+        scenes[label] = RealScene(label, sentence, result.notes, judged, picture)
     return scenes
-
-
-def _scene(label: FrameLabel, result: PairResult, picture: Image | None) -> RealScene:
-    judged = judge_result(result, label)
-    return RealScene(label, result.percept.sentence, result.notes, judged, picture)
 
 
 def real_as_data(scenes: Mapping[FrameLabel, RealScene]) -> dict[str, Any]:

@@ -1,29 +1,39 @@
-"""``navfw reproduce``: render, interpret, compare, time, and write the folder."""
+"""``navfw reproduce``: render, interpret, compare, draw, time, and write the folder."""
 
 from __future__ import annotations
 
 import base64
+import dataclasses
 import hashlib
 import json
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from io import BytesIO
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
 
 from navfw.bench.real_labels import FrameLabel, SentenceVerdict
+from navfw.bench.true_pairs import MovingPose
 from navfw.config.extras import extra_imports
 from navfw.config.lookup import find
+from navfw.missions.run_drawing import outline_of
 from navfw.numerics import Image
 from navfw.offis.pyramid import position
+from navfw.perceive.lettering import write
+from navfw.perceive.overlay import draw_flow
 from navfw.plugins import default_registry
 from navfw.process.atomic import AtomicFolder
 from navfw.process.result_table import shown
 from navfw.process.work_progress import ProgressCallback, silent
+from navfw.recording.plan_picture import draw_arrow, draw_shapes, plan_axes
 from navfw.recording.run_folder import plain_json
+from navfw.recording.top_view import Line, Marks, Style
 from navfw.reproduce.metric_comparison import compare_metrics
 from navfw.reproduce.paper_scenes import drive
 from navfw.reproduce.paper_tables import (
@@ -38,8 +48,10 @@ from navfw.reproduce.paper_tables import (
     timings,
 )
 from navfw.reproduce.photographs import RealScene, chosen_frames, real_as_data, real_scenes
-from navfw.reproduce.reproduction_pictures import draw_map, scene_picture, waypoint_picture
+from navfw.signals import FlowField
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldfile import load_world
+from navfw.sim.worldspec import WorldSpec
 
 with extra_imports("report", key="navfw reproduce"):
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -133,7 +145,6 @@ def _significant(claims: Sequence[Mapping[str, Any]]) -> int:
 
 
 def _claim_text(claim: Mapping[str, Any]) -> str:
-    """One comparison of section 4.3 with its figures."""
     question = {
         "quadrant": "nearest quadrant",
         "distance": "distance of the nearest object",
@@ -157,6 +168,88 @@ def _chosen(rows: Sequence[Mapping[str, Any]], **wanted: str) -> list[Mapping[st
         for reading in row["readings"]
         if all(reading[key] == value for key, value in wanted.items())
     ]
+
+
+_GAIN = 4
+_STRIP = 30
+_PAPER, _INK = (255, 255, 255), (40, 40, 40)
+_WAYPOINT = "#D00000"
+
+
+def waypoint_picture(row: WaypointRow) -> Image:
+    """The image; its ideal flow without and with rotation; the flow of block matching."""
+    image = row.view.pair.now.image
+    parts = [_panel(image, None, f"waypoint {row.waypoint.number}")]
+    for kind, rotation, title in (
+        ("ideal", "removed", "ideal flow, rotation removed"),
+        ("ideal", "left in", "ideal flow, rotation left in"),
+        ("block matching", "removed", "block matching, rotation removed"),
+    ):
+        parts.append(_panel(image, row.percepts[kind, rotation, "normalised"].flow, title))
+    return np.concatenate([_beside(parts[:2]), _beside(parts[2:])])
+
+
+def scene_picture(row: SceneRow) -> Image:
+    """The image, and the flow of block matching over it, as in the paper's Fig. 18."""
+    image = row.view.pair.now.image
+    flow = row.percepts["block matching", "normalised"].flow
+    return _beside(
+        [
+            _panel(image, None, f"situation {row.scene.number}"),
+            _panel(image, flow, "block matching, 10 x 15"),
+        ]
+    )
+
+
+def _panel(image: Image, flow: FlowField | None, title: str) -> Image:
+    height, width = image.shape
+    size = (_GAIN * width, _GAIN * height)
+    large = cv2.resize(image, size, interpolation=cv2.INTER_CUBIC)
+    colour = np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    if flow is not None:
+        colour = np.asarray(0.45 * colour + 20.0, dtype=np.uint8)
+        # all vectors are drawn, also those that OFFIS rejects
+        shown = np.maximum(flow.confidence, 0.4 * (flow.sigma < 5.0))
+        draw_flow(colour, dataclasses.replace(flow, confidence=shown), float(_GAIN))
+    strip = np.full((_STRIP, colour.shape[1], 3), _PAPER, dtype=np.uint8)
+    write(strip, title, (4.0, 21.0), 17.0, _INK)
+    return np.concatenate([strip, colour])
+
+
+def _beside(panels: list[Image]) -> Image:
+    gap = np.full((panels[0].shape[0], 8, 3), 255, dtype=np.uint8)
+    joined = [panels[0]]
+    for panel in panels[1:]:
+        joined += [gap, panel]
+    return np.concatenate(joined, axis=1)
+
+
+def draw_map(world: WorldSpec, way: list[MovingPose], rows: list[WaypointRow]) -> Image:
+    """The room from above with trajectory and waypoints (Fig. 16)."""
+    outline = outline_of(SceneGeometry.from_world(world, 2.0))
+    low, high = np.array([world.x, world.y]).T
+    figure, axes = plan_axes((9.0, 5.4), (0.04, 0.06, 0.94, 0.92), low, high)
+    path = Line(np.array([(m.pose.x, m.pose.y) for m in way]), Style("#0072B2", width=1.5))
+    points = np.array([(row.point.pose.x, row.point.pose.y) for row in rows])
+    waypoints = Marks(points, Style(_WAYPOINT, size=7.0))
+    draw_shapes(axes, [*outline.shapes(), path, waypoints], zorder=1.0)
+    for row in rows:
+        pose = row.point.pose
+        fast = row.waypoint.number == FAST
+        draw_arrow(axes, pose.to_parent(0.2, 0.0), pose.yaw, _WAYPOINT, zorder=3.0)
+        # label beside the trajectory
+        side = 14.0 * math.sin(pose.yaw) - 4.0, -14.0 * math.cos(pose.yaw) - 4.0
+        axes.annotate(
+            f"{row.waypoint.number}{' fast left turn' if fast else ''}",
+            (pose.x, pose.y),
+            (-34.0, -36.0) if fast else side,
+            textcoords="offset points",
+            fontsize=10,
+        )
+    code = BytesIO()
+    figure.savefig(code, format="png", dpi=130)
+    picture = cv2.imdecode(np.frombuffer(code.getvalue(), np.uint8), cv2.IMREAD_COLOR)
+    return np.asarray(picture, dtype=np.uint8)
 
 
 TEMPLATE = "reproduction.html"
@@ -190,7 +283,6 @@ def write_page(result: Mapping[str, Any], pictures: Mapping[str, Image]) -> str:
 
 
 def _embedded(picture: Image) -> dict[str, Any]:
-    """A picture as data within the page, with its size."""
     code = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])[1].tobytes()
     data = base64.b64encode(code).decode("ascii")
     height, width = picture.shape[:2]

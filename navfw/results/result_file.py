@@ -10,7 +10,7 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field, JsonValue
 
-from navfw.config.document import YamlDocument, load_yaml
+from navfw.config.document import load_yaml
 from navfw.config.json_file import read_json_object
 from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
@@ -148,17 +148,15 @@ def _load(file: Path) -> StoredResult:
     if version != FORMAT:
         what = f"expected {FORMAT}, got {version!r}; add the result anew with navfw results add"
         raise ConfigError(what, file=file, line=document.line_of(("format",)), key="format")
-    result = _validated(document, str(data.get("kind")))
+    result: StoredResult = (
+        validate(document, StoredSuiteResult)
+        if data.get("kind") == "suite"
+        else validate(document, StoredValues)
+    )
     if result.name != file.stem:
         what = f"expected {file.stem!r} as the file is called, got {result.name!r}"
         raise ConfigError(what, file=file, line=document.line_of(("name",)), key="name")
     return result
-
-
-def _validated(document: YamlDocument, kind: str) -> StoredResult:
-    if kind == "suite":
-        return validate(document, StoredSuiteResult)
-    return validate(document, StoredValues)
 
 
 def save_result(folder: Path, result: StoredResult) -> Path:

@@ -25,6 +25,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -133,10 +134,8 @@ def current_pages(folder: Path) -> dict[Path, str]:
     return pages
 
 
-def fill(template: str, results: Sequence[StoredResult], file: Path, lines_before: int = 0) -> str:
-    """``template`` with every placeholder replaced.
-
-    ``lines_before`` is the number of lines of ``file`` before the template begins.
+def fill(template: str, results: Sequence[StoredResult], file: Path) -> str:
+    """``template``, the text of ``file``, with every placeholder replaced.
 
     Raises:
         ConfigError: a placeholder cannot be read; the message names ``file`` and line.
@@ -191,6 +190,10 @@ class _Writer:
                 raise UnknownNameError("suite", name, suites)
         return [result for name in names for result in self._suites if result.suite == name]
 
+    def _whole_suites(self, names: Sequence[str]) -> list[_FigureRow]:
+        results = [result for result in self._of_suites(names) if not result.variant]
+        return [_FigureRow(_label(result), result, result.figures) for result in results]
+
     def _table(self, columns: Iterable[Column], records: Sequence[Any]) -> str:
         """A table with its origin, in the last columns where rows differ; empty without rows."""
         if not records:
@@ -205,19 +208,14 @@ class _Writer:
         return _letter(self._machines.index(_result_of(record).machine))
 
     def _suite_table(self, *names: str) -> str:
-        lines = [
-            _FigureRow(_label(result), result, result.figures)
-            for result in self._of_suites(names)
-            if not result.variant
-        ]
+        lines = self._whole_suites(names)
         return self._table([Column("suite", lambda line: line.label), *_SUITE_COLUMNS], lines)
 
     def _part_table(self, *names: str) -> str:
         lines = [
-            _FigureRow(part, result, figures)
-            for result in self._of_suites(names)
-            if not result.variant
-            for part, figures in (result.parts or {_label(result): result.figures}).items()
+            _FigureRow(part, line.result, figures)
+            for line in self._whole_suites(names)
+            for part, figures in (line.result.parts or {line.label: line.figures}).items()
         ]
         return self._table([Column("part", lambda line: line.label), *_SUITE_COLUMNS], lines)
 
@@ -235,11 +233,7 @@ class _Writer:
         return self._table(columns, lines)
 
     def _sizing_table(self, *names: str) -> str:
-        lines = [
-            _FigureRow(_label(result), result, result.figures)
-            for result in self._of_suites(names)
-            if not result.variant and result.figures.cpu_time_s
-        ]
+        lines = [line for line in self._whole_suites(names) if line.figures.cpu_time_s]
         return self._table(_SIZING_COLUMNS, lines)
 
     def _run_table(self, *patterns: str) -> str:
@@ -278,10 +272,10 @@ class _Writer:
     def _machine_table(self) -> str:
         columns = [
             Column("machine", lambda machine: _letter(self._machines.index(machine))),
-            Column("processor", lambda machine: machine.processor),
-            Column("cores", lambda machine: machine.cores),
-            Column("Python", lambda machine: machine.python),
-            Column("system", lambda machine: machine.system),
+            *(
+                Column(title, attrgetter(title.lower()))
+                for title in ("processor", "cores", "Python", "system")
+            ),
         ]
         return ResultTable("", columns, self._machines).markdown() if self._machines else ""
 

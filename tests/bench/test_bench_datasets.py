@@ -10,34 +10,21 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from perceive_images import texture
 from scipy.io import savemat
 
 from navfw.bench import (
     FR1_DISTORTION,
     FR1_MATRIX,
     TruePair,
-    TumRecording,
     bench_approach,
     frame_pairs,
     measure_set,
     recorded_sets,
+    tum_frames,
 )
 from navfw.errors import ConfigError, InputError
 from navfw.flow import BlockMatching, Dis
-from navfw.numerics import Array
-
-
-def texture(size: int, seed: int = 0) -> Array:
-    """Periodic smooth noise (size, size), grey."""
-    frequency = np.fft.fftfreq(size)
-    squared = frequency[:, None] ** 2 + frequency**2
-    rng, total = np.random.default_rng(seed), np.zeros((size, size))
-    for sigma in (2.0, 5.0, 12.0):
-        spectrum = np.fft.fft2(rng.normal(size=(size, size)))
-        part = np.fft.ifft2(spectrum * np.exp(-2.0 * (np.pi * sigma) ** 2 * squared)).real
-        total += part / part.std()
-    return np.asarray(np.clip(128 + 35 * total / total.std(), 0, 255))
-
 
 # --- approach ------------------------------------------------------------------------------------
 
@@ -46,12 +33,12 @@ def texture(size: int, seed: int = 0) -> Array:
 def approach(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """24 frames, 2.5 s to 0.2 s before the impact on a wall."""
     folder = tmp_path_factory.mktemp("approach")
-    wall = texture(1024).astype(np.uint8)
+    wall = texture()
     y, x = np.mgrid[:128, :128].astype(np.float32) - 63.5
     for number in range(1, 25):
         left = 2.6 - 0.1 * number
         scale = left * 2.0
-        image = cv2.remap(wall, 512 + scale * x, 512 + scale * y, cv2.INTER_AREA)
+        image = cv2.remap(wall, 600 + scale * x, 600 + scale * y, cv2.INTER_AREA)
         cv2.imwrite(str(folder / f"image_{number}.jpg"), image)
     savemat(folder / "TTI.mat", {"TTI": np.linspace(2.6, 0.0, 27)[:, None]})
     return folder
@@ -102,7 +89,7 @@ def tum(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder.mkdir()
     (folder / "rgb").mkdir()
     (folder / "depth").mkdir()
-    paint = texture(512)
+    paint = texture(size=512)
     y, x = np.mgrid[:480, :640].astype(np.float64)
     flat = np.stack([x.ravel(), y.ravel()], axis=-1)[:, None]
     straight = np.asarray(cv2.undistortPoints(flat, FR1_MATRIX, FR1_DISTORTION))[:, 0]
@@ -122,7 +109,7 @@ def tum(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if tick % 10 == 0:
             hit = place + ahead * far[:, None]
             u, v = (200.0 * hit[:, :2]).T.reshape(2, 480, 640).astype(np.float32) % 511
-            image = cv2.remap(paint.astype(np.uint8), u, v, cv2.INTER_LINEAR)
+            image = cv2.remap(paint, u, v, cv2.INTER_LINEAR)
             cv2.imwrite(str(folder / f"rgb/{tick}.png"), image)
             colour.append(f"{at:.4f} rgb/{tick}.png")
         else:
@@ -154,7 +141,7 @@ def test_real_frames_geometry_is_right(tum: Path) -> None:
 
 
 def tum_pairs(folder: Path, size: tuple[int, int]) -> list[TruePair]:
-    return list(frame_pairs("tum_fr1", TumRecording(folder).frames(size)))
+    return list(frame_pairs("tum_fr1", tum_frames(folder, size)[1]))
 
 
 def test_depth_is_carried_to_the_colour_images_pose(tum: Path) -> None:

@@ -31,7 +31,7 @@ from navfw.bench import (
     with_recording_error,
 )
 from navfw.cli import app
-from navfw.errors import ConfigError, InputError
+from navfw.errors import ConfigError
 from navfw.flow import BlockMatching, MatchedFlow, grid_points
 from navfw.interfaces import FlowProcessor
 from navfw.numerics import Array, Image
@@ -249,8 +249,6 @@ def test_bad_input(data: Path, tmp_path: Path) -> None:
         done = bench(*arguments)
         assert done.exit_code == 2
         assert said in done.stderr
-    with pytest.raises(InputError):
-        recorded_sets(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -260,19 +258,16 @@ def test_bad_input(data: Path, tmp_path: Path) -> None:
         ("poses.txt", " ".join("1" * 16) + "\n", "1 rows for 4 images"),
         ("K.txt", "1 2 3\n", "expected 3 rows of 3 numbers"),
         ("K.txt", "one two three\n", "expected rows of 3 numbers"),
+        ("depth/002.png", None, r"002\.png: there is no such file"),
     ],
 )
 def test_a_walk_that_is_damaged_is_refused(
-    data: Path, tmp_path: Path, file: str, text: str, said: str
+    data: Path, tmp_path: Path, file: str, text: str | None, said: str
 ) -> None:
     shutil.copytree(data, tmp_path / "data")
-    (tmp_path / "data/hololens_office" / file).write_text(text, encoding="utf-8")
+    damaged = tmp_path / "data/hololens_office" / file
+    damaged.unlink()
+    if text is not None:
+        damaged.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError, match=said):
-        recorded_sets(tmp_path / "data")
-
-
-def test_a_walk_without_a_depth_image_is_refused(data: Path, tmp_path: Path) -> None:
-    shutil.copytree(data, tmp_path / "data")
-    (tmp_path / "data/hololens_office/depth/002.png").unlink()
-    with pytest.raises(ConfigError, match=r"002\.png: there is no such file"):
         recorded_sets(tmp_path / "data")

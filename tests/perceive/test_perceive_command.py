@@ -91,6 +91,17 @@ def test_images_of_a_calibrated_camera(tmp_path: Path) -> None:
         (("--poses", "poses.txt", "--gyro", "gyro.csv"), "give --gyro or --poses, not both"),
         (("--poses", "poses.txt"), "poses.txt: --poses: expected readings within the time of the"),
         (("--gyro", "gyro.csv"), "gyro.csv:1: a rate of 90 rad/s is above 10; are these degrees"),
+        (("--hfov", "200"), "--hfov: must be between 15 and 155 deg, got 200"),
+        (("--hfov", "nan"), "--hfov: must be between"),
+        (("--speed", "-1"), "--speed: must be between 0 and 100 m/s, got -1"),
+        (("--height", "0"), "--height: must be between"),
+        (("--pitch", "60"), "--pitch: must be between"),
+        (("--grid", "12"), "--grid: expected ROWSxCOLUMNS such as 12x16"),
+        (("--grid", "1x2"), "--grid rows: must be between"),
+        (("--stride", "99"), "--stride: must be between"),
+        (("--flow", "diss"), "did you mean 'dis'?"),
+        (("--flow", "ideal"), "needs the true depth"),
+        (("--overlay", "view.gif"), "neither a .mp4 nor the name of a folder"),
     ],
 )
 def test_what_is_wrong_costs_one_message(
@@ -104,7 +115,7 @@ def test_what_is_wrong_costs_one_message(
     calibration(tmp_path, 640, 360).rename("wide.yaml")
     Path("gyro.csv").write_text("0,90\n1,90\n")
     Path("poses.txt").write_text("100 0 0 0 0 0 0 1\n101 0 0 0 0 0 0 1\n")
-    done = invoke(approach, *arguments)
+    done = invoke(approach, *arguments, "--quiet")
     assert done.exit_code == 2
     assert done.stdout == ""
     assert done.stderr.startswith("navfw: ")
@@ -140,6 +151,8 @@ def test_what_is_assumed_is_said(approach: Path, tmp_path: Path) -> None:
     done = invoke(approach, "--hfov", "60", "--pitch", "0", "--fps", "10")
     first = done.stdout.splitlines()[0]
     assert first == "assumed: lens distortion none (--calibration)"
+    assert "Front is a wall" in done.stdout
+    assert "no --speed given" in done.stderr
     # of upright images the longer side shows 65 degrees
     upright = save(tmp_path, [np.ascontiguousarray(np.rot90(image)) for image in APPROACH])
     views = perceive(upright, "--fps", "10")

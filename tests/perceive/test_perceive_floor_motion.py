@@ -43,6 +43,16 @@ def floor_normal(pitch: float = PITCH) -> Array:
     return np.array([0.0, math.cos(pitch), math.sin(pitch)])
 
 
+def after_six_pairs() -> FloorFinder:
+    """A finder that has found the floor in six pairs."""
+    finder = FloorFinder(CAMERA, GRID, PITCH)
+    for seed in range(6):
+        past = texture(seed)
+        assert finder.find(moved(past, floor_normal(), 0.25), past, MOTION) is not None
+        assert not finder.lost
+    return finder
+
+
 MOTION = CameraMotion(np.eye(3), 0.1 * AHEAD, 0.1)
 
 
@@ -84,11 +94,8 @@ def test_a_wall_that_fills_the_view_rules_the_floor_before_it_out(
 
 @pytest.mark.parametrize(("ratio", "taken"), [(0.25, True), (0.1, False)])
 def test_a_floor_without_proof_moves_about_as_fast_as_before(ratio: float, taken: bool) -> None:
-    finder = FloorFinder(CAMERA, GRID, PITCH)
-    for seed in range(6):
-        past = texture(seed)
-        assert finder.find(moved(past, floor_normal(), 0.25), past, MOTION) is not None
-    faint = np.full_like(past, 128)
+    finder = after_six_pairs()
+    faint = np.full((CAMERA.height, CAMERA.width), 128, np.uint8)
     faint[80:, 60:70] = texture(30, contrast=10.0)[80:, 60:70]
     motion = finder.find(moved(faint, floor_normal(), ratio), faint, MOTION)
     assert (motion is not None) is taken
@@ -131,11 +138,7 @@ def test_mirror_images_in_a_glossy_floor_do_no_harm(contrast: float, nearness: f
 
 
 def test_the_floor_is_missed_when_it_disappears() -> None:
-    finder = FloorFinder(CAMERA, GRID, PITCH)
-    for seed in range(6):
-        past = texture(seed)
-        assert finder.find(moved(past, floor_normal(), 0.25), past, MOTION) is not None
-        assert not finder.lost
+    finder = after_six_pairs()
     assert finder.find(texture(20), texture(21), MOTION) is None
     assert finder.lost
 

@@ -174,13 +174,21 @@ def test_few_pairs_tell_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert estimated(monkeypatch, []).as_data()["pairs"] == 0
 
 
-def test_images_are_paired_until_one_is_bad(tmp_path: Path) -> None:
+def test_images_are_paired_until_one_is_bad(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     picture = texture()
     folder = save(tmp_path, [wall_at(2.0 - 0.06 * k, picture) for k in range(12)])
     pairs, size = lens_pairs(open_source([folder], 10.0), lambda: None)
     assert size == (WIDTH, HEIGHT)
     assert 4 < len(pairs) < 12
     assert min(len(pair.now) for pair in pairs) >= 60
+    with monkeypatch.context() as patch:  # images are read until six are exceeded
+        patch.setattr(lens_estimate, "MAX_PIXELS", 6 * WIDTH * HEIGHT)
+        ticks: list[int] = []
+        part, _ = lens_pairs(open_source([folder], 10.0), lambda: ticks.append(1))
+        assert len(ticks) == 7
+        assert 0 < len(part) < len(pairs)
     assert cv2.imwrite(str(folder / "image_7.png"), np.zeros((90, 90, 3), np.uint8))
     fewer, _ = lens_pairs(open_source([folder], 10.0), lambda: None)
     assert 0 < len(fewer) < len(pairs)

@@ -90,12 +90,6 @@ def test_without_the_floor_seen_before_no_object_is_the_nearest(
     assert "nearest object is unknown" in view["sentence"]
 
 
-def test_two_images_are_enough(approach: Path) -> None:
-    (view,) = perceive(approach / "image_1.png", approach / "image_3.png")
-    assert view["frames"] == ["image_1.png", "image_3.png"]
-    assert view["known"]
-
-
 def test_camera_that_rolls(tmp_path: Path) -> None:
     images = [wall_at(2.0 - 0.05 * k, PICTURE, 0.8 * k) for k in range(4)]
     views = perceive(save(tmp_path / "roll", images), "--fps", "10")
@@ -167,26 +161,6 @@ def test_grid_and_processor(approach: Path) -> None:
     assert view["ttc_s"] == pytest.approx(3.6, rel=0.1)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--hfov", "200"), "--hfov: must be between 15 and 155 deg, got 200"),
-        (("--hfov", "nan"), "--hfov: must be between"),
-        (("--speed", "-1"), "--speed: must be between 0 and 100 m/s, got -1"),
-        (("--height", "0"), "--height: must be between"),
-        (("--pitch", "60"), "--pitch: must be between"),
-        (("--grid", "12"), "--grid: expected ROWSxCOLUMNS such as 12x16"),
-        (("--grid", "1x2"), "--grid rows: must be between"),
-        (("--stride", "99"), "--stride: must be between"),
-        (("--flow", "diss"), "did you mean 'dis'?"),
-        (("--flow", "ideal"), "needs the true depth"),
-        (("--overlay", "view.gif"), "neither a .mp4 nor the name of a folder"),
-    ],
-)
-def test_bad_options(approach: Path, arguments: tuple[str, ...], message: str) -> None:
-    assert message in refused(approach, *arguments)
-
-
 def test_overlay_folder(approach: Path, tmp_path: Path) -> None:
     out = tmp_path / "new" / "overlay"
     images = [approach / f"image_{n}.png" for n in (1, 2, 3)]
@@ -202,12 +176,6 @@ def test_overlay_folder(approach: Path, tmp_path: Path) -> None:
     # the quadrants carry the colour of their distance, blue-green-red (0, 159, 230)
     part = picture[30:80, 300:400].reshape(-1, 3).mean(axis=0)
     assert part[2] - part[0] > 25.0
-
-
-def test_the_overlay_says_what_its_colours_mean(approach: Path, tmp_path: Path) -> None:
-    perceive(*[approach / f"image_{n}.png" for n in (1, 2)], "--overlay", tmp_path / "out")
-    picture = cv2.imread(str(tmp_path / "out" / "view-00001.png"))
-    assert picture is not None
     key = picture[-40:].reshape(-1, 3).astype(int)
     for name, colour in COLOURS.items():
         assert (np.abs(key - np.array(colour)).max(axis=1) < 3).sum() > 50, name
@@ -223,6 +191,7 @@ def test_the_pictures_of_a_run_folder_are_no_images_of_a_camera(
         shutil.copy(approach / f"image_{number}.png", tmp_path)
     (view,) = perceive(tmp_path)
     assert view["frames"] == ["image_1.png", "image_2.png"]
+    assert view["known"]
 
 
 def test_overlay_video(approach: Path, tmp_path: Path) -> None:
@@ -252,10 +221,3 @@ def test_overlay_leaves_the_work_of_others_alone(approach: Path, tmp_path: Path)
     folder = save(tmp_path / "images", [APPROACH[0], APPROACH[1], APPROACH[2][:200]])
     assert "all images must have one size" in refused(folder, "--overlay", tmp_path / "out")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["images", "thesis.txt"]
-
-
-def test_lines_for_people(approach: Path) -> None:
-    done = CliRunner().invoke(app, ["perceive", str(approach), "--fps", "10"])
-    assert done.exit_code == 0
-    assert "Front is a wall" in done.stdout
-    assert "no --speed given" in done.stderr

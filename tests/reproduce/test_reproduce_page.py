@@ -9,6 +9,7 @@ import shutil
 import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -16,12 +17,23 @@ from typing import Any
 import numpy as np
 import pytest
 from labelled_frames import label, save_approach
+from typer.testing import CliRunner
 
 from navfw.bench import RECORDINGS, real_benchmark
+from navfw.cli import app
 from navfw.plugins import default_registry
 from navfw.process import silent
 from navfw.recording import plain_json
-from navfw.reproduce import chosen_frames, real_as_data, real_scenes, reproduce, write_page
+from navfw.reproduce import (
+    chosen_frames,
+    compare_metrics,
+    paper_tables,
+    real_as_data,
+    real_scenes,
+    reproduce,
+    reproduction,
+    write_page,
+)
 
 UNLICENSED = "car_gyro_lab/images"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -30,6 +42,17 @@ const broken = [...document.images].filter(image => !image.naturalWidth).length;
 const wide = document.documentElement.scrollWidth > innerWidth;
 document.body.dataset.found = [document.images.length, broken, wide].join(" ");
 });</script></head>"""
+
+
+@pytest.fixture(scope="module")
+def quick() -> Iterator[None]:
+    """Few views in the comparison of metrics, which has tests of its own; few repeats of times."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            reproduction, "compare_metrics", lambda _, seed, report: compare_metrics(4, seed)
+        )
+        patch.setattr(reproduction, "timings", partial(paper_tables.timings, repeats=2))
+        yield
 
 
 @dataclass
@@ -177,3 +200,63 @@ def test_the_middle_frame_of_each_front_is_chosen_of_the_test_split_where_there_
     chosen = chosen_frames([*tested, *walls[3:], *doors, *elsewhere])
     assert [found.file for found in chosen] == ["image_1.png", "door_1.png", "image_9.png"]
     assert [found.split for found in chosen] == ["test", "tuning", "tuning"]
+
+
+# --- the command ---------------------------------------------------------------------------------
+
+
+@pytest.mark.thorough
+@pytest.mark.usefixtures("quick")
+def test_reproduce_without_recordings(tmp_path: Path) -> None:
+    out = tmp_path / "page"
+    done = CliRunner().invoke(app, ["reproduce", "--out", str(out), "--json"])
+    assert done.exit_code == 0, done.output
+    result = json.loads(done.stdout)
+    assert all(result["checks"].values())
+    assert result["timings"]["paper"]["obstacles_s"] == 0.16
+    assert result["real"] is None
+    assert "--data DIR" in result["summary"]["Table 3, photographs"][0]
+    assert {path.name for path in out.iterdir()} == {"index.html", "result.json"}
+    assert list(tmp_path.iterdir()) == [out]
+    assert json.loads((out / "result.json").read_text()) == result
+    page = (out / "index.html").read_text()
+    assert "This part is missing" in page
+    assert "reproduce --data DIR" in page
+
+
+def test_reproduce_leaves_other_folders_alone(tmp_path: Path) -> None:
+    (tmp_path / "thesis.txt").write_text("work")
+    done = CliRunner().invoke(app, ["reproduce", "--out", str(tmp_path)])
+    assert done.exit_code == 2
+    assert "contains 'thesis.txt', so it is not replaced; choose another --out" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        ("nowhere", "there is no such folder of recordings"),
+        ("empty", "has none of the labelled recordings; expected at least one of: donkeycar"),
+        ("image", "the labelled image is missing"),
+        ("broken", "image_1.png"),
+    ],
+)
+def test_a_folder_without_the_recordings_costs_one_message(
+    spoil: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data, out = tmp_path / "data", tmp_path / "page"
+    labels = save_approach(data)
+    monkeypatch.setattr(real_benchmark, "load_labels", lambda: labels)
+    if spoil == "nowhere":
+        data = data / "approach" / "image_1.png"
+    elif spoil == "empty":
+        data = data / "approach"
+    elif spoil == "image":
+        (data / "approach" / "image_5.png").unlink()
+    else:
+        for path in (data / "approach").iterdir():
+            path.write_bytes(b"no image")
+    done = CliRunner().invoke(app, ["reproduce", "--out", str(out), "--data", str(data)])
+    assert done.exit_code == 2, done.output
+    assert message in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["data"]
