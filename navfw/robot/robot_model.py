@@ -7,8 +7,13 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from navfw.robot.camera_effects import CameraEffects
-from navfw.robot.camera_models import CameraModel, LandmarkCamera, SideCamera, SideViews
+from navfw.robot.camera_models import (
+    CameraEffects,
+    CameraModel,
+    LandmarkCamera,
+    SideCamera,
+    SideViews,
+)
 from navfw.signals import Twist
 
 Speed = Annotated[float, Field(gt=0.0, le=10.0)]

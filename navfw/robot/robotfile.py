@@ -22,8 +22,7 @@ from navfw.config.layering import layered, on_its_base
 from navfw.config.lookup import find
 from navfw.config.yamlfile import validate
 from navfw.robot import RobotModel
-from navfw.robot.urdf import urdf_path
-from navfw.robot.urdf_drive import with_urdf
+from navfw.robot.urdf import urdf_path, with_urdf
 
 _DEFAULT_ROBOT = "default"
 """The robot of a mission that names none."""

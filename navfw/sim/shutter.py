@@ -19,8 +19,7 @@ import numpy as np
 from navfw.numerics import Array, Image
 from navfw.numerics.functions import arccos
 from navfw.numerics.products import product
-from navfw.robot import CameraModel
-from navfw.robot.camera_effects import CameraEffects
+from navfw.robot import CameraEffects, CameraModel
 from navfw.sim.camera import Camera, DepthImage
 from navfw.sim.robot_body import BodyState
 

@@ -14,7 +14,7 @@ import numpy as np
 from navfw.errors import SimulationError
 from navfw.numerics.products import sum_in_order
 from navfw.robot import DrivenUrdf, RobotModel
-from navfw.robot.urdf_drive import UrdfDrive, urdf_drive
+from navfw.robot.urdf import UrdfDrive, urdf_drive
 from navfw.signals import Pose
 from navfw.sim.engine import bullet, quiet_output
 from navfw.sim.physics_world import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
