@@ -8,12 +8,12 @@ facing y to (-2.25, 13), reached within 1 m, in 100 s. Each ``world_N.world`` ha
 from __future__ import annotations
 
 import io
-import math
 import re
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.lib.format import read_array
@@ -24,6 +24,7 @@ from navfw.errors import ConfigError, InputError, WorldError
 from navfw.missions.missionspec import MissionSpec
 from navfw.numerics import Array
 from navfw.sim.scene_geometry import SceneGeometry
+from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec
 from navfw.worldgen.generated_world import MISSION, write_world
@@ -49,8 +50,10 @@ _MAX_BYTES = 1_000_000
 def is_barn(content: SdfWorld) -> bool:
     """Whether this is a world of the BARN benchmark: many cylinders of BARN's name and radius."""
     return len(content.shapes) >= 20 and all(
-        shape.name.startswith("unit_cylinder") and abs(shape.radius - _RADIUS) < 1e-6
-        for shape in content.shapes
+        solid.name.startswith("unit_cylinder")
+        and isinstance(solid.shape, Circle)
+        and abs(solid.shape.radius - _RADIUS) < 1e-6
+        for solid in content.shapes
     )
 
 
@@ -91,6 +94,8 @@ Start = tuple[float, float, float]
 
 _BORDER = 3.0
 """Width of the floor around all solids, start and goal [m]."""
+_MIN_HEIGHT = 0.02 - 1e-9
+"""Least height of a solid above the floor [m], with a margin for rounding."""
 
 
 @dataclass(frozen=True)
@@ -172,38 +177,33 @@ def _world(path: Path, content: SdfWorld, barn: bool, ends: Sequence[Goal]) -> W
     palette = Palette(np.random.default_rng(zlib.crc32(path.stem.encode())))
     floor, textures = palette.draw("floor"), palette.draw_many("thing", 4)
     standing = [(s, *_levels(s, barn)) for s in content.shapes]
-    standing = [(s, low, high) for s, low, high in standing if high - low >= 0.02]
+    standing = [(s, low, high) for s, low, high in standing if high - low > _MIN_HEIGHT]
     # all parts of a mesh look alike
     of_meshes = [palette.pick(textures) for _ in range(content.meshes)]
 
-    def look(shape: SdfShape) -> str:
-        return of_meshes[shape.mesh - 1] if shape.mesh else palette.pick(textures)
+    def common(solid: SdfShape, base: float) -> dict[str, Any]:
+        return {
+            "name": solid.name,
+            "at": (round(solid.shape.x, 4), round(solid.shape.y, 4)),
+            "base": round(base, 4),
+            "texture": of_meshes[solid.mesh - 1] if solid.mesh else palette.pick(textures),
+        }
 
     boxes = tuple(
         BoxSpec(
-            name=s.name,
-            at=(round(s.x, 4), round(s.y, 4)),
-            size=(round(s.size[0], 4), round(s.size[1], 4), round(high - low, 4)),
-            yaw=round(s.yaw, 5),
-            base=round(low, 4),
-            texture=look(s),
+            **common(s, low),
+            size=(round(2 * s.shape.half_x, 4), round(2 * s.shape.half_y, 4), round(high - low, 4)),
+            yaw=round(s.shape.yaw, 5),
         )
         for s, low, high in standing
-        if not s.radius
+        if isinstance(s.shape, Rectangle)
     )
     cylinders = tuple(
-        CylinderSpec(
-            name=s.name,
-            at=(round(s.x, 4), round(s.y, 4)),
-            radius=round(s.radius, 4),
-            height=round(high - low, 4),
-            base=round(low, 4),
-            texture=look(s),
-        )
+        CylinderSpec(**common(s, low), radius=round(s.shape.radius, 4), height=round(high - low, 4))
         for s, low, high in standing
-        if s.radius
+        if isinstance(s.shape, Circle)
     )
-    x, y = _bounds([s for s, _, _ in standing], ends)
+    x, y = _bounds([s.shape for s, _, _ in standing], ends)
     return WorldSpec(
         name=path.stem[:60] or "imported",
         description=_description(path, len(boxes), len(cylinders), content.meshes, barn),
@@ -217,11 +217,9 @@ def _world(path: Path, content: SdfWorld, barn: bool, ends: Sequence[Goal]) -> W
     )
 
 
-def _levels(shape: SdfShape, barn: bool) -> tuple[float, float]:
-    """Underside and top [m] of the part of a shape above the floor."""
-    if barn:
-        return 0.0, POLE_HEIGHT
-    return max(shape.z - 0.5 * shape.height, 0.0), shape.z + 0.5 * shape.height
+def _levels(solid: SdfShape, barn: bool) -> tuple[float, float]:
+    """Underside and top [m] of the part of a solid above the floor."""
+    return (0.0, POLE_HEIGHT) if barn else (max(solid.bottom, 0.0), solid.top)
 
 
 def _description(path: Path, boxes: int, cylinders: int, meshes: int, barn: bool) -> str:
@@ -238,17 +236,15 @@ def _description(path: Path, boxes: int, cylinders: int, meshes: int, barn: bool
 
 
 def _bounds(
-    shapes: Sequence[SdfShape], ends: Sequence[Goal]
+    shapes: Sequence[Shape], ends: Sequence[Goal]
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    reach = [s.radius or math.hypot(*s.size) / 2 for s in shapes] + [0.0] * len(ends)
-    xs = [s.x for s in shapes] + [x for x, _ in ends]
-    ys = [s.y for s in shapes] + [y for _, y in ends]
-    low_x, low_y = (min(v - r for v, r in zip(at, reach, strict=True)) for at in (xs, ys))
-    high_x, high_y = (max(v + r for v, r in zip(at, reach, strict=True)) for at in (xs, ys))
-    return (
-        (round(low_x - _BORDER, 3), round(high_x + _BORDER, 3)),
-        (round(low_y - _BORDER, 3), round(high_y + _BORDER, 3)),
-    )
+    """The floor's x and y [m]."""
+    points = np.array([(s.x, s.y) for s in shapes] + list(ends))
+    reach = np.array([s.reach for s in shapes] + [0.0] * len(ends))[:, None]
+    low = (points - reach).min(axis=0) - _BORDER
+    high = (points + reach).max(axis=0) + _BORDER
+    x, y = np.stack([low, high], axis=1).tolist()
+    return (round(x[0], 3), round(x[1], 3)), (round(y[0], 3), round(y[1], 3))
 
 
 def _mission(path: Path, start: Start, goal: Goal, barn: bool) -> MissionSpec:

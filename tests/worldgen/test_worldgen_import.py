@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+from dataclasses import astuple
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from typer.testing import CliRunner
 from navfw.cli import app
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.missions import prepare
-from navfw.sim import load_world
+from navfw.sim import Circle, Rectangle, SceneGeometry, load_world
 from navfw.worldgen import MAX_BYTES, POLE_HEIGHT, import_world, read_sdf
 
 GROUND = """
@@ -61,11 +62,14 @@ def test_shapes_and_poses(tmp_path: Path) -> None:
     assert found.unsupported == []
     first, second, inner = found.shapes
     # at (1, 2), turned left; then (1, 0) ahead, then (0, 1) to the left
-    assert (first.x, first.y, first.z) == pytest.approx((0.0, 3.0, 0.5))
-    assert first.yaw == pytest.approx(math.pi / 2 + 0.25)
-    assert (first.size, first.height) == ((1.0, 2.0), 3.0)
-    assert (second.x, second.y, second.radius) == pytest.approx((1.0, 3.0, 0.3))
-    assert (inner.name, inner.x, inner.y) == ("outer-inner", 1.0, 2.0)
+    assert isinstance(first.shape, Rectangle)
+    assert (first.shape.x, first.shape.y) == pytest.approx((0.0, 3.0))
+    assert first.shape.yaw == pytest.approx(math.pi / 2 + 0.25)
+    assert (first.shape.half_x, first.shape.half_y) == (0.5, 1.0)
+    assert (first.bottom, first.top) == (-1.0, 2.0)
+    assert isinstance(second.shape, Circle)
+    assert astuple(second.shape) == pytest.approx((1.0, 3.0, 0.3))
+    assert (inner.name, inner.shape.x, inner.shape.y) == ("outer-inner", 1.0, 2.0)
     assert len({shape.name for shape in found.shapes}) == 3
 
 
@@ -73,16 +77,15 @@ def test_box_may_rest_on_any_face(tmp_path: Path) -> None:
     path = sdf(tmp_path, model("plank", box("1 2 3"), f"0 0 1 {math.pi / 2} 0 0.3"))
     (plank,) = read_sdf(path).shapes
     # rolled about x: the edge of 2 m is vertical, those of 1 m and 3 m are horizontal
-    assert plank.height == pytest.approx(2.0)
-    assert sorted(plank.size) == pytest.approx([1.0, 3.0])
+    assert plank.top - plank.bottom == pytest.approx(2.0)
+    assert isinstance(plank.shape, Rectangle)
+    assert sorted((plank.shape.half_x, plank.shape.half_y)) == pytest.approx([0.5, 1.5])
     world = import_world(path, start=(-5, 0, 0), goal=(5, 1)).world
     x0, y0, x1, y1 = (-0.5, -1.5, 0.5, 1.5)
     c, s = math.cos(0.3), math.sin(0.3)
     corners = {
         (round(c * x - s * y, 3), round(s * x + c * y, 3)) for x in (x0, x1) for y in (y0, y1)
     }
-    from navfw.sim import SceneGeometry
-
     (_, found) = next(SceneGeometry.from_world(world).rectangles())
     assert {(round(x, 3), round(y, 3)) for x, y in found.tolist()} == corners
 
@@ -90,7 +93,7 @@ def test_box_may_rest_on_any_face(tmp_path: Path) -> None:
 def test_saved_state_moves_models(tmp_path: Path) -> None:
     state = "<state world_name='w'><model name='post'><pose>4 5 0 0 0 0</pose></model></state>"
     (post,) = read_sdf(sdf(tmp_path, model("post", cylinder()), state)).shapes
-    assert (post.x, post.y) == (4.0, 5.0)
+    assert (post.shape.x, post.shape.y) == (4.0, 5.0)
 
 
 UNSUPPORTED = {
