@@ -2,8 +2,8 @@
 
 Without effects images are ideal. Light falls off towards the image's corners, is collected while
 the robot moves, and its amount is controlled; rows are read out one after the other, and the image
-is compressed. The simulator applies them in this order (``navfw.sim.shutter``). The stack does not
-correct them.
+is compressed. The simulator (``navfw.sim.camera_rig``) applies them in this order; the stack does
+not correct them.
 """
 
 from __future__ import annotations

@@ -13,8 +13,7 @@ from navfw.numerics import Image
 from navfw.robot import CameraModel
 from navfw.signals import Pose
 from navfw.sim.camera import Camera, RenderRequest
-from navfw.sim.display import Display
-from navfw.sim.engine import BulletConnection, bullet
+from navfw.sim.engine import BulletConnection, Display, bullet
 from navfw.sim.scenery import Scenery
 from navfw.sim.solids import solids_of
 from navfw.sim.worldspec import WorldSpec

@@ -13,9 +13,8 @@ import numpy.typing as npt
 
 from navfw.errors import WorldError
 from navfw.numerics import Array
-from navfw.sim.drop_geometry import drop_rectangle
 from navfw.sim.shapes import Circle, Rectangle, Shape
-from navfw.sim.solids import solids_of
+from navfw.sim.solids import drop_rectangle, solids_of
 from navfw.sim.worldspec import WorldSpec
 
 CELL = 0.05

@@ -19,17 +19,22 @@ from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, Pose, SensorReading, wrap_angle
 from navfw.sim.camera import DepthImage
 from navfw.sim.camera_rig import CameraRig, NoiseGenerators, Timings
-from navfw.sim.display import Display, SimulatorWindow
-from navfw.sim.drop_geometry import fallen_into
-from navfw.sim.engine import BulletConnection
+from navfw.sim.engine import BulletConnection, Display, SimulatorWindow
 from navfw.sim.event_actions import DoorChange, EventAction, Obstacle, Textureless
 from navfw.sim.injected_faults import InjectedFaults
 from navfw.sim.physics_world import PhysicsWorld
-from navfw.sim.robot_body import BodyState, ContactPoint, RobotBody, WheeledBody, pose_of
+from navfw.sim.robot_body import (
+    BodyState,
+    ContactPoint,
+    RobotBody,
+    UrdfBody,
+    WheeledBody,
+    pose_of,
+)
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
-from navfw.sim.urdf_body import UrdfBody
+from navfw.sim.solids import fallen_into
 from navfw.sim.walkers import Walker, WalkerTrack, caused_by_robot
 from navfw.sim.world_changes import ChangeTrack, WorldChanges
 from navfw.sim.world_check import check_world

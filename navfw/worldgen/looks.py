@@ -11,11 +11,17 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from navfw.sim.textures import STOCK, stock_texture
-from navfw.sim.worldspec import DoorFrameSpec, Look, SkirtingSpec, TextureSpec, WorldSpec
+from navfw.sim.textures import STOCK
+from navfw.sim.worldspec import (
+    DoorFrameSpec,
+    Look,
+    SkirtingSpec,
+    Style,
+    TextureSpec,
+    WorldSpec,
+)
 
 Role = Literal["floor", "wall", "ceiling", "thing", "person"]
-Style = Literal["plaster", "carpet", "wood", "stone", "panels"]
 
 _STYLES: Mapping[Role, tuple[Style, ...]] = MappingProxyType(
     {
@@ -51,7 +57,7 @@ class Palette:
     def draw(self, role: Role) -> str:
         """Add a random texture for a role; returns its name."""
         rng = self._rng
-        name = f"{role}-{sum(known.startswith(role) for known in self.textures) + 1}"
+        name = f"{role}-{sum(other.startswith(role) for other in self.textures) + 1}"
         styles = _STYLES[role]
         tint = rng.uniform(0.62, 1.0, 3)
         red, green, blue = np.round(tint / tint.max(), 2).tolist()
@@ -79,14 +85,13 @@ def with_contrast(textures: Mapping[str, TextureSpec], contrast: float) -> dict[
 
     Brightness and colour stay, so that surfaces still differ from each other.
     """
-    every = {name: stock_texture(name) for name in STOCK} | dict(textures)
+    every = {**STOCK, **textures}
     return {name: spec.model_copy(update={"contrast": contrast}) for name, spec in every.items()}
 
 
 LOOKS: tuple[Look, ...] = ("plain", "photo")
 
 Colour = tuple[float, float, float]
-Pattern = Literal["plaster", "carpet", "wood", "concrete", "brick", "parquet", "rug", "roughcast"]
 
 _STREAM = 0x100C
 """Spawn key of the random stream of looks; other uses of the seed have others."""
@@ -97,7 +102,7 @@ _TRIM = "trim"
 class _Surface(NamedTuple):
     """A pattern with intervals of contrast and mean luminance [grey levels], and its tint."""
 
-    style: Pattern
+    style: Style
     contrast: tuple[float, float]
     brightness: tuple[float, float]
     colour: Colour
