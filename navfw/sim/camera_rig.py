@@ -16,7 +16,6 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -244,21 +243,11 @@ class Timings:
     steps: int = 0
 
 
-class NoiseGenerators(NamedTuple):
-    """Generators for the camera's noise, that of landmark frames, and faults of landmark frames.
-
-    They are independent: more draws from one do not change the draws from another.
-    """
-
-    camera: np.random.Generator
-    landmarks: np.random.Generator
-    landmark_faults: np.random.Generator
-
-
 class CameraRig:
     """Captures frames with side views at the camera's rate, landmark frames at their own rate.
 
-    ``faults`` are those of the run; faults of the camera apply to landmark frames as well.
+    Landmark frames have noise and faults of their own: more draws from one generator do not change
+    the draws from another. Without ``landmark_rng`` none are captured.
     """
 
     def __init__(
@@ -267,29 +256,28 @@ class CameraRig:
         light: LightSpec,
         scenery: Scenery,
         sensors: SensorParams,
-        generators: NoiseGenerators,
-        faults: InjectedFaults,
         timings: Timings,
-        landmark_frames: bool,
+        rng: np.random.Generator,
+        faults: InjectedFaults,
+        landmark_rng: np.random.Generator | None,
+        landmark_faults: InjectedFaults,
     ) -> None:
         noise, fine = sensors.image_noise, sensors.supersample
-        self.camera = Camera(robot.camera, light, scenery, generators.camera, noise, fine)
+        self.camera = Camera(robot.camera, light, scenery, rng, noise, fine)
         # one sensor captures them together with the camera's image and adds the noise to all
         self._sides = tuple(
-            Camera(side, light, scenery, generators.camera, 0.0, fine)
-            for side in robot.side_cameras
+            Camera(side, light, scenery, rng, 0.0, fine) for side in robot.side_cameras
         )
         self._for_landmarks: Camera | None = None
-        if landmark_frames:
+        if landmark_rng is not None:
             view = robot.landmark_view
-            self._for_landmarks = Camera(view, light, scenery, generators.landmarks, noise, fine)
+            self._for_landmarks = Camera(view, light, scenery, landmark_rng, noise, fine)
         effects = robot.camera_effects
         self._shutter, self._sensor = Shutter(effects), ImageSensor(effects)
         lens = (robot.camera, *robot.side_cameras)
         self._falloff = light_falloff(effects.vignetting, lens, lens)
         self._landmark_falloff = light_falloff(effects.vignetting, lens, (robot.landmark_view,))
-        self._faults = faults
-        self.landmark_faults = InjectedFaults(generators.landmark_faults)
+        self._faults, self._landmark_faults = faults, landmark_faults
         self._timings = timings
         self._frames = 0
         self._landmark_frames = 0
@@ -348,28 +336,23 @@ class CameraRig:
             scale = camera.model.focal / self.camera.model.focal
             self._timings.landmarks += wall.perf_counter() - begun
             light = self._sensor.expose(clean, self._landmark_falloff)
-            light = self.landmark_faults.apply_optics(light, scale)
+            light = self._landmark_faults.apply_optics(light, scale)
             exposed = camera.add_noise(light, self._sensor.gain)
-            readout = self.landmark_faults.apply_readout(exposed)
+            readout = self._landmark_faults.apply_readout(exposed)
             frame = Frame(time, self._sensor.compress(readout))
             self._landmark_frames = math.floor(time * camera.model.rate + 1e-6) + 1
-        return self.landmark_faults.transport(time, frame)
+        return self._landmark_faults.transport(time, frame)
 
     # --- the truth, for metrics and tests -----------------------------------------------------
 
     def true_depth(self) -> DepthImage:
-        """True depth (height, width) [m] of the last frame; inf where no surface is visible."""
+        """See ``Simulation.true_depth``."""
         if self._raw_depth is None:
             raise SimulationError("no frame has been captured yet")
         return self.camera.depth(self._raw_depth)
 
     def true_motion(self, past: Frame, now: Frame) -> CameraMotion:
-        """The true motion of the camera between two recent frames, pitch and roll included.
-
-        Raises:
-            SimulationError: one of the frames is not from this simulation, or too old.
-
-        """
+        """See ``Simulation.true_motion``."""
         bodies = dict(self._captured)
         if past.time not in bodies or now.time not in bodies:
             raise SimulationError(f"no frame of {past.time:.3f} s or {now.time:.3f} s is kept")

@@ -5,7 +5,7 @@ A look is the same geometry with other surfaces, by the role of each texture.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Literal, NamedTuple
 
@@ -75,18 +75,19 @@ class Palette:
         """Add ``count`` random textures for a role; returns their names."""
         return tuple(self.draw(role) for _ in range(count))
 
-    def pick(self, names: tuple[str, ...]) -> str:
+    def pick(self, names: Sequence[str]) -> str:
         """One of ``names`` at random."""
         return names[int(self._rng.integers(len(names)))]
 
 
-def with_contrast(textures: Mapping[str, TextureSpec], contrast: float) -> dict[str, TextureSpec]:
-    """``textures`` and the stock textures, all with ``contrast`` [grey levels].
+def with_contrast(world: WorldSpec, contrast: float) -> WorldSpec:
+    """``world`` with ``contrast`` [grey levels] of all textures, the stock textures included.
 
     Brightness and colour stay, so that surfaces still differ from each other.
     """
-    every = {**STOCK, **textures}
-    return {name: spec.model_copy(update={"contrast": contrast}) for name, spec in every.items()}
+    every = {**STOCK, **world.textures}
+    changed = {n: spec.model_copy(update={"contrast": contrast}) for n, spec in every.items()}
+    return world.model_copy(update={"textures": changed})
 
 
 LOOKS: tuple[Look, ...] = ("plain", "photo")

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from navfw.robot import RobotModel
 from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.shapes import Circle, Rectangle, Shape, gap_between
+from navfw.sim.shapes import Circle, Shape, gap_between
 from navfw.sim.worldspec import (
     BoxSpec,
     CylinderSpec,
@@ -136,25 +135,19 @@ class WorldDraft:
                 return False
         return all(gap_between(shape, other) >= gap for other in self.shapes)
 
-    def add_box(
-        self, name: str, shape: Rectangle, height: float, texture: str, **more: Any
-    ) -> None:
-        """Add a box with this outline."""
+    def add(self, name: str, shape: Shape, height: float, texture: str) -> None:
+        """Add a box or cylinder with this outline."""
         self.shapes.append(shape)
-        x, y, yaw = rounded(shape.x, shape.y, shape.yaw)
-        width, depth, tall = rounded(2 * shape.half_x, 2 * shape.half_y, height)
-        size = (width, depth, tall)
-        self.boxes.append(
-            BoxSpec(name=name, at=(x, y), size=size, yaw=yaw, texture=texture, **more)
-        )
-
-    def add_cylinder(self, name: str, shape: Circle, height: float, texture: str) -> None:
-        """Add a cylinder with this outline."""
-        self.shapes.append(shape)
-        x, y, radius, tall = rounded(shape.x, shape.y, shape.radius, height)
-        self.cylinders.append(
-            CylinderSpec(name=name, at=(x, y), radius=radius, height=tall, texture=texture)
-        )
+        x, y, yaw, tall = rounded(shape.x, shape.y, shape.yaw, height)
+        if isinstance(shape, Circle):
+            (radius,) = rounded(shape.radius)
+            self.cylinders.append(
+                CylinderSpec(name=name, at=(x, y), radius=radius, height=tall, texture=texture)
+            )
+        else:
+            width, depth = rounded(2 * shape.half_x, 2 * shape.half_y)
+            size = (width, depth, tall)
+            self.boxes.append(BoxSpec(name=name, at=(x, y), size=size, yaw=yaw, texture=texture))
 
     # ------------------------------------------------------------------------------------------
 
