@@ -118,9 +118,9 @@ class DrivenUrdf(BaseModel):
     ] = 0.0
 
 
-def _half_the_width(given: dict[str, Any]) -> float:
+def _half_the_width(values: dict[str, Any]) -> float:
     """Radius [m] of a robot that does not say it."""
-    footprint = given.get("footprint")
+    footprint = values.get("footprint")
     return 0.5 * footprint.width if isinstance(footprint, Footprint) else _RADIUS
 
 

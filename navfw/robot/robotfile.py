@@ -112,8 +112,8 @@ def _located(document: YamlDocument, at: KeyPath, folder: Path) -> YamlDocument:
     origin = document.origin_of((*at, *_URDF))
     path = urdf_path(name, Path() if origin.option else folder).absolute()
     data = copy.deepcopy(document.data)
-    part = YamlDocument(None, data).at((*at, _URDF[0]))
-    part[_URDF[1]] = str(path)
+    section = YamlDocument(None, data).at((*at, _URDF[0]))
+    section[_URDF[1]] = str(path)
     return YamlDocument(document.file, data, document.origins)
 
 

@@ -218,7 +218,7 @@ def attribute_numbers(path: Path, element: Element, key: str, default: list[floa
     if text is None or "$(" in text:  # a leftover of xacro, which PyBullet reads as 0
         return default
     try:
-        values = [float(part) for part in text.split()]
+        values = [float(word) for word in text.split()]
     except ValueError:
         values = []
     if len(values) != len(default) or not all(math.isfinite(value) for value in values):

@@ -15,7 +15,6 @@ import time as wall
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 
 import cv2
 import numpy as np
@@ -28,7 +27,7 @@ from navfw.numerics.products import product
 from navfw.robot import CameraEffects, CameraModel, RobotModel
 from navfw.signals import CameraMotion, Frame
 from navfw.sim.camera import Camera, DepthImage
-from navfw.sim.injected_faults import InjectedFaults
+from navfw.sim.event_actions import InjectedFaults
 from navfw.sim.robot_body import BodyState
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import SensorParams
@@ -367,6 +366,5 @@ class CameraRig:
 
 def _parted(whole: Image, parts: Sequence[Image]) -> list[Image]:
     """``whole`` (height, sum of widths) cut into images as wide as ``parts``."""
-    ends = list(accumulate(image.shape[1] for image in parts))
-    begins = [0, *ends[:-1]]
-    return [np.ascontiguousarray(whole[:, a:b]) for a, b in zip(begins, ends, strict=True)]
+    ends = np.cumsum([image.shape[1] for image in parts])
+    return [np.ascontiguousarray(image) for image in np.split(whole, ends[:-1], axis=1)]

@@ -7,6 +7,7 @@ the robot, and closes without an error.
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -49,6 +50,11 @@ def _import_quietly() -> Any:
 
 
 bullet = _import_quietly()
+
+
+def quaternion(yaw: float) -> tuple[float, float, float, float]:
+    """The quaternion (x, y, z, w) of a turn by ``yaw`` [rad] about the vertical."""
+    return 0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)
 
 
 class BulletClient:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from navfw.meshes.furniture_meshes import furniture_mesh
-from navfw.sim.engine import BulletClient, bullet
+from navfw.sim.engine import BulletClient, bullet, quaternion
 from navfw.sim.scenery import Scenery
 from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import Solid, floor_pieces, solids_of, treads_of
@@ -99,8 +99,6 @@ class PhysicsWorld(BulletClient):
                 self._visuals[body], *self._call("getBasePositionAndOrientation", body)
             )
 
-    # ------------------------------------------------------------------------------------------
-
     def _build_floor(self) -> None:
         """The floor around the drops, and the drops' treads, which stop the robot's fall."""
         pieces = [(piece, 0.0) for piece in floor_pieces(self.world)]
@@ -133,7 +131,7 @@ class PhysicsWorld(BulletClient):
                 radii=[0.0 if isinstance(s.shape, Rectangle) else s.shape.radius for s in solids],
                 lengths=[s.height for s in solids],
                 collisionFramePositions=[s.centre for s in solids],
-                collisionFrameOrientations=[_quaternion(s.shape.yaw) for s in solids],
+                collisionFrameOrientations=[quaternion(s.shape.yaw) for s in solids],
             )
         )
 
@@ -170,7 +168,7 @@ class PhysicsWorld(BulletClient):
     ) -> int:
         body = int(
             self._call(
-                "createMultiBody", 0.0, collision, self._invisible(), position, _quaternion(yaw)
+                "createMultiBody", 0.0, collision, self._invisible(), position, quaternion(yaw)
             )
         )
         # without this mask walls are tested against each other: 100 us more in each step
@@ -184,7 +182,3 @@ class PhysicsWorld(BulletClient):
         """A visual shape without area; with none PyBullet would draw the collision shape."""
         mesh = TexturedMesh.without_area()
         return int(self._call("createVisualShape", bullet.GEOM_MESH, **mesh.arguments))
-
-
-def _quaternion(yaw: float) -> list[float]:
-    return [0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)]

@@ -197,8 +197,6 @@ class Raster:
         )
         return RenderedImage(rgb, nearest[::-1])
 
-    # ------------------------------------------------------------------------------------------
-
     def _pack(self) -> _PackedBodies:
         if self._packed is None:
             bodies = list(self._bodies.values())

@@ -26,7 +26,7 @@ from navfw.process.atomic import scratch_folder
 from navfw.robot import DrivenUrdf, RobotModel
 from navfw.robot.urdf import UrdfDrive, urdf_drive
 from navfw.signals import Pose, wrap_angle
-from navfw.sim.engine import BulletClient, bullet, quiet_output
+from navfw.sim.engine import BulletClient, bullet, quaternion, quiet_output
 from navfw.sim.physics_world import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
 
 BodyState = tuple[tuple[float, float, float], tuple[float, float, float, float]]
@@ -189,14 +189,13 @@ class RobotBody(WheeledBody):
         with scratch_folder("robot") as folder:
             path = folder / "robot.urdf"
             path.write_text(_robot_urdf(robot), encoding="utf-8")
-            turn = [0.0, 0.0, math.sin(0.5 * start.yaw), math.cos(0.5 * start.yaw)]
             # without self collision (the default) and with our own inertias
             self.body = int(
                 self._call(
                     "loadURDF",
                     str(path),
                     [start.x, start.y, 0.0],
-                    turn,
+                    quaternion(start.yaw),
                     flags=bullet.URDF_USE_INERTIA_FROM_FILE,
                 )
             )
@@ -290,13 +289,12 @@ class UrdfBody(WheeledBody):
         self.set_wheel_speeds(0.0, 0.0)
 
     def _load(self, file: str, drive: UrdfDrive, start: Pose) -> int:
-        turn = [0.0, 0.0, math.sin(0.5 * start.yaw), math.cos(0.5 * start.yaw)]
         x, y = start.to_parent(-float(drive.origin[0]), -float(drive.origin[1]))
         flags = bullet.URDF_USE_INERTIA_FROM_FILE
         at = [x, y, -float(drive.origin[2])]
         try:
             with quiet_output():  # PyBullet prints a warning for every link without inertia
-                return int(self._call("loadURDF", file, at, turn, flags=flags))
+                return int(self._call("loadURDF", file, at, quaternion(start.yaw), flags=flags))
         except bullet.error as error:
             raise SimulationError(f"PyBullet cannot load {file}: {error}") from None
 
@@ -370,11 +368,6 @@ class UrdfBody(WheeledBody):
 
 def pose_of(state: BodyState) -> Pose:
     """The planar pose of a body state."""
-    (x, y, _), turn = state
-    return Pose(x, y, _yaw_of(turn))
-
-
-def _yaw_of(turn: tuple[float, float, float, float]) -> float:
-    """Yaw [rad] of a quaternion (x, y, z, w)."""
-    x, y, z, w = turn
-    return wrap_angle(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    (at_x, at_y, _), (x, y, z, w) = state
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return Pose(at_x, at_y, wrap_angle(yaw))

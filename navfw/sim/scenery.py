@@ -15,7 +15,7 @@ from navfw.features.landmark_appearance import landmark_kind
 from navfw.meshes.furniture_meshes import furniture_mesh
 from navfw.numerics import Array, Image
 from navfw.numerics.products import product
-from navfw.sim.engine import Display
+from navfw.sim.engine import Display, quaternion
 from navfw.sim.raster import Raster
 from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import Solid, solids_of
@@ -145,8 +145,6 @@ class Scenery:
         if self._display is not None:
             self._display.remove(self._displayed.pop(body))
 
-    # ------------------------------------------------------------------------------------------
-
     def _add(
         self,
         mesh: TexturedMesh,
@@ -154,7 +152,7 @@ class Scenery:
         position: tuple[float, float, float] = (0.0, 0.0, 0.0),
         yaw: float = 0.0,
     ) -> int:
-        turn = (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
+        turn = quaternion(yaw)
         index = self._texture(texture) if isinstance(texture, str) else texture
         if index in self._periods:
             mesh = mesh.with_period(*self._periods[index])
@@ -164,7 +162,6 @@ class Scenery:
         return body
 
     def _texture(self, name: str) -> int:
-        """The raster's index of a texture."""
         if name not in self._textures:
             self._textures[name] = self._load(self.world.textures.get(name) or STOCK[name])
         return self._textures[name]

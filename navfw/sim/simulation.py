@@ -19,9 +19,8 @@ from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, Pose, SensorReading, wrap_angle
 from navfw.sim.camera import DepthImage
 from navfw.sim.camera_rig import CameraRig, Timings
-from navfw.sim.engine import BulletConnection, Display, SimulatorWindow
-from navfw.sim.event_actions import DoorChange, EventAction, Obstacle, Textureless
-from navfw.sim.injected_faults import InjectedFaults
+from navfw.sim.engine import BulletConnection, Display, SimulatorWindow, quaternion
+from navfw.sim.event_actions import DoorChange, EventAction, InjectedFaults, Obstacle, Textureless
 from navfw.sim.physics_world import PhysicsWorld
 from navfw.sim.robot_body import (
     BodyState,
@@ -106,7 +105,11 @@ class Simulation(BulletConnection):
             scenery = Scenery(world, Display(self._client) if gui else None)
             self._physics = PhysicsWorld(world, self._client, scenery)
             self._changes = WorldChanges(world, self._physics)
-            self._body = self._make_body(start)
+            self._body: WheeledBody = (
+                RobotBody(robot, self._client, start)
+                if robot.urdf is None
+                else UrdfBody(robot, self._client, start, self._physics.floor)
+            )
             self._rig = CameraRig(
                 robot,
                 world.light,
@@ -132,12 +135,6 @@ class Simulation(BulletConnection):
         self._call("setPhysicsEngineParameter", deterministicOverlappingPairs=1)
         if gui:
             self.window = SimulatorWindow(self._client)
-
-    def _make_body(self, start: Pose) -> WheeledBody:
-        """The robot at its start."""
-        if self.robot.urdf is None:
-            return RobotBody(self.robot, self._client, start)
-        return UrdfBody(self.robot, self._client, start, self._physics.floor)
 
     def _settle(self) -> None:
         """Let the robot come to rest on its wheels before time begins; then show it."""
@@ -244,7 +241,7 @@ class Simulation(BulletConnection):
                 "resetBasePositionAndOrientation",
                 body,
                 (walker.x, walker.y, 0.5 * walker.spec.height),
-                (0.0, 0.0, math.sin(0.5 * walker.heading), math.cos(0.5 * walker.heading)),
+                quaternion(walker.heading),
             )
 
     def _record_walkers(self) -> None:
@@ -320,12 +317,9 @@ class Simulation(BulletConnection):
 
     def render_from(self, pose: Pose) -> tuple[Image, DepthImage]:
         """Image without noise and true depth [m] from any pose of the robot."""
-        turn = (0.0, 0.0, math.sin(0.5 * pose.yaw), math.cos(0.5 * pose.yaw))
         self._physics.update_walker_visuals()
-        image, raw = self._rig.camera.render((pose.x, pose.y, 0.0), turn)
+        image, raw = self._rig.camera.render((pose.x, pose.y, 0.0), quaternion(pose.yaw))
         return image, self._rig.camera.depth(raw)
-
-    # ------------------------------------------------------------------------------------------
 
     def _truth(self) -> tuple[BodyState, Pose]:
         """The true body state and pose; read from PyBullet once between advances."""

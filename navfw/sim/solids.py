@@ -185,7 +185,6 @@ _FALL_MARGIN = 0.1
 """Distance [m] around a drop within which a support point below the floor counts for it."""
 
 Corner = tuple[float, float]
-Level = tuple[float, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,18 +270,17 @@ def floor_pieces(world: WorldSpec) -> list[Rectangle]:
 
 def drop_at(world: WorldSpec, x: float, y: float) -> DropSpec | None:
     """The drop that contains a point [m], if any."""
-    for drop in world.drops:
-        if drop.x[0] < x < drop.x[1] and drop.y[0] < y < drop.y[1]:
-            return drop
-    return None
+    return next((d for d in world.drops if d.x[0] < x < d.x[1] and d.y[0] < y < d.y[1]), None)
 
 
 def drop_under(world: WorldSpec, shape: Shape) -> DropSpec | None:
     """The drop that overlaps this outline, if any."""
-    for drop in world.drops:
-        if overlap_depth(shape, drop_rectangle(drop)) > OVERLAP_TOLERANCE:
-            return drop
-    return None
+    overlapping = (
+        drop
+        for drop in world.drops
+        if overlap_depth(shape, drop_rectangle(drop)) > OVERLAP_TOLERANCE
+    )
+    return next(overlapping, None)
 
 
 def fallen_into(world: WorldSpec, points: Array) -> str | None:

@@ -273,7 +273,6 @@ def _room_at(world: WorldSpec, x: float, y: float) -> RoomSpec | None:
 
 
 def _tread_patches(tread: Tread, texture: str, walls: str) -> Iterator[SurfacePatch]:
-    """A tread and the vertical faces around it."""
     ex, ey, ez = np.eye(3)
     corner = np.array([tread.x[0], tread.y[0], -tread.depth])
     columns, rows = (
@@ -299,7 +298,6 @@ def _patches(
 def _patch(
     texture: str, corner: Array, right: Array, up: Array, columns: Span, rows: Span
 ) -> SurfacePatch:
-    """The patch of a face between two columns and two rows."""
     mesh = TexturedMesh()
     mesh.add_patch(corner, right, up, columns, rows, _NO_SHIFT)
     x, y, z = (float(n) for n in np.cross(right, up))

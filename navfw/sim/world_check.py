@@ -12,7 +12,6 @@ import numpy as np
 from navfw.config.document import KeyPath, key_text
 from navfw.errors import WorldError, did_you_mean
 from navfw.features.landmark_appearance import identity_of, landmark_kind
-from navfw.numerics import Array
 from navfw.sim.shapes import OVERLAP_TOLERANCE, Circle, Rectangle, Shape, overlap_depth
 from navfw.sim.solids import (
     Solid,
@@ -57,14 +56,6 @@ def _landmarks(world: WorldSpec) -> Iterator[Problem]:
                 f"{mark.name!r} reaches into the floor: its plate is {2 * half:.2f} m high, so z"
                 f" must be at least {half + _MIN_HEIGHT:.2f}",
             )
-        elif not (
-            world.x[0] <= mark.at[0] <= world.x[1] and world.y[0] <= mark.at[1] <= world.y[1]
-        ):
-            yield (
-                ("landmarks", i, "at"),
-                f"{mark.name!r} at {list(mark.at)} lies off the floor, x {list(world.x)} y"
-                f" {list(world.y)} [m]",
-            )
         else:
             yield from _mounting_problems(mark, i, half, solids)
 
@@ -93,17 +84,14 @@ def _mounting_problems(
             " round (yaw is the direction that it faces)",
         )
     elif not mark.free and not all(
-        _inside_any(full_height, end - _DEPTH_TOLERANCE * normal[:2]) for end in ends
+        any(s.shape.distance(point[None])[0] <= 0.0 for s in full_height)
+        for point in ends - _DEPTH_TOLERANCE * normal[:2]
     ):
         yield (
             ("landmarks", index, "at"),
             f"{mark.name!r} is not mounted on a face: no wall or box is right behind the whole of"
             f" its plate of {2 * half:.2f} m; {_advice(mark, full_height)}",
         )
-
-
-def _inside_any(solids: Sequence[Solid], point: Array) -> bool:
-    return any(float(solid.shape.distance(point[None])[0]) <= 0.0 for solid in solids)
 
 
 def _advice(mark: LandmarkPlateSpec, solids: Sequence[Solid]) -> str:
@@ -232,7 +220,7 @@ def _bounds(world: WorldSpec) -> Iterator[Problem]:
         for j, point in enumerate(wall.points):
             if not inside(*point):
                 yield ("walls", i, "points", j), f"point {list(point)} lies off {floor}"
-    for section in ("boxes", "cylinders", "meshes"):
+    for section in ("boxes", "cylinders", "meshes", "landmarks"):
         for i, item in enumerate(getattr(world, section)):
             if not inside(*item.at):
                 yield (section, i, "at"), f"{item.name!r} at {list(item.at)} lies off {floor}"
@@ -322,7 +310,6 @@ def _blocked_paths(world: WorldSpec) -> Iterator[Problem]:
 
 
 def _legs(walker: WalkerSpec) -> Iterator[tuple[Point, Point]]:
-    """The straight parts of a walker's path."""
     return pairwise((*walker.path, walker.path[0]) if walker.walk == "loop" else walker.path)
 
 

@@ -125,7 +125,8 @@ def map_data(topo_map: TopoMap) -> dict[str, Any]:
     edges = []
     for passage in topo_map.passages:
         edge: dict[str, Any] = {"from": passage.a, "to": passage.b}
-        straight = topo_map.places[passage.a].distance(*_at(topo_map, passage.b))
+        end = topo_map.places[passage.b]
+        straight = topo_map.places[passage.a].distance(end.x, end.y)
         if abs(passage.length - straight) > 0.005:
             edge["length"] = round(passage.length, 3)
         if math.isfinite(passage.width):
@@ -134,11 +135,6 @@ def map_data(topo_map: TopoMap) -> dict[str, Any]:
     places = {p.name: {"x": p.x, "y": p.y, "kind": p.kind} for p in topo_map.places.values()}
     plan = {} if topo_map.floor_plan is None else {"floor_plan": _PLAN_FILE}
     return {"name": topo_map.name, **plan, "places": places, "edges": edges}
-
-
-def _at(topo_map: TopoMap, name: str) -> tuple[float, float]:
-    place = topo_map.places[name]
-    return place.x, place.y
 
 
 def _plain(spec: WorldSpec | MissionSpec) -> dict[str, Any]:

@@ -22,27 +22,18 @@ from navfw.sim.worldspec import (
 )
 
 Role = Literal["floor", "wall", "ceiling", "thing", "person"]
+Interval = tuple[float, float]
 
-_STYLES: Mapping[Role, tuple[Style, ...]] = MappingProxyType(
+_NOISE: Mapping[Role, tuple[tuple[Style, ...], Interval]] = MappingProxyType(
     {
-        "floor": ("carpet", "stone", "plaster", "wood"),
-        "wall": ("plaster", "panels", "stone", "carpet"),
-        "ceiling": ("plaster",),
-        "thing": ("wood", "stone", "panels", "plaster", "carpet"),
-        "person": ("carpet", "stone"),
+        "floor": (("carpet", "stone", "plaster", "wood"), (110.0, 150.0)),
+        "wall": (("plaster", "panels", "stone", "carpet"), (120.0, 155.0)),
+        "ceiling": (("plaster",), (160.0, 175.0)),
+        "thing": (("wood", "stone", "panels", "plaster", "carpet"), (95.0, 150.0)),
+        "person": (("carpet", "stone"), (95.0, 140.0)),
     }
 )
-"""Styles by role."""
-_BRIGHTNESS: Mapping[Role, tuple[float, float]] = MappingProxyType(
-    {
-        "floor": (110.0, 150.0),
-        "wall": (120.0, 155.0),
-        "ceiling": (160.0, 175.0),
-        "thing": (95.0, 150.0),
-        "person": (95.0, 140.0),
-    }
-)
-"""Interval of the mean luminance [grey levels] by role."""
+"""Styles, and the interval of the mean luminance [grey levels], by role."""
 _MIN_DETAIL: Mapping[Role, float] = MappingProxyType({"floor": 0.045})
 """Finest detail [m] by role: coarser on floors, seen at a shallow angle, against aliasing."""
 
@@ -58,14 +49,14 @@ class Palette:
         """Add a random texture for a role; returns its name."""
         rng = self._rng
         name = f"{role}-{sum(other.startswith(role) for other in self.textures) + 1}"
-        styles = _STYLES[role]
+        styles, brightness = _NOISE[role]
         tint = rng.uniform(0.62, 1.0, 3)
         red, green, blue = np.round(tint / tint.max(), 2).tolist()
         self.textures[name] = TextureSpec(
             style=styles[int(rng.integers(len(styles)))],
             seed=int(rng.integers(1_000_000)),
             contrast=round(float(rng.uniform(36.0, 48.0)), 1),
-            brightness=round(float(rng.uniform(*_BRIGHTNESS[role])), 1),
+            brightness=round(float(rng.uniform(*brightness)), 1),
             colour=(red, green, blue),
             finest=_MIN_DETAIL.get(role, 0.035),
         )
@@ -104,8 +95,8 @@ class _Surface(NamedTuple):
     """A pattern with intervals of contrast and mean luminance [grey levels], and its tint."""
 
     style: Style
-    contrast: tuple[float, float]
-    brightness: tuple[float, float]
+    contrast: Interval
+    brightness: Interval
     colour: Colour
 
 

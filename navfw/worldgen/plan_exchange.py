@@ -84,18 +84,8 @@ _ENDS = ("room", "corridor", "junction")
 """Kinds of places that missions begin and end at."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Way:
-    """A way on the map of ``length`` [m] between two places."""
-
-    length: float
-    start: str
-    goal: str
-
-    @property
-    def name(self) -> str:
-        """The name of its mission."""
-        return f"{self.start}-to-{self.goal}"
+_Way = tuple[float, str, str]
+"""A way on the map: its length [m], and the places at its ends."""
 
 
 @dataclass(frozen=True)
@@ -187,12 +177,12 @@ def import_plan(
     world = _world(name, plan, walls, size)
     check_world(world, file=plan.file)
     topo_map = _topological_map(world, plan, size, report)
-    ways = {way.name: way for way in _ways(topo_map)}
+    ways = {f"{start}-to-{goal}": (length, start, goal) for length, start, goal in _ways(topo_map)}
     return ImportedPlan(
         world,
         topo_map,
-        missions={name: _mission(topo_map, way) for name, way in ways.items()},
-        lengths={name: way.length for name, way in ways.items()},
+        missions={name: _mission(topo_map, *way) for name, way in ways.items()},
+        lengths={name: way[0] for name, way in ways.items()},
         free_area=float(plan.free.sum()) * plan.resolution**2,
         size=size,
     )
@@ -289,10 +279,10 @@ def _ways(topo_map: TopoMap) -> list[_Way]:
     """Ways between rooms, halls and corridors: the longest ones, and long ones of other lengths."""
     lengths = dict(nx.all_pairs_dijkstra_path_length(topo_map.graph, weight=_length))
     ends = [p.name for p in topo_map.places.values() if p.kind in _ENDS]
-    ways = [_Way(lengths[a][b], a, b) for a, b in itertools.combinations(ends, 2)]
-    ways.sort(key=lambda way: -way.length)
-    long = [way for way in ways if way.length >= _LONG]
-    short = [way for way in ways if way.length < _LONG]
+    ways = [(lengths[a][b], a, b) for a, b in itertools.combinations(ends, 2)]
+    ways.sort(key=lambda way: -way[0])
+    long = [way for way in ways if way[0] >= _LONG]
+    short = [way for way in ways if way[0] < _LONG]
     half = _MAX_MISSIONS // 2
     return [*_with_new_ends(long, half), *_with_new_ends(short, half)]
 
@@ -306,23 +296,23 @@ def _with_new_ends(ways: list[_Way], count: int) -> list[_Way]:
     """The first ``count`` of the ways that have no end in common with those before."""
     chosen: list[_Way] = []
     for way in ways:
-        used = {end for mission in chosen for end in (mission.start, mission.goal)}
-        if len(chosen) < count and not {way.start, way.goal} & used:
+        used = {end for _, *ends in chosen for end in ends}
+        if len(chosen) < count and not used.intersection(way[1:]):
             chosen.append(way)
     return chosen
 
 
-def _mission(topo_map: TopoMap, way: _Way) -> MissionSpec:
+def _mission(topo_map: TopoMap, length: float, start: str, goal: str) -> MissionSpec:
     """The mission to drive a way, facing along it at its start."""
-    route = nx.dijkstra_path(topo_map.graph, way.start, way.goal, weight=_length)
-    start, then = (topo_map.places[name] for name in route[:2])
-    yaw = math.atan2(then.y - start.y, then.x - start.x)
+    route = nx.dijkstra_path(topo_map.graph, start, goal, weight=_length)
+    at, then = (topo_map.places[name] for name in route[:2])
+    yaw = math.atan2(then.y - at.y, then.x - at.x)
     return MissionSpec.model_validate(
         {
-            "description": f"From {way.start} to {way.goal}, {way.length:.1f} m on the map.",
+            "description": f"From {start} to {goal}, {length:.1f} m on the map.",
             "map": f"../{MAP_FILE}",
-            "start": {"place": way.start, "yaw": round(yaw, 3)},
-            "goals": [way.goal],
-            "timeout": float(round(60.0 + 5.0 * way.length)),
+            "start": {"place": start, "yaw": round(yaw, 3)},
+            "goals": [goal],
+            "timeout": float(round(60.0 + 5.0 * length)),
         }
     )

@@ -220,8 +220,8 @@ class _SdfReader:
                 f"the mesh {uri!r} {error}", file=self.path, line=line_of(shape)
             ) from None
         self.content.meshes += 1
-        for part in parts:
-            self._add(model, part.shape, part.bottom, part.top, self.content.meshes)
+        for solid in parts:
+            self._add(model, solid.shape, solid.bottom, solid.top, self.content.meshes)
 
     def _candidates(self, uri: str) -> Iterator[Path]:
         """Where the mesh may be, within the folders once links are followed."""

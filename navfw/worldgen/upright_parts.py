@@ -114,12 +114,6 @@ class _Layer:
     covered: Mask
     corners: Array
 
-    def extend(self, above: _Layer) -> None:
-        """Take in the next layer, of about the same shape."""
-        self.top = above.top
-        self.covered |= above.covered
-        self.corners = np.concatenate([self.corners, above.corners])
-
 
 def mesh_solids(triangles: Array) -> list[UprightPart]:
     """Solids that cover triangles (n, 3, 3) [m] between the floor, z = 0, and 20 m.
@@ -155,7 +149,10 @@ def _upright_layers(surfaces: list[TriangleMesh], grid: _SectionGrid) -> list[_L
                 grid.draw(covered, lines, closed=not surface.open_edges)
         layer = _Layer(bottom, top, covered, np.concatenate(corners))
         if layers and layers[-1].top == bottom and _alike(layers[-1].covered, covered):
-            layers[-1].extend(layer)
+            below = layers[-1]
+            below.top = top
+            below.covered |= covered
+            below.corners = np.concatenate([below.corners, layer.corners])
         elif covered.any():
             layers.append(layer)
     return layers

@@ -58,18 +58,12 @@ def rounded(*values: float) -> tuple[float, ...]:
     return tuple(round(float(value), 3) for value in values)
 
 
-@dataclass(frozen=True, slots=True)
-class KeepFree:
-    """A point around which ``radius`` [m] stays free of solids: a door, the start, the goal."""
-
-    x: float
-    y: float
-    radius: float
-
-
 @dataclass
 class WorldDraft:
-    """A world under construction, within x and y [m]; ``start`` (x, y, yaw), ``goal`` (x, y)."""
+    """A world under construction, within x and y [m]; ``start`` (x, y, yaw), ``goal`` (x, y).
+
+    The circles ``free`` stay clear of solids.
+    """
 
     rng: np.random.Generator
     x: tuple[float, float]
@@ -84,7 +78,7 @@ class WorldDraft:
     boxes: list[BoxSpec] = field(default_factory=list)
     cylinders: list[CylinderSpec] = field(default_factory=list)
     movers: list[WalkerSpec] = field(default_factory=list)
-    free: list[KeepFree] = field(default_factory=list)
+    free: list[Circle] = field(default_factory=list)
     shapes: list[Shape] = field(default_factory=list)
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     goal: Point = (0.0, 0.0)
@@ -115,7 +109,7 @@ class WorldDraft:
 
     def keep_free(self, x: float, y: float, radius: float) -> None:
         """Keep solids at least ``radius`` [m] from a point."""
-        self.free.append(KeepFree(x, y, radius))
+        self.free.append(Circle(x, y, radius))
 
     def set_start_and_goal(self, start: Point, goal: Point, towards: Point | None = None) -> None:
         """Set the mission's start, facing ``towards`` or the goal, and its goal [m]."""
@@ -130,8 +124,8 @@ class WorldDraft:
 
     def fits(self, shape: Shape, gap: float) -> bool:
         """Whether a solid may be added: ``gap`` [m] from the others, outside kept-free circles."""
-        for point in self.free:
-            if float(shape.distance(np.array([[point.x, point.y]]))[0]) < point.radius:
+        for circle in self.free:
+            if shape.distance(np.array([[circle.x, circle.y]]))[0] < circle.radius:
                 return False
         return all(gap_between(shape, other) >= gap for other in self.shapes)
 
@@ -148,8 +142,6 @@ class WorldDraft:
             width, depth = rounded(2 * shape.half_x, 2 * shape.half_y)
             size = (width, depth, tall)
             self.boxes.append(BoxSpec(name=name, at=(x, y), size=size, yaw=yaw, texture=texture))
-
-    # ------------------------------------------------------------------------------------------
 
     def world(self, name: str) -> WorldSpec:
         """The specification of the world so far."""
