@@ -11,8 +11,9 @@ import numpy.typing as npt
 from navfw.numerics import Image
 from navfw.robot import CameraModel
 from navfw.signals import Pose
-from navfw.sim.camera import Camera, RenderRequest
+from navfw.sim.camera import Camera
 from navfw.sim.engine import BulletConnection, Display, bullet, quaternion
+from navfw.sim.raster import RenderRequest
 from navfw.sim.scenery import Scenery
 from navfw.sim.solids import solids_of
 from navfw.sim.worldspec import WorldSpec

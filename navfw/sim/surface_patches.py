@@ -55,14 +55,8 @@ def plate_mesh(mark: LandmarkPlateSpec) -> TexturedMesh:
     right, normal = plate_axes(mark)
     half = 0.5 * landmark_kind(mark.kind).plate_side(mark.size)
     middle = np.array([*mark.at, mark.z]) + _STAND_OFF * normal
-    up = np.array([0.0, 0.0, half])
-    across = half * right
-    corners = [
-        middle - across - up,
-        middle + across - up,
-        middle + across + up,
-        middle - across + up,
-    ]
+    across, up = half * right, np.array([0.0, 0.0, half])
+    corners = [middle + i * across + j * up for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     low, high = _RIM, 1.0 - _RIM
     return TexturedMesh(
         vertices=[corner.tolist() for corner in corners],

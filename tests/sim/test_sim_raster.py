@@ -30,7 +30,7 @@ from navfw.worldgen import FAMILIES, generate
 def agree(reference: ReferenceRenderer, pose: Pose) -> None:
     """Assert that the raster and PyBullet render the same image and depth from ``pose``."""
     request = reference.request(pose)
-    rendered = reference.scenery.raster.draw(*request)
+    rendered = reference.scenery.raster.draw(request)
     rgb, raw, _ = reference.draw(request)
     np.testing.assert_array_equal(rendered.rgb, rgb)
     np.testing.assert_array_equal(depth_buffer(rendered.depth, request.projection), raw)
@@ -115,7 +115,7 @@ def test_images_equal_tiny_renderer_when_bodies_are_added_moved_and_removed() ->
 def test_an_empty_raster_is_white() -> None:
     with without_culling(world_of("empty")) as drawn:
         request = drawn.request(Pose(0.0, 0.0, 0.0))
-    rendered = Raster().draw(*request)
+    rendered = Raster().draw(request)
     assert (rendered.rgb == 255).all()
     assert (depth_buffer(rendered.depth, request.projection) > 1.0 - 1e-6).all()
 
