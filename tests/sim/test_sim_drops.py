@@ -1,17 +1,16 @@
-"""Drops: the remaining floor, their depth images, the robot's fall, invalid drops."""
+"""Drops: the remaining floor, their depth images, the robot's fall."""
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sim_worlds import drive
 
-from navfw.errors import InputError
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim import (
@@ -19,9 +18,7 @@ from navfw.sim import (
     SceneGeometry,
     Simulation,
     WorldSpec,
-    check_world,
     floor_pieces,
-    load_world,
     treads_of,
 )
 
@@ -41,21 +38,13 @@ def hall(**drop: Any) -> WorldSpec:
     )
 
 
-def drive(world: WorldSpec, start: Pose, seconds: float) -> Simulation:
-    """Drive straight at 0.4 m/s until the first contact."""
-    simulation = Simulation(world, RobotModel(), start, seed=0)
-    simulation.drive(8.0, 8.0)
-    for _ in range(round(60 * seconds)):
-        simulation.advance(1 / 60)
-        if simulation.contacts:
-            break
-    return simulation
-
-
 @pytest.mark.parametrize("down", ["east", "west", "north", "south"])
 @pytest.mark.parametrize("steps", [0, 3])
 def test_robot_that_drives_into_a_drop_falls(down: str, steps: int) -> None:
-    with drive(hall(steps=steps, down=down), Pose(2.0, 1.5, 0.0), 8.0) as simulation:
+    with Simulation(
+        hall(steps=steps, down=down), RobotModel(), Pose(2.0, 1.5, 0.0), 0
+    ) as simulation:
+        drive(simulation, 8.0, 8.0, 8.0, until_contact=True)
         assert simulation.contacts == ("pit",)
         assert simulation.collision_cause == "robot"
         # wheels or a caster have just passed the rim
@@ -63,7 +52,8 @@ def test_robot_that_drives_into_a_drop_falls(down: str, steps: int) -> None:
 
 
 def test_robot_that_drives_past_a_drop_does_not_fall() -> None:
-    with drive(hall(), Pose(2.0, 0.6, 0.0), 8.0) as simulation:
+    with Simulation(hall(), RobotModel(), Pose(2.0, 0.6, 0.0), 0) as simulation:
+        drive(simulation, 8.0, 8.0, 8.0)
         assert simulation.contacts == ()
         assert simulation.true_pose().x == pytest.approx(5.2, abs=0.1)
         assert simulation.true_pose().y == pytest.approx(0.6, abs=0.01)
@@ -137,40 +127,3 @@ def test_shortest_path_leads_around_drops() -> None:
     assert straight == pytest.approx(4.0)
     assert around > 4.2
     assert plan.clearances(corners).min() > 0.179
-
-
-WRONG = [
-    ({"x": [5, 7]}, "extends beyond the floor, x"),
-    ({"y": [0, 1]}, "'wall' would have no floor under it at 'pit'"),
-    ({"name": "wall"}, "the body name 'wall' is taken"),
-    ({"texture": "ston"}, "did you mean 'stone'?"),
-    ({"walls": "drak"}, "did you mean 'dark'?"),
-]
-
-
-@pytest.mark.parametrize(("drop", "message"), WRONG, ids=[message for _, message in WRONG])
-def test_invalid_drops_are_errors(drop: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError, match=r"drops\[0\]") as caught:
-        check_world(hall(**drop))
-    assert message in str(caught.value)
-
-
-def test_drops_must_not_overlap_each_other_or_a_movers_path() -> None:
-    world = hall()
-    twin = world.drops[0].model_copy(update={"name": "twin", "x": (3.5, 4.5)})
-    with pytest.raises(InputError, match="'twin' overlaps 'pit'"):
-        check_world(world.model_copy(update={"drops": (*world.drops, twin)}))
-    walk = {"name": "walker", "path": [[1, 1.5], [5, 1.5]]}
-    data = world.model_dump(exclude_defaults=True) | {"movers": [walk]}
-    with pytest.raises(InputError, match="'walker' would walk into 'pit'"):
-        check_world(WorldSpec.model_validate(data))
-
-
-def test_drop_without_depth_is_an_error_with_its_line(tmp_path: Path) -> None:
-    file = tmp_path / "world.yaml"
-    file.write_text(
-        "name: hall\nx: [0, 6]\ny: [0, 3]\ndrops:\n"
-        "  - {name: pit, x: [3, 4], y: [1, 2], depth: 0}\n"
-    )
-    with pytest.raises(InputError, match=r"world.yaml:5: drops\[0\].depth: expected a number"):
-        load_world(file)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 import pytest
+from sim_worlds import PERFECT, TICK, drive
 
 from navfw.config import find
 from navfw.numerics import Image
@@ -25,7 +26,6 @@ from navfw.sim import (
     LightChange,
     Obstacle,
     OpeningSpec,
-    SensorParams,
     Simulation,
     Slippery,
     Textureless,
@@ -38,24 +38,14 @@ from navfw.sim import (
 
 ROBOT = RobotModel()
 START = Pose(1.0, 1.5, 0.3)
-DT = 1.0 / 60.0
-QUIET = SensorParams.preset("perfect")
 
 
 @pytest.fixture
 def room() -> Iterator[Simulation]:
-    with Simulation(load_world(find("world", "paper-room")), ROBOT, START, 0, QUIET) as simulation:
+    with Simulation(
+        load_world(find("world", "paper-room")), ROBOT, START, 0, PERFECT
+    ) as simulation:
         yield simulation
-
-
-def drive(simulation: Simulation, seconds: float, left: float, right: float) -> list[SensorReading]:
-    """Readings at control rate."""
-    readings = []
-    for _ in range(round(seconds / DT)):
-        readings.append(simulation.read())
-        simulation.drive(left, right)
-        simulation.advance(DT)
-    return readings
 
 
 def frames(readings: list[SensorReading]) -> list[Frame]:
@@ -102,7 +92,7 @@ def test_delayed_frames_keep_their_time_of_capture(room: Simulation) -> None:
     readings = drive(room, 2.0, 4.0, 4.0)
     late = [(r.time, r.frame.time) for r in readings if r.frame is not None]
     assert len(late) == 17
-    assert all(now - captured == pytest.approx(0.3, abs=DT) for now, captured in late)
+    assert all(now - captured == pytest.approx(0.3, abs=TICK) for now, captured in late)
     room.end(CameraFault(latency=0.3))
     after = [(r.time, r.frame.time) for r in drive(room, 0.5, 0, 0) if r.frame is not None]
     assert all(now == captured for now, captured in after)
@@ -226,7 +216,7 @@ def test_obstacle_does_not_appear_above_a_drop() -> None:
     world = load_world(find("world", "paper-room"))
     hole = DropSpec(name="pit", x=(1.6, 2.2), y=(1.2, 1.8))
     world = world.model_copy(update={"drops": (hole,)})
-    with Simulation(world, ROBOT, Pose(1.0, 1.5, 0.0), 0, QUIET) as simulation:
+    with Simulation(world, ROBOT, Pose(1.0, 1.5, 0.0), 0, PERFECT) as simulation:
         simulation.begin(Obstacle(ahead=0.7, radius=0.1))
         drive(simulation, 0.2, 0.0, 0.0)
         assert simulation.change_track().presences == ()
@@ -262,7 +252,7 @@ def test_door_closes_and_opens(state: str) -> None:
     change = DoorChange.model_validate({"name": "leaf", "state": other})
     touched = {}
     for changed in (False, True):
-        with Simulation(walls_with_a_door(state), ROBOT, Pose(2.2, 2.0, 0.0), 0, QUIET) as world:
+        with Simulation(walls_with_a_door(state), ROBOT, Pose(2.2, 2.0, 0.0), 0, PERFECT) as world:
             if changed:
                 world.begin(change)
             drive(world, 2.5, 8.0, 8.0)
@@ -273,7 +263,7 @@ def test_door_closes_and_opens(state: str) -> None:
 
 def test_door_closes_once_the_robot_is_clear_and_reopens_at_the_end() -> None:
     change = DoorChange(name="leaf", state="closed")
-    with Simulation(walls_with_a_door("open"), ROBOT, Pose(3.0, 2.0, 0.0), 0, QUIET) as world:
+    with Simulation(walls_with_a_door("open"), ROBOT, Pose(3.0, 2.0, 0.0), 0, PERFECT) as world:
         world.begin(change)
         drive(world, 0.5, 0.0, 0.0)
         assert world.contacts == ()

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sim_worlds import drive
 
 from navfw.errors import ConfigError, InputError
 from navfw.meshes import boxes_around, furniture_mesh, furniture_outline
@@ -86,11 +87,7 @@ def test_the_plan_knows_what_the_robot_touches(tmp_path: Path) -> None:
     assert plan.nearest_name(4.0, 3.0) == "thing"
     robot = RobotModel()
     with Simulation(world, robot, Pose(1.5, 3.0, 0.0), 0) as sim:
-        for _ in range(400):
-            sim.drive(6.0, 6.0)
-            sim.advance(1.0 / 60.0)
-            if sim.contacts:
-                break
+        drive(sim, 7.0, 6.0, 6.0, until_contact=True)
         assert sim.contacts == ("thing",)
         assert sim.true_pose().x + robot.radius == pytest.approx(3.0 - 0.4 * 2**0.5, abs=0.03)
 
@@ -99,9 +96,7 @@ def test_the_robot_drives_beneath_what_is_above_it(tmp_path: Path) -> None:
     world = load_world(room(tmp_path, more=", base: 0.6"))
     assert SceneGeometry.from_world(world, 0.4).clearance(3.0, 3.0) > 1.0
     with Simulation(world, RobotModel(), Pose(2.0, 3.0, 0.0), 0) as sim:
-        for _ in range(240):
-            sim.drive(6.0, 6.0)
-            sim.advance(1.0 / 60.0)
+        drive(sim, 4.0, 6.0, 6.0)
         assert sim.contacts == ()
         assert sim.true_pose().x > 3.0
 

@@ -21,6 +21,7 @@ from navfw.sim import (
     Shape,
     WallSpec,
     WorldSpec,
+    gap_between,
     overlap_depth,
 )
 
@@ -64,6 +65,22 @@ def test_overlap_agrees_with_sampled_points(a: Shape, b: Shape) -> None:
         assert depth > 0.0
     elif depth > 0.15:
         pytest.fail(f"no common point found, but they overlap by {depth}")
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "gap"),
+    [
+        (Circle(0, 0, 0.5), Circle(2, 0, 0.5), 1.0),
+        (Circle(0, 0, 0.5), Rectangle(2, 0, 0.5, 3.0), 1.0),
+        (Rectangle(0, 0, 1, 1), Rectangle(3, 0, 1, 1), 1.0),
+        (Rectangle(0, 0, 1, 1), Rectangle(3, 3, 1, 1), np.sqrt(2.0)),
+        (Rectangle(0, 0, 1, 1), Rectangle(0, 3, 1, 1, np.pi / 4), 2.0 - np.sqrt(2.0)),
+        (Rectangle(0, 0, 3, 0.1), Rectangle(0, 0, 0.1, 3), -3.1),
+    ],
+)
+def test_gap_between(a: Shape, b: Shape, gap: float) -> None:
+    assert gap_between(a, b) == pytest.approx(gap)
+    assert gap_between(b, a) == pytest.approx(gap)
 
 
 def field(**solids: object) -> SceneGeometry:

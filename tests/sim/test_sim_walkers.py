@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sim_worlds import PERFECT, drive
 
-from navfw.errors import ConfigError, WorldError
+from navfw.errors import WorldError
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Twist
 from navfw.sim import (
     BoxSpec,
-    SensorParams,
     Simulation,
     Walker,
     WalkerPath,
@@ -23,11 +22,9 @@ from navfw.sim import (
     WalkerTrack,
     WorldSpec,
     caused_by_robot,
-    load_world,
 )
 
 ROBOT = RobotModel()
-TICK = 1.0 / 60.0
 
 
 def anna(**changes: object) -> WalkerSpec:
@@ -40,16 +37,12 @@ def world(*walkers: WalkerSpec) -> WorldSpec:
 
 
 def simulate(start: Pose, *walkers: WalkerSpec) -> Simulation:
-    return Simulation(world(*walkers), ROBOT, start, 0, SensorParams.preset("perfect"))
+    return Simulation(world(*walkers), ROBOT, start, 0, PERFECT)
 
 
-def drive(sim: Simulation, speed: float, seconds: float) -> None:
+def drive_at(sim: Simulation, speed: float, seconds: float) -> None:
     """Drive at ``speed`` [m/s] for ``seconds`` [s] or until the first contact."""
-    for _ in range(round(seconds / TICK)):
-        sim.drive(*ROBOT.wheel_speeds(Twist(speed, 0.0)))
-        sim.advance(TICK)
-        if sim.contacts:
-            return
+    drive(sim, seconds, *ROBOT.wheel_speeds(Twist(speed, 0.0)), until_contact=True)
 
 
 # --- paths ------------------------------------------------------------------------------------
@@ -80,9 +73,9 @@ def test_path_is_continuous_and_periodic(
     corners: list[tuple[int, int]], walk: str, travelled: float, step: float
 ) -> None:
     path = WalkerPath(anna(path=corners, walk=walk))
-    here, there = path.pose_at(travelled), path.pose_at(travelled + step)
-    assert math.dist(here[:2], there[:2]) <= step + 1e-9
-    assert path.pose_at(travelled + path.length)[:2] == pytest.approx(here[:2], abs=1e-9)
+    pose, later = path.pose_at(travelled), path.pose_at(travelled + step)
+    assert math.dist(pose[:2], later[:2]) <= step + 1e-9
+    assert path.pose_at(travelled + path.length)[:2] == pytest.approx(pose[:2], abs=1e-9)
 
 
 def test_phase_sets_the_initial_position() -> None:
@@ -95,7 +88,7 @@ def test_phase_sets_the_initial_position() -> None:
 
 def test_moves_in_simulated_time() -> None:
     with simulate(Pose(0, 3, 0), anna()) as sim:
-        drive(sim, 0.0, 2.0)
+        drive_at(sim, 0.0, 2.0)
         track = sim.walker_track()
     assert track.time[[0, -1]] == pytest.approx([0.0, 2.0])
     assert track.points[-1, 0] == pytest.approx([2.0 - 0.4 * 2.0, 0.0])
@@ -106,7 +99,7 @@ def test_moves_in_simulated_time() -> None:
 def test_depth_image_shows_the_walker_at_its_position() -> None:
     with simulate(Pose(0, 3, 0), anna()) as sim:
         for _ in range(3):
-            drive(sim, 0.0, 1.0)
+            drive_at(sim, 0.0, 1.0)
             depth = sim.render_from(Pose(-4, 0, 0))[1]
             eye = -4 + ROBOT.camera.mount_forward
             surface = sim.walkers[0].x - sim.walkers[0].spec.radius
@@ -115,7 +108,7 @@ def test_depth_image_shows_the_walker_at_its_position() -> None:
 
 def test_walker_without_yields_moves_into_a_standing_robot() -> None:
     with simulate(Pose(0, 0, 0), anna()) as sim:
-        drive(sim, 0.0, 6.0)
+        drive_at(sim, 0.0, 6.0)
         assert sim.contacts == ("anna",)
         assert sim.collision_cause == "mover"
         touched = sim.walkers[0].x - sim.true_pose().x
@@ -124,13 +117,13 @@ def test_walker_without_yields_moves_into_a_standing_robot() -> None:
 
 def test_walker_that_yields_waits_and_continues() -> None:
     with simulate(Pose(0, 0, 0), anna(yields=True)) as sim:
-        drive(sim, 0.0, 6.0)
+        drive_at(sim, 0.0, 6.0)
         assert sim.contacts == ()
         assert sim.collision_cause is None
         waiting = sim.walkers[0].x
         assert sim.walkers[0].waiting
         assert waiting == pytest.approx(ROBOT.radius + 0.25 + 0.6, abs=0.01)
-        drive(sim, -0.15, 4.0)  # the robot makes room
+        drive_at(sim, -0.15, 4.0)  # the robot makes room
         assert not sim.walkers[0].waiting or sim.walkers[0].x < waiting - 0.3
         assert sim.contacts == ()
 
@@ -150,14 +143,14 @@ def test_walker_yields_only_to_a_robot_in_front() -> None:
 @pytest.mark.parametrize("yields", [True, False])
 def test_robot_that_approaches_a_walker_is_the_cause(yields: bool) -> None:
     with simulate(Pose(-2, 0, 0), anna(yields=yields)) as sim:
-        drive(sim, 0.3, 10.0)
+        drive_at(sim, 0.3, 10.0)
         assert sim.contacts == ("anna",)
         assert sim.collision_cause == "robot"
 
 
 def test_robot_hit_from_behind_is_not_the_cause() -> None:
     with simulate(Pose(0.5, 0, math.pi), anna(speed=0.6)) as sim:
-        drive(sim, 0.1, 10.0)
+        drive_at(sim, 0.1, 10.0)
         assert sim.contacts == ("anna",)
         assert sim.collision_cause == "mover"
 
@@ -167,7 +160,7 @@ def test_robot_is_the_cause_of_contacts_with_solids() -> None:
         name="hall", x=(-6, 6), y=(-6, 6), boxes=(BoxSpec(name="crate", at=(1, 0), size=(1, 1, 1)),)
     )
     with Simulation(spec, ROBOT, Pose(0, 0, 0), 0) as sim:
-        drive(sim, 0.3, 5.0)
+        drive_at(sim, 0.3, 5.0)
         assert (sim.contacts, sim.collision_cause) == (("crate",), "robot")
 
 
@@ -189,7 +182,7 @@ def test_cause_by_geometry() -> None:
 def test_runs_are_reproducible() -> None:
     def run() -> tuple[bytes, bytes]:
         with simulate(Pose(-1, 0.2, 0), anna(yields=True)) as sim:
-            drive(sim, 0.2, 3.0)
+            drive_at(sim, 0.2, 3.0)
             return sim.walker_track().points.tobytes(), sim.render_from(Pose(-4, 0, 0))[0].tobytes()
 
     assert run() == run()
@@ -212,50 +205,3 @@ def test_clearance_uses_the_walkers_positions_at_each_time() -> None:
     assert found == pytest.approx([2.75, 1.75, 0.75, 0.75])
     empty = WalkerTrack.of([], [0.0], [np.empty((0, 2))])
     assert np.isinf(empty.clearances(here, np.zeros(4))).all()
-
-
-# --- world files ------------------------------------------------------------------------------
-
-FILE = """\
-name: hall
-x: [-6, 6]
-y: [-6, 6]
-boxes:
-  - {name: crate, at: [0, 0.5], size: [1, 1, 1]}
-movers:
-  - {name: anna, path: [[2, -2], [-2, -2]], speed: 0.5}
-"""
-
-
-def read(tmp_path: Path, text: str) -> WorldSpec:
-    path = tmp_path / "world.yaml"
-    path.write_text(text, encoding="utf-8")
-    return load_world(path)
-
-
-def test_world_file(tmp_path: Path) -> None:
-    walker = read(tmp_path, FILE).movers[0]
-    assert (walker.speed, walker.yields, walker.radius, walker.walk) == (
-        0.5,
-        True,
-        0.25,
-        "back-and-forth",
-    )
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("[[2, -2], [-2, -2]]", "[[2, 0], [-2, 0]]", "'anna' would walk through 'crate'"),
-        ("[[2, -2], [-2, -2]]", "[[2, -2], [-7, -2]]", "lies off the floor"),
-        ("[[2, -2], [-2, -2]]", "[[2, -2], [2, -2]]", "consecutive points of path are equal"),
-        ("name: anna", "name: crate", "'crate' is taken by boxes"),
-        ("speed: 0.5", "speed: 0", "movers"),
-        ("speed: 0.5", "texture: silk", "unknown texture 'silk'"),
-        ("speed: 0.5", "walk: circle", "movers"),
-    ],
-)
-def test_bad_world_files(tmp_path: Path, old: str, new: str, message: str) -> None:
-    with pytest.raises((ConfigError, WorldError), match=message) as caught:
-        read(tmp_path, FILE.replace(old, new))
-    assert "world.yaml:7" in str(caught.value)

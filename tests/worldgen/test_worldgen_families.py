@@ -20,6 +20,7 @@ from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim import (
     STOCK,
+    Look,
     SceneGeometry,
     Simulation,
     WalkerSpec,
@@ -27,8 +28,20 @@ from navfw.sim import (
     load_world,
     solids_of,
 )
+from navfw.suite import EntrySpec
 from navfw.topomap import load_map
-from navfw.worldgen import FAMILIES, MAP_FILE, GeneratedWorld, WorldDraft, furnish, generate
+from navfw.worldgen import (
+    FAMILIES,
+    LOOKS,
+    MAP_FILE,
+    GeneratedWorld,
+    WorldDraft,
+    furnish,
+    generate,
+)
+
+Case = tuple[str, int, float]
+Made = dict[Case, GeneratedWorld]
 
 ROBOT = RobotModel()
 CASES = [
@@ -40,9 +53,14 @@ WITH_MAP = {"rooms", "corridors", "maze"}
 
 
 @pytest.fixture(scope="module")
-def made() -> dict[tuple[str, int, float], GeneratedWorld]:
+def made() -> Made:
     """One world for each case, generated once."""
     return {case: generate(*case) for case in CASES}
+
+
+def of_family(made: Made, name: str) -> list[tuple[float, GeneratedWorld]]:
+    """The worlds of a family with their difficulties."""
+    return [(case[2], world) for case, world in made.items() if case[0] == name]
 
 
 def start_of(world: GeneratedWorld) -> tuple[float, float]:
@@ -70,9 +88,7 @@ def connected(
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_world_is_traversable_in_time(
-    made: dict[tuple[str, int, float], GeneratedWorld], case: tuple[str, int, float]
-) -> None:
+def test_world_is_traversable_in_time(made: Made, case: Case) -> None:
     world = made[case]
     plan = SceneGeometry.from_world(world.world)
     assert connected(plan, start_of(world), goal_of(world), ROBOT.radius + 0.04)
@@ -82,9 +98,7 @@ def test_world_is_traversable_in_time(
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_same_arguments_same_world(
-    made: dict[tuple[str, int, float], GeneratedWorld], family: str
-) -> None:
+def test_same_arguments_same_world(made: Made, family: str) -> None:
     again, other = generate(family, 1, 0.5), generate(family, 2, 0.5)
     world = made[(family, 1, 0.5)]
     assert again.world == world.world
@@ -106,9 +120,7 @@ def test_same_world_in_a_fresh_process(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_files_have_the_same_content(
-    made: dict[tuple[str, int, float], GeneratedWorld], case: tuple[str, int, float], tmp_path: Path
-) -> None:
+def test_files_have_the_same_content(made: Made, case: Case, tmp_path: Path) -> None:
     world = made[case]
     folder = world.write(tmp_path / "made")
     assert load_world(folder / "world.yaml") == world.world
@@ -123,9 +135,7 @@ def test_files_have_the_same_content(
 
 
 @pytest.mark.parametrize("case", [c for c in CASES if c[0] in WITH_MAP], ids=str)
-def test_passages_of_the_map_are_free(
-    made: dict[tuple[str, int, float], GeneratedWorld], case: tuple[str, int, float]
-) -> None:
+def test_passages_of_the_map_are_free(made: Made, case: Case) -> None:
     world = made[case]
     plan, topo_map = SceneGeometry.from_world(world.world), world.topo_map
     for passage in topo_map.passages:
@@ -157,10 +167,8 @@ def test_any_seed_gives_a_traversable_world(family: str, seed: int, difficulty: 
 # --- properties of each family ----------------------------------------------------------------
 
 
-def test_rooms(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
-    for (family, _, _), world in made.items():
-        if family != "rooms":
-            continue
+def test_rooms(made: Made) -> None:
+    for _, world in of_family(made, "rooms"):
         spec = world.world
         doors = [opening for wall in spec.walls for opening in wall.openings]
         assert 2 <= len(spec.rooms) <= 6
@@ -194,11 +202,9 @@ def test_furniture_along_a_wall_stands_two_centimetres_from_it() -> None:
     assert min(gap for gap in gaps if gap >= 0.3) >= 0.6
 
 
-def test_clutter(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
+def test_clutter(made: Made) -> None:
     counts = []
-    for (family, _, difficulty), world in made.items():
-        if family != "clutter":
-            continue
+    for difficulty, world in of_family(made, "clutter"):
         spec = world.world
         assert 8.0 <= spec.x[1] - spec.x[0] <= 12.0
         things = [s for s in solids_of(spec) if s.kind in ("box", "cylinder")]
@@ -209,10 +215,8 @@ def test_clutter(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
     assert counts[-1] > 1.5 * counts[0]
 
 
-def test_maze(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
-    for (family, _, _), world in made.items():
-        if family != "maze":
-            continue
+def test_maze(made: Made) -> None:
+    for _, world in of_family(made, "maze"):
         plan = SceneGeometry.from_world(world.world)
         for place in world.topo_map.places.values():
             cell = 2 * plan.clearance(place.x, place.y) + 0.1
@@ -221,11 +225,9 @@ def test_maze(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
             assert cell < 1.6 + 0.002 or place.kind == "junction"
 
 
-def test_corridors(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
+def test_corridors(made: Made) -> None:
     kinds = set()
-    for (family, _, _), world in made.items():
-        if family != "corridors":
-            continue
+    for _, world in of_family(made, "corridors"):
         plan = SceneGeometry.from_world(world.world)
         for place in world.topo_map.places.values():
             kinds.add(place.kind)
@@ -234,10 +236,8 @@ def test_corridors(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
     assert {"junction", "corner", "corridor"} <= kinds
 
 
-def test_poles(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
-    for (family, _, difficulty), world in made.items():
-        if family != "poles":
-            continue
+def test_poles(made: Made) -> None:
+    for difficulty, world in of_family(made, "poles"):
         poles = world.world.cylinders
         assert all(0.05 <= pole.radius <= 0.1 for pole in poles)
         # BARN has 30 to 160 poles on 20 m^2 between its rows; this field is a fifth longer
@@ -246,11 +246,9 @@ def test_poles(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
             assert len(poles) > 90
 
 
-def test_moving(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
+def test_moving(made: Made) -> None:
     movers: list[WalkerSpec] = []
-    for (family, _, _), world in made.items():
-        if family != "moving":
-            continue
+    for _, world in of_family(made, "moving"):
         start = np.array(start_of(world))
         assert world.mission.robot.seen_aside > math.radians(90.0)
         for mover in world.world.movers:
@@ -262,9 +260,7 @@ def test_moving(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_can_be_simulated_and_rendered(
-    made: dict[tuple[str, int, float], GeneratedWorld], family: str
-) -> None:
+def test_can_be_simulated_and_rendered(made: Made, family: str) -> None:
     world = made[(family, 1, 0.5)]
     start = world.mission.start
     assert isinstance(start, tuple)
@@ -279,7 +275,7 @@ def test_can_be_simulated_and_rendered(
 
 @pytest.mark.parametrize(("contrast", "least", "most"), [(0.0, 0.0, 0.7), (6.0, 3.0, 8.0)])
 def test_a_given_contrast_is_that_of_every_surface_and_all_else_is_the_same(
-    made: dict[tuple[str, int, float], GeneratedWorld], contrast: float, least: float, most: float
+    made: Made, contrast: float, least: float, most: float
 ) -> None:
     usual, bare = made[("rooms", 1, 0.5)], generate("rooms", 1, 0.5, contrast)
     without = {"textures"}
@@ -330,3 +326,48 @@ def test_write_overwrites_generated_folders_only(tmp_path: Path) -> None:
     assert (tmp_path / "a" / MAP_FILE).exists()
     world.write(tmp_path / "a")
     assert not (tmp_path / "a" / MAP_FILE).exists()
+
+
+# --- looks ----------------------------------------------------------------------------------------
+
+
+SURFACES = {"textures", "skirting", "door_frames"}
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_a_look_changes_surfaces_alone_and_is_the_seeds(look: Look, tmp_path: Path) -> None:
+    usual, made = generate("rooms", 3, 0.5), generate("rooms", 3, 0.5, look=look)
+    assert made.world.model_dump(exclude=SURFACES) == usual.world.model_dump(exclude=SURFACES)
+    assert made.mission == usual.mission
+    assert set(usual.world.textures) <= set(made.world.textures)
+    assert generate("rooms", 3, 0.5, look=look).world == made.world
+    folder = made.write(tmp_path / "made")
+    assert load_world(folder / "world.yaml") == made.world
+
+
+def test_plain_walls_have_less_contrast_than_noise_and_boards_that_stand_out() -> None:
+    for seed in range(4):
+        world = generate("corridors", seed, 0.5, look="plain").world
+        walls = {world.textures[wall.texture] for wall in world.walls}
+        assert all(wall.contrast <= 4.0 for wall in walls)
+        assert world.skirting is not None
+        board = world.textures[world.skirting.texture]
+        assert all(abs(wall.brightness - board.brightness) > 20.0 for wall in walls)
+        assert world.door_frames is not None
+
+
+def test_photo_surfaces_are_materials() -> None:
+    world = generate("rooms", 5, 0.5, look="photo").world
+    styles = {texture.style for texture in world.textures.values()}
+    assert styles <= {"concrete", "brick", "parquet", "rug", "roughcast"}
+    assert len(styles) >= 3
+    assert world.skirting is None
+
+
+def test_looks_that_are_none() -> None:
+    with pytest.raises(UnknownNameError, match="unknown look 'plane': did you mean 'plain'"):
+        generate("rooms", 0, 0.5, look="plane")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="contrast: a look has contrasts of its own"):
+        generate("rooms", 0, 0.5, 3.0, "plain")
+    with pytest.raises(ValueError, match="look is for a family"):
+        EntrySpec(world="office", look="plain")
