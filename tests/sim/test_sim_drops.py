@@ -41,9 +41,8 @@ def hall(**drop: Any) -> WorldSpec:
 @pytest.mark.parametrize("down", ["east", "west", "north", "south"])
 @pytest.mark.parametrize("steps", [0, 3])
 def test_robot_that_drives_into_a_drop_falls(down: str, steps: int) -> None:
-    with Simulation(
-        hall(steps=steps, down=down), RobotModel(), Pose(2.0, 1.5, 0.0), 0
-    ) as simulation:
+    world = hall(steps=steps, down=down)
+    with Simulation(world, RobotModel(), Pose(2.0, 1.5, 0.0), 0) as simulation:
         drive(simulation, 8.0, 8.0, 8.0, until_contact=True)
         assert simulation.contacts == ("pit",)
         assert simulation.collision_cause == "robot"

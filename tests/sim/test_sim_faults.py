@@ -38,13 +38,12 @@ from navfw.sim import (
 
 ROBOT = RobotModel()
 START = Pose(1.0, 1.5, 0.3)
+ROOM = load_world(find("world", "paper-room"))
 
 
 @pytest.fixture
 def room() -> Iterator[Simulation]:
-    with Simulation(
-        load_world(find("world", "paper-room")), ROBOT, START, 0, PERFECT
-    ) as simulation:
+    with Simulation(ROOM, ROBOT, START, 0, PERFECT) as simulation:
         yield simulation
 
 
@@ -114,8 +113,7 @@ def test_images_black_over_exposed_noisy_and_blurred(room: Simulation) -> None:
 
 
 def test_black_images_have_sensor_noise() -> None:
-    world = load_world(find("world", "paper-room"))
-    with Simulation(world, ROBOT, START, 0) as simulation:
+    with Simulation(ROOM, ROBOT, START, 0) as simulation:
         image = frame_with(simulation, CameraFault(black=True))
     assert 0.0 < image.mean() < 5.0
 
@@ -213,9 +211,8 @@ def test_obstacle_appears_ahead_and_is_removed(room: Simulation) -> None:
 
 
 def test_obstacle_does_not_appear_above_a_drop() -> None:
-    world = load_world(find("world", "paper-room"))
     hole = DropSpec(name="pit", x=(1.6, 2.2), y=(1.2, 1.8))
-    world = world.model_copy(update={"drops": (hole,)})
+    world = ROOM.model_copy(update={"drops": (hole,)})
     with Simulation(world, ROBOT, Pose(1.0, 1.5, 0.0), 0, PERFECT) as simulation:
         simulation.begin(Obstacle(ahead=0.7, radius=0.1))
         drive(simulation, 0.2, 0.0, 0.0)
@@ -278,10 +275,9 @@ def test_door_closes_once_the_robot_is_clear_and_reopens_at_the_end() -> None:
 
 
 def test_faults_do_not_change_the_noise_of_other_components() -> None:
-    world = load_world(find("world", "paper-room"))
     seen = []
     for fault in (None, CameraFault(noisy=5.0)):
-        with Simulation(world, ROBOT, START, 4) as simulation:
+        with Simulation(ROOM, ROBOT, START, 4) as simulation:
             if fault is not None:
                 simulation.begin(fault)
             drive(simulation, 0.5, 2.0, 2.0)
