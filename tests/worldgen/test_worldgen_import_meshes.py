@@ -213,6 +213,16 @@ def test_a_robot_drives_into_a_house(tmp_path: Path, kind: str) -> None:
         plan.shortest_path((2.0, -2.0), (2.0, 2.0), 0.42)
 
 
+def test_sheets_of_all_heights_stay_in_the_world(tmp_path: Path) -> None:
+    level = np.array([[(5, 1, 0), (6, 1, 0), (6, 2, 0)], [(5, 1, 0), (6, 2, 0), (5, 2, 0)]])
+    heights = np.arange(0.1, 1.0, 0.1)
+    sheets = [level + np.array([0.0, 1.5 * n, height]) for n, height in enumerate(heights)]
+    obj(tmp_path / "tops.obj", np.concatenate(sheets))
+    boxes = imported(sdf(tmp_path, "tops.obj")).world.boxes
+    assert sorted(box.base + box.size[2] for box in boxes) == pytest.approx(heights.tolist())
+    assert {box.size[2] for box in boxes} == {0.02}
+
+
 def test_scale_and_pose(tmp_path: Path) -> None:
     obj(tmp_path / "b.obj", block((-0.5, 0.5), (-0.5, 0.5), (0, 1)))
     # rolled about x: what was up is ahead along -y
@@ -292,20 +302,10 @@ def test_meshes_have_a_bounded_size(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 def test_command(tmp_path: Path) -> None:
     obj(tmp_path / "models" / "hut" / "b.obj", HOUSE)
-    world = tmp_path / "world"
+    world, out = tmp_path / "world", tmp_path / "out"
     world.mkdir()
-    path, out = sdf(world, "model://hut/b.obj"), tmp_path / "out"
-    words = [
-        "world",
-        "import",
-        str(path),
-        "--out",
-        str(out),
-        "--start",
-        "2,-2,1.57",
-        "--goal",
-        "2,2",
-    ]
+    path = sdf(world, "model://hut/b.obj")
+    words = f"world import {path} --out {out} --start 2,-2,1.57 --goal 2,2".split()
     answer = CliRunner().invoke(app, words)
     assert answer.exit_code == 2
     assert "line 4" in answer.stderr
