@@ -25,7 +25,6 @@ from navfw.sim.worldspec import Coordinate, Interval
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Length = Annotated[float, Field(ge=0.02, le=20.0)]
-Side = Literal["left", "right"]
 
 
 class _OneOf(StrictModel):
@@ -104,7 +103,7 @@ class EncoderFault(StrictModel):
 class WeakWheel(StrictModel):
     """A wheel that does not reach its commanded speed."""
 
-    side: Side
+    side: Literal["left", "right"]
     share: Annotated[Share, Field(description="reached share of the commanded speed")]
 
 

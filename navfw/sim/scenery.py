@@ -205,8 +205,8 @@ def _visibility(
     world: WorldSpec, solids: Sequence[Solid], bounds: Sequence[PartBounds]
 ) -> Visibility:
     """Visibility with the walls that nothing overtops as occluders."""
-    highest = max([wall.height for wall in world.walls], default=0.0)
-    highest = max([highest, *(s.top for s in solids), *(m.height for m in world.movers)])
+    walls, walkers = (wall.height for wall in world.walls), (m.height for m in world.movers)
+    highest = max([0.0, *walls, *walkers, *(solid.top for solid in solids)])
     occluders = [
         solid.shape
         for solid in solids

@@ -87,7 +87,7 @@ _AT_OPENING = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class TrimStrip:
+class _TrimStrip:
     """A strip of a face: ``columns`` from, to along it, ``rows`` above its lower edge [m]."""
 
     columns: tuple[float, float]
@@ -95,18 +95,18 @@ class TrimStrip:
     texture: str
 
 
-def trim_strips(
+def _trim_strips(
     world: WorldSpec, wall: Solid, start: Array, right: Array, length: float
-) -> list[TrimStrip]:
+) -> list[_TrimStrip]:
     """The strips of one vertical face of a wall piece or lintel; later ones cover earlier ones.
 
     The face begins at ``start`` (2,) [m] and extends ``length`` [m] along the unit vector ``right``
     (2,).
     """
-    strips: list[TrimStrip] = []
+    strips: list[_TrimStrip] = []
     if world.skirting is not None and wall.kind == "wall":
         high = min(world.skirting.height, wall.height)
-        strips.append(TrimStrip((0.0, length), (0.0, high), world.skirting.texture))
+        strips.append(_TrimStrip((0.0, length), (0.0, high), world.skirting.texture))
     if world.door_frames is not None:
         spec = next(spec for spec in world.walls if spec.name == wall.name)
         for opening in spec.openings:
@@ -114,7 +114,7 @@ def trim_strips(
     return strips
 
 
-def texture_at(strips: Sequence[TrimStrip], along: float, above: float) -> str | None:
+def _texture_at(strips: Sequence[_TrimStrip], along: float, above: float) -> str | None:
     """Texture of the uppermost strip at a point of a face [m]; None beside all strips."""
     for strip in reversed(strips):
         (left, right), (low, high) = strip.columns, strip.rows
@@ -129,7 +129,7 @@ def _frame_strips(
     opening: OpeningSpec,
     wall: Solid,
     face: tuple[Array, Array, float],
-) -> Iterator[TrimStrip]:
+) -> Iterator[_TrimStrip]:
     """The strips of one opening's frame on a face (start, right, length) of its wall."""
     start, right, length = face
     index = opening_segment(spec, opening)
@@ -141,15 +141,15 @@ def _frame_strips(
     if abs(math.cos(yaw) * right[0] + math.sin(yaw) * right[1]) < _PARALLEL:
         ends_here = abs(off - half) < _AT_OPENING and abs(along - 0.5 * length) < _AT_OPENING
         if ends_here and wall.kind == "wall":
-            yield TrimStrip((0.0, length), (0.0, top), frame.texture)
+            yield _TrimStrip((0.0, length), (0.0, top), frame.texture)
     elif abs(off - 0.5 * spec.thickness) < 0.5 * spec.thickness:
         if wall.kind == "lintel":
             if abs(along - 0.5 * length) < half:
-                yield TrimStrip((0.0, length), (0.0, frame.width), frame.texture)
+                yield _TrimStrip((0.0, length), (0.0, frame.width), frame.texture)
             return
         upper = min(top + frame.width, spec.height)
         for left in (along - half - frame.width, along + half):
-            yield TrimStrip((left, left + frame.width), (0.0, upper), frame.texture)
+            yield _TrimStrip((left, left + frame.width), (0.0, upper), frame.texture)
 
 
 _MAX_PARTS = 192
@@ -227,7 +227,7 @@ def wall_patches(world: WorldSpec, wall: Solid) -> Iterator[SurfacePatch]:
         right = np.array([*(end - start) / length, 0.0])
         outward = np.array([right[1], -right[0]])
         corner = np.array([*start, wall.bottom])
-        strips = trim_strips(world, wall, start, right[:2], length)
+        strips = _trim_strips(world, wall, start, right[:2], length)
         cuts = [edge for strip in strips for edge in strip.columns]
         columns = split_positions(length, [*_room_edges(world, start, right[:2]), *cuts])
         rows = split_positions(wall.height, [edge for strip in strips for edge in strip.rows])
@@ -236,7 +236,7 @@ def wall_patches(world: WorldSpec, wall: Solid) -> Iterator[SurfacePatch]:
             room = _room_at(world, *(start + along * right[:2] + 0.02 * outward))
             texture = (room and room.walls) or wall.texture
             for level in pairwise(rows):
-                trim = texture_at(strips, along, 0.5 * sum(level))
+                trim = _texture_at(strips, along, 0.5 * sum(level))
                 yield _patch(trim or texture, corner, right, ez, stretch, level)
     # top of a wall, and the underside of a lintel
     a, b, _, d = corners

@@ -152,9 +152,7 @@ def check_world(
     if not problems:
         return
 
-    def line(path: KeyPath) -> int | None:
-        return line_of(path) if line_of is not None else None
-
+    line = line_of or (lambda _: None)
     (path, message), *others = problems
     for other_path, other in others:
         where = f"{file}:{line(other_path)}: " if file is not None else ""

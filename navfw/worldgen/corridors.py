@@ -129,18 +129,15 @@ def _routes_and_branches(rng: np.random.Generator, difficulty: float) -> Corrido
             if other not in graph and rng.random() < 0.35:
                 graph.add_edge(node, other)
     low, high = blend(1.5, 1.1, difficulty), blend(2.1, 1.7, difficulty)
+    # half a width is a whole number of millimetres
     segments = [
-        CorridorSegment(a, b, _width(rng, low, high)) for a, b in sorted(map(sorted, graph.edges))
+        CorridorSegment(a, b, round(2 * round(float(rng.uniform(low, high)) / 2, 3), 3))
+        for a, b in sorted(map(sorted, graph.edges))
     ]
     segments = _equal_collinear_widths(segments)
     network = CorridorNetwork(graph, route, {n: where[n] for n in graph}, segments)
     network.areas = [_area(network, segment) for segment in segments]
     return network
-
-
-def _width(rng: np.random.Generator, low: float, high: float) -> float:
-    """Width between wall centre lines [m]: the free width plus a wall's thickness."""
-    return round(2 * round(float(rng.uniform(low, high)) / 2, 3), 3)
 
 
 def _bent_walk(rng: np.random.Generator, lattice: nx.Graph, steps: int) -> list[Node]:

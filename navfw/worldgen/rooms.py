@@ -193,7 +193,9 @@ class Rooms(WorldFamily):
         start_room, goal_room = _far_apart(layout, rng)
         _keep_doors_free(draft, layout)
         start, goal = (_free_point(draft, room) for room in (start_room, goal_room))
-        draft.set_start_and_goal(start, goal, towards=_exit(layout, start_room))
+        # the robot faces its room's first door
+        exit_ = next(door.point() for door in layout.doors if start_room.name in door.rooms)
+        draft.set_start_and_goal(start, goal, towards=exit_)
         for point in (start, goal):
             draft.keep_free(*point, 0.55)
         furnish(
@@ -331,11 +333,6 @@ def _faces(draft: WorldDraft, room: FloorRoom) -> tuple[tuple[float, float], tup
         return span[0] + low, span[1] - high
 
     return inner(room.x, draft.x), inner(room.y, draft.y)
-
-
-def _exit(layout: RoomLayout, room: FloorRoom) -> Point:
-    """Centre of the room's first door, which the robot faces at the start."""
-    return next(door.point() for door in layout.doors if room.name in door.rooms)
 
 
 def _add_map(
