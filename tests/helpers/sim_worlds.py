@@ -7,17 +7,24 @@ import zlib
 from pathlib import Path
 
 import numpy as np
+from typer.testing import CliRunner, Result
 
+from navfw.cli import app
 from navfw.config import find
-from navfw.signals import Pose, SensorReading
+from navfw.signals import Frame, Pose, SensorReading
 from navfw.sim import SceneGeometry, SensorParams, Simulation, WorldSpec, load_world
 from navfw.worldgen import FAMILIES, generate
 
-__all__ = ["PERFECT", "TICK", "drive", "free_poses", "loaded", "world_of"]
+__all__ = ["PERFECT", "TICK", "drive", "frames", "free_poses", "loaded", "run", "world_of"]
 
 PERFECT = SensorParams.preset("perfect")
 TICK = 1.0 / 60.0
 """One control period [s]."""
+
+
+def run(*words: str | Path) -> Result:
+    """What ``navfw`` answers to these words."""
+    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 def drive(
@@ -32,6 +39,10 @@ def drive(
         if until_contact and sim.contacts:
             break
     return readings
+
+
+def frames(readings: list[SensorReading]) -> list[Frame]:
+    return [reading.frame for reading in readings if reading.frame is not None]
 
 
 def loaded(folder: Path, text: str) -> WorldSpec:

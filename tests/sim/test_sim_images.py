@@ -138,43 +138,43 @@ def test_reference_equals_the_images_of_a_simulation() -> None:
 # --- culling --------------------------------------------------------------------------------------
 
 
-def visible(points: list[tuple[float, float]], *walls: Rectangle, half: float = math.pi) -> bool:
+LEFT, RIGHT = Rectangle(2.0, 1.0, 0.1, 1.0), Rectangle(3.0, -1.0, 0.1, 1.05)
+FAR = [(5.0, -1.0), (5.2, 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("points", "walls", "half", "expected"),
+    [
+        ([(3.0, -0.5), (4.0, 0.5)], [WALL], math.pi, False),
+        ([(1.0, -0.5), (1.5, 0.5)], [WALL], math.pi, True),
+        ([(3.0, -0.5), (4.0, 2.5)], [WALL], math.pi, True),
+        ([(1.5, -0.5), (4.0, 0.5)], [WALL], math.pi, True),  # part of it is in front
+        ([(-3.0, -0.5), (-4.0, 0.5)], [WALL], math.pi, True),
+        # a wall's own faces
+        ([(1.9, -1.0), (1.9, 1.0)], [WALL], math.pi, True),
+        ([(2.1, -1.0), (2.1, 1.0)], [WALL], math.pi, False),
+        # two walls together; with a gap between them
+        (FAR, [LEFT], math.pi, True),
+        (FAR, [RIGHT], math.pi, True),
+        (FAR, [LEFT, RIGHT], math.pi, False),
+        (FAR, [LEFT, Rectangle(3.0, -1.1, 0.1, 1.05)], math.pi, True),
+        # the field of view
+        ([(-1.0, -0.5), (-2.0, 0.5)], [], 0.8, False),
+        ([(0.5, 2.0), (1.0, 3.0)], [], 0.8, False),
+        ([(0.5, 2.0), (3.0, 3.0)], [], 0.8, True),
+        ([(-1.0, -1.0), (1.0, 1.0)], [], 0.8, True),  # the eye is inside the bounds
+    ],
+)
+def test_parts_behind_walls_and_outside_the_field_of_view_are_invisible(
+    points: list[tuple[float, float]], walls: list[Rectangle], half: float, expected: bool
+) -> None:
     bounds = PartBounds.around(np.array(points))
-    return bool(Visibility(walls, 2.0, [bounds]).visible(EYE, 0.0, half)[0])
-
-
-def test_wall_occludes_parts_behind_it() -> None:
-    assert not visible([(3.0, -0.5), (4.0, 0.5)], WALL)
-    assert visible([(1.0, -0.5), (1.5, 0.5)], WALL)
-    assert visible([(3.0, -0.5), (4.0, 2.5)], WALL)
-    assert visible([(1.5, -0.5), (4.0, 0.5)], WALL), "part of it is in front"
-    assert visible([(-3.0, -0.5), (-4.0, 0.5)], WALL)
-
-
-def test_walls_occlude_together() -> None:
-    part = [(5.0, -1.0), (5.2, 1.0)]
-    left, right = Rectangle(2.0, 1.0, 0.1, 1.0), Rectangle(3.0, -1.0, 0.1, 1.05)
-    assert visible(part, left)
-    assert visible(part, right)
-    assert not visible(part, left, right)
-    assert visible(part, left, Rectangle(3.0, -1.1, 0.1, 1.05)), "there is a gap between them"
-
-
-def test_wall_does_not_occlude_its_own_face() -> None:
-    assert visible([(1.9, -1.0), (1.9, 1.0)], WALL)
-    assert not visible([(2.1, -1.0), (2.1, 1.0)], WALL)
+    assert Visibility(walls, 2.0, [bounds]).visible(EYE, 0.0, half)[0] == expected
 
 
 def test_wall_below_the_eye_does_not_occlude() -> None:
     bounds = PartBounds.around(np.array([(3.0, -0.5), (4.0, 0.5)]))
     assert Visibility([WALL], 0.3, [bounds]).visible(EYE, 0.0, math.pi)[0]
-
-
-def test_parts_outside_the_field_of_view_are_invisible() -> None:
-    assert not visible([(-1.0, -0.5), (-2.0, 0.5)], half=0.8)
-    assert not visible([(0.5, 2.0), (1.0, 3.0)], half=0.8)
-    assert visible([(0.5, 2.0), (3.0, 3.0)], half=0.8)
-    assert visible([(-1.0, -1.0), (1.0, 1.0)], half=0.8), "the eye is inside the bounds"
 
 
 def test_one_sided_parts_are_invisible_from_behind() -> None:

@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from sim_worlds import PERFECT, TICK, drive
+from sim_worlds import PERFECT, TICK, drive, frames
 
 from navfw.config import find
 from navfw.errors import UnknownNameError
 from navfw.numerics import Array, Image
 from navfw.robot import RobotModel
-from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading
+from navfw.signals import Encoders, Inertial, Pose
 from navfw.sim import (
     CLEAR_OF_ROBOT,
     PRESETS,
@@ -51,10 +51,6 @@ ROOM = load_world(find("world", "paper-room"))
 def room() -> Iterator[Simulation]:
     with Simulation(ROOM, ROBOT, START, 0, PERFECT) as simulation:
         yield simulation
-
-
-def frames(readings: list[SensorReading]) -> list[Frame]:
-    return [reading.frame for reading in readings if reading.frame is not None]
 
 
 def frame_with(simulation: Simulation, *actions: EventAction) -> Image:

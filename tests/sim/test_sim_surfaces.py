@@ -162,38 +162,31 @@ def test_colours_are_those_of_the_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("shape", "message"),
+    ("content", "message"),
     [
-        ((4000, 5000), r"5000 x 4000 pixels, at most 4000000; scale it down"),
-        ((10, 300), r"300 x 10 pixels; its sides may differ by a factor of 20 at most: cut it"),
+        (np.zeros((4000, 5000), np.uint8), "5000 x 4000 pixels, at most 4000000; scale it down"),
+        (
+            np.zeros((10, 300), np.uint8),
+            "300 x 10 pixels; its sides .* factor of 20 .*: cut it",
+        ),
+        (b"GIF89a, or not", "give a PNG or JPEG file"),
+        (None, "no such file"),
     ],
 )
-def test_pictures_of_the_wrong_size_are_refused(
-    tmp_path: Path, shape: tuple[int, int], message: str
+def test_pictures_that_cannot_be_used(
+    tmp_path: Path, content: np.ndarray | bytes | None, message: str
 ) -> None:
-    path = gallery(tmp_path, np.zeros(shape, np.uint8))
-    with pytest.raises(ConfigError, match=message) as caught:
+    path = gallery(tmp_path, content if isinstance(content, np.ndarray) else np.zeros((9, 9)))
+    picture = tmp_path / "pictures" / "stripes.png"
+    if content is None:
+        picture.unlink()
+    elif isinstance(content, bytes):
+        picture.write_bytes(content)
+    read_picture.cache_clear()
+    with pytest.raises(ConfigError, match=f"stripes.png.*{message}") as caught:
         load_world(path)
     assert caught.value.line == 7
     assert caught.value.key == "textures.stripes.picture"
-    assert "stripes.png" in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [(None, "no such file"), (b"GIF89a, or not", "give a PNG or JPEG file")],
-)
-def test_missing_and_broken_pictures_are_refused(
-    tmp_path: Path, content: bytes | None, message: str
-) -> None:
-    path = gallery(tmp_path, np.zeros((20, 20), np.uint8))
-    picture = tmp_path / "pictures" / "stripes.png"
-    picture.unlink()
-    if content is not None:
-        picture.write_bytes(content)
-    read_picture.cache_clear()
-    with pytest.raises(ConfigError, match=message):
-        load_world(path)
 
 
 @pytest.mark.parametrize(

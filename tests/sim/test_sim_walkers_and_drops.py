@@ -111,15 +111,6 @@ def test_depth_image_shows_the_walker_at_its_position() -> None:
             assert depth[60, 80] == pytest.approx(surface - eye, abs=0.02)
 
 
-def test_walker_without_yields_moves_into_a_standing_robot() -> None:
-    with simulate(Pose(0, 0, 0), anna()) as sim:
-        drive_at(sim, 0.0, 6.0)
-        assert sim.contacts == ("anna",)
-        assert sim.collision_cause == "mover"
-        touched = sim.walkers[0].x - sim.true_pose().x
-    assert touched == pytest.approx(ROBOT.radius + 0.25, abs=0.01)
-
-
 def test_walker_that_yields_waits_and_continues() -> None:
     with simulate(Pose(0, 0, 0), anna(yields=True)) as sim:
         drive_at(sim, 0.0, 6.0)
@@ -145,26 +136,29 @@ def test_walker_yields_only_to_a_robot_in_front() -> None:
         assert walker.waiting is waits, robot
 
 
-@pytest.mark.parametrize("yields", [True, False])
-def test_robot_that_approaches_a_walker_is_the_cause(yields: bool) -> None:
-    with simulate(Pose(-2, 0, 0), anna(yields=yields)) as sim:
-        drive_at(sim, 0.3, 10.0)
-        assert sim.contacts == ("anna",)
-        assert sim.collision_cause == "robot"
-
-
-def test_robot_hit_from_behind_is_not_the_cause() -> None:
-    with simulate(Pose(0.5, 0, math.pi), anna(speed=0.6)) as sim:
-        drive_at(sim, 0.1, 10.0)
-        assert sim.contacts == ("anna",)
-        assert sim.collision_cause == "mover"
+@pytest.mark.parametrize(
+    ("x", "yaw", "changes", "speed", "cause"),
+    [
+        (0.0, 0.0, {}, 0.0, "mover"),  # it moves into a standing robot
+        (0.5, math.pi, {"speed": 0.6}, 0.1, "mover"),  # and into one from behind
+        (-2.0, 0.0, {}, 0.3, "robot"),
+        (-2.0, 0.0, {"yields": True}, 0.3, "robot"),
+    ],
+)
+def test_the_one_that_approaches_is_the_cause(
+    x: float, yaw: float, changes: dict[str, object], speed: float, cause: str
+) -> None:
+    with simulate(Pose(x, 0, yaw), anna(**changes)) as sim:
+        drive_at(sim, speed, 10.0)
+        assert (sim.contacts, sim.collision_cause) == (("anna",), cause)
+        apart = math.hypot(sim.walkers[0].x - sim.true_pose().x, sim.true_pose().y)
+    assert apart == pytest.approx(ROBOT.radius + 0.25, abs=0.015)
 
 
 def test_robot_is_the_cause_of_contacts_with_solids() -> None:
-    spec = WorldSpec(
-        name="hall", x=(-6, 6), y=(-6, 6), boxes=(BoxSpec(name="crate", at=(1, 0), size=(1, 1, 1)),)
-    )
-    with Simulation(spec, ROBOT, Pose(0, 0, 0), 0) as sim:
+    crate = BoxSpec(name="crate", at=(1, 0), size=(1, 1, 1))
+    world = hall_of().model_copy(update={"boxes": (crate,)})
+    with Simulation(world, ROBOT, Pose(0, 0, 0), 0) as sim:
         drive_at(sim, 0.3, 5.0)
         assert (sim.contacts, sim.collision_cause) == (("crate",), "robot")
 

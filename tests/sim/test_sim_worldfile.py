@@ -43,11 +43,6 @@ landmarks:
 """
 
 
-@pytest.mark.parametrize("name", ["empty", "paper-room", "office"])
-def test_shipped_worlds_load(name: str) -> None:
-    assert load_world(WORLDS / name / "world.yaml").name == name
-
-
 def test_wall_is_cut_by_its_opening(tmp_path: Path) -> None:
     world = loaded(tmp_path, ROOM)
     pieces = [s for s in solids_of(world) if s.name == "divider"]

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from sim_worlds import run
 
-from navfw.cli import app
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.missions import prepare
 from navfw.sim import Circle, Rectangle, SceneGeometry, load_world
@@ -22,10 +21,6 @@ GROUND = """
 <model name='ground_plane'><static>1</static><link name='link'><collision name='collision'>
 <geometry><plane><normal>0 0 1</normal><size>100 100</size></plane></geometry></collision></link>
 </model><light name='sun' type='directional'/><physics type='ode'/>"""
-
-
-def run(*words: str | Path) -> Result:
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 def model(name: str, geometry: str, pose: str = "0 0 0 0 0 0", static: str = "1") -> str:

@@ -12,9 +12,8 @@ import pytest
 from drawn_plans import PLANS, with_noise
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from typer.testing import CliRunner
+from sim_worlds import run
 
-from navfw.cli import app
 from navfw.config import find
 from navfw.errors import InputError
 from navfw.missions import chosen_stack, load_mission
@@ -124,27 +123,23 @@ def test_plans_that_cannot_be_right() -> None:
 
 def test_the_command_for_imports(tmp_path: Path) -> None:
     save_ros_map(PLANS["thick-walls"](), tmp_path / "hall.yaml")
-    out = ["--out", str(tmp_path / "w")]
-    result = CliRunner().invoke(
-        app, ["world", "import", str(tmp_path / "hall.yaml"), *out, "--json"]
-    )
+    out = ("--out", tmp_path / "w")
+    result = run("world", "import", tmp_path / "hall.yaml", *out, "--json")
     assert result.exit_code == 0, result.output
     data = json.loads(result.stdout)
     assert (data["walls"], data["doors"]) == (16, 6)
     assert math.isclose(data["size_m"][0], 16.8)
-    image = ["world", "import", str(tmp_path / "hall.png"), *out]
     for options, message in (
-        ([], "give --resolution"),
-        (["--resolution", "0"], "expected 0.001 to 10 m"),
-        (["--resolution", "0.05", "--start", "1,2,3"], "--start: is not for .png files"),
-        (["--resolution", "0.05", "--speckle", "9"], "--speckle"),
+        ((), "give --resolution"),
+        (("--resolution", "0"), "expected 0.001 to 10 m"),
+        (("--resolution", "0.05", "--start", "1,2,3"), "--start: is not for .png files"),
+        (("--resolution", "0.05", "--speckle", "9"), "--speckle"),
     ):
-        result = CliRunner().invoke(app, [*image, *options])
+        result = run("world", "import", tmp_path / "hall.png", *out, *options)
         assert result.exit_code == 2, options
         assert message in result.output
     assert cv2.imwrite(str(tmp_path / "hall.bmp"), np.full((80, 120), 255, np.uint8))
-    bare = ["world", "import", str(tmp_path / "hall.bmp"), *out, "--resolution", "0.1"]
-    result = CliRunner().invoke(app, bare)
+    result = run("world", "import", tmp_path / "hall.bmp", *out, "--resolution", "0.1")
     assert result.exit_code == 0, result.output
     assert "4 walls, 12 x 8 m" in result.output
 
@@ -178,20 +173,19 @@ def test_walls_only_leaves_out_furniture() -> None:
 
 
 def test_the_command_for_exports(tmp_path: Path) -> None:
-    out = tmp_path / "plan.yaml"
-    command = ["map", "export", "paper-room", "--out"]
-    result = CliRunner().invoke(app, [*command, str(out), "--resolution", "0.1", "--json"])
+    out, command = tmp_path / "plan.yaml", ("map", "export", "paper-room", "--out")
+    result = run(*command, out, "--resolution", "0.1", "--json")
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["cells"] == [90, 50]
     assert load_ros_map(out).resolution == 0.1
     assert (tmp_path / "plan.pgm").read_bytes().startswith(b"P5")
     for options, message in (
-        ([str(out), "--resolution", "0.0015"], "choose a larger resolution"),
-        ([str(out), "--resolution", "0"], "expected 0.001 to 10 m"),
-        ([str(out), "--image", "jpg"], "expected an image of .pgm"),
-        ([str(tmp_path / "plan.txt")], "expected a .yaml file"),
+        ((out, "--resolution", "0.0015"), "choose a larger resolution"),
+        ((out, "--resolution", "0"), "expected 0.001 to 10 m"),
+        ((out, "--image", "jpg"), "expected an image of .pgm"),
+        ((tmp_path / "plan.txt",), "expected a .yaml file"),
     ):
-        result = CliRunner().invoke(app, [*command, *options])
+        result = run(*command, *options)
         assert result.exit_code == 2, options
         assert message in result.output
 
