@@ -3,7 +3,7 @@
 TinyRenderer does nine divisions for every pixel of each triangle's bounding box, and shades pixels
 that are covered later. Here only the triangle's span of each row is tested, with SIMD instructions,
 and each pixel is shaded once. Rounding is the same, so that the images are equal bit for bit
-(``tests/sim/test_sim_raster.py`` compares them).
+(``tests/sim/test_sim_images.py`` compares them).
 """
 
 from __future__ import annotations

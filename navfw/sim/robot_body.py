@@ -366,6 +366,15 @@ class UrdfBody(WheeledBody):
         return other not in self._floor
 
 
+def make_body(
+    robot: RobotModel, client: int, start: Pose, floor: Collection[int]
+) -> RobotBody | UrdfBody:
+    """The robot in the PyBullet client ``client``; ``floor`` are the ids of the floor's bodies."""
+    if robot.urdf is None:
+        return RobotBody(robot, client, start)
+    return UrdfBody(robot, client, start, floor)
+
+
 def pose_of(state: BodyState) -> Pose:
     """The planar pose of a body state."""
     (at_x, at_y, _), (x, y, z, w) = state

@@ -22,14 +22,7 @@ from navfw.sim.camera_rig import CameraRig, Timings
 from navfw.sim.engine import BulletConnection, Display, SimulatorWindow, quaternion
 from navfw.sim.event_actions import DoorChange, EventAction, InjectedFaults, Obstacle, Textureless
 from navfw.sim.physics_world import PhysicsWorld
-from navfw.sim.robot_body import (
-    BodyState,
-    ContactPoint,
-    RobotBody,
-    UrdfBody,
-    WheeledBody,
-    pose_of,
-)
+from navfw.sim.robot_body import BodyState, ContactPoint, make_body, pose_of
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
@@ -105,11 +98,7 @@ class Simulation(BulletConnection):
             scenery = Scenery(world, Display(self._client) if gui else None)
             self._physics = PhysicsWorld(world, self._client, scenery)
             self._changes = WorldChanges(world, self._physics)
-            self._body: WheeledBody = (
-                RobotBody(robot, self._client, start)
-                if robot.urdf is None
-                else UrdfBody(robot, self._client, start, self._physics.floor)
-            )
+            self._body = make_body(robot, self._client, start, self._physics.floor)
             self._rig = CameraRig(
                 robot,
                 world.light,
