@@ -86,6 +86,6 @@ def _furnish(rng: np.random.Generator, draft: WorldDraft) -> None:
             name, texture = f"thing-{len(draft.shapes)}", draft.palette.pick(textures)
             box = Rectangle(x, y, half_x, half_y, float(rng.uniform(-math.pi, math.pi)))
             if rng.random() < 0.5 and draft.fits(box, _GAP):
-                draft.add_box(name, box, height, texture)
+                draft.add(name, box, height, texture)
             elif draft.fits(cylinder := Circle(x, y, half_x), _GAP):
-                draft.add_cylinder(name, cylinder, height, texture)
+                draft.add(name, cylinder, height, texture)

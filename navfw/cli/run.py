@@ -159,7 +159,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
     from navfw.missions.session_setup import prepare
     from navfw.recording.run_folder import RunFolder
     from navfw.recording.video_output import check_video
-    from navfw.sim.display import check_display
+    from navfw.sim.engine import check_display
 
     if request.gui:
         check_display()

@@ -1,8 +1,7 @@
 """Triangle meshes from files, of bounded size: furniture of a world, collision shapes to import.
 
-``mesh_file`` reads all formats; ``furniture_meshes`` scales a mesh, or a URDF's shapes, to metres;
-``mesh_outline`` covers one with boxes for plans. ``triangle_mesh`` has sections and surfaces,
-``section_grid`` draws sections on cells.
+``mesh_file`` reads all formats; ``furniture_meshes`` scales a mesh, or a URDF's shapes, to
+metres, and covers it with boxes for plans; ``triangle_mesh`` has sections and surfaces.
 """
 
 from __future__ import annotations

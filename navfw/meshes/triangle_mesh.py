@@ -13,6 +13,8 @@ from navfw.numerics.products import product
 
 _LEVEL = 0.999
 """Least share of a level triangle's normal that is upright."""
+_STEPS = 1024
+"""Steps of a coordinate within a cell: the same for equal points, so that outlines are closed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,3 +119,25 @@ def joined(meshes: list[TriangleMesh]) -> TriangleMesh:
     firsts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])[:-1]
     faces = [mesh.faces + first for mesh, first in zip(meshes, firsts, strict=True)]
     return TriangleMesh(np.concatenate([m.vertices for m in meshes]), np.concatenate(faces))
+
+
+def windings(lines: Array, shape: tuple[int, ...]) -> Indices:
+    """How often closed outlines go around each cell's centre, counter-clockwise positive.
+
+    Where outlines have no direction, the number is odd inside. ``lines`` (k, 2, 2) are in cells of
+    a grid (rows, columns). Coordinates are whole steps, in which a row's centre is crossed by a
+    closed outline an even number of times.
+    """
+    points = np.round(lines * _STEPS).astype(np.int64)
+    half = _STEPS // 2
+    lower, upper = points[..., 1].min(axis=1), points[..., 1].max(axis=1)
+    begin, end = -((half - lower) // _STEPS), -((half - upper) // _STEPS)
+    count = end - begin
+    line = np.repeat(np.arange(len(lines)), count)
+    row = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + begin[line]
+    (x0, y0), (x1, y1) = points[line, 0].T, points[line, 1].T
+    x = x0 + (row * _STEPS + half - y0) / (y1 - y0) * (x1 - x0)
+    column = np.ceil((x - half) / _STEPS).astype(np.int64)
+    turns = np.zeros((shape[0], shape[1] + 1), np.int64)
+    np.add.at(turns, (row, column), np.where(y1 > y0, -1, 1))
+    return np.cumsum(turns, axis=1)[:, :-1]

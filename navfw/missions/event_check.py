@@ -17,8 +17,8 @@ from navfw.missions.eventspec import BehaviorFault, EventSpec, NearTrigger
 from navfw.missions.missionfile import MissionFile
 from navfw.robot import RobotModel
 from navfw.signals.immutability import immutable
-from navfw.sim.drop_geometry import drop_under
 from navfw.sim.event_actions import DoorChange, EventAction, Obstacle, Textureless
+from navfw.sim.solids import drop_under
 from navfw.sim.textures import STOCK
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack

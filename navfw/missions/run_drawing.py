@@ -11,7 +11,7 @@ from navfw.signals import Pose, SensorReading, Twist
 from navfw.sim.scene_geometry import SceneGeometry
 
 if TYPE_CHECKING:
-    from navfw.sim.display import Point3, SimulatorWindow
+    from navfw.sim.engine import Point3, SimulatorWindow
     from navfw.stack import Stack
 
 _LIFT = 0.03

@@ -1,5 +1,5 @@
-from .camera_effects import AutoExposure as AutoExposure
-from .camera_effects import CameraEffects as CameraEffects
+from .camera_models import AutoExposure as AutoExposure
+from .camera_models import CameraEffects as CameraEffects
 from .camera_models import CameraModel as CameraModel
 from .camera_models import LandmarkCamera as LandmarkCamera
 from .camera_models import SideCamera as SideCamera

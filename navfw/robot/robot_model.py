@@ -7,8 +7,13 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from navfw.robot.camera_effects import CameraEffects
-from navfw.robot.camera_models import CameraModel, LandmarkCamera, SideCamera, SideViews
+from navfw.robot.camera_models import (
+    CameraEffects,
+    CameraModel,
+    LandmarkCamera,
+    SideCamera,
+    SideViews,
+)
 from navfw.signals import Twist
 
 Speed = Annotated[float, Field(gt=0.0, le=10.0)]
@@ -113,9 +118,9 @@ class DrivenUrdf(BaseModel):
     ] = 0.0
 
 
-def _half_the_width(given: dict[str, Any]) -> float:
+def _half_the_width(values: dict[str, Any]) -> float:
     """Radius [m] of a robot that does not say it."""
-    footprint = given.get("footprint")
+    footprint = values.get("footprint")
     return 0.5 * footprint.width if isinstance(footprint, Footprint) else _RADIUS
 
 

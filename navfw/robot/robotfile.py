@@ -22,8 +22,7 @@ from navfw.config.layering import layered, on_its_base
 from navfw.config.lookup import find
 from navfw.config.yamlfile import validate
 from navfw.robot import RobotModel
-from navfw.robot.urdf import urdf_path
-from navfw.robot.urdf_drive import with_urdf
+from navfw.robot.urdf import urdf_path, with_urdf
 
 _DEFAULT_ROBOT = "default"
 """The robot of a mission that names none."""
@@ -113,8 +112,8 @@ def _located(document: YamlDocument, at: KeyPath, folder: Path) -> YamlDocument:
     origin = document.origin_of((*at, *_URDF))
     path = urdf_path(name, Path() if origin.option else folder).absolute()
     data = copy.deepcopy(document.data)
-    part = YamlDocument(None, data).at((*at, _URDF[0]))
-    part[_URDF[1]] = str(path)
+    section = YamlDocument(None, data).at((*at, _URDF[0]))
+    section[_URDF[1]] = str(path)
     return YamlDocument(document.file, data, document.origins)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -12,7 +11,7 @@ import numpy.typing as npt
 from navfw.numerics import Array, Image
 from navfw.numerics.products import product, sum_in_order
 from navfw.robot import CameraModel
-from navfw.sim.raster import Light, depth_buffer
+from navfw.sim.raster import Light, RenderRequest, depth_buffer
 from navfw.sim.scenery import Scenery
 from navfw.sim.visibility import field_of_view
 from navfw.sim.worldspec import LightSpec
@@ -28,19 +27,6 @@ _MAX_VIEW = 2.8
 """Limit of the horizontal field of view with a fault [rad]: a pinhole image ends at pi."""
 _RIGHT_UP_BACK = np.array([[1.0], [-1.0], [-1.0]])
 """Signs of OpenGL's camera axes (right, up, back) relative to right, down, ahead."""
-
-
-class RenderRequest(NamedTuple):
-    """The arguments of a renderer for one image (see ``Raster.draw``).
-
-    ``view`` and ``projection`` are (4, 4), ``eye`` (3,) [m], ``size`` (width, height) [px].
-    """
-
-    view: Array
-    projection: Array
-    eye: Array
-    size: tuple[int, int]
-    light: Light
 
 
 def _projection_matrix(camera: CameraModel, supersample: int = 1) -> Array:
@@ -119,7 +105,7 @@ class Camera:
 
         ``position`` [m] and ``turn`` (quaternion x, y, z, w) are those of base_link in the map.
         """
-        rendered = self._scenery.raster.draw(*self.request(position, turn))
+        rendered = self._scenery.raster.draw(self.request(position, turn))
         grey = cv2.cvtColor(rendered.rgb, cv2.COLOR_RGB2GRAY)
         if self._supersample > 1:
             grey = cv2.resize(

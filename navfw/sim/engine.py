@@ -1,15 +1,27 @@
-"""PyBullet, imported without its banner, and its clients: stdout is for results only."""
+"""PyBullet: its clients, the window, and the display of a world's meshes.
+
+It is imported without its banner: stdout is for results only. The window has a camera that follows
+the robot, and closes without an error.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import math
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from itertools import pairwise
 from typing import Any, Self
 
+import cv2
+
 from navfw.config.extras import extra_imports, require_extra
-from navfw.errors import SimulationError
+from navfw.errors import InputError, SimulationError
+from navfw.numerics import Image
+from navfw.process.atomic import scratch_folder
+from navfw.sim.textured_mesh import TexturedMesh
 
 
 @contextmanager
@@ -38,6 +50,11 @@ def _import_quietly() -> Any:
 
 
 bullet = _import_quietly()
+
+
+def quaternion(yaw: float) -> tuple[float, float, float, float]:
+    """The quaternion (x, y, z, w) of a turn by ``yaw`` [rad] about the vertical."""
+    return 0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)
 
 
 class BulletClient:
@@ -87,3 +104,145 @@ class BulletConnection(BulletClient):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+# --- window and display -----------------------------------------------------------------------
+
+Point3 = tuple[float, float, float]
+"""x, y, z [m]."""
+
+_OFF = (
+    "COV_ENABLE_GUI",
+    "COV_ENABLE_RGB_BUFFER_PREVIEW",
+    "COV_ENABLE_DEPTH_BUFFER_PREVIEW",
+    "COV_ENABLE_SEGMENTATION_MARK_PREVIEW",
+    "COV_ENABLE_SHADOWS",
+    "COV_ENABLE_KEYBOARD_SHORTCUTS",
+    # a robot dragged by the mouse would drive otherwise
+    "COV_ENABLE_MOUSE_PICKING",
+)
+"""What the window does not show or do: side panels without content, and shortcuts."""
+_DISTANCE, _YAW, _PITCH = 5.0, -90.0, -60.0
+"""The first view of the robot: distance [m], and PyBullet's angles of the camera [deg]."""
+_WIDTH = 3.0
+"""Width of lines [px]."""
+
+
+def check_display() -> None:
+    """Check that a window can be opened: without a display PyBullet ends the process silently.
+
+    Raises:
+        InputError: there is no display, or it cannot be opened.
+
+    """
+    if sys.platform != "linux":
+        return
+    name = os.environ.get("DISPLAY")
+    if not name:
+        raise InputError("needs a display, but DISPLAY is not set", key="--gui")
+    try:
+        x11 = ctypes.CDLL("libX11.so.6")
+    except OSError:
+        raise InputError("needs the library libX11, which is not installed", key="--gui") from None
+    x11.XOpenDisplay.restype = ctypes.c_void_p
+    display = x11.XOpenDisplay(None)
+    if display is None:
+        raise InputError(f"the display {name!r} cannot be opened", key="--gui")
+    x11.XCloseDisplay(ctypes.c_void_p(display))
+
+
+class SimulatorWindow(BulletClient):
+    """The window of the PyBullet client ``client``; nothing is drawn before ``show``.
+
+    Positions are (x, y, z) [m] in ``map``, colours (red, green, blue) from 0 to 255.
+    """
+
+    def __init__(self, client: int) -> None:
+        super().__init__(client)
+        self._lines: dict[str, list[int]] = {}
+        for flag in (*_OFF, "COV_ENABLE_RENDERING"):
+            self._configure(flag, 0)
+
+    def show(self, x: float, y: float) -> None:
+        """Begin to draw, with the camera above (x, y) [m]."""
+        self._call("resetDebugVisualizerCamera", _DISTANCE, _YAW, _PITCH, [x, y, 0.0])
+        self._configure("COV_ENABLE_RENDERING", 1)
+
+    def follow(self, x: float, y: float) -> None:
+        """Move the camera along to (x, y) [m]; it keeps the distance and angles of the user."""
+        *_, yaw, pitch, distance, _ = self._call("getDebugVisualizerCamera")
+        self._call("resetDebugVisualizerCamera", distance, yaw, pitch, [x, y, 0.0])
+
+    def draw(self, name: str, points: Sequence[Point3], color: tuple[int, int, int]) -> None:
+        """Draw the line through ``points``, in place of the last one of this ``name``."""
+        before = self._lines.get(name, [])
+        now = []
+        for number, ends in enumerate(pairwise(points)):
+            replaced = before[number] if number < len(before) else -1
+            now.append(self._line(*ends, color, replaced))
+        for item in before[len(now) :]:
+            self._call("removeUserDebugItem", item)
+        self._lines[name] = now
+
+    def extend(self, start: Point3, end: Point3, color: tuple[int, int, int]) -> None:
+        """Draw a line that stays."""
+        self._line(start, end, color, -1)
+
+    def _line(self, start: Point3, end: Point3, color: tuple[int, int, int], replaced: int) -> int:
+        shade = [level / 255.0 for level in color]
+        options = {"lineWidth": _WIDTH, "replaceItemUniqueId": replaced}
+        return int(self._call("addUserDebugLine", start, end, shade, **options))
+
+    def _configure(self, flag: str, value: int) -> None:
+        self._call("configureDebugVisualizer", getattr(bullet, flag), value)
+
+
+class Display(BulletClient):
+    """Textured bodies without mass or collision shape in one PyBullet client."""
+
+    def __init__(self, client: int) -> None:
+        super().__init__(client)
+        self._textures: dict[int, int] = {}
+        self._hidden: set[int] = set()
+
+    def add(
+        self, mesh: TexturedMesh, image: Image, position: Sequence[float], turn: Sequence[float]
+    ) -> int:
+        """Add a body with a texture (height, width, 3), RGB; returns PyBullet's id of it."""
+        visual = self._call(
+            "createVisualShape",
+            bullet.GEOM_MESH,
+            specularColor=[0.0, 0.0, 0.0],
+            **mesh.arguments,
+        )
+        body = int(self._call("createMultiBody", 0.0, -1, visual, position, turn))
+        self._call("changeVisualShape", body, -1, textureUniqueId=self._texture(image))
+        return body
+
+    def place(self, body: int, position: Sequence[float], turn: Sequence[float]) -> None:
+        """Set a body's position [m] and orientation (x, y, z, w)."""
+        self._call("resetBasePositionAndOrientation", body, position, turn)
+
+    def remove(self, body: int) -> None:
+        """Remove a body."""
+        self._call("removeBody", body)
+        self._hidden.discard(body)
+
+    def hide(self, bodies: Iterable[int]) -> None:
+        """Set the bodies that are not drawn."""
+        hidden = set(bodies)
+        for body in hidden ^ self._hidden:
+            # TinyRenderer skips fully transparent bodies
+            colour = [1.0, 1.0, 1.0, float(body not in hidden)]
+            self._call("changeVisualShape", body, -1, rgbaColor=colour)
+        self._hidden = hidden
+
+    def _texture(self, image: Image) -> int:
+        """PyBullet's id of a texture; PyBullet loads textures from files only."""
+        if id(image) not in self._textures:
+            with scratch_folder("textures") as folder:
+                # uncompressed: ten times as fast as PNG
+                path = folder / "texture.bmp"
+                cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+                self._textures[id(image)] = int(self._call("loadTexture", str(path)))
+        return self._textures[id(image)]

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from navfw.meshes.furniture_meshes import furniture_mesh
-from navfw.numerics import Array
-from navfw.sim.drop_geometry import floor_pieces, treads_of
-from navfw.sim.engine import BulletClient, bullet
+from navfw.sim.engine import BulletClient, bullet, quaternion
 from navfw.sim.scenery import Scenery
 from navfw.sim.shapes import Rectangle
-from navfw.sim.solids import Solid, solids_of
+from navfw.sim.solids import Solid, floor_pieces, solids_of, treads_of
 from navfw.sim.textured_mesh import TexturedMesh
 from navfw.sim.worldspec import MeshSpec, WalkerSpec, WorldSpec
 
@@ -76,19 +75,14 @@ class PhysicsWorld(BulletClient):
 
     def add_solid(self, solid: Solid) -> None:
         """Add a removable solid, such as a door, as a body of its own."""
-        centre = [solid.shape.x, solid.shape.y, 0.5 * (solid.bottom + solid.top)]
-        height = solid.top - solid.bottom
         shape = solid.shape
         if isinstance(shape, Rectangle):
-            yaw = shape.yaw
-            half = [shape.half_x, shape.half_y, 0.5 * height]
+            half = [shape.half_x, shape.half_y, 0.5 * solid.height]
             collision = self._call("createCollisionShape", bullet.GEOM_BOX, halfExtents=half)
         else:
-            yaw = 0.0
-            collision = self._call(
-                "createCollisionShape", bullet.GEOM_CYLINDER, radius=shape.radius, height=height
-            )
-        body = self._add_body(solid.name, centre, collision, yaw=yaw)
+            size = {"radius": shape.radius, "height": solid.height}
+            collision = self._call("createCollisionShape", bullet.GEOM_CYLINDER, **size)
+        body = self._add_body(solid.name, solid.centre, collision, yaw=shape.yaw)
         self._visuals[body] = self.scenery.add_solid(solid)
 
     def remove_solid(self, name: str) -> None:
@@ -104,8 +98,6 @@ class PhysicsWorld(BulletClient):
             self.scenery.place(
                 self._visuals[body], *self._call("getBasePositionAndOrientation", body)
             )
-
-    # ------------------------------------------------------------------------------------------
 
     def _build_floor(self) -> None:
         """The floor around the drops, and the drops' treads, which stop the robot's fall."""
@@ -128,23 +120,18 @@ class PhysicsWorld(BulletClient):
     def _collision_of(self, solids: list[Solid]) -> int:
         """One collision shape for all of ``solids``, boxes and cylinders."""
         boxes = [s.shape if isinstance(s.shape, Rectangle) else None for s in solids]
-        heights = [s.top - s.bottom for s in solids]
         return int(
             self._call(
                 "createCollisionShapeArray",
                 shapeTypes=[bullet.GEOM_CYLINDER if b is None else bullet.GEOM_BOX for b in boxes],
                 halfExtents=[
-                    [0.0, 0.0, 0.0] if b is None else [b.half_x, b.half_y, 0.5 * height]
-                    for b, height in zip(boxes, heights, strict=True)
+                    [0.0, 0.0, 0.0] if b is None else [b.half_x, b.half_y, 0.5 * s.height]
+                    for b, s in zip(boxes, solids, strict=True)
                 ],
                 radii=[0.0 if isinstance(s.shape, Rectangle) else s.shape.radius for s in solids],
-                lengths=heights,
-                collisionFramePositions=[
-                    [s.shape.x, s.shape.y, 0.5 * (s.top + s.bottom)] for s in solids
-                ],
-                collisionFrameOrientations=[
-                    _quaternion(0.0 if b is None else b.yaw) for b in boxes
-                ],
+                lengths=[s.height for s in solids],
+                collisionFramePositions=[s.centre for s in solids],
+                collisionFrameOrientations=[quaternion(s.shape.yaw) for s in solids],
             )
         )
 
@@ -174,14 +161,14 @@ class PhysicsWorld(BulletClient):
     def _add_body(
         self,
         name: str,
-        position: Array | list[float],
+        position: Sequence[float],
         collision: int,
         yaw: float = 0.0,
         group: int = SOLID_GROUP,
     ) -> int:
         body = int(
             self._call(
-                "createMultiBody", 0.0, collision, self._invisible(), position, _quaternion(yaw)
+                "createMultiBody", 0.0, collision, self._invisible(), position, quaternion(yaw)
             )
         )
         # without this mask walls are tested against each other: 100 us more in each step
@@ -194,17 +181,4 @@ class PhysicsWorld(BulletClient):
     def _invisible(self) -> int:
         """A visual shape without area; with none PyBullet would draw the collision shape."""
         mesh = TexturedMesh.without_area()
-        return int(
-            self._call(
-                "createVisualShape",
-                bullet.GEOM_MESH,
-                vertices=mesh.vertices,
-                indices=mesh.indices,
-                uvs=mesh.uvs,
-                normals=mesh.normals,
-            )
-        )
-
-
-def _quaternion(yaw: float) -> list[float]:
-    return [0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)]
+        return int(self._call("createVisualShape", bullet.GEOM_MESH, **mesh.arguments))

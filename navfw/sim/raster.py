@@ -3,13 +3,14 @@
 TinyRenderer does nine divisions for every pixel of each triangle's bounding box, and shades pixels
 that are covered later. Here only the triangle's span of each row is tested, with SIMD instructions,
 and each pixel is shaded once. Rounding is the same, so that the images are equal bit for bit
-(``tests/sim/test_sim_raster.py`` compares them).
+(``tests/sim/test_sim_images.py`` compares them).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +36,20 @@ class Light:
     direction: tuple[float, float, float]
     ambient: float
     diffuse: float
+
+
+class RenderRequest(NamedTuple):
+    """A camera at ``eye`` (3,) [m], and the image's ``size`` (width, height) [px].
+
+    ``view`` (4, 4) transforms from the map to the camera's axes (right, up, back) and
+    ``projection`` (4, 4) from there to clip coordinates, as in OpenGL.
+    """
+
+    view: Array
+    projection: Array
+    eye: Array
+    size: tuple[int, int]
+    light: Light
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,43 +160,32 @@ class Raster:
         self._hidden = set(bodies)
         self._shown = None
 
-    def draw(
-        self,
-        view: Array,
-        projection: Array,
-        eye: Array,
-        size: tuple[int, int],
-        light: Light,
-    ) -> RenderedImage:
-        """Render the image of a camera at ``eye`` (3,) [m], ``size`` (width, height) [px].
-
-        ``view`` (4, 4) transforms from the map to the camera's axes (right, up, back) and
-        ``projection`` (4, 4) from there to clip coordinates, as in OpenGL.
-        """
+    def draw(self, request: RenderRequest) -> RenderedImage:
+        """Render an image."""
         packed = self._pack()
         if self._shown is None:
             shown = [body not in self._hidden for body in self._bodies]
             self._shown = np.array(shown, np.bool_)
-        width, height = size
+        width, height = request.size
         nearest = np.empty((height, width), np.float32)
         faces = np.empty((height, width), np.int32)
         weights = np.empty((3, height, width), np.float32)
         rgb = np.empty((height, width, 3), np.uint8)
-        eye = np.asarray(eye, dtype=np.float64)
         cover(
             packed.points,
             packed.corners,
             packed.runs,
             self._shown,
             packed.models,
-            _singles(view),
-            _singles(projection),
-            eye,
+            _singles(request.view),
+            _singles(request.projection),
+            np.asarray(request.eye, dtype=np.float64),
             nearest,
             faces,
             weights,
             packed.screens,
         )
+        light = request.light
         towards = np.array(light.direction, np.float32).astype(np.float64)
         shade(
             faces,
@@ -196,8 +200,6 @@ class Raster:
             rgb,
         )
         return RenderedImage(rgb, nearest[::-1])
-
-    # ------------------------------------------------------------------------------------------
 
     def _pack(self) -> _PackedBodies:
         if self._packed is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterable
 
@@ -12,9 +11,9 @@ import numpy.typing as npt
 from navfw.numerics import Image
 from navfw.robot import CameraModel
 from navfw.signals import Pose
-from navfw.sim.camera import Camera, RenderRequest
-from navfw.sim.display import Display
-from navfw.sim.engine import BulletConnection, bullet
+from navfw.sim.camera import Camera
+from navfw.sim.engine import BulletConnection, Display, bullet, quaternion
+from navfw.sim.raster import RenderRequest
 from navfw.sim.scenery import Scenery
 from navfw.sim.solids import solids_of
 from navfw.sim.worldspec import WorldSpec
@@ -58,8 +57,7 @@ class ReferenceRenderer(BulletConnection):
 
     def request(self, pose: Pose) -> RenderRequest:
         """The render request of a robot's camera at ``pose``; hides invisible bodies."""
-        turn = (0.0, 0.0, math.sin(0.5 * pose.yaw), math.cos(0.5 * pose.yaw))
-        request = self.camera.request((pose.x, pose.y, 0.0), turn)
+        request = self.camera.request((pose.x, pose.y, 0.0), quaternion(pose.yaw))
         if self._cull:
             self._display.hide(self.scenery.hidden_bodies)
         return request

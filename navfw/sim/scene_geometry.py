@@ -9,19 +9,30 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from navfw.errors import WorldError
-from navfw.numerics import Array
-from navfw.sim.drop_geometry import drop_rectangle
+from navfw.numerics import Array, Mask
+from navfw.numerics.arrays import Indices
 from navfw.sim.shapes import Circle, Rectangle, Shape
-from navfw.sim.solids import solids_of
+from navfw.sim.solids import drop_rectangle, solids_of
 from navfw.sim.worldspec import WorldSpec
 
 CELL = 0.05
 """Edge of a cell of the search grid [m]."""
-_MOVES = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
-"""Straight, diagonal and knight's moves: with their opposites, 16 directions of the search."""
+_MOVES = {
+    (0, 1): (),
+    (1, 0): (),
+    (1, 1): ((0, 1), (1, 0)),
+    (1, -1): ((0, -1), (1, 0)),
+    (1, 2): ((0, 1), (1, 1)),
+    (1, -2): ((0, -1), (1, -1)),
+    (2, 1): ((1, 0), (1, 1)),
+    (2, -1): ((1, 0), (1, -1)),
+}
+"""Straight, diagonal and knight's moves by rows and columns, with the cells that each passes.
+
+With their opposites, 16 directions of the search.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +54,7 @@ class ConfigurationSpaceGrid:
 
     origin: tuple[float, float]
     cell: float
-    occupied: npt.NDArray[np.bool_]
+    occupied: Mask
 
     def index(self, x: float, y: float) -> tuple[int, int]:
         """(row, column) of the cell that contains a point [m]; of the nearest cell when outside."""
@@ -52,7 +63,7 @@ class ConfigurationSpaceGrid:
         j = min(max(int((x - self.origin[0]) // self.cell), 0), columns - 1)
         return i, j
 
-    def centres(self, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64]) -> Array:
+    def centres(self, rows: Indices, columns: Indices) -> Array:
         """(N, 2) centres [m] of cells."""
         x = self.origin[0] + (columns + 0.5) * self.cell
         y = self.origin[1] + (rows + 0.5) * self.cell
@@ -83,6 +94,7 @@ class SceneGeometry:
     ) -> None:
         self.bounds = bounds
         self.solids = solids
+        self._graphs: dict[float, tuple[ConfigurationSpaceGrid, Indices, object]] = {}
 
     @classmethod
     def from_world(cls, world: WorldSpec, robot_height: float = 0.4) -> SceneGeometry:
@@ -204,7 +216,7 @@ class SceneGeometry:
             return math.dist(start, goal), ends
         path = np.vstack([start, self._grid_path(start, goal, radius), goal])
         path = self._shortened(path, radius)
-        return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()), path
+        return _length(path), path
 
     def distance_field(self, goal: tuple[float, float], radius: float) -> DistanceField:
         """The lengths of the shortest ways to ``goal`` for a robot of ``radius`` [m].
@@ -218,7 +230,7 @@ class SceneGeometry:
 
         grid, numbers, graph = self._search_graph(radius)
         lengths = np.full(numbers.shape, np.inf)
-        goal_cell = self._free_cell(grid, numbers, *goal)
+        goal_cell = _free_cell(grid, numbers, *goal)
         lengths[numbers >= 0] = dijkstra(graph, directed=False, indices=goal_cell)
         # a cell from which no way leads takes the value of the nearest one with a way
         rows, columns = distance_transform_edt(
@@ -232,7 +244,7 @@ class SceneGeometry:
         from scipy.sparse.csgraph import dijkstra
 
         grid, numbers, graph = self._search_graph(radius)
-        first, last = (self._free_cell(grid, numbers, *end) for end in (start, goal))
+        first, last = (_free_cell(grid, numbers, *end) for end in (start, goal))
         lengths, before = dijkstra(graph, directed=False, indices=first, return_predecessors=True)
         if not np.isfinite(lengths[last]):
             raise WorldError(
@@ -247,13 +259,7 @@ class SceneGeometry:
         cells = np.array(way[::-1])
         return grid.centres(rows[cells], columns[cells])
 
-    @cached_property
-    def _graphs(self) -> dict[float, tuple[ConfigurationSpaceGrid, npt.NDArray[np.int64], object]]:
-        return {}
-
-    def _search_graph(
-        self, radius: float
-    ) -> tuple[ConfigurationSpaceGrid, npt.NDArray[np.int64], object]:
+    def _search_graph(self, radius: float) -> tuple[ConfigurationSpaceGrid, Indices, object]:
         """The grid, the index of each free cell (-1: occupied), and the graph between them."""
         if radius not in self._graphs:
             grid = self.configuration_space(radius)
@@ -262,16 +268,6 @@ class SceneGeometry:
             numbers[free] = np.arange(np.count_nonzero(free))
             self._graphs[radius] = (grid, numbers, _grid_graph(numbers, grid.cell))
         return self._graphs[radius]
-
-    def _free_cell(
-        self, grid: ConfigurationSpaceGrid, numbers: npt.NDArray[np.int64], x: float, y: float
-    ) -> int:
-        """Index of the free cell nearest to a point [m]."""
-        rows, columns = np.nonzero(numbers >= 0)
-        if rows.size == 0:
-            raise WorldError("the robot is too large for this world")
-        away = np.linalg.norm(grid.centres(rows, columns) - (x, y), axis=1)
-        return int(away.argmin())
 
     def straight_path_free(self, a: Array, b: Array, radius: float) -> bool:
         """Whether a robot of ``radius`` [m] can drive straight from a to b (tested every 1 cm)."""
@@ -293,10 +289,9 @@ class SceneGeometry:
     def _shortened(self, path: Array, radius: float) -> Array:
         """Shorten a path until it no longer gets shorter: resample it, cut its corners, repeat."""
         for _ in range(6):
-            before = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+            before = _length(path)
             path = self._cut_corners(_resample(path, 0.1), radius)
-            after = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-            if before - after < 1e-3:
+            if before - _length(path) < 1e-3:
                 break
         return path
 
@@ -323,20 +318,29 @@ class SceneGeometry:
         return path[kept]
 
 
-def _grid_graph(numbers: npt.NDArray[np.int64], cell: float) -> object:
+def _free_cell(grid: ConfigurationSpaceGrid, numbers: Indices, x: float, y: float) -> int:
+    """Index of the free cell nearest to a point [m]."""
+    rows, columns = np.nonzero(numbers >= 0)
+    if rows.size == 0:
+        raise WorldError("the robot is too large for this world")
+    away = np.linalg.norm(grid.centres(rows, columns) - (x, y), axis=1)
+    return int(away.argmin())
+
+
+def _grid_graph(numbers: Indices, cell: float) -> object:
     """The undirected graph (sparse matrix of lengths [m]) between neighbouring free cells."""
     from scipy.sparse import coo_array
 
     rows, columns = numbers.shape
     sources, targets, lengths = [], [], []
-    for di, dj in _MOVES:
+    for (di, dj), beside in _MOVES.items():
         height, width = rows - di, columns - abs(dj)
         left = max(-dj, 0)
         source = numbers[:height, left : left + width]
         target = numbers[di : di + height, left + dj : left + dj + width]
         both = (source >= 0) & (target >= 0)
         # a move must not cut through an occupied cell beside it
-        for bi, bj in _beside(di, dj):
+        for bi, bj in beside:
             both &= numbers[bi : bi + height, left + bj : left + bj + width] >= 0
         sources.append(source[both])
         targets.append(target[both])
@@ -346,16 +350,8 @@ def _grid_graph(numbers: npt.NDArray[np.int64], cell: float) -> object:
     return coo_array(data, shape=(count, count)).tocsr()
 
 
-def _beside(di: int, dj: int) -> tuple[tuple[int, int], ...]:
-    """Offsets of the cells that a move passes between."""
-    sign = 1 if dj > 0 else -1
-    if (di, abs(dj)) == (1, 1):
-        return (0, dj), (di, 0)
-    if (di, abs(dj)) == (1, 2):
-        return (0, sign), (1, sign)
-    if (di, abs(dj)) == (2, 1):
-        return (1, 0), (1, sign)
-    return ()
+def _length(path: Array) -> float:
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
 def _resample(path: Array, spacing: float) -> Array:

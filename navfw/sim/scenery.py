@@ -15,7 +15,7 @@ from navfw.features.landmark_appearance import landmark_kind
 from navfw.meshes.furniture_meshes import furniture_mesh
 from navfw.numerics import Array, Image
 from navfw.numerics.products import product
-from navfw.sim.display import Display
+from navfw.sim.engine import Display, quaternion
 from navfw.sim.raster import Raster
 from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import Solid, solids_of
@@ -28,7 +28,6 @@ from navfw.sim.surface_patches import (
     plate_mesh,
     solid_mesh,
     solid_patch,
-    solid_yaw,
     texture_shift,
     wall_patches,
 )
@@ -38,7 +37,6 @@ from navfw.sim.textures import (
     covered_area,
     picture_texture,
     read_picture,
-    stock_texture,
     synthesize,
 )
 from navfw.sim.visibility import PartBounds, Visibility
@@ -90,7 +88,7 @@ class Scenery:
         if len(furniture) <= _MAX_SINGLE:
             for solid in furniture:
                 self._bodies.append(self.add_solid(solid))
-                bounds.append(_solid_bounds(solid))
+                bounds.append(PartBounds(solid.shape.corners))
         for texture, mesh, part_bounds in _surfaces(world):
             self._bodies.append(self._add(mesh, texture))
             bounds.append(part_bounds)
@@ -116,9 +114,7 @@ class Scenery:
 
     def add_solid(self, solid: Solid) -> int:
         """Add a solid as a body of its own; returns the body."""
-        shape = solid.shape
-        centre = (shape.x, shape.y, 0.5 * (solid.bottom + solid.top))
-        return self._add(solid_mesh(solid), solid.texture, centre, solid_yaw(solid))
+        return self._add(solid_mesh(solid), solid.texture, solid.centre, solid.shape.yaw)
 
     def add_walker(self, name: str, radius: float, height: float, texture: str) -> int:
         """Add a walker's cylinder [m] at the origin; ``place`` moves it. Returns the body."""
@@ -132,8 +128,7 @@ class Scenery:
         """
         mesh = TexturedMesh()
         for solid in solids:
-            centre = (solid.shape.x, solid.shape.y, 0.5 * (solid.bottom + solid.top))
-            mesh.add_mesh(solid_mesh(solid, _COVER_DISTANCE), centre, solid_yaw(solid))
+            mesh.add_mesh(solid_mesh(solid, _COVER_DISTANCE), solid.centre, solid.shape.yaw)
         if not solids:
             mesh = TexturedMesh.without_area()
         return self._add(mesh, self._load(TextureSpec(contrast=0.0, brightness=brightness)))
@@ -150,8 +145,6 @@ class Scenery:
         if self._display is not None:
             self._display.remove(self._displayed.pop(body))
 
-    # ------------------------------------------------------------------------------------------
-
     def _add(
         self,
         mesh: TexturedMesh,
@@ -159,7 +152,7 @@ class Scenery:
         position: tuple[float, float, float] = (0.0, 0.0, 0.0),
         yaw: float = 0.0,
     ) -> int:
-        turn = (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
+        turn = quaternion(yaw)
         index = self._texture(texture) if isinstance(texture, str) else texture
         if index in self._periods:
             mesh = mesh.with_period(*self._periods[index])
@@ -169,13 +162,8 @@ class Scenery:
         return body
 
     def _texture(self, name: str) -> int:
-        """The raster's index of a texture."""
         if name not in self._textures:
-            spec = self.world.textures.get(name)
-            if spec is None and name in STOCK:
-                spec = stock_texture(name)
-            assert spec is not None  # noqa: S101 - check_world guarantees it
-            self._textures[name] = self._load(spec)
+            self._textures[name] = self._load(self.world.textures.get(name) or STOCK[name])
         return self._textures[name]
 
     def _load(self, spec: TextureSpec) -> int:
@@ -217,18 +205,11 @@ def _visibility(
     world: WorldSpec, solids: Sequence[Solid], bounds: Sequence[PartBounds]
 ) -> Visibility:
     """Visibility with the walls that nothing overtops as occluders."""
-    highest = max([wall.height for wall in world.walls], default=0.0)
-    highest = max([highest, *(s.top for s in solids), *(m.height for m in world.movers)])
+    walls, walkers = (wall.height for wall in world.walls), (m.height for m in world.movers)
+    highest = max([0.0, *walls, *walkers, *(solid.top for solid in solids)])
     occluders = [
         solid.shape
         for solid in solids
         if solid.kind == "wall" and solid.top >= highest and isinstance(solid.shape, Rectangle)
     ]
     return Visibility(occluders, highest, bounds)
-
-
-def _solid_bounds(solid: Solid) -> PartBounds:
-    shape = solid.shape
-    if isinstance(shape, Rectangle):
-        return PartBounds(shape.corners)
-    return PartBounds(Rectangle(shape.x, shape.y, shape.radius, shape.radius).corners)

@@ -8,21 +8,18 @@ from types import MappingProxyType
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from navfw.errors import UnknownNameError
 from navfw.robot import OdometrySheet, RobotModel
 from navfw.signals import Encoders, Inertial
 
-Fraction = Annotated[float, Field(ge=0.0, le=0.5)]
-Sigma = Annotated[float, Field(ge=0.0, le=1.0)]
-"""[rad/s], as in ``OdometrySheet``."""
 
+class SensorParams(OdometrySheet):
+    """Parameters of the sensor models; the defaults are those of an inexpensive robot.
 
-class SensorParams(BaseModel):
-    """Parameters of the sensor models; the defaults are those of an inexpensive robot."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    Those of the data sheet are errors that the robot knows the size of.
+    """
 
     image_noise: Annotated[
         float, Field(ge=0.0, le=40.0, description="image noise, standard deviation [grey levels]")
@@ -31,25 +28,12 @@ class SensorParams(BaseModel):
         int, Field(ge=1, le=4, description="render at this multiple of the size and average")
     ] = 1
     gyro_bias: Annotated[
-        Sigma, Field(description="standard deviation of the bias at power-on [rad/s]")
+        float,
+        Field(ge=0.0, le=1.0, description="standard deviation of the bias at power-on [rad/s]"),
     ] = math.radians(0.05)
-    gyro_bias_walk: Annotated[
-        Sigma, Field(description="random walk of the bias [rad/s per square root of s]")
-    ] = math.radians(0.005)
-    gyro_noise: Annotated[
-        Sigma, Field(description="white noise of one reading, standard deviation [rad/s]")
-    ] = math.radians(0.1)
-    slip: Annotated[
-        Fraction, Field(description="standard deviation of a wheel's slip, share of its distance")
-    ] = 0.02
-    slip_mean: Annotated[
-        Fraction, Field(description="mean slip: share by which the wheels turn too far")
-    ] = 0.005
-    slip_time: Annotated[
-        float, Field(ge=0.0, le=60.0, description="correlation time of the slip [s]")
-    ] = 0.5
     radius_mismatch: Annotated[
-        Fraction, Field(description="difference of the wheels' radii, share of the radius")
+        float,
+        Field(ge=0.0, le=0.5, description="difference of the wheels' radii, share of the radius"),
     ] = 0.01
 
     @classmethod

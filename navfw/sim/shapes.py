@@ -39,6 +39,11 @@ class Rectangle:
         low, high = self.corners.min(axis=0), self.corners.max(axis=0)
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
+    @property
+    def reach(self) -> float:
+        """Radius [m] of the circle around it."""
+        return math.hypot(self.half_x, self.half_y)
+
     def distance(self, points: Array) -> Array:
         """Signed distance [m] of points (N, 2) to the outline; negative inside."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
@@ -58,6 +63,21 @@ class Circle:
     x: float
     y: float
     radius: float
+
+    @property
+    def yaw(self) -> float:
+        """0: a circle looks the same from all sides."""
+        return 0.0
+
+    @property
+    def reach(self) -> float:
+        """Radius [m] of the circle around it."""
+        return self.radius
+
+    @property
+    def corners(self) -> Array:
+        """(4, 2) corners [m] of the square around it, counter-clockwise."""
+        return Rectangle(self.x, self.y, self.radius, self.radius).corners
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -97,8 +117,7 @@ def gap_between(a: Shape, b: Shape) -> float:
     if isinstance(b, Circle):
         return gap_between(b, a)
     # the circumscribed circles decide most cases
-    circles = math.hypot(a.half_x, a.half_y) + math.hypot(b.half_x, b.half_y)
-    apart = math.hypot(a.x - b.x, a.y - b.y) - circles
+    apart = math.hypot(a.x - b.x, a.y - b.y) - (a.reach + b.reach)
     if apart <= 0.0 and (depth := overlap_depth(a, b)) >= 0.0:
         return -depth
     # two convex shapes are nearest at a corner of one of them

@@ -18,18 +18,15 @@ from navfw.numerics import Array, Image
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, Pose, SensorReading, wrap_angle
 from navfw.sim.camera import DepthImage
-from navfw.sim.camera_rig import CameraRig, NoiseGenerators, Timings
-from navfw.sim.display import Display, SimulatorWindow
-from navfw.sim.drop_geometry import fallen_into
-from navfw.sim.engine import BulletConnection
-from navfw.sim.event_actions import DoorChange, EventAction, Obstacle, Textureless
-from navfw.sim.injected_faults import InjectedFaults
+from navfw.sim.camera_rig import CameraRig, Timings
+from navfw.sim.engine import BulletConnection, Display, SimulatorWindow, quaternion
+from navfw.sim.event_actions import DoorChange, EventAction, InjectedFaults, Obstacle, Textureless
 from navfw.sim.physics_world import PhysicsWorld
-from navfw.sim.robot_body import BodyState, ContactPoint, RobotBody, WheeledBody, pose_of
+from navfw.sim.robot_body import BodyState, ContactPoint, make_body, pose_of
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
-from navfw.sim.urdf_body import UrdfBody
+from navfw.sim.solids import fallen_into
 from navfw.sim.walkers import Walker, WalkerTrack, caused_by_robot
 from navfw.sim.world_changes import ChangeTrack, WorldChanges
 from navfw.sim.world_check import check_world
@@ -95,21 +92,23 @@ class Simulation(BulletConnection):
             np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)
         )
         self._faults = InjectedFaults(for_faults)
+        self._landmark_faults = InjectedFaults(for_their_faults)
         try:
             self._set_up_engine(gui)
             scenery = Scenery(world, Display(self._client) if gui else None)
             self._physics = PhysicsWorld(world, self._client, scenery)
             self._changes = WorldChanges(world, self._physics)
-            self._body = self._make_body(start)
+            self._body = make_body(robot, self._client, start, self._physics.floor)
             self._rig = CameraRig(
                 robot,
                 world.light,
                 scenery,
                 sensors,
-                NoiseGenerators(for_camera, for_landmarks, for_their_faults),
-                self._faults,
                 self.timings,
-                landmark_frames,
+                for_camera,
+                self._faults,
+                for_landmarks if landmark_frames else None,
+                self._landmark_faults,
             )
             self._gyro = GyroModel(sensors, for_gyro, _READINGS_AHEAD)
             self._encoders = WheelEncoderModel(sensors, robot, for_encoders, _READINGS_AHEAD)
@@ -125,12 +124,6 @@ class Simulation(BulletConnection):
         self._call("setPhysicsEngineParameter", deterministicOverlappingPairs=1)
         if gui:
             self.window = SimulatorWindow(self._client)
-
-    def _make_body(self, start: Pose) -> WheeledBody:
-        """The robot at its start."""
-        if self.robot.urdf is None:
-            return RobotBody(self.robot, self._client, start)
-        return UrdfBody(self.robot, self._client, start, self._physics.floor)
 
     def _settle(self) -> None:
         """Let the robot come to rest on its wheels before time begins; then show it."""
@@ -156,19 +149,20 @@ class Simulation(BulletConnection):
         begun = wall.perf_counter()
         dt = self.time - self._reading.time if self._reading is not None else 0.0
         state, pose = self._truth()
-        _, turn = state
         self._rig.record(self.time, state)
         yaw_rate = wrap_angle(pose.yaw - self._yaw_read) / dt if dt > 0.0 else 0.0
         self._yaw_read = pose.yaw
-        rates = (*self._body.roll_pitch_rates(turn), yaw_rate)
+        rates = (*self._body.roll_pitch_rates(state[1]), yaw_rate)
         inertial = self._faults.apply_gyro(self._gyro.read(self.time, dt, rates))
         encoders = self._faults.apply_encoders(
             self._encoders.read(self.time, dt, self._body.wheel_angles())
         )
         self.timings.sensors += wall.perf_counter() - begun
-        body = self._state_to_render() if self._rig.is_due(self.time) else None
-        captured = None if body is None else self._rig.capture(self.time, body)
-        landmark_frame = self._rig.capture_landmarks(self.time, body)
+        due = self._rig.is_due(self.time)
+        if due:
+            self._physics.update_walker_visuals()
+        captured = self._rig.capture(self.time, state) if due else None
+        landmark_frame = self._rig.capture_landmarks(self.time, state if due else None)
         frame = self._faults.transport(self.time, captured)
         self._reading = SensorReading(self.time, inertial, encoders, frame, landmark_frame)
         return self._reading
@@ -185,7 +179,7 @@ class Simulation(BulletConnection):
             self._changes.begin(action, self.true_pose())
         else:
             self._faults.begin(action)
-            self._rig.landmark_faults.begin(action)
+            self._landmark_faults.begin(action)
         self._apply_actions()
 
     def end(self, action: EventAction) -> None:
@@ -194,7 +188,7 @@ class Simulation(BulletConnection):
             self._changes.end(action)
         else:
             self._faults.end(action)
-            self._rig.landmark_faults.end(action)
+            self._landmark_faults.end(action)
         self._apply_actions()
 
     def _apply_actions(self) -> None:
@@ -215,8 +209,9 @@ class Simulation(BulletConnection):
             walker.update_waiting(pose, self.robot.reach)
         self._true_state = None
         while self._steps < target:
-            if self.walkers:
-                self._advance_walkers(1.0 / _PHYSICS_RATE)
+            for walker in self.walkers:
+                walker.advance(1.0 / _PHYSICS_RATE)
+            self._place_walkers()
             self._call("stepSimulation")
             if points := self._body.contacts():
                 self._record_contacts(points, pose, dt)
@@ -229,18 +224,13 @@ class Simulation(BulletConnection):
             self._changes.update(self.time, self.true_pose(), self.robot.reach)
         self.timings.physics += wall.perf_counter() - begun
 
-    def _advance_walkers(self, dt: float) -> None:
-        for walker in self.walkers:
-            walker.advance(dt)
-        self._place_walkers()
-
     def _place_walkers(self) -> None:
         for walker, body in zip(self.walkers, self._physics.walkers, strict=True):
             self._call(
                 "resetBasePositionAndOrientation",
                 body,
                 (walker.x, walker.y, 0.5 * walker.spec.height),
-                (0.0, 0.0, math.sin(0.5 * walker.heading), math.cos(0.5 * walker.heading)),
+                quaternion(walker.heading),
             )
 
     def _record_walkers(self) -> None:
@@ -316,17 +306,9 @@ class Simulation(BulletConnection):
 
     def render_from(self, pose: Pose) -> tuple[Image, DepthImage]:
         """Image without noise and true depth [m] from any pose of the robot."""
-        turn = (0.0, 0.0, math.sin(0.5 * pose.yaw), math.cos(0.5 * pose.yaw))
         self._physics.update_walker_visuals()
-        image, raw = self._rig.camera.render((pose.x, pose.y, 0.0), turn)
+        image, raw = self._rig.camera.render((pose.x, pose.y, 0.0), quaternion(pose.yaw))
         return image, self._rig.camera.depth(raw)
-
-    # ------------------------------------------------------------------------------------------
-
-    def _state_to_render(self) -> BodyState:
-        """The true body state, after the walkers' meshes have been updated."""
-        self._physics.update_walker_visuals()
-        return self._truth()[0]
 
     def _truth(self) -> tuple[BodyState, Pose]:
         """The true body state and pose; read from PyBullet once between advances."""

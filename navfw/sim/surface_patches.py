@@ -5,21 +5,29 @@ Walls may have skirting boards and door frames; landmarks are plates on them.
 
 from __future__ import annotations
 
+import itertools
 import math
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
 from navfw.features.landmark_appearance import landmark_kind
 from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.sim.drop_geometry import Tread, drop_at, treads_of
 from navfw.sim.shapes import Rectangle
-from navfw.sim.solids import Solid, opening_segment, wall_segments
+from navfw.sim.solids import (
+    Solid,
+    Tread,
+    drop_at,
+    opening_segment,
+    treads_of,
+    wall_segments,
+)
 from navfw.sim.textured_mesh import (
+    Span,
     TexturedMesh,
     box_mesh,
     cylinder_mesh,
@@ -47,14 +55,8 @@ def plate_mesh(mark: LandmarkPlateSpec) -> TexturedMesh:
     right, normal = plate_axes(mark)
     half = 0.5 * landmark_kind(mark.kind).plate_side(mark.size)
     middle = np.array([*mark.at, mark.z]) + _STAND_OFF * normal
-    up = np.array([0.0, 0.0, half])
-    across = half * right
-    corners = [
-        middle - across - up,
-        middle + across - up,
-        middle + across + up,
-        middle - across + up,
-    ]
+    across, up = half * right, np.array([0.0, 0.0, half])
+    corners = [middle + i * across + j * up for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     low, high = _RIM, 1.0 - _RIM
     return TexturedMesh(
         vertices=[corner.tolist() for corner in corners],
@@ -85,7 +87,7 @@ _AT_OPENING = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class TrimStrip:
+class _TrimStrip:
     """A strip of a face: ``columns`` from, to along it, ``rows`` above its lower edge [m]."""
 
     columns: tuple[float, float]
@@ -93,19 +95,18 @@ class TrimStrip:
     texture: str
 
 
-def trim_strips(
+def _trim_strips(
     world: WorldSpec, wall: Solid, start: Array, right: Array, length: float
-) -> list[TrimStrip]:
+) -> list[_TrimStrip]:
     """The strips of one vertical face of a wall piece or lintel; later ones cover earlier ones.
 
     The face begins at ``start`` (2,) [m] and extends ``length`` [m] along the unit vector ``right``
     (2,).
     """
-    strips: list[TrimStrip] = []
-    height = wall.top - wall.bottom
+    strips: list[_TrimStrip] = []
     if world.skirting is not None and wall.kind == "wall":
-        high = min(world.skirting.height, height)
-        strips.append(TrimStrip((0.0, length), (0.0, high), world.skirting.texture))
+        high = min(world.skirting.height, wall.height)
+        strips.append(_TrimStrip((0.0, length), (0.0, high), world.skirting.texture))
     if world.door_frames is not None:
         spec = next(spec for spec in world.walls if spec.name == wall.name)
         for opening in spec.openings:
@@ -113,7 +114,7 @@ def trim_strips(
     return strips
 
 
-def texture_at(strips: Sequence[TrimStrip], along: float, above: float) -> str | None:
+def _texture_at(strips: Sequence[_TrimStrip], along: float, above: float) -> str | None:
     """Texture of the uppermost strip at a point of a face [m]; None beside all strips."""
     for strip in reversed(strips):
         (left, right), (low, high) = strip.columns, strip.rows
@@ -128,7 +129,7 @@ def _frame_strips(
     opening: OpeningSpec,
     wall: Solid,
     face: tuple[Array, Array, float],
-) -> Iterator[TrimStrip]:
+) -> Iterator[_TrimStrip]:
     """The strips of one opening's frame on a face (start, right, length) of its wall."""
     start, right, length = face
     index = opening_segment(spec, opening)
@@ -140,21 +141,27 @@ def _frame_strips(
     if abs(math.cos(yaw) * right[0] + math.sin(yaw) * right[1]) < _PARALLEL:
         ends_here = abs(off - half) < _AT_OPENING and abs(along - 0.5 * length) < _AT_OPENING
         if ends_here and wall.kind == "wall":
-            yield TrimStrip((0.0, length), (0.0, top), frame.texture)
+            yield _TrimStrip((0.0, length), (0.0, top), frame.texture)
     elif abs(off - 0.5 * spec.thickness) < 0.5 * spec.thickness:
         if wall.kind == "lintel":
             if abs(along - 0.5 * length) < half:
-                yield TrimStrip((0.0, length), (0.0, frame.width), frame.texture)
+                yield _TrimStrip((0.0, length), (0.0, frame.width), frame.texture)
             return
         upper = min(top + frame.width, spec.height)
         for left in (along - half - frame.width, along + half):
-            yield TrimStrip((left, left + frame.width), (0.0, upper), frame.texture)
+            yield _TrimStrip((left, left + frame.width), (0.0, upper), frame.texture)
 
 
 _MAX_PARTS = 192
 """Largest number of parts: with more, the visibility test costs more than culling saves."""
-_BLOCKS = (4.0, 8.0, 16.0)
-"""Edges [m] of the squares into which the plane is divided; the finest with few enough parts."""
+_GROUPINGS = (
+    *((by_plane, edge) for by_plane in (True, False) for edge in (4.0, 8.0, 16.0)),
+    (False, math.inf),
+)
+"""Whether patches are grouped by plane, and the edge [m] of the squares by which they are.
+
+From many parts to few; the first grouping with few enough counts.
+"""
 _NARROW = 0.4
 """Faces narrower than this [m] are grouped with others regardless of their plane."""
 _PLANE_MARGIN = 1e-5
@@ -174,17 +181,6 @@ class SurfacePatch:
     mesh: TexturedMesh
     plane: Plane | None = None
 
-    @property
-    def narrow(self) -> bool:
-        """Whether it is a wall's end or a side of an opening."""
-        return float(np.ptp(np.array(self.mesh.vertices)[:, :2], axis=0).max()) < _NARROW
-
-    @property
-    def centre(self) -> tuple[float, float]:
-        """Mean of its vertices in the plane [m]."""
-        x, y, _ = np.mean(self.mesh.vertices, axis=0)
-        return float(x), float(y)
-
 
 # --- floor, drops and walls -------------------------------------------------------------------
 
@@ -203,17 +199,15 @@ def floor_patches(world: WorldSpec) -> Iterator[SurfacePatch]:
     all_rows = split_positions(
         world.y[1] - corner[1], [y - corner[1] for area in areas for y in area[1]], _FLOOR_PATCH
     )
-    for i in range(len(all_columns) - 1):
-        for j in range(len(all_rows) - 1):
-            columns, rows = all_columns[i : i + 2], all_rows[j : j + 2]
-            middle = corner[0] + columns.mean(), corner[1] + rows.mean()
-            room = _room_at(world, *middle)
-            floor = (room and room.floor) or world.floor
-            if drop_at(world, *middle) is None:
-                yield _patch(floor, corner, ex, ey, columns, rows)
-            ceiling = (room and room.ceiling) or world.ceiling
-            if ceiling is not None:
-                yield _patch(ceiling, corner + height * ez, ey, ex, rows, columns)
+    for columns, rows in itertools.product(pairwise(all_columns), pairwise(all_rows)):
+        middle = corner[0] + 0.5 * sum(columns), corner[1] + 0.5 * sum(rows)
+        room = _room_at(world, *middle)
+        floor = (room and room.floor) or world.floor
+        if drop_at(world, *middle) is None:
+            yield _patch(floor, corner, ex, ey, columns, rows)
+        ceiling = (room and room.ceiling) or world.ceiling
+        if ceiling is not None:
+            yield _patch(ceiling, corner + height * ez, ey, ex, rows, columns)
 
 
 def drop_patches(world: WorldSpec) -> Iterator[SurfacePatch]:
@@ -228,25 +222,22 @@ def wall_patches(world: WorldSpec, wall: Solid) -> Iterator[SurfacePatch]:
     assert isinstance(wall.shape, Rectangle)  # noqa: S101 - walls and lintels are
     corners = wall.shape.corners
     ez = np.array([0.0, 0.0, 1.0])
-    height = wall.top - wall.bottom
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         length = math.dist(start, end)
         right = np.array([*(end - start) / length, 0.0])
         outward = np.array([right[1], -right[0]])
         corner = np.array([*start, wall.bottom])
-        strips = trim_strips(world, wall, start, right[:2], length)
+        strips = _trim_strips(world, wall, start, right[:2], length)
         cuts = [edge for strip in strips for edge in strip.columns]
         columns = split_positions(length, [*_room_edges(world, start, right[:2]), *cuts])
-        rows = split_positions(height, [edge for strip in strips for edge in strip.rows])
-        for i in range(len(columns) - 1):
-            along = columns[i : i + 2].mean()
+        rows = split_positions(wall.height, [edge for strip in strips for edge in strip.rows])
+        for stretch in pairwise(columns):
+            along = 0.5 * sum(stretch)
             room = _room_at(world, *(start + along * right[:2] + 0.02 * outward))
             texture = (room and room.walls) or wall.texture
-            for j in range(len(rows) - 1):
-                trim = texture_at(strips, along, rows[j : j + 2].mean())
-                yield _patch(
-                    trim or texture, corner, right, ez, columns[i : i + 2], rows[j : j + 2]
-                )
+            for level in pairwise(rows):
+                trim = _texture_at(strips, along, 0.5 * sum(level))
+                yield _patch(trim or texture, corner, right, ez, stretch, level)
     # top of a wall, and the underside of a lintel
     a, b, _, d = corners
     along, across = math.dist(a, b), math.dist(a, d)
@@ -276,7 +267,6 @@ def _room_at(world: WorldSpec, x: float, y: float) -> RoomSpec | None:
 
 
 def _tread_patches(tread: Tread, texture: str, walls: str) -> Iterator[SurfacePatch]:
-    """A tread and the vertical faces around it."""
     ex, ey, ez = np.eye(3)
     corner = np.array([tread.x[0], tread.y[0], -tread.depth])
     columns, rows = (
@@ -295,15 +285,13 @@ def _patches(
     texture: str, corner: Array, right: Array, up: Array, columns: Array, rows: Array
 ) -> Iterator[SurfacePatch]:
     """A face, split at all ``columns`` and ``rows`` [m]."""
-    for i in range(len(columns) - 1):
-        for j in range(len(rows) - 1):
-            yield _patch(texture, corner, right, up, columns[i : i + 2], rows[j : j + 2])
+    for across, above in itertools.product(pairwise(columns), pairwise(rows)):
+        yield _patch(texture, corner, right, up, across, above)
 
 
 def _patch(
-    texture: str, corner: Array, right: Array, up: Array, columns: Array, rows: Array
+    texture: str, corner: Array, right: Array, up: Array, columns: Span, rows: Span
 ) -> SurfacePatch:
-    """The patch of a face between two columns and two rows."""
     mesh = TexturedMesh()
     mesh.add_patch(corner, right, up, columns, rows, _NO_SHIFT)
     x, y, z = (float(n) for n in np.cross(right, up))
@@ -315,25 +303,18 @@ def _patch(
 
 def solid_patch(solid: Solid) -> SurfacePatch:
     """A box or cylinder as one patch."""
-    centre = (solid.shape.x, solid.shape.y, 0.5 * (solid.bottom + solid.top))
     mesh = TexturedMesh()
-    mesh.add_mesh(solid_mesh(solid), centre, solid_yaw(solid))
+    mesh.add_mesh(solid_mesh(solid), solid.centre, solid.shape.yaw)
     return SurfacePatch(solid.texture, mesh)
 
 
 def solid_mesh(solid: Solid, margin: float = 0.0) -> TexturedMesh:
     """The mesh of a solid around its own centre, enlarged by ``margin`` [m] on all sides."""
-    height, shape, shift = solid.top - solid.bottom, solid.shape, texture_shift(solid.name)
-    height += 2.0 * margin
+    height, shape, shift = solid.height + 2.0 * margin, solid.shape, texture_shift(solid.name)
     if isinstance(shape, Rectangle):
         size = (2 * (shape.half_x + margin), 2 * (shape.half_y + margin), height)
         return box_mesh(size, shift)
     return cylinder_mesh(shape.radius + margin, height, shift, side_count(shape.radius))
-
-
-def solid_yaw(solid: Solid) -> float:
-    """Yaw [rad] of a solid's mesh in the map."""
-    return solid.shape.yaw if isinstance(solid.shape, Rectangle) else 0.0
 
 
 def texture_shift(name: str) -> Array:
@@ -346,10 +327,10 @@ def texture_shift(name: str) -> Array:
 
 def merged_parts(patches: Sequence[SurfacePatch]) -> Iterable[tuple[str, TexturedMesh, PartBounds]]:
     """Patches of one texture merged: by plane if that gives few enough parts, else by area."""
-    for key in _grouping_keys():
+    for by_plane, edge in _GROUPINGS:
         parts: dict[tuple[object, ...], list[SurfacePatch]] = {}
         for patch in patches:
-            parts.setdefault((patch.texture, *key(patch)), []).append(patch)
+            parts.setdefault((patch.texture, *_part_key(patch, by_plane, edge)), []).append(patch)
         if len(parts) <= _MAX_PARTS:
             break
     for group in parts.values():
@@ -369,24 +350,16 @@ def merged_parts(patches: Sequence[SurfacePatch]) -> Iterable[tuple[str, Texture
         )
 
 
-def _grouping_keys() -> Iterator[Callable[[SurfacePatch], tuple[object, ...]]]:
-    """Keys by which patches are grouped, from many parts to few."""
-    for edge in _BLOCKS:
-        yield partial(_plane_key, edge=edge)
-    for edge in _BLOCKS:
-        yield partial(_block_key, edge=edge)
-    yield lambda _: ()
-
-
-def _block_key(patch: SurfacePatch, edge: float) -> tuple[object, ...]:
-    x, y = patch.centre
-    return math.floor(x / edge), math.floor(y / edge)
-
-
-def _plane_key(patch: SurfacePatch, edge: float) -> tuple[object, ...]:
-    if patch.plane is not None and patch.plane[2] > 0.5 and patch.plane[3] > 0.0:
+def _part_key(patch: SurfacePatch, by_plane: bool, edge: float) -> tuple[object, ...]:
+    """What the patches of one part have in common; ``edge`` [m] is that of the squares."""
+    plane = patch.plane if by_plane else None
+    if plane is not None and plane[2] > 0.5 and plane[3] > 0.0:
         return ("top",)  # tops of walls are never visible to the robot
-    return (_rounded(None if patch.narrow else patch.plane), *_block_key(patch, edge))
+    vertices = np.array(patch.mesh.vertices)[:, :2]
+    if np.ptp(vertices, axis=0).max() < _NARROW:
+        plane = None
+    x, y = np.mean(vertices, axis=0).tolist()
+    return _rounded(plane), math.floor(x / edge), math.floor(y / edge)
 
 
 def _rounded(plane: Plane | None) -> tuple[float, ...] | None:

@@ -10,13 +10,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import pairwise, product
+from typing import Any
 
 import numpy as np
 
-from navfw.numerics import Array
-from navfw.numerics.products import product
+from navfw.numerics import Array, products
 from navfw.sim.textures import TILE
+
+Span = tuple[float, float]
+"""From, to [m]."""
 
 _MAX_PATCH = 2.0
 """Largest edge of a patch [m]."""
@@ -35,6 +38,12 @@ class TexturedMesh:
     uvs: list[list[float]] = field(default_factory=list)
     indices: list[int] = field(default_factory=list)
     shifts: list[list[float]] = field(default_factory=list)
+
+    @property
+    def arguments(self) -> dict[str, list[Any]]:
+        """The arguments of PyBullet's createVisualShape for it."""
+        names = ("vertices", "indices", "uvs", "normals")
+        return {name: getattr(self, name) for name in names}
 
     @classmethod
     def without_area(cls) -> TexturedMesh:
@@ -65,8 +74,8 @@ class TexturedMesh:
         """Add another mesh, rotated by ``yaw`` [rad] and translated by ``position`` [m]."""
         c, s = math.cos(yaw), math.sin(yaw)
         turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])  # for rows
-        vertices = (product(np.array(mesh.vertices), turn) + position).tolist()
-        normals = product(np.array(mesh.normals), turn).tolist()
+        vertices = (products.product(np.array(mesh.vertices), turn) + position).tolist()
+        normals = products.product(np.array(mesh.normals), turn).tolist()
         self.append(replace(mesh, vertices=vertices, normals=normals))
 
     def append(self, mesh: TexturedMesh) -> None:
@@ -92,12 +101,11 @@ class TexturedMesh:
         ``corner`` is the origin of both axes; right x up is the outward normal. ``shift`` (2,) [m]
         translates the texture.
         """
-        for i in range(len(columns) - 1):
-            for j in range(len(rows) - 1):
-                self.add_patch(corner, right, up, columns[i : i + 2], rows[j : j + 2], shift)
+        for across, above in product(pairwise(columns), pairwise(rows)):
+            self.add_patch(corner, right, up, across, above, shift)
 
     def add_patch(
-        self, corner: Array, right: Array, up: Array, columns: Array, rows: Array, shift: Array
+        self, corner: Array, right: Array, up: Array, columns: Span, rows: Span, shift: Array
     ) -> None:
         """Add one patch of a flat face: between two columns and two rows (see ``add_face``)."""
         (a, b), (c, d) = columns, rows

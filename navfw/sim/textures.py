@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -24,18 +23,17 @@ from navfw.errors import ConfigError
 from navfw.numerics import Array, Image
 from navfw.numerics.functions import power
 from navfw.numerics.products import product
-
-if TYPE_CHECKING:
-    from navfw.sim.worldspec import TextureSpec
-
+from navfw.sim.worldspec import TextureSpec
 
 TILE = 2.0
 """Period of a pattern: edge of the square that it covers [m]."""
 RESOLUTION = 512
 """Texels along that edge: 4 mm each, half a pixel at 0.6 m with a focal length of 80 px."""
+_MAX_WAVELENGTH = 1.0
+"""Longest wavelength [m]: longer ones do not help the correlation of a 24 px window."""
 
 
-def frequencies(texels: tuple[int, ...], area: tuple[float, float]) -> tuple[Array, Array]:
+def _frequencies(texels: tuple[int, ...], area: tuple[float, float]) -> tuple[Array, Array]:
     """Cycles per metre along rows and columns of the real Fourier transform of a texture.
 
     ``texels`` are its (rows, columns), ``area`` the height and width that it covers [m]. Shapes
@@ -46,7 +44,7 @@ def frequencies(texels: tuple[int, ...], area: tuple[float, float]) -> tuple[Arr
     return rows[:, None], columns[None, :]
 
 
-def passed_share(frequency: Array, finest: float) -> Array:
+def _passed_share(frequency: Array, finest: float) -> Array:
     """Share of amplitudes that a texture keeps, by frequency [1/m]: none beyond the cutoff.
 
     The cutoff is half a cycle per ``finest`` [m]. A raised-cosine edge from 70 % to 100 % of it
@@ -58,13 +56,13 @@ def passed_share(frequency: Array, finest: float) -> Array:
     return share
 
 
-def filtered(pattern: Array, amplitudes: Array) -> Array:
+def _filtered(pattern: Array, amplitudes: Array) -> Array:
     """The periodic ``pattern`` with its real Fourier transform times ``amplitudes``."""
     result: Array = np.fft.irfft2(np.fft.rfft2(pattern) * amplitudes, s=pattern.shape)
     return result
 
 
-def spectral_noise(
+def _spectral_noise(
     rng: np.random.Generator, resolution: int, exponent: float, stretch: float = 1.0
 ) -> Array:
     """Gaussian noise of unit variance with amplitude ~ frequency**-exponent (1: pink noise).
@@ -72,51 +70,51 @@ def spectral_noise(
     ``stretch`` > 1 elongates the grain along the texture's rows (vertical on walls).
     """
     white = rng.standard_normal((resolution, resolution))
-    pattern = filtered(white, _noise_amplitudes(resolution, exponent, stretch))
+    pattern = _filtered(white, _noise_amplitudes(resolution, exponent, stretch))
     return pattern / float(pattern.std())
 
 
 @lru_cache(maxsize=16)
 def _noise_amplitudes(resolution: int, exponent: float, stretch: float) -> Array:
-    """Amplitudes of ``spectral_noise`` in the real Fourier transform; none of the mean."""
-    rows, columns = frequencies((resolution, resolution), (TILE, TILE))
+    """Amplitudes of ``_spectral_noise`` in the real Fourier transform; none of the mean."""
+    rows, columns = _frequencies((resolution, resolution), (TILE, TILE))
     frequency = np.hypot(rows * np.sqrt(stretch), columns / np.sqrt(stretch))
     frequency[0, 0] = np.inf
     return power(frequency, -exponent)
 
 
 @lru_cache(maxsize=16)
-def passed_band(resolution: int, finest: float, coarsest: float) -> Array:
+def _passed_band(resolution: int, finest: float) -> Array:
     """Share of amplitudes kept in a tile's real Fourier transform: a band-pass.
 
-    Half wavelengths are at least ``finest`` [m], wavelengths at most ``coarsest`` [m].
+    Half wavelengths are at least ``finest`` [m], wavelengths at most ``_MAX_WAVELENGTH``.
     """
-    frequency = np.hypot(*frequencies((resolution, resolution), (TILE, TILE)))
-    band: Array = passed_share(frequency, finest) * (frequency >= 0.99 / coarsest)
+    frequency = np.hypot(*_frequencies((resolution, resolution), (TILE, TILE)))
+    band: Array = _passed_share(frequency, finest) * (frequency >= 0.99 / _MAX_WAVELENGTH)
     return band
 
 
-def concrete(rng: np.random.Generator, resolution: int) -> Array:
+def _concrete(rng: np.random.Generator, resolution: int) -> Array:
     """Clouds, fine grain, and dark pores of 1 to 3 cm."""
-    pattern = spectral_noise(rng, resolution, 1.4) + 0.35 * spectral_noise(rng, resolution, 0.3)
+    pattern = _spectral_noise(rng, resolution, 1.4) + 0.35 * _spectral_noise(rng, resolution, 0.3)
     return pattern - 2.5 * _spots(rng, resolution, 130, (0.003, 0.008))
 
 
-def roughcast(rng: np.random.Generator, resolution: int) -> Array:
+def _roughcast(rng: np.random.Generator, resolution: int) -> Array:
     """Even grain under large, faint clouds: trowelled plaster."""
-    clouds, grain = spectral_noise(rng, resolution, 1.6), spectral_noise(rng, resolution, 0.4)
+    clouds, grain = _spectral_noise(rng, resolution, 1.6), _spectral_noise(rng, resolution, 0.4)
     return 0.6 * clouds + np.abs(grain)
 
 
-def rug(rng: np.random.Generator, resolution: int) -> Array:
+def _rug(rng: np.random.Generator, resolution: int) -> Array:
     """Loops of pile in rows, with flecks."""
     axis = np.arange(resolution) / resolution
     rows = np.sin(2.0 * np.pi * 24.0 * axis)[:, None]
-    flecks = spectral_noise(rng, resolution, 0.5)
+    flecks = _spectral_noise(rng, resolution, 0.5)
     return 0.5 * rows + flecks + np.maximum(flecks - 1.2, 0.0)
 
 
-def brick(rng: np.random.Generator, resolution: int) -> Array:
+def _brick(rng: np.random.Generator, resolution: int) -> Array:
     """A running bond of 8 x 16 bricks with bright joints; each brick has a brightness."""
     pattern = np.empty((resolution, resolution))
     joint = max(resolution // 90, 1)
@@ -128,10 +126,10 @@ def brick(rng: np.random.Generator, resolution: int) -> Array:
         row[np.isin(np.arange(resolution), (cuts[:-1, None] + np.arange(joint)).ravel())] = 2.6
         pattern[top:bottom] = np.roll(row, offset)
         pattern[top : top + joint] = 2.6
-    return pattern + 0.5 * spectral_noise(rng, resolution, 0.8)
+    return pattern + 0.5 * _spectral_noise(rng, resolution, 0.8)
 
 
-def parquet(rng: np.random.Generator, resolution: int) -> Array:
+def _parquet(rng: np.random.Generator, resolution: int) -> Array:
     """Boards 12.5 cm wide of random length, with dark joints and grain along them."""
     pattern = np.empty((resolution, resolution))
     joint = max(resolution // 170, 1)
@@ -145,7 +143,7 @@ def parquet(rng: np.random.Generator, resolution: int) -> Array:
         column = np.roll(column, int(rng.integers(resolution)))
         pattern[:, left:right] = column[:, None]
         pattern[:, left : left + joint] = -2.5
-    grain = spectral_noise(rng, resolution, 0.9, stretch=12.0)
+    grain = _spectral_noise(rng, resolution, 0.9, stretch=12.0)
     return pattern + 0.7 * grain
 
 
@@ -169,36 +167,27 @@ def _spots(
     return spots
 
 
-_MAX_WAVELENGTH = 1.0
-"""Longest wavelength [m]: longer ones do not help the correlation of a 24 px window."""
 _LUMA = np.array([0.299, 0.587, 0.114])
 """Weights of red, green and blue in the luminance (Rec. 601)."""
 
-MAX_KEPT = 32
+_MAX_KEPT = 32
 """Number of textures that are kept: those of a world, for the next run in it, at 0.8 MB each."""
 
-STOCK: Mapping[str, Mapping[str, object]] = MappingProxyType(
+STOCK: Mapping[str, TextureSpec] = MappingProxyType(
     {
-        "plaster": {"style": "plaster", "seed": 1, "colour": (1.0, 0.96, 0.88)},
-        "carpet": {"style": "carpet", "seed": 2, "colour": (0.75, 0.8, 0.9), "finest": 0.045},
-        "wood": {"style": "wood", "seed": 3, "colour": (1.0, 0.78, 0.52)},
-        "stone": {"style": "stone", "seed": 4, "colour": (0.85, 0.88, 0.92)},
-        "panels": {"style": "panels", "seed": 5, "colour": (0.95, 0.85, 0.75)},
-        "dark": {"style": "plaster", "seed": 7, "brightness": 55.0, "contrast": 22.0},
-        "ceiling": {"style": "plaster", "seed": 6, "brightness": 170.0, "contrast": 35.0},
+        "plaster": TextureSpec(style="plaster", seed=1, colour=(1.0, 0.96, 0.88)),
+        "carpet": TextureSpec(style="carpet", seed=2, colour=(0.75, 0.8, 0.9), finest=0.045),
+        "wood": TextureSpec(style="wood", seed=3, colour=(1.0, 0.78, 0.52)),
+        "stone": TextureSpec(style="stone", seed=4, colour=(0.85, 0.88, 0.92)),
+        "panels": TextureSpec(style="panels", seed=5, colour=(0.95, 0.85, 0.75)),
+        "dark": TextureSpec(style="plaster", seed=7, brightness=55.0, contrast=22.0),
+        "ceiling": TextureSpec(style="plaster", seed=6, brightness=170.0, contrast=35.0),
     }
 )
-"""The textures that every world may use without listing them: arguments of TextureSpec."""
+"""The textures that every world may use without listing them."""
 
 
-def stock_texture(name: str) -> TextureSpec:
-    """The stock texture of that name; KeyError when there is none."""
-    from navfw.sim.worldspec import TextureSpec
-
-    return TextureSpec.model_validate(dict(STOCK[name]))
-
-
-@lru_cache(maxsize=MAX_KEPT)
+@lru_cache(maxsize=_MAX_KEPT)
 def synthesize(spec: TextureSpec, resolution: int = RESOLUTION) -> Image:
     """The texture as a read-only, periodic image (resolution, resolution, 3) uint8, RGB.
 
@@ -217,7 +206,7 @@ def luminance_pattern(spec: TextureSpec, resolution: int = RESOLUTION) -> Array:
     """The texture's luminance (resolution, resolution) [grey levels] before rounding and tint."""
     rng = np.random.default_rng([spec.seed, sum(map(ord, spec.style))])
     raw = _STYLES[spec.style](rng, resolution)
-    smooth = _band_limit(raw, spec.finest)
+    smooth = _filtered(raw, _passed_band(len(raw), spec.finest))
     smooth -= smooth.mean()
     smooth /= max(float(smooth.std()), 1e-12)
     # compress the tails into the range of a byte; a smooth curve hardly widens the spectrum
@@ -225,23 +214,6 @@ def luminance_pattern(spec: TextureSpec, resolution: int = RESOLUTION) -> Array:
     bent -= bent.mean()
     pattern: Array = spec.brightness + spec.contrast * bent / max(float(bent.std()), 1e-12)
     return pattern
-
-
-def _band_limit(pattern: Array, finest: float) -> Array:
-    """Band-pass: half wavelengths of at least ``finest`` [m], wavelengths of at most 1 m."""
-    return filtered(pattern, passed_band(len(pattern), finest, _MAX_WAVELENGTH))
-
-
-def _plaster(rng: np.random.Generator, resolution: int) -> Array:
-    return spectral_noise(rng, resolution, 0.8)
-
-
-def _carpet(rng: np.random.Generator, resolution: int) -> Array:
-    return spectral_noise(rng, resolution, 0.6)
-
-
-def _wood(rng: np.random.Generator, resolution: int) -> Array:
-    return spectral_noise(rng, resolution, 0.7, stretch=2.0)
 
 
 def _stone(rng: np.random.Generator, resolution: int) -> Array:
@@ -256,35 +228,33 @@ def _stone(rng: np.random.Generator, resolution: int) -> Array:
         away = down[:, None] ** 2 + across[None, :] ** 2
         slabs[away < nearest] = level
         np.minimum(nearest, away, out=nearest)
-    return slabs.repeat(2, axis=0).repeat(2, axis=1) + 0.8 * spectral_noise(rng, resolution, 0.7)
+    return slabs.repeat(2, axis=0).repeat(2, axis=1) + 0.8 * _spectral_noise(rng, resolution, 0.7)
 
 
 def _panels(rng: np.random.Generator, resolution: int) -> Array:
     """Courses of bricks of random length and brightness, and grain."""
     pattern = np.empty((resolution, resolution))
-    courses = 8
-    edges = np.linspace(0, resolution, courses + 1).astype(int)
-    for top, bottom in pairwise(edges):
+    for top, bottom in pairwise(_edges(resolution, 8)):
         cuts = np.cumsum(rng.uniform(0.12, 0.3, size=12))
         cuts = np.r_[0.0, cuts[cuts < 0.92]]
         levels = rng.standard_normal(cuts.size)
         column = (np.arange(resolution) / resolution + rng.random()) % 1.0
         pattern[top:bottom] = levels[np.searchsorted(cuts, column, side="right") - 1]
-    return pattern + 0.8 * spectral_noise(rng, resolution, 0.7)
+    return pattern + 0.8 * _spectral_noise(rng, resolution, 0.7)
 
 
 _STYLES: Mapping[str, Callable[[np.random.Generator, int], Array]] = MappingProxyType(
     {
-        "plaster": _plaster,
-        "carpet": _carpet,
-        "wood": _wood,
+        "plaster": partial(_spectral_noise, exponent=0.8),
+        "carpet": partial(_spectral_noise, exponent=0.6),
+        "wood": partial(_spectral_noise, exponent=0.7, stretch=2.0),
         "stone": _stone,
         "panels": _panels,
-        "concrete": concrete,
-        "brick": brick,
-        "parquet": parquet,
-        "rug": rug,
-        "roughcast": roughcast,
+        "concrete": _concrete,
+        "brick": _brick,
+        "parquet": _parquet,
+        "rug": _rug,
+        "roughcast": _roughcast,
     }
 )
 
@@ -335,12 +305,7 @@ def picture_texture(spec: TextureSpec) -> Image:
     shrinks = columns < picture.shape[1]
     how = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
     scaled = cv2.resize(picture, (columns, rows), interpolation=how).astype(np.float64)
-    smooth = np.stack([_low_passed(scaled[..., c], area, spec.finest) for c in range(3)], axis=2)
+    keep = _passed_share(np.hypot(*_frequencies(scaled.shape[:2], area[::-1])), spec.finest)
+    smooth = np.stack([_filtered(scaled[..., c], keep) for c in range(3)], axis=2)
     texels: Image = np.clip(np.rint(smooth), 0, 255).astype(np.uint8)
     return texels
-
-
-def _low_passed(channel: Array, area: tuple[float, float], finest: float) -> Array:
-    """``channel`` (rows, columns) without half wavelengths below ``finest`` [m]; periodic."""
-    keep = passed_share(np.hypot(*frequencies(channel.shape, area[::-1])), finest)
-    return filtered(channel, keep)

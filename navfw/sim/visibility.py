@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from navfw.numerics import Array, Mask
 from navfw.numerics.products import product
@@ -180,7 +179,7 @@ def _within_view(low: float, high: float, off: float, half: float) -> tuple[floa
 @numba.njit(cache=True)
 def _visible(
     edges: Array, bounds: Array, planes: Array, eye: Array, middle: float, half: float
-) -> npt.NDArray[np.bool_]:
+) -> Mask:
     """See ``Visibility.visible``."""
     lines = np.empty((edges.shape[0], 3))
     begins, ends = np.empty(edges.shape[0]), np.empty(edges.shape[0])

@@ -87,20 +87,17 @@ class Walker:
             self.x, self.y, self.heading = self._path.pose_at(self._travelled)
 
 
-def caused_by_robot(
-    before: Pose, after: Pose, dt: float, walker: Walker, closing: float = CLOSING_SPEED
-) -> bool:
+def caused_by_robot(before: Pose, after: Pose, dt: float, walker: Walker) -> bool:
     """Whether the robot's motion, from one pose to the next in ``dt`` [s], approached the walker.
 
-    A robot that stands, moves away or passes by does not cause the contact. ``closing`` is the
-    threshold of the speed of approach [m/s].
+    A robot that stands, moves away or passes by does not cause the contact.
     """
     dx, dy = walker.x - after.x, walker.y - after.y
     away = math.hypot(dx, dy)
     if away == 0.0 or dt <= 0.0:
         return False
     speed = ((after.x - before.x) * dx + (after.y - before.y) * dy) / (away * dt)
-    return speed > closing
+    return speed > CLOSING_SPEED
 
 
 @dataclass(frozen=True)

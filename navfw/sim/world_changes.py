@@ -10,11 +10,10 @@ import numpy as np
 
 from navfw.numerics import Array
 from navfw.signals import Pose
-from navfw.sim.drop_geometry import drop_under
 from navfw.sim.event_actions import DoorChange, Obstacle, Textureless
 from navfw.sim.physics_world import PhysicsWorld
 from navfw.sim.shapes import Rectangle, Shape
-from navfw.sim.solids import Solid, solids_of
+from navfw.sim.solids import Solid, drop_under, solids_of
 from navfw.sim.worldspec import WorldSpec
 
 CLEAR_OF_ROBOT = 0.1

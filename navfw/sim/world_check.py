@@ -12,22 +12,32 @@ import numpy as np
 from navfw.config.document import KeyPath, key_text
 from navfw.errors import WorldError, did_you_mean
 from navfw.features.landmark_appearance import identity_of, landmark_kind
-from navfw.numerics import Array
-from navfw.sim.drop_geometry import drop_rectangle
 from navfw.sim.shapes import OVERLAP_TOLERANCE, Circle, Rectangle, Shape, overlap_depth
-from navfw.sim.solids import Solid, opening_segment, solids_of, wall_segments
+from navfw.sim.solids import (
+    Solid,
+    drop_rectangle,
+    opening_segment,
+    solids_of,
+    wall_segments,
+)
 from navfw.sim.surface_patches import plate_axes
 from navfw.sim.textures import STOCK
-from navfw.sim.worldspec import LandmarkPlateSpec, WorldSpec
+from navfw.sim.worldspec import LandmarkPlateSpec, Point, WalkerSpec, WorldSpec
+
+Problem = tuple[KeyPath, str]
+"""The key of a problem, and its message."""
 
 _DEPTH_TOLERANCE = 0.03
 """Distance [m] by which a plate's ends may stand off the supporting face, or lie inside it."""
 _MIN_HEIGHT = 0.02
 """Lowest height of a plate's lower edge above the floor [m]."""
+_ON_FLOOR = 0.05
+"""A solid whose underside is lower than this [m] needs floor under it."""
+_SUNKEN = 0.005
+"""Largest depth [m] of a mesh below the floor: modelled feet are not exactly level."""
 
 
-def landmark_problems(world: WorldSpec) -> Iterator[Problem]:
-    """Problems of the landmarks of a world whose solids are valid: (key, message) of each."""
+def _landmarks(world: WorldSpec) -> Iterator[Problem]:
     seen: dict[str, int] = {}
     solids = solids_of(world) if world.landmarks else []
     for i, mark in enumerate(world.landmarks):
@@ -45,14 +55,6 @@ def landmark_problems(world: WorldSpec) -> Iterator[Problem]:
                 ("landmarks", i, "z"),
                 f"{mark.name!r} reaches into the floor: its plate is {2 * half:.2f} m high, so z"
                 f" must be at least {half + _MIN_HEIGHT:.2f}",
-            )
-        elif not (
-            world.x[0] <= mark.at[0] <= world.x[1] and world.y[0] <= mark.at[1] <= world.y[1]
-        ):
-            yield (
-                ("landmarks", i, "at"),
-                f"{mark.name!r} at {list(mark.at)} lies off the floor, x {list(world.x)} y"
-                f" {list(world.y)} [m]",
             )
         else:
             yield from _mounting_problems(mark, i, half, solids)
@@ -82,17 +84,14 @@ def _mounting_problems(
             " round (yaw is the direction that it faces)",
         )
     elif not mark.free and not all(
-        _inside_any(full_height, end - _DEPTH_TOLERANCE * normal[:2]) for end in ends
+        any(s.shape.distance(point[None])[0] <= 0.0 for s in full_height)
+        for point in ends - _DEPTH_TOLERANCE * normal[:2]
     ):
         yield (
             ("landmarks", index, "at"),
             f"{mark.name!r} is not mounted on a face: no wall or box is right behind the whole of"
             f" its plate of {2 * half:.2f} m; {_advice(mark, full_height)}",
         )
-
-
-def _inside_any(solids: Sequence[Solid], point: Array) -> bool:
-    return any(float(solid.shape.distance(point[None])[0]) <= 0.0 for solid in solids)
 
 
 def _advice(mark: LandmarkPlateSpec, solids: Sequence[Solid]) -> str:
@@ -108,16 +107,7 @@ def _advice(mark: LandmarkPlateSpec, solids: Sequence[Solid]) -> str:
     )
 
 
-_ON_FLOOR = 0.05
-"""A solid whose underside is lower than this [m] needs floor under it."""
-_STEP = 0.05
-"""Spacing [m] of the points at which a walker's path is tested."""
-
-Point = tuple[float, float]
-
-
-def drop_problems(world: WorldSpec) -> Iterator[tuple[KeyPath, str]]:
-    """Problems of the drops of a world whose solids are valid: (key, message) of each."""
+def _drops(world: WorldSpec) -> Iterator[Problem]:
     solids = [s for s in solids_of(world) if s.bottom < _ON_FLOOR] if world.drops else []
     for i, drop in enumerate(world.drops):
         for axis, span, bounds in (("x", drop.x, world.x), ("y", drop.y, world.y)):
@@ -134,24 +124,8 @@ def drop_problems(world: WorldSpec) -> Iterator[tuple[KeyPath, str]]:
             if overlap_depth(shape, drop_rectangle(other)) > 0.0:
                 yield ("drops", i, "x"), f"{drop.name!r} overlaps {other.name!r}"
         for j, walker in enumerate(world.movers):
-            points = _points_along(walker.path, walker.walk)
-            circles = [Circle(*point, walker.radius) for point in points]
-            if any(overlap_depth(circle, shape) > OVERLAP_TOLERANCE for circle in circles):
+            if any(_swept_over(a, b, walker.radius, shape) for a, b in _legs(walker)):
                 yield ("movers", j, "path"), f"{walker.name!r} would walk into {drop.name!r}"
-
-
-def _points_along(path: tuple[Point, ...], walk: str) -> Iterator[Point]:
-    """Points at most ``_STEP`` apart along a walker's path."""
-    for a, b in pairwise((*path, path[0]) if walk == "loop" else path):
-        count = max(int(np.hypot(b[0] - a[0], b[1] - a[1]) / _STEP) + 1, 1)
-        for share in np.linspace(0.0, 1.0, count + 1).tolist():
-            yield a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
-
-
-Problem = tuple[KeyPath, str]
-
-_SUNKEN = 0.005
-"""Largest depth [m] of a mesh below the floor: modelled feet are not exactly level."""
 
 
 def check_world(
@@ -173,14 +147,12 @@ def check_world(
         problems = [] if world.may_overlap else list(_overlaps(world))
         problems += _blocked_paths(world)
         problems += _sunken_meshes(world)
-        problems += landmark_problems(world)
-        problems += drop_problems(world)
+        problems += _landmarks(world)
+        problems += _drops(world)
     if not problems:
         return
 
-    def line(path: KeyPath) -> int | None:
-        return line_of(path) if line_of is not None else None
-
+    line = line_of or (lambda _: None)
     (path, message), *others = problems
     for other_path, other in others:
         where = f"{file}:{line(other_path)}: " if file is not None else ""
@@ -246,7 +218,7 @@ def _bounds(world: WorldSpec) -> Iterator[Problem]:
         for j, point in enumerate(wall.points):
             if not inside(*point):
                 yield ("walls", i, "points", j), f"point {list(point)} lies off {floor}"
-    for section in ("boxes", "cylinders", "meshes"):
+    for section in ("boxes", "cylinders", "meshes", "landmarks"):
         for i, item in enumerate(getattr(world, section)):
             if not inside(*item.at):
                 yield (section, i, "at"), f"{item.name!r} at {list(item.at)} lies off {floor}"
@@ -327,23 +299,20 @@ def _blocked_paths(world: WorldSpec) -> Iterator[Problem]:
     """Walkers whose path leads through a solid: the area swept on each leg is tested."""
     solids = solids_of(world)
     for i, walker in enumerate(world.movers):
-        legs = list(pairwise((*walker.path, walker.path[0])))
-        if walker.walk != "loop":
-            legs.pop()
         low = [solid for solid in solids if solid.bottom < walker.height]
-        for j, (a, b) in enumerate(legs):
-            hit = next(
-                (solid.name for solid in low if _swept_over(a, b, walker.radius, solid)), None
-            )
+        for j, (a, b) in enumerate(_legs(walker)):
+            hit = next((s.name for s in low if _swept_over(a, b, walker.radius, s.shape)), None)
             if hit is not None:
                 yield ("movers", i, "path", j), f"{walker.name!r} would walk through {hit!r}"
                 break
 
 
-def _swept_over(
-    a: tuple[float, float], b: tuple[float, float], radius: float, solid: Solid
-) -> bool:
-    """Whether a circle of ``radius`` [m] that moves straight from a to b overlaps the solid."""
+def _legs(walker: WalkerSpec) -> Iterator[tuple[Point, Point]]:
+    return pairwise((*walker.path, walker.path[0]) if walker.walk == "loop" else walker.path)
+
+
+def _swept_over(a: Point, b: Point, radius: float, shape: Shape) -> bool:
+    """Whether a circle of ``radius`` [m] that moves straight from a to b overlaps the shape."""
     middle = 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])
     yaw = math.atan2(b[1] - a[1], b[0] - a[0])
     swept: tuple[Shape, ...] = (
@@ -351,4 +320,4 @@ def _swept_over(
         Circle(*a, radius),
         Circle(*b, radius),
     )
-    return any(overlap_depth(shape, solid.shape) > OVERLAP_TOLERANCE for shape in swept)
+    return any(overlap_depth(shape, part) > OVERLAP_TOLERANCE for part in swept)

@@ -34,6 +34,20 @@ Channel = Annotated[float, Field(ge=0.0, le=1.0)]
 MAX_CONTRAST = 60.0
 """Largest contrast of a texture [grey levels]: more is clipped at black and white."""
 
+Style = Literal[
+    "plaster",
+    "carpet",
+    "wood",
+    "stone",
+    "panels",
+    "concrete",
+    "brick",
+    "parquet",
+    "rug",
+    "roughcast",
+]
+"""Patterns of textures."""
+
 Look = Literal["plain", "photo"]
 """Looks of generated worlds (see ``navfw.worldgen.looks``)."""
 
@@ -42,18 +56,7 @@ class TextureSpec(StrictModel):
     """A texture without detail finer than the camera resolves: a seeded pattern, or a picture."""
 
     style: Annotated[
-        Literal[
-            "plaster",
-            "carpet",
-            "wood",
-            "stone",
-            "panels",
-            "concrete",
-            "brick",
-            "parquet",
-            "rug",
-            "roughcast",
-        ],
+        Style,
         Field(description="pattern: shaped noise; from concrete on like photographs of a material"),
     ] = "plaster"
     seed: Annotated[int, Field(ge=0, lt=2**32, description="seed of the pattern")] = 0

@@ -1,30 +1,89 @@
-"""The family ``corridors``: corridors with bends, branches, side doors and a few obstacles."""
+"""The family ``corridors``: corridors with bends, branches, side doors and a few obstacles.
+
+A network of corridors is the plan from which the world is built.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import ClassVar
 
+import networkx as nx
 import numpy as np
 
 from navfw.interfaces import WorldFamily
-from navfw.sim.shapes import Circle, Rectangle
+from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.worldspec import DoorSpec, RoomSpec
 from navfw.topomap import PlaceKind
-from navfw.worldgen.corridor_network import (
-    SIDE_ROOM,
-    CorridorNetwork,
-    CorridorSegment,
-    Node,
-    SideDoor,
-    plan_network,
-)
-from navfw.worldgen.partition import DoorGap, WallLine, boundary_lines, walls_along
+from navfw.worldgen.partition import DoorGap, FloorArea, WallLine, boundary_lines, walls_along
 from navfw.worldgen.roadmap import Roadmap
-from navfw.worldgen.world_draft import ROBOT, WALL, Unsuitable, WorldDraft, blend
+from navfw.worldgen.world_draft import (
+    ROBOT,
+    WALL,
+    Point,
+    Unsuitable,
+    WorldDraft,
+    blend,
+    rounded,
+)
 
+Node = tuple[int, int]
+
+_NODES = 4
+"""Nodes of the lattice along each side."""
+_EDGE = 0.4
+"""Width of the floor around the outermost walls [m]."""
+_SIDE_ROOM = (1.8, 1.7)
+"""Depth and width [m] of a side room."""
 _APPROACH = 0.65
 """Least distance of the place in a side room from its door [m]."""
+
+
+@dataclass(frozen=True)
+class CorridorSegment:
+    """A straight corridor between two nodes; ``width`` [m] is that between wall centre lines."""
+
+    a: Node
+    b: Node
+    width: float
+
+    @property
+    def axis(self) -> int:
+        """Direction: along x (0) or y (1)."""
+        return 0 if self.a[1] == self.b[1] else 1
+
+
+@dataclass(frozen=True)
+class SideDoor:
+    """A door in a corridor's wall: centre [m], outward direction, width [m], open or closed."""
+
+    name: str
+    at: Point
+    out: Point
+    width: float
+    is_open: bool
+    segment: CorridorSegment
+
+    def beside(self, off: float) -> Point:
+        """The point ``off`` [m] outward from the wall (negative: into the corridor)."""
+        return self.at[0] + off * self.out[0], self.at[1] + off * self.out[1]
+
+
+@dataclass
+class CorridorNetwork:
+    """Corridors on a lattice of uneven spacing.
+
+    ``graph`` joins lattice nodes, ``route`` leads from start to goal, ``where`` has the nodes'
+    positions [m].
+    """
+
+    graph: nx.Graph
+    route: list[Node]
+    where: dict[Node, Point]
+    segments: list[CorridorSegment]
+    areas: list[FloorArea] = field(default_factory=list)
+    doors: list[SideDoor] = field(default_factory=list)
 
 
 class Corridors(WorldFamily):
@@ -34,7 +93,7 @@ class Corridors(WorldFamily):
 
     def build(self, rng: np.random.Generator, difficulty: float) -> WorldDraft:
         """Corridors 1.0 to 2.0 m wide; narrower, longer and with more obstacles when difficult."""
-        network, size = plan_network(rng, difficulty)
+        network, size = _plan_network(rng, difficulty)
         draft = WorldDraft.empty(rng, *size)
         draft.description = "Bent and branching corridors 1.0 to 2.0 m wide with side doors."
         lines = boundary_lines(network.areas)
@@ -44,6 +103,160 @@ class Corridors(WorldFamily):
         _add_obstacles(draft, network, difficulty)
         _add_map(draft, network)
         return draft
+
+
+def _plan_network(
+    rng: np.random.Generator, difficulty: float
+) -> tuple[CorridorNetwork, tuple[float, float]]:
+    """A random network with side doors, and the size [m] of the floor around it."""
+    network = _routes_and_branches(rng, difficulty)
+    _add_side_doors(rng, network, difficulty)
+    return _shifted(network)
+
+
+# --- the network ------------------------------------------------------------------------------
+
+
+def _routes_and_branches(rng: np.random.Generator, difficulty: float) -> CorridorNetwork:
+    """A route with bends, and branches off it."""
+    xs, ys = (np.cumsum(rng.uniform(3.0, 4.6, _NODES)) for _ in range(2))
+    lattice = nx.grid_2d_graph(_NODES, _NODES)
+    where = {(i, j): (round(float(xs[i]), 3), round(float(ys[j]), 3)) for i, j in lattice}
+    route = _bent_walk(rng, lattice, round(blend(4, 8, difficulty)))
+    graph = nx.Graph(pairwise(route))
+    for node in route[:-1]:
+        for other in sorted(lattice[node]):
+            if other not in graph and rng.random() < 0.35:
+                graph.add_edge(node, other)
+    low, high = blend(1.5, 1.1, difficulty), blend(2.1, 1.7, difficulty)
+    # half a width is a whole number of millimetres
+    segments = [
+        CorridorSegment(a, b, round(2 * round(float(rng.uniform(low, high)) / 2, 3), 3))
+        for a, b in sorted(map(sorted, graph.edges))
+    ]
+    segments = _equal_collinear_widths(segments)
+    network = CorridorNetwork(graph, route, {n: where[n] for n in graph}, segments)
+    network.areas = [_area(network, segment) for segment in segments]
+    return network
+
+
+def _bent_walk(rng: np.random.Generator, lattice: nx.Graph, steps: int) -> list[Node]:
+    """A walk of ``steps`` edges that visits no node twice and has at least two bends."""
+    nodes = sorted(lattice.nodes)
+    for _ in range(200):
+        route = [nodes[int(rng.integers(len(nodes)))]]
+        while len(route) <= steps:
+            onward = [n for n in sorted(lattice[route[-1]]) if n not in route]
+            if not onward:
+                break
+            route.append(onward[int(rng.integers(len(onward)))])
+        bends = sum(
+            a[0] != c[0] and a[1] != c[1] for a, c in zip(route[:-2], route[2:], strict=True)
+        )
+        if len(route) == steps + 1 and bends >= 2:
+            return route
+    raise Unsuitable("no route with two bends")
+
+
+def _equal_collinear_widths(segments: list[CorridorSegment]) -> list[CorridorSegment]:
+    """Give collinear corridors the same width: a step would leave a thin piece of wall."""
+    widths: dict[tuple[int, int], float] = {}
+    return [
+        replace(s, width=widths.setdefault((s.axis, s.a[1 - s.axis]), s.width)) for s in segments
+    ]
+
+
+def _area(network: CorridorNetwork, segment: CorridorSegment) -> FloorArea:
+    """The floor of a corridor, up to the far walls of the corridors that it meets."""
+    half = 0.5 * segment.width
+    (ax, ay), (bx, by) = network.where[segment.a], network.where[segment.b]
+    begin, end = (_reach(network, segment, node) for node in (segment.a, segment.b))
+    if segment.axis == 0:
+        x, y = (ax - begin, bx + end), (ay - half, ay + half)
+    else:
+        x, y = (ax - half, ax + half), (ay - begin, by + end)
+    return FloorArea((round(x[0], 3), round(x[1], 3)), (round(y[0], 3), round(y[1], 3)))
+
+
+def _reach(network: CorridorNetwork, segment: CorridorSegment, node: Node) -> float:
+    """Extension of the corridor beyond a node [m]: half the width of the corridor that it meets."""
+    others = [r.width for r in network.segments if node in (r.a, r.b) and r.axis != segment.axis]
+    return 0.5 * max(others, default=segment.width)
+
+
+# --- side doors -------------------------------------------------------------------------------
+
+
+def _add_side_doors(rng: np.random.Generator, network: CorridorNetwork, difficulty: float) -> None:
+    """Doors in the corridors' walls: closed ones, and open ones with a small room behind."""
+    for segment in network.segments:
+        for side in (-1.0, 1.0):
+            if rng.random() > 0.6:
+                continue
+            (ax, ay), (bx, by) = network.where[segment.a], network.where[segment.b]
+            begin, end = (ax, bx) if segment.axis == 0 else (ay, by)
+            low = begin + _reach(network, segment, segment.a) + 0.5 * _SIDE_ROOM[1]
+            high = end - _reach(network, segment, segment.b) - 0.5 * _SIDE_ROOM[1]
+            if low > high:
+                continue
+            along, off = float(rng.uniform(low, high)), side * 0.5 * segment.width
+            at, out = (
+                ((along, ay + off), (0.0, side))
+                if segment.axis == 0
+                else ((ax + off, along), (side, 0.0))
+            )
+            number = len(network.doors) + 1
+            width = round(float(rng.uniform(blend(0.9, 0.8, difficulty), 1.0)), 2)
+            door = SideDoor(
+                f"door-{number}",
+                (round(at[0], 3), round(at[1], 3)),
+                out,
+                width,
+                bool(rng.random() < 0.6),
+                segment,
+            )
+            room = _room_behind(door, number + 1)
+            if door.is_open and any(_too_close(room, area) for area in network.areas):
+                continue
+            network.doors.append(door)
+            if door.is_open:
+                network.areas.append(room)
+
+
+def _room_behind(door: SideDoor, region: int) -> FloorArea:
+    depth, width = _SIDE_ROOM
+    axis = 0 if door.out[0] else 1
+    near, along = door.at[axis], door.at[1 - axis]
+    outward = rounded(*sorted((near, near + depth * door.out[axis])))
+    across = rounded(along - width / 2, along + width / 2)
+    x, y = (outward, across) if axis == 0 else (across, outward)
+    return FloorArea((x[0], x[1]), (y[0], y[1]), region)
+
+
+def _too_close(a: FloorArea, b: FloorArea) -> bool:
+    """Whether two areas overlap, or are less than two walls apart without sharing an edge."""
+    apart = max(a.x[0] - b.x[1], b.x[0] - a.x[1], a.y[0] - b.y[1], b.y[0] - a.y[1])
+    overlaps = apart < -1e-9
+    return overlaps or 1e-9 < apart < 2 * WALL
+
+
+def _shifted(network: CorridorNetwork) -> tuple[CorridorNetwork, tuple[float, float]]:
+    """The same network with the world's corner at the origin, and the world's size [m]."""
+    x0 = min(area.x[0] for area in network.areas) - _EDGE
+    y0 = min(area.y[0] for area in network.areas) - _EDGE
+
+    def move(point: Point) -> Point:
+        return round(point[0] - x0, 3), round(point[1] - y0, 3)
+
+    def moved(area: FloorArea) -> FloorArea:
+        (left, low), (right, high) = (move((area.x[i], area.y[i])) for i in (0, 1))
+        return FloorArea((left, right), (low, high), area.region)
+
+    areas = [moved(area) for area in network.areas]
+    doors = [replace(door, at=move(door.at)) for door in network.doors]
+    where = {node: move(point) for node, point in network.where.items()}
+    size = max(area.x[1] for area in areas) + _EDGE, max(area.y[1] for area in areas) + _EDGE
+    return replace(network, where=where, areas=areas, doors=doors), size
 
 
 # --- the world --------------------------------------------------------------------------------
@@ -57,26 +270,20 @@ def _build_walls(draft: WorldDraft, network: CorridorNetwork, lines: list[WallLi
     for gap in gaps:
         if not any(line.contains(gap.at, 0.5 * gap.width + 0.1) for line in lines):
             raise Unsuitable("a door without a wall")
-    draft.walls += [
-        wall.model_copy(update={"texture": palette.pick(walls)})
-        for wall in walls_along(lines, gaps, walls[0])
-    ]
+    draft.walls += walls_along(lines, gaps, palette, walls)
     leaf = palette.draw("thing")
     draft.doors += [
         DoorSpec(name=f"{door.name}-leaf", opening=door.name, texture=leaf)
         for door in network.doors
         if not door.is_open
     ]
-    for area in network.areas:
-        if area.region > 1:
-            draft.rooms.append(
-                RoomSpec(
-                    name=f"side-room-{area.region - 1}",
-                    x=area.x,
-                    y=area.y,
-                    floor=palette.pick(floors),
-                )
-            )
+    draft.rooms += [
+        RoomSpec(
+            name=f"side-room-{area.region - 1}", x=area.x, y=area.y, floor=palette.pick(floors)
+        )
+        for area in network.areas
+        if area.region > 1
+    ]
 
 
 def _add_obstacles(draft: WorldDraft, network: CorridorNetwork, difficulty: float) -> None:
@@ -117,15 +324,16 @@ def _try_obstacle(
     off = begin[1 - segment.axis] + side * (0.5 * (segment.width - WALL - depth) - 0.01)
     at = (along, off) if segment.axis == 0 else (off, along)
     number = len(draft.shapes) + 1
+    shape: Shape
     if rng.random() < 0.35:
-        circle = Circle(*at, 0.5 * depth)
-        if draft.fits(circle, 1.1):
-            draft.add_cylinder(f"cylinder-{number}", circle, rng.uniform(0.5, 1.6), texture)
-        return
-    half = (0.5 * length, 0.5 * depth) if segment.axis == 0 else (0.5 * depth, 0.5 * length)
-    box = Rectangle(*at, *half)
-    if draft.fits(box, 1.1):
-        draft.add_box(f"box-{number}", box, rng.uniform(0.5, 1.8), texture)
+        kind, tallest = "cylinder", 1.6
+        shape = Circle(*at, 0.5 * depth)
+    else:
+        kind, tallest = "box", 1.8
+        half = (0.5 * length, 0.5 * depth) if segment.axis == 0 else (0.5 * depth, 0.5 * length)
+        shape = Rectangle(*at, *half)
+    if draft.fits(shape, 1.1):
+        draft.add(f"{kind}-{number}", shape, rng.uniform(0.5, tallest), texture)
 
 
 # --- the map ----------------------------------------------------------------------------------
@@ -143,16 +351,10 @@ def _add_map(draft: WorldDraft, network: CorridorNetwork) -> None:
         stations.sort()
         joined = _drop_close(roadmap, [name for _, name in stations])
         for a, b in pairwise(joined):
-            if not roadmap.connect(a, b, "pass", _anywhere, segment.width - WALL):
+            if not roadmap.connect(a, b, "pass", width=segment.width - WALL):
                 raise Unsuitable("a blocked corridor")
     draft.goal_place = "goal"
     draft.topo_map = roadmap.build("generated-corridors")
-
-
-def _anywhere(x: float, y: float) -> bool:
-    """Accept every point: walls bound the corridors."""
-    del x, y
-    return True
 
 
 def _add_node(roadmap: Roadmap, network: CorridorNetwork, node: Node) -> str:
@@ -173,7 +375,7 @@ def _add_door(roadmap: Roadmap, network: CorridorNetwork, door: SideDoor) -> str
     )
     middle = roadmap.add(door.name, *door.at, "door")
     behind = roadmap.add(
-        f"{door.name}-room", *door.beside(max(_APPROACH, 0.5 * SIDE_ROOM[0])), "room"
+        f"{door.name}-room", *door.beside(max(_APPROACH, 0.5 * _SIDE_ROOM[0])), "room"
     )
     if not (
         roadmap.add_passage(before, middle, door.width)

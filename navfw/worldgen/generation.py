@@ -111,8 +111,7 @@ def _finish(
     """Check the draft, set contrast or look, and add the mission."""
     world = draft.world(f"{family}-{seed}")
     if contrast is not None:
-        textures = with_contrast(world.textures, contrast)
-        world = world.model_copy(update={"textures": textures})
+        world = with_contrast(world, contrast)
     if look is not None:
         world = with_look(world, look, seed)
     check_world(world)

@@ -5,38 +5,35 @@ A look is the same geometry with other surfaces, by the role of each texture.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from navfw.sim.textures import STOCK, stock_texture
-from navfw.sim.worldspec import DoorFrameSpec, Look, SkirtingSpec, TextureSpec, WorldSpec
+from navfw.sim.textures import STOCK
+from navfw.sim.worldspec import (
+    DoorFrameSpec,
+    Look,
+    SkirtingSpec,
+    Style,
+    TextureSpec,
+    WorldSpec,
+)
 
 Role = Literal["floor", "wall", "ceiling", "thing", "person"]
-Style = Literal["plaster", "carpet", "wood", "stone", "panels"]
+Interval = tuple[float, float]
 
-_STYLES: Mapping[Role, tuple[Style, ...]] = MappingProxyType(
+_NOISE: Mapping[Role, tuple[tuple[Style, ...], Interval]] = MappingProxyType(
     {
-        "floor": ("carpet", "stone", "plaster", "wood"),
-        "wall": ("plaster", "panels", "stone", "carpet"),
-        "ceiling": ("plaster",),
-        "thing": ("wood", "stone", "panels", "plaster", "carpet"),
-        "person": ("carpet", "stone"),
+        "floor": (("carpet", "stone", "plaster", "wood"), (110.0, 150.0)),
+        "wall": (("plaster", "panels", "stone", "carpet"), (120.0, 155.0)),
+        "ceiling": (("plaster",), (160.0, 175.0)),
+        "thing": (("wood", "stone", "panels", "plaster", "carpet"), (95.0, 150.0)),
+        "person": (("carpet", "stone"), (95.0, 140.0)),
     }
 )
-"""Styles by role."""
-_BRIGHTNESS: Mapping[Role, tuple[float, float]] = MappingProxyType(
-    {
-        "floor": (110.0, 150.0),
-        "wall": (120.0, 155.0),
-        "ceiling": (160.0, 175.0),
-        "thing": (95.0, 150.0),
-        "person": (95.0, 140.0),
-    }
-)
-"""Interval of the mean luminance [grey levels] by role."""
+"""Styles, and the interval of the mean luminance [grey levels], by role."""
 _MIN_DETAIL: Mapping[Role, float] = MappingProxyType({"floor": 0.045})
 """Finest detail [m] by role: coarser on floors, seen at a shallow angle, against aliasing."""
 
@@ -51,15 +48,15 @@ class Palette:
     def draw(self, role: Role) -> str:
         """Add a random texture for a role; returns its name."""
         rng = self._rng
-        name = f"{role}-{sum(known.startswith(role) for known in self.textures) + 1}"
-        styles = _STYLES[role]
+        name = f"{role}-{sum(other.startswith(role) for other in self.textures) + 1}"
+        styles, brightness = _NOISE[role]
         tint = rng.uniform(0.62, 1.0, 3)
         red, green, blue = np.round(tint / tint.max(), 2).tolist()
         self.textures[name] = TextureSpec(
             style=styles[int(rng.integers(len(styles)))],
             seed=int(rng.integers(1_000_000)),
             contrast=round(float(rng.uniform(36.0, 48.0)), 1),
-            brightness=round(float(rng.uniform(*_BRIGHTNESS[role])), 1),
+            brightness=round(float(rng.uniform(*brightness)), 1),
             colour=(red, green, blue),
             finest=_MIN_DETAIL.get(role, 0.035),
         )
@@ -69,24 +66,24 @@ class Palette:
         """Add ``count`` random textures for a role; returns their names."""
         return tuple(self.draw(role) for _ in range(count))
 
-    def pick(self, names: tuple[str, ...]) -> str:
+    def pick(self, names: Sequence[str]) -> str:
         """One of ``names`` at random."""
         return names[int(self._rng.integers(len(names)))]
 
 
-def with_contrast(textures: Mapping[str, TextureSpec], contrast: float) -> dict[str, TextureSpec]:
-    """``textures`` and the stock textures, all with ``contrast`` [grey levels].
+def with_contrast(world: WorldSpec, contrast: float) -> WorldSpec:
+    """``world`` with ``contrast`` [grey levels] of all textures, the stock textures included.
 
     Brightness and colour stay, so that surfaces still differ from each other.
     """
-    every = {name: stock_texture(name) for name in STOCK} | dict(textures)
-    return {name: spec.model_copy(update={"contrast": contrast}) for name, spec in every.items()}
+    every = {**STOCK, **world.textures}
+    changed = {n: spec.model_copy(update={"contrast": contrast}) for n, spec in every.items()}
+    return world.model_copy(update={"textures": changed})
 
 
 LOOKS: tuple[Look, ...] = ("plain", "photo")
 
 Colour = tuple[float, float, float]
-Pattern = Literal["plaster", "carpet", "wood", "concrete", "brick", "parquet", "rug", "roughcast"]
 
 _STREAM = 0x100C
 """Spawn key of the random stream of looks; other uses of the seed have others."""
@@ -97,9 +94,9 @@ _TRIM = "trim"
 class _Surface(NamedTuple):
     """A pattern with intervals of contrast and mean luminance [grey levels], and its tint."""
 
-    style: Pattern
-    contrast: tuple[float, float]
-    brightness: tuple[float, float]
+    style: Style
+    contrast: Interval
+    brightness: Interval
     colour: Colour
 
 

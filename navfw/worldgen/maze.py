@@ -36,10 +36,8 @@ class Maze(WorldFamily):
         maze = _carve(rng, columns, rows, loops=blend(0.2, 0.06, difficulty))
         draft.description = f"A maze of {columns} x {rows} cells of {cell:g} m."
         inner = draft.palette.draw_many("wall", 3)
-        walls = walls_along(list(_lines(maze, columns, rows, cell)), [], inner[0])
-        draft.walls += [
-            wall.model_copy(update={"texture": draft.palette.pick(inner)}) for wall in walls
-        ]
+        lines = list(_lines(maze, columns, rows, cell))
+        draft.walls += walls_along(lines, [], draft.palette, inner)
         start, goal = _ends(rng, maze, cell)
         onward = nx.shortest_path(maze, start, goal)[1]
         draft.set_start_and_goal(

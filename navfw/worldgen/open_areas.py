@@ -17,7 +17,7 @@ import numpy.typing as npt
 from navfw.interfaces import WorldFamily
 from navfw.robot import SideViews
 from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.shapes import Circle, Rectangle
+from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.worldspec import WalkerSpec
 from navfw.worldgen.world_draft import (
     FAST_ROBOT,
@@ -75,15 +75,14 @@ def _try_solid(draft: WorldDraft, gap: float, texture: str) -> None:
     number = len(draft.shapes) + 1
     height = rng.uniform(0.5, 1.8)
     x, y = rng.uniform(0.0, draft.x[1]), rng.uniform(0.0, draft.y[1])
+    shape: Shape
     if rng.random() < 0.5:
-        circle = Circle(x, y, rng.uniform(0.1, 0.45))
-        if _off_walls(draft, circle.bounds, gap) and draft.fits(circle, gap):
-            draft.add_cylinder(f"cylinder-{number}", circle, height, texture)
-        return
-    half_x, half_y = rng.uniform(0.12, 0.5, 2)
-    box = Rectangle(x, y, half_x, half_y, rng.uniform(0.0, math.pi))
-    if _off_walls(draft, box.bounds, gap) and draft.fits(box, gap):
-        draft.add_box(f"box-{number}", box, height, texture)
+        kind, shape = "cylinder", Circle(x, y, rng.uniform(0.1, 0.45))
+    else:
+        half_x, half_y = rng.uniform(0.12, 0.5, 2)
+        kind, shape = "box", Rectangle(x, y, half_x, half_y, rng.uniform(0.0, math.pi))
+    if _off_walls(draft, shape.bounds, gap) and draft.fits(shape, gap):
+        draft.add(f"{kind}-{number}", shape, height, texture)
 
 
 def _off_walls(draft: WorldDraft, bounds: tuple[float, float, float, float], gap: float) -> bool:
@@ -119,9 +118,7 @@ class Poles(WorldFamily):
         textures = draft.palette.draw_many("thing", 4)
         for number, (x, y, radius) in enumerate(_poles(rng, filled), start=1):
             texture = draft.palette.pick(textures)
-            draft.add_cylinder(
-                f"pole-{number}", Circle(x, y, radius), rng.uniform(0.8, 1.5), texture
-            )
+            draft.add(f"pole-{number}", Circle(x, y, radius), rng.uniform(0.8, 1.5), texture)
         return draft
 
 
@@ -225,15 +222,16 @@ def _add_static(draft: WorldDraft, count: int) -> None:
             return
         at = rng.uniform(1.5, draft.x[1] - 1.5), rng.uniform(1.5, draft.y[1] - 1.5)
         number, texture = len(draft.shapes) + 1, draft.palette.pick(textures)
+        shape: Shape
         if rng.random() < 0.5:
-            circle = Circle(*at, rng.uniform(0.15, 0.4))
-            if draft.fits(circle, 1.4):
-                draft.add_cylinder(f"column-{number}", circle, rng.uniform(0.7, 2.2), texture)
-            continue
-        half_x, half_y = rng.uniform(0.2, 0.5, 2)
-        box = Rectangle(*at, half_x, half_y, rng.uniform(0.0, math.pi))
-        if draft.fits(box, 1.4):
-            draft.add_box(f"box-{number}", box, rng.uniform(0.5, 1.4), texture)
+            kind, heights = "column", (0.7, 2.2)
+            shape = Circle(*at, rng.uniform(0.15, 0.4))
+        else:
+            kind, heights = "box", (0.5, 1.4)
+            half_x, half_y = rng.uniform(0.2, 0.5, 2)
+            shape = Rectangle(*at, half_x, half_y, rng.uniform(0.0, math.pi))
+        if draft.fits(shape, 1.4):
+            draft.add(f"{kind}-{number}", shape, rng.uniform(*heights), texture)
 
 
 def _add_person(

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.sim.worldspec import OpeningSpec, WallSpec
+from navfw.worldgen.looks import Palette
 from navfw.worldgen.world_draft import WALL
 
 _FILL = 0.4 * WALL
@@ -78,9 +79,12 @@ def _boundary_intervals(
 
 
 def walls_along(
-    lines: Sequence[WallLine], gaps: Sequence[DoorGap], texture: str, height: float = 2.4
+    lines: Sequence[WallLine], gaps: Sequence[DoorGap], palette: Palette, textures: Sequence[str]
 ) -> list[WallSpec]:
-    """A wall on every line, with its gaps; its ends extend into the walls that they meet."""
+    """A wall on every line, with its gaps; its ends extend into the walls that they meet.
+
+    Each has one of ``textures`` of ``palette``, at random.
+    """
     walls = []
     for number, line in enumerate(lines, start=1):
         low, high = round(line.low - _FILL, 3), round(line.high + _FILL, 3)
@@ -96,8 +100,7 @@ def walls_along(
                 name=f"wall-{number}",
                 points=points,
                 openings=openings,
-                texture=texture,
-                height=height,
+                texture=palette.pick(textures),
             )
         )
     return walls

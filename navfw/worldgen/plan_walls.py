@@ -128,7 +128,8 @@ def wall_rectangles(free: Mask, cell: float) -> list[Rectangle]:
     """
     border = math.ceil(_MAX_THICKNESS / cell) + 2
     ground = np.pad(free, border)
-    wanted = _shell(ground, max(_SHELL / cell, 2.0))
+    away = cv2.distanceTransform((~ground).astype(np.uint8), cv2.DIST_L2, 5)
+    wanted: Mask = ~ground & (away <= max(_SHELL / cell, 2.0))
     edges = [edge for outline in _outlines(ground) for edge in _straight_edges(outline)]
     open_ = cv2.erode(ground.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     grown = [_grown(ground, open_, edge, cell) for edge in edges]
@@ -183,13 +184,6 @@ class _Strip:
         inside &= (left >= -margin) & (left <= self.depth + margin)
         flat: npt.NDArray[np.intp] = rows[inside] * mask.shape[1] + columns[inside]
         return flat
-
-
-def _shell(ground: Mask, depth: float) -> Mask:
-    """The cells that are not free, up to ``depth`` cells from free ground."""
-    away = cv2.distanceTransform((~ground).astype(np.uint8), cv2.DIST_L2, 5)
-    shell: Mask = ~ground & (away <= depth)
-    return shell
 
 
 def _outlines(ground: Mask) -> list[Array]:

@@ -71,10 +71,12 @@ class Roadmap:
         self.passages.setdefault(passage.ends, passage)
         return True
 
-    def connect(self, a: str, b: str, stem: str, inside: Inside, width: float = math.inf) -> bool:
+    def connect(
+        self, a: str, b: str, stem: str, inside: Inside | None = None, width: float = math.inf
+    ) -> bool:
         """Connect a and b: directly, or around solids through new places named after ``stem``.
 
-        Returns False when no path stays where ``inside`` (x, y) is true.
+        Returns False when no path stays where ``inside`` (x, y), if given, is true.
         """
         if self.add_passage(a, b, width):
             return True
@@ -84,7 +86,7 @@ class Roadmap:
                 path = self.plan.shortest_path((start.x, start.y), (end.x, end.y), clearance)[1]
             except WorldError:
                 continue
-            if not all(inside(x, y) for x, y in path):
+            if inside is not None and not all(inside(x, y) for x, y in path):
                 continue
             return self._add_path(a, b, self._simplified(path), stem, width)
         return False

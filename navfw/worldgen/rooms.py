@@ -14,8 +14,9 @@ import numpy as np
 from navfw.interfaces import WorldFamily
 from navfw.sim.shapes import Circle, Rectangle
 from navfw.sim.worldspec import OpeningSpec, RoomSpec, WallSpec
+from navfw.worldgen.partition import WallLine
 from navfw.worldgen.roadmap import Roadmap
-from navfw.worldgen.world_draft import WALL, Point, Unsuitable, WorldDraft, blend
+from navfw.worldgen.world_draft import WALL, Point, Unsuitable, WorldDraft, blend, rounded
 
 Interval = tuple[float, float]
 
@@ -90,21 +91,20 @@ def _along_wall(
     length, depth, height = _pick(rng, lengths), _pick(rng, depths), _pick(rng, heights)
     axis, far = int(rng.integers(2)), bool(rng.integers(2))
     across, along = ((x, y), (y, x))[axis]
-    inset = _TO_WALL
-    low, high = along[0] + inset + 0.5 * length, along[1] - inset - 0.5 * length
+    low, high = along[0] + _TO_WALL + 0.5 * length, along[1] - _TO_WALL - 0.5 * length
     if low >= high:
         return False
     at = rng.uniform(low, high)
     if min(at - low, high - at) < gap:  # no passable gap to the corner: move it there
         at = low if at - low < high - at else high
-    back = across[1] - inset - 0.5 * depth if far else across[0] + inset + 0.5 * depth
+    back = across[1] - _TO_WALL - 0.5 * depth if far else across[0] + _TO_WALL + 0.5 * depth
     if axis == 0:
         box = Rectangle(back, at, 0.5 * depth, 0.5 * length)
     else:
         box = Rectangle(at, back, 0.5 * length, 0.5 * depth)
-    if not (across[1] - across[0] - depth - 2 * inset >= gap and draft.fits(box, gap)):
+    if not (across[1] - across[0] - depth - 2 * _TO_WALL >= gap and draft.fits(box, gap)):
         return False
-    draft.add_box(_named(draft, kind, room), box, height, draft.palette.pick(textures))
+    draft.add(_named(draft, kind, room), box, height, draft.palette.pick(textures))
     return True
 
 
@@ -127,10 +127,7 @@ def _standing_free(
     x0, y0, x1, y1 = shape.bounds
     if min(x0 - x[0], x[1] - x1, y0 - y[0], y[1] - y1) < gap or not draft.fits(shape, gap):
         return False
-    if isinstance(shape, Circle):
-        draft.add_cylinder(_named(draft, kind, room), shape, height, texture)
-    else:
-        draft.add_box(_named(draft, kind, room), shape, height, texture)
+    draft.add(_named(draft, kind, room), shape, height, texture)
     return True
 
 
@@ -148,24 +145,9 @@ class FloorRoom:
     x: tuple[float, float]
     y: tuple[float, float]
 
-    @property
-    def size(self) -> tuple[float, float]:
-        """Width and depth [m]."""
-        return self.x[1] - self.x[0], self.y[1] - self.y[0]
-
     def contains(self, x: float, y: float) -> bool:
         """Whether the point is inside."""
         return self.x[0] < x < self.x[1] and self.y[0] < y < self.y[1]
-
-
-@dataclass(frozen=True)
-class DividingWall:
-    """A wall that divides a rectangle: at ``at`` [m] on ``axis`` (0: x), from low to high [m]."""
-
-    axis: int
-    at: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -173,7 +155,7 @@ class RoomDoor:
     """A door in a dividing wall, between two rooms."""
 
     name: str
-    cut: DividingWall
+    cut: WallLine
     along: float
     width: float
     rooms: tuple[str, str]
@@ -189,7 +171,7 @@ class RoomLayout:
     """Rooms, the walls between them, and their doors."""
 
     rooms: list[FloorRoom]
-    cuts: list[DividingWall]
+    cuts: list[WallLine]
     doors: list[RoomDoor] = field(default_factory=list)
 
 
@@ -211,7 +193,9 @@ class Rooms(WorldFamily):
         start_room, goal_room = _far_apart(layout, rng)
         _keep_doors_free(draft, layout)
         start, goal = (_free_point(draft, room) for room in (start_room, goal_room))
-        draft.set_start_and_goal(start, goal, towards=_exit(layout, start_room))
+        # the robot faces its room's first door
+        exit_ = next(door.point() for door in layout.doors if start_room.name in door.rooms)
+        draft.set_start_and_goal(start, goal, towards=exit_)
         for point in (start, goal):
             draft.keep_free(*point, 0.55)
         furnish(
@@ -231,7 +215,7 @@ def _divide(draft: WorldDraft, count: int) -> RoomLayout:
     """Divide the largest room across its longer side until there are ``count``."""
     rng = draft.rng
     parts = [(draft.x, draft.y)]
-    cuts: list[DividingWall] = []
+    cuts: list[WallLine] = []
     while len(parts) < count:
         parts.sort(key=lambda area: -(area[0][1] - area[0][0]) * (area[1][1] - area[1][0]))
         area = parts.pop(0)
@@ -243,7 +227,7 @@ def _divide(draft: WorldDraft, count: int) -> RoomLayout:
         low, high = area[axis]
         at = min(max(low + share * sides[axis], low + _MIN_SIDE), high - _MIN_SIDE)
         at = round(float(at), 3)
-        cuts.append(DividingWall(axis, at, *area[1 - axis]))
+        cuts.append(WallLine(axis, at, *area[1 - axis]))
         for side in ((low, at), (at, high)):
             parts.append((side, area[1]) if axis == 0 else (area[0], side))
     rooms = [FloorRoom(f"room-{i}", *area) for i, area in enumerate(parts, start=1)]
@@ -252,7 +236,7 @@ def _divide(draft: WorldDraft, count: int) -> RoomLayout:
 
 def _shared(
     layout: RoomLayout,
-) -> Iterator[tuple[FloorRoom, FloorRoom, DividingWall, float, float]]:
+) -> Iterator[tuple[FloorRoom, FloorRoom, WallLine, float, float]]:
     """Adjacent rooms, the wall between them, and the interval [m] along it for a door."""
     for a, b in combinations(layout.rooms, 2):
         for cut in layout.cuts:
@@ -291,20 +275,19 @@ def _build_walls(draft: WorldDraft, layout: RoomLayout) -> None:
     draft.ceiling = palette.draw("ceiling")
     floors = palette.draw_many("floor", 2)
     walls = palette.draw_many("wall", 3)
-    for room in layout.rooms:
-        draft.rooms.append(
-            RoomSpec(
-                name=room.name,
-                x=room.x,
-                y=room.y,
-                floor=palette.pick(floors),
-                walls=palette.pick(walls),
-            )
+    draft.rooms += [
+        RoomSpec(
+            name=room.name,
+            x=room.x,
+            y=room.y,
+            floor=palette.pick(floors),
+            walls=palette.pick(walls),
         )
+        for room in layout.rooms
+    ]
     for i, cut in enumerate(layout.cuts, start=1):
-        low = max(cut.low, (draft.y if cut.axis == 0 else draft.x)[0] + WALL / 2)
-        high = min(cut.high, (draft.y if cut.axis == 0 else draft.x)[1] - WALL / 2)
-        ends = (round(low, 3), round(high, 3))
+        edge = draft.y if cut.axis == 0 else draft.x
+        ends = rounded(max(cut.low, edge[0] + WALL / 2), min(cut.high, edge[1] - WALL / 2))
         points = tuple((cut.at, end) if cut.axis == 0 else (end, cut.at) for end in ends)
         openings = tuple(
             OpeningSpec(name=door.name, at=door.point(), width=door.width)
@@ -350,11 +333,6 @@ def _faces(draft: WorldDraft, room: FloorRoom) -> tuple[tuple[float, float], tup
         return span[0] + low, span[1] - high
 
     return inner(room.x, draft.x), inner(room.y, draft.y)
-
-
-def _exit(layout: RoomLayout, room: FloorRoom) -> Point:
-    """Centre of the room's first door, which the robot faces at the start."""
-    return next(door.point() for door in layout.doors if room.name in door.rooms)
 
 
 def _add_map(

@@ -18,12 +18,12 @@ import numpy as np
 
 from navfw.config.input_file import is_file, shown_path
 from navfw.config.xml_file import line_of, read_xml
-from navfw.errors import ConfigError, InputError, WorldError
+from navfw.errors import ConfigError, WorldError
 from navfw.meshes import MeshLimits, read_triangles
 from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.robot.urdf import rigid_transform
-from navfw.sim.shapes import Circle
+from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.worldgen.upright_parts import mesh_solids
 
 MAX_BYTES = 20_000_000
@@ -48,19 +48,15 @@ _GROUND = ("model://ground_plane", "model://sun", "ground_plane", "sun")
 
 @dataclass(frozen=True, slots=True)
 class SdfShape:
-    """A cylinder (radius > 0) or a box (size) with centre (x, y, z) [m] and yaw [rad].
+    """An upright solid: the outline ``shape`` from ``bottom`` to ``top`` [m].
 
     ``mesh`` is the number of the mesh of which it is a part; 0: of none.
     """
 
     name: str
-    x: float
-    y: float
-    z: float
-    yaw: float
-    height: float
-    radius: float = 0.0
-    size: tuple[float, float] = (0.0, 0.0)
+    shape: Shape
+    bottom: float
+    top: float
     mesh: int = 0
 
 
@@ -94,11 +90,17 @@ def read_sdf(path: str | Path, models: Path | None = None) -> SdfWorld:
 
 
 class _SdfReader:
-    """Collects the shapes of one world."""
+    """Collects the shapes of one world.
+
+    A mesh ``model://NAME/FILE`` is looked up in the world's folder, its folder ``models``, and
+    ``models``; other names are files relative to the world's folder or to ``models``. Each file is
+    read once.
+    """
 
     def __init__(self, path: Path, models: Path | None) -> None:
         self.path = path
-        self._meshes = _MeshFolders(path.parent, models)
+        self._folders = [path.parent, path.parent / "models", *([] if models is None else [models])]
+        self._triangles = cache(read_triangles)
         self.content = SdfWorld()
         self._taken: set[str] = set()
         self._moved: dict[str, Element] = {}
@@ -180,7 +182,7 @@ class _SdfReader:
             return
         radius, length = (self._size(shape, key, 1)[0] for key in ("radius", "length"))
         x, y, z = pose[:3, 3].tolist()
-        self._add(SdfShape(self._name(model), x, y, z, 0.0, length, radius=radius))
+        self._add(model, Circle(x, y, radius), z - 0.5 * length, z + 0.5 * length)
 
     def _box(self, shape: Element, pose: Array, model: str) -> None:
         size = self._size(shape, "size", 3)
@@ -192,8 +194,8 @@ class _SdfReader:
         first, second = ((upright + 1) % 3, (upright + 2) % 3)
         yaw = math.atan2(pose[1, first], pose[0, first])
         x, y, z = pose[:3, 3].tolist()
-        level = (size[first], size[second])
-        self._add(SdfShape(self._name(model), x, y, z, yaw, size[upright], size=level))
+        outline = Rectangle(x, y, 0.5 * size[first], 0.5 * size[second], yaw)
+        self._add(model, outline, z - 0.5 * size[upright], z + 0.5 * size[upright])
 
     def _mesh(self, shape: Element, pose: Array, model: str) -> None:
         uri = (shape.findtext("uri") or "").strip()
@@ -201,43 +203,47 @@ class _SdfReader:
             self._unsupported(shape, f"a part of a mesh (<submesh>) of the model {model!r}")
             return
         scale = self._numbers(shape, "scale", 3, [1.0, 1.0, 1.0])
-        try:
-            triangles = self._meshes.read(uri)
-        except _MissingMeshError as error:
-            self._unsupported(shape, f"the mesh {uri!r} of the model {model!r}: {error}")
+        file = next((path for path in self._candidates(uri) if is_file(path)), None)
+        if file is None:
+            folders = ", ".join(str(shown_path(folder)) for folder in self._folders)
+            self._unsupported(
+                shape,
+                f"the mesh {uri!r} of the model {model!r}: no such file within {folders}; copy it"
+                " there, or name the folder that has its model with --models",
+            )
             return
+        triangles = self._triangles(file, _MESH_LIMITS)
         try:
             parts = mesh_solids(product(triangles * scale, pose[:3, :3].T) + pose[:3, 3])
         except WorldError as error:
             raise WorldError(
                 f"the mesh {uri!r} {error}", file=self.path, line=line_of(shape)
             ) from None
-        number = self.content.meshes = self.content.meshes + 1
+        self.content.meshes += 1
         for solid in parts:
-            height, middle = solid.top - solid.bottom, 0.5 * (solid.top + solid.bottom)
-            outline, name = solid.shape, self._name(model)
-            if isinstance(outline, Circle):
-                x, y = outline.x, outline.y
-                self._add(SdfShape(name, x, y, middle, 0.0, height, outline.radius, mesh=number))
-            else:
-                level = (2.0 * outline.half_x, 2.0 * outline.half_y)
-                x, y, yaw = outline.x, outline.y, outline.yaw
-                self._add(SdfShape(name, x, y, middle, yaw, height, size=level, mesh=number))
+            self._add(model, solid.shape, solid.bottom, solid.top, self.content.meshes)
 
-    def _add(self, shape: SdfShape) -> None:
-        self.content.shapes.append(shape)
+    def _candidates(self, uri: str) -> Iterator[Path]:
+        """Where the mesh may be, within the folders once links are followed."""
+        name = uri.removeprefix("model://").removeprefix("file://")
+        if not name or "://" in name or "\0" in name:
+            return
+        for folder in self._folders:
+            path = (folder / name).resolve()
+            if any(path.is_relative_to(allowed.resolve()) for allowed in self._folders):
+                yield path
 
-    def _unsupported(self, element: Element, what: str) -> None:
-        self.content.unsupported.append(f"line {line_of(element)}: {what}")
-
-    def _name(self, model: str) -> str:
-        """A unique name for a shape."""
+    def _add(self, model: str, shape: Shape, bottom: float, top: float, mesh: int = 0) -> None:
+        """Add a solid with a unique name."""
         name, number = model[:50], 1
         while name in self._taken:
             number += 1
             name = f"{model[:50]}-{number}"
         self._taken.add(name)
-        return name
+        self.content.shapes.append(SdfShape(name, shape, bottom, top, mesh))
+
+    def _unsupported(self, element: Element, what: str) -> None:
+        self.content.unsupported.append(f"line {line_of(element)}: {what}")
 
     def _size(self, shape: Element, key: str, count: int) -> list[float]:
         numbers = self._numbers(shape, key, count, [])
@@ -275,46 +281,3 @@ def _solid_geometries(model: Element) -> Iterator[Element]:
     """The collision shapes of a model except ground planes."""
     for geometry in model.iterfind(".//collision/geometry"):
         yield from (shape for shape in geometry if shape.tag not in ("plane", "empty"))
-
-
-class _MissingMeshError(InputError):
-    """A mesh is in none of the folders in which it may be."""
-
-
-class _MeshFolders:
-    """Finds meshes by the URIs of a world in the folder ``world``; each file is read once.
-
-    ``model://NAME/FILE`` is looked up in the world's folder, its folder ``models``, and ``models``;
-    other names are files relative to the world's folder or to ``models``.
-    """
-
-    def __init__(self, world: Path, models: Path | None) -> None:
-        self._folders = [world, world / "models", *([] if models is None else [models])]
-        self._read = cache(read_triangles)
-
-    def read(self, uri: str) -> Array:
-        """The triangles (n, 3, 3) [m] of the mesh with this URI.
-
-        Raises:
-            _MissingMeshError: there is none, or it lies outside of the folders.
-            ConfigError: the file is no mesh, or too large.
-
-        """
-        for path in self._candidates(uri):
-            if is_file(path):
-                return self._read(path, _MESH_LIMITS)
-        folders = ", ".join(str(shown_path(folder)) for folder in self._folders)
-        raise _MissingMeshError(
-            f"no such file within {folders}; copy it there, or name the folder that has its model"
-            " with --models"
-        )
-
-    def _candidates(self, uri: str) -> Iterator[Path]:
-        """Where the mesh may be, within the folders once links are followed."""
-        name = uri.removeprefix("model://").removeprefix("file://")
-        if not name or "://" in name or "\0" in name:
-            return
-        for folder in self._folders:
-            path = (folder / name).resolve()
-            if any(path.is_relative_to(allowed.resolve()) for allowed in self._folders):
-                yield path

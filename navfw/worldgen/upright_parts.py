@@ -15,15 +15,19 @@ import cv2
 import numpy as np
 
 from navfw.errors import WorldError
-from navfw.meshes.section_grid import SectionGrid
-from navfw.meshes.triangle_mesh import TriangleMesh
+from navfw.meshes.triangle_mesh import TriangleMesh, windings
 from navfw.numerics import Array, Mask
+from navfw.numerics.arrays import Indices
 from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.worldgen.plan_walls import wall_rectangles
 
 MAX_PARTS = 2000
 """Largest number of solids for one mesh."""
 
+_CELL = 0.02
+"""Edge of a cell [m]."""
+_CELLS = 600
+"""Cells along the longer side of a mesh that is too large for cells of that size."""
 _TOO_MANY = f"becomes more than {MAX_PARTS} solids; simplify the mesh"
 _LAYERS = 32
 """Largest number of layers: a curved surface is cut at evenly spaced heights."""
@@ -56,6 +60,51 @@ class UprightPart:
     top: float
 
 
+@dataclass(frozen=True)
+class _SectionGrid:
+    """A grid on which sections are drawn; ``origin`` (2,) [m] is the corner of its first cell."""
+
+    origin: Array
+    cell: float
+    shape: tuple[int, int]
+
+    @classmethod
+    def around(cls, points: Array) -> _SectionGrid:
+        """The grid around points (..., 2) [m]."""
+        low, high = (f(points.reshape(-1, 2), axis=0) for f in (np.min, np.max))
+        cell = max(_CELL, float((high - low).max()) / _CELLS)
+        columns, rows = (np.ceil((high - low) / cell).astype(int) + 1).tolist()
+        return cls(low, cell, (rows, columns))
+
+    def cells(self, points: Array) -> tuple[Indices, Indices]:
+        """Rows and columns (k,) of the cells of points (k, 2) [m]."""
+        columns, rows = np.floor((points - self.origin) / self.cell).astype(np.int64).T
+        return rows, columns
+
+    def draw(self, covered: Mask, lines: Array, closed: bool) -> None:
+        """Add the cells on line segments (k, 2, 2) [m]; if ``closed``, also those inside."""
+        if not len(lines):
+            return
+        rows, columns = self.cells(lines.reshape(-1, 2))
+        top, left = rows.min(), columns.min()
+        window = covered[top : rows.max() + 1, left : columns.max() + 1]
+        canvas = np.zeros(window.shape, np.uint8)
+        ends = np.stack([columns - left, rows - top], axis=1).astype(np.int32)
+        cv2.polylines(canvas, list(ends.reshape(-1, 2, 2)), False, 1)
+        window |= canvas > 0
+        if closed:
+            corner = self.origin + self.cell * np.array([left, top])
+            window |= windings((lines - corner) / self.cell, window.shape) % 2 == 1
+
+    def filled(self, triangles: Array) -> Mask:
+        """Cells (rows, columns) of triangles (k, 3, 2) [m]."""
+        rows, columns = self.cells(triangles.reshape(-1, 2))
+        canvas = np.zeros(self.shape, np.uint8)
+        for corners in np.stack([columns, rows], axis=1).astype(np.int32).reshape(-1, 3, 2):
+            cv2.fillConvexPoly(canvas, corners, 1)
+        return canvas.astype(np.bool_)
+
+
 @dataclass(slots=True)
 class _Layer:
     """What a mesh covers from ``bottom`` to ``top`` [m], and the corners (k, 2) [m] of it."""
@@ -64,12 +113,6 @@ class _Layer:
     top: float
     covered: Mask
     corners: Array
-
-    def extend(self, above: _Layer) -> None:
-        """Take in the next layer, of about the same shape."""
-        self.top = above.top
-        self.covered |= above.covered
-        self.corners = np.concatenate([self.corners, above.corners])
 
 
 def mesh_solids(triangles: Array) -> list[UprightPart]:
@@ -84,7 +127,7 @@ def mesh_solids(triangles: Array) -> list[UprightPart]:
     surfaces = TriangleMesh.welded(triangles, _SAME).surfaces()
     if not surfaces:
         return []
-    grid = SectionGrid.around(triangles[..., :2])
+    grid = _SectionGrid.around(triangles[..., :2])
     parts: list[UprightPart] = []
     for layer in (*_upright_layers(surfaces, grid), *_flat_layers(surfaces, grid)):
         parts += [UprightPart(shape, layer.bottom, layer.top) for shape in _shapes(layer, grid)]
@@ -93,7 +136,7 @@ def mesh_solids(triangles: Array) -> list[UprightPart]:
     return parts
 
 
-def _upright_layers(surfaces: list[TriangleMesh], grid: SectionGrid) -> list[_Layer]:
+def _upright_layers(surfaces: list[TriangleMesh], grid: _SectionGrid) -> list[_Layer]:
     """The layers between corners at different heights; neighbours of one shape are one layer."""
     levels = _levels(np.concatenate([surface.vertices[:, 2] for surface in surfaces]))
     layers: list[_Layer] = []
@@ -106,7 +149,10 @@ def _upright_layers(surfaces: list[TriangleMesh], grid: SectionGrid) -> list[_La
                 grid.draw(covered, lines, closed=not surface.open_edges)
         layer = _Layer(bottom, top, covered, np.concatenate(corners))
         if layers and layers[-1].top == bottom and _alike(layers[-1].covered, covered):
-            layers[-1].extend(layer)
+            below = layers[-1]
+            below.top = top
+            below.covered |= covered
+            below.corners = np.concatenate([below.corners, layer.corners])
         elif covered.any():
             layers.append(layer)
     return layers
@@ -126,7 +172,7 @@ def _levels(heights: Array) -> list[float]:
     return levels if len(levels) <= _LAYERS + 1 else np.linspace(bottom, top, _LAYERS + 1).tolist()
 
 
-def _flat_layers(surfaces: list[TriangleMesh], grid: SectionGrid) -> Iterator[_Layer]:
+def _flat_layers(surfaces: list[TriangleMesh], grid: _SectionGrid) -> Iterator[_Layer]:
     """Level parts of surfaces without volume, as table tops may be drawn, above the floor."""
     level = [surface.level_triangles for surface in surfaces if surface.open_edges]
     if not level:
@@ -146,7 +192,7 @@ def _alike(one: Mask, other: Mask) -> bool:
     return not (np.any(one & ~near_other) or np.any(other & ~near_one))
 
 
-def _shapes(layer: _Layer, grid: SectionGrid) -> Iterator[Shape]:
+def _shapes(layer: _Layer, grid: _SectionGrid) -> Iterator[Shape]:
     """Rectangles and circles that cover what a layer covers."""
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(layer.covered.astype(np.uint8))
     if len(boxes) > MAX_PARTS:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from navfw.robot import RobotModel
 from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.shapes import Circle, Rectangle, Shape, gap_between
+from navfw.sim.shapes import Circle, Shape, gap_between
 from navfw.sim.worldspec import (
     BoxSpec,
     CylinderSpec,
@@ -59,18 +58,12 @@ def rounded(*values: float) -> tuple[float, ...]:
     return tuple(round(float(value), 3) for value in values)
 
 
-@dataclass(frozen=True, slots=True)
-class KeepFree:
-    """A point around which ``radius`` [m] stays free of solids: a door, the start, the goal."""
-
-    x: float
-    y: float
-    radius: float
-
-
 @dataclass
 class WorldDraft:
-    """A world under construction, within x and y [m]; ``start`` (x, y, yaw), ``goal`` (x, y)."""
+    """A world under construction, within x and y [m]; ``start`` (x, y, yaw), ``goal`` (x, y).
+
+    The circles ``free`` stay clear of solids.
+    """
 
     rng: np.random.Generator
     x: tuple[float, float]
@@ -85,7 +78,7 @@ class WorldDraft:
     boxes: list[BoxSpec] = field(default_factory=list)
     cylinders: list[CylinderSpec] = field(default_factory=list)
     movers: list[WalkerSpec] = field(default_factory=list)
-    free: list[KeepFree] = field(default_factory=list)
+    free: list[Circle] = field(default_factory=list)
     shapes: list[Shape] = field(default_factory=list)
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     goal: Point = (0.0, 0.0)
@@ -116,7 +109,7 @@ class WorldDraft:
 
     def keep_free(self, x: float, y: float, radius: float) -> None:
         """Keep solids at least ``radius`` [m] from a point."""
-        self.free.append(KeepFree(x, y, radius))
+        self.free.append(Circle(x, y, radius))
 
     def set_start_and_goal(self, start: Point, goal: Point, towards: Point | None = None) -> None:
         """Set the mission's start, facing ``towards`` or the goal, and its goal [m]."""
@@ -131,32 +124,24 @@ class WorldDraft:
 
     def fits(self, shape: Shape, gap: float) -> bool:
         """Whether a solid may be added: ``gap`` [m] from the others, outside kept-free circles."""
-        for point in self.free:
-            if float(shape.distance(np.array([[point.x, point.y]]))[0]) < point.radius:
+        for circle in self.free:
+            if shape.distance(np.array([[circle.x, circle.y]]))[0] < circle.radius:
                 return False
         return all(gap_between(shape, other) >= gap for other in self.shapes)
 
-    def add_box(
-        self, name: str, shape: Rectangle, height: float, texture: str, **more: Any
-    ) -> None:
-        """Add a box with this outline."""
+    def add(self, name: str, shape: Shape, height: float, texture: str) -> None:
+        """Add a box or cylinder with this outline."""
         self.shapes.append(shape)
-        x, y, yaw = rounded(shape.x, shape.y, shape.yaw)
-        width, depth, tall = rounded(2 * shape.half_x, 2 * shape.half_y, height)
-        size = (width, depth, tall)
-        self.boxes.append(
-            BoxSpec(name=name, at=(x, y), size=size, yaw=yaw, texture=texture, **more)
-        )
-
-    def add_cylinder(self, name: str, shape: Circle, height: float, texture: str) -> None:
-        """Add a cylinder with this outline."""
-        self.shapes.append(shape)
-        x, y, radius, tall = rounded(shape.x, shape.y, shape.radius, height)
-        self.cylinders.append(
-            CylinderSpec(name=name, at=(x, y), radius=radius, height=tall, texture=texture)
-        )
-
-    # ------------------------------------------------------------------------------------------
+        x, y, yaw, tall = rounded(shape.x, shape.y, shape.yaw, height)
+        if isinstance(shape, Circle):
+            (radius,) = rounded(shape.radius)
+            self.cylinders.append(
+                CylinderSpec(name=name, at=(x, y), radius=radius, height=tall, texture=texture)
+            )
+        else:
+            width, depth = rounded(2 * shape.half_x, 2 * shape.half_y)
+            size = (width, depth, tall)
+            self.boxes.append(BoxSpec(name=name, at=(x, y), size=size, yaw=yaw, texture=texture))
 
     def world(self, name: str) -> WorldSpec:
         """The specification of the world so far."""

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from sim_worlds import PERFECT, drive, frames
 
 from navfw.missions import prepare
 from navfw.numerics import Array, Image
@@ -32,7 +33,6 @@ from navfw.sim import (
     row_weights,
 )
 
-PERFECT = SensorParams.preset("perfect")
 HERE = Pose(0.0, 0.0, 0.0)
 CAMERA = CameraModel(width=320, height=240, mount_height=2.7, mount_forward=0.0)
 NEAR = 2.95
@@ -134,14 +134,8 @@ def simulate(effects: CameraEffects, sensors: SensorParams = PERFECT) -> Simulat
     return Simulation(FILLED, robot, HERE, 0, sensors)
 
 
-def frames(simulation: Simulation, count: int) -> list[Image]:
-    images = []
-    for _ in range(count):
-        frame = simulation.read().frame
-        assert frame is not None
-        images.append(frame.image)
-        simulation.advance(0.1)
-    return images
+def images(simulation: Simulation, count: int) -> list[Image]:
+    return [frame.image for frame in frames(drive(simulation, 0.1 * count, 0.0, 0.0))]
 
 
 def test_a_flat_wall_darkens_towards_the_corners() -> None:
@@ -154,7 +148,7 @@ def test_a_flat_wall_darkens_towards_the_corners() -> None:
     widest = math.atan(math.hypot(159.5, 119.5) / CAMERA.focal)
     assert np.abs(image - 200.0 * (1.0 - 0.6 * (angle / widest) ** 2)).max() <= 0.51
     with simulate(CameraEffects(vignetting=0.6)) as sim:
-        seen = frames(sim, 1)[0]
+        seen = images(sim, 1)[0]
         clean, _ = sim.render_from(sim.true_pose())
     assert np.ptp(clean) <= 1
     assert np.abs(seen - clean * falloff).max() < 1.5
@@ -194,9 +188,9 @@ def test_exposure_control_reaches_its_target_again_when_the_light_fails() -> Non
     control = AutoExposure(target=100.0, time=0.2)
     noisy = PERFECT.model_copy(update={"image_noise": 2.0})
     with simulate(CameraEffects(auto_exposure=control), noisy) as sim:
-        settled = frames(sim, 2)
+        settled = images(sim, 2)
         sim.begin(LightChange(share=0.3))
-        after = frames(sim, 20)
+        after = images(sim, 20)
     assert settled[0].mean() == pytest.approx(100.0, abs=1.0)
     assert after[0].mean() < 40.0
     assert after[-1].mean() == pytest.approx(100.0, abs=2.0)
@@ -238,8 +232,7 @@ def test_effects_are_off_by_default_and_deterministic() -> None:
     twice = []
     for _ in range(2):
         with simulate(webcam, SensorParams()) as sim:
-            sim.drive(-4.0, 4.0)
-            twice.append(np.array(frames(sim, 4)))
+            twice.append(np.array([f.image for f in frames(drive(sim, 0.4, -4.0, 4.0))]))
     assert np.array_equal(twice[0], twice[1])
 
 

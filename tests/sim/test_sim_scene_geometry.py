@@ -1,16 +1,22 @@
-"""Shapes, clearances and shortest paths against exact geometry."""
+"""Shapes, clearances and shortest paths against exact geometry; furniture from files."""
 
 from __future__ import annotations
 
 import math
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sim_worlds import drive
 
-from navfw.errors import WorldError
+from navfw.errors import ConfigError, InputError, WorldError
+from navfw.meshes import boxes_around, furniture_mesh, furniture_outline
 from navfw.numerics import Array
+from navfw.robot import RobotModel
+from navfw.signals import Pose
 from navfw.sim import (
     BoxSpec,
     Circle,
@@ -19,8 +25,11 @@ from navfw.sim import (
     Rectangle,
     SceneGeometry,
     Shape,
+    Simulation,
     WallSpec,
     WorldSpec,
+    gap_between,
+    load_world,
     overlap_depth,
 )
 
@@ -64,6 +73,22 @@ def test_overlap_agrees_with_sampled_points(a: Shape, b: Shape) -> None:
         assert depth > 0.0
     elif depth > 0.15:
         pytest.fail(f"no common point found, but they overlap by {depth}")
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "gap"),
+    [
+        (Circle(0, 0, 0.5), Circle(2, 0, 0.5), 1.0),
+        (Circle(0, 0, 0.5), Rectangle(2, 0, 0.5, 3.0), 1.0),
+        (Rectangle(0, 0, 1, 1), Rectangle(3, 0, 1, 1), 1.0),
+        (Rectangle(0, 0, 1, 1), Rectangle(3, 3, 1, 1), np.sqrt(2.0)),
+        (Rectangle(0, 0, 1, 1), Rectangle(0, 3, 1, 1, np.pi / 4), 2.0 - np.sqrt(2.0)),
+        (Rectangle(0, 0, 3, 0.1), Rectangle(0, 0, 0.1, 3), -3.1),
+    ],
+)
+def test_gap_between(a: Shape, b: Shape, gap: float) -> None:
+    assert gap_between(a, b) == pytest.approx(gap)
+    assert gap_between(b, a) == pytest.approx(gap)
 
 
 def field(**solids: object) -> SceneGeometry:
@@ -159,3 +184,164 @@ def test_clearance_and_configuration_space() -> None:
 def test_solids_above_the_robot_are_not_in_the_plan() -> None:
     shelf = BoxSpec(name="shelf", at=(1, 1), size=(1, 1, 0.3), base=1.2)
     assert field(boxes=(shelf,)).clearance(1, 1) == math.inf
+
+
+THINGS = Path(__file__).parents[2] / "worlds" / "lounge" / "things"
+ARMCHAIR = str(THINGS / "armchair.obj")
+
+WORLD = """\
+name: room
+x: [0, 6]
+y: [0, 6]
+boxes: [{name: crate, at: [5, 5], size: [0.4, 0.4, 0.4]}]
+meshes:
+  - {name: thing, file: %s, at: [3, 3]%s}
+"""
+
+
+def room(folder: Path, file: str = "armchair.obj", more: str = "") -> Path:
+    """A world file with one thing in its middle."""
+    shutil.copytree(THINGS, folder, dirs_exist_ok=True)
+    path = folder / "world.yaml"
+    path.write_text(WORLD % (file, more))
+    return path
+
+
+# --- the outline ------------------------------------------------------------------------------
+
+
+def test_the_outline_of_boxes_is_exact_at_the_bounds_and_within_a_cell_inside() -> None:
+    boxes = furniture_outline(ARMCHAIR, 1.0, "z")
+    (seat,) = (box for box in boxes if box.bottom == 0.0)
+    assert (*seat.x, *seat.y) == pytest.approx((-0.4, 0.4, -0.4, 0.4))
+    above = [box for box in boxes if box.bottom > 0.55]
+    assert -0.2 - 1e-9 <= max(box.x[1] for box in above) <= -0.18 + 1e-9
+    assert max(box.top for box in boxes) == pytest.approx(0.85)
+
+
+def test_an_outline_contains_its_mesh_and_is_hardly_larger() -> None:
+    mesh = furniture_mesh(str(THINGS / "side-table.urdf"), 1.0, "z")
+    boxes = boxes_around(mesh)
+    rng = np.random.default_rng(3)
+    shares = rng.dirichlet(np.ones(3), (len(mesh.faces), 40))
+    points = np.einsum("ijk,ikl->ijl", shares, mesh.corners).reshape(-1, 3)
+    inside = np.zeros(len(points), np.bool_)
+    for (x0, x1), (y0, y1), bottom, top in boxes:
+        low, high = np.array([x0, y0, bottom]), np.array([x1, y1, top])
+        inside |= ((points >= low - 0.011) & (points <= high + 0.011)).all(axis=1)
+    assert inside.all()
+    # at the height of the leg, of 4 cm radius, there is nothing beyond two cells more
+    leg = [box for box in boxes if box.bottom >= 0.09 and box.top <= 0.51]
+    assert leg
+    assert max(abs(edge) for box in leg for edge in (*box.x, *box.y)) <= 0.08
+
+
+def test_scale_and_axes_apply_to_outline_and_mesh() -> None:
+    mesh = furniture_mesh(ARMCHAIR, 0.5, "y")
+    low, high = mesh.bounds
+    # the file's x, y, z become x, -z, y
+    assert low == pytest.approx((-0.2, -0.425, -0.2))
+    assert high == pytest.approx((0.2, 0.0, 0.2))
+    boxes = boxes_around(mesh)
+    assert min(box.y[0] for box in boxes) == pytest.approx(-0.425)
+
+
+# --- plan, physics, picture -------------------------------------------------------------------
+
+
+def test_the_plan_knows_what_the_robot_touches(tmp_path: Path) -> None:
+    world = load_world(room(tmp_path, more=", yaw: 0.7854"))
+    plan = SceneGeometry.from_world(world)
+    assert plan.clearance(3.0, 3.0) < 0.0
+    # a corner of the seat points along x
+    assert plan.clearance(4.0, 3.0) == pytest.approx(1.0 - 0.4 * 2**0.5, abs=0.002)
+    assert plan.nearest_name(4.0, 3.0) == "thing"
+    robot = RobotModel()
+    with Simulation(world, robot, Pose(1.5, 3.0, 0.0), 0) as sim:
+        drive(sim, 7.0, 6.0, 6.0, until_contact=True)
+        assert sim.contacts == ("thing",)
+        assert sim.true_pose().x + robot.radius == pytest.approx(3.0 - 0.4 * 2**0.5, abs=0.03)
+
+
+def test_the_robot_drives_beneath_what_is_above_it(tmp_path: Path) -> None:
+    world = load_world(room(tmp_path, more=", base: 0.6"))
+    assert SceneGeometry.from_world(world, 0.4).clearance(3.0, 3.0) > 1.0
+    with Simulation(world, RobotModel(), Pose(2.0, 3.0, 0.0), 0) as sim:
+        drive(sim, 4.0, 6.0, 6.0)
+        assert sim.contacts == ()
+        assert sim.true_pose().x > 3.0
+
+
+def test_the_picture_shows_the_mesh_where_it_is(tmp_path: Path) -> None:
+    robot, pose = RobotModel(), Pose(1.0, 3.0, 0.0)
+    with Simulation(load_world(room(tmp_path, more=", yaw: 3.14159265")), robot, pose, 0) as sim:
+        _, depth = sim.render_from(pose)
+    eye = pose.x + robot.camera.mount_forward
+    # the seat's front ahead, the back above it, 0.6 m behind the front
+    assert depth[62, 80] == pytest.approx(2.6 - eye, abs=0.01)
+    seen = depth[:, 80]
+    back = seen[(seen > 3.19 - eye) & (seen < 3.21 - eye)]
+    assert back.size > 3
+
+
+# --- bad input --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("file", "more", "key", "message"),
+    [
+        ("armchair.obj", ", base: -0.2", "base", "reaches 0.20 m below the floor; raise base to 0"),
+        ("armchair.obj", ", scale: 0.001", "file", "is 0.00085 m large, .*another scale"),
+        ("armchair.obj", ", scale: 100", "file", "is 85 m large, expected 0.02 to 50 m"),
+        ("armchair.obj", ", texture: clouth", "texture", "unknown texture 'clouth'"),
+        ("armchair.obj", ", up: x", "up", "'y'|z or y|one of"),
+        ("armchairs.obj", "", "file", "no such file"),
+        ("tapestry.png", "", "file", "expected a mesh \\(.dae, .obj, .stl\\), got 'tapestry.png'"),
+    ],
+)
+def test_bad_entries(tmp_path: Path, file: str, more: str, key: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        load_world(room(tmp_path, file, more))
+    assert caught.value.line == 6
+    assert caught.value.key == f"meshes[0].{key}"
+
+
+def test_meshes_that_overlap_others_are_refused(tmp_path: Path) -> None:
+    path = room(tmp_path)
+    path.write_text(path.read_text().replace("[5, 5]", "[3.5, 3.3]"))
+    with pytest.raises(InputError, match="'thing' overlaps 'crate'"):
+        load_world(path)
+
+
+@pytest.mark.parametrize(
+    ("geometry", "message"),
+    [
+        ("", "no link has a collision shape; add <collision>"),
+        ("<capsule radius='1' length='1'/>", "expected a box, cylinder, sphere or mesh, got"),
+        ("<box size='1 0 1'/>", "size of <box>: expected positive lengths"),
+        ("<sphere/>", "radius of <sphere>: expected positive lengths"),
+        ("<mesh filename='armchair.obj' scale='1 -1 1'/>", "expected positive scales; mirror"),
+        ("<mesh filename='stool.obj'/>", "'stool.obj' does not exist"),
+    ],
+)
+def test_bad_urdfs(tmp_path: Path, geometry: str, message: str) -> None:
+    path = room(tmp_path, "thing.urdf")
+    shape = f"<collision><geometry>{geometry}</geometry></collision>"
+    text = f"<robot name='r'><link name='l'>{shape}</link></robot>"
+    (tmp_path / "thing.urdf").write_text(text)
+    with pytest.raises(ConfigError, match=message):
+        load_world(path)
+
+
+def test_urdf_spheres_and_meshes_take_their_place(tmp_path: Path) -> None:
+    shutil.copytree(THINGS, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "thing.urdf").write_text(
+        "<robot name='r'><link name='a'><collision><geometry><sphere radius='0.1'/></geometry>"
+        "</collision></link><link name='b'><collision><origin xyz='0 0 1'/><geometry>"
+        "<mesh filename='armchair.obj' scale='2 1 1'/></geometry></collision></link>"
+        "<joint name='j' type='continuous'><parent link='a'/><child link='b'/>"
+        "<origin xyz='3 0 0' rpy='0 0 1.57079632679'/></joint></robot>"
+    )
+    low, high = furniture_mesh(str(tmp_path / "thing.urdf"), 1.0, "z").bounds
+    assert low == pytest.approx((-0.1, -0.8, -0.1), abs=1e-6)
+    assert high == pytest.approx((3.4, 0.8, 1.85), abs=1e-6)

@@ -1,14 +1,23 @@
-"""World files: shipped ones are valid, errors have file, line and key."""
+"""World files: shipped ones are valid, errors have file, line and key; landmark plates."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+from sim_worlds import PERFECT, TICK, drive, loaded
 
+from navfw.config import find
 from navfw.errors import ConfigError, WorldError
-from navfw.sim import SceneGeometry, WorldSpec, load_world, solids_of
+from navfw.features import landmark_kind
+from navfw.robot import RobotModel
+from navfw.signals import Pose
+from navfw.sim import CameraFault, SceneGeometry, Simulation, WorldSpec, load_world, solids_of
+from navfw.topomap import load_map
 
 WORLDS = Path(__file__).parents[2] / "worlds"
 
@@ -25,22 +34,17 @@ boxes:
   - name: crate
     at: [1, 1]
     size: [0.5, 0.5, 0.5]
+movers:
+  - {name: anna, path: [[0.5, 3], [1.5, 3]], speed: 0.5}
+drops:
+  - {name: pit, x: [3, 3.5], y: [0.5, 1.5], depth: 0.8}
+landmarks:
+  - {name: mark, id: 1, at: [1.95, 0.7], yaw: 3.1416}
 """
 
 
-def write(folder: Path, text: str) -> Path:
-    path = folder / "world.yaml"
-    path.write_text(text)
-    return path
-
-
-@pytest.mark.parametrize("name", ["empty", "paper-room", "office"])
-def test_shipped_worlds_load(name: str) -> None:
-    assert load_world(WORLDS / name / "world.yaml").name == name
-
-
 def test_wall_is_cut_by_its_opening(tmp_path: Path) -> None:
-    world = load_world(write(tmp_path, ROOM))
+    world = loaded(tmp_path, ROOM)
     pieces = [s for s in solids_of(world) if s.name == "divider"]
     assert [s.kind for s in pieces] == ["wall", "lintel", "wall"]
     assert [s.shape.bounds[1::2] for s in pieces] == [(0.0, 1.5), (1.5, 2.5), (2.5, 4.0)]
@@ -49,65 +53,73 @@ def test_wall_is_cut_by_its_opening(tmp_path: Path) -> None:
 
 def test_closed_door_fills_its_gap(tmp_path: Path) -> None:
     text = ROOM + "doors: [{name: leaf, opening: gap, state: %s}]\n"
-    opened = load_world(write(tmp_path, text % "open"))
-    closed = load_world(write(tmp_path, text % "closed"))
+    opened = loaded(tmp_path, text % "open")
+    closed = loaded(tmp_path, text % "closed")
     assert SceneGeometry.from_world(opened).clearance(2, 2) == pytest.approx(0.5)
     assert SceneGeometry.from_world(closed).clearance(2, 2) < 0.0
 
 
+AT, PATH, MARK = "at: [2, 2], width", "[[0.5, 3], [1.5, 3]]", "[1.95, 0.7]"
+
+
 @pytest.mark.parametrize(
-    ("old", "new", "line", "parts"),
+    ("old", "new", "line", "message"),
     [
-        ("at: [2, 2], width", "at: [2.2, 2], width", 8, ["walls[0].openings[0].at", "gap"]),
-        ("at: [2, 2], width", "at: [2, 3.8], width", 8, ["walls[0].openings[0].at", "divider"]),
-        ("at: [1, 1]", "at: [1.8, 1]", 11, ["boxes[0].at", "'crate' overlaps 'divider'"]),
-        ("at: [1, 1]", "at: [5, 1]", 11, ["boxes[0].at", "lies off the floor"]),
-        ("name: crate", "name: divider", 10, ["boxes[0].name", "taken by walls[0].name"]),
-        ("points: [[2, 0], [2, 4]]", "points: [[2, 0], [2, 9]]", 6, ["walls[0].points[1]"]),
-        ("    at: [1, 1]", "    texture: wod\n    at: [1, 1]", 11, ["did you mean 'wood'?"]),
+        # walls, openings, furniture
+        (AT, "at: [2.2, 2], width", 8, r"walls\[0\].openings\[0\].at: the opening 'gap'"),
+        (AT, "at: [2, 3.8], width", 8, r"openings\[0\].at: .* line of wall 'divider'"),
+        ("1.0}", "1.0}\n      - {name: b, at: [2, 2.6], width: 0.5}", 9, "'b' overlaps 'gap'"),
+        ("at: [1, 1]", "at: [1.8, 1]", 11, r"boxes\[0\].at: 'crate' overlaps 'divider'"),
+        ("at: [1, 1]", "at: [5, 1]", 11, r"boxes\[0\].at: .* lies off the floor"),
+        ("name: crate", "name: divider", 10, r"boxes\[0\].name: .* taken by walls\[0\].name"),
+        ("[[2, 0], [2, 4]]", "[[2, 0], [2, 9]]", 6, r"walls\[0\].points\[1\]: .* off the floor"),
+        ("    at: [1, 1]", "    texture: wod\n    at: [1, 1]", 11, r"did you mean 'wood'\?"),
+        ("movers:", "doors: [{name: leaf, opening: gapp}]\nmovers:", 13, "did you mean 'gap'"),
+        ("size: [0.5, 0.5, 0.5]", "size: [0.5, -0.5, 0.5]", 12, r"boxes\[0\].size\[1\]"),
+        ("x: [0, 4]", "x: [4, 0]", 2, "x: must ascend"),
+        ("width: 1.0", "widht: 1.0", 8, r"did you mean 'width'\?"),
+        # movers
+        (PATH, "[[1, 3], [1, 0.5]]", 14, "'anna' would walk through 'crate'"),
+        (PATH, "[[0.5, 3], [-7, 3]]", 14, r"point \[-7.0, 3.0\] lies off the floor"),
+        (PATH, "[[1, 3], [1, 3]]", 14, "consecutive points of path are equal"),
+        (PATH, "[[3.3, 3], [3.3, 0.2]]", 14, r"movers\[0\].path: 'anna' would walk into 'pit'"),
+        ("name: anna", "name: crate", 14, "'crate' is taken by boxes"),
+        ("speed: 0.5", "speed: 0", 14, r"movers\[0\].speed"),
+        ("speed: 0.5", "texture: silk", 14, "unknown texture 'silk'"),
+        ("speed: 0.5", "walk: circle", 14, r"movers\[0\].walk"),
+        # drops
+        ("x: [3, 3.5]", "x: [3, 7]", 16, r"drops\[0\].x: 'pit' extends beyond the floor, x"),
+        ("x: [3, 3.5]", "x: [1.5, 3]", 16, "'divider' would have no floor under it at 'pit'"),
+        ("name: pit", "name: divider", 16, r"drops\[0\].name: the body name 'divider' is taken"),
+        ("depth: 0.8", "texture: ston", 16, r"drops\[0\].texture: .* did you mean 'stone'\?"),
+        ("depth: 0.8", "walls: drak", 16, r"drops\[0\].walls: .* did you mean 'dark'\?"),
+        ("depth: 0.8", "depth: 0", 16, r"drops\[0\].depth: expected a number"),
+        ("0.8}", "0.8}\n  - {name: b, x: [3.2, 3.9], y: [1, 2]}", 17, "'b' overlaps 'pit'"),
+        # landmarks
+        ("6}", "6}\n  - {name: b, id: 1, at: [1.95, 3.2], yaw: 3}", 19, "id: a second aruco-1"),
+        ("6}", "6}\n  - {name: mark, id: 2, at: [1.95, 3.2], yaw: 3}", 19, "'mark' is taken by"),
+        ("name: mark", "name: divider", 18, r"landmarks\[0\].name: .* 'divider' is taken by"),
+        (MARK, "[1.5, 0.3]", 18, r"landmarks\[0\].at: .*not mounted on a face.*0.45 m away"),
+        (MARK, "[1.95, 1.4]", 18, r"landmarks\[0\].at: 'mark' is not mounted on a face"),
+        (MARK, "[0.75, 1]", 18, r"landmarks\[0\].at: 'mark' is not mounted on a face"),
+        ("yaw: 3.1416", "yaw: 0", 18, r"landmarks\[0\].at: 'mark' lies inside 'divider'"),
+        (MARK, "[9, 0.7]", 18, r"landmarks\[0\].at: 'mark' .* lies off the floor"),
+        ("6}", "6, z: 0.1}", 18, r"landmarks\[0\].z: .* at least 0.19"),
+        ("id: 1", "id: 1000", 18, "0 to 999"),
     ],
 )
-def test_impossible_worlds(tmp_path: Path, old: str, new: str, line: int, parts: list[str]) -> None:
-    path = write(tmp_path, ROOM.replace(old, new))
-    with pytest.raises(WorldError) as caught:
-        load_world(path)
-    assert caught.value.file == str(path)
+def test_impossible_worlds(tmp_path: Path, old: str, new: str, line: int, message: str) -> None:
+    assert ROOM.count(old) == 1
+    with pytest.raises((ConfigError, WorldError), match=message) as caught:
+        loaded(tmp_path, ROOM.replace(old, new))
+    assert caught.value.file == str(tmp_path / "world.yaml")
     assert caught.value.line == line
-    for part in parts:
-        assert part in str(caught.value)
-
-
-def test_unknown_opening_of_a_door(tmp_path: Path) -> None:
-    path = write(tmp_path, ROOM + "doors: [{name: leaf, opening: gapp}]\n")
-    with pytest.raises(WorldError, match="did you mean 'gap'"):
-        load_world(path)
-
-
-def test_overlapping_openings(tmp_path: Path) -> None:
-    second = "\n      - {name: other, at: [2, 2.6], width: 0.5}"
-    path = write(tmp_path, ROOM.replace("width: 1.0}", "width: 1.0}" + second))
-    with pytest.raises(WorldError, match="'other' overlaps 'gap'"):
-        load_world(path)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "line"),
-    [
-        ("size: [0.5, 0.5, 0.5]", "size: [0.5, -0.5, 0.5]", 12),
-        ("x: [0, 4]", "x: [4, 0]", 2),
-        ("width: 1.0", "widht: 1.0", 8),
-    ],
-)
-def test_schema_errors_name_the_line(tmp_path: Path, old: str, new: str, line: int) -> None:
-    path = write(tmp_path, ROOM.replace(old, new))
-    with pytest.raises(ConfigError, match=f"world.yaml:{line}"):
-        load_world(path)
 
 
 def test_all_problems_are_reported_together(tmp_path: Path) -> None:
     text = ROOM.replace("at: [1, 1]", "at: [9, 1]").replace("at: [2, 2]", "at: [3, 2]")
     with pytest.raises(WorldError) as caught:
-        load_world(write(tmp_path, text))
+        loaded(tmp_path, text)
     assert "boxes[0].at" in str(caught.value)
     assert "walls[0].openings[0].at" in str(caught.value)
 
@@ -154,3 +166,147 @@ def test_errors_name_the_file_relative_to_the_working_directory(
     (tmp_path / "world.yaml").write_text(text)
     with pytest.raises(WorldError, match=r"^world\.yaml:4: walls\[0\]\.texture: unknown texture"):
         load_world(tmp_path / "world.yaml")
+
+
+# --- landmarks ----------------------------------------------------------------------------------
+
+ROBOT = RobotModel()
+
+WALLED = """
+name: room
+x: [0, 8]
+y: [0, 6]
+walls:
+  - {name: outer, points: [[0.05, 0.05], [7.95, 0.05], [7.95, 5.95], [0.05, 5.95], [0.05, 0.05]]}
+  - {name: inner, points: [[5, 0.1], [5, 4]], openings: [{name: gap, at: [5, 1], width: 1.0}]}
+boxes:
+  - {name: box, at: [2, 5], size: [1, 1, 0.4]}
+landmarks:
+"""
+
+
+def room(folder: Path, *marks: str) -> WorldSpec:
+    return loaded(folder, WALLED + "".join(f"  - {{{mark}}}\n" for mark in marks))
+
+
+ON_WALL = "name: a, id: 1, at: [4.95, 2.5], yaw: 3.1416"
+
+
+def test_landmarks_may_be_mounted_on_boxes_or_stand_free(tmp_path: Path) -> None:
+    on_box = "name: a, id: 1, at: [2, 4.5], z: 0.2, yaw: -1.5708, size: 0.2"
+    free = "name: b, id: 1, kind: poster, at: [3, 3], yaw: 1, free: true"
+    assert len(room(tmp_path, on_box, free).landmarks) == 2
+
+
+@pytest.fixture(scope="module")
+def marked(tmp_path_factory: pytest.TempPathFactory) -> WorldSpec:
+    return room(tmp_path_factory.mktemp("marked"), ON_WALL)
+
+
+@pytest.fixture(scope="module")
+def bare(marked: WorldSpec) -> WorldSpec:
+    return marked.model_copy(update={"landmarks": ()})
+
+
+def simulated(world: WorldSpec, landmark_frames: bool = False) -> Simulation:
+    return Simulation(world, ROBOT, Pose(3.0, 2.5, 0.0), 1, landmark_frames=landmark_frames)
+
+
+def test_a_plate_changes_only_its_own_pixels(marked: WorldSpec, bare: WorldSpec) -> None:
+    with simulated(marked) as with_plate, simulated(bare) as without:
+        here = Pose(3.0, 2.5, 0.2)
+        (image, depth), (plain, _) = with_plate.render_from(here), without.render_from(here)
+        changed = image != plain
+        rows, columns = np.nonzero(changed)
+        # seen from 1.85 m: a third of a metre, to the right of the middle
+        expected = ROBOT.camera.focal * landmark_kind("aruco").plate_side(0.25) / 1.85
+        assert np.ptp(rows) + 1 == pytest.approx(expected, abs=2.5)
+        assert np.ptp(columns) + 1 == pytest.approx(expected, abs=3.5)
+        assert depth[changed].max() < 2.0
+        # from its back, and from behind the wall, nothing changes
+        behind = Pose(7.0, 2.5, math.pi)
+        np.testing.assert_array_equal(
+            with_plate.render_from(behind)[0], without.render_from(behind)[0]
+        )
+
+
+def test_a_plate_is_drawn_upright_and_not_mirrored(marked: WorldSpec) -> None:
+    large = ROBOT.model_copy(update={"camera": ROBOT.landmark_view})
+    with Simulation(marked, large, Pose(3.0, 2.5, 0.0), 0, PERFECT) as simulation:
+        image, _ = simulation.render_from(Pose(3.7, 2.5, 0.0))
+    side = round(
+        landmark_kind("aruco").plate_side(0.25) / (1.25 - 0.1 - 0.006) * large.camera.focal
+    )
+    plate = cv2.resize(
+        landmark_kind("aruco").plate_image(1), (side, side), interpolation=cv2.INTER_AREA
+    )
+    scores = [
+        float(cv2.matchTemplate(image, turned, cv2.TM_CCOEFF_NORMED).max())
+        for turned in (plate, plate[:, ::-1], plate[::-1], np.rot90(plate))
+        for turned in [np.ascontiguousarray(turned)]
+    ]
+    assert scores[0] > 0.9
+    assert scores[0] > max(scores[1:]) + 0.1
+
+
+def test_a_plate_has_no_collision_shape(marked: WorldSpec, bare: WorldSpec) -> None:
+    tracks = []
+    for world in (marked, bare):
+        with simulated(world) as simulation:
+            touched: list[tuple[float, tuple[str, ...]]] = []
+            for _ in range(360):
+                drive(simulation, TICK, 8.0, 8.0)
+                touched.append((simulation.true_pose().x, simulation.contacts))
+        tracks.append(touched)
+    assert tracks[0] == tracks[1]
+    assert tracks[0][-1][1] == ("inner",)
+
+
+@pytest.fixture
+def with_landmark_frames(marked: WorldSpec) -> Iterator[Simulation]:
+    with simulated(marked, landmark_frames=True) as simulation:
+        yield simulation
+
+
+def test_landmark_frames_are_captured_only_when_enabled(
+    marked: WorldSpec, with_landmark_frames: Simulation
+) -> None:
+    with simulated(marked) as usual:
+        times = []
+        for _ in range(150):
+            one, other = with_landmark_frames.read(), usual.read()
+            assert other.landmark_frame is None
+            assert (one.inertial, one.encoders) == (other.inertial, other.encoders)
+            assert (one.frame is None) == (other.frame is None)
+            if one.frame is not None and other.frame is not None:
+                np.testing.assert_array_equal(one.frame.image, other.frame.image)
+            if one.landmark_frame is not None:
+                assert one.frame is not None
+                wanted = ROBOT.landmark_camera
+                assert one.landmark_frame.image.shape == (wanted.height, wanted.width)
+                times.append(one.landmark_frame.time)
+            with_landmark_frames.advance(TICK)
+            usual.advance(TICK)
+        assert usual.timings.landmarks == 0.0
+    np.testing.assert_allclose(times, np.arange(4) / ROBOT.landmark_camera.rate, atol=1e-6)
+
+
+def test_camera_faults_apply_to_landmark_frames(with_landmark_frames: Simulation) -> None:
+    first = with_landmark_frames.read().landmark_frame
+    with_landmark_frames.begin(CameraFault(black=True))
+    later = None
+    for _ in range(60):
+        with_landmark_frames.advance(TICK)
+        later = with_landmark_frames.read().landmark_frame or later
+    assert first is not None
+    assert later is not None
+    assert later.image.mean() < 5.0 < first.image.mean()
+
+
+@pytest.mark.parametrize("name", ["office", "hospital"])
+def test_shipped_worlds_and_maps_have_the_same_landmarks(name: str) -> None:
+    world, topo_map = load_world(find("world", name)), load_map(find("map", name))
+    plates = {(m.name, m.kind, m.id, *m.at, m.z, m.yaw, m.size) for m in world.landmarks}
+    marks = topo_map.landmarks.values()
+    assert plates == {(m.name, m.kind, m.id, m.x, m.y, m.z, m.yaw, m.size) for m in marks}
+    assert len(plates) >= 20

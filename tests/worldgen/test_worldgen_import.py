@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 import math
 import os
+from dataclasses import astuple
 from pathlib import Path
 
+import numpy as np
 import pytest
-from typer.testing import CliRunner
+from sim_worlds import run
 
-from navfw.cli import app
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.missions import prepare
-from navfw.sim import load_world
-from navfw.worldgen import MAX_BYTES, POLE_HEIGHT, import_world, read_sdf
+from navfw.sim import Circle, Rectangle, SceneGeometry, load_world
+from navfw.worldgen import MAX_BYTES, POLE_HEIGHT, import_world, read_sdf, reference_length
 
 GROUND = """
 <model name='ground_plane'><static>1</static><link name='link'><collision name='collision'>
@@ -61,11 +62,14 @@ def test_shapes_and_poses(tmp_path: Path) -> None:
     assert found.unsupported == []
     first, second, inner = found.shapes
     # at (1, 2), turned left; then (1, 0) ahead, then (0, 1) to the left
-    assert (first.x, first.y, first.z) == pytest.approx((0.0, 3.0, 0.5))
-    assert first.yaw == pytest.approx(math.pi / 2 + 0.25)
-    assert (first.size, first.height) == ((1.0, 2.0), 3.0)
-    assert (second.x, second.y, second.radius) == pytest.approx((1.0, 3.0, 0.3))
-    assert (inner.name, inner.x, inner.y) == ("outer-inner", 1.0, 2.0)
+    assert isinstance(first.shape, Rectangle)
+    assert (first.shape.x, first.shape.y) == pytest.approx((0.0, 3.0))
+    assert first.shape.yaw == pytest.approx(math.pi / 2 + 0.25)
+    assert (first.shape.half_x, first.shape.half_y) == (0.5, 1.0)
+    assert (first.bottom, first.top) == (-1.0, 2.0)
+    assert isinstance(second.shape, Circle)
+    assert astuple(second.shape) == pytest.approx((1.0, 3.0, 0.3))
+    assert (inner.name, inner.shape.x, inner.shape.y) == ("outer-inner", 1.0, 2.0)
     assert len({shape.name for shape in found.shapes}) == 3
 
 
@@ -73,16 +77,15 @@ def test_box_may_rest_on_any_face(tmp_path: Path) -> None:
     path = sdf(tmp_path, model("plank", box("1 2 3"), f"0 0 1 {math.pi / 2} 0 0.3"))
     (plank,) = read_sdf(path).shapes
     # rolled about x: the edge of 2 m is vertical, those of 1 m and 3 m are horizontal
-    assert plank.height == pytest.approx(2.0)
-    assert sorted(plank.size) == pytest.approx([1.0, 3.0])
+    assert plank.top - plank.bottom == pytest.approx(2.0)
+    assert isinstance(plank.shape, Rectangle)
+    assert sorted((plank.shape.half_x, plank.shape.half_y)) == pytest.approx([0.5, 1.5])
     world = import_world(path, start=(-5, 0, 0), goal=(5, 1)).world
     x0, y0, x1, y1 = (-0.5, -1.5, 0.5, 1.5)
     c, s = math.cos(0.3), math.sin(0.3)
     corners = {
         (round(c * x - s * y, 3), round(s * x + c * y, 3)) for x in (x0, x1) for y in (y0, y1)
     }
-    from navfw.sim import SceneGeometry
-
     (_, found) = next(SceneGeometry.from_world(world).rectangles())
     assert {(round(x, 3), round(y, 3)) for x, y in found.tolist()} == corners
 
@@ -90,7 +93,7 @@ def test_box_may_rest_on_any_face(tmp_path: Path) -> None:
 def test_saved_state_moves_models(tmp_path: Path) -> None:
     state = "<state world_name='w'><model name='post'><pose>4 5 0 0 0 0</pose></model></state>"
     (post,) = read_sdf(sdf(tmp_path, model("post", cylinder()), state)).shapes
-    assert (post.x, post.y) == (4.0, 5.0)
+    assert (post.shape.x, post.shape.y) == (4.0, 5.0)
 
 
 UNSUPPORTED = {
@@ -224,6 +227,41 @@ def test_barn_worlds_have_the_standard_mission(tmp_path: Path) -> None:
     assert other.mission.start == (-1.0, 2.0, 0.0)
 
 
+def test_the_reference_path_runs_from_the_start_over_its_cells_to_the_goal(tmp_path: Path) -> None:
+    # straight ahead: column 16 at x = -2.175, rows 0 and 29 at y = 5.075 and 9.425
+    np.save(tmp_path / "path_7.npy", np.array([[16, 0], [16, 29]]))
+    ends = np.hypot(0.075, 5.075 - 3.0) + np.hypot(0.075, 13.0 - 9.425)
+    expected = pytest.approx(ends + 29 * 0.15, abs=1e-3)
+    assert reference_length(tmp_path / "world_7.world") == expected
+
+
+def test_worlds_without_a_reference_path_have_none(tmp_path: Path) -> None:
+    assert reference_length(tmp_path / "world_7.world") is None
+    assert reference_length(tmp_path / "depot.world") is None
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (np.zeros((3, 3)), "expected cells"),
+        (np.array(["a"]), "expected cells"),
+        (np.array([[np.nan, 1.0]]), "not finite"),
+        (np.array([{}], dtype=object), "no NumPy array"),
+        (None, "no NumPy array"),
+    ],
+)
+def test_a_file_that_holds_no_path_is_refused(
+    tmp_path: Path, content: np.ndarray | None, message: str
+) -> None:
+    file = tmp_path / "path_7.npy"
+    if content is None:
+        file.write_bytes(b"\x93NUMPY\x01\x00")
+    else:
+        np.save(file, content, allow_pickle=True)
+    with pytest.raises(ConfigError, match=f"path_7.npy.*{message}"):
+        reference_length(tmp_path / "world_7.world")
+
+
 @pytest.mark.skipif("NAVFW_BARN" not in os.environ, reason="NAVFW_BARN names no folder of worlds")
 def test_real_barn_worlds() -> None:
     files = sorted(Path(os.environ["NAVFW_BARN"]).glob("world_*.world"))
@@ -239,23 +277,21 @@ def test_real_barn_worlds() -> None:
 
 def test_import_command(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    words = ["world", "import", str(barn(tmp_path)), "--out", str(out), "--json"]
-    answer = CliRunner().invoke(app, words)
+    answer = run("world", "import", barn(tmp_path), "--out", out, "--json")
     assert answer.exit_code == 0, answer.stderr
     data = json.loads(answer.stdout)
     assert (data["cylinders"], data["boxes"], data["skipped"], data["barn"]) == (31, 0, [], True)
     assert load_world(out / "world.yaml").name == "hall"
     path = sdf(tmp_path, UNSUPPORTED["sphere"])
-    more = ["--start", "-1,0,0.5", "--goal", "2,-3"]
-    answer = CliRunner().invoke(app, ["world", "import", str(path), "--out", str(out), *more])
+    words = ("world", "import", path, "--out", out, "--start", "-1,0,0.5", "--goal", "2,-3")
+    answer = run(*words)
     assert answer.exit_code == 2
     assert "'ball'" in answer.stderr
-    skipping = ["world", "import", str(path), "--out", str(out), *more, "--skip-unsupported"]
-    answer = CliRunner().invoke(app, skipping)
+    answer = run(*words, "--skip-unsupported")
     assert answer.exit_code == 0, answer.stderr
     assert "left out: line" in answer.stderr
     for bad in ("1,2,3", "a,b", "1", "nan,1"):
-        answer = CliRunner().invoke(app, [*skipping, "--goal", bad])
+        answer = run(*words, "--goal", bad)
         assert answer.exit_code == 2
         assert answer.stderr == f"navfw: --goal: expected X,Y, got {bad!r}\n"
 
@@ -265,26 +301,25 @@ def test_several_files_are_imported_and_a_damaged_one_costs_itself_alone(tmp_pat
     broken = tmp_path / "broken.world"
     broken.write_text("<sdf><world>")
     out = tmp_path / "out"
-    words = ["world", "import", str(files[0]), str(broken), str(files[1]), "--out", str(out)]
-    answer = CliRunner().invoke(app, [*words, "--json"])
+    words = ("world", "import", files[0], broken, files[1], "--out", out)
+    answer = run(*words, "--json")
     assert answer.exit_code == 2
     folders = [made["folder"] for made in json.loads(answer.stdout)]
     assert folders == [str(out / "world_2"), str(out / "world_1")]
     assert sorted(path.name for path in out.iterdir()) == ["world_1", "world_2"]
     assert answer.stderr.splitlines()[-1].startswith(f"navfw: {broken}:1: expected an SDF world")
     assert "import: 3 of 3 files" in answer.stderr
-    again = CliRunner().invoke(app, [*words, "--quiet"])
+    again = run(*words, "--quiet")
     assert len(again.stderr.splitlines()) == 1
     assert again.stdout.count("navfw run ") == 2
 
 
 def test_two_files_of_one_name_are_refused_before_anything_is_written(tmp_path: Path) -> None:
+    file, out = barn(tmp_path), tmp_path / "out"
     (tmp_path / "other").mkdir()
-    file = barn(tmp_path)
     twin = tmp_path / "other" / file.name
     twin.write_bytes(file.read_bytes())
-    out = tmp_path / "out"
-    answer = CliRunner().invoke(app, ["world", "import", str(file), str(twin), "--out", str(out)])
+    answer = run("world", "import", file, twin, "--out", out)
     assert (answer.exit_code, answer.stdout) == (2, "")
     assert f"{twin}: a second file called '{file.stem}'" in answer.stderr
     assert not out.exists()
@@ -292,13 +327,13 @@ def test_two_files_of_one_name_are_refused_before_anything_is_written(tmp_path: 
 
 def test_generate_command(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    words = ["world", "new", "clutter", "--seed", "4", "--difficulty", "0.25", "--out", str(out)]
-    answer = CliRunner().invoke(app, [*words, "--json"])
+    words = ("world", "new", "clutter", "--seed", "4", "--difficulty", "0.25", "--out", out)
+    answer = run(*words, "--json")
     assert answer.exit_code == 0, answer.stderr
     data = json.loads(answer.stdout)
     assert (data["family"], data["seed"], data["map"]) == ("clutter", 4, False)
     assert prepare(out, data["mission"]).shortest == pytest.approx(data["shortest_path_m"])
-    assert "navfw run" in CliRunner().invoke(app, words).stdout
+    assert "navfw run" in run(*words).stdout
 
 
 @pytest.mark.parametrize(
@@ -311,8 +346,7 @@ def test_generate_command(tmp_path: Path) -> None:
     ],
 )
 def test_generate_reports_invalid_arguments(words: list[str], message: str, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    answer = CliRunner().invoke(app, ["world", "new", *words, "--out", str(out)])
+    answer = run("world", "new", *words, "--out", tmp_path / "out")
     assert answer.exit_code == 2
     assert message in answer.stderr
-    assert not out.exists()
+    assert not (tmp_path / "out").exists()

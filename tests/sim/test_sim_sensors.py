@@ -1,4 +1,4 @@
-"""Injected faults and world changes: their effect on readings, and its end."""
+"""Sensor models have the specified statistics; faults and changes have an effect and an end."""
 
 from __future__ import annotations
 
@@ -8,13 +8,17 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 import pytest
+from pydantic import ValidationError
+from sim_worlds import PERFECT, TICK, drive, frames
 
 from navfw.config import find
-from navfw.numerics import Image
+from navfw.errors import UnknownNameError
+from navfw.numerics import Array, Image
 from navfw.robot import RobotModel
-from navfw.signals import Frame, Pose, SensorReading
+from navfw.signals import Encoders, Inertial, Pose
 from navfw.sim import (
     CLEAR_OF_ROBOT,
+    PRESETS,
     CameraFault,
     DoorChange,
     DoorSpec,
@@ -22,6 +26,7 @@ from navfw.sim import (
     EncoderFault,
     EventAction,
     GyroFault,
+    GyroModel,
     LightChange,
     Obstacle,
     OpeningSpec,
@@ -31,6 +36,7 @@ from navfw.sim import (
     Textureless,
     WallSpec,
     WeakWheel,
+    WheelEncoderModel,
     WorldSpec,
     drop_rectangle,
     load_world,
@@ -38,28 +44,13 @@ from navfw.sim import (
 
 ROBOT = RobotModel()
 START = Pose(1.0, 1.5, 0.3)
-DT = 1.0 / 60.0
-QUIET = SensorParams.preset("perfect")
+ROOM = load_world(find("world", "paper-room"))
 
 
 @pytest.fixture
 def room() -> Iterator[Simulation]:
-    with Simulation(load_world(find("world", "paper-room")), ROBOT, START, 0, QUIET) as simulation:
+    with Simulation(ROOM, ROBOT, START, 0, PERFECT) as simulation:
         yield simulation
-
-
-def drive(simulation: Simulation, seconds: float, left: float, right: float) -> list[SensorReading]:
-    """Readings at control rate."""
-    readings = []
-    for _ in range(round(seconds / DT)):
-        readings.append(simulation.read())
-        simulation.drive(left, right)
-        simulation.advance(DT)
-    return readings
-
-
-def frames(readings: list[SensorReading]) -> list[Frame]:
-    return [reading.frame for reading in readings if reading.frame is not None]
 
 
 def frame_with(simulation: Simulation, *actions: EventAction) -> Image:
@@ -102,7 +93,7 @@ def test_delayed_frames_keep_their_time_of_capture(room: Simulation) -> None:
     readings = drive(room, 2.0, 4.0, 4.0)
     late = [(r.time, r.frame.time) for r in readings if r.frame is not None]
     assert len(late) == 17
-    assert all(now - captured == pytest.approx(0.3, abs=DT) for now, captured in late)
+    assert all(now - captured == pytest.approx(0.3, abs=TICK) for now, captured in late)
     room.end(CameraFault(latency=0.3))
     after = [(r.time, r.frame.time) for r in drive(room, 0.5, 0, 0) if r.frame is not None]
     assert all(now == captured for now, captured in after)
@@ -124,8 +115,7 @@ def test_images_black_over_exposed_noisy_and_blurred(room: Simulation) -> None:
 
 
 def test_black_images_have_sensor_noise() -> None:
-    world = load_world(find("world", "paper-room"))
-    with Simulation(world, ROBOT, START, 0) as simulation:
+    with Simulation(ROOM, ROBOT, START, 0) as simulation:
         image = frame_with(simulation, CameraFault(black=True))
     assert 0.0 < image.mean() < 5.0
 
@@ -223,10 +213,9 @@ def test_obstacle_appears_ahead_and_is_removed(room: Simulation) -> None:
 
 
 def test_obstacle_does_not_appear_above_a_drop() -> None:
-    world = load_world(find("world", "paper-room"))
     hole = DropSpec(name="pit", x=(1.6, 2.2), y=(1.2, 1.8))
-    world = world.model_copy(update={"drops": (hole,)})
-    with Simulation(world, ROBOT, Pose(1.0, 1.5, 0.0), 0, QUIET) as simulation:
+    world = ROOM.model_copy(update={"drops": (hole,)})
+    with Simulation(world, ROBOT, Pose(1.0, 1.5, 0.0), 0, PERFECT) as simulation:
         simulation.begin(Obstacle(ahead=0.7, radius=0.1))
         drive(simulation, 0.2, 0.0, 0.0)
         assert simulation.change_track().presences == ()
@@ -262,7 +251,7 @@ def test_door_closes_and_opens(state: str) -> None:
     change = DoorChange.model_validate({"name": "leaf", "state": other})
     touched = {}
     for changed in (False, True):
-        with Simulation(walls_with_a_door(state), ROBOT, Pose(2.2, 2.0, 0.0), 0, QUIET) as world:
+        with Simulation(walls_with_a_door(state), ROBOT, Pose(2.2, 2.0, 0.0), 0, PERFECT) as world:
             if changed:
                 world.begin(change)
             drive(world, 2.5, 8.0, 8.0)
@@ -273,7 +262,7 @@ def test_door_closes_and_opens(state: str) -> None:
 
 def test_door_closes_once_the_robot_is_clear_and_reopens_at_the_end() -> None:
     change = DoorChange(name="leaf", state="closed")
-    with Simulation(walls_with_a_door("open"), ROBOT, Pose(3.0, 2.0, 0.0), 0, QUIET) as world:
+    with Simulation(walls_with_a_door("open"), ROBOT, Pose(3.0, 2.0, 0.0), 0, PERFECT) as world:
         world.begin(change)
         drive(world, 0.5, 0.0, 0.0)
         assert world.contacts == ()
@@ -288,10 +277,9 @@ def test_door_closes_once_the_robot_is_clear_and_reopens_at_the_end() -> None:
 
 
 def test_faults_do_not_change_the_noise_of_other_components() -> None:
-    world = load_world(find("world", "paper-room"))
     seen = []
     for fault in (None, CameraFault(noisy=5.0)):
-        with Simulation(world, ROBOT, START, 4) as simulation:
+        with Simulation(ROOM, ROBOT, START, 4) as simulation:
             if fault is not None:
                 simulation.begin(fault)
             drive(simulation, 0.5, 2.0, 2.0)
@@ -302,3 +290,109 @@ def test_faults_do_not_change_the_noise_of_other_components() -> None:
         assert (one.inertial, one.encoders) == (other.inertial, other.encoders)
         if one.frame is not None and other.frame is not None:
             assert np.array_equal(one.frame.image, other.frame.image)
+
+
+# --- sensor models ------------------------------------------------------------------------------
+
+
+def yaw_rates(params: SensorParams, seed: int, count: int, rate: float = 0.0) -> Array:
+    gyro = GyroModel(params, np.random.default_rng(seed))
+    return np.array([gyro.read(i * TICK, TICK, (0.0, 0.0, rate)).yaw_rate for i in range(count)])
+
+
+def ticks(params: SensorParams, seed: int, turns: float, count: int = 600) -> tuple[int, int]:
+    encoders = WheelEncoderModel(params, ROBOT, np.random.default_rng(seed))
+    reading = None
+    for angle in np.linspace(0.0, 2.0 * math.pi * turns, count + 1)[1:]:
+        reading = encoders.read(0.0, TICK, (angle, angle))
+    assert reading is not None
+    return reading.left, reading.right
+
+
+def test_perfect_gyro_measures_the_true_rate() -> None:
+    assert np.all(yaw_rates(PERFECT, 0, 10, rate=0.4) == 0.4)
+
+
+def test_gyro_noise() -> None:
+    rates = yaw_rates(PERFECT.model_copy(update={"gyro_noise": 0.01}), 1, 4000)
+    assert rates.std() == pytest.approx(0.01, rel=0.05)
+    assert abs(rates.mean()) < 4 * 0.01 / math.sqrt(4000)
+    # white: consecutive readings are uncorrelated
+    assert abs(np.corrcoef(rates[1:], rates[:-1])[0, 1]) < 0.06
+
+
+def test_gyro_bias_is_constant_and_differs_between_runs() -> None:
+    params = PERFECT.model_copy(update={"gyro_bias": 0.01})
+    biases = np.array([yaw_rates(params, seed, 2) for seed in range(300)])
+    assert np.all(biases[:, 0] == biases[:, 1])
+    assert biases[:, 0].std() == pytest.approx(0.01, rel=0.15)
+
+
+def test_gyro_bias_random_walk() -> None:
+    params = PERFECT.model_copy(update={"gyro_bias_walk": 0.002})
+    ends = np.array([yaw_rates(params, seed, 600)[-1] for seed in range(100)])
+    assert ends.std() == pytest.approx(0.002 * math.sqrt(600 * TICK), rel=0.25)
+
+
+def test_noise_does_not_depend_on_the_block_size() -> None:
+    params = SensorParams.preset("poor")
+
+    def readings(ahead: int) -> list[tuple[Inertial, Encoders]]:
+        gyro = GyroModel(params, np.random.default_rng(3), ahead)
+        wheels = WheelEncoderModel(params, ROBOT, np.random.default_rng(4), ahead)
+        return [
+            (
+                gyro.read(i * TICK, TICK, (0.0, 0.0, 0.3)),
+                wheels.read(i * TICK, TICK, (0.1 * i, 0.2 * i)),
+            )
+            for i in range(20)
+        ]
+
+    assert readings(1) == readings(7) == readings(64)
+
+
+@pytest.mark.parametrize("turns", [3.3, -3.3])
+def test_perfect_encoders_only_quantise(turns: float) -> None:
+    left, right = ticks(PERFECT, 0, turns)
+    assert left == right
+    assert left == math.floor(turns * ROBOT.ticks_per_turn + 1e-6)
+
+
+def test_slip_has_the_specified_mean_and_standard_deviation() -> None:
+    params = PERFECT.model_copy(update={"slip": 0.02, "slip_mean": 0.01, "slip_time": 0.0})
+    excess = [ticks(params, seed, 20.0)[0] / (20 * ROBOT.ticks_per_turn) for seed in range(60)]
+    assert np.mean(excess) == pytest.approx(1.01, abs=0.0005)
+    # 600 independent samples average out to 0.02 / sqrt(600)
+    assert np.std(excess) == pytest.approx(0.02 / math.sqrt(600), rel=0.3)
+
+
+def test_correlated_slip_accumulates() -> None:
+    params = PERFECT.model_copy(update={"slip": 0.02, "slip_time": 0.5})
+    excess = [ticks(params, seed, 20.0)[0] / (20 * ROBOT.ticks_per_turn) for seed in range(60)]
+    # a Gauss-Markov process over 10 s with 0.5 s memory: sigma * sqrt(2 * 0.5 / 10)
+    assert np.std(excess) == pytest.approx(0.02 * math.sqrt(0.1), rel=0.3)
+
+
+def test_wheels_of_unequal_radius_count_unequally() -> None:
+    params = PERFECT.model_copy(update={"radius_mismatch": 0.01})
+    ratios = [ticks(params, s, 20.0)[1] / ticks(params, s, 20.0)[0] for s in range(12)]
+    assert np.abs(np.array(ratios) - 1.0) == pytest.approx(0.01, rel=0.02)
+    assert min(ratios) < 1.0 < max(ratios)
+
+
+def test_standing_wheels_count_nothing() -> None:
+    assert ticks(SensorParams.preset("poor"), 3, 0.0) == (0, 0)
+
+
+def test_presets() -> None:
+    spread = [
+        SensorParams.preset(name).gyro_bias for name in ("perfect", "good", "default", "poor")
+    ]
+    assert spread == sorted(spread)
+    assert SensorParams.preset("default") == SensorParams()
+    assert SensorParams.preset("good", slip=0.1).slip == 0.1
+    assert set(PRESETS) == {"perfect", "good", "default", "poor"}
+    with pytest.raises(UnknownNameError, match="did you mean 'good'"):
+        SensorParams.preset("goood")
+    with pytest.raises(ValidationError):
+        SensorParams.preset("good", slipp=0.1)

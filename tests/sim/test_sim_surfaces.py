@@ -1,0 +1,332 @@
+"""Surfaces: textures, patterns and pictures; meshes; skirting boards and door frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import get_args
+
+import cv2
+import numpy as np
+import pytest
+
+from navfw.errors import ConfigError
+from navfw.robot import RobotModel
+from navfw.signals import Pose
+from navfw.sim import (
+    TILE,
+    Simulation,
+    Style,
+    SurfacePatch,
+    TextureSpec,
+    WorldSpec,
+    box_mesh,
+    cylinder_mesh,
+    load_world,
+    luminance_pattern,
+    picture_texture,
+    read_picture,
+    side_count,
+    solids_of,
+    synthesize,
+    wall_patches,
+)
+
+STYLES = get_args(Style)
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_same_seed_same_texture(style: Style) -> None:
+    spec = TextureSpec(style=style, seed=5)
+    first = synthesize(spec).copy()
+    synthesize.cache_clear()
+    assert np.array_equal(first, synthesize(spec))
+    other = synthesize(TextureSpec(style=style, seed=6))
+    assert np.abs(first.astype(int) - other).mean() > 10
+
+
+@pytest.mark.parametrize("style", STYLES)
+@pytest.mark.parametrize("finest", [0.03, 0.06])
+def test_no_detail_finer_than_specified(style: Style, finest: float) -> None:
+    pattern = luminance_pattern(TextureSpec(style=style, finest=finest))
+    power = np.abs(np.fft.fft2(pattern - pattern.mean())) ** 2
+    cycles = np.fft.fftfreq(len(pattern), d=TILE / len(pattern))
+    frequency = np.hypot(cycles[:, None], cycles[None, :])
+    # at f = 80 px a detail of 0.03 m is two pixels wide at 1.2 m (METHOD sec 0)
+    assert power[frequency > 0.5 / finest].sum() < 0.01 * power.sum()
+    assert power[frequency > 1.0 / finest].sum() < 0.001 * power.sum()
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_brightness_and_contrast(style: Style) -> None:
+    pattern = luminance_pattern(TextureSpec(style=style, brightness=130, contrast=40))
+    assert pattern.mean() == pytest.approx(130, abs=0.1)
+    assert pattern.std() == pytest.approx(40, abs=0.1)
+    assert pattern.min() > 0
+    assert pattern.max() < 255
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_texture_is_periodic(style: Style) -> None:
+    pattern = luminance_pattern(TextureSpec(style=style))
+    # no step between last and first is larger than the steps inside (courses of bricks have edges)
+    across = np.abs(np.diff(pattern, axis=1)).mean(axis=0).max()
+    assert np.abs(pattern[:, 0] - pattern[:, -1]).mean() < 1.3 * across
+    down = np.abs(np.diff(pattern, axis=0)).mean(axis=1).max()
+    assert np.abs(pattern[0] - pattern[-1]).mean() < 1.3 * down
+
+
+def test_tint_keeps_the_luminance() -> None:
+    grey = synthesize(TextureSpec(contrast=30))
+    warm = synthesize(TextureSpec(contrast=30, colour=(1.0, 0.9, 0.7)))
+    luma = warm @ np.array([0.299, 0.587, 0.114])
+    assert np.abs(luma - grey[:, :, 0]).max() < 2.0
+    assert warm[:, :, 0].mean() > warm[:, :, 2].mean() + 20
+
+
+# --- pictures -------------------------------------------------------------------------------------
+
+
+WALL = """\
+name: gallery
+x: [0, 8]
+y: [0, 8]
+walls:
+  - {name: wall, points: [[4, 1], [4, 7]], texture: stripes}
+textures:
+  stripes: {picture: pictures/stripes.png, size: %s, finest: 0.03}
+light: {ambient: 1.0, diffuse: 0.0}
+"""
+
+
+def gallery(folder: Path, image: np.ndarray, size: str = "0.5") -> Path:
+    """A world file whose wall shows ``image``."""
+    (folder / "pictures").mkdir()
+    cv2.imwrite(str(folder / "pictures" / "stripes.png"), image)
+    path = folder / "world.yaml"
+    path.write_text(WALL % size)
+    return path
+
+
+def written(folder: Path, image: np.ndarray) -> Path:
+    path = folder / "alone.png"
+    cv2.imwrite(str(path), image)
+    return path
+
+
+def test_a_picture_repeats_at_its_size_across_the_patches_of_a_wall(tmp_path: Path) -> None:
+    stripes = np.zeros((40, 100, 3), np.uint8)
+    stripes[:, 50:] = 200
+    robot, pose = RobotModel(), Pose(2.0, 4.0, 0.0)
+    world = load_world(gallery(tmp_path, stripes))
+    with Simulation(world, robot, pose, 0) as sim:
+        image, _ = sim.render_from(pose)
+    # grey values of one row of the wall 1.95 m in front of the robot's middle
+    row = image[40].astype(float)
+    edges = np.flatnonzero(np.diff((row > 100).astype(int)))
+    distance = 3.95 - pose.x - robot.camera.mount_forward
+    half_period = 0.25 * robot.camera.focal / distance
+    assert edges.size >= 4
+    assert np.diff(edges) == pytest.approx(half_period, abs=1.1)
+
+
+def test_a_picture_stands_upright_and_is_not_mirrored(tmp_path: Path) -> None:
+    corner = np.full((100, 100, 3), 40, np.uint8)
+    corner[:50, 50:] = 220  # bright at the upper right
+    picture = corner[..., ::-1]
+    texels = picture_texture(
+        TextureSpec(picture=str(written(tmp_path, picture)), size=1.0, finest=0.01)
+    )
+    middle = texels.shape[0] // 2
+    assert texels[:middle, middle:].mean() > 200
+    assert texels[middle:].mean() < 60
+    world = load_world(gallery(tmp_path, picture, "8"))
+    with Simulation(world, RobotModel(), Pose(2.0, 4.0, 0.0), 0) as sim:
+        image, _ = sim.render_from(Pose(2.0, 4.0, 0.0))
+    # 8 m wide: of the wall from y = 1 to 7 the texture's right half shows y < 4, to the right, and
+    # its lower half z < 4, all that there is of the wall
+    assert image[40:60].max() < 60
+
+
+def test_detail_finer_than_the_camera_resolves_is_removed(tmp_path: Path) -> None:
+    fine = (np.indices((256, 256)).sum(axis=0) % 2 * 255).astype(np.uint8)
+    path = str(written(tmp_path, np.repeat(fine[..., None], 3, axis=2)))
+    texels = picture_texture(TextureSpec(picture=path, size=2.0))
+    assert texels.std() < 2.0
+    assert texels.mean() == pytest.approx(127, abs=3)
+
+
+def test_colours_are_those_of_the_file(tmp_path: Path) -> None:
+    orange = np.full((30, 30, 3), (0, 128, 255), np.uint8)  # blue, green, red
+    texels = picture_texture(TextureSpec(picture=str(written(tmp_path, orange))))
+    assert texels.reshape(-1, 3).mean(axis=0) == pytest.approx((255, 128, 0), abs=1)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (np.zeros((4000, 5000), np.uint8), "5000 x 4000 pixels, at most 4000000; scale it down"),
+        (
+            np.zeros((10, 300), np.uint8),
+            "300 x 10 pixels; its sides .* factor of 20 .*: cut it",
+        ),
+        (b"GIF89a, or not", "give a PNG or JPEG file"),
+        (None, "no such file"),
+    ],
+)
+def test_pictures_that_cannot_be_used(
+    tmp_path: Path, content: np.ndarray | bytes | None, message: str
+) -> None:
+    path = gallery(tmp_path, content if isinstance(content, np.ndarray) else np.zeros((9, 9)))
+    picture = tmp_path / "pictures" / "stripes.png"
+    if content is None:
+        picture.unlink()
+    elif isinstance(content, bytes):
+        picture.write_bytes(content)
+    read_picture.cache_clear()
+    with pytest.raises(ConfigError, match=f"stripes.png.*{message}") as caught:
+        load_world(path)
+    assert caught.value.line == 7
+    assert caught.value.key == "textures.stripes.picture"
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"picture": "a.png", "contrast": 20.0}, "leave out contrast"),
+        ({"picture": "a.png", "style": "wood"}, "leave out style"),
+        ({"size": 1.0}, "size is for a picture"),
+    ],
+)
+def test_a_texture_is_a_pattern_or_a_picture(keys: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        TextureSpec.model_validate(keys)
+
+
+# --- meshes ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sides", [12, 24])
+def test_cylinder_mesh(sides: int) -> None:
+    mesh = cylinder_mesh(0.2, 3.0, np.zeros(2), sides)
+    points = np.array(mesh.vertices)
+    assert np.hypot(points[:, 0], points[:, 1]).max() == pytest.approx(0.2)
+    assert (points[:, 2].min(), points[:, 2].max()) == (-1.5, 1.5)
+    triangles = points[np.array(mesh.indices).reshape(-1, 3)]
+    faces = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals = np.array(mesh.normals)[np.array(mesh.indices).reshape(-1, 3)].mean(axis=1)
+    assert np.all(np.sum(faces * normals, axis=1) >= 0.0)  # all face outwards
+    assert np.min(mesh.uvs) >= 0.0
+
+
+def test_moved_meshes_keep_their_texture() -> None:
+    mesh, whole = box_mesh((0.4, 0.6, 1.0), np.zeros(2)), box_mesh((0.4, 0.6, 1.0), np.zeros(2))
+    whole.add_mesh(mesh, (1.0, 2.0, 0.5), np.pi / 2)
+    count = len(mesh.vertices)
+    moved = np.array(whole.vertices[count:])
+    original = np.array(mesh.vertices)
+    assert moved == pytest.approx(
+        np.column_stack([1 - original[:, 1], 2 + original[:, 0], original[:, 2] + 0.5])
+    )
+    assert whole.uvs[count:] == mesh.uvs
+    assert min(whole.indices[len(mesh.indices) :]) == count
+
+
+def test_side_count() -> None:
+    assert side_count(0.02) == 12
+    assert side_count(1.0) == 24
+    assert 12 <= side_count(0.1) <= 24
+
+
+# --- skirting boards and door frames --------------------------------------------------------------
+
+ROOM = {
+    "name": "room",
+    "x": [0, 8],
+    "y": [0, 6],
+    "walls": [
+        {
+            "name": "divider",
+            "points": [[4, 0.1], [4, 5.9]],
+            "thickness": 0.2,
+            "height": 2.4,
+            "texture": "pale",
+            "openings": [{"name": "gap", "at": [4, 3], "width": 1.0, "height": 2.0}],
+        }
+    ],
+    "textures": {
+        "pale": {"contrast": 0, "brightness": 180},
+        "board": {"contrast": 0, "brightness": 40},
+        "frame": {"contrast": 0, "brightness": 100},
+    },
+    "light": {"ambient": 1.0, "diffuse": 0.0},
+}
+TRIM = {
+    "skirting": {"height": 0.1, "texture": "board"},
+    "door_frames": {"width": 0.08, "texture": "frame"},
+}
+
+
+def patches_of(world: WorldSpec) -> list[SurfacePatch]:
+    """All patches of the world's walls."""
+    return [
+        patch
+        for solid in solids_of(world)
+        if solid.kind in ("wall", "lintel")
+        for patch in wall_patches(world, solid)
+    ]
+
+
+def extent(patches: list[SurfacePatch], axis: int) -> set[float]:
+    """All coordinates [m] of the patches' corners along an axis."""
+    return {round(v[axis], 6) for patch in patches for v in patch.mesh.vertices}
+
+
+def test_skirting_boards_are_strips_at_the_foot_of_the_faces() -> None:
+    world = WorldSpec.model_validate(ROOM | {"skirting": TRIM["skirting"]})
+    boards = [patch for patch in patches_of(world) if patch.texture == "board"]
+    assert extent(boards, 2) == {0.0, 0.1}
+    assert {0.1, 2.5, 3.5, 5.9} <= extent(boards, 1)
+    assert extent(boards, 0) == {3.9, 4.1}
+
+
+def test_frames_surround_openings_on_both_faces_and_line_the_inside() -> None:
+    world = WorldSpec.model_validate(ROOM | TRIM)
+    frames = [patch for patch in patches_of(world) if patch.texture == "frame"]
+    on_faces = [patch for patch in frames if patch.plane is not None and abs(patch.plane[0]) > 0.9]
+    assert extent(on_faces, 0) == {3.9, 4.1}
+    assert min(extent(on_faces, 1)) == pytest.approx(2.42)
+    assert max(extent(on_faces, 1)) == pytest.approx(3.58)
+    assert max(extent(on_faces, 2)) == pytest.approx(2.08)
+    inside = [patch for patch in frames if patch.plane is not None and abs(patch.plane[1]) > 0.9]
+    assert extent(inside, 1) == {2.5, 3.5}
+    assert max(extent(inside, 2)) == 2.0
+    below_the_lintel = [p for p in frames if p.plane is not None and p.plane[2] < -0.9]
+    assert extent(below_the_lintel, 2) == {2.0}
+
+
+def test_trim_covers_what_it_hides_and_nothing_else() -> None:
+    bare, trimmed = (WorldSpec.model_validate(world) for world in (ROOM, ROOM | TRIM))
+
+    def area(world: WorldSpec) -> float:
+        total = 0.0
+        for patch in patches_of(world):
+            a, b, _, d = np.array(patch.mesh.vertices)
+            total += float(np.linalg.norm(np.cross(b - a, d - a)))
+        return total
+
+    assert area(trimmed) == pytest.approx(area(bare))
+    assert solids_of(trimmed) == solids_of(bare)
+
+
+def test_the_camera_sees_the_boards() -> None:
+    pose = Pose(2.0, 1.2, 0.0)
+    seen = []
+    for world in (ROOM, ROOM | TRIM):
+        with Simulation(WorldSpec.model_validate(world), RobotModel(), pose, 0) as sim:
+            image, _ = sim.render_from(pose)
+        seen.append(image[:, 80])
+    bare, trimmed = seen
+    changed = np.flatnonzero(bare != trimmed)
+    assert set(bare[changed]) == {180}
+    assert set(trimmed[changed]) == {40}
+    assert 3 <= changed.size <= 8  # 0.1 m at 1.8 m
