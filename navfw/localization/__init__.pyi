@@ -2,7 +2,6 @@ from .bayes import Bayes as Bayes
 from .dead_reckoning import DeadReckoning as DeadReckoning
 from .discrete_filter import DiscreteFilter as DiscreteFilter
 from .discrete_filter import DiscreteParams as DiscreteParams
-from .ekf import Ekf as Ekf
 from .floor_plan import FloorPlanLocalizer as FloorPlanLocalizer
 from .known_walls import SURE_XY as SURE_XY
 from .known_walls import SURE_YAW as SURE_YAW
@@ -11,12 +10,13 @@ from .landmark_model import ELSEWHERE_DENSITY as ELSEWHERE_DENSITY
 from .landmark_model import GATE as GATE
 from .landmark_model import Association as Association
 from .landmark_model import LandmarkExistence as LandmarkExistence
+from .landmark_model import LandmarkObserver as LandmarkObserver
 from .landmark_model import associate as associate
 from .landmark_model import expected_measurement as expected_measurement
 from .landmark_model import joseph as joseph
-from .landmark_observations import LandmarkObserver as LandmarkObserver
 from .lattice import MAX_STATES as MAX_STATES
 from .lattice import Lattice as Lattice
+from .metric_filter import Ekf as Ekf
 from .metric_filter import MetricFilter as MetricFilter
 from .metric_filter import MetricFilterParams as MetricFilterParams
 from .motion_model import BY_FLOOR as BY_FLOOR

@@ -9,8 +9,7 @@ from pydantic import Field
 
 from navfw.interfaces import Localizer
 from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
-from navfw.localization.landmark_model import LandmarkExistence
-from navfw.localization.landmark_observations import LandmarkObserver
+from navfw.localization.landmark_model import LandmarkExistence, LandmarkObserver
 from navfw.localization.situation_model import observed_situations, situation_table
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose
 from navfw.topomap import TopoMap

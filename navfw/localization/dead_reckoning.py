@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from navfw.interfaces import Localizer
+from navfw.localization.motion_model import NonNegative
 from navfw.localization.place_posterior import (
     COUNT,
     PLACE_RADIUS,
@@ -22,9 +23,6 @@ from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap
-
-NonNegative = Annotated[float, Field(ge=0.0, le=10.0)]
-"""Sigmas in metres and radians, and of their growth: 10 says that nothing is known."""
 
 
 class DeadReckoning(Localizer):
@@ -84,7 +82,7 @@ class DeadReckoning(Localizer):
         pose = known_start(pose, self.name, "a localizer that recognises landmarks")
         p = self.params
         self._posterior = PlacePosterior(topo_map, p.place_radius, p.places, p.refresh)
-        self._map_from_odom = _map_from_odom(pose, odometry.pose)
+        self._map_from_odom = pose.frame_of(odometry.pose)
         self._last = odometry.pose
         self._covariance = np.diag([p.start_xy**2, p.start_xy**2, p.start_yaw**2])
 
@@ -120,10 +118,3 @@ class DeadReckoning(Localizer):
         )
         propagated: Array = product(jacobian, self._covariance, jacobian.T) + noise
         return propagated
-
-
-def _map_from_odom(in_map: Pose, in_odom: Pose) -> Pose:
-    """The pose of frame ``odom`` in ``map``, from one pose given in both."""
-    yaw = wrap_angle(in_map.yaw - in_odom.yaw)
-    turned = Pose(0.0, 0.0, yaw).compose(in_odom)
-    return Pose(in_map.x - turned.x, in_map.y - turned.y, yaw)

@@ -13,8 +13,12 @@ import numpy.typing as npt
 from pydantic import Field
 
 from navfw.interfaces import Params
-from navfw.localization.landmark_model import ELSEWHERE_DENSITY, LandmarkExistence
-from navfw.localization.landmark_observations import LandmarkObservation, consistent_observations
+from navfw.localization.landmark_model import (
+    ELSEWHERE_DENSITY,
+    LandmarkExistence,
+    LandmarkObservation,
+    consistent_observations,
+)
 from navfw.localization.lattice import Lattice
 from navfw.localization.place_posterior import COUNT
 from navfw.localization.situation_model import LEARNT, SituationTable
@@ -69,7 +73,7 @@ class DiscreteParams(Params):
         str,
         Field(
             description="table of situations by kind of place: learnt, none, or a file of navfw "
-            "learn situations"
+            "map learn-situations"
         ),
     ] = LEARNT
 
@@ -199,8 +203,8 @@ class DiscreteFilter:
         at = self._before(pose, turned)
         rows, columns = self._window(*at, radius)
         near = np.hypot(lattice.x[columns][None, :] - at[0], lattice.y[rows][:, None] - at[1])
-        part = self.belief[:, rows, columns][headings]
-        return float((part * (near <= radius)[None]).sum())
+        window = self.belief[:, rows, columns][headings]
+        return float((window * (near <= radius)[None]).sum())
 
     @property
     def cluster(self) -> Cluster:
@@ -299,14 +303,14 @@ class DiscreteFilter:
         headings = (int(heading) + near) % lattice.headings
         x0, y0 = float(lattice.x[column]), float(lattice.y[row])
         rows, columns = self._window(x0, y0, _CLUSTER_RADIUS)
-        part = self.belief[:, rows, columns][headings].astype(np.float64)
+        window = self.belief[:, rows, columns][headings].astype(np.float64)
         dx, dy = lattice.x[columns] - x0, lattice.y[rows] - y0
-        part *= (np.hypot(dx[None, :], dy[:, None]) <= _CLUSTER_RADIUS)[None]
-        mass = float(part.sum())
+        window *= (np.hypot(dx[None, :], dy[:, None]) <= _CLUSTER_RADIUS)[None]
+        mass = float(window.sum())
         dyaw = near * (2.0 * math.pi / lattice.headings)
         grids = np.meshgrid(dyaw, dy, dx, indexing="ij")
         yaws, ys, xs = (np.asarray(grid).ravel() for grid in grids)
-        weights = part.ravel() / mass
+        weights = window.ravel() / mass
         samples = np.stack([xs, ys, yaws])
         mean = product(samples, weights)
         off = samples - mean[:, None]

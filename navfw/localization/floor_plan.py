@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -53,7 +53,7 @@ _TRUSTED_SHARE, _TRUSTED_XY = 0.5, 0.15
 """Share of the points that belong to the plan, and standard deviation [m] of the position, with
 which a wall that was seen through is not there."""
 
-_FOUND_XY, _FOUND_YAW = 0.15, 0.05
+_SEARCH_XY, _SEARCH_YAW = 0.15, 0.05
 """Standard deviations [m, rad] of a pose that the search has found."""
 
 
@@ -161,36 +161,35 @@ class FloorPlanLocalizer(Localizer):
 
     def _correct(self, scan: PlanScan) -> None:
         """Match a scan to the plan, near the predicted pose."""
-        known = self.filter.pose_covariance
-        here = self.filter.pose
-        by_filter: Array = np.asarray(inverse(known), dtype=np.float64)
-        match = self._field.match(scan, here, by_filter)
+        covariance, pose = self.filter.pose_covariance, self.filter.pose
+        information: Array = np.asarray(inverse(covariance), dtype=np.float64)
+        match = self._field.match(scan, pose, information)
         at = np.array([[match.pose.x, match.pose.y, match.pose.yaw]])
         blocked = float(self._field.blocked(scan, at)[0])
         fit = match.belonging - _BLOCKED_COST * blocked
         self.fit += (fit - self.fit) / self.params.memory
-        off = np.array([match.pose.x - here.x, match.pose.y - here.y, 0.0])
-        off[2] = wrap_angle(match.pose.yaw - here.yaw)
-        if float(product(off, solve(known, off))) > GATE:
-            self.filter.covariance[:3, :] *= math.sqrt(INFLATION)
-            self.filter.covariance[:, :3] *= math.sqrt(INFLATION)
+        off = np.array([match.pose.x - pose.x, match.pose.y - pose.y, 0.0])
+        off[2] = wrap_angle(match.pose.yaw - pose.yaw)
+        if float(product(off, solve(covariance, off))) > GATE:
+            self.filter.inflate(INFLATION)
         elif match.belonging >= MIN_SHARE:
             self.filter.adopt(match.pose, match.information)
-            if match.belonging >= _TRUSTED_SHARE and known[0, 0] + known[1, 1] <= _TRUSTED_XY**2:
+            certain = covariance[0, 0] + covariance[1, 1] <= _TRUSTED_XY**2
+            if match.belonging >= _TRUSTED_SHARE and certain:
                 self._field.see_through(scan, match.pose)
         if self.fit < self.params.lost_below:
             self.tracking = False
 
     def _find(self, odometry: Odometry) -> None:
         """Search the plan for the pose; track it once it is found, unless it is tracked already."""
-        found = self._search.find()
-        if found is None:
+        pose = self._search.find()
+        if pose is None:
             return
         if self.tracking:
-            here = self.filter.pose
-            if are_close(found, here) or self._search.advantage(found, here) < _CLEARLY_BETTER:
+            tracked = self.filter.pose
+            if are_close(pose, tracked) or self._search.advantage(pose, tracked) < _CLEARLY_BETTER:
                 return
-        self._track(found, _FOUND_XY, _FOUND_YAW, odometry)
+        self._track(pose, _SEARCH_XY, _SEARCH_YAW, odometry)
 
     def _track(self, pose: Pose, xy: float, yaw: float, odometry: Odometry) -> None:
         self.tracking = True
@@ -200,9 +199,8 @@ class FloorPlanLocalizer(Localizer):
     def _belief(self, posterior: PlacePosterior, odometry: Odometry) -> Belief:
         if not self.tracking:
             unknown: Array = np.diag([1e4, 1e4, 10.0])
-            nowhere: Mapping[str, float] = {}
             origin = Pose(0.0, 0.0, 0.0)
-            return Belief(odometry.time, origin, unknown, nowhere, 0.0, lost=True)
+            return Belief(odometry.time, origin, unknown, confidence=0.0, lost=True)
         pose, covariance = self.filter.pose, self.filter.pose_covariance
         trust = min(max(self.fit / max(self.params.doubt_below, 1e-6), 0.0), 1.0)
         return Belief(

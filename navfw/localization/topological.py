@@ -14,8 +14,11 @@ from pydantic import Field
 
 from navfw.interfaces import Localizer
 from navfw.localization.discrete_filter import Cluster, DiscreteFilter, DiscreteParams
-from navfw.localization.landmark_model import LandmarkExistence
-from navfw.localization.landmark_observations import LandmarkObservation, LandmarkObserver
+from navfw.localization.landmark_model import (
+    LandmarkExistence,
+    LandmarkObservation,
+    LandmarkObserver,
+)
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
 from navfw.localization.passage_walls import (
     PassageAxis,
@@ -52,7 +55,7 @@ _MIN_DOOR_DISTANCE, _MAX_DOOR_DISTANCE = 0.4, 2.0
 
 
 class PassageObserver:
-    """Collects scans of walls, and finds what they tell of the pose in the passages of a map."""
+    """Collects scans of walls, and corrects the pose by them in the passages of a map."""
 
     def __init__(self, topo_map: TopoMap, robot: RobotModel) -> None:
         axes = passage_axes(topo_map)
@@ -64,8 +67,8 @@ class PassageObserver:
         self._driven = 0.0
         self._scanned_at = self._corridor_at = self._door_at = -math.inf
 
-    def observe(self, here: Pose, odometry: Odometry, percept: Percept | None) -> list[PassageFix]:
-        """What the newest ``percept`` tells of the believed pose ``here`` (map)."""
+    def observe(self, pose: Pose, odometry: Odometry, percept: Percept | None) -> list[PassageFix]:
+        """Corrections of the believed ``pose`` (map) by the newest ``percept``."""
         odom = odometry.pose
         if self._last is not None:
             self._driven += math.dist((self._last.x, self._last.y), (odom.x, odom.y))
@@ -75,43 +78,43 @@ class PassageObserver:
         scan = scan_of(percept, self._robot)
         self._scanned_at = self._driven
         self._scans.add(self._driven, odom, scan)
-        found = (self._corridor(here, odom), self._door(here, scan))
-        return [fix for fix in found if fix is not None]
+        fixes = (self._corridor(pose, odom), self._door(pose, scan))
+        return [fix for fix in fixes if fix is not None]
 
-    def _corridor(self, here: Pose, odom: Pose) -> PassageFix | None:
+    def _corridor(self, pose: Pose, odom: Pose) -> PassageFix | None:
         """By the corridor that the robot is in."""
         if self._driven - self._corridor_at < _CORRIDOR_EVERY:
             return None
-        axis = next((axis for axis in self._corridors if _is_in(axis, here)), None)
+        axis = next((axis for axis in self._corridors if _is_in(axis, pose)), None)
         if axis is None:
             return None
-        fix = corridor_fix(axis, here, self._scans.cloud(odom, POINTS))
+        fix = corridor_fix(axis, pose, self._scans.cloud(odom, POINTS))
         if fix is not None:
             self._corridor_at = self._driven
         return fix
 
-    def _door(self, here: Pose, scan: PlanScan) -> PassageFix | None:
+    def _door(self, pose: Pose, scan: PlanScan) -> PassageFix | None:
         """By the door ahead."""
         if self._driven - self._door_at < _DOOR_EVERY:
             return None
-        axis = next((axis for axis in self._doors if _is_ahead(axis, here)), None)
-        fix = None if axis is None else door_fix(axis, here, scan)
+        axis = next((axis for axis in self._doors if _is_ahead(axis, pose)), None)
+        fix = None if axis is None else door_fix(axis, pose, scan)
         if fix is not None:
             self._door_at = self._driven
         return fix
 
 
-def _is_in(axis: PassageAxis, here: Pose) -> bool:
-    at = axis.frame(here)
+def _is_in(axis: PassageAxis, pose: Pose) -> bool:
+    at = axis.frame(pose)
     inside = abs(at.y) <= 0.5 * axis.width + MARGIN
-    return inside and -MARGIN <= at.x <= axis.length + MARGIN and axis.heading_off(here) <= _ALONG
+    return inside and -MARGIN <= at.x <= axis.length + MARGIN and axis.heading_off(pose) <= _ALONG
 
 
-def _is_ahead(axis: PassageAxis, here: Pose) -> bool:
-    at = axis.frame(here)
+def _is_ahead(axis: PassageAxis, pose: Pose) -> bool:
+    at = axis.frame(pose)
     ahead = -at.x if abs(at.yaw) < 0.5 * math.pi else at.x
     in_front = _MIN_DOOR_DISTANCE <= ahead <= _MAX_DOOR_DISTANCE and abs(at.y) <= 0.5 * axis.width
-    return in_front and axis.heading_off(here) <= _ALONG
+    return in_front and axis.heading_off(pose) <= _ALONG
 
 
 _SAME_POSE_DISTANCE = 1.5
@@ -220,16 +223,18 @@ class Topological(Localizer):
     def _compare(self, odometry: Odometry, observations: Sequence[LandmarkObservation]) -> None:
         """Adopt the discrete filter's pose where it is probable, supported, and not tracked."""
         cluster = self.discrete.cluster
-        here = self.metric.pose if self.tracking else None
-        if here is not None and _is_same_pose(cluster.pose, here):
+        tracked = self.metric.pose if self.tracking else None
+        if tracked is not None and _is_same_pose(cluster.pose, tracked):
             self._disagreement = 0.0
-            self._established |= len(self.discrete.supporting(here)) >= _ESTABLISHED_SUPPORT
+            self._established |= len(self.discrete.supporting(tracked)) >= _ESTABLISHED_SUPPORT
             return
         support = len(self.discrete.supporting(cluster.pose))
         self._disagreement = cluster.mass * self.discrete.support_probability(cluster.pose)
-        if here is not None and support <= len(self.discrete.supporting(here)) + self._established:
-            self._disagreement *= 0.5  # the tracked pose is as well supported: equal weight
-            return
+        if tracked is not None:
+            needed = len(self.discrete.supporting(tracked)) + self._established
+            if support <= needed:
+                self._disagreement *= 0.5  # the tracked pose is as well supported: equal weight
+                return
         if self._disagreement >= self.params.adopt_above and observations:
             self._adopt(cluster, odometry, observations)
 

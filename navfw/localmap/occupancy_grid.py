@@ -13,8 +13,9 @@ from typing import Annotated
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from navfw.config.strict_model import StrictModel
 from navfw.localmap.cell_arrays import cell_disc, distances, shifted
 from navfw.localmap.sensor_kernels import cast_evidence, decay_view, merge_evidence, rays_of
 from navfw.numerics import Array, Mask
@@ -49,10 +50,8 @@ _SHIFT = 0.4
 """Distance [m] from the grid's centre at which the grid is shifted; shifting costs a copy."""
 
 
-class OccupancyParams(BaseModel):
+class OccupancyParams(StrictModel):
     """Size of the grid, and how evidence is weighed (log-odds)."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     extent: Annotated[Positive, Field(le=30.0, description="side of the square [m]")] = 8.0
     cell: Annotated[float, Field(ge=0.02, le=0.2, description="cell size [m]")] = 0.05

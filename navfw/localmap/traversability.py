@@ -15,8 +15,9 @@ from typing import Annotated
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from navfw.config.strict_model import StrictModel
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.numerics.arrays import Bytes
 from navfw.signals import Belief, PassageQuery, PassageStatus, Pose
@@ -39,10 +40,8 @@ _START_RADIUS = 0.5
 not close every leg."""
 
 
-class TraversabilityParams(BaseModel):
+class TraversabilityParams(StrictModel):
     """Which legs are checked, how wide and how often."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     range: Annotated[
         float, Field(gt=0.3, le=10.0, description="distance up to which legs are checked [m]")

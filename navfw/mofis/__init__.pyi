@@ -1,10 +1,10 @@
 from .explanation import explain_command as explain_command
-from .fusion.blend import BlendFusion as BlendFusion
-from .fusion.damn import DamnFusion as DamnFusion
-from .fusion.fuzzy import FuzzyFusion as FuzzyFusion
-from .fusion.pareto import ParetoFusion as ParetoFusion
-from .fusion.pareto import pareto_front as pareto_front
-from .fusion.priority import PriorityFusion as PriorityFusion
+from .fusion import BlendFusion as BlendFusion
+from .fusion import DamnFusion as DamnFusion
+from .fusion import FuzzyFusion as FuzzyFusion
+from .fusion import ParetoFusion as ParetoFusion
+from .fusion import PriorityFusion as PriorityFusion
+from .fusion import pareto_front as pareto_front
 from .mofis import DecisionInputs as DecisionInputs
 from .mofis import Mofis as Mofis
 from .navground import Navground as Navground

@@ -24,16 +24,16 @@ def explanation_lines(explanation: dict[str, Any]) -> list[str]:
     ]
     composite = explanation.get("composite", {"rules": ()})
     if composite["rules"]:
-        given = ", ".join(f"{name} {weight:.2f}" for name, weight in composite["weights"].items())
-        lines.append(f"  {composite['name']} weights {given}")
+        weights = ", ".join(f"{name} {weight:.2f}" for name, weight in composite["weights"].items())
+        lines.append(f"  {composite['name']} weights {weights}")
         lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in composite["rules"]]
     ordered = sorted(explanation["behaviors"].items(), key=lambda item: -item[1]["weight"])
-    for name, part in ordered:
+    for name, rating in ordered:
         lines.append(
-            f"  {name}: weight {part['weight']:.2f}, desirability {part['desirability']:.2f}, "
-            f"prohibition {part['prohibition']:.2f} - {part['reason']}"
+            f"  {name}: weight {rating['weight']:.2f}, desirability {rating['desirability']:.2f}, "
+            f"prohibition {rating['prohibition']:.2f} - {rating['reason']}"
         )
-        lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in part["rules"]]
+        lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in rating["rules"]]
     return lines
 
 

@@ -12,8 +12,7 @@ from navfw.interfaces import Planner
 from navfw.papfis.edge_costs import CostParams
 from navfw.papfis.route_plan import RoutePlan
 from navfw.papfis.routes import Router
-from navfw.papfis.tour import Tour
-from navfw.papfis.waypoints import PassingTolerances
+from navfw.papfis.tour import PassingTolerances, Tour
 from navfw.signals import Belief, PassageQuery, PassageReport, PassageStatus, Waypoint
 from navfw.topomap import Passage, TopoMap
 

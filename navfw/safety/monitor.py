@@ -14,8 +14,9 @@ from typing import Annotated, Literal
 
 import cv2
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from navfw.config.strict_model import StrictModel
 from navfw.guard import FailingStage
 from navfw.localmap import LocalMap
 from navfw.numerics import Image
@@ -119,10 +120,8 @@ _PROBE_PERIOD, _PROBE_TIME = 3.0, 0.3
 """Period and duration [s] of the probes whether silent encoders count again."""
 
 
-class SafetyParams(BaseModel):
+class SafetyParams(StrictModel):
     """Thresholds of the monitor."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     latency: Annotated[
         float, Field(ge=0.0, le=1.0, description="delay until the wheels brake [s]")

@@ -198,7 +198,7 @@ class Stack:
         self.trim.reset()
         self._forget()
         self._start_pose = pose
-        for part in (
+        for stage in (
             self.vision,
             self.features,
             self.localizer,
@@ -209,7 +209,7 @@ class Stack:
             self.mofis,
             self.safety,
         ):
-            part.reset()
+            stage.reset()
         self.features.set_map(self.topo_map)
         self.planner.start(self.topo_map, goals)
         self.timings.update(dict.fromkeys(TIMED, 0.0))

@@ -1,4 +1,6 @@
 from .clearance_grid import ClearanceGrid as ClearanceGrid
+from .clearance_grid import skeleton_graph as skeleton_graph
+from .clearance_grid import thinned as thinned
 from .elements import PLACE_KINDS as PLACE_KINDS
 from .elements import Landmark as Landmark
 from .elements import Passage as Passage
@@ -23,7 +25,5 @@ from .occupancy_map import OccupancyMap as OccupancyMap
 from .ros_map import load_ros_map as load_ros_map
 from .ros_map import plan_of_image as plan_of_image
 from .ros_map import save_ros_map as save_ros_map
-from .skeleton import skeleton_graph as skeleton_graph
-from .skeleton import thinned as thinned
 from .topological_map import PassageProjection as PassageProjection
 from .topological_map import TopoMap as TopoMap

@@ -36,7 +36,7 @@ class OccupancyMap:
     that it was read from. The cells are read only.
 
     >>> plan = OccupancyMap(np.array([[FREE, OCCUPIED]]), 0.1, Pose(2.0, 3.0, 0.0))
-    >>> plan.occupied_points()
+    >>> plan.centres(*np.nonzero(plan.occupied))
     array([[2.15, 3.05]])
     >>> plan.state(np.array([[2.05, 3.01], [9.0, 9.0]]))
     array([ 0, -1], dtype=int8)
@@ -81,30 +81,15 @@ class OccupancyMap:
         rows, columns = self.cells.shape
         return columns * self.resolution, rows * self.resolution
 
-    def occupied_points(self) -> Array:
-        """(N, 2) centres [m] of the occupied cells in the frame ``map``."""
-        return self.centres(*np.nonzero(self.occupied))
-
     def centres(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Array:
         """(N, 2) centres [m] of cells in the frame ``map``."""
-        return self.to_map(np.stack([columns + 0.5, rows + 0.5], axis=1) * self.resolution)
-
-    def to_map(self, points: Array) -> Array:
-        """(N, 2) points [m], given along the grid's axes from its corner, in the frame ``map``."""
-        return self.origin.points_to_parent(points)
-
-    def indices(self, points: Array) -> npt.NDArray[np.intp]:
-        """(N, 2) row and column of the cells that contain points (N, 2) [m] of the frame ``map``.
-
-        They lie outside of the grid for points outside.
-        """
-        local = self.origin.points_to_local(points)
-        cells: npt.NDArray[np.intp] = np.floor(local[:, ::-1] / self.resolution).astype(np.intp)
-        return cells
+        along_axes = np.stack([columns + 0.5, rows + 0.5], axis=1) * self.resolution
+        return self.origin.points_to_parent(along_axes)
 
     def state(self, points: Array) -> Cells:
         """(N,) state of points (N, 2) [m] of the frame ``map``; unknown outside of the grid."""
-        index = self.indices(points)
+        local = self.origin.points_to_local(points)
+        index = np.floor(local[:, ::-1] / self.resolution).astype(np.intp)  # row, column
         inside = np.all((index >= 0) & (index < self.cells.shape), axis=1)
         states = np.full(len(points), UNKNOWN, dtype=np.int8)
         states[inside] = self.cells[index[inside, 0], index[inside, 1]]

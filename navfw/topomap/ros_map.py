@@ -22,11 +22,11 @@ from navfw.errors import ConfigError, MapError
 from navfw.numerics import Array, Mask
 from navfw.process.atomic import atomic_file, write_text
 from navfw.signals import Pose
+from navfw.topomap.mapspec import Coordinate
 from navfw.topomap.occupancy_map import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, Cells, OccupancyMap
 
 PlanMode = Literal["trinary", "scale", "raw"]
 
-Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
 Angle = Annotated[float, Field(ge=-100.0, le=100.0)]
 
 _TRUTH = {"y": 1, "yes": 1, "true": 1, "on": 1, "n": 0, "no": 0, "false": 0, "off": 0}
@@ -34,7 +34,7 @@ _TRUTH = {"y": 1, "yes": 1, "true": 1, "on": 1, "n": 0, "no": 0, "false": 0, "of
 
 
 def _truth(value: Any) -> Any:
-    """A truth value as a number: Nav2 reads ``negate`` as either."""
+    """A truth value as 0 or 1: Nav2 reads ``negate`` as either."""
     if isinstance(value, bool):
         return int(value)
     return _TRUTH.get(value.lower(), value) if isinstance(value, str) else value
