@@ -87,8 +87,10 @@ def test_motion_there_and_back_counts() -> None:
 
 def test_ages_count_from_the_time_stamps() -> None:
     senses = Senses()
-    senses.update(reading(10.0), odometry(10.0))
-    assert senses.camera_age == 0.0, "no frame yet: its age counts from the first reading"
+    senses.update(reading(9.5), odometry(9.5, silent=True))
+    assert senses.silence == senses.camera_age == 0.0
+    senses.update(reading(10.0), odometry(10.0, silent=True))
+    assert senses.camera_age == senses.silence == 0.5, "they count from the first reading"
     senses.update(
         reading(10.5, picture(), frame_age=0.2, gyro_age=0.3, encoder_age=0.4), odometry(10.5)
     )
@@ -102,14 +104,6 @@ def test_ages_count_from_the_time_stamps() -> None:
     assert senses.silence == pytest.approx(0.5), "since the last odometry that was not silent"
     senses.update(reading(11.2), odometry(11.2))
     assert senses.silence == 0.0
-
-
-def test_silence_counts_from_the_first_reading() -> None:
-    senses = Senses()
-    senses.update(reading(5.0), odometry(5.0, silent=True))
-    assert senses.silence == 0.0
-    senses.update(reading(5.5), odometry(5.5, silent=True))
-    assert senses.silence == pytest.approx(0.5)
 
 
 def test_reset_is_the_state_before_the_first_reading() -> None:

@@ -53,39 +53,34 @@ def test_without_sight_of_the_path_the_robot_advances_a_little_and_stops_with_a_
     assert "nothing is seen of the path ahead" in str(monitor.failure)
 
 
-def test_sight_of_the_path_ends_the_standstill() -> None:
+def test_reverse_and_turns_are_no_advance_and_sight_ends_the_standstill() -> None:
     monitor = monitor_with()
     monitor.local_map.sight.observe(percept(0.0))
-    assert drive(monitor, 3.0)
+    for begin, wanted in ((0.0, Twist(-0.1, 0.0)), (5.0, Twist(0.0, 0.8))):
+        drive(monitor, 5.0, begin, wanted)
+    assert drive(monitor, 1.9, 10.0) == ""
+    assert drive(monitor, 1.1, 11.9)
     for _ in range(40):
         monitor.local_map.sight.observe(percept())
-    assert drive(monitor, 5.0, 3.1) == ""
+    assert drive(monitor, 5.0, 13.1) == ""
     assert monitor.failure is None
 
 
-def test_reverse_and_turns_are_no_advance() -> None:
-    monitor = monitor_with()
-    monitor.local_map.sight.observe(percept(0.0))
-    for wanted in (Twist(-0.1, 0.0), Twist(0.0, 0.8)):
-        drive(monitor, 5.0, wanted=wanted)
-    assert drive(monitor, 1.9) == ""
-
-
-def test_with_weak_sight_the_robot_does_not_creep_into_the_unobserved() -> None:
-    for known, speed in ((1.0, 0.15), (0.4, 0.0)):
-        monitor = monitor_with(unobserved=0.0)
-        monitor.local_map.sight.observe(percept(known))
-        verdict = monitor.limit(Twist(0.4, 0.3), 0.0, odometry(0.0, 0.0).pose)
-        assert verdict.twist == Twist(speed, 0.3)
-        assert verdict.reason == "unobserved space ahead"
-
-
-def test_weak_sight_limits_the_speed() -> None:
-    monitor = monitor_with()
-    monitor.local_map.sight.observe(percept(0.4))
+@pytest.mark.parametrize(
+    ("known", "unobserved", "speed", "reason"),
+    [
+        (1.0, 0.0, 0.15, "unobserved space ahead"),
+        (0.4, 0.0, 0.0, "unobserved space ahead"),
+        (0.4, 10.0, 0.25, "little is seen of the path ahead: too little texture above the noise"),
+    ],
+)
+def test_weak_sight_limits_the_speed_and_allows_no_creeping_into_the_unobserved(
+    known: float, unobserved: float, speed: float, reason: str
+) -> None:
+    monitor = monitor_with(unobserved=unobserved)
+    monitor.local_map.sight.observe(percept(known))
     verdict = monitor.limit(Twist(0.4, 0.3), 0.0, odometry(0.0, 0.0).pose)
-    assert verdict.twist == Twist(monitor.params.weak_sight, 0.3)
-    assert "little is seen of the path ahead" in verdict.reason
+    assert (verdict.twist, verdict.reason) == (Twist(speed, 0.3), reason)
 
 
 @pytest.mark.parametrize(
