@@ -3,9 +3,6 @@ from .dead_reckoning import DeadReckoning as DeadReckoning
 from .discrete_filter import DiscreteFilter as DiscreteFilter
 from .discrete_filter import DiscreteParams as DiscreteParams
 from .floor_plan import FloorPlanLocalizer as FloorPlanLocalizer
-from .known_walls import SURE_XY as SURE_XY
-from .known_walls import SURE_YAW as SURE_YAW
-from .known_walls import KnownWalls as KnownWalls
 from .landmark_model import ELSEWHERE_DENSITY as ELSEWHERE_DENSITY
 from .landmark_model import GATE as GATE
 from .landmark_model import Association as Association
@@ -25,6 +22,9 @@ from .motion_model import motion_noise as motion_noise
 from .motion_model import predict as predict
 from .motion_model import process_noise as process_noise
 from .motion_model import transition as transition
+from .passage_walls import SURE_XY as SURE_XY
+from .passage_walls import SURE_YAW as SURE_YAW
+from .passage_walls import KnownWalls as KnownWalls
 from .passage_walls import PassageAxis as PassageAxis
 from .passage_walls import corridor_fix as corridor_fix
 from .passage_walls import door_fix as door_fix

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 from pydantic import Field
@@ -57,8 +57,6 @@ class Bayes(Localizer):
         self.filter.initialize(pose, odometry)
         self._known_start = pose is not None
         self._updates = 0
-        self._version: object = None
-        self._places: Mapping[str, float] = {}
 
     def update(
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
@@ -72,15 +70,13 @@ class Bayes(Localizer):
         self.filter.observe(observations)
         self._updates += len(observations)
         cluster = self.filter.cluster
-        if self._version is not self.filter.version:
-            self._version, self._places = self.filter.version, self.filter.places
         support = 1.0 if self._known_start else self.filter.support_probability(cluster.pose)
         confidence = cluster.mass * support
         return Belief(
             odometry.time,
             cluster.pose,
             cluster.spread,
-            self._places,
+            self.filter.places,
             confidence,
             confidence < self.params.lost_below,
             self._updates,

@@ -9,12 +9,12 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw.interfaces import Localizer
 from navfw.localization.motion_model import NonNegative
 from navfw.localization.place_posterior import (
     COUNT,
     PLACE_RADIUS,
     REFRESH,
+    PlaceLocalizer,
     PlacePosterior,
     known_start,
     probability_within,
@@ -25,7 +25,7 @@ from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, wr
 from navfw.topomap import TopoMap
 
 
-class DeadReckoning(Localizer):
+class DeadReckoning(PlaceLocalizer):
     """Map pose = start pose composed with the odometry since the start.
 
     The covariance of (x, y, yaw) is propagated as in an EKF without measurements: it grows with
@@ -35,7 +35,7 @@ class DeadReckoning(Localizer):
 
     name: ClassVar[str] = "dead_reckoning"
 
-    class Params(Localizer.Params):
+    class Params(PlaceLocalizer.Params):
         """Standard deviations; those per root of a unit accumulate as a random walk."""
 
         start_xy: Annotated[NonNegative, Field(description="of the start x and y [m]")] = 0.02
@@ -66,12 +66,6 @@ class DeadReckoning(Localizer):
 
     params: Params
 
-    _posterior: PlacePosterior | None = None
-
-    def reset(self) -> None:
-        """Back to the state before ``start``."""
-        self._posterior = None
-
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
         """Start at ``pose`` (map frame).
 
@@ -90,13 +84,12 @@ class DeadReckoning(Localizer):
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
         """The belief after the newest odometry; percept and detections are not used."""
-        if self._posterior is None:
-            raise RuntimeError("start() comes before update()")
+        posterior = self.posterior
         moved = self._last.relative(odometry.pose)
         pose = self._map_from_odom.compose(odometry.pose)
         self._covariance = self._propagated(moved, pose.yaw)
         self._last = odometry.pose
-        places = self._posterior.at(pose, self._covariance)
+        places = posterior.at(pose, self._covariance)
         confidence = probability_within(self._covariance)
         return Belief(odometry.time, pose, self._covariance, places, confidence)
 

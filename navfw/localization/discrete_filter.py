@@ -128,6 +128,7 @@ class DiscreteFilter:
         self._situations_used_at = 0.0
         self._observed.clear()
         self._cluster: Cluster | None = None
+        self._places: Mapping[str, float] | None = None
         self.version = object()
         self.belief = self.lattice.uniform()
         if pose is None:
@@ -223,10 +224,12 @@ class DiscreteFilter:
 
     @property
     def places(self) -> Mapping[str, float]:
-        """The likeliest places with their probabilities, likeliest first."""
-        sums = self.place_probabilities
-        order = np.argsort(-sums, kind="stable")[:COUNT].tolist()
-        return {self._names[i]: float(sums[i]) for i in order}
+        """The likeliest places, likeliest first (computed when the belief has changed)."""
+        if self._places is None:
+            sums = self.place_probabilities
+            order = np.argsort(-sums, kind="stable")[:COUNT].tolist()
+            self._places = {self._names[i]: float(sums[i]) for i in order}
+        return self._places
 
     def _shift(self, dx: float, dy: float) -> None:
         """Shift every layer by (dx, dy) [m, odom], rotated by the layer's yaw."""
@@ -287,7 +290,7 @@ class DiscreteFilter:
         return rows, columns
 
     def _normalise(self) -> None:
-        self._cluster = None
+        self._cluster = self._places = None
         self.version = object()
         total = float(self.belief.sum(dtype=np.float64))
         if not math.isfinite(total) or total < 1e-20:

@@ -10,10 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from navfw.errors import MapError
-from navfw.interfaces import Localizer
 from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
-from navfw.localization.place_posterior import PlacePosterior, probability_within
+from navfw.localization.place_posterior import PlaceLocalizer, PlacePosterior, probability_within
 from navfw.localization.plan_field import PlanField
 from navfw.localization.plan_scan import PlanScan, scan_of
 from navfw.localization.plan_search import PlanSearch, are_close
@@ -57,7 +56,7 @@ _SEARCH_XY, _SEARCH_YAW = 0.15, 0.05
 """Standard deviations [m, rad] of a pose that the search has found."""
 
 
-class FloorPlanLocalizer(Localizer):
+class FloorPlanLocalizer(PlaceLocalizer):
     """Tracks the pose by an EKF on odometry, corrected by the walls of the map's floor plan.
 
     Scans are taken some way apart, since neighbouring ones share their errors. The running mean of
@@ -71,7 +70,7 @@ class FloorPlanLocalizer(Localizer):
 
     name: ClassVar[str] = "floor_plan"
 
-    class Params(MetricFilterParams, Localizer.Params):
+    class Params(MetricFilterParams, PlaceLocalizer.Params):
         """Noise of odometry, and when a pose is believed."""
 
         every: Annotated[
@@ -90,12 +89,6 @@ class FloorPlanLocalizer(Localizer):
         ] = -0.1
 
     params: Params
-
-    _posterior: PlacePosterior | None = None
-
-    def reset(self) -> None:
-        """Back to the state before ``start``."""
-        self._posterior = None
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
         """Start at ``pose`` (map frame), or anywhere when None.
@@ -127,8 +120,7 @@ class FloorPlanLocalizer(Localizer):
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
         """The belief after the newest odometry and, where there is one, percept."""
-        if self._posterior is None:
-            raise RuntimeError("start() comes before update()")
+        posterior = self.posterior
         self._driven += math.dist((self._last.x, self._last.y), (odometry.pose.x, odometry.pose.y))
         self._last = odometry.pose
         if self.tracking:
@@ -140,7 +132,7 @@ class FloorPlanLocalizer(Localizer):
                 self._correct(scan)
             if not self.tracking or self.fit < self.params.doubt_below:
                 self._find(odometry)
-        return self._belief(self._posterior, odometry)
+        return self._belief(posterior, odometry)
 
     def _scan(self, percept: Percept | None, twist: Twist) -> PlanScan | None:
         """The points of ``percept``, if the robot has moved on far enough since the last scan."""
@@ -149,7 +141,7 @@ class FloorPlanLocalizer(Localizer):
         if self._skidding(twist):
             return None
         scan = scan_of(percept, self.robot)
-        if scan.size < MIN_POINTS:
+        if len(scan.points) < MIN_POINTS:
             return None
         self._scanned_at = self._driven
         return scan
@@ -160,7 +152,6 @@ class FloorPlanLocalizer(Localizer):
         return self.robot.skid * abs(twist.w) > _MAX_SKID * way
 
     def _correct(self, scan: PlanScan) -> None:
-        """Match a scan to the plan, near the predicted pose."""
         covariance, pose = self.filter.pose_covariance, self.filter.pose
         information: Array = np.asarray(inverse(covariance), dtype=np.float64)
         match = self._field.match(scan, pose, information)

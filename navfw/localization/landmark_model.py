@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -200,11 +200,7 @@ class LandmarkObserver:
         self._trail.append((odometry.time, odometry.pose))
         while self._trail[0][0] < odometry.time - MAX_AGE:
             self._trail.popleft()
-        return list(self._observations(odometry, detections))
-
-    def _observations(
-        self, odometry: Odometry, detections: Sequence[LandmarkDetection]
-    ) -> Iterator[LandmarkObservation]:
+        observations = []
         for detection in detections:
             mark = self._marks.get(detection.identity)
             if mark is None or odometry.time - detection.time > MAX_AGE:
@@ -224,9 +220,9 @@ class LandmarkObserver:
             if since <= 0.0:
                 continue
             self._last[detection.identity] = detection.time
-            yield LandmarkObservation(
-                mark, measured, noise, x, y, min(1.0, since / _REPEAT_INTERVAL)
-            )
+            weight = min(1.0, since / _REPEAT_INTERVAL)
+            observations.append(LandmarkObservation(mark, measured, noise, x, y, weight))
+        return observations
 
     def _pose_at(self, time: float) -> Pose:
         """The odometry pose nearest in time; camera frames are stamped with odometry's times."""

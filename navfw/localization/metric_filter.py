@@ -12,7 +12,6 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw.interfaces import Localizer
 from navfw.localization.landmark_model import (
     GATE,
     Association,
@@ -32,7 +31,12 @@ from navfw.localization.motion_model import (
     transition,
 )
 from navfw.localization.passage_walls import PassageFix
-from navfw.localization.place_posterior import PlacePosterior, known_start, probability_within
+from navfw.localization.place_posterior import (
+    PlaceLocalizer,
+    PlacePosterior,
+    known_start,
+    probability_within,
+)
 from navfw.numerics import Array
 from navfw.numerics.linear_systems import solve
 from navfw.numerics.products import product
@@ -234,7 +238,7 @@ class MetricFilter:
         self._correct(step, np.outer(gain, self.covariance[3:4, :]))
 
 
-class Ekf(Localizer):
+class Ekf(PlaceLocalizer):
     """Odometry and gyro predict (x, y, yaw, gyro bias); landmark detections correct them.
 
     A detection passes a chi-square gate and is weighted by its landmark's existence probability, so
@@ -243,7 +247,7 @@ class Ekf(Localizer):
 
     name: ClassVar[str] = "ekf"
 
-    class Params(MetricFilterParams, Localizer.Params):
+    class Params(MetricFilterParams, PlaceLocalizer.Params):
         """Noise, the landmarks' prior, and when the belief is lost."""
 
         lost_below: Annotated[
@@ -251,12 +255,6 @@ class Ekf(Localizer):
         ] = 0.2
 
     params: Params
-
-    _posterior: PlacePosterior | None = None
-
-    def reset(self) -> None:
-        """Back to the state before ``start``."""
-        self._posterior = None
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
         """Start at ``pose`` (map frame).
@@ -279,8 +277,7 @@ class Ekf(Localizer):
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
         """The belief after the newest odometry and detections; percepts are not used."""
-        if self._posterior is None:
-            raise RuntimeError("start() comes before update()")
+        posterior = self.posterior
         self.filter.predict(odometry)
         self.filter.observe(self._observer.observe(odometry, detections))
         pose, covariance = self.filter.pose, self.filter.pose_covariance
@@ -289,7 +286,7 @@ class Ekf(Localizer):
             odometry.time,
             pose,
             covariance,
-            self._posterior.at(pose, covariance),
+            posterior.at(pose, covariance),
             confidence,
             confidence < self.params.lost_below,
             self.filter.updates,

@@ -1,8 +1,11 @@
-"""Heading and lateral position of the robot by the walls beside a passage of the map.
+"""Walls by the map: those beside its passages correct the pose, those of its plan bar turns.
 
 A topological map has no walls, but it has straight passages with their widths: a corridor has a
 wall on each side, parallel to its edge and equally far from it; a door is a gap of known width in a
-wall across its edge (METHOD 4.1).
+wall across its edge (METHOD 4.1). Seen, they give heading and lateral position.
+
+A camera does not see what is beside the robot. A round body may turn there; the corners of another
+one swing out to walls that it has never seen, but which the floor plan shows (``KnownWalls``).
 """
 
 from __future__ import annotations
@@ -12,13 +15,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import binary_erosion
 
 from navfw.localization.plan_scan import PlanScan
 from navfw.numerics import Array
 from navfw.numerics.linear_systems import inverse, solve
 from navfw.numerics.products import product
-from navfw.signals import Pose, wrap_angle
+from navfw.robot import RobotModel
+from navfw.signals import Belief, Pose, wrap_angle
 from navfw.topomap import Passage, Place, TopoMap
+from navfw.topomap.occupancy_map import OccupancyMap
 
 MAX_WIDTH = 3.0
 """Largest width [m] of a passage between walls."""
@@ -225,3 +231,32 @@ def door_fix(axis: PassageAxis, pose: Pose, scan: PlanScan) -> PassageFix | None
     if not axis.width - _FATTENING <= gap <= axis.width + TOLERANCE:
         return None
     return PassageFix(axis, 0.0, math.inf, -0.5 * (posts[0] - posts[1]), _DOOR_SIGMA)
+
+
+REACH = 2.0
+"""Distance [m] from the robot up to which walls count."""
+SURE_XY, SURE_YAW = 0.1, 0.1
+"""Largest standard deviations [m, rad] of the pose with which they count."""
+
+
+class KnownWalls:
+    """The surfaces of the walls of ``plan``."""
+
+    def __init__(self, plan: OccupancyMap) -> None:
+        occupied = plan.occupied
+        surface = occupied & ~binary_erosion(occupied)
+        self._points = plan.centres(*np.nonzero(surface))
+
+    @classmethod
+    def of(cls, plan: OccupancyMap | None, robot: RobotModel) -> KnownWalls | None:
+        """The walls of ``plan``; None without one, and for a round body: it may turn anywhere."""
+        return None if plan is None or robot.footprint is None else cls(plan)
+
+    def around(self, belief: Belief, pose: Pose) -> Array:
+        """Points (n, 2) [m] in ``odom`` of the walls near odom ``pose``; none while unsure."""
+        at = belief.pose
+        unsure = belief.sigma > SURE_XY or math.sqrt(belief.covariance[2, 2]) > SURE_YAW
+        if belief.lost or unsure:
+            return np.empty((0, 2))
+        off = np.abs(self._points - (at.x, at.y)).max(axis=1, initial=0.0)
+        return pose.points_to_parent(at.points_to_local(self._points[off <= REACH]))

@@ -41,11 +41,6 @@ class PlanScan:
     sigma: Array
     origins: Array
 
-    @property
-    def size(self) -> int:
-        """Number of points."""
-        return len(self.sigma)
-
 
 def scan_of(percept: Percept, robot: RobotModel) -> PlanScan:
     """The points of obstacles and of what stands higher, seen in ``percept``."""

@@ -6,13 +6,12 @@ The walls beside the passages of the map correct the pose in corridors and befor
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from navfw.interfaces import Localizer
 from navfw.localization.discrete_filter import Cluster, DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_model import (
     LandmarkExistence,
@@ -27,10 +26,9 @@ from navfw.localization.passage_walls import (
     door_fix,
     passage_axes,
 )
-from navfw.localization.place_posterior import PlacePosterior, probability_within
+from navfw.localization.place_posterior import PlaceLocalizer, PlacePosterior, probability_within
 from navfw.localization.plan_scan import PlanScan, ScanMemory, scan_of
 from navfw.localization.situation_model import observed_situations, situation_table
-from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap
@@ -82,7 +80,6 @@ class PassageObserver:
         return [fix for fix in fixes if fix is not None]
 
     def _corridor(self, pose: Pose, odom: Pose) -> PassageFix | None:
-        """By the corridor that the robot is in."""
         if self._driven - self._corridor_at < _CORRIDOR_EVERY:
             return None
         axis = next((axis for axis in self._corridors if _is_in(axis, pose)), None)
@@ -94,7 +91,6 @@ class PassageObserver:
         return fix
 
     def _door(self, pose: Pose, scan: PlanScan) -> PassageFix | None:
-        """By the door ahead."""
         if self._driven - self._door_at < _DOOR_EVERY:
             return None
         axis = next((axis for axis in self._doors if _is_ahead(axis, pose)), None)
@@ -128,7 +124,7 @@ _ESTABLISHED_SUPPORT = 4
 pose, or a given start, needs one more supporting landmark elsewhere to be replaced."""
 
 
-class Topological(Localizer):
+class Topological(PlaceLocalizer):
     """Global localisation by a discrete filter, pose tracking by an EKF.
 
     The discrete filter always covers the whole map. Once most of its probability lies at one pose
@@ -140,7 +136,7 @@ class Topological(Localizer):
 
     name: ClassVar[str] = "topological"
 
-    class Params(Localizer.Params):
+    class Params(PlaceLocalizer.Params):
         """Both filters, and when the discrete filter's pose is adopted."""
 
         metric: Annotated[MetricFilterParams, Field(description="of the Kalman filter")] = (
@@ -163,12 +159,6 @@ class Topological(Localizer):
 
     params: Params
 
-    _posterior: PlacePosterior | None = None
-
-    def reset(self) -> None:
-        """Back to the state before ``start``."""
-        self._posterior = None
-
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
         """Start at ``pose`` (map frame), or anywhere when None."""
         p = self.params
@@ -185,7 +175,6 @@ class Topological(Localizer):
         self._established = pose is not None
         self._disagreement = 0.0
         self._version: object = None
-        self._places: Mapping[str, float] = {}
         if pose is not None:
             xy, yaw = p.metric.start_xy**2, p.metric.start_yaw**2
             self.metric.initialize(pose, np.diag((xy, xy, yaw)), odometry)
@@ -194,8 +183,7 @@ class Topological(Localizer):
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
         """The belief after the newest odometry and, where there are any, percept and detections."""
-        if self._posterior is None:
-            raise RuntimeError("start() comes before update()")
+        posterior = self.posterior
         observations = self._observer.observe(odometry, detections)
         self.discrete.predict(odometry)
         self.discrete.observe_situations(observed_situations(percept))
@@ -208,9 +196,7 @@ class Topological(Localizer):
         self._version = self.discrete.version
         if observations or changed:
             self._compare(odometry, observations)
-        if self.tracking:
-            return self._tracking_belief(self._posterior, odometry)
-        return self._search_belief(odometry, changed)
+        return self._belief(posterior, odometry)
 
     def _observe_passages(self, odometry: Odometry, percept: Percept | None) -> None:
         """Correct the tracked pose by the walls beside it, unless it is in doubt."""
@@ -250,31 +236,19 @@ class Topological(Localizer):
         self.existence.reset(set(self.discrete.supporting(cluster.pose)).__contains__)
         self.metric.observe(observations)
 
-    def _tracking_belief(self, posterior: PlacePosterior, odometry: Odometry) -> Belief:
-        pose, covariance = self.metric.pose, self.metric.pose_covariance
-        confidence = probability_within(covariance) * (1.0 - self._disagreement)
-        return self._belief(odometry, pose, covariance, posterior.at(pose, covariance), confidence)
-
-    def _search_belief(self, odometry: Odometry, changed: bool) -> Belief:
-        cluster = self.discrete.cluster
-        if changed:
-            self._places = self.discrete.places
-        confidence = cluster.mass * self.discrete.support_probability(cluster.pose)
-        # lost until a pose has been adopted
-        confidence = min(confidence, 0.99 * self.params.lost_below)
-        return self._belief(odometry, cluster.pose, cluster.spread, self._places, confidence)
-
-    def _belief(
-        self,
-        odometry: Odometry,
-        pose: Pose,
-        covariance: Array,
-        places: Mapping[str, float],
-        confidence: float,
-    ) -> Belief:
-        lost = confidence < self.params.lost_below
-        time, updates = odometry.time, self.metric.updates
-        return Belief(time, pose, covariance, places, confidence, lost, updates)
+    def _belief(self, posterior: PlacePosterior, odometry: Odometry) -> Belief:
+        lost_below = self.params.lost_below
+        if self.tracking:
+            pose, covariance = self.metric.pose, self.metric.pose_covariance
+            places = posterior.at(pose, covariance)
+            confidence = probability_within(covariance) * (1.0 - self._disagreement)
+        else:
+            cluster = self.discrete.cluster
+            pose, covariance, places = cluster.pose, cluster.spread, self.discrete.places
+            confidence = cluster.mass * self.discrete.support_probability(cluster.pose)
+            confidence = min(confidence, 0.99 * lost_below)  # lost until a pose has been adopted
+        lost, updates = confidence < lost_below, self.metric.updates
+        return Belief(odometry.time, pose, covariance, places, confidence, lost, updates)
 
 
 def _is_same_pose(a: Pose, b: Pose) -> bool:

@@ -130,7 +130,9 @@ def _passage_statuses(
         stop = _cut(pose, start, end, reach)
         if stop is None:
             break
-        _draw(occupancy, strip, start, stop, half + slack)
+        ends = [occupancy.index(*point)[::-1] for point in (start, stop)]
+        thickness = max(round(2.0 * (half + slack) / occupancy.params.cell), 1)
+        cv2.line(strip, ends[0], ends[1], 1, thickness)
         if math.dist(start, stop) < _MIN_LENGTH:
             statuses.append("unknown")
             continue
@@ -158,18 +160,6 @@ def _cut(
     a, b = dx * dx + dy * dy, ax * dx + ay * dy
     share = (-b + math.sqrt(max(b * b - a * (ax * ax + ay * ay - reach * reach), 0.0))) / a
     return start[0] + share * dx, start[1] + share * dy
-
-
-def _draw(
-    occupancy: OccupancyGrid,
-    strip: Bytes,
-    start: tuple[float, float],
-    end: tuple[float, float],
-    half: float,
-) -> None:
-    ends = [occupancy.index(*point)[::-1] for point in (start, end)]
-    thickness = max(round(2.0 * half / occupancy.params.cell), 1)
-    cv2.line(strip, ends[0], ends[1], 1, thickness)
 
 
 def _gate(

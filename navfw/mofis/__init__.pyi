@@ -1,4 +1,3 @@
-from .explanation import explain_command as explain_command
 from .fusion import BlendFusion as BlendFusion
 from .fusion import DamnFusion as DamnFusion
 from .fusion import FuzzyFusion as FuzzyFusion
@@ -7,6 +6,7 @@ from .fusion import PriorityFusion as PriorityFusion
 from .fusion import pareto_front as pareto_front
 from .mofis import DecisionInputs as DecisionInputs
 from .mofis import Mofis as Mofis
+from .mofis import explain_command as explain_command
 from .navground import Navground as Navground
 from .navground import Surroundings as Surroundings
 from .rules import BehaviorRules as BehaviorRules

@@ -30,7 +30,6 @@ def _joint_prohibition(context: Context, proposals: Proposals) -> Array:
 
 
 def _shares(proposals: Proposals) -> dict[str, float]:
-    """Each behaviour's share of all applicability."""
     total = sum_in_order(proposal.applicability for proposal in proposals.values())
     return {name: p.applicability / max(total, 1e-9) for name, p in proposals.items()}
 
@@ -44,7 +43,6 @@ def _leader_at(proposals: Proposals, row: int, column: int) -> str:
 
 
 def _at_fraction(values: Array, position: float) -> float:
-    """``values`` (n,) at a fractional index."""
     return float(np.interp(position, np.arange(values.size), values))
 
 

@@ -163,7 +163,6 @@ def _nearest_isolated(
     place: str | None,
     component: frozenset[str] | None,
 ) -> tuple[str, float] | None:
-    """The nearest place without any passage, and its distance."""
     names = topo_map.isolated if place is None else topo_map.isolated & {place}
     names = names if component is None else names & component
     distances = [(topo_map.places[name].distance(*point), name) for name in names]

@@ -187,7 +187,8 @@ class Router:
 
     def part_at(self, end: Endpoint) -> frozenset[str]:
         """The connected part of the map that ``end`` belongs to, as place names."""
-        return self.topo_map.part_of(min(self.access(end).costs.items(), key=_by_cost)[0])
+        by_cost = ((cost, name) for name, cost in self.access(end).costs.items())
+        return self.topo_map.part_of(min(by_cost)[1])
 
     def route(self, start: Endpoint, goal: Endpoint) -> Route:
         """The cheapest route; passages of high danger only where there is no other.
@@ -309,7 +310,3 @@ def _part_text(component: frozenset[str]) -> str:
 def first_names(items: Sequence[object], count: int) -> str:
     """The first ``count`` of ``items``, for messages; an ellipsis stands for the rest."""
     return ", ".join(map(str, items[:count])) + (", ..." if len(items) > count else "")
-
-
-def _by_cost(item: tuple[str, float]) -> tuple[float, str]:
-    return item[1], item[0]

@@ -183,8 +183,8 @@ class Tour:
     A goal's ``place`` names a place of the map, or is only a label. Each goal's route is planned
     from the robot's position when the goal before has been reached; the routes between later goals
     are planned by the constructor, so that an unreachable goal is found before the robot moves.
-    ``route`` is the one to the present goal; ``no_route_reason`` names the closed passages while
-    there is none.
+    ``route`` is the one to the present goal, by ``router``; ``no_route_reason`` names the closed
+    passages while there is none.
 
     Raises:
         MapError: two goals are not connected, or a goal is farther than ``max_off_map`` [m] from
@@ -200,7 +200,7 @@ class Tour:
         replan_distance: float,
         max_off_map: float,
     ) -> None:
-        self._router = router
+        self.router = router
         self._passing = passing
         self._replan_distance = replan_distance
         self._max_off_map = max_off_map
@@ -257,8 +257,8 @@ class Tour:
         if not self._goals:
             return None
         if self.route is None:
-            self._router.check_near(Endpoint(*at), "start", self._max_off_map)
-            self._follow(self._router.route(Endpoint(*at), self._endpoint(self._goals[0])), at)
+            self.router.check_near(Endpoint(*at), "start", self._max_off_map)
+            self._follow(self.router.route(Endpoint(*at), self._endpoint(self._goals[0])), at)
         elif self._is_off_path(at):
             self._replan(at)
         while self._ahead and (passed := self._passed(at, sure)):
@@ -300,7 +300,7 @@ class Tour:
 
     def _plan(self, at: Point) -> None:
         try:
-            route = self._router.route_within(Endpoint(*at), self._endpoint(self._goals[0]))
+            route = self.router.route_within(Endpoint(*at), self._endpoint(self._goals[0]))
         except MapError:
             # closed passages, or a position estimate without access to the map: keep the old route
             self._came_from = at
@@ -316,7 +316,7 @@ class Tour:
 
     def _closed_on_route(self) -> str | None:
         """Message with the closed passages on the planned route; None if none is closed."""
-        closed = self._router.closed
+        closed = self.router.closed
         ahead = {frozenset(w.passage) for w in self._ahead if w.passage is not None}
         named = [passage for passage in closed if passage.ends in ahead] or closed
         if not named:
@@ -328,8 +328,8 @@ class Tour:
         return distance_to_leg(at, self._came_from, (end.x, end.y)) > self._replan_distance
 
     def _waypoints(self, route: Route, goal: Waypoint) -> list[Waypoint]:
-        return waypoints_of(route, goal, self._router.topo_map, self._passing)
+        return waypoints_of(route, goal, self.router.topo_map, self._passing)
 
     def _endpoint(self, goal: Waypoint) -> Endpoint:
-        on_map = goal.place in self._router.topo_map.places
+        on_map = goal.place in self.router.topo_map.places
         return Endpoint(goal.x, goal.y, goal.place if on_map else None)

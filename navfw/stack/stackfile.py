@@ -162,13 +162,7 @@ def load_stack(
         PluginError: a plugin is broken.
 
     """
-    return resolve(read_stack(path), plugins, overrides)
-
-
-def resolve(
-    document: YamlDocument, plugins: PluginSource, overrides: Sequence[str] = ()
-) -> StackConfig:
-    """Like ``load_stack``, from a document already read."""
+    document = read_stack(path)
     placed = [_placed(parse_override(text), document) for text in overrides]
     document = apply_overrides(document, placed)
     spec = validate(document, StackSpec)

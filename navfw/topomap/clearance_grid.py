@@ -193,7 +193,6 @@ def _remove_spurs(graph: nx.MultiGraph, grid: ClearanceGrid) -> bool:
 
 
 def _merge_lines(graph: nx.MultiGraph) -> None:
-    """Merge the two lines at each node of degree two."""
     for node in list(graph):
         around = list(graph.edges(node, data=True, keys=True))
         if len(around) != 2 or graph.degree(node) != 2:

@@ -154,7 +154,6 @@ class GeoJsonReader:
         self._importer.add_edge(start, end, self._metadata(properties), line, directed=True)
 
     def _end(self, feature: dict[str, Any], index: int, key: str, line: int) -> str:
-        """The name of the node at one end of an edge."""
         number, _ = self._number(feature, index, key, line)
         if number not in self._names:
             raise self._error(

@@ -35,7 +35,7 @@ from navfw.topomap.mapfile import (
     map_text,
 )
 from navfw.topomap.mapspec import MAX_BYTES
-from navfw.topomap.ros_map import save_ros_map
+from navfw.topomap.occupancy_map import save_ros_map
 from navfw.topomap.topological_map import TopoMap
 
 _NUMBERS = {"double": float, "float": float, "int": int, "long": int}
@@ -67,7 +67,6 @@ def graphml_text(topo_map: TopoMap, plan_file: str | None = None) -> str:
 
 
 def _add_data(owner: Element, values: dict[str, str | float | None]) -> None:
-    """Add <data> elements, but for values of None."""
     for key, value in values.items():
         if value is not None:
             data = SubElement(owner, "data", key=f"{owner.tag}-{key}")

@@ -36,7 +36,7 @@ from navfw.topomap.mapspec import (
     MapSpec,
     PlaceSpec,
 )
-from navfw.topomap.ros_map import load_ros_map
+from navfw.topomap.occupancy_map import load_ros_map
 from navfw.topomap.topological_map import TopoMap
 
 _PLAIN = re.compile(r"(?!(?i:true|false|yes|no|on|off|null|nan|inf)$)[A-Za-z][\w-]*", re.ASCII)
@@ -179,22 +179,14 @@ def _passage(edge: EdgeSpec, places: dict[str, Place]) -> Passage:
     )
 
 
-def _first_line(document: YamlDocument, violation: MapViolation) -> str:
-    line = None if violation.first is None else document.line_of(violation.first)
-    return "" if line is None else f" (the first is in line {line})"
-
-
 def _map_error(document: YamlDocument, violations: Sequence[MapViolation]) -> MapError:
     """One error with all violations, in the order of the file, one a line."""
-    errors = [
-        MapError(
-            violation.message + _first_line(document, violation),
-            file=document.file,
-            line=document.line_of(violation.where),
-            key=key_text(violation.where),
-        )
-        for violation in violations
-    ]
+    errors = []
+    for violation in violations:
+        first = None if violation.first is None else document.line_of(violation.first)
+        message = violation.message + ("" if first is None else f" (the first is in line {first})")
+        line, key = document.line_of(violation.where), key_text(violation.where)
+        errors.append(MapError(message, file=document.file, line=line, key=key))
     errors.sort(key=lambda error: error.line or 0)
     if len(errors) == 1:
         return errors[0]

@@ -83,8 +83,8 @@ class Drive:
 
     @property
     def router(self) -> Router:
-        assert self.papfis._router is not None
-        return self.papfis._router
+        assert self.papfis._tour is not None
+        return self.papfis._tour.router
 
     def _update(self) -> Waypoint:
         waypoint = self.papfis.update(replace(belief(*self.at), time=self.time))

@@ -190,7 +190,8 @@ def test_reverse_without_frames_is_limited_in_distance() -> None:
 def test_probes_of_silent_encoders_are_short_and_slow() -> None:
     monitor = monitor_with()
     monitor.update(reading(0.0, picture()), odometry(0.0))
-    forward, backward = [], []
+    forward: list[float] = []
+    backward: list[float] = []
     for tick in range(1, 60 * 7):
         time = tick / 60.0
         monitor.update(reading(time, picture()), odometry(time, silent=True))
