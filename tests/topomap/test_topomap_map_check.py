@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -29,13 +30,6 @@ def found(
     topo_map: TopoMap, clearances: Callable[[Array], Array] | None = None
 ) -> set[tuple[str, str]]:
     return {(problem.kind, problem.where) for problem in check_map(topo_map, clearances)}
-
-
-@pytest.mark.parametrize("name", ["office", "hospital", "paper-room", "empty"])
-def test_the_shipped_maps_have_no_problems(name: str) -> None:
-    world = load_world(ROOT / "worlds" / name / "world.yaml")
-    plan = SceneGeometry.from_world(world)
-    assert check_map(load_map(ROOT / "maps" / f"{name}.yaml"), plan.clearances) == []
 
 
 @pytest.mark.parametrize("length", [90.0, 150.0, 1e4, 2e6])
@@ -90,3 +84,46 @@ def test_widths_above_the_free_width() -> None:
     assert found(fair, wall(2.0)) == set()
     (problem,) = check_map(wide, wall(2.0))
     assert "1.2 m wide in the map, 1.00 m in the world at (1.99, -1.50)" in problem.message
+
+
+# --- the shipped maps ----------------------------------------------------------------------------
+
+MARGIN = 0.05
+
+
+def load(name: str) -> tuple[TopoMap, SceneGeometry]:
+    world = load_world(ROOT / "worlds" / name / "world.yaml")
+    return load_map(ROOT / "maps" / f"{name}.yaml"), SceneGeometry.from_world(world)
+
+
+@pytest.mark.parametrize("name", ["office", "hospital", "paper-room", "empty"])
+def test_the_shipped_maps_have_no_problems_and_passages_as_wide_as_mapped(name: str) -> None:
+    topo_map, plan = load(name)
+    assert check_map(topo_map, plan.clearances) == []
+    assert len(topo_map.parts) == 1
+    radius = RobotModel().radius
+    assert topo_map.passages
+    for passage in topo_map.passages:
+        a, b = topo_map.place(passage.a), topo_map.place(passage.b)
+        share = np.linspace(0.0, 1.0, 2 + int(passage.length / 0.02))[:, None]
+        line = np.array([a.x, a.y]) * (1 - share) + np.array([b.x, b.y]) * share
+        free = float(plan.clearances(line).min())
+        assert free >= radius + MARGIN, f"{passage}: {free:.2f} m free"
+        if math.isfinite(passage.width):
+            assert 0.5 * passage.width <= free + 1e-6, f"{passage}: {2 * free:.2f} m wide"
+
+
+@pytest.mark.parametrize("name", ["office", "hospital", "paper-room"])
+def test_doors_are_approached_straight(name: str) -> None:
+    """Every door has places before and behind it, in line: robots cross it at a right angle."""
+    topo_map, _ = load(name)
+    doors = [place for place in topo_map.places.values() if place.kind == "door"]
+    assert doors
+    for door in doors:
+        before, behind = (
+            topo_map.place(p.other(door.name)) for p in topo_map.passages_at(door.name)
+        )
+        assert math.dist((before.x, before.y), (behind.x, behind.y)) == pytest.approx(
+            before.distance(door.x, door.y) + behind.distance(door.x, door.y)
+        )
+        assert before.distance(door.x, door.y) >= 0.75

@@ -36,16 +36,10 @@ def whole_maps(draw: st.DrawFn) -> TopoMap:
     kinds = st.sampled_from(PLACE_KINDS)
     places = [Place(n, draw(coordinates), draw(coordinates), draw(kinds)) for n in chosen]
     pairs = [(a, b) for i, a in enumerate(places) for b in places[:i]]
+    widths = st.one_of(st.just(math.inf), st.floats(0.1, 9.0))
+    values = st.tuples(widths, shares, shares, shares)
     passages = [
-        Passage(
-            a.name,
-            b.name,
-            a.distance(b.x, b.y) + draw(st.floats(0.01, 5.0)),
-            draw(st.one_of(st.just(math.inf), st.floats(0.1, 9.0))),
-            draw(shares),
-            draw(shares),
-            draw(shares),
-        )
+        Passage(a.name, b.name, a.distance(b.x, b.y) + draw(st.floats(0.01, 5.0)), *draw(values))
         for a, b in draw(st.lists(st.sampled_from(pairs), min_size=1, max_size=8, unique=True))
     ]
     marks = [
@@ -59,6 +53,14 @@ def _poses() -> st.SearchStrategy[tuple[float, ...]]:
     return st.tuples(
         coordinates, coordinates, st.floats(-6.2, 6.2), st.floats(0, 3), st.floats(0.05, 1)
     )
+
+
+def assert_refused(path: Path, error: type[InputError], words: list[str]) -> None:
+    """Assert that loading ``path`` raises ``error``, and that its message has all ``words``."""
+    with pytest.raises(error) as caught:
+        load_any_map(path)
+    for word in words:
+        assert word in str(caught.value)
 
 
 def content(topo_map: TopoMap) -> tuple[Any, ...]:
@@ -80,13 +82,14 @@ def test_every_format_preserves_the_map(tmp_path: Path, suffix: str, topo_map: T
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
-def test_the_office_survives_conversion_through_all_formats(tmp_path: Path) -> None:
-    office = load_map(MAPS / "office.yaml")
-    topo_map = office
+@pytest.mark.parametrize("name", ["office", "paper-room", "empty"])
+def test_shipped_maps_survive_conversion_through_all_formats(tmp_path: Path, name: str) -> None:
+    shipped = load_map(MAPS / f"{name}.yaml")
+    topo_map = shipped
     for suffix in ("geojson", "graphml", "yaml", "graphml", "geojson"):
-        save_map(topo_map, tmp_path / f"office.{suffix}")
-        topo_map = load_any_map(tmp_path / f"office.{suffix}")
-    assert content(topo_map) == content(office)
+        save_map(topo_map, tmp_path / f"{name}.{suffix}")
+        topo_map = load_any_map(tmp_path / f"{name}.{suffix}")
+    assert content(topo_map) == content(shipped)
 
 
 def test_graphml_is_exchanged_with_networkx(tmp_path: Path) -> None:
@@ -174,16 +177,10 @@ def test_errors_in_geojson_name_their_line(
     data = nav2_graph()
     data["features"][index][path[0]][path[1]] = value
     file = write(tmp_path, data)
-    with pytest.raises(InputError) as caught:
-        load_any_map(file)
-    line = caught.value.line
-    text = str(caught.value)
-    for word in words:
-        assert word in text
-    if "leads only" not in text:
-        assert f"graph.geojson:{line}: " in text
-        opening = [n for n, row in enumerate(file.read_text().splitlines(), 1) if row == "  {"]
-        assert line == opening[index]
+    opening = [n for n, row in enumerate(file.read_text().splitlines(), 1) if row == "  {"]
+    one_way = "leads only" in words[0]
+    located = [] if one_way else [f"graph.geojson:{opening[index]}: "]
+    assert_refused(file, InputError, [*located, *words])
 
 
 def test_one_way_edges_become_passages_on_request(tmp_path: Path) -> None:
@@ -222,13 +219,7 @@ GRAPHML = """\
         ('<data key="d2">2</data>', '<data key="d2">0</data>', MapError, 9, ["more than 0 m"]),
         ('"undirected"', '"directed"', MapError, 9, ["leads only", "--both-ways"]),
         ("</graph>\n", "", ConfigError, 10, ["expected GraphML", "not XML", "mismatched tag"]),
-        (
-            "<?xml",
-            '<!DOCTYPE g [<!ENTITY e "x">]><!-- ',
-            ConfigError,
-            1,
-            ["entities are not allowed"],
-        ),
+        ("<?xml", '<!DOCTYPE g [<!ENTITY e "x">]><!-- ', ConfigError, 1, ["entities are not"]),
         ("<edge", "<hyperedge/><edge", MapError, 9, ["connects two places"]),
     ],
 )
@@ -240,11 +231,7 @@ def test_errors_in_graphml_name_their_line(
     path.write_text(GRAPHML)
     assert len(load_any_map(path).passages) == 1
     path.write_text(GRAPHML.replace(old, new, 1))
-    with pytest.raises(error) as caught:
-        load_any_map(path)
-    assert f"g.graphml:{line}: " in str(caught.value)
-    for word in words:
-        assert word in str(caught.value)
+    assert_refused(path, error, [f"g.graphml:{line}: ", *words])
 
 
 @pytest.mark.parametrize(
@@ -266,7 +253,4 @@ def test_files_that_are_not_maps_are_errors(
 ) -> None:
     if text is not None:
         (tmp_path / name).write_text(text)
-    with pytest.raises(InputError) as caught:
-        load_any_map(tmp_path / name)
-    for word in words:
-        assert word in str(caught.value)
+    assert_refused(tmp_path / name, InputError, words)

@@ -59,10 +59,9 @@ def test_projections_are_within_the_slack_and_the_choice(
     assert near == [f for f in everything if f.aside <= everything[0].aside + slack]
     assert topo_map.nearest_passage(*point) == near[0]
     last = everything[-1].passage
-    assert [f.passage for f in topo_map.project_onto_passages(*point, slack=0.0, among=[last])] == [
-        last
-    ]
-    assert topo_map.project_onto_passages(*point, slack=0.0, among=[]) == []
+    for among in ([last], []):
+        near = topo_map.project_onto_passages(*point, slack=0.0, among=among)
+        assert [projection.passage for projection in near] == among
 
 
 @given(chains(), points)
@@ -88,12 +87,7 @@ def test_accessors_return_the_elements_of_the_graph() -> None:
     assert topo_map.parts == (frozenset({"hall", "door"}), frozenset({"cell"}))
     assert topo_map.part_of("cell") == {"cell"}
     assert topo_map.isolated == {"cell"}
-
-
-def test_a_map_without_passages_has_places() -> None:
-    topo_map = TopoMap("m", [CELL], [])
-    assert topo_map.nearest_passage(0.0, 0.0) is None
-    assert topo_map.nearest_place(0.0, 0.0) is CELL
+    assert TopoMap("m", [CELL], []).nearest_passage(0.0, 0.0) is None
 
 
 def test_unknown_names_come_with_the_nearest() -> None:
@@ -107,10 +101,7 @@ def test_unknown_names_come_with_the_nearest() -> None:
 @pytest.mark.parametrize(
     ("passage", "message"),
     [
-        (
-            Passage("hall", "dor", 3.0),
-            r"edges\.0\.to: there is no place 'dor'; did you mean 'door'",
-        ),
+        (Passage("hall", "dor", 3.0), r"0\.to: there is no place 'dor'; did you mean 'door'"),
         (Passage("hall", "hall", 1.0), "connects 'hall' to itself"),
         (Passage("hall", "door", 0.0), r"edges\.0\.length: expected more than 0 m, got 0"),
         (Passage("hall", "door", -2.0), "expected more than 0 m, got -2"),
@@ -132,8 +123,6 @@ def test_duplicates_are_refused() -> None:
         TopoMap("m", [HALL, DOOR], [straight(HALL, DOOR), straight(DOOR, HALL)])
     with pytest.raises(MapError, match="at least one place"):
         TopoMap("m", [], [])
-
-
-def test_lengths_rounded_to_centimetres_are_no_violation() -> None:
+    # but a length rounded to centimetres is no violation
     corner = Place("corner", 1, 1)
     assert TopoMap("m", [HALL, corner], [Passage("hall", "corner", 1.41)]).passages
