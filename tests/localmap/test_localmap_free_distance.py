@@ -14,7 +14,7 @@ from localmap_samples import ORIGIN, ROBOT, WALL_AHEAD, grid_with
 
 from navfw.context import CommandGrid
 from navfw.localmap import Arcs, OccupancyGrid, Ranges, arcs_of, free_distance, ranges_around
-from navfw.localmap.ray_kernels import Ground, Start, cast_ranges, follow_arc
+from navfw.localmap.ray_kernels import Ground, Start, cast_ranges, sweep_arcs
 from navfw.numerics import Array
 from navfw.signals import Pose, Twist
 
@@ -60,12 +60,6 @@ def test_backward_arcs_are_free_over_observed_floor_alone() -> None:
         occupancy.update(Pose(0.01 * k, 0, 0), 0.1 * k)
     behind = arcs(occupancy, Pose(0.59, 0, 0), margin=0.0)
     assert 0.4 < behind.free[0, STRAIGHT] < 0.7
-
-
-def test_mirrored_grids_give_mirrored_arcs() -> None:
-    left = arcs(grid_with((0.5, 0.9, 0.2, 0.8)))
-    right = arcs(grid_with((0.5, 0.9, -0.8, -0.2)))
-    assert np.allclose(left.free, right.free[:, ::-1], atol=0.06)
 
 
 @settings(max_examples=20, deadline=None)
@@ -277,35 +271,10 @@ def test_arcs_are_those_of_the_reference(seed: int, tight: bool, v: float, w: fl
     x, y = (c + rng.uniform(-0.9, 0.9) for c in CENTRE) if not tight else CENTRE
     start = (x + 1e-4, y + 1e-4, rng.uniform(-3.1, 3.1))
     expected = reference_arc(clearance, observed, start, v, w)
-    followed = follow_arc(ground_of(clearance, observed), start, v, w, RIM, REACH, HORIZON)
-    assert followed == pytest.approx(expected, abs=1e-9)
-
-
-@pytest.mark.parametrize("yaw", [0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi])
-def test_arcs_end_where_they_leave_the_grid(yaw: float) -> None:
-    clearance, observed = np.full((SIZE, SIZE), 2.0), np.ones((SIZE, SIZE))
-    ground = ground_of(clearance, observed)
-    # 0.5 m from the border ahead, which is half a cell beyond the last cell's centre
-    off = 0.5 * (SIZE - 1) * CELL + 0.5 * CELL - 0.5
-    start = (CENTRE[0] + off * math.cos(yaw), CENTRE[1] + off * math.sin(yaw), yaw)
-    free, seen, clear = follow_arc(ground, start, 0.3, 0.0, RIM, REACH, HORIZON)
-    assert free == pytest.approx(0.5, abs=0.5 * CELL)
-    assert seen == free
-    assert clear == 2.0 - RIM
-    back, _, _ = follow_arc(ground, start, -0.3, 0.0, RIM, REACH, HORIZON)
-    assert back == REACH
-
-
-def test_an_arc_of_half_a_turn_is_as_good_as_an_endless_one() -> None:
-    clearance, observed = np.full((SIZE, SIZE), 2.0), np.ones((SIZE, SIZE))
-    row, column = SIZE // 2, SIZE // 2
-    radius = 0.2
-    # occupied beside the start, where the second half of the circle would lead
-    clearance[row - 2 : row + 3, column - 9 : column - 3] = 0.0
-    start = (*CENTRE, 0.5 * math.pi)
-    for w in (0.3 / radius, -0.3 / radius):
-        free, _, _ = follow_arc(ground_of(clearance, observed), start, 0.3, w, RIM, REACH, 0.0)
-        assert (free == REACH) == (w < 0.0), "to the left it would close on the obstacle"
+    ground, command = ground_of(clearance, observed), (np.array([v]), np.array([w]))
+    swept = np.empty((3, 1, 1))
+    sweep_arcs(ground, start, *command, RIM, REACH, HORIZON, *swept)
+    assert swept.ravel() == pytest.approx(expected, abs=1e-9)
 
 
 BEARINGS = np.linspace(-math.pi, math.pi, 25)[1:]

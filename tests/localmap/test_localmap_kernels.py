@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.localmap.cost_kernels import cost_to_go, price_cells
-from navfw.localmap.ray_kernels import least_within, sweep_arcs
+from navfw.localmap.ray_kernels import least_within
 from navfw.localmap.sensor_kernels import cast_evidence, decay_view, merge_evidence, rays_of
-from navfw.numerics import Array, Mask
+from navfw.numerics import Array
 from navfw.robot import RobotModel
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -124,35 +124,6 @@ def test_rays_are_the_points_rotated_into_odom(seed: int, yaw: float, aside: flo
     turned = base @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]).T
     rays = rays_of(points, aside, CAMERA.focal, CAMERA.base_from_camera, yaw)
     np.testing.assert_allclose(rays, turned, rtol=0.0, atol=1e-12)
-
-
-def free_length(v: float, w: float, yaw: float, blocked: Mask, cell: float, reach: float) -> float:
-    """Length [m] of the arc of a point from the grid's centre to the first blocked cell."""
-    x = y = 0.5 * cell * (len(blocked) - 1) + 1e-4
-    length, step, sign = 0.0, 0.5 * cell, math.copysign(1.0, v)
-    while length < min(reach, math.pi * abs(v / w) if w else reach):
-        heading = yaw + sign * (length + 0.5 * step) * w / v
-        x, y = x + sign * step * math.cos(heading), y + sign * step * math.sin(heading)
-        if blocked[round(y / cell), round(x / cell)]:
-            return length
-        length += step
-    return reach
-
-
-@settings(max_examples=40)
-@given(SEEDS, st.floats(-3.2, 3.2))
-def test_arcs_are_swept_step_by_step(seed: int, yaw: float) -> None:
-    rng = np.random.default_rng(seed)
-    blocked = rng.random((81, 81)) < 0.02
-    blocked[39:42, 39:42] = False
-    clearance = np.where(blocked, 0.0, 1.0)
-    ground = (clearance, np.ones(blocked.shape, np.uint8), 0.0, 0.0, 0.05)
-    speeds, turns = np.array([-0.2, 0.1, 0.4]), np.linspace(-1.2, 1.2, 7)
-    free, observed, least = np.empty((3, 3, 7))
-    start = (2.0 + 1e-4, 2.0 + 1e-4, yaw)
-    sweep_arcs(ground, start, speeds, turns, 0.04, 1.5, 0.6, free, observed, least)
-    expected = [[free_length(v, w, yaw, blocked, 0.05, 1.5) for w in turns] for v in speeds]
-    np.testing.assert_allclose(free, expected, atol=1e-9)
 
 
 # --- the evidence of single rays, by the sensor model in plain Python ----------------------------

@@ -211,14 +211,6 @@ def test_points_high_above_the_floor_are_no_evidence(height: float, counts: bool
     assert integrated([high] * 4, START).occupied.any() == counts
 
 
-def test_evidence_outside_the_square_is_dropped() -> None:
-    occupancy = OccupancyGrid(ROBOT, OccupancyParams(extent=4.0))
-    occupancy = integrated([percept_of(0.0, 1.2, Label.OBSTACLE)] * 6, START, occupancy)
-    occupancy.update(Pose(-10.0, 0, 0), 1.0)
-    occupancy.update(Pose(0.0, 0, 0), 1.1)
-    assert not occupancy.occupied.any()
-
-
 def test_clearance_is_the_distance_to_the_nearest_occupied_cell() -> None:
     occupancy = integrated([percept_of(0.0, 1.2, Label.OBSTACLE, sigma=0.005)] * 6, START)
     spots = np.argwhere(occupancy.occupied)

@@ -67,13 +67,6 @@ def test_between_two_points_beside_one_passage_the_route_is_straight() -> None:
     assert route.length == pytest.approx(math.hypot(2.2, 0.2))
 
 
-def test_lobby_to_lab_goes_through_two_doors_and_the_corridor() -> None:
-    route = Router(office(), ROBOT).route(Endpoint(1.2, 1.2), Endpoint(14.2, 7.8, "lab"))
-    assert [p for p in route.places if p.endswith("-door")] == ["lobby-door", "lab-door"]
-    assert route.places[-1] == "lab"
-    assert 17.0 < route.length < 21.0
-
-
 def test_unconnected_parts_are_named() -> None:
     places = [Place("hall", 0, 0), Place("cell", 4, 0), Place("attic", 30, 0), Place("den", 34, 0)]
     apart = [joined(places[0], places[1]), joined(places[2], places[3])]

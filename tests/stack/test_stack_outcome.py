@@ -43,28 +43,10 @@ def test_the_stack_gives_up_without_a_route_for_long() -> None:
         assert rig.stack.state.stuck is None
     rig.step(3.0 + NO_ROUTE_AFTER)
     assert rig.stack.state.stuck == "the door is shut"
-
-
-@pytest.mark.parametrize("change", ["route", "waypoint"])
-def test_a_route_in_between_starts_the_time_without_one_anew(change: str) -> None:
-    rig = Rig()
-    rig.planner.reason = "the door is shut"
-    for time in np.arange(0.0, 15.0, 0.5):
-        rig.step(float(time))
-    if change == "route":
-        rig.planner.reason = None
-    else:
-        rig.localizer.lost = True
-    rig.step(15.0)
-    rig.planner.reason, rig.localizer.lost = "the door is shut", False
-    for time in np.arange(15.5, 35.0, 0.5):
-        rig.step(float(time))
-        assert rig.stack.state.stuck is None
-    # a new mission starts anew as well
     rig.stack.start(START, [GOAL])
     rig.planner.reason = "the door is shut"
     rig.step(40.0)
-    assert rig.stack.state.stuck is None
+    assert rig.stack.state.stuck is None, "a new mission starts anew"
 
 
 @pytest.mark.parametrize(
@@ -246,3 +228,15 @@ def test_it_gives_up_and_says_why() -> None:
         "the door is closed"
     )
     assert watched((0.0, 0.0), None, late, "the door is closed").give_up_reason is None
+
+
+@pytest.mark.parametrize(("waypoint", "no_route"), [(LAB, None), (None, "the door is closed")])
+def test_a_route_in_between_starts_the_time_without_one_anew(
+    waypoint: Waypoint | None, no_route: str | None
+) -> None:
+    watch, here = ProgressWatch(), belief(0.0, 0.0)
+    watch.update(0.0, here, LAB, 0.0, "the door is closed")
+    watch.update(0.9 * NO_ROUTE_AFTER, here, waypoint, 0.0, no_route)
+    for time, reason in ((0.91, None), (1.9, None), (1.92, "the door is closed")):
+        watch.update(time * NO_ROUTE_AFTER, here, LAB, 0.0, "the door is closed")
+        assert watch.give_up_reason == reason
