@@ -146,8 +146,7 @@ class DiscreteFilter:
 
     def predict(self, odometry: Odometry) -> None:
         """Shift the belief by the odometry since the last shift, once that is a cell's length."""
-        step = math.hypot(odometry.pose.x - self._last.x, odometry.pose.y - self._last.y)
-        self._driven += step
+        self._driven += math.hypot(odometry.pose.x - self._last.x, odometry.pose.y - self._last.y)
         self._last = odometry.pose
         dx, dy = odometry.pose.x - self._shifted_at.x, odometry.pose.y - self._shifted_at.y
         if math.hypot(dx, dy) >= self.lattice.cell:

@@ -190,8 +190,7 @@ class FloorPlanLocalizer(PlaceLocalizer):
     def _belief(self, posterior: PlacePosterior, odometry: Odometry) -> Belief:
         if not self.tracking:
             unknown: Array = np.diag([1e4, 1e4, 10.0])
-            origin = Pose(0.0, 0.0, 0.0)
-            return Belief(odometry.time, origin, unknown, confidence=0.0, lost=True)
+            return Belief(odometry.time, Pose(0.0, 0.0, 0.0), unknown, confidence=0.0, lost=True)
         pose, covariance = self.filter.pose, self.filter.pose_covariance
         trust = min(max(self.fit / max(self.params.doubt_below, 1e-6), 0.0), 1.0)
         return Belief(

@@ -272,8 +272,7 @@ class SafetyMonitor:
             fastest = self._stopping_speed(room, robot.max_turn_accel)
             if abs(w) > fastest:
                 w, reason = math.copysign(fastest, w), "no room to turn"
-        stopped = twist.v > 0.0 and v <= 0.0
-        return SafetyVerdict(Twist(v, w), reason, stopped)
+        return SafetyVerdict(Twist(v, w), reason, stopped=twist.v > 0.0 and v <= 0.0)
 
     @property
     def failure(self) -> PersistentFailure | None:
