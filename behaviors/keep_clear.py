@@ -127,9 +127,9 @@ class KeepClear(RuledBehavior):
         if percept is not None and percept.sees_depth and percept.time > self._seen:
             self._seen = percept.time
             kept = self._points[~self._in_view(self._local(pose))]
-            found = self._nearest(percept)
+            nearest = self._nearest(percept)
             camera = pose.to_parent(self.robot.camera.mount_forward, 0.0)
-            seen = np.array([pose.to_parent(x, y) for x, y in found]).reshape(-1, 2)
+            seen = np.array([pose.to_parent(x, y) for x, y in nearest]).reshape(-1, 2)
             rays = seen - camera
             rays /= np.maximum(np.hypot(rays[:, :1], rays[:, 1:]), 1e-9)
             times = np.full((len(seen), 1), percept.time)
@@ -166,15 +166,15 @@ class KeepClear(RuledBehavior):
             & (percept.confidence >= MIN_CONFIDENCE)
             & (percept.nearness > 1.0 / self.params.near)
         )
-        found = []
+        positions = []
         for column in np.flatnonzero(shown.any(axis=0)):
             cells = shown[:, column]
             nearness, weight = percept.nearness[cells, column], percept.confidence[cells, column]
             depth = _nearest_depth(nearness, weight)
             if depth is not None:
                 slope = -float(percept.points[0, column, 0]) / camera.focal
-                found.append((camera.mount_forward + depth, slope * depth))
-        return found
+                positions.append((camera.mount_forward + depth, slope * depth))
+        return positions
 
     # --- the way past it ----------------------------------------------------------------------
 

@@ -13,8 +13,8 @@ from navfw import Context, Proposal, RuledBehavior
 class LookAgain(RuledBehavior):
     """Turns away from what the old percept had near ahead, then creeps on until there is a new one.
 
-    A camera that stands or turns shows no depth: without this primitive nobody judges by what is
-    ahead, and a robot that has stopped stands for ever. The composite behaviour decides when it
+    A camera that stands or turns shows no depth: without this primitive no behaviour judges by what
+    is ahead, and a robot that has stopped stands for ever. The composite behaviour decides when it
     applies. As long as the percept is old, forward commands that turn are prohibited: they lead
     blindly aside, and bring no new percept.
     """

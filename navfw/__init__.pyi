@@ -35,9 +35,9 @@ from .missions.session import SteppedSession as SteppedSession
 from .missions.session_setup import open_session as open_session
 from .missions.session_setup import open_simulation as open_simulation
 from .missions.session_setup import run as run
-from .mofis.ruled import RuledBehavior as RuledBehavior
-from .mofis.ruled import RuledComposite as RuledComposite
 from .mofis.rules import BehaviorRules as BehaviorRules
+from .mofis.rules import RuledBehavior as RuledBehavior
+from .mofis.rules import RuledComposite as RuledComposite
 from .numerics import Array as Array
 from .numerics import Image as Image
 from .numerics import Mask as Mask

@@ -169,7 +169,7 @@ def export(
     """Export a world's floor plan for ROS' map_server, as Nav2 uses it."""
     from navfw.config.lookup import find
     from navfw.sim.worldfile import load_world
-    from navfw.topomap.ros_map import save_ros_map
+    from navfw.topomap.occupancy_map import save_ros_map
     from navfw.worldgen.plan_exchange import exported_plan
 
     with quiet_stdout():

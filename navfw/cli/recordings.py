@@ -66,7 +66,7 @@ def explain(
     if json:
         print_json(explanation)
     else:
-        from navfw.mofis.explanation import explanation_lines
+        from navfw.mofis.mofis import explanation_lines
 
         typer.echo("\n".join(explanation_lines(explanation)))
 

@@ -2,9 +2,9 @@
 
 ``dead_reckoning`` uses odometry alone. ``ekf`` tracks a known start by a metric filter
 (``metric_filter``), ``bayes`` finds an unknown start by a discrete one (``discrete_filter`` over a
-``lattice``), ``topological`` combines both. Landmark detections become observations
-(``landmark_observations``), weighted by each landmark's existence probability
-(``landmark_existence``); OFFIS' situations enter by ``situation_model``.
+``lattice``), ``topological`` combines both. Landmark detections become observations, weighted by
+each landmark's existence probability (``landmark_model``); OFFIS' situations enter by
+``situation_model``.
 ``floor_plan`` matches the walls that are seen to the map's floor plan (``plan_field``), and
 searches it for an unknown start (``plan_search``).
 """

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 from pydantic import Field
 
 from navfw.interfaces import Localizer
 from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
-from navfw.localization.landmark_model import LandmarkExistence
-from navfw.localization.landmark_observations import LandmarkObserver
+from navfw.localization.landmark_model import LandmarkExistence, LandmarkObserver
 from navfw.localization.situation_model import observed_situations, situation_table
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose
 from navfw.topomap import TopoMap
@@ -58,8 +57,6 @@ class Bayes(Localizer):
         self.filter.initialize(pose, odometry)
         self._known_start = pose is not None
         self._updates = 0
-        self._version: object = None
-        self._places: Mapping[str, float] = {}
 
     def update(
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
@@ -73,15 +70,13 @@ class Bayes(Localizer):
         self.filter.observe(observations)
         self._updates += len(observations)
         cluster = self.filter.cluster
-        if self._version is not self.filter.version:
-            self._version, self._places = self.filter.version, self.filter.places
         support = 1.0 if self._known_start else self.filter.support_probability(cluster.pose)
         confidence = cluster.mass * support
         return Belief(
             odometry.time,
             cluster.pose,
             cluster.spread,
-            self._places,
+            self.filter.places,
             confidence,
             confidence < self.params.lost_below,
             self._updates,

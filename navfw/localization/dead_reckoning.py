@@ -9,11 +9,12 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw.interfaces import Localizer
+from navfw.localization.motion_model import NonNegative
 from navfw.localization.place_posterior import (
     COUNT,
     PLACE_RADIUS,
     REFRESH,
+    PlaceLocalizer,
     PlacePosterior,
     known_start,
     probability_within,
@@ -23,11 +24,8 @@ from navfw.numerics.products import product
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap
 
-NonNegative = Annotated[float, Field(ge=0.0, le=10.0)]
-"""Sigmas in metres and radians, and of their growth: 10 says that nothing is known."""
 
-
-class DeadReckoning(Localizer):
+class DeadReckoning(PlaceLocalizer):
     """Map pose = start pose composed with the odometry since the start.
 
     The covariance of (x, y, yaw) is propagated as in an EKF without measurements: it grows with
@@ -37,7 +35,7 @@ class DeadReckoning(Localizer):
 
     name: ClassVar[str] = "dead_reckoning"
 
-    class Params(Localizer.Params):
+    class Params(PlaceLocalizer.Params):
         """Standard deviations; those per root of a unit accumulate as a random walk."""
 
         start_xy: Annotated[NonNegative, Field(description="of the start x and y [m]")] = 0.02
@@ -68,12 +66,6 @@ class DeadReckoning(Localizer):
 
     params: Params
 
-    _posterior: PlacePosterior | None = None
-
-    def reset(self) -> None:
-        """Back to the state before ``start``."""
-        self._posterior = None
-
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
         """Start at ``pose`` (map frame).
 
@@ -84,7 +76,7 @@ class DeadReckoning(Localizer):
         pose = known_start(pose, self.name, "a localizer that recognises landmarks")
         p = self.params
         self._posterior = PlacePosterior(topo_map, p.place_radius, p.places, p.refresh)
-        self._map_from_odom = _map_from_odom(pose, odometry.pose)
+        self._map_from_odom = pose.frame_of(odometry.pose)
         self._last = odometry.pose
         self._covariance = np.diag([p.start_xy**2, p.start_xy**2, p.start_yaw**2])
 
@@ -92,13 +84,12 @@ class DeadReckoning(Localizer):
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
         """The belief after the newest odometry; percept and detections are not used."""
-        if self._posterior is None:
-            raise RuntimeError("start() comes before update()")
+        posterior = self.posterior
         moved = self._last.relative(odometry.pose)
         pose = self._map_from_odom.compose(odometry.pose)
         self._covariance = self._propagated(moved, pose.yaw)
         self._last = odometry.pose
-        places = self._posterior.at(pose, self._covariance)
+        places = posterior.at(pose, self._covariance)
         confidence = probability_within(self._covariance)
         return Belief(odometry.time, pose, self._covariance, places, confidence)
 
@@ -120,10 +111,3 @@ class DeadReckoning(Localizer):
         )
         propagated: Array = product(jacobian, self._covariance, jacobian.T) + noise
         return propagated
-
-
-def _map_from_odom(in_map: Pose, in_odom: Pose) -> Pose:
-    """The pose of frame ``odom`` in ``map``, from one pose given in both."""
-    yaw = wrap_angle(in_map.yaw - in_odom.yaw)
-    turned = Pose(0.0, 0.0, yaw).compose(in_odom)
-    return Pose(in_map.x - turned.x, in_map.y - turned.y, yaw)

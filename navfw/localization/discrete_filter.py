@@ -13,8 +13,12 @@ import numpy.typing as npt
 from pydantic import Field
 
 from navfw.interfaces import Params
-from navfw.localization.landmark_model import ELSEWHERE_DENSITY, LandmarkExistence
-from navfw.localization.landmark_observations import LandmarkObservation, consistent_observations
+from navfw.localization.landmark_model import (
+    ELSEWHERE_DENSITY,
+    LandmarkExistence,
+    LandmarkObservation,
+    consistent_observations,
+)
 from navfw.localization.lattice import Lattice
 from navfw.localization.place_posterior import COUNT
 from navfw.localization.situation_model import LEARNT, SituationTable
@@ -69,7 +73,7 @@ class DiscreteParams(Params):
         str,
         Field(
             description="table of situations by kind of place: learnt, none, or a file of navfw "
-            "learn situations"
+            "map learn-situations"
         ),
     ] = LEARNT
 
@@ -124,6 +128,7 @@ class DiscreteFilter:
         self._situations_used_at = 0.0
         self._observed.clear()
         self._cluster: Cluster | None = None
+        self._places: Mapping[str, float] | None = None
         self.version = object()
         self.belief = self.lattice.uniform()
         if pose is None:
@@ -141,8 +146,7 @@ class DiscreteFilter:
 
     def predict(self, odometry: Odometry) -> None:
         """Shift the belief by the odometry since the last shift, once that is a cell's length."""
-        step = math.hypot(odometry.pose.x - self._last.x, odometry.pose.y - self._last.y)
-        self._driven += step
+        self._driven += math.hypot(odometry.pose.x - self._last.x, odometry.pose.y - self._last.y)
         self._last = odometry.pose
         dx, dy = odometry.pose.x - self._shifted_at.x, odometry.pose.y - self._shifted_at.y
         if math.hypot(dx, dy) >= self.lattice.cell:
@@ -199,8 +203,8 @@ class DiscreteFilter:
         at = self._before(pose, turned)
         rows, columns = self._window(*at, radius)
         near = np.hypot(lattice.x[columns][None, :] - at[0], lattice.y[rows][:, None] - at[1])
-        part = self.belief[:, rows, columns][headings]
-        return float((part * (near <= radius)[None]).sum())
+        window = self.belief[:, rows, columns][headings]
+        return float((window * (near <= radius)[None]).sum())
 
     @property
     def cluster(self) -> Cluster:
@@ -219,10 +223,12 @@ class DiscreteFilter:
 
     @property
     def places(self) -> Mapping[str, float]:
-        """The likeliest places with their probabilities, likeliest first."""
-        sums = self.place_probabilities
-        order = np.argsort(-sums, kind="stable")[:COUNT].tolist()
-        return {self._names[i]: float(sums[i]) for i in order}
+        """The likeliest places, likeliest first (computed when the belief has changed)."""
+        if self._places is None:
+            sums = self.place_probabilities
+            order = np.argsort(-sums, kind="stable")[:COUNT].tolist()
+            self._places = {self._names[i]: float(sums[i]) for i in order}
+        return self._places
 
     def _shift(self, dx: float, dy: float) -> None:
         """Shift every layer by (dx, dy) [m, odom], rotated by the layer's yaw."""
@@ -283,7 +289,7 @@ class DiscreteFilter:
         return rows, columns
 
     def _normalise(self) -> None:
-        self._cluster = None
+        self._cluster = self._places = None
         self.version = object()
         total = float(self.belief.sum(dtype=np.float64))
         if not math.isfinite(total) or total < 1e-20:
@@ -299,14 +305,14 @@ class DiscreteFilter:
         headings = (int(heading) + near) % lattice.headings
         x0, y0 = float(lattice.x[column]), float(lattice.y[row])
         rows, columns = self._window(x0, y0, _CLUSTER_RADIUS)
-        part = self.belief[:, rows, columns][headings].astype(np.float64)
+        window = self.belief[:, rows, columns][headings].astype(np.float64)
         dx, dy = lattice.x[columns] - x0, lattice.y[rows] - y0
-        part *= (np.hypot(dx[None, :], dy[:, None]) <= _CLUSTER_RADIUS)[None]
-        mass = float(part.sum())
+        window *= (np.hypot(dx[None, :], dy[:, None]) <= _CLUSTER_RADIUS)[None]
+        mass = float(window.sum())
         dyaw = near * (2.0 * math.pi / lattice.headings)
         grids = np.meshgrid(dyaw, dy, dx, indexing="ij")
         yaws, ys, xs = (np.asarray(grid).ravel() for grid in grids)
-        weights = part.ravel() / mass
+        weights = window.ravel() / mass
         samples = np.stack([xs, ys, yaws])
         mean = product(samples, weights)
         off = samples - mean[:, None]

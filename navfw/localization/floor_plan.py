@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from navfw.errors import MapError
-from navfw.interfaces import Localizer
 from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
-from navfw.localization.place_posterior import PlacePosterior, probability_within
+from navfw.localization.place_posterior import PlaceLocalizer, PlacePosterior, probability_within
 from navfw.localization.plan_field import PlanField
 from navfw.localization.plan_scan import PlanScan, scan_of
 from navfw.localization.plan_search import PlanSearch, are_close
@@ -53,11 +52,11 @@ _TRUSTED_SHARE, _TRUSTED_XY = 0.5, 0.15
 """Share of the points that belong to the plan, and standard deviation [m] of the position, with
 which a wall that was seen through is not there."""
 
-_FOUND_XY, _FOUND_YAW = 0.15, 0.05
+_SEARCH_XY, _SEARCH_YAW = 0.15, 0.05
 """Standard deviations [m, rad] of a pose that the search has found."""
 
 
-class FloorPlanLocalizer(Localizer):
+class FloorPlanLocalizer(PlaceLocalizer):
     """Tracks the pose by an EKF on odometry, corrected by the walls of the map's floor plan.
 
     Scans are taken some way apart, since neighbouring ones share their errors. The running mean of
@@ -71,7 +70,7 @@ class FloorPlanLocalizer(Localizer):
 
     name: ClassVar[str] = "floor_plan"
 
-    class Params(MetricFilterParams, Localizer.Params):
+    class Params(MetricFilterParams, PlaceLocalizer.Params):
         """Noise of odometry, and when a pose is believed."""
 
         every: Annotated[
@@ -90,12 +89,6 @@ class FloorPlanLocalizer(Localizer):
         ] = -0.1
 
     params: Params
-
-    _posterior: PlacePosterior | None = None
-
-    def reset(self) -> None:
-        """Back to the state before ``start``."""
-        self._posterior = None
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
         """Start at ``pose`` (map frame), or anywhere when None.
@@ -127,8 +120,7 @@ class FloorPlanLocalizer(Localizer):
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
         """The belief after the newest odometry and, where there is one, percept."""
-        if self._posterior is None:
-            raise RuntimeError("start() comes before update()")
+        posterior = self.posterior
         self._driven += math.dist((self._last.x, self._last.y), (odometry.pose.x, odometry.pose.y))
         self._last = odometry.pose
         if self.tracking:
@@ -140,7 +132,7 @@ class FloorPlanLocalizer(Localizer):
                 self._correct(scan)
             if not self.tracking or self.fit < self.params.doubt_below:
                 self._find(odometry)
-        return self._belief(self._posterior, odometry)
+        return self._belief(posterior, odometry)
 
     def _scan(self, percept: Percept | None, twist: Twist) -> PlanScan | None:
         """The points of ``percept``, if the robot has moved on far enough since the last scan."""
@@ -149,7 +141,7 @@ class FloorPlanLocalizer(Localizer):
         if self._skidding(twist):
             return None
         scan = scan_of(percept, self.robot)
-        if scan.size < MIN_POINTS:
+        if len(scan.points) < MIN_POINTS:
             return None
         self._scanned_at = self._driven
         return scan
@@ -160,37 +152,35 @@ class FloorPlanLocalizer(Localizer):
         return self.robot.skid * abs(twist.w) > _MAX_SKID * way
 
     def _correct(self, scan: PlanScan) -> None:
-        """Match a scan to the plan, near the predicted pose."""
-        known = self.filter.pose_covariance
-        here = self.filter.pose
-        by_filter: Array = np.asarray(inverse(known), dtype=np.float64)
-        match = self._field.match(scan, here, by_filter)
+        covariance, pose = self.filter.pose_covariance, self.filter.pose
+        information: Array = np.asarray(inverse(covariance), dtype=np.float64)
+        match = self._field.match(scan, pose, information)
         at = np.array([[match.pose.x, match.pose.y, match.pose.yaw]])
         blocked = float(self._field.blocked(scan, at)[0])
         fit = match.belonging - _BLOCKED_COST * blocked
         self.fit += (fit - self.fit) / self.params.memory
-        off = np.array([match.pose.x - here.x, match.pose.y - here.y, 0.0])
-        off[2] = wrap_angle(match.pose.yaw - here.yaw)
-        if float(product(off, solve(known, off))) > GATE:
-            self.filter.covariance[:3, :] *= math.sqrt(INFLATION)
-            self.filter.covariance[:, :3] *= math.sqrt(INFLATION)
+        off = np.array([match.pose.x - pose.x, match.pose.y - pose.y, 0.0])
+        off[2] = wrap_angle(match.pose.yaw - pose.yaw)
+        if float(product(off, solve(covariance, off))) > GATE:
+            self.filter.inflate(INFLATION)
         elif match.belonging >= MIN_SHARE:
             self.filter.adopt(match.pose, match.information)
-            if match.belonging >= _TRUSTED_SHARE and known[0, 0] + known[1, 1] <= _TRUSTED_XY**2:
+            certain = covariance[0, 0] + covariance[1, 1] <= _TRUSTED_XY**2
+            if match.belonging >= _TRUSTED_SHARE and certain:
                 self._field.see_through(scan, match.pose)
         if self.fit < self.params.lost_below:
             self.tracking = False
 
     def _find(self, odometry: Odometry) -> None:
         """Search the plan for the pose; track it once it is found, unless it is tracked already."""
-        found = self._search.find()
-        if found is None:
+        pose = self._search.find()
+        if pose is None:
             return
         if self.tracking:
-            here = self.filter.pose
-            if are_close(found, here) or self._search.advantage(found, here) < _CLEARLY_BETTER:
+            tracked = self.filter.pose
+            if are_close(pose, tracked) or self._search.advantage(pose, tracked) < _CLEARLY_BETTER:
                 return
-        self._track(found, _FOUND_XY, _FOUND_YAW, odometry)
+        self._track(pose, _SEARCH_XY, _SEARCH_YAW, odometry)
 
     def _track(self, pose: Pose, xy: float, yaw: float, odometry: Odometry) -> None:
         self.tracking = True
@@ -200,9 +190,7 @@ class FloorPlanLocalizer(Localizer):
     def _belief(self, posterior: PlacePosterior, odometry: Odometry) -> Belief:
         if not self.tracking:
             unknown: Array = np.diag([1e4, 1e4, 10.0])
-            nowhere: Mapping[str, float] = {}
-            origin = Pose(0.0, 0.0, 0.0)
-            return Belief(odometry.time, origin, unknown, nowhere, 0.0, lost=True)
+            return Belief(odometry.time, Pose(0.0, 0.0, 0.0), unknown, confidence=0.0, lost=True)
         pose, covariance = self.filter.pose, self.filter.pose_covariance
         trust = min(max(self.fit / max(self.params.doubt_below, 1e-6), 0.0), 1.0)
         return Belief(

@@ -1,33 +1,48 @@
-"""The metric filter: an EKF over pose and gyro bias, robust to displaced landmarks."""
+"""The metric filter, an EKF over pose and gyro bias, robust to displaced landmarks (METHOD 4.4).
+
+The localiser ``ekf`` tracks a known start by it.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from navfw.localization.landmark_model import GATE, Association, LandmarkExistence, associate
-from navfw.localization.landmark_observations import LandmarkObservation, consistent_observations
+from navfw.localization.landmark_model import (
+    GATE,
+    Association,
+    LandmarkExistence,
+    LandmarkObservation,
+    LandmarkObserver,
+    associate,
+    consistent_observations,
+)
 from navfw.localization.motion_model import (
     REST,
     MotionParams,
+    NonNegative,
     motion_noise,
     predict,
     process_noise,
     transition,
 )
 from navfw.localization.passage_walls import PassageFix
+from navfw.localization.place_posterior import (
+    PlaceLocalizer,
+    PlacePosterior,
+    known_start,
+    probability_within,
+)
 from navfw.numerics import Array
 from navfw.numerics.linear_systems import solve
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
-from navfw.signals import Odometry, Pose, wrap_angle
-
-NonNegative = Annotated[float, Field(ge=0.0, le=10.0)]
-"""Sigmas in metres and radians, and of their growth: 10 says that nothing is known."""
+from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
+from navfw.topomap import TopoMap
 
 INFLATION = 4.0
 """Factor on the pose covariance, at each observation, while consistent landmarks contradict the
@@ -128,10 +143,7 @@ class MetricFilter:
         if float(product(off, solve(spread, off))) > GATE:
             return
         gain = solve(spread, shared.T).T
-        self.state = self.state + product(gain, off)
-        self.state[2] = wrap_angle(float(self.state[2]))
-        updated = self.covariance - product(gain, shared.T)
-        self.covariance = 0.5 * (updated + updated.T)
+        self._correct(product(gain, off), product(gain, shared.T))
         self._limit_certainty()
         self.updates += 1
 
@@ -141,47 +153,49 @@ class MetricFilter:
         ``pose`` is the most probable one, given the filter and the observation; ``information``
         (3, 3) is that of the observation alone, and may be singular.
         """
-        known = self.covariance[:3, :3]
+        prior, columns = self.covariance[:3, :3], self.covariance[:, :3]
         off = np.array((pose.x, pose.y, pose.yaw)) - self.state[:3]
         off[2] = wrap_angle(float(off[2]))
-        self.state = self.state + product(self.covariance[:, :3], solve(known, off))
-        self.state[2] = wrap_angle(float(self.state[2]))
-        share = solve(np.eye(3) + product(information, known), information)
-        updated = self.covariance - product(self.covariance[:, :3], share, self.covariance[:3, :])
-        self.covariance = 0.5 * (updated + updated.T)
+        share = solve(np.eye(3) + product(information, prior), information)
+        reduction = product(columns, share, self.covariance[:3, :])
+        self._correct(product(columns, solve(prior, off)), reduction)
         self._limit_certainty()
         self.updates += 1
 
+    def inflate(self, factor: float) -> None:
+        """Multiply the covariance of the pose by ``factor``: the pose may be wrong."""
+        self.covariance[:3, :] *= math.sqrt(factor)
+        self.covariance[:, :3] *= math.sqrt(factor)
+
+    def _correct(self, step: Array, reduction: Array) -> None:
+        """Add ``step`` (4,) to the state, subtract ``reduction`` (4, 4) from the covariance."""
+        self.state = self.state + step
+        self.state[2] = wrap_angle(float(self.state[2]))
+        updated = self.covariance - reduction
+        self.covariance = 0.5 * (updated + updated.T)
+
     def _observe(self, observation: LandmarkObservation) -> None:
         identity, weight = observation.landmark.identity, observation.weight
-        found = self._associate(observation)
-        if found.distance > SURPRISE and self._is_corroborated(observation):
-            self.covariance[:3, :] *= math.sqrt(INFLATION)
-            self.covariance[:, :3] *= math.sqrt(INFLATION)
+        update = self._associate(observation)
+        if update.distance > SURPRISE and self._is_corroborated(observation):
+            self.inflate(INFLATION)
             self.existence.reset(self._surprises.__contains__)
-            found = self._associate(observation)
-        elif found.distance > SURPRISE:
-            if found.distance > GATE:
+            update = self._associate(observation)
+        elif update.distance > SURPRISE:
+            if update.distance > GATE:
                 self.existence.update(identity, 0.0, weight)
             return
-        if found.probability > 0.5:
+        if update.probability > 0.5:
             self.updates += 1
             self._surprises.clear()
-            self.existence.update(identity, max(found.likelihood_ratio, 1.0), weight)
-        self.state, self.covariance = found.state, found.covariance
+            self.existence.update(identity, max(update.likelihood_ratio, 1.0), weight)
+        self.state, self.covariance = update.state, update.covariance
         self._limit_certainty()
 
     def _associate(self, observation: LandmarkObservation) -> Association:
         mark, noise = observation.landmark, observation.noise / observation.weight
-        existence = self.existence.probability(mark.identity)
-        return associate(
-            self.state,
-            self.covariance,
-            observation.measured,
-            noise,
-            (mark.x, mark.y),
-            existence,
-        )
+        existence, at = self.existence.probability(mark.identity), (mark.x, mark.y)
+        return associate(self.state, self.covariance, observation.measured, noise, at, existence)
 
     def _is_corroborated(self, observation: LandmarkObservation) -> bool:
         """Whether recent surprises at other landmarks are consistent with this one."""
@@ -220,8 +234,60 @@ class MetricFilter:
         if spread <= 0.0:
             return  # a gyro without bias errors
         gain = self.covariance[:, 3] / spread
-        self.state = self.state + gain * (odometry.yaw_bias - self.state[3])
-        self.state[2] = wrap_angle(float(self.state[2]))
-        row = self.covariance[3:4, :]
-        updated = self.covariance - np.outer(gain, row)
-        self.covariance = 0.5 * (updated + updated.T)
+        step = gain * (odometry.yaw_bias - self.state[3])
+        self._correct(step, np.outer(gain, self.covariance[3:4, :]))
+
+
+class Ekf(PlaceLocalizer):
+    """Odometry and gyro predict (x, y, yaw, gyro bias); landmark detections correct them.
+
+    A detection passes a chi-square gate and is weighted by its landmark's existence probability, so
+    that a displaced landmark is soon ignored.
+    """
+
+    name: ClassVar[str] = "ekf"
+
+    class Params(MetricFilterParams, PlaceLocalizer.Params):
+        """Noise, the landmarks' prior, and when the belief is lost."""
+
+        lost_below: Annotated[
+            float, Field(ge=0.0, lt=1.0, description="confidence below which the belief is lost")
+        ] = 0.2
+
+    params: Params
+
+    def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
+        """Start at ``pose`` (map frame).
+
+        Raises:
+            InputError: ``pose`` is None: an EKF cannot search the whole map.
+
+        """
+        instead = "the localizer 'topological' (see the stack 'landmarks')"
+        pose = known_start(pose, self.name, instead)
+        p = self.params
+        self._posterior = PlacePosterior(topo_map)
+        self.existence = LandmarkExistence(p.prior)
+        self._observer = LandmarkObserver(topo_map, p.map_sigma)
+        self.filter = MetricFilter(p, self.existence, self.robot)
+        covariance = np.diag((p.start_xy**2, p.start_xy**2, p.start_yaw**2))
+        self.filter.initialize(pose, covariance, odometry)
+
+    def update(
+        self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
+    ) -> Belief:
+        """The belief after the newest odometry and detections; percepts are not used."""
+        posterior = self.posterior
+        self.filter.predict(odometry)
+        self.filter.observe(self._observer.observe(odometry, detections))
+        pose, covariance = self.filter.pose, self.filter.pose_covariance
+        confidence = probability_within(covariance)
+        return Belief(
+            odometry.time,
+            pose,
+            covariance,
+            posterior.at(pose, covariance),
+            confidence,
+            confidence < self.params.lost_below,
+            self.filter.updates,
+        )

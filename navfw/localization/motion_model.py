@@ -79,7 +79,7 @@ class MotionParams(Params):
 
 @dataclass(frozen=True, slots=True)
 class MotionNoise:
-    """Process noise with every value known; meaning and units as in ``MotionParams``."""
+    """Process noise without open values; meaning and units as in ``MotionParams``."""
 
     along: float
     aside: float
@@ -97,17 +97,17 @@ def motion_noise(params: MotionParams, robot: RobotModel) -> MotionNoise:
     noise = sheet.gyro_noise**2 / robot.control_rate
     lag = sheet.gyro_bias_walk**2 * MEMORY / 3.0
 
-    def known(value: float | None, variance: float) -> float:
+    def or_derived(value: float | None, variance: float) -> float:
         return params.margin * math.sqrt(variance) if value is None else value
 
     return MotionNoise(
-        known(params.along, slipping + _INTEGRATION**2),
+        or_derived(params.along, slipping + _INTEGRATION**2),
         params.aside,
         params.margin * robot.skid * math.sqrt(_TURN_MEMORY),
-        known(params.yaw_by_time, noise),
+        or_derived(params.yaw_by_time, noise),
         params.yaw_by_turning,
-        known(params.bias, noise / REST + lag),
-        known(params.bias_walk, sheet.gyro_bias_walk**2),
+        or_derived(params.bias, noise / REST + lag),
+        or_derived(params.bias_walk, sheet.gyro_bias_walk**2),
     )
 
 

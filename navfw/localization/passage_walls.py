@@ -1,8 +1,11 @@
-"""What the walls beside a passage of the map tell of the robot's heading and lateral position.
+"""Walls by the map: those beside its passages correct the pose, those of its plan bar turns.
 
 A topological map has no walls, but it has straight passages with their widths: a corridor has a
 wall on each side, parallel to its edge and equally far from it; a door is a gap of known width in a
-wall across its edge (METHOD 4.1).
+wall across its edge (METHOD 4.1). Seen, they give heading and lateral position.
+
+A camera does not see what is beside the robot. A round body may turn there; the corners of another
+one swing out to walls that it has never seen, but which the floor plan shows (``KnownWalls``).
 """
 
 from __future__ import annotations
@@ -12,13 +15,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import binary_erosion
 
 from navfw.localization.plan_scan import PlanScan
 from navfw.numerics import Array
 from navfw.numerics.linear_systems import inverse, solve
 from navfw.numerics.products import product
-from navfw.signals import Pose, wrap_angle
+from navfw.robot import RobotModel
+from navfw.signals import Belief, Pose, wrap_angle
 from navfw.topomap import Passage, Place, TopoMap
+from navfw.topomap.occupancy_map import OccupancyMap
 
 MAX_WIDTH = 3.0
 """Largest width [m] of a passage between walls."""
@@ -85,7 +91,7 @@ class PassageAxis:
 class PassageFix:
     """Corrections of a believed pose: ``turn`` [rad] of its yaw, ``shift`` [m] to the axis' left.
 
-    With standard deviations; infinite where walls tell nothing of it.
+    With standard deviations; infinite where no wall shows it.
     """
 
     axis: PassageAxis
@@ -98,10 +104,10 @@ class PassageFix:
         """What is observed of x, y, yaw (n, 3), its corrections (n,) and their variances (n,)."""
         across = [-math.sin(self.axis.yaw), math.cos(self.axis.yaw), 0.0]
         rows = np.array([[0.0, 0.0, 1.0], across])
-        known = np.isfinite([self.turn_sigma, self.shift_sigma])
+        observed = np.isfinite([self.turn_sigma, self.shift_sigma])
         values = np.array([self.turn, self.shift])
         variances = np.array([self.turn_sigma, self.shift_sigma]) ** 2
-        return rows[known], values[known], variances[known]
+        return rows[observed], values[observed], variances[observed]
 
 
 def passage_axes(topo_map: TopoMap) -> list[PassageAxis]:
@@ -166,12 +172,12 @@ def _at(place: Place) -> Pose:
     return Pose(place.x, place.y, 0.0)
 
 
-def corridor_fix(axis: PassageAxis, here: Pose, scan: PlanScan) -> PassageFix | None:
-    """What the walls of a corridor tell of the believed pose ``here`` (map); None if too little.
+def corridor_fix(axis: PassageAxis, pose: Pose, scan: PlanScan) -> PassageFix | None:
+    """Corrections of the believed ``pose`` (map) by a corridor's walls; None if too few are seen.
 
     Two parallel lines are fitted to the points of ``scan``, robustly (Cauchy weights).
     """
-    robot = axis.frame(here)
+    robot = axis.frame(pose)
     points = robot.points_to_parent(scan.points)
     half = 0.5 * axis.width
     near = np.abs(np.abs(points[:, 1]) - half) <= TOLERANCE + _SPREAD
@@ -196,23 +202,23 @@ def corridor_fix(axis: PassageAxis, here: Pose, scan: PlanScan) -> PassageFix | 
 
 def _robust_lines(design: Array, across: Array, sigma: Array, start: Array) -> tuple[Array, Array]:
     """Parameters (3,) of the lines, with a weak prior at ``start``, and their covariance (3, 3)."""
-    found, prior = start, np.diag([TOLERANCE**-2, TOLERANCE**-2, 0.3**-2])
+    lines, prior = start, np.diag([TOLERANCE**-2, TOLERANCE**-2, 0.3**-2])
     variance = sigma**2 + (0.5 * _SPREAD) ** 2
     information = prior
     for _ in range(8):
-        residual = across - product(design, found)
+        residual = across - product(design, lines)
         weight = 1.0 / (variance * (1.0 + (residual / _SPREAD) ** 2))
         weighted = (design * weight[:, None]).T
         information = prior + product(weighted, design)
-        found = found + solve(
-            information, product(weighted, residual) - product(prior, found - start)
+        lines = lines + solve(
+            information, product(weighted, residual) - product(prior, lines - start)
         )
-    return found, inverse(information)
+    return lines, inverse(information)
 
 
-def door_fix(axis: PassageAxis, here: Pose, scan: PlanScan) -> PassageFix | None:
-    """What the posts of a door tell of the believed pose ``here`` (map); None if too little."""
-    points = axis.frame(here).points_to_parent(scan.points)
+def door_fix(axis: PassageAxis, pose: Pose, scan: PlanScan) -> PassageFix | None:
+    """Corrections of the believed ``pose`` (map) by a door's posts; None if not both are seen."""
+    points = axis.frame(pose).points_to_parent(scan.points)
     in_wall = np.abs(points[:, 0]) <= TOLERANCE + scan.sigma
     posts = []
     for side in (1.0, -1.0):
@@ -225,3 +231,32 @@ def door_fix(axis: PassageAxis, here: Pose, scan: PlanScan) -> PassageFix | None
     if not axis.width - _FATTENING <= gap <= axis.width + TOLERANCE:
         return None
     return PassageFix(axis, 0.0, math.inf, -0.5 * (posts[0] - posts[1]), _DOOR_SIGMA)
+
+
+REACH = 2.0
+"""Distance [m] from the robot up to which walls count."""
+SURE_XY, SURE_YAW = 0.1, 0.1
+"""Largest standard deviations [m, rad] of the pose with which they count."""
+
+
+class KnownWalls:
+    """The surfaces of the walls of ``plan``."""
+
+    def __init__(self, plan: OccupancyMap) -> None:
+        occupied = plan.occupied
+        surface = occupied & ~binary_erosion(occupied)
+        self._points = plan.centres(*np.nonzero(surface))
+
+    @classmethod
+    def of(cls, plan: OccupancyMap | None, robot: RobotModel) -> KnownWalls | None:
+        """The walls of ``plan``; None without one, and for a round body: it may turn anywhere."""
+        return None if plan is None or robot.footprint is None else cls(plan)
+
+    def around(self, belief: Belief, pose: Pose) -> Array:
+        """Points (n, 2) [m] in ``odom`` of the walls near odom ``pose``; none while unsure."""
+        at = belief.pose
+        unsure = belief.sigma > SURE_XY or math.sqrt(belief.covariance[2, 2]) > SURE_YAW
+        if belief.lost or unsure:
+            return np.empty((0, 2))
+        off = np.abs(self._points - (at.x, at.y)).max(axis=1, initial=0.0)
+        return pose.points_to_parent(at.points_to_local(self._points[off <= REACH]))

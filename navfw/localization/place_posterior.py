@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from navfw.errors import InputError
+from navfw.interfaces import Localizer
 from navfw.numerics import Array
 from navfw.numerics.functions import exp
 from navfw.signals import Pose, position_sigma
@@ -70,6 +71,26 @@ class PlacePosterior:
             self._places = likeliest_places(self._map, pose, covariance, self._radius, self._count)
             self._computed_at = (pose.x, pose.y)
         return self._places
+
+
+class PlaceLocalizer(Localizer):
+    """A localiser whose beliefs list the likeliest places of the map.
+
+    Its ``start`` sets ``posterior``; reading that before raises RuntimeError.
+    """
+
+    _posterior: PlacePosterior | None = None
+
+    def reset(self) -> None:
+        """Back to the state before ``start``."""
+        self._posterior = None
+
+    @property
+    def posterior(self) -> PlacePosterior:
+        """The place posterior of the pose."""
+        if self._posterior is None:
+            raise RuntimeError("start() comes before update()")
+        return self._posterior
 
 
 def known_start(pose: Pose | None, localizer: str, instead: str) -> Pose:

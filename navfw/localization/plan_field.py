@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -77,27 +76,26 @@ class PlanField:
     def match(self, scan: PlanScan, start: Pose, information: Array) -> PlanMatch:
         """The pose near ``start`` (map), known with ``information`` (3, 3), that fits the scan."""
         turn = self._map_from_grid
-        here = self.origin.relative(start)
+        on_grid = self.origin.relative(start)
         prior = np.diag([0.0, 0.0, 0.0, SCALE_SIGMA**-2])
         prior[:3, :3] = product(turn.T, information, turn)
-        found: Any = match_points(
+        state, by_points, belonging = match_points(
             scan.points,
             scan.sigma,
             scan.origins,
             self.cells,
             self.resolution,
-            np.array([here.x, here.y, here.yaw, 0.0]),
+            np.array([on_grid.x, on_grid.y, on_grid.yaw, 0.0]),
             CORRELATION * prior,
             _PLAN_SIGMA,
             _OTHER,
             ITERATIONS,
         )
-        at, by_points, belonging = found
         by_points = by_points / CORRELATION
         shared = by_points[:3, 3]  # with the scale, which is not known either
         pose_alone = by_points[:3, :3] - np.outer(shared, shared) / (by_points[3, 3] + prior[3, 3])
         return PlanMatch(
-            self.origin.compose(Pose(*at[:3].tolist())),
+            self.origin.compose(Pose(*state[:3].tolist())),
             product(turn, pose_alone, turn.T),
             float(belonging),
         )
@@ -107,7 +105,7 @@ class PlanField:
 
         ``plan_sigma`` [m] is the standard deviation of the walls: a wide one for coarse poses.
         """
-        found: Any = rate_poses(
+        rating = rate_poses(
             scan.points,
             scan.sigma,
             self.cells,
@@ -116,14 +114,14 @@ class PlanField:
             plan_sigma,
             _OTHER,
         )
-        return np.asarray(found, dtype=np.float64)
+        return np.asarray(rating, dtype=np.float64)
 
     def blocked(self, scan: PlanScan, poses: Array) -> Array:
         """Share (m,) of the rays to the points that walls would block at ``poses`` (m, 3)."""
-        found: Any = share_of_blocked_rays(
+        shares = share_of_blocked_rays(
             scan.points, scan.origins, self.cells, self.resolution, self._on_grid(poses), SHORT
         )
-        return np.asarray(found, dtype=np.float64)
+        return np.asarray(shares, dtype=np.float64)
 
     def see_through(self, scan: PlanScan, pose: Pose) -> None:
         """Take away walls that the rays of ``scan`` from ``pose`` (map) have gone through."""
@@ -147,9 +145,9 @@ class PlanField:
         x, y = (self._on_grid(points).T[:2] / self.resolution).astype(np.intp)
         rows, columns = self.cells.shape
         inside = (x >= 0) & (y >= 0) & (x < columns) & (y < rows)
-        found = np.full(len(points), np.nan)
-        found[inside] = self.cells[y[inside], x[inside]] * self.resolution
-        return found
+        clearances = np.full(len(points), np.nan)
+        clearances[inside] = self.cells[y[inside], x[inside]] * self.resolution
+        return clearances
 
     def _on_grid(self, poses: Array) -> Array:
         """``poses`` (n, 2 or 3) of ``map`` along the axes of the grid, from its corner."""

@@ -180,8 +180,8 @@ def count_rays_through_walls(
         length = math.hypot(dx, dy)
         inside = False
         for step in range(int((length - short) / cell)):
-            part = step * cell / length
-            px, py = origins[i, 0] + part * dx, origins[i, 1] + part * dy
+            share = step * cell / length
+            px, py = origins[i, 0] + share * dx, origins[i, 1] + share * dy
             x, y = int((pose[0] + c * px - s * py) / cell), int((pose[1] + s * px + c * py) / cell)
             if not (0 <= x < field.shape[1] and 0 <= y < field.shape[0]):
                 break
@@ -213,8 +213,8 @@ def share_of_blocked_rays(
             length = math.hypot(dx, dy)
             steps = int((length - short) / cell)
             for step in range(steps):
-                part = step * cell / length
-                px, py = origins[i, 0] + part * dx, origins[i, 1] + part * dy
+                along = step * cell / length
+                px, py = origins[i, 0] + along * dx, origins[i, 1] + along * dy
                 x = (poses[k, 0] + c * px - s * py) / cell
                 y = (poses[k, 1] + s * px + c * py) / cell
                 if not (0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]):

@@ -41,11 +41,6 @@ class PlanScan:
     sigma: Array
     origins: Array
 
-    @property
-    def size(self) -> int:
-        """Number of points."""
-        return len(self.sigma)
-
 
 def scan_of(percept: Percept, robot: RobotModel) -> PlanScan:
     """The points of obstacles and of what stands higher, seen in ``percept``."""
@@ -96,14 +91,14 @@ class ScanMemory:
         """The poses in ``odom``, oldest first."""
         return (odom for _, odom, _ in self._scans)
 
-    def cloud(self, here: Pose, count: int) -> PlanScan:
-        """About ``count`` points of all scans, evenly picked, seen from odom pose ``here``."""
+    def cloud(self, viewpoint: Pose, count: int) -> PlanScan:
+        """About ``count`` points of all scans, evenly picked, seen from odom pose ``viewpoint``."""
         points, sigma, origins = [], [], []
         for _, odom, scan in self._scans:
-            pose = here.relative(odom)
+            pose = viewpoint.relative(odom)
             points.append(pose.points_to_parent(scan.points))
             origins.append(pose.points_to_parent(scan.origins))
             sigma.append(scan.sigma)
         step = max(1, sum(map(len, sigma)) // count)
-        picked = (np.concatenate(part)[::step] for part in (points, sigma, origins))
+        picked = (np.concatenate(arrays)[::step] for arrays in (points, sigma, origins))
         return PlanScan(*map(np.ascontiguousarray, picked))

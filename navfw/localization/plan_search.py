@@ -86,7 +86,7 @@ class PlanSearch:
         self._grid = _free_poses(plan, field, radius)
         self._scans = ScanMemory(MEMORY)
         self._searched_at = -math.inf
-        self._before: Pose | None = None
+        self._previous_frame: Pose | None = None  # that of odom in map, by the last search
         self._agreed = 0
 
     def add(self, driven: float, odom: Pose, scan: PlanScan) -> None:
@@ -97,18 +97,19 @@ class PlanSearch:
         """The pose in ``map`` at the newest scan; None while it is not known."""
         if len(self._scans) < _MIN_SCANS:
             return None
-        driven, here = self._scans.newest
+        driven, odom = self._scans.newest
         if driven - self._searched_at < EVERY:
             return None
         self._searched_at = driven
-        found = self._best(here)
-        if found is None:
-            self._before = None
+        pose = self._best(odom)
+        if pose is None:
+            self._previous_frame = None
             return None
-        again = self._before is not None and are_close(self._before.compose(here), found)
+        previous = self._previous_frame
+        again = previous is not None and are_close(previous.compose(odom), pose)
         self._agreed = self._agreed + 1 if again else 1
-        self._before = _frame_of(found, here)
-        return found if self._agreed >= _AGREEING else None
+        self._previous_frame = pose.frame_of(odom)
+        return pose if self._agreed >= _AGREEING else None
 
     def advantage(self, pose: Pose, other: Pose) -> float:
         """How much better the scans fit at ``pose`` than at ``other``: mean log likelihood.
@@ -125,17 +126,17 @@ class PlanSearch:
         blocked = self._field.blocked(cloud, poses)
         return self._field.rate(cloud, poses, _FINE_SIGMA) - _BLOCKED * blocked
 
-    def _best(self, here: Pose) -> Pose | None:
-        """The one pose that explains the scans, if all others are improbable."""
-        coarse = self._rated(self._scans.cloud(here, _COARSE_POINTS), self._grid, _COARSE_SIGMA)
-        cloud = self._scans.cloud(here, _FINE_POINTS)
+    def _best(self, odom: Pose) -> Pose | None:
+        """The one pose at ``odom`` that explains the scans, if all others are improbable."""
+        coarse = self._rated(self._scans.cloud(odom, _COARSE_POINTS), self._grid, _COARSE_SIGMA)
+        cloud = self._scans.cloud(odom, _FINE_POINTS)
         refined: list[Pose] = []
         for k in coarse:
             start = Pose(*self._grid[k].tolist())
             refined.append(self._field.match(cloud, start, _LOOSE).pose)
         poses = np.array([(pose.x, pose.y, pose.yaw) for pose in refined])
         rating = self._rating(cloud, poses)
-        impossible = self._impossible(poses, here)
+        impossible = self._impossible(poses, odom)
         rating -= _THROUGH_WALLS * impossible
         best = int(np.argmax(rating))
         if impossible[best]:
@@ -159,9 +160,9 @@ class PlanSearch:
                 break
         return kept
 
-    def _impossible(self, poses: Array, here: Pose) -> Array:
+    def _impossible(self, poses: Array, odom: Pose) -> Array:
         """Which of ``poses`` (m, 3) would have led the robot through a wall, or off the plan."""
-        way = np.array([(q.x, q.y) for q in map(here.relative, self._scans.poses)])
+        way = np.array([(q.x, q.y) for q in map(odom.relative, self._scans.poses)])
         blocked = []
         for pose in poses.tolist():
             clearance = self._field.clearance(Pose(*pose).points_to_parent(way))
@@ -191,10 +192,3 @@ def _gap(a: Array, b: Array) -> float:
 def are_close(a: Pose, b: Pose) -> bool:
     """Whether two poses are about the same, by the limits APART."""
     return _gap(np.array([a.x, a.y, a.yaw]), np.array([b.x, b.y, b.yaw])) < 1.0
-
-
-def _frame_of(in_map: Pose, in_odom: Pose) -> Pose:
-    """The pose of frame ``odom`` in ``map``, from one pose given in both."""
-    yaw = wrap_angle(in_map.yaw - in_odom.yaw)
-    turned = Pose(0.0, 0.0, yaw).compose(in_odom)
-    return Pose(in_map.x - turned.x, in_map.y - turned.y, yaw)

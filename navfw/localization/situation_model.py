@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from navfw.config.document import YamlDocument, load_yaml
+from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, UnknownNameError
 from navfw.numerics import Array
@@ -49,10 +50,8 @@ _MIRRORED = (("left wall", "right wall"), ("left slope wall", "right slope wall"
 _SHIPPED = Path(__file__).with_name("situations.yaml")
 
 
-class TableSpec(BaseModel):
+class TableSpec(StrictModel):
     """The keys of a table's file."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     description: Annotated[str, Field(description="origin of the table")] = ""
     observations: Annotated[
@@ -179,11 +178,11 @@ def load_table(file: str | Path) -> SituationTable:
     document = load_yaml(file)
     spec = validate(document, TableSpec)
     rows = {}
-    for kind, given in spec.seen_at.items():
-        _known(document, "kind of place", kind, PLACE_KINDS, ("seen_at", kind))
-        for name in given:
-            _known(document, "situation", name, SITUATIONS, ("seen_at", kind, name))
-        row = np.array([given.get(name, 0.0) for name in SITUATIONS])
+    for kind, shares in spec.seen_at.items():
+        _check_name(document, "kind of place", kind, PLACE_KINDS, ("seen_at", kind))
+        for name in shares:
+            _check_name(document, "situation", name, SITUATIONS, ("seen_at", kind, name))
+        row = np.array([shares.get(name, 0.0) for name in SITUATIONS])
         if abs(row.sum() - 1.0) > 0.01:
             raise ConfigError(
                 f"expected probabilities that add up to 1, got {row.sum():.3g}",
@@ -195,9 +194,9 @@ def load_table(file: str | Path) -> SituationTable:
     return SituationTable(rows, dict(spec.observations))
 
 
-def _known(
-    document: YamlDocument, what: str, name: str, known: Iterable[str], path: tuple[str, ...]
+def _check_name(
+    document: YamlDocument, what: str, name: str, allowed: tuple[str, ...], path: tuple[str, ...]
 ) -> None:
-    if name not in list(known):
+    if name not in allowed:
         line, key = document.line_of(path), ".".join(path)
-        raise UnknownNameError(what, name, known, file=document.file, line=line, key=key)
+        raise UnknownNameError(what, name, allowed, file=document.file, line=line, key=key)

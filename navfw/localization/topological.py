@@ -6,16 +6,18 @@ The walls beside the passages of the map correct the pose in corridors and befor
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from navfw.interfaces import Localizer
 from navfw.localization.discrete_filter import Cluster, DiscreteFilter, DiscreteParams
-from navfw.localization.landmark_model import LandmarkExistence
-from navfw.localization.landmark_observations import LandmarkObservation, LandmarkObserver
+from navfw.localization.landmark_model import (
+    LandmarkExistence,
+    LandmarkObservation,
+    LandmarkObserver,
+)
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
 from navfw.localization.passage_walls import (
     PassageAxis,
@@ -24,10 +26,9 @@ from navfw.localization.passage_walls import (
     door_fix,
     passage_axes,
 )
-from navfw.localization.place_posterior import PlacePosterior, probability_within
+from navfw.localization.place_posterior import PlaceLocalizer, PlacePosterior, probability_within
 from navfw.localization.plan_scan import PlanScan, ScanMemory, scan_of
 from navfw.localization.situation_model import observed_situations, situation_table
-from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap
@@ -52,7 +53,7 @@ _MIN_DOOR_DISTANCE, _MAX_DOOR_DISTANCE = 0.4, 2.0
 
 
 class PassageObserver:
-    """Collects scans of walls, and finds what they tell of the pose in the passages of a map."""
+    """Collects scans of walls, and corrects the pose by them in the passages of a map."""
 
     def __init__(self, topo_map: TopoMap, robot: RobotModel) -> None:
         axes = passage_axes(topo_map)
@@ -64,8 +65,8 @@ class PassageObserver:
         self._driven = 0.0
         self._scanned_at = self._corridor_at = self._door_at = -math.inf
 
-    def observe(self, here: Pose, odometry: Odometry, percept: Percept | None) -> list[PassageFix]:
-        """What the newest ``percept`` tells of the believed pose ``here`` (map)."""
+    def observe(self, pose: Pose, odometry: Odometry, percept: Percept | None) -> list[PassageFix]:
+        """Corrections of the believed ``pose`` (map) by the newest ``percept``."""
         odom = odometry.pose
         if self._last is not None:
             self._driven += math.dist((self._last.x, self._last.y), (odom.x, odom.y))
@@ -75,43 +76,41 @@ class PassageObserver:
         scan = scan_of(percept, self._robot)
         self._scanned_at = self._driven
         self._scans.add(self._driven, odom, scan)
-        found = (self._corridor(here, odom), self._door(here, scan))
-        return [fix for fix in found if fix is not None]
+        fixes = (self._corridor(pose, odom), self._door(pose, scan))
+        return [fix for fix in fixes if fix is not None]
 
-    def _corridor(self, here: Pose, odom: Pose) -> PassageFix | None:
-        """By the corridor that the robot is in."""
+    def _corridor(self, pose: Pose, odom: Pose) -> PassageFix | None:
         if self._driven - self._corridor_at < _CORRIDOR_EVERY:
             return None
-        axis = next((axis for axis in self._corridors if _is_in(axis, here)), None)
+        axis = next((axis for axis in self._corridors if _is_in(axis, pose)), None)
         if axis is None:
             return None
-        fix = corridor_fix(axis, here, self._scans.cloud(odom, POINTS))
+        fix = corridor_fix(axis, pose, self._scans.cloud(odom, POINTS))
         if fix is not None:
             self._corridor_at = self._driven
         return fix
 
-    def _door(self, here: Pose, scan: PlanScan) -> PassageFix | None:
-        """By the door ahead."""
+    def _door(self, pose: Pose, scan: PlanScan) -> PassageFix | None:
         if self._driven - self._door_at < _DOOR_EVERY:
             return None
-        axis = next((axis for axis in self._doors if _is_ahead(axis, here)), None)
-        fix = None if axis is None else door_fix(axis, here, scan)
+        axis = next((axis for axis in self._doors if _is_ahead(axis, pose)), None)
+        fix = None if axis is None else door_fix(axis, pose, scan)
         if fix is not None:
             self._door_at = self._driven
         return fix
 
 
-def _is_in(axis: PassageAxis, here: Pose) -> bool:
-    at = axis.frame(here)
+def _is_in(axis: PassageAxis, pose: Pose) -> bool:
+    at = axis.frame(pose)
     inside = abs(at.y) <= 0.5 * axis.width + MARGIN
-    return inside and -MARGIN <= at.x <= axis.length + MARGIN and axis.heading_off(here) <= _ALONG
+    return inside and -MARGIN <= at.x <= axis.length + MARGIN and axis.heading_off(pose) <= _ALONG
 
 
-def _is_ahead(axis: PassageAxis, here: Pose) -> bool:
-    at = axis.frame(here)
+def _is_ahead(axis: PassageAxis, pose: Pose) -> bool:
+    at = axis.frame(pose)
     ahead = -at.x if abs(at.yaw) < 0.5 * math.pi else at.x
     in_front = _MIN_DOOR_DISTANCE <= ahead <= _MAX_DOOR_DISTANCE and abs(at.y) <= 0.5 * axis.width
-    return in_front and axis.heading_off(here) <= _ALONG
+    return in_front and axis.heading_off(pose) <= _ALONG
 
 
 _SAME_POSE_DISTANCE = 1.5
@@ -125,7 +124,7 @@ _ESTABLISHED_SUPPORT = 4
 pose, or a given start, needs one more supporting landmark elsewhere to be replaced."""
 
 
-class Topological(Localizer):
+class Topological(PlaceLocalizer):
     """Global localisation by a discrete filter, pose tracking by an EKF.
 
     The discrete filter always covers the whole map. Once most of its probability lies at one pose
@@ -137,7 +136,7 @@ class Topological(Localizer):
 
     name: ClassVar[str] = "topological"
 
-    class Params(Localizer.Params):
+    class Params(PlaceLocalizer.Params):
         """Both filters, and when the discrete filter's pose is adopted."""
 
         metric: Annotated[MetricFilterParams, Field(description="of the Kalman filter")] = (
@@ -160,12 +159,6 @@ class Topological(Localizer):
 
     params: Params
 
-    _posterior: PlacePosterior | None = None
-
-    def reset(self) -> None:
-        """Back to the state before ``start``."""
-        self._posterior = None
-
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
         """Start at ``pose`` (map frame), or anywhere when None."""
         p = self.params
@@ -182,7 +175,6 @@ class Topological(Localizer):
         self._established = pose is not None
         self._disagreement = 0.0
         self._version: object = None
-        self._places: Mapping[str, float] = {}
         if pose is not None:
             xy, yaw = p.metric.start_xy**2, p.metric.start_yaw**2
             self.metric.initialize(pose, np.diag((xy, xy, yaw)), odometry)
@@ -191,8 +183,7 @@ class Topological(Localizer):
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
         """The belief after the newest odometry and, where there are any, percept and detections."""
-        if self._posterior is None:
-            raise RuntimeError("start() comes before update()")
+        posterior = self.posterior
         observations = self._observer.observe(odometry, detections)
         self.discrete.predict(odometry)
         self.discrete.observe_situations(observed_situations(percept))
@@ -205,9 +196,7 @@ class Topological(Localizer):
         self._version = self.discrete.version
         if observations or changed:
             self._compare(odometry, observations)
-        if self.tracking:
-            return self._tracking_belief(self._posterior, odometry)
-        return self._search_belief(odometry, changed)
+        return self._belief(posterior, odometry)
 
     def _observe_passages(self, odometry: Odometry, percept: Percept | None) -> None:
         """Correct the tracked pose by the walls beside it, unless it is in doubt."""
@@ -220,16 +209,18 @@ class Topological(Localizer):
     def _compare(self, odometry: Odometry, observations: Sequence[LandmarkObservation]) -> None:
         """Adopt the discrete filter's pose where it is probable, supported, and not tracked."""
         cluster = self.discrete.cluster
-        here = self.metric.pose if self.tracking else None
-        if here is not None and _is_same_pose(cluster.pose, here):
+        tracked = self.metric.pose if self.tracking else None
+        if tracked is not None and _is_same_pose(cluster.pose, tracked):
             self._disagreement = 0.0
-            self._established |= len(self.discrete.supporting(here)) >= _ESTABLISHED_SUPPORT
+            self._established |= len(self.discrete.supporting(tracked)) >= _ESTABLISHED_SUPPORT
             return
         support = len(self.discrete.supporting(cluster.pose))
         self._disagreement = cluster.mass * self.discrete.support_probability(cluster.pose)
-        if here is not None and support <= len(self.discrete.supporting(here)) + self._established:
-            self._disagreement *= 0.5  # the tracked pose is as well supported: equal weight
-            return
+        if tracked is not None:
+            needed = len(self.discrete.supporting(tracked)) + self._established
+            if support <= needed:
+                self._disagreement *= 0.5  # the tracked pose is as well supported: equal weight
+                return
         if self._disagreement >= self.params.adopt_above and observations:
             self._adopt(cluster, odometry, observations)
 
@@ -245,31 +236,19 @@ class Topological(Localizer):
         self.existence.reset(set(self.discrete.supporting(cluster.pose)).__contains__)
         self.metric.observe(observations)
 
-    def _tracking_belief(self, posterior: PlacePosterior, odometry: Odometry) -> Belief:
-        pose, covariance = self.metric.pose, self.metric.pose_covariance
-        confidence = probability_within(covariance) * (1.0 - self._disagreement)
-        return self._belief(odometry, pose, covariance, posterior.at(pose, covariance), confidence)
-
-    def _search_belief(self, odometry: Odometry, changed: bool) -> Belief:
-        cluster = self.discrete.cluster
-        if changed:
-            self._places = self.discrete.places
-        confidence = cluster.mass * self.discrete.support_probability(cluster.pose)
-        # lost until a pose has been adopted
-        confidence = min(confidence, 0.99 * self.params.lost_below)
-        return self._belief(odometry, cluster.pose, cluster.spread, self._places, confidence)
-
-    def _belief(
-        self,
-        odometry: Odometry,
-        pose: Pose,
-        covariance: Array,
-        places: Mapping[str, float],
-        confidence: float,
-    ) -> Belief:
-        lost = confidence < self.params.lost_below
-        time, updates = odometry.time, self.metric.updates
-        return Belief(time, pose, covariance, places, confidence, lost, updates)
+    def _belief(self, posterior: PlacePosterior, odometry: Odometry) -> Belief:
+        lost_below = self.params.lost_below
+        if self.tracking:
+            pose, covariance = self.metric.pose, self.metric.pose_covariance
+            places = posterior.at(pose, covariance)
+            confidence = probability_within(covariance) * (1.0 - self._disagreement)
+        else:
+            cluster = self.discrete.cluster
+            pose, covariance, places = cluster.pose, cluster.spread, self.discrete.places
+            confidence = cluster.mass * self.discrete.support_probability(cluster.pose)
+            confidence = min(confidence, 0.99 * lost_below)  # lost until a pose has been adopted
+        lost, updates = confidence < lost_below, self.metric.updates
+        return Belief(odometry.time, pose, covariance, places, confidence, lost, updates)
 
 
 def _is_same_pose(a: Pose, b: Pose) -> bool:

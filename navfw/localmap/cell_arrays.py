@@ -22,8 +22,8 @@ def distances(occupied: Mask, cell: float, farthest: float) -> Array:
     """
     if not occupied.any():
         return np.full(occupied.shape, farthest)
-    found = cv2.distanceTransform((~occupied).view(np.uint8), cv2.DIST_L2, 5)
-    return np.multiply(found, cell, dtype=np.float64)
+    in_cells = cv2.distanceTransform((~occupied).view(np.uint8), cv2.DIST_L2, 5)
+    return np.multiply(in_cells, cell, dtype=np.float64)
 
 
 def shifted(grid: Array, columns: int, rows: int) -> Array:

@@ -61,12 +61,12 @@ def cost_to_go(cost: Array, value: Array, sweeps: int) -> int:
     """
     n = value.shape[0]
     # padded with infinity, so that every cell has four neighbours
-    known = np.full((n + 2, n + 2), np.inf)
-    known[1:-1, 1:-1] = value
+    padded = np.full((n + 2, n + 2), np.inf)
+    padded[1:-1, 1:-1] = value
     stale = np.zeros((n + 2, n + 2), np.bool_)
     for i in range(1, n + 1):
         for j in range(1, n + 1):
-            if known[i, j] < np.inf:
+            if padded[i, j] < np.inf:
                 _unlock(stale, i, j)
     used = 0
     for sweep in range(sweeps):
@@ -83,8 +83,8 @@ def cost_to_go(cost: Array, value: Array, sweeps: int) -> int:
                 f = cost[i - 1, j - 1]
                 if f == np.inf:
                     continue
-                vertical = min(known[i - 1, j], known[i + 1, j])
-                horizontal = min(known[i, j - 1], known[i, j + 1])
+                vertical = min(padded[i - 1, j], padded[i + 1, j])
+                horizontal = min(padded[i, j - 1], padded[i, j + 1])
                 difference = abs(vertical - horizontal)
                 if difference >= f:
                     candidate = min(vertical, horizontal) + f
@@ -92,13 +92,13 @@ def cost_to_go(cost: Array, value: Array, sweeps: int) -> int:
                     candidate = 0.5 * (
                         vertical + horizontal + math.sqrt(2.0 * f * f - difference * difference)
                     )
-                if candidate < known[i, j] - 1e-9:
-                    change = max(change, min(known[i, j], 1e6) - candidate)
-                    known[i, j] = candidate
+                if candidate < padded[i, j] - 1e-9:
+                    change = max(change, min(padded[i, j], 1e6) - candidate)
+                    padded[i, j] = candidate
                     _unlock(stale, i, j)
         if change < 1e-3 and sweep >= 3:
             break
-    value[:] = known[1:-1, 1:-1]
+    value[:] = padded[1:-1, 1:-1]
     return used
 
 
@@ -144,8 +144,8 @@ def _lowest_around(value: Array, row: float, column: float) -> tuple[float, floa
     r0, c0 = int(round(row)), int(round(column))
     if r0 < 0 or c0 < 0 or r0 >= n or c0 >= n:
         return 0.0, 0.0
-    here = value[r0, c0]
-    best = np.inf if here == np.inf else 0.0
+    centre = value[r0, c0]
+    best = np.inf if centre == np.inf else 0.0
     best_r, best_c = row, column
     for dr in range(-2, 3):
         for dc in range(-2, 3):
@@ -155,8 +155,8 @@ def _lowest_around(value: Array, row: float, column: float) -> tuple[float, floa
             if value[r, c] == np.inf:
                 continue
             distance = math.hypot(dr, dc)
-            slope = (value[r, c] - here) / distance
-            if here == np.inf:
+            slope = (value[r, c] - centre) / distance
+            if centre == np.inf:
                 slope = value[r, c] * 1e-3 + distance
             if slope < best:
                 best = slope

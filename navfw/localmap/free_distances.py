@@ -107,9 +107,7 @@ def free_distance(
     room. A turn on the spot of a round body needs none, so its free distance is ``reach``; that of
     another one is less in proportion to the room (see ``free_turn``).
     """
-    if not occupancy.located:
-        return FreeDistance(0.0, 0.0)
-    if not occupancy.contains(pose.x, pose.y):
+    if not (occupancy.located and occupancy.contains(pose.x, pose.y)):
         return FreeDistance(0.0, 0.0)
     ground = _ground(occupancy, occupancy.footprint_observed)
     v, w, robot = float(twist.v), float(twist.w), occupancy.robot
@@ -149,8 +147,7 @@ def _blind_ground(occupancy: OccupancyGrid) -> Ground:
     Beside a doorway the camera has seen a wall's near side only; the corners of a long body turn
     towards its far side.
     """
-    others = _ground(occupancy, occupancy.footprint_observed)[1:]
-    return occupancy.blind_clearance, *others
+    return occupancy.blind_clearance, *_ground(occupancy, occupancy.footprint_observed)[1:]
 
 
 def _start(pose: Pose) -> Start:

@@ -9,8 +9,9 @@ from typing import Annotated
 import numba
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from navfw.config.strict_model import StrictModel
 from navfw.localmap.free_distances import (
     Arcs,
     FreeDistance,
@@ -200,10 +201,8 @@ def _votes(
     return spots[:count], votes
 
 
-class LocalMapParams(BaseModel):
+class LocalMapParams(StrictModel):
     """Parameters of the local map's parts."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     occupancy: OccupancyParams = OccupancyParams()
     local_planner: LocalPlannerParams = LocalPlannerParams()

@@ -12,8 +12,9 @@ from typing import Annotated
 
 import cv2
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from navfw.config.strict_model import StrictModel
 from navfw.localmap.cost_kernels import cost_to_go, descend, first_leg, price_cells
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.numerics import Array
@@ -27,10 +28,8 @@ _BEARINGS = np.linspace(-math.pi, math.pi, 49)[:-1]
 _AROUND = np.ones((3, 3), np.uint8)
 
 
-class LocalPlannerParams(BaseModel):
+class LocalPlannerParams(StrictModel):
     """Prices of the cells of the grid."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     distance: Annotated[
         float, Field(gt=0.1, le=3.0, description="distance of the local goal [m]")
@@ -106,7 +105,7 @@ class LocalPlanner:
         straight = math.hypot(x - pose.x, y - pose.y)
         steps = round(2.0 * min(self.params.distance, max(straight, 2 * cell)) / cell)
         path, count = self._path(value, cost, row, column, pose.yaw, steps, cell)
-        here = float(value[round(row), round(column)]) * cell
+        to_go = float(value[round(row), round(column)]) * cell
         if count == 0 or not math.isfinite(
             value[round(path[count - 1, 0]), round(path[count - 1, 1])]
         ):
@@ -117,9 +116,9 @@ class LocalPlanner:
         ahead = pose.to_local(
             occupancy.origin[0] + end[1] * cell, occupancy.origin[1] + end[0] * cell
         )
-        if not math.isfinite(here):
-            here = float(value[round(end[0]), round(end[1])]) * cell + math.hypot(*ahead)
-        return LocalGoal(ahead[0], ahead[1], here, True, max(1.0, here / max(straight, cell)))
+        if not math.isfinite(to_go):
+            to_go = float(value[round(end[0]), round(end[1])]) * cell + math.hypot(*ahead)
+        return LocalGoal(ahead[0], ahead[1], to_go, True, max(1.0, to_go / max(straight, cell)))
 
     def _path(
         self,

@@ -13,8 +13,9 @@ from typing import Annotated
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from navfw.config.strict_model import StrictModel
 from navfw.localmap.cell_arrays import cell_disc, distances, shifted
 from navfw.localmap.sensor_kernels import cast_evidence, decay_view, merge_evidence, rays_of
 from navfw.numerics import Array, Mask
@@ -49,10 +50,8 @@ _SHIFT = 0.4
 """Distance [m] from the grid's centre at which the grid is shifted; shifting costs a copy."""
 
 
-class OccupancyParams(BaseModel):
+class OccupancyParams(StrictModel):
     """Size of the grid, and how evidence is weighed (log-odds)."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     extent: Annotated[Positive, Field(le=30.0, description="side of the square [m]")] = 8.0
     cell: Annotated[float, Field(ge=0.02, le=0.2, description="cell size [m]")] = 0.05
@@ -143,10 +142,7 @@ class OccupancyGrid:
         """Follow the robot to odom ``pose``, decay the evidence, mark the footprint as free."""
         cell = self.params.cell
         half = self.size // 2
-        corner = (
-            (round(pose.x / cell) - half) * cell,
-            (round(pose.y / cell) - half) * cell,
-        )
+        corner = (round(pose.x / cell) - half) * cell, (round(pose.y / cell) - half) * cell
         if self._origin is None:
             self._origin = corner
         else:
@@ -163,7 +159,6 @@ class OccupancyGrid:
         self._forget_derived()
 
     def _mark_footprint(self, pose: Pose) -> None:
-        """Mark the cells under the robot as free."""
         if self.robot.footprint is not None:
             self._mark_rectangle(self.robot.footprint, pose)
             return
@@ -173,7 +168,6 @@ class OccupancyGrid:
         self.log_odds[window][self._footprint] = self.params.clamp_min
 
     def _mark_rectangle(self, footprint: Footprint, pose: Pose) -> None:
-        """The same for a body that is not round."""
         half = 0.5 * footprint.width
         corners = [(x, y) for x in (footprint.front, -footprint.rear) for y in (half, -half)]
         corners[2:] = reversed(corners[2:])
@@ -245,7 +239,6 @@ class OccupancyGrid:
         hit: Array,
         free: Array,
     ) -> None:
-        """Cast a frame's rays and merge their evidence into the grid; see ``cast_evidence``."""
         p = self.params
         cast_evidence(
             self._hit,
@@ -267,7 +260,6 @@ class OccupancyGrid:
         self._forget_derived()
 
     def _decay_view(self, at: tuple[float, float], yaw: float, time: float) -> None:
-        """Decay the free evidence within the view; see ``decay_view``."""
         since = 0.0 if self._last_view is None else max(0.0, time - self._last_view)
         self._last_view = time
         decay_view(
@@ -292,7 +284,6 @@ class OccupancyGrid:
         self._blind_clearance = None
 
     def _forget_derived(self) -> None:
-        """Derive all that is read anew: the log-odds have changed."""
         self._clearance = self._blind_clearance = None
         self._observed = self._footprint_observed = None
 
@@ -394,5 +385,4 @@ class OccupancyGrid:
         return self._distances(self._painted(self.occupied, discs))
 
     def _distances(self, occupied: Mask) -> Array:
-        """(n, n) distance [m] from each cell to the nearest of ``occupied`` (n, n)."""
         return distances(occupied, self.params.cell, self.params.extent)

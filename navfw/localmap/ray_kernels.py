@@ -59,9 +59,9 @@ def follow_arc(
     size = clearance.shape[0]
     column = int(math.floor((px - origin_x) / cell + 0.5))
     row = int(math.floor((py - origin_y) / cell + 0.5))
-    here = clearance[row, column]
+    least = clearance[row, column]
     if v == 0.0:
-        return reach, reach, here - radius
+        return reach, reach, least - radius
     step = 0.5 * cell
     curvature = w / v
     sign = 1.0 if v > 0.0 else -1.0
@@ -70,8 +70,7 @@ def follow_arc(
     c_turn, s_turn = math.cos(turn), math.sin(turn)
     c_mid, s_mid = math.cos(yaw + 0.5 * turn), math.sin(yaw + 0.5 * turn)
     length = 0.0
-    least = here
-    floor = min(radius, here - 0.02)
+    floor = min(radius, least - 0.02)
     blocked = False
     observed_until = -1.0
     # an arc that closes half a turn is as good as its first half

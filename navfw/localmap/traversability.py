@@ -15,8 +15,9 @@ from typing import Annotated
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from navfw.config.strict_model import StrictModel
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.numerics.arrays import Bytes
 from navfw.signals import Belief, PassageQuery, PassageStatus, Pose
@@ -39,10 +40,8 @@ _START_RADIUS = 0.5
 not close every leg."""
 
 
-class TraversabilityParams(BaseModel):
+class TraversabilityParams(StrictModel):
     """Which legs are checked, how wide and how often."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     range: Annotated[
         float, Field(gt=0.3, le=10.0, description="distance up to which legs are checked [m]")
@@ -131,7 +130,9 @@ def _passage_statuses(
         stop = _cut(pose, start, end, reach)
         if stop is None:
             break
-        _draw(occupancy, strip, start, stop, half + slack)
+        ends = [occupancy.index(*point)[::-1] for point in (start, stop)]
+        thickness = max(round(2.0 * (half + slack) / occupancy.params.cell), 1)
+        cv2.line(strip, ends[0], ends[1], 1, thickness)
         if math.dist(start, stop) < _MIN_LENGTH:
             statuses.append("unknown")
             continue
@@ -159,18 +160,6 @@ def _cut(
     a, b = dx * dx + dy * dy, ax * dx + ay * dy
     share = (-b + math.sqrt(max(b * b - a * (ax * ax + ay * ay - reach * reach), 0.0))) / a
     return start[0] + share * dx, start[1] + share * dy
-
-
-def _draw(
-    occupancy: OccupancyGrid,
-    strip: Bytes,
-    start: tuple[float, float],
-    end: tuple[float, float],
-    half: float,
-) -> None:
-    ends = [occupancy.index(*point)[::-1] for point in (start, end)]
-    thickness = max(round(2.0 * half / occupancy.params.cell), 1)
-    cv2.line(strip, ends[0], ends[1], 1, thickness)
 
 
 def _gate(

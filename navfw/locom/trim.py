@@ -47,10 +47,8 @@ class WheelTrim:
 
     def update(self, encoders: Encoders) -> None:
         """Take in the newest encoder reading."""
-        measured = (
-            encoders.left * self._radians_per_tick,
-            encoders.right * self._radians_per_tick,
-        )
+        turned = self._radians_per_tick
+        measured = (encoders.left * turned, encoders.right * turned)
         dt = 0.0
         if self._past:
             dt = encoders.time - self._past[-1][0]

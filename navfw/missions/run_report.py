@@ -17,7 +17,7 @@ from navfw.recording.provenance import code_revision, machine_kind
 from navfw.recording.run_folder import PICTURE, PLAN, RECORDING, RESULT, RunFolder
 from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
 from navfw.topomap.mapfile import map_data
-from navfw.topomap.ros_map import save_ros_map
+from navfw.topomap.occupancy_map import save_ros_map
 
 _LIBRARIES = ("numpy", "numba", "opencv-python-headless", "scikit-fuzzy", "networkx")
 """Libraries whose versions are recorded."""

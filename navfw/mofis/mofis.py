@@ -1,16 +1,17 @@
-"""MOFIS: a proposal from every behaviour, fused into one command (paper Fig. 1); progress."""
+"""MOFIS: a proposal from every behaviour, fused into one command that can be explained."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
+from typing import Any, TypeVar
 
 from navfw.context import CommandGrid, Context
 from navfw.guard import PluginCallError, PluginGuard, label_of
-from navfw.guard.answers import nothing
+from navfw.guard.answers import items, mapping, nothing
 from navfw.guard.stage_answers import check_command, check_proposal, check_weights
 from navfw.interfaces import Behavior, Composite, Fusion, Plugin
 from navfw.localmap import LocalGoal, LocalMap
@@ -26,6 +27,8 @@ from navfw.signals import (
     Proposal,
     Waypoint,
 )
+
+AnswerT = TypeVar("AnswerT")
 
 MOVING = 0.08
 """Commanded speed [m/s] from which the wheels are expected to follow."""
@@ -158,10 +161,14 @@ class Mofis:
         self.weights = self._weigh(context)
         self.proposals = {}
         for name, behavior in self.behaviors.items():
-            proposal = self._propose(name, behavior, context)
+            label, check = f"behavior {name}", self._check_proposal
+            proposal = self._answer(label, behavior.propose, context, check=check)
             if proposal is not None:
                 self.proposals[name] = proposal.weighted(self.weights.get(name, 1.0))
-        self._previous = self._fuse(context)
+        label, proposals = self._fusion_label, MappingProxyType(self.proposals)
+        self._previous = self._answer(
+            label, self.fusion.fuse, context, proposals, check=check_command, vital=True
+        )
         return self._previous
 
     def _context(self, inputs: DecisionInputs) -> Context:
@@ -196,24 +203,101 @@ class Mofis:
         if self.composite is None:
             return {}
         weigh = self.composite.weigh
-        try:
-            return self.guard.call(self._composite_label, weigh, context, check=check_weights)
-        except PluginCallError:
-            return {}
+        return self._answer(self._composite_label, weigh, context, check=check_weights) or {}
 
-    def _propose(self, name: str, behavior: Behavior, context: Context) -> Proposal | None:
-        """The behaviour's proposal; None when it fails."""
-        propose, check = behavior.propose, self._check_proposal
+    def _answer(
+        self,
+        plugin: str,
+        function: Callable[..., Any],
+        *arguments: Any,
+        check: Callable[[Any], AnswerT],
+        vital: bool = False,
+    ) -> AnswerT | None:
+        """The plugin's answer; None when it fails."""
         try:
-            return self.guard.call(f"behavior {name}", propose, context, check=check)
+            return self.guard.call(plugin, function, *arguments, check=check, vital=vital)
         except PluginCallError:
             return None
 
-    def _fuse(self, context: Context) -> Command | None:
-        """The fused command; None when the fusion fails."""
-        label, proposals = self._fusion_label, MappingProxyType(self.proposals)
-        fuse = self.fusion.fuse
-        try:
-            return self.guard.call(label, fuse, context, proposals, check=check_command, vital=True)
-        except PluginCallError:
-            return None
+
+def explanation_lines(explanation: dict[str, Any]) -> list[str]:
+    """The lines: the command, what was perceived, then weights, reasons and rules.
+
+    ``explanation`` is that of ``Stack.explain``. Behaviours come in the order of their weights.
+    """
+    perceived = explanation.get("perception", {}).get("sentence", "")
+    lines = [
+        f"at {explanation['time']:.1f} s: v {explanation['v']:+.2f} m/s, "
+        f"w {explanation['w']:+.2f} rad/s, led by {explanation['leader']}",
+        f"  perceived  {perceived or 'nothing yet'}",
+    ]
+    composite = explanation.get("composite", {"rules": ()})
+    if composite["rules"]:
+        weights = ", ".join(f"{name} {weight:.2f}" for name, weight in composite["weights"].items())
+        lines.append(f"  {composite['name']} weights {weights}")
+        lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in composite["rules"]]
+    ordered = sorted(explanation["behaviors"].items(), key=lambda item: -item[1]["weight"])
+    for name, rating in ordered:
+        lines.append(
+            f"  {name}: weight {rating['weight']:.2f}, desirability {rating['desirability']:.2f}, "
+            f"prohibition {rating['prohibition']:.2f} - {rating['reason']}"
+        )
+        lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in rating["rules"]]
+    return lines
+
+
+def explain_command(
+    command: Command,
+    proposals: Mapping[str, Proposal],
+    mofis: Mofis,
+    guard: PluginGuard | None = None,
+) -> dict[str, Any]:
+    """The command as plain data, with the rating of it by every behaviour.
+
+    For each behaviour: applicability, desirability and prohibition of this command, the reason, and
+    the rules that fired for it, strongest first. With a composite: the weights of the primitives,
+    and the rules that fired for them. A plugin that fails to explain gives no rules; the
+    fault is noted by ``guard``, given none by that of ``mofis``.
+    """
+    guard = mofis.guard if guard is None else guard
+    row, column = mofis.commands.nearest(command.twist)
+    explanation = {
+        "time": command.time,
+        "v": command.twist.v,
+        "w": command.twist.w,
+        "leader": command.leader,
+        "reason": command.reason,
+        "emergency": command.emergency,
+        "behaviors": {
+            name: {
+                "applicability": float(proposal.applicability),
+                "weight": float(command.weights.get(name, 0.0)),
+                "desirability": float(proposal.desirability[row, column]),
+                "prohibition": float(proposal.prohibition[row, column]),
+                "reason": proposal.reason,
+                "rules": _rules(guard, f"behavior {name}", proposal.explain, row, column),
+            }
+            for name, proposal in proposals.items()
+        },
+    }
+    if mofis.composite is not None:
+        explanation["composite"] = {
+            "name": mofis.composite.name,
+            "weights": {name: float(weight) for name, weight in mofis.weights.items()},
+            "rules": _rules(guard, label_of(mofis.composite), mofis.composite.explain),
+        }
+    return explanation
+
+
+def _rules(
+    guard: PluginGuard, plugin: str, explain: Callable[..., object], *command: int
+) -> list[dict[str, Any]]:
+    """The rules that a plugin says fired; none when it fails."""
+    try:
+        return guard.call(plugin, explain, *command, check=_check_rules)
+    except PluginCallError:
+        return []
+
+
+def _check_rules(answer: object) -> list[dict[str, Any]]:
+    return [mapping(rule, "a rule") for rule in items(answer, "explain's answer")]

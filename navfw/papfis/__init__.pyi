@@ -12,7 +12,7 @@ from .routes import CostGraph as CostGraph
 from .routes import Endpoint as Endpoint
 from .routes import Route as Route
 from .routes import Router as Router
-from .waypoints import PassingTolerances as PassingTolerances
-from .waypoints import distance_to_leg as distance_to_leg
-from .waypoints import has_passed as has_passed
-from .waypoints import waypoints_of as waypoints_of
+from .tour import PassingTolerances as PassingTolerances
+from .tour import distance_to_leg as distance_to_leg
+from .tour import has_passed as has_passed
+from .tour import waypoints_of as waypoints_of

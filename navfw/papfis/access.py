@@ -88,26 +88,26 @@ def find_access(
     doorways: Doorways,
     point: tuple[float, float],
     place: str | None = None,
-    part: frozenset[str] | None = None,
+    component: frozenset[str] | None = None,
 ) -> Access:
     """How (x, y) [m] is connected to the map: by the nearest passages that no wall hides.
 
-    A known ``place`` restricts the choice to that place and the passages that end there, a
-    ``part`` (place names) to those places and the passages between them. A point at its known
+    A known ``place`` restricts the choice to that place and the passages that end there; a
+    connected ``component`` (place names) to its places and passages. A point at its known
     place has access to that place only.
     """
     among: Sequence[Passage] | None = None
     if place is not None:
         among = topo_map.passages_at(place)
-    elif part is not None:
-        among = [passage for passage in topo_map.passages if passage.a in part]
+    elif component is not None:
+        among = [passage for passage in topo_map.passages if passage.a in component]
     near = topo_map.project_onto_passages(*point, slack=_SEARCH_RANGE, among=among)
     options = [(p, _reachable_ends(topo_map, costs, doorways, point, p)) for p in near]
     # where walls hide every passage, use the nearest all the same: a doubtful route, but a route
     options = [option for option in options if option[1]] or [
         (p, [p.passage.a, p.passage.b]) for p in near
     ]
-    isolated = _nearest_isolated(topo_map, point, place, part)
+    isolated = _nearest_isolated(topo_map, point, place, component)
     distance = min(
         options[0][0].aside if options else math.inf,
         math.inf if isolated is None else isolated[1],
@@ -116,13 +116,13 @@ def find_access(
     projections = [projection for projection, _ in options]
     if place is not None and (apart := topo_map.places[place].distance(*point)) <= AT_PLACE:
         return Access({place: OFF_PASSAGE_COST * apart}, projections, apart)
-    found: dict[str, float] = {}
+    end_costs: dict[str, float] = {}
     for projection, ends in options:
         for end in ends:
-            found[end] = min(_cost_to(costs, projection, end), found.get(end, math.inf))
+            end_costs[end] = min(_cost_to(costs, projection, end), end_costs.get(end, math.inf))
     if isolated is not None and isolated[1] <= distance + _DISTANCE_SLACK:
-        found[isolated[0]] = OFF_PASSAGE_COST * isolated[1]
-    return Access(found, projections, distance)
+        end_costs[isolated[0]] = OFF_PASSAGE_COST * isolated[1]
+    return Access(end_costs, projections, distance)
 
 
 def _reachable_ends(
@@ -161,16 +161,12 @@ def _nearest_isolated(
     topo_map: TopoMap,
     point: tuple[float, float],
     place: str | None,
-    part: frozenset[str] | None,
+    component: frozenset[str] | None,
 ) -> tuple[str, float] | None:
-    """The nearest place without any passage, and its distance."""
     names = topo_map.isolated if place is None else topo_map.isolated & {place}
-    names = names if part is None else names & part
+    names = names if component is None else names & component
     distances = [(topo_map.places[name].distance(*point), name) for name in names]
-    if not distances:
-        return None
-    distance, name = min(distances)
-    return name, distance
+    return min(distances)[::-1] if distances else None
 
 
 def _foot(topo_map: TopoMap, projection: PassageProjection) -> tuple[float, float]:

@@ -12,8 +12,7 @@ from navfw.interfaces import Planner
 from navfw.papfis.edge_costs import CostParams
 from navfw.papfis.route_plan import RoutePlan
 from navfw.papfis.routes import Router
-from navfw.papfis.tour import Tour
-from navfw.papfis.waypoints import PassingTolerances
+from navfw.papfis.tour import PassingTolerances, Tour
 from navfw.signals import Belief, PassageQuery, PassageReport, PassageStatus, Waypoint
 from navfw.topomap import Passage, TopoMap
 
@@ -227,12 +226,10 @@ class Papfis(Planner):
     _blockages: Blockages | None = None
     _report: PassageReport | None = None
     _at: tuple[float, float] | None = None
-    _router: Router | None = None
     _tour: Tour | None = None
 
     def reset(self) -> None:
         """Back to the state before ``start``."""
-        self._router = None
         self._tour = None
         self._blockages = None
         self._report = None
@@ -246,12 +243,12 @@ class Papfis(Planner):
 
         """
         p = self.params
-        self._router = Router(topo_map, self.robot, CostParams(p.aversion, p.avoidance))
+        router = Router(topo_map, self.robot, CostParams(p.aversion, p.avoidance))
         passing = PassingTolerances(
             p.passing, p.door_passing, p.beside_door_passing, p.passing_reach, self.robot.reach
         )
-        self._tour = Tour(self._router, goals, passing, p.replan_distance, p.max_off_map)
-        self._blockages = Blockages(self._router, p.closing_votes, p.vote_interval, p.closed_for)
+        self._tour = Tour(router, goals, passing, p.replan_distance, p.max_off_map)
+        self._blockages = Blockages(router, p.closing_votes, p.vote_interval, p.closed_for)
 
     def update(self, belief: Belief) -> Waypoint | None:
         """The waypoint to drive to; None when the last goal is reached.
@@ -304,6 +301,6 @@ class Papfis(Planner):
 
     def explain(self) -> dict[str, Any]:
         """The route to the present goal as plain data: each passage with its cost, rule by rule."""
-        if self._router is None or self._tour is None or self._tour.route is None:
+        if self._tour is None or self._tour.route is None:
             return {}
-        return RoutePlan(self._tour.route, self._router).explain()
+        return RoutePlan(self._tour.route, self._tour.router).explain()

@@ -37,7 +37,6 @@ class RoutePlan:
     def explain(self) -> dict[str, Any]:
         """The route and the cost of each passage, rule by rule, as plain data."""
         route = self.route
-        closed = (p for p in self.router.topo_map.passages if self.router.costs.is_closed(p))
         return {
             "start": [route.start.x, route.start.y],
             "goal": [route.goal.x, route.goal.y],
@@ -47,7 +46,7 @@ class RoutePlan:
             "entry_cost": route.entry_cost,
             "exit_cost": route.exit_cost,
             "passages": self.router.explain(route),
-            "closed": [[passage.a, passage.b] for passage in closed],
+            "closed": [[passage.a, passage.b] for passage in self.router.closed],
         }
 
 
@@ -102,13 +101,13 @@ def parse_passage(topo_map: TopoMap, text: str) -> Passage:
         UnknownNameError: one of the places does not exist.
 
     """
-    parts = text.split(":")
+    words = text.split(":")
     # names may contain colons: use the split that gives two places
-    for cut in range(1, len(parts)):
-        a, b = ":".join(parts[:cut]), ":".join(parts[cut:])
+    for cut in range(1, len(words)):
+        a, b = ":".join(words[:cut]), ":".join(words[cut:])
         if a in topo_map.places and b in topo_map.places:
             return topo_map.passage(a, b)
-    if len(parts) < 2:
+    if len(words) < 2:
         raise MapError(f"expected a passage as PLACE:PLACE, got {text!r}", file=topo_map.file)
-    unknown = next(name for name in (parts[0], parts[-1]) if name not in topo_map.places)
+    unknown = next(name for name in (words[0], words[-1]) if name not in topo_map.places)
     raise UnknownNameError("place", unknown, topo_map.places, file=topo_map.file)

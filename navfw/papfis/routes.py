@@ -159,14 +159,16 @@ class Router:
         self._graph = CostGraph(topo_map, self.costs.values)
         self._doorways = Doorways(topo_map)
 
-    def access(self, end: Endpoint, part: frozenset[str] | None = None) -> Access:
-        """How ``end`` is connected to the map, or to one ``part`` of it.
+    def access(self, end: Endpoint, component: frozenset[str] | None = None) -> Access:
+        """How ``end`` is connected to the map, or to one connected ``component`` of it.
 
         Raises:
             UnknownNameError: the map has no place ``end.place``.
 
         """
-        return find_access(self.topo_map, self.costs, self._doorways, end.point, end.place, part)
+        return find_access(
+            self.topo_map, self.costs, self._doorways, end.point, end.place, component
+        )
 
     def check_near(self, end: Endpoint, what: str, farthest: float) -> None:
         """Check that the distance of ``end`` to the map is at most ``farthest`` [m].
@@ -185,7 +187,8 @@ class Router:
 
     def part_at(self, end: Endpoint) -> frozenset[str]:
         """The connected part of the map that ``end`` belongs to, as place names."""
-        return self.topo_map.part_of(min(self.access(end).costs.items(), key=_by_cost)[0])
+        by_cost = ((cost, name) for name, cost in self.access(end).costs.items())
+        return self.topo_map.part_of(min(by_cost)[1])
 
     def route(self, start: Endpoint, goal: Endpoint) -> Route:
         """The cheapest route; passages of high danger only where there is no other.
@@ -204,6 +207,11 @@ class Router:
         """
         access = self.access(start, self.part_at(goal))
         return self._route(start, goal, access, self.access(goal))
+
+    @property
+    def closed(self) -> list[Passage]:
+        """The passages that are closed now, in the order of the map."""
+        return [passage for passage in self.topo_map.passages if self.costs.is_closed(passage)]
 
     def close(self, passage: Passage, barrier: float | None = None) -> None:
         """Make a passage impassable, at ``barrier`` [m from its place ``a``] if that is known."""
@@ -232,27 +240,27 @@ class Router:
         ]
 
     def _route(self, start: Endpoint, goal: Endpoint, entry: Access, leave: Access) -> Route:
-        found = self._graph.cheapest_path(entry.costs, leave.costs, goal.point)
+        path = self._graph.cheapest_path(entry.costs, leave.costs, goal.point)
         direct = self._direct_cost(entry, leave)
         # at equal cost the route by way of places: it is more informative
-        if direct is not None and (found is None or direct[0] < found.cost - 1e-9):
+        if direct is not None and (path is None or direct[0] < path.cost - 1e-9):
             cost, passage = direct
             straight = math.hypot(goal.x - start.x, goal.y - start.y)
             return Route(start, goal, (), (), (passage,), cost, straight, cost, 0.0)
-        if found is None:
+        if path is None:
             raise self._no_route(start, goal)
-        return self._route_by_places(start, goal, entry, leave, found)
+        return self._route_by_places(start, goal, entry, leave, path)
 
     def _route_by_places(
-        self, start: Endpoint, goal: Endpoint, entry: Access, leave: Access, found: SearchResult
+        self, start: Endpoint, goal: Endpoint, entry: Access, leave: Access, path: SearchResult
     ) -> Route:
-        first, last = (self.topo_map.places[found.places[i]] for i in (0, -1))
-        passages = tuple(self.topo_map.passage(a, b) for a, b in pairwise(found.places))
+        first, last = (self.topo_map.places[path.places[i]] for i in (0, -1))
+        passages = tuple(self.topo_map.passage(a, b) for a, b in pairwise(path.places))
         legs = (entry.passage_to(first.name), *passages, leave.passage_to(last.name))
         length = first.distance(*start.point) + last.distance(*goal.point)
         length += sum_in_order(passage.length for passage in passages)
         end_costs = entry.costs[first.name], leave.costs[last.name]
-        return Route(start, goal, found.places, passages, legs, found.cost, length, *end_costs)
+        return Route(start, goal, path.places, passages, legs, path.cost, length, *end_costs)
 
     def _direct_cost(self, entry: Access, leave: Access) -> tuple[float, Passage] | None:
         """Cost and passage of a route along one passage that start and goal both project onto."""
@@ -273,10 +281,12 @@ class Router:
 
     def _no_route(self, start: Endpoint, goal: Endpoint) -> MapError:
         begin, end = self.part_at(start), self.part_at(goal)
-        closed = [passage for passage in self.topo_map.passages if self.costs.is_closed(passage)]
+        closed = self.closed
         if begin == end and closed:
-            listed = ", ".join(map(str, closed[:5])) + (", ..." if len(closed) > 5 else "")
-            message = f"there is no route from {start} to {goal} without closed passages: {listed}"
+            message = (
+                f"there is no route from {start} to {goal} without closed passages: "
+                f"{first_names(closed, 5)}"
+            )
         elif begin != end:
             message = (
                 f"the map does not connect the start {start}, in {_part_text(begin)}, with the "
@@ -284,19 +294,19 @@ class Router:
             )
         else:
             narrow = [p for p in self.topo_map.passages if p.width <= self.costs.robot_width]
-            listed = ", ".join(f"{p} ({p.width:g} m)" for p in narrow[:5])
+            widths = ", ".join(f"{p} ({p.width:g} m)" for p in narrow[:5])
             message = (
                 f"no route from {start} to {goal} is wide enough for the robot "
-                f"({self.costs.robot_width:g} m); too narrow: {listed}"
+                f"({self.costs.robot_width:g} m); too narrow: {widths}"
             )
         return MapError(message, file=self.topo_map.file)
 
 
-def _part_text(part: frozenset[str]) -> str:
-    names: Sequence[str] = sorted(part)
-    listed = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
-    return f"the part with {listed} ({len(names)} place{'s' if len(names) != 1 else ''})"
+def _part_text(component: frozenset[str]) -> str:
+    count = f"{len(component)} place{'s' if len(component) != 1 else ''}"
+    return f"the part with {first_names(sorted(component), 5)} ({count})"
 
 
-def _by_cost(item: tuple[str, float]) -> tuple[float, str]:
-    return item[1], item[0]
+def first_names(items: Sequence[object], count: int) -> str:
+    """The first ``count`` of ``items``, for messages; an ellipsis stands for the rest."""
+    return ", ".join(map(str, items[:count])) + (", ..." if len(items) > count else "")

@@ -1,22 +1,177 @@
-"""The tour through a mission's goals: the next waypoint, waypoints passed, and replanning."""
+"""The tour through a mission's goals: waypoints of the routes, passing them, and replanning."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
+from dataclasses import dataclass
 from itertools import pairwise
 
 from navfw.errors import MapError
-from navfw.papfis.routes import Endpoint, Route, Router
-from navfw.papfis.waypoints import (
-    PassingTolerances,
-    Point,
-    distance_to_leg,
-    has_passed,
-    waypoints_of,
-)
+from navfw.papfis.access import AT_PLACE
+from navfw.papfis.routes import Endpoint, Route, Router, first_names
 from navfw.signals import PassageQuery, Waypoint
+from navfw.topomap import Passage, TopoMap
+
+Point = tuple[float, float]
+
+_MAX_TURN = math.radians(120.0)
+"""Largest turn at a waypoint for which its bisector decides whether it is passed [rad]."""
+
+_ROOMY = 0.27
+"""Free width [m] between the body and each post of a door from which on the tolerance beside it is
+the whole one: a wide robot that comes from aside does not fit through."""
+
+MIN_SHARE = 0.3
+"""Least share of the tolerance beside a door."""
+
+
+@dataclass(frozen=True, slots=True)
+class PassingTolerances:
+    """Distances [m] within which a waypoint counts as passed: in the open, in and beside a door.
+
+    A waypoint left behind counts as passed within ``reach`` [m] too, except a door passed outside
+    its gap. Beside a door in whose width a robot of the radius ``body`` [m] about its turning
+    centre can turn, the tolerance is smaller for wide robots; another robot could not comply.
+    """
+
+    open: float = 0.6
+    door: float = 0.25
+    beside_door: float = 0.35
+    reach: float = 1.0
+    body: float = 0.0
+
+    def tolerances(self, kinds: Sequence[str], widths: Sequence[float]) -> list[float]:
+        """The tolerances [m] at a route's places of these ``kinds`` and ``widths`` [m]."""
+        return [
+            self._tolerance(kind, [widths[k] for k in (i - 1, i + 1) if _is_door(kinds, k)])
+            for i, kind in enumerate(kinds)
+        ]
+
+    def _tolerance(self, kind: str, doors: Sequence[float]) -> float:
+        """The tolerance [m] at a place of that kind, beside doors of these widths [m]."""
+        if kind == "door":
+            return self.door
+        if not doors:
+            return self.open
+        free = 0.5 * min(doors) - self.body
+        if free <= 0.0:
+            return self.beside_door
+        return self.beside_door * min(max(free / _ROOMY, MIN_SHARE), 1.0)
+
+
+def _is_door(kinds: Sequence[str], index: int) -> bool:
+    return 0 <= index < len(kinds) and kinds[index] == "door"
+
+
+def waypoints_of(
+    route: Route, goal: Waypoint, topo_map: TopoMap, passing: PassingTolerances
+) -> list[Waypoint]:
+    """The waypoints of ``route``, the goal last.
+
+    A door's width is that of the narrower passage at it. A first place where the route starts is
+    left out, and so is a last place within the goal's tolerance.
+    """
+    places = [topo_map.places[name] for name in route.places]
+    kinds = [place.kind for place in places]
+    widths = list(route.widths[: len(places)])
+    for i, place in enumerate(places):
+        if place.kind == "door":
+            widths[i] = min(widths[i], *(p.width for p in topo_map.passages_at(place.name)))
+    waypoints = [
+        Waypoint(
+            place.x,
+            place.y,
+            tolerance,
+            place.name,
+            place.kind,
+            final=False,
+            width=width,
+            passage=_ends(leg),
+        )
+        for place, tolerance, width, leg in zip(
+            places, passing.tolerances(kinds, widths), widths, route.legs, strict=False
+        )
+    ]
+    last = route.legs[-1]
+    if places and kinds[-1] != "door" and places[-1].distance(goal.x, goal.y) <= goal.tolerance:
+        del waypoints[-1]
+        last = route.legs[-2]
+    if waypoints and places[0].distance(*route.start.point) <= AT_PLACE:
+        del waypoints[0]
+    final = Waypoint(
+        goal.x,
+        goal.y,
+        goal.tolerance,
+        goal.place,
+        "goal",
+        final=True,
+        width=route.widths[-1],
+        passage=_ends(last),
+    )
+    return [*waypoints, final]
+
+
+def _ends(passage: Passage | None) -> tuple[str, str] | None:
+    return None if passage is None else (passage.a, passage.b)
+
+
+def has_passed(
+    at: Point,
+    came_from: Point,
+    waypoint: Waypoint,
+    after: Waypoint | None,
+    passing: PassingTolerances,
+) -> bool:
+    """Whether the robot, ``at`` (x, y) [m] on its leg from ``came_from``, has passed ``waypoint``.
+
+    It has when nearer than the tolerance, or when it has crossed the line through the waypoint that
+    bisects the turn from this leg to the next (towards ``after``), at most ``passing.reach`` from
+    it (a door: within the gap). A final waypoint must be reached.
+    """
+    dx, dy = at[0] - waypoint.x, at[1] - waypoint.y
+    if math.hypot(dx, dy) <= waypoint.tolerance:
+        return True
+    if waypoint.final or after is None or math.hypot(dx, dy) > passing.reach:
+        return False
+    forward = _bisector(came_from, (waypoint.x, waypoint.y), (after.x, after.y))
+    if forward is None or dx * forward[0] + dy * forward[1] < 0.0:
+        return False
+    aside = abs(dx * forward[1] - dy * forward[0])
+    return waypoint.kind != "door" or aside <= 0.5 * waypoint.width
+
+
+def distance_to_leg(at: Point, start: Point, end: Point) -> float:
+    """Distance [m] from ``at`` to the straight leg from ``start`` to ``end``."""
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    squared = dx * dx + dy * dy
+    share = 0.0
+    if squared > 0.0:
+        share = ((at[0] - start[0]) * dx + (at[1] - start[1]) * dy) / squared
+        share = min(max(share, 0.0), 1.0)
+    return math.hypot(at[0] - start[0] - share * dx, at[1] - start[1] - share * dy)
+
+
+def _bisector(before: Point, corner: Point, after: Point) -> Point | None:
+    """The unit direction halfway between the legs to and from ``corner``.
+
+    None for turns beyond ``_MAX_TURN``.
+    """
+    leg_in = _unit(corner[0] - before[0], corner[1] - before[1])
+    leg_out = _unit(after[0] - corner[0], after[1] - corner[1])
+    if leg_in is None or leg_out is None:
+        return leg_in or leg_out
+    x, y = leg_in[0] + leg_out[0], leg_in[1] + leg_out[1]
+    if math.hypot(x, y) < 2.0 * math.cos(0.5 * _MAX_TURN):
+        return None
+    return _unit(x, y)
+
+
+def _unit(x: float, y: float) -> Point | None:
+    length = math.hypot(x, y)
+    return None if length < 1e-9 else (x / length, y / length)
+
 
 _QUERY_RANGE = 2.5
 """Distance along the path up to which passages are queried [m] (METHOD 4.3)."""
@@ -28,8 +183,8 @@ class Tour:
     A goal's ``place`` names a place of the map, or is only a label. Each goal's route is planned
     from the robot's position when the goal before has been reached; the routes between later goals
     are planned by the constructor, so that an unreachable goal is found before the robot moves.
-    ``route`` is the one to the present goal; ``no_route_reason`` names the closed passages while
-    there is none.
+    ``route`` is the one to the present goal, by ``router``; ``no_route_reason`` names the closed
+    passages while there is none.
 
     Raises:
         MapError: two goals are not connected, or a goal is farther than ``max_off_map`` [m] from
@@ -45,7 +200,7 @@ class Tour:
         replan_distance: float,
         max_off_map: float,
     ) -> None:
-        self._router = router
+        self.router = router
         self._passing = passing
         self._replan_distance = replan_distance
         self._max_off_map = max_off_map
@@ -102,8 +257,8 @@ class Tour:
         if not self._goals:
             return None
         if self.route is None:
-            self._router.check_near(Endpoint(*at), "start", self._max_off_map)
-            self._follow(self._router.route(Endpoint(*at), self._endpoint(self._goals[0])), at)
+            self.router.check_near(Endpoint(*at), "start", self._max_off_map)
+            self._follow(self.router.route(Endpoint(*at), self._endpoint(self._goals[0])), at)
         elif self._is_off_path(at):
             self._replan(at)
         while self._ahead and (passed := self._passed(at, sure)):
@@ -145,7 +300,7 @@ class Tour:
 
     def _plan(self, at: Point) -> None:
         try:
-            route = self._router.route_within(Endpoint(*at), self._endpoint(self._goals[0]))
+            route = self.router.route_within(Endpoint(*at), self._endpoint(self._goals[0]))
         except MapError:
             # closed passages, or a position estimate without access to the map: keep the old route
             self._came_from = at
@@ -161,22 +316,20 @@ class Tour:
 
     def _closed_on_route(self) -> str | None:
         """Message with the closed passages on the planned route; None if none is closed."""
-        every, costs = self._router.topo_map.passages, self._router.costs
-        closed = [passage for passage in every if costs.is_closed(passage)]
+        closed = self.router.closed
         ahead = {frozenset(w.passage) for w in self._ahead if w.passage is not None}
         named = [passage for passage in closed if passage.ends in ahead] or closed
         if not named:
             return None
-        listed = ", ".join(map(str, named[:3])) + (", ..." if len(named) > 3 else "")
-        return f"the only route to {self._goals[0].label} is closed: {listed}"
+        return f"the only route to {self._goals[0].label} is closed: {first_names(named, 3)}"
 
     def _is_off_path(self, at: Point) -> bool:
         end = self._ahead[0]
         return distance_to_leg(at, self._came_from, (end.x, end.y)) > self._replan_distance
 
     def _waypoints(self, route: Route, goal: Waypoint) -> list[Waypoint]:
-        return waypoints_of(route, goal, self._router.topo_map, self._passing)
+        return waypoints_of(route, goal, self.router.topo_map, self._passing)
 
     def _endpoint(self, goal: Waypoint) -> Endpoint:
-        known = goal.place in self._router.topo_map.places
-        return Endpoint(goal.x, goal.y, goal.place if known else None)
+        on_map = goal.place in self.router.topo_map.places
+        return Endpoint(goal.x, goal.y, goal.place if on_map else None)

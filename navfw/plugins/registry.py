@@ -40,17 +40,17 @@ BUILT_IN: dict[str, dict[str, str]] = {
     "localizer": {
         "bayes": "navfw.localization.bayes:Bayes",
         "dead_reckoning": "navfw.localization.dead_reckoning:DeadReckoning",
-        "ekf": "navfw.localization.ekf:Ekf",
+        "ekf": "navfw.localization.metric_filter:Ekf",
         "floor_plan": "navfw.localization.floor_plan:FloorPlanLocalizer",
         "topological": "navfw.localization.topological:Topological",
     },
     "planner": {"papfis": "navfw.papfis.papfis:Papfis"},
     "fusion": {
-        "fuzzy": "navfw.mofis.fusion.fuzzy:FuzzyFusion",
-        "priority": "navfw.mofis.fusion.priority:PriorityFusion",
-        "damn": "navfw.mofis.fusion.damn:DamnFusion",
-        "blend": "navfw.mofis.fusion.blend:BlendFusion",
-        "pareto": "navfw.mofis.fusion.pareto:ParetoFusion",
+        "fuzzy": "navfw.mofis.fusion:FuzzyFusion",
+        "priority": "navfw.mofis.fusion:PriorityFusion",
+        "damn": "navfw.mofis.fusion:DamnFusion",
+        "blend": "navfw.mofis.fusion:BlendFusion",
+        "pareto": "navfw.mofis.fusion:ParetoFusion",
     },
     "controller": {"unicycle": "navfw.locom.unicycle:Unicycle"},
     "landmark": {

@@ -14,7 +14,7 @@ from foxglove import channels as typed
 from foxglove.messages import CompressedImage, Timestamp
 
 from navfw.guard import PluginGuard
-from navfw.mofis.explanation import explain_command
+from navfw.mofis.mofis import explain_command
 from navfw.numerics import Image
 from navfw.recording import channel_list as topics
 from navfw.recording import viewer_messages as messages

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import ConfigError
-from navfw.mofis.explanation import explanation_lines
+from navfw.mofis.mofis import explanation_lines
 from navfw.numerics import Array
 from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of

@@ -14,8 +14,9 @@ from typing import Annotated, Literal
 
 import cv2
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from navfw.config.strict_model import StrictModel
 from navfw.guard import FailingStage
 from navfw.localmap import LocalMap
 from navfw.numerics import Image
@@ -55,7 +56,6 @@ class Senses:
         self._last_count = 0.0
         self.trouble = ""
         self.seeing = True
-        self._began: float | None = None
         self._last_useful: float | None = None
         self._image: Image | None = None
         self._displacement = 0.0
@@ -65,8 +65,8 @@ class Senses:
     def update(self, reading: SensorReading, odometry: Odometry) -> None:
         """Take in one reading, and the ``odometry`` made of it."""
         time = reading.time
-        if self._began is None:
-            self._began = self._last_useful = self._last_count = time
+        if self._last_useful is None:
+            self._last_useful = self._last_count = time
         self.gyro_age = time - reading.inertial.time
         self.encoder_age = time - reading.encoders.time
         if not odometry.silent:
@@ -82,8 +82,7 @@ class Senses:
             )
             if not self.trouble:
                 self._last_useful = reading.frame.time
-        last = self._last_useful if self._last_useful is not None else time
-        self.camera_age = time - last
+        self.camera_age = time - self._last_useful
 
     def _move(self, odometry: Odometry) -> None:
         if self._pose is not None:
@@ -119,10 +118,8 @@ _PROBE_PERIOD, _PROBE_TIME = 3.0, 0.3
 """Period and duration [s] of the probes whether silent encoders count again."""
 
 
-class SafetyParams(BaseModel):
+class SafetyParams(StrictModel):
     """Thresholds of the monitor."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     latency: Annotated[
         float, Field(ge=0.0, le=1.0, description="delay until the wheels brake [s]")
@@ -275,8 +272,7 @@ class SafetyMonitor:
             fastest = self._stopping_speed(room, robot.max_turn_accel)
             if abs(w) > fastest:
                 w, reason = math.copysign(fastest, w), "no room to turn"
-        stopped = twist.v > 0.0 and v <= 0.0
-        return SafetyVerdict(Twist(v, w), reason, stopped)
+        return SafetyVerdict(Twist(v, w), reason, stopped=twist.v > 0.0 and v <= 0.0)
 
     @property
     def failure(self) -> PersistentFailure | None:
@@ -288,27 +284,18 @@ class SafetyMonitor:
         if max(senses.silence, senses.encoder_age) > patience:
             reason = f"the wheel encoders do not count, for {patience:.0f} s"
             return PersistentFailure("sensor", reason)
-        if self._sightless_for > patience:
-            reason = f"{self.local_map.sight.judgement.trouble}, for {self._sightless_for:.0f} s"
+        sightless, failing = self._elapsed(self._sightless_since), self._failing
+        if sightless > patience:
+            reason = f"{self.local_map.sight.judgement.trouble}, for {sightless:.0f} s"
             return PersistentFailure("sight", reason)
-        if self._failing is not None and self._failing_for > patience:
-            what = f"{self._failing.plugin}: {self._failing.error}"
-            return PersistentFailure("stage", f"{what}, for {self._failing_for:.0f} s")
+        if failing is not None and self._elapsed(failing.since) > patience:
+            what = f"{failing.plugin}: {failing.error}"
+            return PersistentFailure("stage", f"{what}, for {self._elapsed(failing.since):.0f} s")
         return None
 
-    @property
-    def _sightless_for(self) -> float:
-        """Time [s] for which the robot may not go on, as it sees nothing of the path ahead."""
-        if self._sightless_since is None or self._last_time is None:
-            return 0.0
-        return self._last_time - self._sightless_since
-
-    @property
-    def _failing_for(self) -> float:
-        """Time [s] for which a stage has been failing; 0 without one."""
-        if self._failing is None or self._last_time is None:
-            return 0.0
-        return self._last_time - self._failing.since
+    def _elapsed(self, since: float | None) -> float:
+        """Time [s] from ``since`` to the last reading; 0 without either."""
+        return 0.0 if since is None or self._last_time is None else self._last_time - since
 
     def _silence_cap(self) -> float:
         """Top speed either way [m/s] while encoders are silent: zero but for short probes.
@@ -327,8 +314,8 @@ class SafetyMonitor:
         if senses.encoder_age > p.encoder_stop:
             return 0.0, "the wheel encoders are silent"
         blind, trouble = senses.camera_age, senses.trouble
-        if self._failing is not None and self._failing_for > blind:
-            blind, trouble = self._failing_for, f"{self._failing.plugin} fails"
+        if self._failing is not None and self._elapsed(self._failing.since) > blind:
+            blind, trouble = self._elapsed(self._failing.since), f"{self._failing.plugin} fails"
         if blind > p.camera_stop:
             return 0.0, trouble or "the camera is silent"
         if blind > p.camera_slow:

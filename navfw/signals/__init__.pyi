@@ -1,11 +1,6 @@
 from .commands import Command as Command
 from .commands import Explain as Explain
 from .commands import Proposal as Proposal
-from .flow import CameraMotion as CameraMotion
-from .flow import FlowField as FlowField
-from .flow import FramePair as FramePair
-from .flow import Odometry as Odometry
-from .flow import YawCorrection as YawCorrection
 from .geometry import Pose as Pose
 from .geometry import Twist as Twist
 from .geometry import position_sigma as position_sigma
@@ -27,7 +22,12 @@ from .places import PassageQuery as PassageQuery
 from .places import PassageReport as PassageReport
 from .places import PassageStatus as PassageStatus
 from .places import Waypoint as Waypoint
+from .sensors import CameraMotion as CameraMotion
 from .sensors import Encoders as Encoders
+from .sensors import FlowField as FlowField
 from .sensors import Frame as Frame
+from .sensors import FramePair as FramePair
 from .sensors import Inertial as Inertial
+from .sensors import Odometry as Odometry
 from .sensors import SensorReading as SensorReading
+from .sensors import YawCorrection as YawCorrection

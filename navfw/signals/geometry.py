@@ -63,6 +63,12 @@ class Pose:
         x, y = self.to_local(other.x, other.y)
         return Pose(x, y, wrap_angle(other.yaw - self.yaw))
 
+    def frame_of(self, local: Pose) -> Pose:
+        """The pose of the frame in which this pose is ``local``, in this pose's parent frame."""
+        yaw = wrap_angle(self.yaw - local.yaw)
+        turned = Pose(0.0, 0.0, yaw).compose(local)
+        return Pose(self.x - turned.x, self.y - turned.y, yaw)
+
 
 @dataclass(frozen=True, slots=True)
 class Twist:

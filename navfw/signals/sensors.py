@@ -1,10 +1,13 @@
-"""Sensor readings: the only input of a stack beside the map file."""
+"""Sensor readings, the only input of a stack beside the map file; egomotion and optical flow."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from navfw.numerics.arrays import Image
+from navfw.numerics.arrays import Array, Image
+from navfw.numerics.products import product
+from navfw.signals.geometry import Pose, Twist
 from navfw.signals.immutability import freeze
 
 
@@ -55,3 +58,105 @@ class SensorReading:
     encoders: Encoders
     frame: Frame | None = None
     landmark_frame: Frame | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """Dead reckoning from encoders and gyro: pose in ``odom``, measured twist.
+
+    ``still`` is true while neither wheel has turned for a moment: then the gyro's bias is estimated
+    (``yaw_bias`` [rad/s], already removed from the pose and twist). ``silent`` is true while the
+    encoders do not follow the commanded wheel speeds, so that the distance driven is a guess.
+    ``gyro_stale`` is true while the wheels stand in for a gyro without a fresh reading,
+    ``by_floor`` while the distance driven is measured by the floor's motion in the images.
+    """
+
+    time: float
+    pose: Pose
+    twist: Twist
+    yaw_bias: float
+    still: bool
+    silent: bool = False
+    gyro_stale: bool = False
+    by_floor: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class CameraMotion:
+    """How the camera moved from a past frame to the current one.
+
+    ``rotation`` (3, 3) turns vectors given in the past camera's axes into the current camera's
+    axes; ``translation`` (3,) [m] is the camera's displacement, current minus past position, in
+    the CURRENT camera's axes. A static point obeys ``X_now = rotation @ X_past - translation``.
+    ``yaw_sigma`` [rad] and ``translation_sigma`` [m] are one standard deviation, ``skid_sigma`` [m]
+    is the part of the latter that skidding wheels add in turns, sideways.
+    """
+
+    rotation: Array
+    translation: Array
+    dt: float
+    yaw_sigma: float = 0.0
+    translation_sigma: float = 0.0
+    skid_sigma: float = 0.0
+
+    def __post_init__(self) -> None:
+        freeze(self, "rotation", "translation")
+
+    @property
+    def baseline(self) -> float:
+        """Length of the translation [m]."""
+        return math.sqrt(product(self.translation, self.translation))
+
+
+@dataclass(frozen=True, slots=True)
+class FramePair:
+    """Two frames over a useful baseline, with the camera's motion between them."""
+
+    past: Frame
+    now: Frame
+    motion: CameraMotion
+
+
+@dataclass(frozen=True, slots=True)
+class YawCorrection:
+    """Yaw that the flow found beside the measured ``motion`` of one pair of frames.
+
+    ``yaw`` and ``sigma`` [rad]: the robot turned by ``yaw`` more, counter-clockwise, than
+    ``motion`` has it. The stack applies it to the odometer.
+    """
+
+    yaw: float
+    sigma: float
+    motion: CameraMotion
+
+
+@dataclass(frozen=True, slots=True)
+class FlowField:
+    """Optical flow on a regular sparse grid over the CURRENT image (paper sec 3).
+
+    ``points`` (rows, cols, 2) [px, relative to the principal point] are the grid points in the
+    current image; ``vectors`` (rows, cols, 2) [px] say how far each imaged point came since the
+    past frame (``now - past``: forward motion makes vectors point away from the focus of
+    expansion). ``confidence`` (rows, cols) in [0, 1]; 0 means the vector says nothing. ``sigma``
+    (rows, cols) [px] is one standard deviation of a vector's components. ``derotated`` tells
+    whether the part due to camera rotation has been removed. ``inconsistency`` (rows, cols) in
+    [0, 1], if known: the confidence of a vector whose epipolar residual no static point explains,
+    0 elsewhere.
+    """
+
+    time: float
+    points: Array
+    vectors: Array
+    confidence: Array
+    sigma: Array
+    motion: CameraMotion
+    derotated: bool = False
+    inconsistency: Array | None = None
+
+    def __post_init__(self) -> None:
+        freeze(self, "points", "vectors", "confidence", "sigma", "inconsistency")
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols) of the grid."""
+        return self.confidence.shape[0], self.confidence.shape[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -25,11 +26,10 @@ from navfw.guard.guarded_stages import (
     GuardedPlanner,
 )
 from navfw.interfaces import Behavior, FeatureRecognizer
-from navfw.localization.known_walls import KnownWalls
+from navfw.localization.passage_walls import KnownWalls
 from navfw.localmap import LocalMap
 from navfw.locom.trim import WheelTrim
-from navfw.mofis.explanation import explain_command
-from navfw.mofis.mofis import DecisionInputs, Mofis
+from navfw.mofis.mofis import DecisionInputs, Mofis, explain_command
 from navfw.movers import ConflictPredictor, Tracker
 from navfw.robot import RobotModel
 from navfw.safety import SafetyMonitor, SafetyVerdict
@@ -48,7 +48,7 @@ from navfw.signals import (
     Waypoint,
 )
 from navfw.stack.progress_watch import ProgressWatch
-from navfw.stack.stack_state import StackState, counted
+from navfw.stack.stack_state import StackState
 from navfw.stack.stackfile import PluginSource, StackConfig, load_stack
 from navfw.stack.stopwatch import timed
 from navfw.stack.vision import View, Vision
@@ -198,7 +198,7 @@ class Stack:
         self.trim.reset()
         self._forget()
         self._start_pose = pose
-        for part in (
+        for stage in (
             self.vision,
             self.features,
             self.localizer,
@@ -209,7 +209,7 @@ class Stack:
             self.mofis,
             self.safety,
         ):
-            part.reset()
+            stage.reset()
         self.features.set_map(self.topo_map)
         self.planner.start(self.topo_map, goals)
         self.timings.update(dict.fromkeys(TIMED, 0.0))
@@ -263,6 +263,8 @@ class Stack:
             idle = self.mofis.idle
             self._check_passages(odometry, belief)
         self._progress.update(reading.time, belief, waypoint, idle, self.planner.no_route_reason)
+        counts = Counter(self.state.detection_counts)
+        counts.update(detection.identity for detection in detections)
         self.state = StackState(
             time=reading.time,
             odometry=odometry,
@@ -281,7 +283,7 @@ class Stack:
             sight=self.local_map.sight.judgement,
             faults=tuple(str(fault) for fault in self.guard.faults),
             landmark_detections=detections,
-            detection_counts=counted(self.state.detection_counts, detections),
+            detection_counts=counts,
         )
         self.guard.starting = False
         if command is not None:
@@ -317,7 +319,6 @@ class Stack:
         percept: Percept | None,
         detections: Sequence[LandmarkDetection],
     ) -> Belief:
-        """The belief after this frame."""
         if not self._localized:
             self.localizer.start(self.topo_map, self._start_pose, odometry)
             self._localized = True
@@ -370,7 +371,6 @@ class Stack:
         waypoint: Waypoint | None,
         moving_obstacles: tuple[OccupiedDisc, ...],
     ) -> DecisionInputs:
-        """What MOFIS decides from, conflicts with moving obstacles included."""
         with timed(self.timings, "movers"):
             conflicts = self.conflicts.predict(
                 self.tracker.confirmed, odometry, self.mofis.commands.v, self.mofis.commands.w

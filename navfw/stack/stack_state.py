@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from navfw.safety import PersistentFailure
@@ -51,15 +51,3 @@ class StackState:
     faults: tuple[str, ...] = ()
     landmark_detections: tuple[LandmarkDetection, ...] = ()
     detection_counts: Mapping[str, int] = field(default_factory=dict)
-
-
-def counted(
-    counts: Mapping[str, int], detections: Sequence[LandmarkDetection]
-) -> Mapping[str, int]:
-    """``counts`` by identity with these detections added."""
-    if not detections:
-        return counts
-    more = dict(counts)
-    for detection in detections:
-        more[detection.identity] = more.get(detection.identity, 0) + 1
-    return more

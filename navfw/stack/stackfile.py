@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Protocol
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, Field
 
 from navfw.config.document import KeyPath, YamlDocument
 from navfw.config.overrides import Override, apply_overrides, parse_override
+from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
 from navfw.context import CommandGridParams
 from navfw.egomotion.pairing import PairingParams
@@ -34,8 +35,8 @@ def _some_plugins(value: object) -> object:
 
 def _one_plugin(value: object) -> object:
     if not isinstance(value, Mapping) or len(value) != 1:
-        given = ", ".join(map(str, value)) if isinstance(value, Mapping) else ""
-        got = f"got {given}" if given else "got none"
+        names = ", ".join(map(str, value)) if isinstance(value, Mapping) else ""
+        got = f"got {names}" if names else "got none"
         raise ValueError(f"expected one plugin, as 'name: {{parameters}}' or 'name:'; {got}")
     return value
 
@@ -44,10 +45,8 @@ _Plugins = dict[str, dict[str, Any] | None]
 Chosen = Annotated[_Plugins, BeforeValidator(_one_plugin), Field(min_length=1, max_length=1)]
 
 
-class StackSettings(BaseModel):
+class StackSettings(StrictModel):
     """Settings of the stack beside those of its plugins."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     pairing: PairingParams = PairingParams()
     local_map: LocalMapParams = LocalMapParams()
@@ -98,7 +97,7 @@ class StackSpec(StackSettings):
     features: Chosen
     localizer: Chosen
     planner: Chosen
-    composite: Chosen = {"travel": None}
+    composite: Chosen = Field(default={"travel": None})
     behaviors: Annotated[_Plugins, BeforeValidator(_some_plugins), Field(min_length=1)]
     fusion: Chosen
     controller: Chosen
@@ -163,13 +162,7 @@ def load_stack(
         PluginError: a plugin is broken.
 
     """
-    return resolve(read_stack(path), plugins, overrides)
-
-
-def resolve(
-    document: YamlDocument, plugins: PluginSource, overrides: Sequence[str] = ()
-) -> StackConfig:
-    """Like ``load_stack``, from a document already read."""
+    document = read_stack(path)
     placed = [_placed(parse_override(text), document) for text in overrides]
     document = apply_overrides(document, placed)
     spec = validate(document, StackSpec)
@@ -224,19 +217,19 @@ def _placed(override: Override, document: YamlDocument) -> Override:
         if isinstance(data.get(stage), dict)
         for name in data[stage]
     }
-    homes = {**_PARTS, **homes}
+    homes = {**_SECTIONS, **homes}
     if head in homes:
         return override.under((homes[head],))
-    known = [*StackSpec.model_fields, *homes]
+    candidates = [*StackSpec.model_fields, *homes]
     raise ConfigError(
-        f"nothing in this stack is called {head!r}: {did_you_mean(head, known)}",
+        f"nothing in this stack is called {head!r}: {did_you_mean(head, candidates)}",
         key=override.option,
     )
 
 
-_PARTS = {
-    part: section
+_SECTIONS = {
+    key: section
     for section, model in (("local_map", LocalMapParams), ("movers", MoverParams))
-    for part in model.model_fields
+    for key in model.model_fields
 }
 """Keys of the settings' sections that an override may begin with, and their section."""

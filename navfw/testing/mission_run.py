@@ -12,7 +12,7 @@ from pathlib import Path
 from navfw.missions.outcome import Outcome
 from navfw.missions.run_metrics import RunMetrics
 from navfw.missions.session import MissionResult, Session
-from navfw.mofis.explanation import explanation_lines
+from navfw.mofis.mofis import explanation_lines
 from navfw.numerics import Array
 from navfw.recording.run_folder import PICTURE, RECORDING
 from navfw.recording.run_log import RunLog

@@ -1,4 +1,6 @@
 from .clearance_grid import ClearanceGrid as ClearanceGrid
+from .clearance_grid import skeleton_graph as skeleton_graph
+from .clearance_grid import thinned as thinned
 from .elements import PLACE_KINDS as PLACE_KINDS
 from .elements import Landmark as Landmark
 from .elements import Passage as Passage
@@ -20,10 +22,8 @@ from .occupancy_map import FREE as FREE
 from .occupancy_map import OCCUPIED as OCCUPIED
 from .occupancy_map import UNKNOWN as UNKNOWN
 from .occupancy_map import OccupancyMap as OccupancyMap
-from .ros_map import load_ros_map as load_ros_map
-from .ros_map import plan_of_image as plan_of_image
-from .ros_map import save_ros_map as save_ros_map
-from .skeleton import skeleton_graph as skeleton_graph
-from .skeleton import thinned as thinned
+from .occupancy_map import load_ros_map as load_ros_map
+from .occupancy_map import plan_of_image as plan_of_image
+from .occupancy_map import save_ros_map as save_ros_map
 from .topological_map import PassageProjection as PassageProjection
 from .topological_map import TopoMap as TopoMap

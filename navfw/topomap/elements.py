@@ -140,7 +140,8 @@ def _passage_violations(
     seen: dict[frozenset[str], int] = {}
     for index, passage in enumerate(passages):
         where: KeyPath = ("edges", index)
-        unknown = [(key, end) for key, end in _keyed_ends(passage) if end not in place_of]
+        ends = (("from", passage.a), ("to", passage.b))
+        unknown = [(key, end) for key, end in ends if end not in place_of]
         for key, end in unknown:
             yield MapViolation(
                 (*where, key), f"there is no place {end!r}; {did_you_mean(end, place_of)}"
@@ -157,10 +158,6 @@ def _passage_violations(
         seen.setdefault(passage.ends, index)
         if not unknown:
             yield from _number_violations(where, passage, place_of[passage.a], place_of[passage.b])
-
-
-def _keyed_ends(passage: Passage) -> tuple[tuple[str, str], tuple[str, str]]:
-    return ("from", passage.a), ("to", passage.b)
 
 
 def _number_violations(

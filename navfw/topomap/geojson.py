@@ -17,8 +17,7 @@ from typing import Any
 from navfw.config.json_file import parse_json
 from navfw.errors import MapError
 from navfw.topomap.elements import Passage
-from navfw.topomap.map_import import MapImporter
-from navfw.topomap.mapfile import map_data
+from navfw.topomap.mapfile import EDGE_KEYS, MapImporter, map_data
 from navfw.topomap.topological_map import TopoMap
 
 _EDGES = ("MultiLineString", "LineString")
@@ -58,8 +57,7 @@ def _edge_feature(
     ids: dict[str, int],
 ) -> dict[str, Any]:
     places = [topo_map.places[name] for name in ends]
-    values = {"length": passage.length, "width": passage.width, "danger": passage.danger}
-    values |= {"doorness": passage.doorness, "uncertainty": passage.uncertainty}
+    values = {key: getattr(passage, key) for key in EDGE_KEYS}
     return _feature(
         {"type": "MultiLineString", "coordinates": [[[place.x, place.y] for place in places]]},
         {
@@ -77,22 +75,12 @@ def _feature(geometry: dict[str, Any], properties: dict[str, Any]) -> dict[str, 
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
-def read_geojson(text: str, file: str, both_ways: bool = False) -> TopoMap:
-    """The map in the text of a GeoJSON file.
+class GeoJsonReader:
+    """Reads the text of one file, keeping the line of each feature for error messages.
 
     A node without a name gets its number as name, an edge without a length its straight distance.
-
-    Raises:
-        ConfigError: it is not JSON, or a value is out of bounds.
-        MapError: it is not a FeatureCollection, a feature lacks a property, an id is duplicate or
-            unknown, an edge is one-way (unless ``both_ways``), or the map is invalid.
-
+    With ``both_ways`` a one-way edge is a passage.
     """
-    return _GeoJsonReader(text, file, both_ways).read()
-
-
-class _GeoJsonReader:
-    """Reads one file, keeping the line of each feature for error messages."""
 
     def __init__(self, text: str, file: str, both_ways: bool) -> None:
         self._text = text
@@ -102,6 +90,14 @@ class _GeoJsonReader:
         self._lines: dict[int, int] = {}
 
     def read(self) -> TopoMap:
+        """The map in the file.
+
+        Raises:
+            ConfigError: it is not JSON, or a value is out of bounds.
+            MapError: it is not a FeatureCollection, a feature lacks a property, an id is duplicate
+                or unknown, an edge is one-way, or the map is invalid.
+
+        """
         data = parse_json(self._text, self._file)
         if not isinstance(data, dict) or data.get("type") != "FeatureCollection":
             raise self._error("type", "expected a FeatureCollection", 1)
@@ -115,7 +111,8 @@ class _GeoJsonReader:
         for index, (feature, line) in enumerate(placed):
             if feature["geometry"]["type"] in _EDGES:
                 self._add_edge(feature, index, line)
-        self._add_landmarks(data.get("landmarks", {}))
+        if isinstance(landmarks := data.get("landmarks"), dict):
+            self._importer.add_landmarks(landmarks, self._line_of("landmarks"))
         self._importer.set_floor_plan(data.get("floor_plan"), self._line_of("floor_plan"))
         name = data.get("name")
         return self._importer.finish(name if isinstance(name, str) and name else "graph")
@@ -157,7 +154,6 @@ class _GeoJsonReader:
         self._importer.add_edge(start, end, self._metadata(properties), line, directed=True)
 
     def _end(self, feature: dict[str, Any], index: int, key: str, line: int) -> str:
-        """The name of the node at one end of an edge."""
         number, _ = self._number(feature, index, key, line)
         if number not in self._names:
             raise self._error(
@@ -166,11 +162,6 @@ class _GeoJsonReader:
                 line,
             )
         return self._names[number]
-
-    def _add_landmarks(self, landmarks: Any) -> None:
-        line = self._line_of("landmarks")
-        for name, values in landmarks.items() if isinstance(landmarks, dict) else ():
-            self._importer.add_landmark(name, values if isinstance(values, dict) else {}, line)
 
     def _line_of(self, member: str) -> int:
         """The line of a member of the collection."""

@@ -9,6 +9,7 @@ beyond ``_HUBER`` sigma get less weight (Huber), so that a few false detections 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -67,12 +68,9 @@ class LandmarkMapper:
 
     def estimate(self, least: int = 3) -> list[LandmarkEstimate]:
         """All landmarks with at least ``least`` detections, ordered by identity."""
-        every = max(1, math.ceil(len(self._poses) / _MAX_POSES))
-        poses, images = self._poses[::every], self._detections[::every]
-        counts: dict[str, int] = {}
-        for detections in images:
-            for detection in detections:
-                counts[detection.identity] = counts.get(detection.identity, 0) + 1
+        stride = max(1, math.ceil(len(self._poses) / _MAX_POSES))
+        poses, images = self._poses[::stride], self._detections[::stride]
+        counts = Counter(detection.identity for detections in images for detection in detections)
         wanted = sorted(name for name, count in counts.items() if count >= least)
         if not wanted:
             return []

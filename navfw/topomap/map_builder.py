@@ -17,11 +17,10 @@ from navfw.errors import MapError
 from navfw.numerics import Array
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
-from navfw.topomap.clearance_grid import ClearanceGrid
+from navfw.topomap.clearance_grid import ClearanceGrid, skeleton_graph
 from navfw.topomap.elements import Passage, Place, PlaceKind
 from navfw.topomap.map_regions import BEFORE_DOOR, DOOR_WIDTH, Bounds, PlaceNames, Regions, doors_on
 from navfw.topomap.shortcuts import spanner
-from navfw.topomap.skeleton import skeleton_graph
 from navfw.topomap.topological_map import TopoMap
 
 Point = tuple[float, float]
@@ -140,7 +139,7 @@ class _StraightLines:
         return last
 
     def _farthest(self, points: list[Point], begin: int) -> int:
-        """The last of the points in a straight line from ``here`` with enough clearance."""
+        """The last of the points in a straight line from ``begin`` with enough clearance."""
         low, walked, best = math.inf, 0.0, begin + 1
         for ahead in range(begin + 1, len(points)):
             low = min(low, self.grid.at(*points[ahead]))
@@ -271,19 +270,15 @@ class _StraightLines:
 
     def _centres(self, regions: Regions) -> dict[int, int]:
         """By region: the point that represents it, in its widest ground; of corridors none."""
-        return {
-            region: max(points, key=lambda point: self.grid.at(*self._at(point)))
-            for region, points in self._by_region(regions).items()
-            if not regions.is_corridor(region)
-        }
-
-    def _by_region(self, regions: Regions) -> dict[int, list[int]]:
         points: dict[int, list[int]] = {}
         for point in self.graph:
             region = regions.at(*self._at(point))
-            if point not in self.doors and region:
+            if point not in self.doors and region and not regions.is_corridor(region):
                 points.setdefault(region, []).append(point)
-        return points
+        return {
+            region: max(members, key=lambda point: self.grid.at(*self._at(point)))
+            for region, members in points.items()
+        }
 
     def _kind(self, point: int, regions: Regions, centre: bool) -> PlaceKind:
         if point in self.doors:

@@ -73,9 +73,9 @@ def check_map(
 def _unconnected_parts(topo_map: TopoMap) -> Iterator[MapProblem]:
     for places in topo_map.parts[1:]:
         names = sorted(places)
-        listed = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
+        some = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
         yield MapProblem(
-            "apart", names[0], f"no edge connects {listed} with the rest of the map; add one"
+            "apart", names[0], f"no edge connects {some} with the rest of the map; add one"
         )
 
 
@@ -99,23 +99,23 @@ def _narrow_passages(topo_map: TopoMap, robot: RobotModel) -> Iterator[MapProble
 
 
 def _duplicates(topo_map: TopoMap) -> Iterator[MapProblem]:
-    every = list(topo_map.places.values())
-    for index, place in enumerate(every):
+    places = list(topo_map.places.values())
+    for index, place in enumerate(places):
         near = np.nonzero(topo_map.place_distances(place.x, place.y)[:index] < _SAME_POINT)[0]
         for other in near:
             yield MapProblem(
                 "duplicate",
                 place.name,
-                f"at the same point as {every[int(other)].name!r}; remove one of them",
+                f"at the same point as {places[int(other)].name!r}; remove one of them",
             )
 
 
 def _places_in_walls(
     topo_map: TopoMap, clearances: Clearances, robot: RobotModel
 ) -> Iterator[MapProblem]:
-    every = list(topo_map.places.values())
-    free = clearances(np.array([(place.x, place.y) for place in every]))
-    for place, clearance in zip(every, free.tolist(), strict=True):
+    places = list(topo_map.places.values())
+    free = clearances(np.array([(place.x, place.y) for place in places]))
+    for place, clearance in zip(places, free.tolist(), strict=True):
         if clearance < robot.radius:
             near = f"{clearance:.2f} m from an obstacle"
             what = "inside an obstacle" if clearance < 0.0 else near
@@ -157,12 +157,12 @@ def _line(topo_map: TopoMap, passage: Passage, clearances: Clearances) -> tuple[
     count = 2 + int(a.distance(b.x, b.y) / STEP)
     begin, along = np.array([a.x, a.y]), np.array([b.x - a.x, b.y - a.y]) / (count - 1)
     stride = 1 + count // _MAX_POINTS
-    every = np.append(np.arange(0, count - 1, stride), count - 1)
-    line = begin + every[:, None] * along
+    coarse = np.append(np.arange(0, count - 1, stride), count - 1)
+    line = begin + coarse[:, None] * along
     free = clearances(line)
     if stride == 1 or np.isinf(free).all():
         return line, free
-    near = every[free <= free.min() + stride * STEP]
+    near = coarse[free <= free.min() + stride * STEP]
     finer = np.unique(near[:, None] + np.arange(-stride, stride + 1))
     line = begin + finer[(finer >= 0) & (finer < count), None] * along
     return line, clearances(line)

@@ -24,11 +24,18 @@ from navfw.config.json_file import parse_json
 from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError, MapError
 from navfw.process.atomic import write_text
-from navfw.topomap.geojson import geojson_text, read_geojson
-from navfw.topomap.map_import import EDGE_KEYS, PLACE_KEYS, MapImporter
-from navfw.topomap.mapfile import KindCheck, load_map, map_data, map_text
+from navfw.topomap.geojson import GeoJsonReader, geojson_text
+from navfw.topomap.mapfile import (
+    EDGE_KEYS,
+    PLACE_KEYS,
+    KindCheck,
+    MapImporter,
+    load_map,
+    map_data,
+    map_text,
+)
 from navfw.topomap.mapspec import MAX_BYTES
-from navfw.topomap.ros_map import save_ros_map
+from navfw.topomap.occupancy_map import save_ros_map
 from navfw.topomap.topological_map import TopoMap
 
 _NUMBERS = {"double": float, "float": float, "int": int, "long": int}
@@ -60,23 +67,10 @@ def graphml_text(topo_map: TopoMap, plan_file: str | None = None) -> str:
 
 
 def _add_data(owner: Element, values: dict[str, str | float | None]) -> None:
-    """Add <data> elements, but for values of None."""
     for key, value in values.items():
         if value is not None:
             data = SubElement(owner, "data", key=f"{owner.tag}-{key}")
             data.text = value if isinstance(value, str) else repr(float(value))
-
-
-def read_graphml(path: Path, both_ways: bool = False) -> TopoMap:
-    """The map in a GraphML file.
-
-    Raises:
-        ConfigError: it is not XML, declares entities, or a value is missing or out of bounds.
-        MapError: it has no graph, an edge is directed and its counterpart is missing (unless
-            ``both_ways``), or the map is invalid.
-
-    """
-    return _GraphmlReader(path, both_ways).read()
 
 
 class _GraphmlReader:
@@ -128,8 +122,7 @@ class _GraphmlReader:
         if not isinstance(landmarks, dict):
             what = "expected a JSON object of landmarks by name"
             raise self._error(graph, "landmarks", what)
-        for name, at in landmarks.items():
-            self._importer.add_landmark(name, at if isinstance(at, dict) else {}, line)
+        self._importer.add_landmarks(landmarks, line)
 
     def _values(self, element: Element) -> dict[str, Any]:
         """The <data> of an element by name, as the types that their keys declare."""
@@ -184,7 +177,8 @@ def load_any_map(
     knows the kinds of landmark of YAML maps; other formats have the shipped ones alone.
 
     Raises:
-        ConfigError: the file cannot be read, or is not of its format.
+        ConfigError: the file cannot be read, is not of its format, declares XML entities, or a
+            value is missing or out of bounds.
         MapError: the suffix is unknown, something that the format requires is missing, an edge is
             one-way, or the map is invalid.
 
@@ -194,8 +188,8 @@ def load_any_map(
     if _WRITERS[suffix] is map_text:
         return load_map(path) if check_kind is None else load_map(path, check_kind)
     if _WRITERS[suffix] is graphml_text:
-        return read_graphml(path, both_ways)
-    return read_geojson(read_input_text(path, _MAX_BYTES), shown_path(path), both_ways)
+        return _GraphmlReader(path, both_ways).read()
+    return GeoJsonReader(read_input_text(path, _MAX_BYTES), shown_path(path), both_ways).read()
 
 
 def save_map(topo_map: TopoMap, path: str | Path) -> None:

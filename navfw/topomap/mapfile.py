@@ -1,5 +1,7 @@
 """Map files in YAML: reading, with errors located by file, line and key, and writing.
 
+Maps in other formats become the document of an equivalent map file (``MapImporter``).
+
 ::
 
     name: office
@@ -21,19 +23,28 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from navfw.config.document import YamlDocument, key_text, load_yaml
+from navfw.config.document import KeyPath, Origin, YamlDocument, key_text, load_yaml
 from navfw.config.lookup import find
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, MapError, did_you_mean
 from navfw.topomap.elements import Landmark, MapViolation, Passage, Place, map_violations
-from navfw.topomap.mapspec import MAX_BYTES, MAX_NODES, EdgeSpec, MapSpec
-from navfw.topomap.occupancy_map import OccupancyMap
-from navfw.topomap.ros_map import load_ros_map
+from navfw.topomap.mapspec import (
+    MAX_BYTES,
+    MAX_NODES,
+    EdgeSpec,
+    MapLandmarkSpec,
+    MapSpec,
+    PlaceSpec,
+)
+from navfw.topomap.occupancy_map import load_ros_map
 from navfw.topomap.topological_map import TopoMap
 
 _PLAIN = re.compile(r"(?!(?i:true|false|yes|no|on|off|null|nan|inf)$)[A-Za-z][\w-]*", re.ASCII)
 """Texts that YAML reads as text without quotes."""
 
+PLACE_KEYS = tuple(PlaceSpec.model_fields)
+EDGE_KEYS = tuple(key for key in EdgeSpec.model_fields if key not in {"from_", "to"})
+_LANDMARK_KEYS = tuple(MapLandmarkSpec.model_fields)
 
 KindCheck = Callable[[str], str]
 """Returns the name of a kind of landmark, or raises ValueError if there is none of that name."""
@@ -80,7 +91,9 @@ def read_map(document: YamlDocument, check_kind: KindCheck = _shipped_kind) -> T
     violations = map_violations(places, passages, landmarks)
     if violations:
         raise _map_error(document, violations)
-    plan = _floor_plan(document, spec)
+    plan = None
+    if spec.floor_plan is not None:
+        plan = load_ros_map(Path(document.file or "").parent / spec.floor_plan)
     return TopoMap(spec.name, places, passages, document.file, landmarks, plan)
 
 
@@ -100,9 +113,7 @@ def map_data(topo_map: TopoMap, plan_file: str | None = None) -> dict[str, Any]:
     }
     if topo_map.landmarks:
         data["landmarks"] = {
-            mark.name: {
-                key: getattr(mark, key) for key in ("kind", "id", "x", "y", "z", "yaw", "size")
-            }
+            mark.name: {key: getattr(mark, key) for key in _LANDMARK_KEYS}
             for mark in topo_map.landmarks.values()
         }
     return data
@@ -122,18 +133,11 @@ def map_text(topo_map: TopoMap, plan_file: str | None = None) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _floor_plan(document: YamlDocument, spec: MapSpec) -> OccupancyMap | None:
-    """The floor plan that a map names, if it names one."""
-    if spec.floor_plan is None:
-        return None
-    return load_ros_map(Path(document.file or "").parent / spec.floor_plan)
-
-
 def _edge_data(topo_map: TopoMap, passage: Passage) -> dict[str, Any]:
     a, b = topo_map.places[passage.a], topo_map.places[passage.b]
     bare = _passage(EdgeSpec.model_validate({"from": a.name, "to": b.name}), {a.name: a, b.name: b})
     data: dict[str, Any] = {"from": passage.a, "to": passage.b}
-    for key in ("length", "width", "danger", "doorness", "uncertainty"):
+    for key in EDGE_KEYS:
         value = getattr(passage, key)
         if value != getattr(bare, key) and math.isfinite(value):
             data[key] = value
@@ -175,23 +179,107 @@ def _passage(edge: EdgeSpec, places: dict[str, Place]) -> Passage:
     )
 
 
-def _first_line(document: YamlDocument, violation: MapViolation) -> str:
-    line = None if violation.first is None else document.line_of(violation.first)
-    return "" if line is None else f" (the first is in line {line})"
-
-
 def _map_error(document: YamlDocument, violations: Sequence[MapViolation]) -> MapError:
     """One error with all violations, in the order of the file, one a line."""
-    errors = [
-        MapError(
-            violation.message + _first_line(document, violation),
-            file=document.file,
-            line=document.line_of(violation.where),
-            key=key_text(violation.where),
-        )
-        for violation in violations
-    ]
+    errors = []
+    for violation in violations:
+        first = None if violation.first is None else document.line_of(violation.first)
+        message = violation.message + ("" if first is None else f" (the first is in line {first})")
+        line, key = document.line_of(violation.where), key_text(violation.where)
+        errors.append(MapError(message, file=document.file, line=line, key=key))
     errors.sort(key=lambda error: error.line or 0)
     if len(errors) == 1:
         return errors[0]
     return MapError("\n".join([f"{len(errors)} errors", *map(str, errors)]))
+
+
+class MapImporter:
+    """Collects places, edges and landmarks, and builds the document of an equivalent map file.
+
+    Of the given values only the keys of a map file are kept. With ``both_ways`` a one-way edge
+    counts as a passage; without it the opposite edge is required.
+    """
+
+    def __init__(self, file: str, both_ways: bool) -> None:
+        self._file = file
+        self._both_ways = both_ways
+        self._origins: dict[KeyPath, Origin] = {}
+        self._places: dict[str, dict[str, Any]] = {}
+        self._landmarks: dict[str, dict[str, Any]] = {}
+        self._edges: list[dict[str, Any]] = []
+        self._floor_plan: Any = None
+        self._one_way: dict[tuple[str, str], int] = {}
+        self._directed: set[tuple[str, str]] = set()
+
+    def add_place(self, name: str, values: dict[str, Any], line: int, key: str) -> None:
+        """Add a place; ``key`` names it in error messages.
+
+        Raises:
+            MapError: there is already a place of that name.
+
+        """
+        if name in self._places:
+            first = self._origins["places", name].line
+            raise MapError(
+                f"a second place {name!r} (the first is in line {first}); give it another name",
+                file=self._file,
+                line=line,
+                key=key,
+            )
+        self._places[name] = _kept(values, PLACE_KEYS)
+        self._origins["places", name] = Origin(self._file, line)
+
+    def add_edge(
+        self, a: str, b: str, values: dict[str, Any], line: int, directed: bool = False
+    ) -> None:
+        """Add an edge; a ``directed`` one makes a passage together with the opposite edge."""
+        if directed and not self._both_ways:
+            if (b, a) in self._one_way:
+                del self._one_way[b, a]
+                return
+            self._one_way[a, b] = len(self._edges)
+        elif directed:
+            if (b, a) in self._directed:
+                return
+            self._directed.add((a, b))
+        self._origins["edges", len(self._edges)] = Origin(self._file, line)
+        self._edges.append({"from": a, "to": b, **_kept(values, EDGE_KEYS)})
+
+    def add_landmarks(self, landmarks: dict[str, Any], line: int) -> None:
+        """Add landmarks by name; one that is no mapping lacks all values."""
+        for name, values in landmarks.items():
+            self._landmarks[name] = _kept(values, _LANDMARK_KEYS)
+            self._origins["landmarks", name] = Origin(self._file, line)
+
+    def set_floor_plan(self, name: Any, line: int) -> None:
+        """Set the file of the floor plan; None: the map has none."""
+        self._floor_plan = name
+        self._origins["floor_plan",] = Origin(self._file, line)
+
+    def finish(self, name: str) -> TopoMap:
+        """The map.
+
+        Raises:
+            ConfigError: a value is missing or out of bounds.
+            MapError: an edge is one-way only, or the map is invalid.
+
+        """
+        for (a, b), index in self._one_way.items():
+            raise MapError(
+                f"leads only from {a!r} to {b!r}, but passages are two-way: add the edge from "
+                f"{b!r} to {a!r}, or convert with --both-ways",
+                file=self._file,
+                line=self._origins["edges", index].line,
+                key=f"edges[{index}]",
+            )
+        data: dict[str, Any] = {"name": name, "places": self._places, "edges": self._edges}
+        if self._floor_plan is not None:
+            data["floor_plan"] = self._floor_plan
+        if self._landmarks:
+            data["landmarks"] = self._landmarks
+        return read_map(YamlDocument(self._file, data, {(): Origin(self._file), **self._origins}))
+
+
+def _kept(values: object, keys: tuple[str, ...]) -> dict[str, Any]:
+    data = values if isinstance(values, dict) else {}
+    return {key: data[key] for key in keys if data.get(key) is not None}

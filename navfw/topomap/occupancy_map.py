@@ -1,21 +1,34 @@
-"""A floor plan: a grid of cells that are free, occupied or unknown, fixed in the map's frame.
+"""Floor plans, grids of cells fixed in the map's frame, and their files as of ROS' map_server.
 
-The values and the order of the cells are those of ROS' ``nav_msgs/OccupancyGrid``. The robot may
-know a floor plan, like the rest of its map: it shows walls, and no furniture that was moved since.
+A cell is free, occupied or unknown; values and order are those of ``nav_msgs/OccupancyGrid``. The
+robot may know a floor plan, like the rest of its map: it shows walls, and no furniture that was
+moved since.
+
+A file is a yaml file and its image. Occupancy is 1 for black and 0 for white, the other way round
+with ``negate``; thresholds decide what is free, occupied and unknown (``RosMapSpec``), as in Nav2.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any, Literal
 
+import cv2
 import numpy as np
 import numpy.typing as npt
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
-from navfw.errors import MapError
+from navfw.config.image_file import read_image
+from navfw.config.input_file import shown_path
+from navfw.config.strict_model import StrictModel
+from navfw.config.yamlfile import load_model
+from navfw.errors import ConfigError, MapError
 from navfw.numerics import Array, Mask
+from navfw.process.atomic import atomic_file, write_text
 from navfw.signals import Pose
 from navfw.signals.immutability import freeze
+from navfw.topomap.mapspec import Coordinate
 
 Cells = npt.NDArray[np.int8]
 
@@ -36,7 +49,7 @@ class OccupancyMap:
     that it was read from. The cells are read only.
 
     >>> plan = OccupancyMap(np.array([[FREE, OCCUPIED]]), 0.1, Pose(2.0, 3.0, 0.0))
-    >>> plan.occupied_points()
+    >>> plan.centres(*np.nonzero(plan.occupied))
     array([[2.15, 3.05]])
     >>> plan.state(np.array([[2.05, 3.01], [9.0, 9.0]]))
     array([ 0, -1], dtype=int8)
@@ -81,31 +94,226 @@ class OccupancyMap:
         rows, columns = self.cells.shape
         return columns * self.resolution, rows * self.resolution
 
-    def occupied_points(self) -> Array:
-        """(N, 2) centres [m] of the occupied cells in the frame ``map``."""
-        return self.centres(*np.nonzero(self.occupied))
-
     def centres(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Array:
         """(N, 2) centres [m] of cells in the frame ``map``."""
-        return self.to_map(np.stack([columns + 0.5, rows + 0.5], axis=1) * self.resolution)
-
-    def to_map(self, points: Array) -> Array:
-        """(N, 2) points [m], given along the grid's axes from its corner, in the frame ``map``."""
-        return self.origin.points_to_parent(points)
-
-    def indices(self, points: Array) -> npt.NDArray[np.intp]:
-        """(N, 2) row and column of the cells that contain points (N, 2) [m] of the frame ``map``.
-
-        They lie outside of the grid for points outside.
-        """
-        local = self.origin.points_to_local(points)
-        cells: npt.NDArray[np.intp] = np.floor(local[:, ::-1] / self.resolution).astype(np.intp)
-        return cells
+        along_axes = np.stack([columns + 0.5, rows + 0.5], axis=1) * self.resolution
+        return self.origin.points_to_parent(along_axes)
 
     def state(self, points: Array) -> Cells:
         """(N,) state of points (N, 2) [m] of the frame ``map``; unknown outside of the grid."""
-        index = self.indices(points)
+        local = self.origin.points_to_local(points)
+        index = np.floor(local[:, ::-1] / self.resolution).astype(np.intp)  # row, column
         inside = np.all((index >= 0) & (index < self.cells.shape), axis=1)
         states = np.full(len(points), UNKNOWN, dtype=np.int8)
         states[inside] = self.cells[index[inside, 0], index[inside, 1]]
         return states
+
+
+PlanMode = Literal["trinary", "scale", "raw"]
+
+Angle = Annotated[float, Field(ge=-100.0, le=100.0)]
+
+_TRUTH = {"y": 1, "yes": 1, "true": 1, "on": 1, "n": 0, "no": 0, "false": 0, "off": 0}
+"""The words that yaml-cpp, and so map_server, reads as truth values."""
+
+
+def _truth(value: Any) -> Any:
+    """A truth value as 0 or 1: Nav2 reads ``negate`` as either."""
+    if isinstance(value, bool):
+        return int(value)
+    return _TRUTH.get(value.lower(), value) if isinstance(value, str) else value
+
+
+class RosMapSpec(StrictModel):
+    """The keys that are used; map_server ignores others, such as ``map_type``, and so does navfw.
+
+    Mode ``trinary`` has free, occupied and unknown cells. In ``scale`` the cells between the
+    thresholds, and transparent ones, are unknown. In ``raw`` the grey levels 0 to 100 are per cent
+    of occupancy, and all others unknown.
+    """
+
+    model_config = ConfigDict(extra="ignore")
+
+    image: Annotated[
+        str, Field(min_length=1, max_length=1000, description="PGM, PNG or BMP file, beside this")
+    ]
+    resolution: Annotated[float, Field(ge=0.001, le=10.0, description="edge of a pixel [m]")]
+    origin: Annotated[
+        tuple[Coordinate, Coordinate, Angle],
+        Field(description="x, y [m], yaw [rad] of the image's lower left corner in the map frame"),
+    ]
+    mode: Annotated[PlanMode, Field(description="meaning of the grey levels")] = "trinary"
+    negate: Annotated[
+        Literal[0, 1],
+        BeforeValidator(_truth),
+        Field(description="1, or true: black is free and white is occupied; not in mode raw"),
+    ] = 0
+    occupied_thresh: Annotated[
+        float, Field(ge=0.0, le=1.0, description="occupied above this occupancy")
+    ] = 0.65
+    free_thresh: Annotated[
+        float, Field(ge=0.0, le=1.0, description="free below this occupancy")
+    ] = 0.196
+
+    @model_validator(mode="after")
+    def _thresholds_in_order(self) -> RosMapSpec:
+        if self.free_thresh >= self.occupied_thresh:
+            raise ValueError(
+                f"free_thresh {self.free_thresh:g} must be below occupied_thresh "
+                f"{self.occupied_thresh:g}"
+            )
+        return self
+
+
+IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
+"""Formats of a floor plan's image: without loss, and known to map_server."""
+
+_UNKNOWN_GREY = 205
+"""The grey level that map_saver writes for unknown: its occupancy 0.196 is below Nav2's default
+threshold 0.25 for free, and it must not be free all the same."""
+_LEVELS = {FREE: 254, OCCUPIED: 0, UNKNOWN: _UNKNOWN_GREY}
+"""The grey levels of map_saver by state."""
+
+
+def load_ros_map(path: str | Path) -> OccupancyMap:
+    """The floor plan in a yaml file of map_server.
+
+    The image lies in the folder of the yaml file, or anywhere below the folder above it.
+
+    Raises:
+        ConfigError: a file cannot be read, breaks the schema, or the image lies elsewhere.
+        MapError: it has too many cells.
+
+    """
+    path = Path(path)
+    spec = load_model(path, RosMapSpec)
+    image = _image_path(path, spec.image)
+    return plan_of_image(
+        image,
+        spec.resolution,
+        Pose(*spec.origin),
+        thresholds=(spec.free_thresh, spec.occupied_thresh),
+        mode=spec.mode,
+        negate=bool(spec.negate),
+        file=path,
+    )
+
+
+def plan_of_image(
+    image: str | Path,
+    resolution: float,
+    origin: Pose,
+    *,
+    thresholds: tuple[float, float] = (0.196, 0.65),
+    mode: PlanMode = "trinary",
+    negate: bool = False,
+    file: Path | None = None,
+) -> OccupancyMap:
+    """The floor plan in an image, with pixels of ``resolution`` [m] and its lower left ``origin``.
+
+    ``thresholds`` are the occupancy [0 to 1] below which a cell is free, and above which occupied.
+
+    Raises:
+        ConfigError: the image cannot be read.
+        MapError: it has too many cells.
+
+    """
+    image = Path(image)
+    if image.suffix.lower() not in IMAGE_SUFFIXES:
+        raise ConfigError(
+            f"a floor plan is an image of {', '.join(IMAGE_SUFFIXES)}; convert it",
+            file=shown_path(image),
+        )
+    pixels = read_image(image, cv2.IMREAD_UNCHANGED)
+    if pixels.shape[0] * pixels.shape[1] > MAX_CELLS:
+        raise MapError(
+            f"the image has {pixels.shape[1]} x {pixels.shape[0]} pixels, a floor plan at most "
+            f"{MAX_CELLS}; reduce it and enlarge the resolution by the same factor",
+            file=shown_path(image),
+        )
+    grey, transparent = _grey_levels(pixels)
+    states = _states(grey, transparent, mode, negate, thresholds)
+    return OccupancyMap(states[::-1], resolution, origin, file or image)
+
+
+def save_ros_map(plan: OccupancyMap, path: str | Path, suffix: str = ".png") -> Path:
+    """Write a plan's yaml file at ``path``, and beside it its image; returns the image.
+
+    ``suffix`` is one of ``IMAGE_SUFFIXES``.
+
+    Raises:
+        InputError: a file cannot be written, or the suffix of the yaml file or image is another.
+
+    """
+    path = Path(path)
+    if suffix not in IMAGE_SUFFIXES:
+        raise ConfigError(
+            f"expected an image of {', '.join(IMAGE_SUFFIXES)}, got {suffix!r}", key="image"
+        )
+    if path.suffix.lower() not in {".yaml", ".yml"}:
+        raise ConfigError("expected a .yaml file for the floor plan", file=shown_path(path))
+    image = path.with_suffix(suffix)
+    levels = np.zeros(plan.cells.shape, dtype=np.uint8)
+    for state, level in _LEVELS.items():
+        levels[plan.cells == state] = level
+    content = cv2.imencode(suffix, levels[::-1])[1].tobytes()
+    with atomic_file(image, parents=True) as target:
+        target.write_bytes(content)
+    origin = ", ".join(repr(round(v, 6)) for v in (plan.origin.x, plan.origin.y, plan.origin.yaw))
+    lines = (
+        f"image: {image.name}",
+        "mode: trinary",
+        f"resolution: {plan.resolution!r}",
+        f"origin: [{origin}]",
+        "negate: 0",
+        "occupied_thresh: 0.65",
+        "free_thresh: 0.196",
+    )
+    write_text(path, "\n".join(lines) + "\n", parents=True)
+    return image
+
+
+def _image_path(path: Path, name: str) -> Path:
+    """The image of a yaml file, which names it relative to its own folder or the one above."""
+    steps = PurePosixPath(name)
+    if steps.is_absolute() or ".." in steps.parts[1:]:
+        raise ConfigError(
+            f"{name!r} is not near this file; copy the image beside it and write "
+            f"image: {steps.name}",
+            file=shown_path(path),
+            key="image",
+        )
+    return path.parent / steps
+
+
+def _grey_levels(pixels: npt.NDArray[Any]) -> tuple[Array, Mask]:
+    """Grey levels 0 to 255 (mean of the colours), and which pixels are transparent at all."""
+    scaled = pixels.astype(np.float64) / (257.0 if pixels.dtype == np.uint16 else 1.0)
+    if scaled.ndim == 2:
+        return scaled, np.zeros(scaled.shape, dtype=np.bool_)
+    colours = scaled[..., : 3 if scaled.shape[2] >= 3 else 1]
+    alpha = scaled[..., -1] if scaled.shape[2] in {2, 4} else np.full(scaled.shape[:2], 255.0)
+    return colours.mean(axis=2), alpha < 255.0
+
+
+def _states(
+    grey: Array,
+    transparent: Mask,
+    mode: PlanMode,
+    negate: bool,
+    thresholds: tuple[float, float],
+) -> Cells:
+    """The states of all pixels, by their occupancy and the thresholds."""
+    if mode == "raw":
+        occupancy = np.round(grey) / 100.0
+        unknown = occupancy > 1.0
+    else:
+        occupancy = grey / 255.0 if negate else 1.0 - grey / 255.0
+        unknown = transparent if mode == "scale" else np.zeros(grey.shape, dtype=np.bool_)
+        if mode == "trinary" and not negate:
+            unknown |= grey == _UNKNOWN_GREY
+    states = np.full(grey.shape, UNKNOWN, dtype=np.int8)
+    states[occupancy < thresholds[0]] = FREE
+    states[occupancy > thresholds[1]] = OCCUPIED
+    states[unknown] = UNKNOWN
+    return states

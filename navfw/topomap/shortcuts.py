@@ -173,7 +173,6 @@ def _clear(start: Array, ends: Array, grid: ClearanceGrid) -> Mask:
 
 
 def _crosses(start: Array, ends: Array, segment: Segment) -> Mask:
-    """Whether the lines from ``start`` to ``ends`` (N, 2) cross a segment."""
     a, b = np.array(segment[0]), np.array(segment[1])
 
     def side(p: Array, q: Array, r: Array) -> Array:

@@ -57,7 +57,7 @@ class TopoMap(Sealed):
     'hall'
 
     Raises:
-        MapError: the map has no place, or violations (``validation``); the message lists all.
+        MapError: the map has no place, or violations (``elements``); the message lists all.
 
     """
 
@@ -70,21 +70,21 @@ class TopoMap(Sealed):
         landmarks: Iterable[Landmark] = (),
         floor_plan: OccupancyMap | None = None,
     ) -> None:
-        listed, passages, landmarks = list(places), tuple(passages), tuple(landmarks)
-        violations = map_violations(listed, passages, landmarks)
+        nodes, passages, landmarks = list(places), tuple(passages), tuple(landmarks)
+        violations = map_violations(nodes, passages, landmarks)
         if violations:
             raise MapError("; ".join(map(str, violations)), file=file, key=name)
         self.name = name
         self.file = None if file is None else str(file)
-        self.places: Mapping[str, Place] = MappingProxyType({p.name: p for p in listed})
+        self.places: Mapping[str, Place] = MappingProxyType({p.name: p for p in nodes})
         self.passages = passages
         self.floor_plan = floor_plan
         self.landmarks: Mapping[str, Landmark] = MappingProxyType({m.name: m for m in landmarks})
         self._graph = nx.Graph(name=name)
-        self._graph.add_nodes_from((p.name, {"place": p}) for p in listed)
+        self._graph.add_nodes_from((p.name, {"place": p}) for p in nodes)
         self._graph.add_edges_from((p.a, p.b, {"passage": p}) for p in passages)
-        self._points = np.array([(p.x, p.y) for p in listed])
-        index = {place.name: i for i, place in enumerate(listed)}
+        self._points = np.array([(p.x, p.y) for p in nodes])
+        index = {place.name: i for i, place in enumerate(nodes)}
         ends = np.array([(index[p.a], index[p.b]) for p in passages], dtype=np.intp).reshape(-1, 2)
         self._starts = self._points[ends[:, 0]]
         self._legs = self._points[ends[:, 1]] - self._starts
@@ -152,16 +152,12 @@ class TopoMap(Sealed):
     def part_of(self, place: str) -> frozenset[str]:
         """The names of all places connected with ``place``, including itself."""
         self.place(place)
-        return self._part_by_place[place]
+        return next(part for part in self.parts if place in part)
 
     @functools.cached_property
     def isolated(self) -> frozenset[str]:
         """The places without passages."""
         return frozenset(nx.isolates(self._graph))
-
-    @functools.cached_property
-    def _part_by_place(self) -> dict[str, frozenset[str]]:
-        return {place: names for names in self.parts for place in names}
 
     def place_distances(self, x: float, y: float) -> Array:
         """(places,) straight distances [m] from (x, y) to all places, in the map's order."""

@@ -20,7 +20,7 @@ from navfw.errors import ConfigError, UnknownNameError
 from navfw.fuzzy import RuleBase, Variable
 from navfw.fuzzy.coverage import check_coverage
 from navfw.fuzzy.membership import Shape, Trapezoid
-from navfw.mofis.ruled import RuledBehavior, RuledComposite
+from navfw.mofis.rules import RuledBehavior, RuledComposite
 from navfw.robot import RobotModel
 from navfw.stack.stackfile import Choice, StackConfig
 

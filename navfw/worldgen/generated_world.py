@@ -17,7 +17,7 @@ from navfw.missions.missionspec import MissionSpec
 from navfw.process.atomic import AtomicTarget
 from navfw.sim.worldspec import WorldSpec
 from navfw.topomap import TopoMap
-from navfw.topomap.ros_map import save_ros_map
+from navfw.topomap.occupancy_map import save_ros_map
 
 MISSION = "cross"
 """Name of the mission in a generated folder."""

@@ -25,8 +25,15 @@ from navfw.sim.worldspec import WallSpec, WorldSpec
 from navfw.topomap import Passage, TopoMap
 from navfw.topomap.clearance_grid import ClearanceGrid
 from navfw.topomap.map_builder import build_map
-from navfw.topomap.occupancy_map import FREE, MAX_CELLS, OCCUPIED, OccupancyMap
-from navfw.topomap.ros_map import IMAGE_SUFFIXES, load_ros_map, plan_of_image
+from navfw.topomap.occupancy_map import (
+    FREE,
+    IMAGE_SUFFIXES,
+    MAX_CELLS,
+    OCCUPIED,
+    OccupancyMap,
+    load_ros_map,
+    plan_of_image,
+)
 from navfw.worldgen.generated_world import MAP_FILE, write_world
 from navfw.worldgen.looks import Palette
 from navfw.worldgen.plan_walls import PlanCleaning, cleaned, wall_rectangles

@@ -31,7 +31,7 @@ ALLOWED = {
     ("navfw/egomotion/flow_egomotion.py", "np.linalg.eigh"): "of recorded images alone",
     ("navfw/egomotion/flow_egomotion.py", "np.linalg.eigvalsh"): "of recorded images alone",
     ("navfw/flow/block_matching.py", "cv2.matchTemplate"): "reference of tests and benchmarks",
-    ("navfw/topomap/skeleton.py", "@"): "of integers",
+    ("navfw/topomap/clearance_grid.py", "@"): "of integers",
     ("navfw/worldgen/plan_walls.py", "np.linalg.svd"): "of imported plans, once",
 }
 

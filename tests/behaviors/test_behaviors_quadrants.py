@@ -1,46 +1,62 @@
-"""The primitives of the stack as published: they decide by near, middle and far alone."""
+"""Primitives that decide by near, middle and far alone, and by what was near and left the view."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from behavior_samples import behavior_of, desired_twist
 
-from navfw.context import Context, quadrant_distances
-from navfw.plugins import default_registry
-from navfw.robot import RobotModel
-from navfw.signals import Pose, Twist
+from navfw.context import Context, QuadrantDistances, quadrant_distances
+from navfw.signals import Percept, Pose, Proposal, Twist
 from navfw.testing import contexts_of
 from navfw.testing.behavior_scenes import BehaviorScene
-
-ROBOT = RobotModel()
-REGISTRY = default_registry()
 
 
 def last(scene: BehaviorScene) -> Context:
     return contexts_of(scene)[-1]
 
 
+def beside(side: str, distance: float, v: float = 0.3) -> Context:
+    """The last context of a drive with a wall on one side, ``distance`` [m] away."""
+    scene = BehaviorScene("beside", Twist(v, 0.0))
+    return last(replace(scene, **{side: distance}))  # type: ignore[arg-type]
+
+
+def percept_of(**walls: float) -> Percept:
+    """The newest percept between ``walls`` (ahead, left, right) at these distances [m]."""
+    scene = BehaviorScene("walls", Twist(0.3, 0.0))
+    percept = last(replace(scene, **walls)).percept  # type: ignore[arg-type]
+    assert percept is not None
+    return percept
+
+
+def distances(**walls: float) -> QuadrantDistances:
+    percept = percept_of(**walls)
+    return quadrant_distances(percept, percept.time)
+
+
+def turned(context: Context, angle: float, seconds: float) -> Context:
+    """``context`` after a turn [rad] and a time [s] without a new percept."""
+    pose = context.pose
+    turned = Pose(pose.x, pose.y, pose.yaw + angle)
+    return replace(context, pose=turned, time=context.time + seconds)
+
+
 def test_quadrant_distances_are_near_on_the_side_of_a_wall_and_far_elsewhere() -> None:
-    beside = last(BehaviorScene("left", Twist(0.3, 0.0), left=0.5)).quadrant_distances
-    assert beside is not None
-    assert (beside.left, beside.right, beside.ahead) == (0.0, 1.0, 1.0)
-    ahead = last(BehaviorScene("ahead", Twist(0.3, 0.0), ahead=0.9)).quadrant_distances
-    assert ahead is not None
+    left = distances(left=0.5)
+    assert (left.left, left.right, left.ahead) == (0.0, 1.0, 1.0)
+    ahead = distances(ahead=0.9)
     assert max(ahead.left, ahead.right, ahead.ahead) < 0.2
-    corridor = last(
-        BehaviorScene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7)
-    ).quadrant_distances
-    assert corridor is not None
+    corridor = distances(left=0.7, right=0.7)
     assert corridor.ahead == 1.0, "walls beside a corridor are not ahead"
     assert max(corridor.left, corridor.right) < 0.2
 
 
 def test_unknown_quadrants_are_neither_near_nor_far() -> None:
-    percept = last(BehaviorScene("open", Twist(0.3, 0.0))).percept
-    assert percept is not None
+    percept = percept_of()
     nothing = dict.fromkeys(("near", "middle", "far"), 0.0)
     blind = replace(percept, quadrants=dict.fromkeys(percept.quadrants, nothing))
     unknown = quadrant_distances(blind, percept.time + 2.0)
@@ -49,17 +65,14 @@ def test_unknown_quadrants_are_neither_near_nor_far() -> None:
 
 
 def test_with_one_layer_ahead_is_the_farther_half() -> None:
-    percept = last(BehaviorScene("ahead", Twist(0.3, 0.0), ahead=0.9)).percept
-    assert percept is not None
+    percept = percept_of(ahead=0.9)
     shallow = replace(percept, obstacles={"layer1": percept.obstacles["layer1"]})
     assert quadrant_distances(shallow, percept.time).ahead < 0.2
 
 
 @pytest.mark.parametrize(("side", "sign"), [("left", -1.0), ("right", 1.0)])
 def test_it_turns_away_from_the_nearer_half(side: str, sign: float) -> None:
-    scene = BehaviorScene("beside", Twist(0.3, 0.0))
-    scene = replace(scene, left=0.5) if side == "left" else replace(scene, right=0.5)
-    context = last(scene)
+    context = beside(side, 0.5)
     proposal = behavior_of("avoid_quadrants").propose(context)
     assert proposal.applicability > 0.8
     assert desired_twist(context, proposal).w * sign > 0.3
@@ -88,12 +101,8 @@ def test_old_percepts_are_ignored() -> None:
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
 def test_following_a_wall_keeps_it_between_near_and_middle(side: str, sign: float) -> None:
     def turn(distance: float) -> float:
-        scene = BehaviorScene("beside", Twist(0.2, 0.0))
-        scene = replace(scene, left=distance) if side == "left" else replace(scene, right=distance)
-        context = last(scene)
-        return (
-            desired_twist(context, behavior_of("follow_wall_quadrants").propose(context)).w * sign
-        )
+        context, behavior = beside(side, distance, 0.2), behavior_of("follow_wall_quadrants")
+        return desired_twist(context, behavior.propose(context)).w * sign
 
     assert turn(0.4) < -0.1
     assert turn(1.8) > 0.1
@@ -109,19 +118,14 @@ def test_an_emergency_turns_on_the_spot_to_its_end() -> None:
     assert np.all(proposal.prohibition[context.commands.v > 0.0] == 1.0)
     twist = desired_twist(context, proposal)
     assert (twist.v, twist.w > 0.5) == (0.0, True), "to the side of the waypoint"
-    turned = 0.0
+    angle = 0.0
     while behavior.propose(context).applicability:
-        turned += 0.1
-        pose = Pose(context.pose.x, context.pose.y, context.pose.yaw + 0.1)
-        # there is no percept while turning: the last one ages
-        context = replace(context, pose=pose, time=context.time + 0.2)
-        assert turned < 2.0
-    assert 0.8 < turned < 1.2
-
-
-def test_an_emergency_is_none_on_open_floor() -> None:
-    context = last(BehaviorScene("open", Twist(0.3, 0.0)))
-    assert behavior_of("emergency_quadrants").propose(context).applicability == 0.0
+        angle += 0.1
+        context = turned(context, 0.1, 0.2)  # there is no percept while turning: the last one ages
+        assert angle < 2.0
+    assert 0.8 < angle < 1.2
+    open_floor = last(BehaviorScene("open", Twist(0.3, 0.0)))
+    assert behavior_of("emergency_quadrants").propose(open_floor).applicability == 0.0
 
 
 def test_the_view_moves_on_while_no_percept_is_recent() -> None:
@@ -146,8 +150,7 @@ def test_the_view_turns_away_from_an_old_near_object_before_it_moves_on(sign: fl
     twist = desired_twist(context, behavior.propose(context))
     assert twist.v == pytest.approx(0.0, abs=0.02)
     assert twist.w * sign > 0.3
-    turned = Pose(context.pose.x, context.pose.y, context.pose.yaw + sign * 0.8)
-    onward = replace(context, pose=turned, time=context.time + 1.0)
+    onward = turned(context, sign * 0.8, 1.0)
     proposal = behavior.propose(onward)
     twist = desired_twist(onward, proposal)
     assert twist.v > 0.1
@@ -159,15 +162,12 @@ def test_the_view_turns_away_from_an_old_near_object_before_it_moves_on(sign: fl
 
 def test_what_was_near_and_left_the_view_is_not_turned_into_until_it_is_passed() -> None:
     behavior = behavior_of("avoid_quadrants")
-    context = last(BehaviorScene("beside", Twist(0.3, 0.0), left=0.5))
+    context, gone = beside("left", 0.5), percept_of()
     behavior.propose(context)
-    gone = last(BehaviorScene("open", Twist(0.3, 0.0))).percept
-    assert gone is not None
     commands = context.commands
 
-    def into(ahead: float, turned: float = 0.0) -> bool:
-        x, y = context.pose.to_parent(ahead, 0.0)
-        pose = Pose(x, y, context.pose.yaw + turned)
+    def into(ahead: float, angle: float = 0.0) -> bool:
+        pose = context.pose.compose(Pose(ahead, 0.0, angle))
         percept = replace(gone, time=context.time)
         layer = behavior.propose(replace(context, pose=pose, percept=percept)).prohibition
         assert not layer[:, commands.relative_w < 0.1].any(), "straight on, and away from it"
@@ -178,20 +178,99 @@ def test_what_was_near_and_left_the_view_is_not_turned_into_until_it_is_passed()
     assert into(0.4)
     assert not into(0.6)
     behavior.propose(context)
-    assert not into(0.1, turned=1.2), "it is in view again"
+    assert not into(0.1, angle=1.2), "it is in view again"
 
 
 def test_a_wall_that_has_left_the_view_is_not_circled() -> None:
     behavior = behavior_of("follow_wall_quadrants")
-    context = replace(last(BehaviorScene("beside", Twist(0.2, 0.0), left=0.5)), idle=12.0)
+    context = replace(beside("left", 0.5, 0.2), idle=12.0)
     assert behavior.propose(context).applicability > 0.5
-    gone = last(BehaviorScene("open", Twist(0.3, 0.0))).percept
-    assert gone is not None
-    context = replace(context, percept=replace(gone, time=context.time))
-    turned = 0.0
+    context = replace(context, percept=replace(percept_of(), time=context.time))
+    angle = 0.0
     while behavior.propose(context).applicability > 0.0:
-        turned += 0.2
-        pose = context.pose
-        context = replace(context, pose=Pose(pose.x, pose.y, pose.yaw + 0.2))
-        assert turned < 3.0
-    assert turned > 1.0
+        angle += 0.2
+        context = turned(context, 0.2, 0.0)
+        assert angle < 3.0
+    assert angle > 1.0
+
+
+# --- keep clear: what has left the view bars the ways into it until it is passed ------------------
+
+
+def barred(context: Context, proposal: Proposal, turn: float) -> bool:
+    """Whether all forward commands with about this turn [of the top rate] are prohibited."""
+    columns = np.abs(context.commands.relative_w - turn) < 0.06
+    layer = proposal.prohibition[context.commands.forward_rows][:, columns]
+    return bool((layer > 0.5).all())
+
+
+def moved(context: Context, ahead: float = 0.0, turn: float = 0.0) -> Context:
+    """``context`` a moment later, farther ahead [m] and turned [rad], without a new percept."""
+    x, y = context.pose.to_parent(ahead, 0.0)
+    pose = Pose(x, y, context.pose.yaw + turn)
+    return replace(context, pose=pose, time=context.time + 0.5)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_it_does_not_drive_into_what_it_has_turned_to(side: float) -> None:
+    behavior = behavior_of("keep_clear")
+    context = beside("left" if side > 0.0 else "right", 0.33)
+    passing = behavior.propose(context)
+    assert passing.applicability == 0.0
+    assert not barred(context, passing, 0.0), "past it"
+    at_it = moved(context, ahead=0.4, turn=side * 1.2)
+    facing = behavior.propose(at_it)
+    assert barred(at_it, facing, 0.0)
+    assert facing.applicability == 1.0
+    twist = desired_twist(at_it, facing)
+    assert twist.v == pytest.approx(0.0, abs=0.02)
+    assert abs(twist.w) > 0.4
+    away = math.copysign(1.0, twist.w) * at_it.commands.relative_w
+    still = at_it.commands.v == 0.0
+    assert not facing.prohibition[np.ix_(still, away > 0.2)].any()
+    assert (facing.prohibition[:, away < -0.2] >= 0.5).all(), "it does not turn back"
+    assert facing.prohibition[np.ix_(still, away < -0.2)].max() == 0.5, "an emergency may"
+
+
+def test_it_drives_on_past_the_object_before_it_may_turn_back() -> None:
+    behavior = behavior_of("keep_clear")
+    context = beside("left", 0.33)
+    behavior.propose(context)
+    context = moved(context, ahead=0.4, turn=1.2)
+    way = math.copysign(1.0, desired_twist(context, behavior.propose(context)).w)
+    angle = 0.0
+    while desired_twist(context, behavior.propose(context)).v < 0.1:
+        context = moved(context, turn=0.1 * way)
+        angle += 0.1
+        assert angle < 4.0
+    onward = moved(context, ahead=0.1)
+    assert behavior.propose(onward).applicability == 1.0
+    passed = moved(onward, ahead=0.3)
+    assert behavior.propose(passed).applicability == 0.0
+
+
+def test_what_is_passed_or_old_is_forgotten() -> None:
+    behavior = behavior_of("keep_clear")
+    context = last(BehaviorScene("wall", Twist(0.2, 0.0), ahead=0.75))
+    behavior.propose(context)
+    assert barred(context, behavior.propose(moved(context, ahead=0.3)), 0.0)
+    late = replace(moved(context, ahead=0.3), time=context.time + 20.0)
+    assert not behavior.propose(late).prohibition.any()
+    behavior.reset()
+    behavior.propose(context)
+    far = moved(context, ahead=-1.5)
+    behavior.propose(far)
+    assert not behavior.propose(moved(far, ahead=1.8)).prohibition.any()
+
+
+@pytest.mark.parametrize(("distance", "denied"), [(1.0, True), (0.62, False)])
+def test_a_percept_denies_what_it_shows_again_but_nothing_too_near_for_flow(
+    distance: float, *, denied: bool
+) -> None:
+    behavior = behavior_of("keep_clear")
+    context = last(BehaviorScene("wall", Twist(0.1, 0.0), ahead=distance))
+    behavior.propose(context)
+    later = moved(context)
+    behavior.propose(replace(later, percept=replace(percept_of(), time=later.time)))
+    ahead = moved(later, ahead=distance - 0.1 - 0.35)
+    assert barred(ahead, behavior.propose(ahead), 0.0) is not denied

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from behavior_samples import desired_twist
+from behavior_samples import behavior_of, composite_of, desired_twist
+from hypothesis import given
+from hypothesis import strategies as st
 
 from navfw.context import CommandGrid, Context
-from navfw.interfaces import Behavior, Composite
+from navfw.interfaces import Behavior
 from navfw.localmap import LocalGoal
 from navfw.movers import ConflictParams, ConflictPredictor, Track
-from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Odometry, Pose, Proposal, Twist, Waypoint
 from navfw.testing import check_behavior, contexts_of
-from navfw.testing.behavior_scenes import BehaviorScene
+from navfw.testing.behavior_scenes import BehaviorScene, wall_flow
 
 ROBOT = RobotModel()
 SHIPPED = (
@@ -34,26 +34,14 @@ SHIPPED = (
 )
 
 
-@pytest.fixture(scope="module")
-def registry() -> Iterator[Registry]:
-    yield default_registry()
-
-
-def behavior_class(registry: Registry, name: str) -> type[Behavior]:
-    cls = registry.get("behavior", name)
-    assert issubclass(cls, Behavior)
-    return cls
-
-
 @pytest.mark.parametrize("name", SHIPPED)
-def test_keeps_the_contract(registry: Registry, name: str) -> None:
-    check_behavior(behavior_class(registry, name))
+def test_keeps_the_contract(name: str) -> None:
+    check_behavior(type(behavior_of(name)))
 
 
-def propose(registry: Registry, name: str, scene: BehaviorScene) -> tuple[Context, Proposal]:
+def propose(name: str, scene: BehaviorScene) -> tuple[Context, Proposal]:
     """The context and the behaviour's proposal at the end of a scene."""
-    behavior = behavior_class(registry, name)(ROBOT)
-    behavior.reset()
+    behavior = behavior_of(name)
     proposals = [(context, behavior.propose(context)) for context in contexts_of(scene)]
     return proposals[-1]
 
@@ -61,41 +49,26 @@ def propose(registry: Registry, name: str, scene: BehaviorScene) -> tuple[Contex
 @pytest.mark.parametrize(
     ("waypoint", "sign"), [((1.0, 2.0), 1.0), ((1.0, -2.0), -1.0), ((-2.0, 0.3), 1.0)]
 )
-def test_go_to_xy_turns_toward_the_waypoint(
-    registry: Registry, waypoint: tuple[float, float], sign: float
-) -> None:
+def test_go_to_xy_turns_toward_the_waypoint(waypoint: tuple[float, float], sign: float) -> None:
     scene = BehaviorScene("goal aside", Twist(0.1, 0.0), waypoint=waypoint, ticks=2)
-    context, proposal = propose(registry, "go_to_xy", scene)
+    context, proposal = propose("go_to_xy", scene)
     assert desired_twist(context, proposal).w * sign > 0.15
 
 
-def test_go_to_xy_drives_fast_straight_on_and_slowly_at_the_goal(registry: Registry) -> None:
-    far = desired_twist(
-        *propose(
-            registry,
-            "go_to_xy",
-            BehaviorScene("far", Twist(0.3, 0.0), waypoint=(4.0, 0.0), ticks=25),
-        )
-    )
-    near = desired_twist(
-        *propose(registry, "go_to_xy", BehaviorScene("near", Twist(0.1, 0.0), waypoint=(0.25, 0.0)))
-    )
+def test_go_to_xy_drives_fast_straight_on_and_slowly_at_the_goal() -> None:
+    away = BehaviorScene("far", Twist(0.3, 0.0), waypoint=(4.0, 0.0), ticks=25)
+    close = BehaviorScene("near", Twist(0.1, 0.0), waypoint=(0.25, 0.0))
+    far, near = (desired_twist(*propose("go_to_xy", scene)) for scene in (away, close))
     assert far.v > 0.3
     assert near.v < 0.6 * far.v
     assert abs(far.w) < 0.05
+    nowhere = BehaviorScene("nowhere", Twist(0.1, 0.0), waypoint=None)
+    assert propose("go_to_xy", nowhere)[1].applicability == 0.0
 
 
-def test_go_to_xy_does_not_apply_without_a_waypoint(registry: Registry) -> None:
-    _, proposal = propose(
-        registry, "go_to_xy", BehaviorScene("nowhere", Twist(0.1, 0.0), waypoint=None)
-    )
-    assert proposal.applicability == 0.0
-
-
-def test_avoid_prohibits_commands_that_cannot_stop_before_the_wall(registry: Registry) -> None:
-    context, proposal = propose(
-        registry, "avoid", BehaviorScene("wall", Twist(0.2, 0.0), ahead=0.75, ticks=14)
-    )
+def test_avoid_prohibits_commands_that_cannot_stop_before_the_wall() -> None:
+    wall = BehaviorScene("wall", Twist(0.2, 0.0), ahead=0.75, ticks=14)
+    context, proposal = propose("avoid", wall)
     straight = context.commands.w.size // 2
     assert context.ranges.front < 0.4
     assert proposal.prohibition[-1, straight] > 0.5
@@ -105,110 +78,98 @@ def test_avoid_prohibits_commands_that_cannot_stop_before_the_wall(registry: Reg
     assert rules and "prohibit IS yes" in rules[0]["rule"]
 
 
-def test_avoid_prohibits_turns_without_room_to_stop_them(registry: Registry) -> None:
-    avoid = behavior_class(registry, "avoid")(ROBOT)
-    avoid.reset()
-    context, _ = propose(registry, "avoid", BehaviorScene("open", Twist(0.0, 0.0), ticks=14))
+def test_avoid_prohibits_turns_without_room_to_stop_them() -> None:
+    context, _ = propose("avoid", BehaviorScene("open", Twist(0.0, 0.0), ticks=14))
     turn = np.where(context.commands.w > 0.0, 0.1, math.inf)  # something is to the left
     beside = replace(context, arcs=replace(context.arcs, turn=turn))
     standing = int(np.flatnonzero(context.commands.v == 0.0)[0])
-    prohibited = avoid.propose(beside).prohibition[standing]
+    prohibited = behavior_of("avoid").propose(beside).prohibition[standing]
     assert np.all(prohibited[context.commands.w <= 0.0] < 0.5)
     assert prohibited[-1] > 0.5
     assert prohibited[np.searchsorted(context.commands.w, 0.15)] < 0.5, "a slow turn can be stopped"
 
 
-def test_avoid_allows_observed_open_floor(registry: Registry) -> None:
-    context, proposal = propose(registry, "avoid", BehaviorScene("open", Twist(0.3, 0.0), ticks=14))
+def test_avoid_allows_observed_open_floor_and_discourages_speed_into_unobserved_space() -> None:
+    context, proposal = propose("avoid", BehaviorScene("open", Twist(0.3, 0.0), ticks=14))
     straight = context.commands.w.size // 2
     assert proposal.prohibition[-1, straight] < 0.5
-
-
-def test_avoid_discourages_fast_commands_into_unobserved_space(registry: Registry) -> None:
-    scene = BehaviorScene("blind", Twist(0.0, 0.0), perceives=False, ticks=2)
-    context, proposal = propose(registry, "avoid", scene)
-    straight = context.commands.w.size // 2
+    blind = BehaviorScene("blind", Twist(0.0, 0.0), perceives=False, ticks=2)
+    context, proposal = propose("avoid", blind)
     slow = int(np.searchsorted(context.commands.v, 0.05))
     assert proposal.prohibition[-1, straight] > 1.5 * proposal.prohibition[slow, straight]
 
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
-def test_follow_wall_keeps_its_distance(registry: Registry, side: str, sign: float) -> None:
+def test_follow_wall_keeps_its_distance(side: str, sign: float) -> None:
     def beside(distance: float) -> BehaviorScene:
         scene = BehaviorScene("beside a wall", Twist(0.2, 0.0), ticks=16)
         return replace(scene, left=distance) if side == "left" else replace(scene, right=distance)
 
     near, far = beside(0.32), beside(0.8)
-    assert desired_twist(*propose(registry, "follow_wall", near)).w * sign < -0.05
-    assert desired_twist(*propose(registry, "follow_wall", far)).w * sign > 0.05
+    assert desired_twist(*propose("follow_wall", near)).w * sign < -0.05
+    assert desired_twist(*propose("follow_wall", far)).w * sign > 0.05
 
 
-def weigh(registry: Registry, scene: BehaviorScene, **changes: object) -> dict[str, float]:
+def weigh(scene: BehaviorScene, **changes: object) -> dict[str, float]:
     """The weights that ``travel`` gives its primitives at the end of a scene."""
-    cls = registry.get("composite", "travel")
-    assert issubclass(cls, Composite)
     context = replace(contexts_of(scene)[-1], **changes)  # type: ignore[arg-type]
-    return dict(cls(ROBOT).weigh(context))
+    return dict(composite_of("travel").weigh(context))
 
 
-def test_travel_follows_walls_only_without_progress(registry: Registry) -> None:
+def test_travel_follows_walls_only_without_progress() -> None:
     scene = BehaviorScene("moving", Twist(0.2, 0.0), left=0.5, ticks=10)
-    moving = weigh(registry, scene)
+    moving = weigh(scene)
     assert moving["follow_wall"] == 0.0
     assert moving["go_to_xy"] == 1.0
-    caught = weigh(
-        registry, scene, idle=20.0, local_goal=LocalGoal(0.8, 0.0, np.inf, False, np.inf)
-    )
+    barred = LocalGoal(0.8, 0.0, np.inf, False, np.inf)
+    caught = weigh(scene, idle=20.0, local_goal=barred)
     assert caught["follow_wall"] == 1.0
     assert caught["go_to_xy"] < 0.5
 
 
-def test_travel_centres_in_corridors_and_not_in_doors(registry: Registry) -> None:
+def test_travel_centres_in_corridors_and_not_in_doors() -> None:
     corridor = BehaviorScene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7, ticks=20)
-    assert weigh(registry, corridor)["centre_corridor"] > 0.9
-    assert weigh(registry, BehaviorScene("open", Twist(0.3, 0.0)))["centre_corridor"] == 0.0
+    assert weigh(corridor)["centre_corridor"] > 0.9
+    assert weigh(BehaviorScene("open", Twist(0.3, 0.0)))["centre_corridor"] == 0.0
     door = Waypoint(0.9, 0.0, 0.25, "door", "door", final=False, width=0.9)
-    at_door = weigh(registry, corridor, waypoint=door)
+    at_door = weigh(corridor, waypoint=door)
     assert at_door["centre_corridor"] == 0.0
     assert at_door["traverse_door"] == 1.0
 
 
 @pytest.mark.parametrize(("nearer", "sign"), [("left", -1.0), ("right", 1.0)])
-def test_centre_corridor_turns_away_from_the_nearer_wall(
-    registry: Registry, nearer: str, sign: float
-) -> None:
+def test_centre_corridor_turns_away_from_the_nearer_wall(nearer: str, sign: float) -> None:
     scene = BehaviorScene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7, ticks=20)
     scene = replace(scene, left=0.45) if nearer == "left" else replace(scene, right=0.45)
-    context, proposal = propose(registry, "centre_corridor", scene)
+    context, proposal = propose("centre_corridor", scene)
     assert proposal.applicability > 0.2
     assert desired_twist(context, proposal).w * sign > 0.05
 
 
-def test_traverse_door_only_at_doors_and_slowly_in_narrow_ones(registry: Registry) -> None:
-    cls = behavior_class(registry, "traverse_door")
+def test_traverse_door_only_at_doors_and_slowly_in_narrow_ones() -> None:
     context = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), ticks=20))[-1]
-    assert cls(ROBOT).propose(context).applicability == 0.0
+    assert behavior_of("traverse_door").propose(context).applicability == 0.0
 
     def through(width: float) -> Twist:
         x = context.belief.pose.x + 0.8
         door = Waypoint(x, 0.0, 0.25, "door", "door", final=False, width=width)
-        return desired_twist(context, cls(ROBOT).propose(replace(context, waypoint=door)))
+        before = replace(context, waypoint=door)
+        return desired_twist(context, behavior_of("traverse_door").propose(before))
 
     assert through(0.6).v < through(1.2).v
 
 
-def test_peek_creeps_into_unobserved_space_only(registry: Registry) -> None:
+def test_peek_creeps_into_unobserved_space_only() -> None:
     blind = BehaviorScene("blind", Twist(0.0, 0.0), perceives=False, ticks=2)
-    context, proposal = propose(registry, "peek", blind)
+    context, proposal = propose("peek", blind)
     assert proposal.applicability > 0.4
     assert 0.0 < desired_twist(context, proposal).v < 0.4 * context.commands.max_v
-    _, seeing = propose(registry, "peek", BehaviorScene("open", Twist(0.3, 0.0), ticks=20))
+    _, seeing = propose("peek", BehaviorScene("open", Twist(0.3, 0.0), ticks=20))
     assert seeing.applicability < 0.05
 
 
-def test_escape_backs_out_and_then_turns(registry: Registry) -> None:
-    escape = behavior_class(registry, "escape")(ROBOT)
-    escape.reset()
+def test_escape_backs_out_and_then_turns() -> None:
+    escape = behavior_of("escape")
     scene = BehaviorScene("dead end", Twist(0.2, 0.0), ahead=1.0, left=0.5, right=0.5, ticks=24)
     drive = contexts_of(scene)
     for context in drive:
@@ -229,27 +190,18 @@ def test_escape_backs_out_and_then_turns(registry: Registry) -> None:
     assert not phases[-1], "then it turns on the spot"
 
 
-def test_emergency_does_not_apply_on_open_floor(registry: Registry) -> None:
-    context, proposal = propose(
-        registry, "emergency", BehaviorScene("open", Twist(0.3, 0.0), ticks=10)
-    )
+def test_emergency_stops_before_near_walls_and_if_wheels_do_not_turn_and_else_not_at_all() -> None:
+    context, proposal = propose("emergency", BehaviorScene("open", Twist(0.3, 0.0), ticks=10))
     assert proposal.applicability == 0.0
     assert not proposal.prohibition.any()
     assert context.stalled == 0.0
-
-
-def test_emergency_stops_a_robot_whose_wheels_do_not_turn(registry: Registry) -> None:
     held = BehaviorScene("held", Twist(0.3, 0.0), moves=False, ticks=30)
-    context, proposal = propose(registry, "emergency", held)
+    context, proposal = propose("emergency", held)
     assert proposal.applicability == 1.0
     assert np.all(proposal.prohibition[context.commands.v > 0.0] == 1.0)
     assert desired_twist(context, proposal).v <= 0.0
-
-
-def test_emergency_stops_before_a_wall_that_is_too_near(registry: Registry) -> None:
-    scene = BehaviorScene("late", Twist(0.5, 0.0), ahead=0.95, ticks=12)
-    _, proposal = propose(registry, "emergency", scene)
-    assert proposal.applicability == 1.0
+    late = BehaviorScene("late", Twist(0.5, 0.0), ahead=0.95, ticks=12)
+    assert propose("emergency", late)[1].applicability == 1.0
 
 
 def with_conflicts(context: Context, *tracks: Track, twist: Twist) -> Context:
@@ -266,57 +218,48 @@ def person(context: Context, x: float, y: float, vx: float, vy: float) -> Track:
     return Track(np.array([*place, vx, vy]), 0.01 * np.eye(4), 0.25, 0.0, 5)
 
 
-def give_way_proposal(
-    registry: Registry, *tracks: tuple[float, float, float, float], v: float
-) -> Proposal:
-    behavior = behavior_class(registry, "give_way")(ROBOT)
-    context = list(contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0))))[-1]
+COMMANDS = CommandGrid(ROBOT)
+
+
+def give_way_proposal(*tracks: tuple[float, float, float, float], v: float) -> Proposal:
+    context = contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0)))[-1]
     people = [person(context, *track) for track in tracks]
-    return behavior.propose(with_conflicts(context, *people, twist=Twist(v, 0.0)))
+    return behavior_of("give_way").propose(with_conflicts(context, *people, twist=Twist(v, 0.0)))
 
 
-def test_give_way_does_not_apply_without_moving_obstacles(registry: Registry) -> None:
-    proposal = give_way_proposal(registry, v=0.4)
-    assert proposal.applicability == 0.0
-    assert not proposal.prohibition.any()
-
-
-def test_give_way_waits_for_a_crossing_obstacle(registry: Registry) -> None:
-    proposal = give_way_proposal(registry, (0.9, -0.9, 0.0, 0.45), v=0.45)
-    commands = CommandGrid(ROBOT)
-    ahead, waiting = commands.nearest(Twist(0.5, 0.0)), commands.nearest(Twist(0.0, 0.0))
+def test_give_way_waits_for_a_crossing_obstacle_and_does_not_apply_without_any() -> None:
+    nobody = give_way_proposal(v=0.4)
+    assert nobody.applicability == 0.0
+    assert not nobody.prohibition.any()
+    proposal = give_way_proposal((0.9, -0.9, 0.0, 0.45), v=0.45)
+    ahead, waiting = COMMANDS.nearest(Twist(0.5, 0.0)), COMMANDS.nearest(Twist(0.0, 0.0))
     assert proposal.applicability > 0.5
     assert proposal.prohibition[ahead] > 0.5 > proposal.prohibition[waiting]
     assert proposal.desirability[waiting] > proposal.desirability[ahead]
     assert any("touching" in rule["rule"] for rule in proposal.explain(*ahead))
 
 
-def test_give_way_leaves_the_way_of_an_approaching_obstacle(registry: Registry) -> None:
+def test_give_way_leaves_the_way_of_an_approaching_obstacle() -> None:
     # toward the robot's left half; it passes a robot that moves aside
-    proposal = give_way_proposal(registry, (1.0, 0.25, -0.5, 0.0), v=0.0)
-    commands = CommandGrid(ROBOT)
-    standing = commands.nearest(Twist(0.0, 0.0))
-    best = np.unravel_index(int(proposal.desirability.argmax()), commands.shape)
-    assert proposal.prohibition[standing] > 0.5
-    assert commands.v[best[0]] != 0.0
+    proposal = give_way_proposal((1.0, 0.25, -0.5, 0.0), v=0.0)
+    best = np.unravel_index(int(proposal.desirability.argmax()), COMMANDS.shape)
+    assert proposal.prohibition[COMMANDS.nearest(Twist(0.0, 0.0))] > 0.5
+    assert COMMANDS.v[best[0]] != 0.0
 
 
-def test_give_way_does_not_drive_toward_a_close_obstacle(registry: Registry) -> None:
+def test_give_way_does_not_drive_toward_a_close_obstacle() -> None:
     # it stands beside the way and would be touched by a robot that drives on
-    proposal = give_way_proposal(registry, (0.6, 0.1, 0.0, 0.0), v=0.2)
-    commands = CommandGrid(ROBOT)
-    toward = proposal.prohibition[commands.nearest(Twist(0.2, 0.0))]
-    assert toward > 0.8
-    assert any(
-        "approach" in rule["rule"] for rule in proposal.explain(*commands.nearest(Twist(0.2, 0.0)))
-    )
-    assert proposal.prohibition[commands.nearest(Twist(0.0, 0.8))] < 0.5
-    assert proposal.prohibition[commands.nearest(Twist(-0.15, 0.0))] < 0.5
+    proposal = give_way_proposal((0.6, 0.1, 0.0, 0.0), v=0.2)
+    toward = COMMANDS.nearest(Twist(0.2, 0.0))
+    assert proposal.prohibition[toward] > 0.8
+    assert any("approach" in rule["rule"] for rule in proposal.explain(*toward))
+    for allowed in (Twist(0.0, 0.8), Twist(-0.15, 0.0)):
+        assert proposal.prohibition[COMMANDS.nearest(allowed)] < 0.5
 
 
-def test_the_best_duration_of_a_turn_counts(registry: Registry) -> None:
+def test_the_best_duration_of_a_turn_counts() -> None:
     # toward a standing robot: a quarter turn before driving off is better than half a turn
-    context = list(contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0))))[-1]
+    context = contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0)))[-1]
     context = with_conflicts(context, person(context, 1.6, 0.0, -0.4, 0.0), twist=Twist(0.0, 0.0))
     assert context.conflicts is not None
     distance, commands = context.conflicts.distance, context.commands
@@ -325,7 +268,105 @@ def test_the_best_duration_of_a_turn_counts(registry: Registry) -> None:
     assert context.conflicts.approach.max() == 0.0  # no obstacle is close yet
 
 
-def test_give_way_allows_the_least_bad_command(registry: Registry) -> None:
+def test_give_way_allows_the_least_bad_command() -> None:
     around = [(0.6, 0.0, -0.4, 0.0), (-0.6, 0.0, 0.4, 0.0), (0.0, 0.6, 0.0, -0.4)]
-    proposal = give_way_proposal(registry, *around, (0.0, -0.6, 0.0, 0.4), v=0.0)
+    proposal = give_way_proposal(*around, (0.0, -0.6, 0.0, 0.4), v=0.0)
     assert proposal.prohibition.min() < 0.5
+
+
+# --- behaviours that use the flow alone -----------------------------------------------------------
+
+
+OPEN = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), waypoint=(9.0, 0.0), ticks=3))[-1]
+
+
+def with_walls(ahead: float = 20.0, left: float = 20.0, right: float = 20.0) -> Context:
+    return replace(OPEN, flow=wall_flow(ROBOT, OPEN.time, ahead, left, right))
+
+
+@given(st.floats(0.3, 1.2), st.floats(0.3, 1.2))
+def test_balance_turns_away_from_the_nearer_wall_and_mirrors(left: float, right: float) -> None:
+    behavior = behavior_of("balance")
+    context = with_walls(left=left, right=right)
+    here = desired_twist(context, behavior.propose(context)).w
+    mirrored = with_walls(left=right, right=left)
+    assert desired_twist(mirrored, behavior.propose(mirrored)).w == pytest.approx(-here, abs=0.03)
+    if abs(left - right) > 0.3:
+        assert here * (left - right) > 0.0
+
+
+def test_balance_is_drawn_to_the_goal_and_slower_in_turns() -> None:
+    behavior = behavior_of("balance")
+    straight = desired_twist(OPEN, behavior.propose(OPEN))
+    assert abs(straight.w) < 0.03
+    assert straight.v == pytest.approx(0.3, abs=0.03)
+    aside = replace(with_walls(), belief=replace(OPEN.belief, pose=Pose(0.0, 0.0, -1.0)))
+    turning = desired_twist(aside, behavior.propose(aside))
+    assert turning.w > 0.3
+    assert turning.v < straight.v
+
+
+def test_balance_needs_fresh_flow_of_both_sides() -> None:
+    behavior = behavior_of("balance")
+    context = with_walls(left=0.4)
+    assert desired_twist(context, behavior.propose(context)).w < -0.3
+    assert context.flow is not None
+    half = context.flow.confidence * (context.flow.points[..., 0] < 0.0)
+    half_blind = replace(context, flow=replace(context.flow, confidence=half))
+    old = replace(context, time=context.time + 2.0)
+    for unusable in (half_blind, old, replace(context, flow=None)):
+        assert abs(desired_twist(unusable, behavior.propose(unusable)).w) < 0.05
+
+
+def drive_toward(
+    distance: float, frames: int = 3, behavior: Behavior | None = None
+) -> tuple[Context, Proposal]:
+    """The divergence behaviour before a wall, after so many frames of it."""
+    behavior = behavior or behavior_of("divergence")
+    for k in range(frames):
+        time = OPEN.time + 0.1 * k
+        flow = wall_flow(ROBOT, time, distance - 0.03 * k, 20.0, 0.9)
+        context = replace(OPEN, time=time, flow=flow)
+        proposal = behavior.propose(context)
+    return context, proposal
+
+
+def test_divergence_drives_on_while_contact_is_far_and_turns_before_it() -> None:
+    context, proposal = drive_toward(3.0)
+    twist = desired_twist(context, proposal)
+    assert twist.v > 0.25
+    assert abs(twist.w) < 0.05
+    context, proposal = drive_toward(0.7)
+    twist = desired_twist(context, proposal)
+    assert abs(twist.v) < 0.02
+    assert twist.w > 0.7, "to the left: the flow is larger on the right"
+    assert "saccade" in proposal.reason
+    context, proposal = drive_toward(0.7, frames=1)
+    assert desired_twist(context, proposal).v > 0.25, "one frame is not enough"
+
+
+def test_divergence_measures_the_time_to_contact() -> None:
+    # 6 cm between frames 0.2 s apart are 0.3 m/s; the camera is 0.1 m ahead of the axle
+    _, proposal = drive_toward(2.0, frames=1)
+    seconds = float(proposal.reason.split()[2])
+    assert seconds == pytest.approx((2.0 - 0.1) / 0.3, rel=0.1)
+
+
+def test_after_a_saccade_it_drives_straight_on_for_a_while() -> None:
+    behavior = behavior_of("divergence")
+    drive_toward(0.7, 2, behavior)
+    pose = Pose(OPEN.pose.x, OPEN.pose.y, OPEN.pose.yaw + 1.0)
+    away = replace(OPEN, time=OPEN.time + 1.5, pose=pose)
+    away = replace(away, belief=replace(OPEN.belief, pose=pose))
+    twist = desired_twist(away, behavior.propose(away))
+    assert twist.v > 0.25
+    assert abs(twist.w) < 0.05, "not back to the goal at once"
+    there = Pose(pose.x + 0.9 * np.cos(pose.yaw), pose.y + 0.9 * np.sin(pose.yaw), pose.yaw)
+    later = replace(away, time=away.time + 3.0, pose=there)
+    later = replace(later, belief=replace(OPEN.belief, pose=there))
+    assert desired_twist(later, behavior.propose(later)).w < -0.3, "then to the goal again"
+
+
+@pytest.mark.parametrize("name", ["balance", "divergence"])
+def test_they_do_not_apply_without_a_waypoint(name: str) -> None:
+    assert behavior_of(name).propose(replace(OPEN, waypoint=None)).applicability == 0.0

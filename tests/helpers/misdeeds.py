@@ -53,7 +53,7 @@ BASES = {
     "planner": ("navfw.papfis.papfis", "Papfis", "update(belief)"),
     "behavior": ("navfw.interfaces", "Behavior", "propose(context)"),
     "composite": ("navfw.interfaces", "Composite", "weigh(context)"),
-    "fusion": ("navfw.mofis.fusion.fuzzy", "FuzzyFusion", "fuse(context, proposals)"),
+    "fusion": ("navfw.mofis.fusion", "FuzzyFusion", "fuse(context, proposals)"),
     "controller": ("navfw.locom.unicycle", "Unicycle", "control(command, odometry, dt)"),
 }
 """Module, class and method with its parameters of the plugin derived from, by kind."""

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.errors import InputError
-from navfw.localization import DeadReckoning
+from navfw.localization import DeadReckoning, PlacePosterior, likeliest_places
 from navfw.robot import RobotModel
-from navfw.signals import Belief, Odometry, Pose, Twist, wrap_angle
+from navfw.signals import Belief, Odometry, Pose, Twist, position_sigma, wrap_angle
 from navfw.topomap import Place, TopoMap
 
 ROOMS = TopoMap("rooms", [Place(f"room-{i}", 3.0 * i, 0.0) for i in range(20)], [])
@@ -102,3 +102,35 @@ def test_places_follow_the_robot() -> None:
 def test_an_unknown_start_is_refused_with_a_remedy() -> None:
     with pytest.raises(InputError, match=r"unknown start.*start pose"):
         DeadReckoning(RobotModel()).start(ROOMS, None, odometry(Pose(0.0, 0.0, 0.0)))
+
+
+# --- the place posterior of a moving pose ------------------------------------------------------
+
+TWO = TopoMap("two", [Place("west", 0.0, 0.0, "room"), Place("east", 4.0, 0.0, "room")], [])
+SMALL = np.diag([0.01, 0.01, 0.01])
+
+
+@pytest.mark.parametrize("heading", [0.0, math.pi / 4.0, math.pi / 2.0])
+def test_probabilities_are_computed_again_after_a_distance_in_any_direction(heading: float) -> None:
+    posterior = PlacePosterior(TWO, refresh=0.1)
+    first = posterior.at(Pose(1.0, 0.0, 0.0), SMALL)
+    assert first == likeliest_places(TWO, Pose(1.0, 0.0, 0.0), SMALL)
+    c, s = math.cos(heading), math.sin(heading)
+    assert posterior.at(Pose(1.0 + 0.09 * c, 0.09 * s, heading), SMALL) is first
+    farther = Pose(1.0 + 0.11 * c, 0.11 * s, heading)
+    assert posterior.at(farther, SMALL) is not first
+    assert posterior.at(farther, 4.0 * SMALL) == likeliest_places(TWO, farther, SMALL)
+
+
+@given(st.floats(0.0, 3.0), st.floats(0.0, 3.0), st.floats(-math.pi, math.pi))
+def test_the_position_sigma_is_the_largest_half_axis(
+    long: float, short: float, turn: float
+) -> None:
+    c, s = math.cos(turn), math.sin(turn)
+    axes = np.array([[c, -s], [s, c]])
+    covariance = np.diag([0.0, 0.0, 5.0])
+    covariance[:2, :2] = axes @ np.diag([long**2, short**2]) @ axes.T
+    assert position_sigma(covariance) == pytest.approx(max(long, short), abs=1e-6)
+    largest = max(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]), 0.0)
+    sigma = Belief(0.0, Pose(0.0, 0.0, 0.0), covariance).sigma
+    assert sigma**2 == pytest.approx(largest, abs=1e-9)

@@ -3,21 +3,42 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from plan_samples import MAP, PLAN, ROBOT, START, arcs, building, wall_percept
 
 from navfw.config import find
 from navfw.errors import MapError
-from navfw.localization import FloorPlanLocalizer, PlanField, PlanScan, scan_of
+from navfw.localization import (
+    SURE_XY,
+    SURE_YAW,
+    FloorPlanLocalizer,
+    KnownWalls,
+    PlanField,
+    PlanScan,
+    scan_of,
+)
 from navfw.plugins import default_registry
+from navfw.robot import Footprint, RobotModel
 from navfw.signals import Belief, Odometry, Pose, Twist, wrap_angle
 from navfw.stack import load_stack
 from navfw.topomap import FREE, OCCUPIED, OccupancyMap, TopoMap
 
 ROUND = [(2.0, 0.5, 0.3), (4.0, 0.5, 0.35), (3.0, 0.5, 0.5), (4.0, 0.5, 0.3), (4.0, 0.5, 0.6)]
 AT_REST = Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), 0.0, still=True)
+
+
+def started(
+    start: Pose | None = START, topo_map: TopoMap = MAP, robot: RobotModel = ROBOT
+) -> FloorPlanLocalizer:
+    localizer = FloorPlanLocalizer(robot)
+    localizer.reset()
+    localizer.start(topo_map, start, AT_REST)
+    return localizer
 
 
 def drive(
@@ -29,10 +50,7 @@ def drive(
 ) -> list[tuple[Pose, Belief]]:
     """True poses and beliefs on a round through the large room, whose walls are ``seen``."""
     rng = np.random.default_rng(seed)
-    localizer = FloorPlanLocalizer(ROBOT)
-    localizer.reset()
-    localizer.start(MAP, START if known else None, AT_REST)
-    return follow(localizer, rng, ROUND, seen, scale, shared)
+    return follow(started(START if known else None), rng, ROUND, seen, scale, shared)
 
 
 def follow(
@@ -155,11 +173,8 @@ def test_a_room_lined_with_furniture_does_not_draw_the_robot_to_its_walls() -> N
 
 def test_a_skidding_turn_corrects_nothing() -> None:
     robot = ROBOT.model_copy(update={"skid": 0.08})
-    localizer = FloorPlanLocalizer(robot)
-    localizer.reset()
-    localizer.start(MAP, START, AT_REST)
     rng = np.random.default_rng(0)
-    report = follow(localizer, rng, [(2.0, 0.05, 0.8), (3.0, 0.4, 0.0)])
+    report = follow(started(robot=robot), rng, [(2.0, 0.05, 0.8), (3.0, 0.4, 0.0)])
     assert report[19][1].updates == 0
     assert report[-1][1].updates > 0
 
@@ -185,11 +200,8 @@ def test_walls_that_are_not_there_are_seen_through() -> None:
         across = [abs(at.x) < 0.05 and abs(at.y) < 0.6 for at in local]
         cells[np.reshape(across, cells.shape)] = OCCUPIED
     plan = OccupancyMap(cells, PLAN.resolution, PLAN.origin)
-    localizer = FloorPlanLocalizer(ROBOT)
-    localizer.reset()
     wrong_map = TopoMap("b", list(MAP.places.values()), MAP.passages, floor_plan=plan)
-    localizer.start(wrong_map, START, AT_REST)
-    report = follow(localizer, np.random.default_rng(0), ROUND, PLAN, 1.03)
+    report = follow(started(topo_map=wrong_map), np.random.default_rng(0), ROUND, PLAN, 1.03)
     assert not any(belief.lost for _, belief in report)
     assert np.percentile([error(*moment) for moment in report], 95) < 0.15
 
@@ -218,19 +230,14 @@ def test_an_unknown_start_is_found_and_never_confidently_wrong() -> None:
 
 def test_a_robot_elsewhere_than_it_was_told_becomes_lost_and_finds_itself() -> None:
     rng = np.random.default_rng(4)
-    localizer = FloorPlanLocalizer(ROBOT)
-    localizer.reset()
-    localizer.start(MAP, Pose(7.5, 4.2, 1.9), AT_REST)
-    moments = follow(localizer, rng, ROUND * 3)
+    moments = follow(started(Pose(7.5, 4.2, 1.9)), rng, ROUND * 3)
     assert any(belief.lost for _, belief in moments)
     assert not moments[-1][1].lost
     assert error(*moments[-1]) < 0.2
 
 
 def test_nothing_seen_is_no_evidence() -> None:
-    localizer = FloorPlanLocalizer(ROBOT)
-    localizer.reset()
-    localizer.start(MAP, START, AT_REST)
+    localizer = started()
     sigmas = [
         localizer.update(odometry, None, ()).sigma for _, odometry in arcs(START, [(4.0, 0.4, 0.0)])
     ]
@@ -239,10 +246,8 @@ def test_nothing_seen_is_no_evidence() -> None:
 
 def test_a_map_without_a_plan_is_refused() -> None:
     bare = TopoMap("bare", list(MAP.places.values()), MAP.passages)
-    localizer = FloorPlanLocalizer(ROBOT)
-    localizer.reset()
     with pytest.raises(MapError, match=r"'bare' has no floor plan.*'floor_plan'"):
-        localizer.start(bare, START, AT_REST)
+        started(topo_map=bare)
 
 
 def test_a_stack_takes_it_by_its_name_alone() -> None:
@@ -250,3 +255,55 @@ def test_a_stack_takes_it_by_its_name_alone() -> None:
     choice = config.stages["localizer"]
     assert choice.plugin is FloorPlanLocalizer
     assert choice.params == FloorPlanLocalizer.Params()
+
+
+# --- walls of the plan around the robot, from where it believes itself to be -------------------
+
+CELLS = np.full((100, 200), FREE, np.int8)
+CELLS[40:46, 20:180] = OCCUPIED
+WALL = OccupancyMap(CELLS, 0.05, Pose(-2.0, 1.0, 0.0))
+"""A wall 0.3 m thick from (-1, 3) to (7, 3.3)."""
+SURE = Belief(0.0, Pose(1.0, 2.0, 0.5 * math.pi), np.diag([0.02, 0.02, 0.02]) ** 2)
+
+
+def test_walls_are_where_the_robot_sees_them() -> None:
+    odom = Pose(10.0, 0.0, 0.0)  # the wall, 1 m ahead, runs across
+    points = KnownWalls(WALL).around(SURE, odom)
+    assert np.abs(points - (10.0, 0.0)).max() <= 2.0
+    assert points[:, 0].min() == pytest.approx(11.0, abs=0.03)
+    assert points[:, 0].max() == pytest.approx(11.3, abs=0.03)
+    middle = points[np.abs(points[:, 1]) < 1.9]
+    assert len(middle) == 2 * 76, "the surfaces alone, one point a cell"
+    turned = KnownWalls(WALL).around(SURE, Pose(10.0, 0.0, 0.5 * math.pi))
+    assert np.allclose(turned, np.column_stack([10.0 - points[:, 1], points[:, 0] - 10.0]))
+
+
+@pytest.mark.parametrize(
+    "belief",
+    [
+        replace(SURE, lost=True),
+        replace(SURE, covariance=np.diag([1.1 * SURE_XY, 0.0, 0.0]) ** 2),
+        replace(SURE, covariance=np.diag([0.0, 0.0, 1.1 * SURE_YAW]) ** 2),
+        replace(SURE, pose=Pose(50.0, 2.0, 0.0)),
+    ],
+    ids=["lost", "position unsure", "heading unsure", "far off"],
+)
+def test_no_walls_are_known_without_a_pose(belief: Belief) -> None:
+    assert KnownWalls(WALL).around(belief, Pose(0.0, 0.0, 0.0)).shape == (0, 2)
+
+
+def test_only_bodies_that_are_not_round_need_them() -> None:
+    cart = RobotModel(footprint=Footprint(front=0.5, rear=0.1, width=0.3), track=0.2)
+    assert KnownWalls.of(WALL, cart) is not None
+    assert KnownWalls.of(None, cart) is None
+    assert KnownWalls.of(WALL, RobotModel()) is None
+
+
+@given(*[st.floats(-5.0, 5.0)] * 5)
+def test_points_and_poses_are_moved_alike(
+    x: float, y: float, yaw: float, a: float, b: float
+) -> None:
+    pose, points = Pose(x, y, yaw), np.array([[a, b], [b, a]])
+    local = pose.points_to_local(points)
+    assert np.allclose(local, [pose.to_local(*point) for point in points.tolist()])
+    assert np.allclose(pose.points_to_parent(local), points)

@@ -101,20 +101,16 @@ def test_a_learnt_table_is_a_distribution_symmetric_in_left_and_right(
     table = learn_table(seen)
     for row in table.seen_at.values():
         assert row.sum() == pytest.approx(1.0)
-        assert row[SITUATIONS.index("left wall")] == pytest.approx(
-            row[SITUATIONS.index("right wall")]
-        )
-    mirrored = [
-        (
-            kind,
-            {
-                name.replace("left", "x").replace("right", "left").replace("x", "right"): degree
-                for name, degree in situations.items()
-            },
-        )
+        left, right = (row[SITUATIONS.index(f"{side} wall")] for side in ("left", "right"))
+        assert left == pytest.approx(right)
+
+    def mirrored(name: str) -> str:
+        return name.replace("left", "x").replace("right", "left").replace("x", "right")
+
+    again = learn_table(
+        (kind, {mirrored(name): degree for name, degree in situations.items()})
         for kind, situations in seen
-    ]
-    again = learn_table(mirrored)
+    )
     for kind, row in table.seen_at.items():
         assert np.allclose(row, again.seen_at[kind])
 
@@ -176,12 +172,9 @@ def odometry(x: float) -> Odometry:
 
 
 def test_localisers_refuse_a_missing_table() -> None:
-    robot = RobotModel()
+    bayes = Bayes.Params(situations="nowhere.yaml")
     topological = Topological.Params(discrete=DiscreteParams(situations="nowhere.yaml"))
-    for localizer in (
-        Bayes(robot, Bayes.Params(situations="nowhere.yaml")),
-        Topological(robot, topological),
-    ):
+    for localizer in (Bayes(RobotModel(), bayes), Topological(RobotModel(), topological)):
         with pytest.raises(ConfigError, match=r"nowhere\.yaml"):
             localizer.start(MAP, Pose(0.0, 0.0, 0.0), odometry(0.0))
 
@@ -190,7 +183,7 @@ def test_situations_improve_the_place_posterior() -> None:
     """Back and forth along a row of places, from an unknown start, without landmarks."""
     rng = np.random.default_rng(1)
     table = learn_table([(kind, drawn(kind, rng)) for kind in USUAL for _ in range(200)])
-    found = []
+    means = []
     for used in (table, None):
         rng = np.random.default_rng(2)
         belief = DiscreteFilter(MAP, DiscreteParams(), 0.85, LandmarkExistence(0.85), used)
@@ -203,5 +196,5 @@ def test_situations_improve_the_place_posterior() -> None:
             belief.observe_situations(drawn(PLACES[true].kind, rng))
             right.append(float(belief.place_probabilities[true]))
         assert belief.place_probabilities.sum() == pytest.approx(1.0, rel=1e-3)
-        found.append(np.mean(right))
-    assert found[0] > found[1] + 0.1
+        means.append(np.mean(right))
+    assert means[0] > means[1] + 0.1

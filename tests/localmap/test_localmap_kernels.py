@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.localmap.cost_kernels import cost_to_go, price_cells
-from navfw.localmap.ray_kernels import least_within, sweep_arcs
-from navfw.localmap.sensor_kernels import decay_view, merge_evidence, rays_of
-from navfw.numerics import Array, Mask
+from navfw.localmap.ray_kernels import least_within
+from navfw.localmap.sensor_kernels import cast_evidence, decay_view, merge_evidence, rays_of
+from navfw.numerics import Array
 from navfw.robot import RobotModel
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -125,30 +126,115 @@ def test_rays_are_the_points_rotated_into_odom(seed: int, yaw: float, aside: flo
     np.testing.assert_allclose(rays, turned, rtol=0.0, atol=1e-12)
 
 
-def free_length(v: float, w: float, yaw: float, blocked: Mask, cell: float, reach: float) -> float:
-    """Length [m] of the arc of a point from the grid's centre to the first blocked cell."""
-    x = y = 0.5 * cell * (len(blocked) - 1) + 1e-4
-    length, step, sign = 0.0, 0.5 * cell, math.copysign(1.0, v)
-    while length < min(reach, math.pi * abs(v / w) if w else reach):
-        heading = yaw + sign * (length + 0.5 * step) * w / v
-        x, y = x + sign * step * math.cos(heading), y + sign * step * math.sin(heading)
-        if blocked[round(y / cell), round(x / cell)]:
-            return length
-        length += step
-    return reach
+# --- the evidence of single rays, by the sensor model in plain Python ----------------------------
+
+CELL, SIZE = 0.05, 81
+ORIGIN = (-2.0, 1.0)
+CAMERA_AT = (ORIGIN[0] + 2.0013, ORIGIN[1] + 1.9017)
+"""Place of the camera [m], off the cells' borders, so that rounding decides nothing."""
+HEIGHT = 0.35
+RANGE, WIDTH, NOTHING, EVERYTHING, LOW, OVER = LIMITS = (1.5, 0.7, 0.08, 0.3, 0.15, 0.2)
 
 
-@settings(max_examples=40)
-@given(SEEDS, st.floats(-3.2, 3.2))
-def test_arcs_are_swept_step_by_step(seed: int, yaw: float) -> None:
-    rng = np.random.default_rng(seed)
-    blocked = rng.random((81, 81)) < 0.02
-    blocked[39:42, 39:42] = False
-    clearance = np.where(blocked, 0.0, 1.0)
-    ground = (clearance, np.ones(blocked.shape, np.uint8), 0.0, 0.0, 0.05)
-    speeds, turns = np.array([-0.2, 0.1, 0.4]), np.linspace(-1.2, 1.2, 7)
-    free, observed, least = np.empty((3, 3, 7))
-    start = (2.0 + 1e-4, 2.0 + 1e-4, yaw)
-    sweep_arcs(ground, start, speeds, turns, 0.04, 1.5, 0.6, free, observed, least)
-    expected = [[free_length(v, w, yaw, blocked, 0.05, 1.5) for w in turns] for v in speeds]
+def evidence(directions: Array, *readings: tuple[float, float, float, float]) -> list[Array]:
+    """The layers (hit, free) of rays, by nearness, sigma and weights of both for each point."""
+    hit, free = np.zeros((2, SIZE, SIZE))
+    nearness, sigma, hits, frees = np.ascontiguousarray(np.transpose(readings))
+    directions, limits = np.atleast_2d(directions), np.array(LIMITS)
+    cast_evidence(
+        hit, free, *ORIGIN, CELL, *CAMERA_AT, HEIGHT, directions, nearness, sigma, hits, frees,
+        limits,
+    )  # fmt: skip
+    return [hit, free]
+
+
+def cell_at(direction: Array, depth: float) -> tuple[int, int] | None:
+    """The cell (row, column) of the ray at ``depth`` [m]; None outside the grid."""
+    column = math.floor((CAMERA_AT[0] + depth * direction[0] - ORIGIN[0]) / CELL + 0.5)
+    row = math.floor((CAMERA_AT[1] + depth * direction[1] - ORIGIN[1]) / CELL + 0.5)
+    return (row, column) if 0 <= row < SIZE and 0 <= column < SIZE else None
+
+
+def reference_free(direction: Array, nearness: float, sigma: float, weight: float) -> Array:
+    """Free evidence up to one sigma before the reading, less above low obstacles."""
+    free = np.zeros((SIZE, SIZE))
+    step = 0.7 * CELL / math.hypot(direction[0], direction[1])
+    depth = step
+    while depth < min(1.0 / (nearness + sigma), RANGE):
+        at = cell_at(direction, depth)
+        if at is None:
+            break
+        height = HEIGHT + depth * direction[2]
+        share = np.interp(height, (LOW, HEIGHT), (1.0, OVER))
+        free[at] = max(free[at], weight * share)
+        depth += step
+    return free
+
+
+def reference_hit(direction: Array, nearness: float, sigma: float, weight: float) -> Array:
+    """Hit evidence by the probability that the reading is within the cell."""
+    hit = np.zeros((SIZE, SIZE))
+    slant = math.hypot(direction[0], direction[1])
+    half = 0.5 * CELL / slant
+    near = min(1.0 / (nearness + WIDTH * sigma), 1.0 / nearness - half)
+    far = max(1.0 / max(nearness - WIDTH * sigma, 0.4 * nearness), 1.0 / nearness + half)
+    depth = near
+    while near <= RANGE and depth <= far:
+        at = cell_at(direction, depth)
+        if at is None:
+            break
+        density = math.exp(-0.5 * ((1.0 / depth - nearness) / sigma) ** 2) / math.sqrt(2 * math.pi)
+        # the sigma of the depth on the floor is that of nearness times depth squared
+        probability = density * CELL / max(sigma * depth * depth * slant, 0.5 * CELL)
+        share = np.interp(probability, (NOTHING, EVERYTHING), (0.0, 1.0))
+        hit[at] = max(hit[at], weight * share)
+        depth += 0.7 * CELL / slant
+    return hit
+
+
+@settings(max_examples=150)
+@given(
+    heading=st.floats(-3.1, 3.1),
+    slant=st.floats(0.8, 1.3),
+    rise=st.floats(-0.7, 0.4),
+    depth=st.floats(0.3, 3.0),
+    sigma=st.floats(0.02, 0.5),
+    weights=st.tuples(st.floats(0.1, 1.0), st.floats(0.1, 1.0)),
+)
+def test_the_evidence_of_a_ray_is_that_of_the_sensor_model(
+    heading: float,
+    slant: float,
+    rise: float,
+    depth: float,
+    sigma: float,
+    weights: tuple[float, float],
+) -> None:
+    direction = np.array([slant * math.cos(heading), slant * math.sin(heading), rise])
+    hit, free = evidence(direction, (1.0 / depth, sigma, *weights))
+    expected = reference_hit(direction, 1.0 / depth, sigma, weights[0])
+    np.testing.assert_allclose(hit, expected, atol=1e-9)
+    expected = reference_free(direction, 1.0 / depth, sigma, weights[1])
     np.testing.assert_allclose(free, expected, atol=1e-9)
+
+
+AHEAD = np.array([1.0, 0.0, 0.0])
+
+
+def test_rays_without_weight_leave_no_evidence() -> None:
+    assert not np.any(evidence(AHEAD, (1.0, 0.02, 0.0, 0.0)))
+
+
+def test_rays_of_one_point_share_its_reading() -> None:
+    directions = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.2, 0.0], [0.2, 1.0, 0.0]])
+    readings = [(1.0, 0.05, 1.0, 0.9), (2.0, 0.1, 0.5, 0.7)]
+    # the third ray belongs to the first point, the fourth to the second
+    single = [evidence(ray, readings[k % 2]) for k, ray in enumerate(directions)]
+    np.testing.assert_array_equal(evidence(directions, *readings), np.max(single, axis=0))
+
+
+def test_the_larger_evidence_of_two_rays_counts() -> None:
+    once, _ = evidence(AHEAD, (1.0, 0.02, 0.8, 0.0))
+    hit, free = evidence(np.stack([AHEAD, AHEAD]), (1.0, 0.02, 0.8, 0.3), (1.0, 0.02, 0.3, 0.9))
+    np.testing.assert_array_equal(hit, once)
+    # a level ray passes at camera height
+    assert free.max() == pytest.approx(0.9 * OVER)

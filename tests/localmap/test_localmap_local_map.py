@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from param_ranges import check_ranges
 
 from navfw.localmap import (
+    CERTAIN,
+    CLEAR_VOTES,
+    INTERVAL,
+    SPOT,
+    DropMap,
     LocalGoal,
     LocalMap,
     LocalMapParams,
     LocalPlannerParams,
+    OccupancyGrid,
     OccupancyParams,
     Ranges,
     TraversabilityParams,
@@ -55,25 +62,19 @@ def test_without_memory_the_map_holds_the_newest_frame_alone() -> None:
     with_memory, without = local_map(), local_map(memory=False)
     for chosen in (with_memory, without):
         assert ranges(chosen, 1.0, 0.8).front < 0.8, "the wall is in the map"
+        assert chosen.free_distance(ORIGIN, AHEAD).contact < 0.75
     assert ranges(with_memory, 1.1, None).front < 0.8
     assert ranges(without, 1.1, None).front > 2.5
-    assert ranges(without, 1.2, 0.8).front < 0.8
-
-
-def test_without_memory_free_distances_are_those_of_the_newest_frame() -> None:
-    without = update(local_map(memory=False), 1.0, 0.8)
-    assert without.free_distance(ORIGIN, AHEAD).contact < 0.75
-    update(without, 1.1, None)
     free = without.free_distance(ORIGIN, AHEAD)
     assert free.contact == 1.0
     assert free.unobserved < 0.3, "floor that is not in view is unobserved: the robot creeps"
-
-
-def goal_of(local_map: LocalMap) -> LocalGoal:
-    return update(local_map, 1.0, 0.8).local_goal(ORIGIN, TARGET)
+    assert ranges(without, 1.2, 0.8).front < 0.8
 
 
 def test_without_planning_the_local_goal_is_the_waypoint_itself() -> None:
+    def goal_of(local_map: LocalMap) -> LocalGoal:
+        return update(local_map, 1.0, 0.8).local_goal(ORIGIN, TARGET)
+
     straight = goal_of(local_map(planning=False))
     assert straight.bearing == pytest.approx(math.atan2(1.0, 3.0))
     assert straight.cost == pytest.approx(math.hypot(3.0, 1.0))
@@ -107,9 +108,7 @@ def test_there_is_no_room_outside_the_grid(side: tuple[float, float]) -> None:
     inward = math.atan2(-side[1], -side[0])
     for cells, inside in ((size // 2, True), (size // 2 + 1, False)):
         pose = Pose(side[0] * cells * cell, side[1] * cells * cell, inward)
-        free = chosen.free_distance(pose, AHEAD)
-        assert (free.contact > 0.0) == inside
-        assert free.contact == (1.0 if inside else 0.0)
+        assert chosen.free_distance(pose, AHEAD).contact == (1.0 if inside else 0.0)
 
 
 def belief(pose: Pose) -> Belief:
@@ -128,17 +127,20 @@ def test_there_is_no_passage_report_before_the_first_update() -> None:
 # --- drops ----------------------------------------------------------------------------------------
 
 
-def drop_percept(time: float) -> Percept:
-    """One cell that is clearly below the floor 1 m before the camera."""
+def floor_percept(
+    time: float, label: Label, depth: float = 1.0, nearness: float = 1.0, sigma: float = 0.02
+) -> Percept:
+    """One cell whose ray meets the floor ``depth`` [m] before the camera."""
+    row = ROBOT.camera.mount_height / depth * ROBOT.camera.focal
     one = np.ones((1, 1))
     return Percept(
         time=time,
-        points=np.array([[[0.0, ROBOT.camera.mount_height * ROBOT.camera.focal]]]),
-        nearness=0.5 * one,
-        sigma=0.02 * one,
+        points=np.array([[[0.0, row]]]),
+        nearness=nearness * one,
+        sigma=sigma * one,
         confidence=one,
-        height=-one,
-        label=np.full((1, 1), Label.DROP, np.int8),
+        height=0.0 * one,
+        label=np.full((1, 1), label, np.int8),
         obstacles={},
         quadrants={},
         planes={},
@@ -154,7 +156,8 @@ def with_drop(**params: object) -> LocalMap:
     chosen = local_map(**params)
     for k in range(3):
         odometry = Odometry(0.1 * k, ORIGIN, AHEAD, 0.0, still=False)
-        chosen.update(odometry, [drop_percept(0.1 * k)], None, ORIGIN)
+        percept = floor_percept(0.1 * k, Label.DROP, nearness=0.5)
+        chosen.update(odometry, [percept], None, ORIGIN)
     return chosen
 
 
@@ -178,6 +181,142 @@ def test_a_passage_report_gives_missing_floor_in_the_map_frame() -> None:
     ((x, y),) = report.drops
     distance = ROBOT.camera.mount_forward + 1.0
     assert (x, y) == pytest.approx((2.0, -1.0 + distance), abs=0.2)
+
+
+def test_many_points_below_the_floor_make_a_drop_where_the_rays_pass_it() -> None:
+    drops = DropMap(ROBOT)
+    pose = Pose(1.0, 2.0, math.pi / 2)
+    for k in range(CERTAIN - 1):
+        drops.integrate(floor_percept(INTERVAL * k, Label.DROP), pose)
+    assert drops.points() == []
+    drops.integrate(floor_percept(INTERVAL * CERTAIN, Label.DROP), pose)
+    ((x, y),) = drops.points()
+    assert math.dist((x, y), (1.0, 2.0 + ROBOT.camera.mount_forward + 1.0)) < 0.2
+
+
+@pytest.mark.parametrize("aside", [-0.5, 0.5])
+@pytest.mark.parametrize("pitch", [0.0, 0.9])
+def test_a_drop_aside_is_where_its_rays_meet_the_floor(aside: float, pitch: float) -> None:
+    robot = RobotModel.model_validate({"camera": {"pitch": pitch}})
+    camera, ahead = robot.camera, 1.4
+    right, down, depth = camera.base_from_camera.T @ (ahead, aside, -camera.mount_height)
+    point = np.array([[[right, down]]]) * camera.focal / depth
+    percept = replace(floor_percept(0.0, Label.DROP, nearness=0.5), points=point)
+    drops = DropMap(robot)
+    for k in range(CERTAIN):
+        drops.integrate(replace(percept, time=INTERVAL * k), ORIGIN)
+    ((x, y),) = drops.points()
+    assert x == pytest.approx(camera.mount_forward + ahead, abs=0.51 * SPOT)
+    assert y == pytest.approx(aside, abs=0.51 * SPOT)
+
+
+def test_clear_observations_make_a_drop_sooner_and_it_is_occupied() -> None:
+    drops = DropMap(ROBOT)
+    for k in range(CERTAIN // CLEAR_VOTES):
+        assert drops.discs() == ()
+        drops.integrate(floor_percept(INTERVAL * k, Label.DROP, nearness=0.5), ORIGIN)
+    ((x, y),) = drops.points()
+    occupancy = OccupancyGrid(ROBOT)
+    occupancy.update(ORIGIN, 0.0)
+    before = occupancy.occupied.copy()
+    occupancy.set_obstacles(drops.discs())
+    row, column = occupancy.index(x, y)
+    assert occupancy.occupied[row, column]
+    assert not before.any()
+    assert occupancy.clearance[row, column] == 0.0
+    assert occupancy.clearance[occupancy.index(x - 0.6, y)] == pytest.approx(0.45, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("depth", "share", "sigma", "clear"),
+    [
+        # a point is clear below 0.85 of the floor's nearness ...
+        (0.6, 0.83, 0.02, True),
+        (0.6, 0.87, 0.02, False),
+        (1.0, 0.83, 0.02, True),
+        (1.0, 0.87, 0.02, False),
+        # ... and five sigma of it, which are 0.1 1/m at least
+        (1.4, 0.84, 0.001, True),
+        (1.4, 0.84, 0.025, False),
+        (0.6, 0.5, 0.16, True),
+        (0.6, 0.5, 0.17, False),
+    ],
+)
+def test_points_far_below_the_floor_are_clear(
+    depth: float, share: float, sigma: float, clear: bool
+) -> None:
+    drops = DropMap(ROBOT)
+    for k in range(CERTAIN // CLEAR_VOTES):
+        drops.integrate(
+            floor_percept(INTERVAL * k, Label.DROP, depth, share / depth, sigma), ORIGIN
+        )
+    assert bool(drops.points()) is clear
+
+
+@pytest.mark.parametrize(
+    ("cells", "confidence", "observations"),
+    [
+        ("DDF", (1.0, 1.0, 1.0), CERTAIN),
+        ("DF", (1.0, 1.0), None),
+        ("DFF", (1.0, 1.0, 1.0), None),
+        ("DFF", (1.0, 0.1, 0.2), CERTAIN),
+        ("CCD", (1.0, 1.0, 1.0), CERTAIN // CLEAR_VOTES),
+        ("CDD", (1.0, 1.0, 1.0), CERTAIN),
+        ("CCFFF", (1.0, 1.0, 1.0, 1.0, 1.0), None),
+    ],
+)
+def test_a_spot_follows_the_majority_of_its_confident_cells(
+    cells: str, confidence: tuple[float, ...], observations: int | None
+) -> None:
+    one = floor_percept(0.0, Label.DROP)
+    shape = (1, len(cells))
+    percept = replace(
+        one,
+        # so near to each other that all of them meet the floor in one spot
+        points=np.array([[[0.01 * k, one.points[0, 0, 1]] for k in range(len(cells))]]),
+        label=np.array([[Label.FLOOR if c == "F" else Label.DROP for c in cells]], np.int8),
+        nearness=np.array([[0.5 if c == "C" else 1.0 for c in cells]]),
+        sigma=np.full(shape, 0.02),
+        confidence=np.array([confidence]),
+        height=np.zeros(shape),
+    )
+    drops = DropMap(ROBOT)
+    needed = None
+    for k in range(3 * CERTAIN):
+        drops.integrate(replace(percept, time=INTERVAL * k), Pose(0.0, 0.05, 0.0))
+        if needed is None and drops.points():
+            needed = k + 1
+    assert needed == observations
+
+
+def test_no_drop_is_found_far_away_above_the_horizon_or_twice_in_the_same_flow() -> None:
+    drops = DropMap(ROBOT)
+    for k in range(10 * CERTAIN):
+        drops.integrate(floor_percept(0.001 * k, Label.DROP), ORIGIN)
+    for k in range(1, 2 * CERTAIN):
+        drops.integrate(floor_percept(2 * k * INTERVAL, Label.DROP, depth=1.8), ORIGIN)
+        drops.integrate(floor_percept((2 * k + 1) * INTERVAL, Label.DROP, depth=-1.0), ORIGIN)
+    assert drops.points() == []
+
+
+def test_floor_observed_for_long_delays_a_drop_little() -> None:
+    drops = DropMap(ROBOT)
+    for k in range(50):
+        drops.integrate(floor_percept(INTERVAL * k, Label.FLOOR), ORIGIN)
+    for k in range(3):
+        drops.integrate(floor_percept(INTERVAL * (50 + k), Label.DROP, nearness=0.5), ORIGIN)
+    assert drops.points()
+
+
+@pytest.mark.parametrize("label", [Label.FLOOR, Label.OBSTACLE])
+def test_floor_votes_against_a_drop_and_obstacles_do_not_vote(label: Label) -> None:
+    drops = DropMap(ROBOT)
+    for k in range(2 * CERTAIN):
+        drops.integrate(floor_percept(2 * k * INTERVAL, Label.DROP), ORIGIN)
+        drops.integrate(floor_percept((2 * k + 1) * INTERVAL, label), ORIGIN)
+    assert bool(drops.points()) is (label is Label.OBSTACLE)
+    drops.reset()
+    assert drops.points() == []
 
 
 # --- parameters -----------------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from navfw.signals import Label, OccupiedDisc, Percept, Pose, Stixels
 
 ROBOT = RobotModel()
 CAMERA_AHEAD = ROBOT.camera.mount_forward
+START = Pose(0, 0, 0)
 
 
 def percept_of(
@@ -78,57 +79,59 @@ def test_an_obstacle_appears_where_it_stands(
 
 
 def test_one_observation_is_not_enough() -> None:
-    once = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)], Pose(0, 0, 0))
+    once = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)], START)
     assert not once.occupied.any()
-    often = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4, Pose(0, 0, 0))
+    often = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4, START)
     assert often.occupied.any()
 
 
 def test_rays_that_pass_clear_a_false_obstacle() -> None:
-    pose = Pose(0, 0, 0)
-    occupancy = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4, pose)
+    occupancy = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4, START)
     spot = occupancy.index(CAMERA_AHEAD + 1.0, 0.0)
     assert occupancy.occupied[spot]
     row_px = 20.0  # this ray meets the floor at 1.4 m
     floor = percept_of(
         0.0, ROBOT.camera.mount_height * ROBOT.camera.focal / row_px, Label.FLOOR, row_px
     )
-    occupancy = integrated([floor] * 12, pose, occupancy)
+    occupancy = integrated([floor] * 12, START, occupancy)
     assert not occupancy.occupied[spot]
 
 
 def test_a_ray_above_a_low_obstacle_is_little_evidence() -> None:
-    pose = Pose(0, 0, 0)
-    low, over = (integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4, pose) for _ in range(2))
-    low.integrate(percept_of(0.0, 1.6, Label.OBSTACLE, 12.0), pose)
-    over.integrate(percept_of(0.0, 1.6, Label.OBSTACLE, -1.0), pose)
+    low, over = (integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4, START) for _ in range(2))
+    low.integrate(percept_of(0.0, 1.6, Label.OBSTACLE, 12.0), START)
+    over.integrate(percept_of(0.0, 1.6, Label.OBSTACLE, -1.0), START)
     cell = low.index(CAMERA_AHEAD + 1.0, 0.0)
     assert low.log_odds[cell] < over.log_odds[cell]
 
 
 def test_a_point_of_unknown_height_is_no_hit_but_its_ray_is_free() -> None:
-    occupancy = integrated([percept_of(0.0, 1.0, Label.UNKNOWN)] * 5, Pose(0, 0, 0))
+    occupancy = integrated([percept_of(0.0, 1.0, Label.UNKNOWN)] * 5, START)
     assert not occupancy.occupied.any()
     assert occupancy.log_odds[occupancy.index(CAMERA_AHEAD + 0.6, 0.0)] < 0.0
     assert occupancy.log_odds[occupancy.index(CAMERA_AHEAD + 1.3, 0.0)] == 0.0
 
 
+def observed_weakly(occupancy: OccupancyGrid, label: Label, weak: bool = True) -> None:
+    """Update ``occupancy`` by a percept of one point of ``label`` 1 m ahead."""
+    occupancy.update(START, 0.0)
+    occupancy.integrate(percept_of(0.0, 1.0, label), START, weak=weak)
+
+
 @pytest.mark.parametrize("label", list(Label))
 def test_with_weak_sight_only_rays_to_floor_and_obstacles_are_free(label: Label) -> None:
     occupancy = OccupancyGrid(ROBOT)
-    occupancy.update(Pose(0, 0, 0), 0.0)
-    occupancy.integrate(percept_of(0.0, 1.0, label), Pose(0, 0, 0), weak=True)
+    observed_weakly(occupancy, label)
     before = float(occupancy.log_odds[occupancy.index(CAMERA_AHEAD + 0.6, 0.0)])
     assert (before < 0.0) is (label in {Label.FLOOR, Label.OBSTACLE})
 
 
 def test_with_weak_sight_little_evidence_makes_a_cell_occupied() -> None:
     occupancy = OccupancyGrid(ROBOT)
-    occupancy.update(Pose(0, 0, 0), 0.0)
+    occupancy.update(START, 0.0)
     cell = occupancy.index(1.5, 0.0)
     for weak, evidence, occupied in ((False, 0.6, False), (True, 0.6, True), (True, 0.2, False)):
-        occupancy.update(Pose(0, 0, 0), 0.0)
-        occupancy.integrate(percept_of(0.0, 1.0, Label.FLOOR), Pose(0, 0, 0), weak=weak)
+        observed_weakly(occupancy, Label.FLOOR, weak)
         occupancy.log_odds[cell] = evidence
         assert occupancy.occupied[cell] == occupied
 
@@ -138,8 +141,7 @@ def test_with_weak_sight_the_floor_is_observed_under_the_whole_body(aside: float
     """A stripe of floor along x, observed as far as ``aside`` [m] to either side."""
     occupancy = OccupancyGrid(ROBOT)
     for weak in (False, True):
-        occupancy.update(Pose(0, 0, 0), 0.0)
-        occupancy.integrate(percept_of(0.0, 1.0, Label.FLOOR), Pose(0, 0, 0), weak=weak)
+        observed_weakly(occupancy, Label.FLOOR, weak)
         for x in np.arange(0.0, 2.0, 0.05):
             for y in np.arange(-aside, aside + 1e-9, 0.05):
                 occupancy.log_odds[occupancy.index(float(x), float(y))] = -1.0
@@ -148,30 +150,28 @@ def test_with_weak_sight_the_floor_is_observed_under_the_whole_body(aside: float
 
 
 def test_points_of_low_confidence_are_no_evidence() -> None:
-    unsure = dataclasses.replace(
-        percept_of(0.0, 1.0, Label.OBSTACLE), confidence=np.full((1, 1), 0.05)
-    )
-    occupancy = integrated([unsure] * 5, Pose(0, 0, 0))
+    point = percept_of(0.0, 1.0, Label.OBSTACLE)
+    unsure = dataclasses.replace(point, confidence=np.full((1, 1), 0.05))
+    occupancy = integrated([unsure] * 5, START)
     body = occupancy.log_odds == occupancy.params.clamp_min
     assert np.all(occupancy.log_odds[~body] == 0.0)
 
 
 def test_uncertain_observations_are_spread_and_weigh_less() -> None:
-    pose = Pose(0, 0, 0)
-    sharp = integrated([percept_of(0.0, 1.5, Label.OBSTACLE, sigma=0.01)], pose)
-    vague = integrated([percept_of(0.0, 1.5, Label.OBSTACLE, sigma=0.08)], pose)
+    sharp = integrated([percept_of(0.0, 1.5, Label.OBSTACLE, sigma=0.01)], START)
+    vague = integrated([percept_of(0.0, 1.5, Label.OBSTACLE, sigma=0.08)], START)
     assert 0.0 < vague.log_odds.max() < 0.6 * sharp.log_odds.max()
     assert (vague.log_odds > 0).sum() > (sharp.log_odds > 0).sum()
 
 
 def test_a_reading_spread_over_many_cells_is_a_hit_in_none() -> None:
-    vague = integrated([percept_of(0.0, 1.5, Label.OBSTACLE, sigma=0.4)] * 10, Pose(0, 0, 0))
+    vague = integrated([percept_of(0.0, 1.5, Label.OBSTACLE, sigma=0.4)] * 10, START)
     assert vague.log_odds.max() <= 0.0
     assert vague.log_odds[vague.index(CAMERA_AHEAD + 0.6, 0.0)] < 0.0  # nearer it would have shown
 
 
 def test_evidence_moves_with_the_robot_and_decays() -> None:
-    occupancy = integrated([percept_of(0.0, 1.2, Label.OBSTACLE)] * 6, Pose(0, 0, 0))
+    occupancy = integrated([percept_of(0.0, 1.2, Label.OBSTACLE)] * 6, START)
     place = (CAMERA_AHEAD + 1.2, 0.0)
     before = occupancy.log_odds[occupancy.index(*place)]
     occupancy.update(Pose(0.7, 0.9, 1.0), 0.6)
@@ -184,7 +184,7 @@ def test_evidence_moves_with_the_robot_and_decays() -> None:
 @given(st.floats(-5, 5), st.floats(-5, 5))
 def test_all_evidence_keeps_its_place_when_the_grid_follows_the_robot(dx: float, dy: float) -> None:
     occupancy = OccupancyGrid(ROBOT, OccupancyParams(extent=4.0))
-    occupancy.update(Pose(0, 0, 0), 0.0)
+    occupancy.update(START, 0.0)
     n, cell = occupancy.size, occupancy.params.cell
     evidence = np.arange(1.0, n * n + 1.0).reshape(n, n)
     occupancy.log_odds[:] = evidence
@@ -208,19 +208,11 @@ def test_all_evidence_keeps_its_place_when_the_grid_follows_the_robot(dx: float,
 def test_points_high_above_the_floor_are_no_evidence(height: float, counts: bool) -> None:
     point = percept_of(0.0, 1.0, Label.OBSTACLE)
     high = dataclasses.replace(point, height=np.full((1, 1), height))
-    assert integrated([high] * 4, Pose(0, 0, 0)).occupied.any() == counts
-
-
-def test_evidence_outside_the_square_is_dropped() -> None:
-    occupancy = OccupancyGrid(ROBOT, OccupancyParams(extent=4.0))
-    occupancy = integrated([percept_of(0.0, 1.2, Label.OBSTACLE)] * 6, Pose(0, 0, 0), occupancy)
-    occupancy.update(Pose(-10.0, 0, 0), 1.0)
-    occupancy.update(Pose(0.0, 0, 0), 1.1)
-    assert not occupancy.occupied.any()
+    assert integrated([high] * 4, START).occupied.any() == counts
 
 
 def test_clearance_is_the_distance_to_the_nearest_occupied_cell() -> None:
-    occupancy = integrated([percept_of(0.0, 1.2, Label.OBSTACLE, sigma=0.005)] * 6, Pose(0, 0, 0))
+    occupancy = integrated([percept_of(0.0, 1.2, Label.OBSTACLE, sigma=0.005)] * 6, START)
     spots = np.argwhere(occupancy.occupied)
     rows, columns = np.indices(occupancy.log_odds.shape)
     brute = (
@@ -231,9 +223,8 @@ def test_clearance_is_the_distance_to_the_nearest_occupied_cell() -> None:
 
 
 def test_blind_clearance_is_kept_until_evidence_obstacles_or_walls_change() -> None:
-    pose = Pose(0, 0, 0)
     seen = [percept_of(0.0, 1.2, Label.OBSTACLE, sigma=0.005)]
-    occupancy = integrated(seen * 6, pose)
+    occupancy = integrated(seen * 6, START)
     hidden = occupancy.index(1.3, 0.1)  # not observed, behind what is seen of the wall
     assert not occupancy.occupied[hidden]
     assert occupancy.blind_clearance[hidden] == 0.0 < occupancy.clearance[hidden]
@@ -250,13 +241,13 @@ def test_blind_clearance_is_kept_until_evidence_obstacles_or_walls_change() -> N
     assert occupancy.blind_clearance[occupancy.index(0.6, 0.0)] > 0.0, "it is observed free"
     occupancy.set_walls(np.empty((0, 2)))
     for _ in range(6):
-        occupancy.integrate(percept_of(60.0, 1.0, Label.OBSTACLE, sigma=0.005), pose)
+        occupancy.integrate(percept_of(60.0, 1.0, Label.OBSTACLE, sigma=0.005), START)
     integrated_more = occupancy.blind_clearance
     assert not np.array_equal(integrated_more, before)
-    occupancy.update(pose, 60.0)  # the evidence decays
+    occupancy.update(START, 60.0)  # the evidence decays
     assert not np.array_equal(occupancy.blind_clearance, integrated_more)
     occupancy.reset()
-    occupancy.update(pose, 0.0)
+    occupancy.update(START, 0.0)
     assert (occupancy.blind_clearance == occupancy.params.extent).all()
 
 
@@ -266,16 +257,15 @@ def test_the_grid_has_no_position_before_the_first_update() -> None:
 
 
 def test_free_floor_within_view_has_to_be_observed_again() -> None:
-    pose = Pose(0, 0, 0)
-    occupancy = integrated([percept_of(0.0, 2.5, Label.OBSTACLE)] * 8, pose)
+    occupancy = integrated([percept_of(0.0, 2.5, Label.OBSTACLE)] * 8, START)
     ahead, aside = occupancy.index(1.5, 0.0), occupancy.index(0.0, 1.5)
     occupancy.log_odds[aside] = -1.0  # observed before, out of view now
     was = float(occupancy.log_odds[ahead])
     assert was < occupancy.params.observed_free
     for k in range(1, 31):  # observations elsewhere in the view show nothing ahead
-        occupancy.update(pose, 0.8 + 0.1 * k)
+        occupancy.update(START, 0.8 + 0.1 * k)
         occupancy.integrate(
-            dataclasses.replace(percept_of(70.0, 2.5, Label.OBSTACLE), time=0.1 * k), pose
+            dataclasses.replace(percept_of(70.0, 2.5, Label.OBSTACLE), time=0.1 * k), START
         )
     assert occupancy.log_odds[ahead] > 0.2 * was
     assert occupancy.log_odds[aside] < -0.8
@@ -283,7 +273,7 @@ def test_free_floor_within_view_has_to_be_observed_again() -> None:
 
 def test_the_footprint_is_observed_where_the_floor_beside_it_is() -> None:
     occupancy = OccupancyGrid(ROBOT)
-    occupancy.update(Pose(0, 0, 0), 0.0)
+    occupancy.update(START, 0.0)
     occupancy.log_odds[:] = 0.0
     row, column = occupancy.index(1.0, 0.0)
     occupancy.log_odds[row - 6 : row + 7, column - 10 : column + 11] = -1.0
@@ -311,17 +301,9 @@ def test_a_stixel_appears_where_it_stands(x: float, y: float, yaw: float, slope:
     assert occupancy.occupied[row - 1 : row + 2, column_index - 1 : column_index + 2].any()
     rows, columns = np.nonzero(occupancy.occupied)
     cell = occupancy.params.cell
-    far = np.hypot(
-        occupancy.origin[0] + cell * columns - place[0],
-        occupancy.origin[1] + cell * rows - place[1],
-    )
-    assert (far < 0.2 * math.hypot(1.0, slope)).all()
+    dx, dy = np.array(occupancy.origin) - place
+    assert (np.hypot(dx + cell * columns, dy + cell * rows) < 0.2 * math.hypot(1.0, slope)).all()
     # stixels are no evidence of free floor
-    assert occupancy.observed.sum() == np.count_nonzero(_without_percepts(pose).observed)
-
-
-def _without_percepts(pose: Pose) -> OccupancyGrid:
-    occupancy = OccupancyGrid(ROBOT)
-    for k in range(6):
-        occupancy.update(pose, 0.1 * k)
-    return occupancy
+    unseen = OccupancyGrid(ROBOT)
+    unseen.update(pose, 0.5)
+    assert np.array_equal(occupancy.observed, unseen.observed)

@@ -1,27 +1,15 @@
-"""Traversability of the legs ahead: open, closed, unknown; and where the floor is missing."""
+"""Traversability of the legs ahead: open, closed, unknown."""
 
 from __future__ import annotations
-
-import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.localmap import (
-    CERTAIN,
-    CLEAR_VOTES,
-    INTERVAL,
-    SPOT,
-    DropMap,
-    LocalMap,
-    OccupancyGrid,
-    TraversabilityCheck,
-)
+from navfw.localmap import LocalMap, OccupancyGrid, TraversabilityCheck
 from navfw.robot import RobotModel
-from navfw.signals import Belief, Label, Odometry, PassageQuery, Percept, Pose, Twist
+from navfw.signals import Belief, Odometry, PassageQuery, Pose, Twist
 
 ROBOT = RobotModel()
 FREE, OCCUPIED = -1.0, 2.0
@@ -33,14 +21,8 @@ def corridor(pose: Pose = HERE, half: float = 0.5, ahead: float = 3.0) -> Occupa
     occupancy = OccupancyGrid(ROBOT)
     occupancy.update(pose, 0.0)
     paint(occupancy, pose, (-0.5, ahead), (-half, half), FREE)
-    for side in (-1, 1):
-        paint(
-            occupancy,
-            pose,
-            (-0.5, ahead),
-            tuple(sorted((side * half, side * (half + 0.1)))),
-            OCCUPIED,
-        )
+    for wall in ((-half - 0.1, -half), (half, half + 0.1)):
+        paint(occupancy, pose, (-0.5, ahead), wall, OCCUPIED)
     return occupancy
 
 
@@ -75,20 +57,23 @@ def statuses(
     return [status for _, status in judged]
 
 
-def test_an_observed_corridor_is_open() -> None:
-    assert statuses(corridor(), queries_along((0, 0), (2, 0))) == ["open"]
-
-
-def test_an_obstacle_across_it_closes_it() -> None:
-    occupancy = corridor()
-    paint(occupancy, HERE, (1.2, 1.4), (-0.5, 0.5), OCCUPIED)
-    assert statuses(occupancy, queries_along((0, 0), (2, 0))) == ["closed"]
-
-
-def test_an_obstacle_beside_the_way_does_not() -> None:
-    occupancy = corridor(half=0.8)
-    paint(occupancy, HERE, (1.2, 1.4), (-0.2, 0.8), OCCUPIED)
-    assert statuses(occupancy, queries_along((0, 0), (2, 0), width=1.6)) == ["open"]
+@pytest.mark.parametrize(
+    ("half", "obstacle", "status"),
+    [
+        (0.5, None, "open"),
+        (0.5, ((1.2, 1.4), (-0.5, 0.5)), "closed"),
+        (0.8, ((1.2, 1.4), (-0.2, 0.8)), "open"),  # beside the way
+    ],
+)
+def test_a_corridor_is_open_unless_an_obstacle_is_across_it(
+    half: float, obstacle: tuple[tuple[float, float], tuple[float, float]] | None, status: str
+) -> None:
+    occupancy = corridor(half=half)
+    legs = queries_along((0, 0), (2, 0), width=2.0 * half)
+    if obstacle is not None:
+        paint(occupancy, HERE, *obstacle, OCCUPIED)
+    assert statuses(occupancy, legs) == [status]
+    assert statuses(occupancy, legs, sigma=0.5) == [], "nothing from an uncertain position"
 
 
 def test_an_unobserved_leg_is_unknown() -> None:
@@ -110,12 +95,6 @@ def test_legs_out_of_range_are_not_judged() -> None:
     paint(occupancy, HERE, (2.8, 2.9), (-0.5, 0.5), OCCUPIED)
     assert statuses(occupancy, queries_along((0, 0), (4, 0))) == ["open"]  # as far as 2.5 m
     assert statuses(occupancy, queries_along((3, 0), (4, 0))) == []
-
-
-def test_nothing_is_judged_from_an_uncertain_position() -> None:
-    occupancy = corridor()
-    paint(occupancy, HERE, (1.2, 1.4), (-0.5, 0.5), OCCUPIED)
-    assert statuses(occupancy, queries_along((0, 0), (2, 0)), sigma=0.5) == []
 
 
 @settings(max_examples=25, deadline=None)
@@ -146,169 +125,3 @@ def test_checks_keep_their_interval() -> None:
     assert sum(reported(0.1 * k) for k in range(11)) == 3
     local_map.reset()
     assert reported(0.0)
-
-
-def floor_percept(time: float, label: Label, depth: float = 1.0) -> Percept:
-    """One cell whose ray meets the floor ``depth`` [m] before the camera."""
-    row = ROBOT.camera.mount_height / depth * ROBOT.camera.focal
-    one = np.ones((1, 1))
-    return Percept(
-        time=time,
-        points=np.array([[[0.0, row]]]),
-        nearness=one,
-        sigma=0.02 * one,
-        confidence=one,
-        height=0.0 * one,
-        label=np.full((1, 1), label, np.int8),
-        obstacles={},
-        quadrants={},
-        planes={},
-        slopes={},
-        situations={},
-        floor_in_front=0.0,
-        sentence="",
-    )
-
-
-def test_many_points_below_the_floor_make_a_drop_where_the_rays_pass_it() -> None:
-    drops = DropMap(ROBOT)
-    pose = Pose(1.0, 2.0, math.pi / 2)
-    for k in range(CERTAIN - 1):
-        drops.integrate(floor_percept(INTERVAL * k, Label.DROP), pose)
-    assert drops.points() == []
-    drops.integrate(floor_percept(INTERVAL * CERTAIN, Label.DROP), pose)
-    ((x, y),) = drops.points()
-    assert math.dist((x, y), (1.0, 2.0 + ROBOT.camera.mount_forward + 1.0)) < 0.2
-
-
-@pytest.mark.parametrize("aside", [-0.5, 0.5])
-@pytest.mark.parametrize("pitch", [0.0, 0.9])
-def test_a_drop_aside_is_where_its_rays_meet_the_floor(aside: float, pitch: float) -> None:
-    robot = RobotModel.model_validate({"camera": {"pitch": pitch}})
-    camera, ahead = robot.camera, 1.4
-    right, down, depth = camera.base_from_camera.T @ (ahead, aside, -camera.mount_height)
-    point = np.array([[[right, down]]]) * camera.focal / depth
-    percept = replace(floor_percept(0.0, Label.DROP), points=point, nearness=np.full((1, 1), 0.5))
-    drops = DropMap(robot)
-    for k in range(CERTAIN):
-        drops.integrate(replace(percept, time=INTERVAL * k), HERE)
-    ((x, y),) = drops.points()
-    assert x == pytest.approx(camera.mount_forward + ahead, abs=0.51 * SPOT)
-    assert y == pytest.approx(aside, abs=0.51 * SPOT)
-
-
-def test_clear_observations_make_a_drop_sooner_and_it_is_occupied() -> None:
-    drops = DropMap(ROBOT)
-    clear = replace(floor_percept(0.0, Label.DROP), nearness=np.full((1, 1), 0.5))
-    for k in range(CERTAIN // CLEAR_VOTES):
-        assert drops.discs() == ()
-        drops.integrate(replace(clear, time=INTERVAL * k), HERE)
-    ((x, y),) = drops.points()
-    occupancy = OccupancyGrid(ROBOT)
-    occupancy.update(HERE, 0.0)
-    before = occupancy.occupied.copy()
-    occupancy.set_obstacles(drops.discs())
-    row, column = occupancy.index(x, y)
-    assert occupancy.occupied[row, column]
-    assert not before.any()
-    assert occupancy.clearance[row, column] == 0.0
-    assert occupancy.clearance[occupancy.index(x - 0.6, y)] == pytest.approx(0.45, abs=0.1)
-
-
-@pytest.mark.parametrize(
-    ("depth", "share", "sigma", "clear"),
-    [
-        # a point is clear below 0.85 of the floor's nearness ...
-        (0.6, 0.83, 0.02, True),
-        (0.6, 0.87, 0.02, False),
-        (1.0, 0.83, 0.02, True),
-        (1.0, 0.87, 0.02, False),
-        # ... and five sigma of it, which are 0.1 1/m at least
-        (1.4, 0.84, 0.001, True),
-        (1.4, 0.84, 0.025, False),
-        (0.6, 0.5, 0.16, True),
-        (0.6, 0.5, 0.17, False),
-    ],
-)
-def test_points_far_below_the_floor_are_clear(
-    depth: float, share: float, sigma: float, clear: bool
-) -> None:
-    one = floor_percept(0.0, Label.DROP, depth)
-    percept = replace(one, nearness=np.full((1, 1), share / depth), sigma=np.full((1, 1), sigma))
-    drops = DropMap(ROBOT)
-    for k in range(CERTAIN // CLEAR_VOTES):
-        drops.integrate(replace(percept, time=INTERVAL * k), HERE)
-    assert bool(drops.points()) is clear
-
-
-@pytest.mark.parametrize(
-    ("cells", "confidence", "observations"),
-    [
-        ("DDF", (1.0, 1.0, 1.0), CERTAIN),
-        ("DF", (1.0, 1.0), None),
-        ("DFF", (1.0, 1.0, 1.0), None),
-        ("DFF", (1.0, 0.1, 0.2), CERTAIN),
-        ("CCD", (1.0, 1.0, 1.0), CERTAIN // CLEAR_VOTES),
-        ("CDD", (1.0, 1.0, 1.0), CERTAIN),
-        ("CCFFF", (1.0, 1.0, 1.0, 1.0, 1.0), None),
-    ],
-)
-def test_a_spot_follows_the_majority_of_its_confident_cells(
-    cells: str, confidence: tuple[float, ...], observations: int | None
-) -> None:
-    one = floor_percept(0.0, Label.DROP)
-    shape = (1, len(cells))
-    percept = replace(
-        one,
-        # so near to each other that all of them meet the floor in one spot
-        points=np.array([[[0.01 * k, one.points[0, 0, 1]] for k in range(len(cells))]]),
-        label=np.array([[Label.FLOOR if c == "F" else Label.DROP for c in cells]], np.int8),
-        nearness=np.array([[0.5 if c == "C" else 1.0 for c in cells]]),
-        sigma=np.full(shape, 0.02),
-        confidence=np.array([confidence]),
-        height=np.zeros(shape),
-    )
-    drops = DropMap(ROBOT)
-    needed = None
-    for k in range(3 * CERTAIN):
-        drops.integrate(replace(percept, time=INTERVAL * k), Pose(0.0, 0.05, 0.0))
-        if needed is None and drops.points():
-            needed = k + 1
-    assert needed == observations
-
-
-def test_no_drop_is_found_far_away_or_above_the_horizon() -> None:
-    drops = DropMap(ROBOT)
-    for k in range(2 * CERTAIN):
-        drops.integrate(floor_percept(2 * k * INTERVAL, Label.DROP, depth=1.8), HERE)
-        drops.integrate(floor_percept((2 * k + 1) * INTERVAL, Label.DROP, depth=-1.0), HERE)
-    assert drops.points() == []
-
-
-def test_floor_observed_for_long_delays_a_drop_little() -> None:
-    drops = DropMap(ROBOT)
-    for k in range(50):
-        drops.integrate(floor_percept(INTERVAL * k, Label.FLOOR), HERE)
-    clear = replace(floor_percept(0.0, Label.DROP), nearness=np.full((1, 1), 0.5))
-    for k in range(3):
-        drops.integrate(replace(clear, time=INTERVAL * (50 + k)), HERE)
-    assert drops.points()
-
-
-def test_observations_of_the_same_flow_are_one_vote() -> None:
-    drops = DropMap(ROBOT)
-    for k in range(10 * CERTAIN):
-        drops.integrate(floor_percept(0.001 * k, Label.DROP), HERE)
-    assert drops.points() == []
-
-
-@pytest.mark.parametrize("label", [Label.FLOOR, Label.OBSTACLE])
-def test_floor_votes_against_a_drop_and_obstacles_do_not_vote(label: Label) -> None:
-    drops = DropMap(ROBOT)
-    for k in range(2 * CERTAIN):
-        drops.integrate(floor_percept(2 * k * INTERVAL, Label.DROP), HERE)
-        other = floor_percept((2 * k + 1) * INTERVAL, label)
-        drops.integrate(replace(other, time=(2 * k + 1) * INTERVAL), HERE)
-    assert bool(drops.points()) is (label is Label.OBSTACLE)
-    drops.reset()
-    assert drops.points() == []

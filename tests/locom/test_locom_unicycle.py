@@ -1,4 +1,4 @@
-"""LOCOM keeps the limits of the drive for every command."""
+"""LOCOM keeps the limits of the drive for every command, and trims weak wheels."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from param_ranges import check_ranges
 
-from navfw.locom import Unicycle
+from navfw.locom import MIN_DISTANCE, MIN_SHARE, TIME_CONSTANT, WINDOW, Unicycle, WheelTrim
 from navfw.robot import RobotModel
-from navfw.signals import Command, Odometry, Pose, Twist
+from navfw.signals import Command, Encoders, Odometry, Pose, Twist
 
 ROBOT = RobotModel()
 DT = 1.0 / ROBOT.control_rate
@@ -44,29 +44,6 @@ def test_limits_hold_for_any_commands(commands: list[tuple[float, float, bool]])
         before = now
 
 
-def test_reaches_the_command_and_holds_it() -> None:
-    locom = Unicycle(ROBOT)
-    for k in range(120):
-        twist = locom.control(command(k * DT, 0.3, 0.5), odometry(k * DT), DT)
-    assert twist == Twist(0.3, 0.5)
-
-
-def test_a_stale_command_brakes_to_a_standstill() -> None:
-    locom = Unicycle(ROBOT)
-    for k in range(60):
-        locom.control(command(k * DT, 0.3, 0.0), odometry(k * DT), DT)
-    for k in range(60, 240):
-        twist = locom.control(command(59 * DT, 0.3, 0.0), odometry(k * DT), DT)
-    assert twist == Twist(0.0, 0.0)
-
-
-def test_speed_in_curves_keeps_the_lateral_acceleration() -> None:
-    locom = Unicycle(ROBOT)
-    for k in range(240):
-        twist = locom.control(command(k * DT, ROBOT.max_v, ROBOT.max_w), odometry(k * DT), DT)
-    assert twist.v * abs(twist.w) <= ROBOT.max_lateral + 1e-9
-
-
 def settled(v: float, w: float) -> Unicycle:
     """A controller that has reached the twist (v, w)."""
     locom = Unicycle(ROBOT)
@@ -96,10 +73,14 @@ def test_speeding_up_is_gentler_than_slowing_down(
     assert twist.v == pytest.approx(before + change * DT)
 
 
-@pytest.mark.parametrize(("before", "wanted"), [(0.001, -0.1), (-0.001, 0.4)])
-def test_the_other_direction_begins_at_standstill(before: float, wanted: float) -> None:
+@pytest.mark.parametrize(
+    ("before", "wanted", "reached"), [(0.001, -0.1, 0.0), (-0.001, 0.4, 0.0), (0.3, 0.299, 0.299)]
+)
+def test_the_other_direction_begins_at_standstill_and_slowing_down_ends_at_the_command(
+    before: float, wanted: float, reached: float
+) -> None:
     twist = settled(before, 0.0).control(command(9.0, wanted, 0.0), odometry(9.0), DT)
-    assert twist.v == 0.0
+    assert twist.v == pytest.approx(reached, abs=1e-12)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -133,9 +114,13 @@ def test_the_twist_reached_is_the_nearest_within_the_limits(wanted: Twist, reach
 
 @pytest.mark.parametrize(("age", "v"), [(0.5, 0.3), (0.51, 0.3 - ROBOT.max_brake * DT)])
 def test_commands_are_void_from_the_age_of_the_parameter(age: float, v: float) -> None:
-    twist = settled(0.3, 0.0).control(command(9.0, 0.3, 0.0), odometry(9.0 + age), DT)
+    locom = settled(0.3, 0.0)
+    twist = locom.control(command(9.0, 0.3, 0.0), odometry(9.0 + age), DT)
     assert twist.v == pytest.approx(v)
-    assert settled(0.3, 0.0).control(None, odometry(9.0), DT).v < 0.3
+    assert locom.control(None, odometry(9.0), DT).v < 0.3
+    for k in range(120):
+        twist = locom.control(command(9.0, 0.3, 0.0), odometry(10.0 + k * DT), DT)
+    assert twist == Twist(0.0, 0.0)
 
 
 def test_in_an_emergency_the_robot_brakes_turns_and_may_reverse() -> None:
@@ -157,8 +142,156 @@ def test_parameters_are_within_their_ranges() -> None:
     check_ranges(Unicycle.Params, {"stale": "(0, 5]"})
 
 
-def test_slowing_down_a_little_ends_at_the_command() -> None:
-    locom = Unicycle(ROBOT)
-    for k in range(120):
-        locom.control(command(k * DT, 0.3, 0.0), odometry(k * DT), DT)
-    assert locom.control(command(2.0, 0.299, 0.0), odometry(2.0), DT).v == pytest.approx(0.299)
+# --- wheel trim: weak wheels are driven faster, sound and blocked ones as commanded ---------------
+
+
+TICK = 1.0 / 60.0
+
+
+class Drive:
+    """Wheels that reach a share of the speed they are commanded."""
+
+    def __init__(self, left: float = 1.0, right: float = 1.0) -> None:
+        self.trim = WheelTrim(ROBOT)
+        self.shares = (left, right)
+        self.turned = [0.0, 0.0]
+        self.tick = 0
+
+    def go(self, seconds: float, wanted: Twist) -> Twist:
+        """Drive ``wanted``; the twist of the robot at the end."""
+        commanded = Twist(0.0, 0.0)
+        for _ in range(round(seconds / TICK)):
+            ticks = [math.floor(a / (2 * math.pi) * ROBOT.ticks_per_turn) for a in self.turned]
+            self.trim.update(Encoders(self.tick * TICK, ticks[0], ticks[1]))
+            commanded = self.trim.apply(wanted)
+            speeds = ROBOT.wheel_speeds(commanded)
+            self.turned = [
+                angle + speed * share * TICK
+                for angle, speed, share in zip(self.turned, speeds, self.shares, strict=True)
+            ]
+            self.tick += 1
+        left, right = ROBOT.wheel_speeds(commanded)
+        return ROBOT.twist(left * self.shares[0], right * self.shares[1])
+
+
+@pytest.mark.parametrize("shares", [(0.8, 1.0), (1.0, 0.7), (0.8, 0.6)])
+def test_weak_wheels_reach_the_wanted_twist(shares: tuple[float, float]) -> None:
+    drive = Drive(*shares)
+    done = drive.go(5.0, Twist(0.4, 0.2))
+    assert (done.v, done.w) == pytest.approx((0.4, 0.2), abs=0.02)
+    assert drive.trim.shares == pytest.approx(shares, abs=0.02)
+
+
+@given(
+    left=st.floats(0.93, 1.05),
+    right=st.floats(0.93, 1.05),
+    v=st.floats(-0.15, 0.5),
+    w=st.floats(-1.5, 1.5),
+)
+def test_sound_wheels_get_the_wanted_twist(left: float, right: float, v: float, w: float) -> None:
+    drive = Drive(left, right)
+    wanted = Twist(v, w)
+    for _ in range(120):
+        drive.go(TICK, wanted)
+        assert drive.trim.apply(wanted) == wanted
+
+
+def test_dead_or_blocked_wheels_are_not_driven_harder() -> None:
+    drive = Drive()
+    drive.go(1.0, Twist(0.3, 0.0))
+    drive.shares = (0.0, 1.0)
+    drive.go(3.0, Twist(0.3, 0.0))
+    commanded = drive.trim.apply(Twist(0.3, 0.0))
+    assert commanded.v < 0.3 / 0.4
+    drive.trim.reset()
+    assert drive.trim.shares == (1.0, 1.0)
+
+
+# --- against a reference --------------------------------------------------------------------------
+
+FINE = RobotModel(ticks_per_turn=10**6)
+"""A robot whose encoders are exact."""
+STEP = 0.017
+"""Time [s] between readings: no threshold is a multiple of it."""
+
+
+def expected_share(
+    times: list[float], commanded: list[float], measured: list[float], before: float
+) -> float:
+    """The next share of a wheel, from its commanded and measured rotations [rad] so far."""
+    now = len(times) - 1
+    then = next(k for k in range(now + 1) if times[now] - times[k] <= WINDOW)
+    way = commanded[now] - commanded[then]
+    if times[now] - times[then] <= 0.8 * WINDOW or abs(way) * FINE.wheel_radius < MIN_DISTANCE:
+        return before
+    share = (measured[now] - measured[then]) / way
+    if not MIN_SHARE <= share <= 1.3:
+        return before
+    keep = math.exp(-(times[now] - times[now - 1]) / TIME_CONSTANT)
+    return keep * before + (1.0 - keep) * min(share, 1.0)
+
+
+SHARES = st.sampled_from([0.21, 0.41, 0.63, 0.87, 0.95, 1.0, 1.23, 1.35])
+PHASES = st.lists(
+    st.tuples(
+        st.integers(5, 50),  # frames
+        st.floats(-0.15, 0.5),  # v [m/s]
+        st.floats(-1.0, 1.0),  # w [rad/s]
+        SHARES,  # of the left wheel
+        SHARES,  # of the right wheel
+    ),
+    min_size=1,
+    max_size=5,
+)
+
+
+@given(PHASES)
+def test_shares_are_those_of_the_last_window(
+    phases: list[tuple[int, float, float, float, float]],
+) -> None:
+    trim = WheelTrim(FINE)
+    times: list[float] = []
+    commanded: tuple[list[float], list[float]] = ([], [])
+    measured: tuple[list[float], list[float]] = ([], [])
+    expected = [1.0, 1.0]
+    turned, sums, speeds, shares = [0.0, 0.0], [0.0, 0.0], (0.0, 0.0), (1.0, 1.0)
+    for frames, v, w, *now in phases:
+        for _ in range(frames):
+            times.append(STEP * len(times))
+            for side in range(2):
+                if len(times) > 1:
+                    sums[side] += speeds[side] * STEP
+                    turned[side] += speeds[side] * shares[side] * STEP
+                commanded[side].append(sums[side])
+                measured[side].append(turned[side])
+                if len(times) > 1:
+                    expected[side] = expected_share(
+                        times, commanded[side], measured[side], expected[side]
+                    )
+            ticks = [round(a / (2.0 * math.pi) * FINE.ticks_per_turn) for a in turned]
+            trim.update(Encoders(times[-1], ticks[0], ticks[1]))
+            assert trim.shares == pytest.approx(expected, abs=1e-6)
+            speeds, shares = FINE.wheel_speeds(trim.apply(Twist(v, w))), (now[0], now[1])
+
+
+@pytest.mark.parametrize(
+    ("shares", "factors"),
+    [
+        ((0.87, 1.0), (1.0 / 0.87, 1.0)),
+        ((0.89, 1.0), (1.0, 1.0)),
+        ((1.0, 0.5), (1.0, 2.0)),
+        ((0.95, 0.5), (1.0, 2.0)),
+        ((0.6, 0.8), (1.0 / 0.6, 1.0 / 0.8)),
+    ],
+)
+@given(v=st.floats(-0.15, 0.5), w=st.floats(-1.5, 1.5))
+def test_weak_wheels_alone_are_driven_faster(
+    shares: tuple[float, float], factors: tuple[float, float], v: float, w: float
+) -> None:
+    trim = WheelTrim(ROBOT)
+    trim._shares = list(shares)
+    left, right = ROBOT.wheel_speeds(trim.apply(Twist(v, w)))
+    wanted = ROBOT.wheel_speeds(Twist(v, w))
+    assert (left, right) == pytest.approx(
+        (factors[0] * wanted[0], factors[1] * wanted[1]), abs=1e-9
+    )

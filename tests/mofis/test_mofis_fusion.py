@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -27,42 +28,19 @@ from navfw.mofis import (
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Command, Odometry, Pose, Proposal, Twist, Waypoint
+from navfw.testing import contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene
 
 ROBOT = RobotModel()
 GRID = CommandGrid(ROBOT)
 LAYER = hnp.arrays(np.float64, GRID.shape, elements=st.floats(0, 1, width=32))
 
 
-def updated_map() -> LocalMap:
-    """A local map around the origin in which nothing has been observed."""
-    local_map = LocalMap(ROBOT)
-    local_map.update(
-        Odometry(0.0, Pose(0, 0, 0), Twist(0, 0), 0.0, still=False), (), None, Pose(0, 0, 0)
-    )
-    return local_map
-
-
-MAP = updated_map()
+START = contexts_of(BehaviorScene("start", Twist(0.0, 0.0), waypoint=None, perceives=False))[0]
 
 
 def context(previous: Command | None = None) -> Context:
-    pose = Pose(0, 0, 0)
-    return Context(
-        time=1.0,
-        robot=ROBOT,
-        commands=GRID,
-        twist=Twist(0, 0),
-        pose=pose,
-        belief=Belief(1.0, pose, np.eye(3)),
-        percept=None,
-        arcs=MAP.arcs(pose, GRID.v, GRID.w),
-        ranges=MAP.ranges(pose),
-        waypoint=None,
-        local_goal=None,
-        previous=previous,
-        stalled=0.0,
-        idle=0.0,
-    )
+    return replace(START, commands=GRID, previous=previous)
 
 
 def proposal(applicability: float, desire: Array, prohibit: Array | None = None) -> Proposal:
@@ -91,17 +69,12 @@ def test_a_prohibited_command_is_never_chosen(
         assert prohibit[row, column] <= fusion.params.cut
 
 
-def test_if_all_commands_are_prohibited_the_robot_stops() -> None:
+def test_if_forward_commands_are_prohibited_it_is_an_emergency_with_a_way_out() -> None:
     prohibit = np.ones(GRID.shape)
     command = FuzzyFusion(ROBOT).fuse(context(), {"a": proposal(1.0, bump(1, 0), prohibit)})
-    assert command.twist == Twist(0.0, 0.0)
-    assert command.leader == "none"
+    assert (command.twist, command.leader) == (Twist(0.0, 0.0), "none")
     assert command.emergency
-
-
-def test_if_forward_commands_are_prohibited_it_is_an_emergency_with_a_way_out() -> None:
-    prohibit = GRID.zeros()
-    prohibit[GRID.v > 0.0] = 1.0
+    prohibit = GRID.forward()
     desire = np.maximum(bump(1, 0), bump(0, 0.5))
     command = FuzzyFusion(ROBOT).fuse(context(), {"a": proposal(1.0, desire, prohibit)})
     assert command.emergency
@@ -182,7 +155,9 @@ INPUTS = DecisionInputs(
 
 
 def mofis_with(behaviors: dict[str, Behavior], composite: Composite | None = None) -> Mofis:
-    return Mofis(ROBOT, behaviors, FuzzyFusion(ROBOT), GRID, updated_map(), composite)
+    local_map = LocalMap(ROBOT)
+    local_map.update(INPUTS.odometry, (), None, INPUTS.odometry.pose)
+    return Mofis(ROBOT, behaviors, FuzzyFusion(ROBOT), GRID, local_map, composite)
 
 
 @pytest.mark.parametrize("defect", ["raise", "nan", "shape", "range", "applicability", "type"])
@@ -205,18 +180,13 @@ ALL: list[type[Fusion]] = [FuzzyFusion, PriorityFusion, DamnFusion, BlendFusion,
 
 
 @pytest.mark.parametrize("fusion", ALL)
-def test_every_fusion_follows_the_only_proposal(fusion: type[Fusion]) -> None:
+def test_every_fusion_follows_the_only_proposal_and_stops_without_one(fusion: type[Fusion]) -> None:
     command = fusion(ROBOT).fuse(context(), {"a": proposal(1.0, bump(0.6, 0.4))})
     assert command.leader == "a"
     assert command.twist.v == pytest.approx(0.6 * GRID.max_v, abs=0.1 * GRID.max_v)
     assert command.twist.w == pytest.approx(0.4 * GRID.max_w, abs=0.1 * GRID.max_w)
-
-
-@pytest.mark.parametrize("fusion", ALL)
-def test_every_fusion_stops_without_an_applicable_proposal(fusion: type[Fusion]) -> None:
-    command = fusion(ROBOT).fuse(context(), {"a": proposal(0.0, GRID.zeros())})
-    assert command.twist == Twist(0.0, 0.0)
-    assert command.leader == "none"
+    standing = fusion(ROBOT).fuse(context(), {"a": proposal(0.0, GRID.zeros())})
+    assert (standing.twist, standing.leader) == (Twist(0.0, 0.0), "none")
 
 
 @pytest.mark.parametrize("fusion", ALL)

@@ -68,11 +68,8 @@ def test_it_passes_an_obstacle_on_the_shorter_side(side: float) -> None:
 def test_it_gives_way_to_a_crossing_person() -> None:
     crossing = [[1.2, -0.9, 0.25, 0.0, 0.5]]
     standing = [[1.2, -0.9, 0.25, 0.0, 0.0]]
-    here, there = (
-        drive(FixedSurroundings(walkers=crossing)),
-        drive(FixedSurroundings(walkers=standing)),
-    )
-    assert abs(here.w - there.w) + abs(here.v - there.v) > 0.1
+    a, b = (drive(FixedSurroundings(walkers=walkers)) for walkers in (crossing, standing))
+    assert abs(a.w - b.w) + abs(a.v - b.v) > 0.1
 
 
 def test_it_is_an_oracle_and_needs_the_true_surroundings() -> None:

@@ -52,17 +52,16 @@ def test_a_point_has_access_within_its_room_only(x: float, y: float, rooms: str)
 
 @pytest.mark.parametrize("frame", [Pose(-9.0, 4.0, 0.0), Pose(30.0, -20.0, 2.0)])
 def test_access_is_the_same_wherever_the_maps_origin_is(frame: Pose) -> None:
-    here = office()
     places = []
-    for place in here.places.values():
+    for place in office().places.values():
         x, y = frame.to_parent(place.x, place.y)
         places.append(replace(place, x=x, y=y))
-    there = Router(TopoMap("moved", places, here.passages), ROBOT)
+    moved = Router(TopoMap("moved", places, office().passages), ROBOT)
     rng = np.random.default_rng(0)
     for x, y in rng.uniform((0.3, 0.3), (15.7, 9.7), (150, 2)).tolist():
         expected = OFFICE.access(Endpoint(x, y)).costs
-        found = there.access(Endpoint(*frame.to_parent(x, y))).costs
-        assert found == pytest.approx(expected, abs=1e-6), (x, y)
+        costs = moved.access(Endpoint(*frame.to_parent(x, y))).costs
+        assert costs == pytest.approx(expected, abs=1e-6), (x, y)
 
 
 def test_within_a_passage_both_ends_are_reachable_even_through_a_door() -> None:

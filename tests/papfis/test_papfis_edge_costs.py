@@ -90,27 +90,24 @@ def test_firing_strengths_sum_to_one(quality: dict[str, float]) -> None:
 
 
 def test_the_best_passage_costs_its_length_and_the_worst_is_avoided() -> None:
-    good = {"width": 3.0}
-    bad = {"width": 3.0, "danger": 1.0}
+    good, bad = {"width": 3.0}, {"width": 3.0, "danger": 1.0}
     costs = costs_of(good, bad, params=CostParams(aversion=4.0, avoidance=1000.0))
-    assert costs.values[0] == pytest.approx(2.0)
-    assert costs.values[1] == pytest.approx(2.0 * (1.0 + 4.0 + 1000.0))
+    assert costs.values == pytest.approx([2.0, 2.0 * (1.0 + 4.0 + 1000.0)])
 
 
-def test_a_passage_too_narrow_for_the_robot_is_impassable() -> None:
-    costs = costs_of({"width": 2.0 * ROBOT.radius}, {"width": 2.0 * ROBOT.radius + 0.01})
-    assert math.isinf(costs.values[0])
-    assert math.isfinite(costs.values[1])
-
-
-def test_unknown_width_counts_as_wide() -> None:
-    assert costs_of({"width": math.inf}).values[0] == pytest.approx(2.0)
+def test_a_passage_too_narrow_for_the_robot_is_impassable_and_one_of_unknown_width_wide() -> None:
+    body = 2.0 * ROBOT.radius
+    costs = costs_of({"width": body}, {"width": body + 0.01}, {"width": math.inf}).values
+    assert math.isinf(costs[0])
+    assert math.isfinite(costs[1])
+    assert costs[2] == pytest.approx(2.0)
 
 
 def test_explanations_name_the_rules_and_add_up() -> None:
-    places = [Place("a", 0, 0), Place("b", 2, 0)]
+    places = [Place("a", 0, 0), Place("b", 2, 0), Place("c", 4, 0)]
     passage = Passage("a", "b", 2.0, width=0.95, danger=0.3, doorness=1.0, uncertainty=0.1)
-    costs = EdgeCosts(TopoMap("m", places, [passage]), ROBOT)
+    narrow = Passage("b", "c", 2.0, width=0.3)
+    costs = EdgeCosts(TopoMap("m", places, [passage, narrow]), ROBOT)
     explained = costs.explain(passage)
     assert (explained["from"], explained["to"], explained["length"]) == ("a", "b", 2.0)
     assert explained["cost"] == pytest.approx(costs.of(passage))
@@ -121,11 +118,5 @@ def test_explanations_name_the_rules_and_add_up() -> None:
     assert strengths == sorted(strengths, reverse=True)
     assert len(strengths) >= 2
     assert all(rule["rule"] in sentences for rule in explained["rules"])
-
-
-def test_an_impassable_passage_is_explained_without_infinities() -> None:
-    places = [Place("a", 0, 0), Place("b", 2, 0)]
-    passage = Passage("a", "b", 2.0, width=0.3)
-    explained = EdgeCosts(TopoMap("m", places, [passage]), ROBOT).explain(passage)
-    assert explained["cost"] is None
-    assert explained["passable"] is False
+    impassable = costs.explain(narrow)
+    assert (impassable["cost"], impassable["passable"]) == (None, False), "without infinities"

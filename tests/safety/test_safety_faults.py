@@ -6,10 +6,11 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from safety_samples import ORIGIN, monitor_with, odometry, picture, reading
+from safety_samples import ORIGIN, ROBOT, FixedDistances, monitor_with, odometry, picture, reading
 
+from navfw.guard import FailingStage
 from navfw.numerics import Image
-from navfw.safety import SafetyMonitor
+from navfw.safety import SafetyMonitor, SafetyParams
 from navfw.signals import Twist
 
 RATE = 60.0
@@ -78,105 +79,6 @@ def test_without_valid_frames_the_robot_slows_and_stops_but_may_turn(
     assert drive.run(0.5, Twist(0.4, 0.0)).v == 0.4  # frames are valid again
 
 
-def test_an_unchanged_image_is_valid_while_the_robot_stands() -> None:
-    drive = Drive()
-    image = picture()
-    drive.run(5.0, Twist(0.0, 0.0), image)
-    assert drive.monitor.senses.camera_age < 0.2
-
-
-def test_a_silent_gyro_slows_and_silent_encoders_stop() -> None:
-    drive = Drive()
-    assert 0.0 < drive.run(1.0, Twist(0.4, 0.0), gyro_age=0.5).v < 0.2
-    assert drive.run(1.0, Twist(0.4, 0.0), encoder_age=1.0).v == 0.0
-    assert "encoders" in drive.verdict.reason
-
-
-def test_wheels_that_do_not_follow_are_stopped_for_a_while() -> None:
-    drive = Drive()
-    drive.run(0.5, Twist(0.3, 0.0))
-    drive.run(1.0, Twist(0.3, 0.0), moves=0.0)
-    assert drive.verdict.twist.v == 0.0
-    assert "wheels" in drive.verdict.reason
-    drive.run(1.5, Twist(0.0, 0.0))
-    assert drive.run(0.2, Twist(0.3, 0.0)).v == 0.3
-
-
-def feed(
-    monitor: SafetyMonitor, time: float, image: Image | None, *, x: float = 0.0, **more: float
-) -> None:
-    """Update with one reading; its frame is ``late`` [s] old, the encoders may be ``silent``."""
-    now = reading(time, image, frame_age=more.get("late", 0.0))
-    silent = bool(more.get("silent", 0.0))
-    monitor.update(now, odometry(time, x, v=0.3, silent=silent))
-
-
-def test_the_age_of_a_frame_counts_from_its_time_stamp() -> None:
-    monitor = monitor_with()
-    for tick in range(30):
-        feed(monitor, 0.1 * tick, picture(), late=0.8)
-    assert monitor.senses.camera_age == pytest.approx(0.8)
-    assert monitor.limit(Twist(0.4, 0.0), 2.9, ORIGIN).twist.v == monitor.params.slow
-
-
-def usable(monitor: SafetyMonitor) -> bool:
-    """Whether the newest frame may be used for flow."""
-    return monitor.senses.seeing
-
-
-def test_an_unchanged_image_of_a_moving_robot_is_not_used() -> None:
-    monitor, image = monitor_with(), picture()
-    feed(monitor, 0.0, image)
-    feed(monitor, 0.1, image)
-    assert usable(monitor)
-    feed(monitor, 0.2, image, x=0.01)
-    assert not usable(monitor)
-    assert monitor.senses.trouble == ""
-    feed(monitor, 0.3, image, x=0.03)
-    assert "frozen" in monitor.senses.trouble
-    feed(monitor, 0.4, picture(), x=0.05)
-    assert usable(monitor)
-
-
-def test_without_encoders_the_robot_stands_but_for_short_probes() -> None:
-    monitor = monitor_with()
-    driven = {0.4: 0.0, -0.1: 0.0}
-    feed(monitor, 0.0, picture())
-    for tick in range(1, 600):
-        feed(monitor, tick / RATE, picture() if tick % 6 == 0 else None, silent=1.0)
-        for wanted in driven:
-            twist = monitor.limit(Twist(wanted, 0.3), tick / RATE, ORIGIN).twist
-            assert twist.w == 0.3
-            driven[wanted] += twist.v / RATE
-    assert 0.02 < driven[0.4] < 0.06
-    assert -0.06 < driven[-0.1] < -0.02
-    feed(monitor, 10.0, picture())
-    assert monitor.limit(Twist(0.4, 0.0), 10.0, ORIGIN).twist.v == 0.4
-
-
-@pytest.mark.parametrize(("image", "silent", "why"), [(0, 0.0, "dark"), (120, 1.0, "encoders")])
-def test_a_sensor_that_fails_for_long_ends_the_run(image: int, silent: float, why: str) -> None:
-    monitor = monitor_with()
-    feed(monitor, 0.0, picture())
-    for second in range(1, 60):
-        dark = np.zeros((120, 160), np.uint8)
-        feed(monitor, float(second), picture() if image else dark, silent=silent)
-        assert (monitor.failure is not None) == (second > monitor.params.give_up)
-    assert why in str(monitor.failure)
-
-
-def test_without_valid_frames_the_robot_reverses_a_little_and_no_farther() -> None:
-    drive = Drive()
-    back = Twist(-0.15, 0.0)
-    assert drive.run(3.0, back).v == back.v  # with valid frames as far as there is room
-    assert drive.run(1.0, back, image=None).v == back.v  # not counted as blind yet
-    drive.run(3.0, back, image=None)
-    assert drive.run(0.1, back, image=None).v == 0.0
-    assert "without a valid frame" in drive.monitor.limit(back, drive.tick / RATE, ORIGIN).reason
-    assert drive.run(0.1, Twist(0.0, 0.5), image=None).w == 0.5
-    assert drive.run(0.2, back).v == back.v  # frames are valid again
-
-
 @pytest.mark.parametrize(
     ("ages", "v", "reason"),
     [
@@ -234,7 +136,9 @@ def test_wheels_stall_below_a_fifth_of_the_commanded_speed(
     assert set(driving(monitor, 0.0, 0.8, wanted, v)) == {wanted}, "not before the stall time"
     later = driving(monitor, 0.8, 4.0, wanted, v)
     assert (0.0 in later) == stalls
-    assert monitor.limit(Twist(wanted, 0.4), 4.0, ORIGIN).twist.w == 0.4
+    verdict = monitor.limit(Twist(wanted, 0.4), 4.0, ORIGIN)
+    assert verdict.twist.w == 0.4
+    assert (verdict.reason == "the wheels do not follow") == (verdict.twist.v != wanted)
 
 
 def test_after_a_stall_the_robot_stands_for_a_while_and_tries_again() -> None:
@@ -246,6 +150,7 @@ def test_after_a_stall_the_robot_stands_for_a_while_and_tries_again() -> None:
     again = driven.index(0.3, driven.index(0.0)) / 20.0
     assert again - first == pytest.approx(1.0, abs=0.01)
     assert 0.0 in driven[round(20 * again) :], "still stalled: it stands again"
+    assert driving(monitor, 5.0, 6.5, 0.3, 0.3)[-1] == 0.3
 
 
 def test_a_wheel_that_follows_in_between_is_no_stall() -> None:
@@ -269,8 +174,12 @@ def reversed_blindly(monitor: SafetyMonitor, v: float, seconds: float) -> float:
 
 
 def test_reverse_without_frames_is_limited_in_distance() -> None:
+    drive, back = Drive(), Twist(-0.15, 0.0)
+    assert drive.run(3.0, back).v == back.v, "with valid frames as far as there is room"
     monitor = monitor_with()
     assert reversed_blindly(monitor, -0.1, 10.0) == pytest.approx(0.3, abs=0.011)
+    verdict = monitor.limit(Twist(-0.1, 0.5), 10.0, ORIGIN)
+    assert (verdict.twist.w, verdict.reason) == (0.5, "longest reverse without a valid frame")
     monitor.reset()
     assert reversed_blindly(monitor, -0.05, 15.0) == pytest.approx(0.3, abs=0.011)
     # a valid frame allows for the whole distance again
@@ -281,12 +190,15 @@ def test_reverse_without_frames_is_limited_in_distance() -> None:
 def test_probes_of_silent_encoders_are_short_and_slow() -> None:
     monitor = monitor_with()
     monitor.update(reading(0.0, picture()), odometry(0.0))
-    forward, backward = [], []
+    forward: list[float] = []
+    backward: list[float] = []
     for tick in range(1, 60 * 7):
         time = tick / 60.0
         monitor.update(reading(time, picture()), odometry(time, silent=True))
-        forward.append(monitor.limit(Twist(0.4, 0.0), time, ORIGIN).twist.v)
-        backward.append(monitor.limit(Twist(-0.1, 0.0), time, ORIGIN).twist.v)
+        for driven, v in ((forward, 0.4), (backward, -0.1)):
+            twist = monitor.limit(Twist(v, 0.3), time, ORIGIN).twist
+            driven.append(twist.v)
+            assert twist.w == 0.3
     probing = {k + 1 for k, v in enumerate(forward) if v}
     assert {forward[k - 1] for k in probing} == {monitor.params.probe}
     assert {-backward[k - 1] for k in probing} == {monitor.params.probe}
@@ -296,21 +208,31 @@ def test_probes_of_silent_encoders_are_short_and_slow() -> None:
     assert len(probing ^ expected) <= 2
     reason = monitor.limit(Twist(0.4, 0.0), 7.0, ORIGIN).reason
     assert reason == "the wheel encoders do not count"
+    monitor.update(reading(8.0, picture()), odometry(8.0))
+    assert monitor.limit(Twist(0.4, 0.0), 8.0, ORIGIN).twist.v == 0.4
 
 
 @pytest.mark.parametrize(
-    ("sensor", "text"),
-    [("camera", "the camera is silent, for 21 s"), ("encoders", "the wheel encoders do not count")],
+    ("image", "encoder_age", "silent", "text"),
+    [
+        (None, 0.0, False, "the camera is silent, for 21 s"),
+        (np.zeros((120, 160), np.uint8), 0.0, False, "the camera image is dark, for 21 s"),
+        (picture(), 1.0, False, "the wheel encoders do not count, for 20 s"),
+        (picture(), 0.0, True, "the wheel encoders do not count, for 20 s"),
+    ],
+    ids=["no frames", "dark frames", "no counts", "wheels that do not count"],
 )
-def test_a_sensor_that_gives_no_reading_for_long_is_named(sensor: str, text: str) -> None:
+def test_a_sensor_that_fails_for_long_ends_the_run(
+    image: Image | None, encoder_age: float, silent: bool, text: str
+) -> None:
     monitor = monitor_with()
     monitor.update(reading(0.0, picture()), odometry(0.0))
-    for age, failed in ((19.9, False), (20.6, True)):
-        old = {"encoder_age": age} if sensor == "encoders" else {}
-        frame = picture() if sensor == "encoders" else None
-        monitor.update(reading(age, frame, **old), odometry(age))
+    for time, failed in ((10.0, False), (19.9, False), (20.6, True)):
+        now = reading(time, image, encoder_age=encoder_age * time)
+        monitor.update(now, odometry(time, silent=silent))
         assert (monitor.failure is not None) == failed
-    assert text in str(monitor.failure)
+    assert monitor.failure is not None
+    assert (monitor.failure.part, monitor.failure.reason) == ("sensor", text)
     monitor.reset()
     assert monitor.failure is None
 
@@ -329,3 +251,49 @@ def test_reset_drops_stall_standstill_and_reverse() -> None:
     # no commanded speed, and no time of the last run
     monitor.update(reading(100.0), odometry(100.0, v=-0.1))
     assert monitor.limit(Twist(-0.1, 0.0), 100.0, ORIGIN).twist.v == -0.1
+
+
+# --- thresholds ---------------------------------------------------------------------------------
+
+AGE, LATER = 0.5, 0.5 + 1 / 64
+"""A threshold and an age beyond it [s], both exact in binary."""
+
+
+@pytest.mark.parametrize(
+    ("threshold", "sensor", "speed"),
+    [
+        ("camera_slow", "frame_age", 0.12),
+        ("camera_stop", "frame_age", 0.0),
+        ("gyro_slow", "gyro_age", 0.12),
+        ("encoder_stop", "encoder_age", 0.0),
+    ],
+)
+def test_only_what_is_older_than_the_threshold_counts(
+    threshold: str, sensor: str, speed: float
+) -> None:
+    patient = {"camera_slow": 9.0, "camera_stop": 9.0, "gyro_slow": 9.0, "encoder_stop": 9.0}
+    params = SafetyParams(**{**patient, threshold: AGE})
+    for age, expected in ((AGE, 0.4), (LATER, speed)):
+        monitor = SafetyMonitor(ROBOT, FixedDistances(10.0, 10.0), params)
+        monitor.update(reading(0.0, picture()), odometry(0.0))
+        monitor.update(reading(2.0, picture(), **{sensor: age}), odometry(2.0, 0.3))
+        assert monitor.limit(Twist(0.4, 0.0), 2.0, ORIGIN).twist.v == expected
+
+
+def test_without_blind_reverse_the_robot_reverses_only_by_sight() -> None:
+    params = SafetyParams(blind_reverse=0.0)
+    monitor = SafetyMonitor(ROBOT, FixedDistances(10.0, 10.0), params)
+    back = Twist(-0.1, 0.0)
+    for time, image, speed in ((0.0, picture(), -0.1), (2.0, None, 0.0), (2.1, picture(), -0.1)):
+        monitor.update(reading(time, image), odometry(time, v=-0.1))
+        assert monitor.limit(back, time, ORIGIN).twist.v == speed
+
+
+def test_of_a_silent_camera_and_a_failing_stage_the_longer_failure_is_given() -> None:
+    params = SafetyParams(camera_slow=0.1, camera_stop=9.0)
+    for since, why in ((1.9, "the camera is late"), (0.5, "flow mine fails")):
+        monitor = SafetyMonitor(ROBOT, FixedDistances(10.0, 10.0), params)
+        monitor.update(reading(0.0, picture()), odometry(0.0))
+        stage = FailingStage("flow mine", since, "broken")
+        monitor.update(reading(2.0, picture(), frame_age=1.0), odometry(2.0, 0.3), (stage,))
+        assert monitor.limit(Twist(0.4, 0.0), 2.0, ORIGIN).reason == why

@@ -14,17 +14,6 @@ from navfw.localmap import LocalMap
 from navfw.safety import SafetyMonitor, SafetyParams
 from navfw.signals import Odometry, Pose, Twist
 
-
-@given(st.floats(0.0, 2.0), st.floats(0.0, ROBOT.max_v))
-def test_the_robot_can_always_stop_within_the_free_distance(room: float, v: float) -> None:
-    monitor = monitor_with(room)
-    verdict = monitor.limit(Twist(v, 0.0), 0.0, ORIGIN)
-    distance = verdict.twist.v * monitor.params.latency + verdict.twist.v**2 / (2 * ROBOT.max_brake)
-    assert distance <= max(room - monitor.params.gap, 0.0) + 1e-9
-    assert verdict.twist.v <= v
-    assert verdict.stopped == (v > 0.0 and verdict.twist.v <= 0.0)
-
-
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 MONITOR = monitor_with()
 
@@ -38,9 +27,11 @@ def test_every_twist_is_within_the_limits_of_the_drive(v: float, w: float) -> No
 
 
 def test_reversing_ends_where_the_free_distance_behind_ends() -> None:
-    back = Twist(-0.1, 0.4)
-    assert monitor_with(0.5, 0.5).limit(back, 0.0, ORIGIN).twist == back
-    for blocked in ((0.0, 0.5), (0.5, ROBOT.radius)):  # an obstacle; unobserved floor
+    back, gap = Twist(-0.1, 0.4), monitor_with().params.gap
+    rim = ROBOT.radius + gap
+    for free in ((gap + 1e-6, 10.0), (10.0, rim + 1e-6)):
+        assert monitor_with(*free).limit(back, 0.0, ORIGIN).twist == back
+    for blocked in ((gap, 10.0), (10.0, rim)):  # an obstacle; unobserved floor
         verdict = monitor_with(*blocked).limit(back, 0.0, ORIGIN)
         assert verdict.twist == Twist(0.0, 0.4)
         assert verdict.reason == "no observed free space behind"
@@ -91,19 +82,19 @@ def test_over_observed_floor_the_robot_drives_both_ways() -> None:
 # --- thresholds -----------------------------------------------------------------------------------
 
 
-@given(st.floats(0.0, 0.4))
-def test_full_braking_ends_the_gap_before_the_obstacle(room: float) -> None:
+@given(st.floats(0.0, 0.6), st.floats(0.0, ROBOT.max_v))
+def test_full_braking_ends_the_gap_before_the_obstacle(room: float, wanted: float) -> None:
     monitor = monitor_with(room)
     p = monitor.params
-    verdict = monitor.limit(Twist(ROBOT.max_v, 0.5), 0.0, ORIGIN)
+    verdict = monitor.limit(Twist(wanted, 0.5), 0.0, ORIGIN)
     v = verdict.twist.v
-    if v < ROBOT.max_v:
-        distance = v * p.latency + v**2 / (2.0 * ROBOT.max_brake)
+    distance = v * p.latency + v**2 / (2.0 * ROBOT.max_brake)
+    assert distance <= max(room - p.gap, 0.0) + 1e-9
+    if v != wanted:
+        assert v < wanted
         assert distance == pytest.approx(max(room - p.gap, 0.0), abs=1e-9)
-        assert verdict.reason == "no room to stop"
-    else:
-        assert verdict.reason == ""
-    assert verdict.stopped == (room <= p.gap)
+    assert verdict.reason == ("no room to stop" if v < wanted else "")
+    assert verdict.stopped == (wanted > 0.0 and room <= p.gap)
     assert verdict.twist.w == 0.5
 
 
@@ -116,17 +107,6 @@ def test_braking_before_unobserved_space_is_as_hard_as_before_an_obstacle() -> N
     assert unobserved.reason == "unobserved space ahead"
 
 
-@pytest.mark.parametrize(("beyond", "v"), [(1e-6, -0.1), (0.0, 0.0)])
-def test_reversing_keeps_the_gap_to_obstacles_and_to_unobserved_space(
-    beyond: float, v: float
-) -> None:
-    gap = monitor_with().params.gap
-    back = Twist(-0.1, 0.0)
-    assert monitor_with(gap + beyond, 10.0).limit(back, 0.0, ORIGIN).twist.v == v
-    rim = ROBOT.radius + gap + beyond
-    assert monitor_with(10.0, rim).limit(back, 0.0, ORIGIN).twist.v == v
-
-
 @pytest.mark.parametrize(
     ("wanted", "driven"),
     [
@@ -134,21 +114,17 @@ def test_reversing_keeps_the_gap_to_obstacles_and_to_unobserved_space(
         (Twist(-9.0, 0.0), Twist(-ROBOT.max_reverse, 0.0)),
         (Twist(0.0, 9.0), Twist(0.0, ROBOT.max_w)),
         (Twist(0.0, -9.0), Twist(0.0, -ROBOT.max_w)),
+        (Twist(math.nan, 0.0), None),
+        (Twist(0.3, math.inf), None),
     ],
 )
-def test_commands_beyond_the_drive_are_clipped_and_reported(wanted: Twist, driven: Twist) -> None:
+def test_commands_beyond_the_drive_are_clipped_and_those_that_are_not_finite_stop(
+    wanted: Twist, driven: Twist | None
+) -> None:
     verdict = monitor_with().limit(wanted, 0.0, ORIGIN)
-    assert verdict.twist == driven
-    assert verdict.reason == "the command exceeds the drive's limits"
-    assert not verdict.stopped
-
-
-@pytest.mark.parametrize("wanted", [Twist(math.nan, 0.0), Twist(0.3, math.inf)])
-def test_a_command_that_is_not_finite_stops(wanted: Twist) -> None:
-    verdict = monitor_with().limit(wanted, 0.0, ORIGIN)
-    assert verdict.twist == Twist(0.0, 0.0)
-    assert verdict.reason == "the command is not finite"
-    assert verdict.stopped
+    assert verdict.twist == (driven or Twist(0.0, 0.0))
+    expected = "the command exceeds the drive's limits" if driven else "the command is not finite"
+    assert (verdict.reason, verdict.stopped) == (expected, driven is None)
 
 
 def test_parameters_are_within_their_ranges() -> None:

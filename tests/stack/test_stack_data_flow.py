@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,6 @@ from navfw.egomotion import FloorOdometry, Odometer
 from navfw.guard import GuardedFlow, GuardedPerception, PluginGuard
 from navfw.interfaces import FlowProcessor
 from navfw.offis import Offis
-from navfw.robot import RobotModel
 from navfw.signals import (
     CameraMotion,
     FlowField,
@@ -69,7 +69,7 @@ def test_behaviours_get_the_newest_flow_and_percept() -> None:
     assert (stack.mofis.context.flow, stack.mofis.context.percept) == (None, None)
 
 
-# --- yaw corrections ------------------------------------------------------------------------------
+# --- yaw corrections -----------------------------------------------------------------------------
 
 
 class TurnedFlow(FlowProcessor):
@@ -130,57 +130,51 @@ def test_without_refinement_there_is_nothing_to_correct(setting: str) -> None:
     assert all(flow.derotated for flow in view.flows)
 
 
-class RecordingOdometer(Odometer):
-    """An odometer that records the corrections it is given."""
+def recorded(
+    monkeypatch: pytest.MonkeyPatch, kind: type[Odometer] | type[FloorOdometry]
+) -> list[YawCorrection]:
+    """The corrections that objects of that kind are given from now on."""
+    corrections: list[YawCorrection] = []
+    correct = kind.correct
 
-    def __init__(self) -> None:
-        super().__init__(ROBOT)
-        self.corrections: list[YawCorrection] = []
+    def record(instance: Any, correction: YawCorrection) -> None:
+        corrections.append(correction)
+        correct(instance, correction)
 
-    def correct(self, correction: YawCorrection) -> None:
-        self.corrections.append(correction)
-        super().correct(correction)
-
-
-class RecordingFloorOdometry(FloorOdometry):
-    """A floor odometry that records the corrections it is given."""
-
-    def __init__(self, robot: RobotModel) -> None:
-        super().__init__(robot)
-        self.corrections: list[YawCorrection] = []
-
-    def correct(self, correction: YawCorrection) -> None:
-        self.corrections.append(correction)
-        super().correct(correction)
+    monkeypatch.setattr(kind, "correct", record)
+    return corrections
 
 
-def test_the_stack_applies_every_yaw_correction_once_in_order() -> None:
-    motion = CameraMotion(np.eye(3), np.array([0.0, 0.0, 0.08]), 0.2)
+MOTION = CameraMotion(np.eye(3), np.array([0.0, 0.0, 0.08]), 0.2)
+
+
+def test_the_stack_applies_every_yaw_correction_once_in_order(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    applied = recorded(monkeypatch, Odometer)
     given: list[YawCorrection] = []
-    odometer = RecordingOdometer()
 
     def script(frame: Frame, odometry: Odometry) -> View:
-        assert odometer.corrections == given, "vision has corrected nothing itself"
-        new = tuple(YawCorrection(0.01 * k, 0.001, motion) for k in (len(given), len(given) + 1))
+        assert applied == given, "vision has corrected nothing itself"
+        new = tuple(YawCorrection(0.01 * k, 0.001, MOTION) for k in (len(given), len(given) + 1))
         given.extend(new)
         return View(yaw_corrections=new)
 
-    stack = sample_stack(script=script)
-    stack.odometer = odometer
-    drive(stack, 0.45)
+    drive(sample_stack(script=script), 0.45)
     assert len(given) == 10
-    assert [id(correction) for correction in odometer.corrections] == list(map(id, given))
+    assert [id(correction) for correction in applied] == list(map(id, given))
 
 
-def test_the_floor_odometry_takes_the_yaw_corrections_where_there_is_one() -> None:
-    motion = CameraMotion(np.eye(3), np.array([0.0, 0.0, 0.08]), 0.2)
-    correction = YawCorrection(0.01, 0.001, motion)
+def test_the_floor_odometry_takes_the_yaw_corrections_where_there_is_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    by_wheels, by_floor = (recorded(monkeypatch, kind) for kind in (Odometer, FloorOdometry))
+    correction = YawCorrection(0.01, 0.001, MOTION)
     stack = sample_stack(script=lambda frame, odometry: View(yaw_corrections=(correction,)))
-    odometer = stack.odometer = RecordingOdometer()
-    stack.floor_odometry = RecordingFloorOdometry(ROBOT)
+    stack.floor_odometry = FloorOdometry(ROBOT)
     drive(stack, 0.25)
-    assert stack.floor_odometry.corrections[:2] == [correction, correction]
-    assert odometer.corrections == []
+    assert by_floor[:2] == [correction, correction]
+    assert by_wheels == []
 
 
 def test_vision_knows_no_odometer() -> None:

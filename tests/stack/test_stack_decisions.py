@@ -15,15 +15,31 @@ from stack_samples import (
     Ahead,
     Idle,
     RecordingFeatures,
+    RecordingPlanner,
     Rig,
     ScriptedVision,
+    drive,
     registry,
     sample_stack,
 )
 
 from navfw.config import find
+from navfw.context import Context
+from navfw.errors import ConfigError, InputError
+from navfw.interfaces import Behavior
 from navfw.offis import Offis
-from navfw.signals import Frame, LandmarkDetection, MovingObject, Odometry, PassageQuery, Twist
+from navfw.plugins import inject_faults
+from navfw.signals import (
+    Belief,
+    Frame,
+    LandmarkDetection,
+    MovingObject,
+    Odometry,
+    PassageQuery,
+    Proposal,
+    Twist,
+    Waypoint,
+)
 from navfw.stack import Stack, View, load_stack
 from navfw.testing.behavior_scenes import wall_flow
 
@@ -39,12 +55,12 @@ def test_the_stages_get_what_the_frame_shows() -> None:
     assert rig.localizer.starts == [(LINE, START, state.odometry)]
     [(odometry, percept, detections)] = rig.localizer.updates
     assert (odometry, percept) == (state.odometry, view.percept)
-    assert [found.identity for found in detections] == [seen.identity]
+    assert [detection.identity for detection in detections] == [seen.identity]
     assert rig.planner.beliefs == [state.belief]
     assert (state.waypoint, state.path) == (GOAL, (GOAL,))
     assert state.flows is view.flows
     assert state.percept is view.percept
-    assert [found.identity for found in state.landmark_detections] == [seen.identity]
+    assert [detection.identity for detection in state.landmark_detections] == [seen.identity]
     assert state.command is not None
     assert state.time == 0.0
     # the next frame shows no percept: the state keeps the last, the localiser gets none
@@ -127,15 +143,14 @@ def test_detections_are_counted_by_identity() -> None:
     for time, detections in ((0.0, ()), (0.1, (a, b)), (0.2, (a,)), (0.3, ())):
         rig.features.detections = detections
         rig.step(time)
-        found = rig.stack.state.landmark_detections
-        assert [one.identity for one in found] == [one.identity for one in detections]
+        assert rig.stack.state.landmark_detections == detections
     assert rig.stack.state.detection_counts == {"a": 2, "b": 1}
     rig.stack.start(START, [GOAL])
     rig.step(10.0)
     assert rig.stack.state.detection_counts == {}
 
 
-# --- when to decide -------------------------------------------------------------------------------
+# --- when to decide ------------------------------------------------------------------------------
 
 
 def test_the_robot_stands_for_the_warm_up() -> None:
@@ -215,3 +230,93 @@ def test_skidding_wheels_are_corrected_by_the_floor_unless_the_stack_says_otherw
     ):
         config = load_stack(find("stack", "default"), registry(), settings)
         assert (Stack(config, robot, LINE).floor_odometry is not None) is corrected
+
+
+# --- moving obstacles -----------------------------------------------------------------------------
+
+
+class Careful(Idle):
+    """Declares that it handles moving obstacles."""
+
+    name = "careful"
+    handles_moving_obstacles = True
+
+
+class Failing(Careful):
+    """Declares so, and then fails."""
+
+    name = "failing"
+
+    def propose(self, context: Context) -> Proposal:
+        raise RuntimeError("no proposal")
+
+
+def person_ahead(frame: Frame, odometry: Odometry) -> View:
+    """A standing person straight ahead, 0.7 m from the camera."""
+    person = MovingObject(frame.time, 0.0, 0.3, 0.7, np.zeros((2, 2)), np.zeros(2))
+    return View(moving_objects=(person,))
+
+
+def context_before_a_person(*behaviors: type[Behavior], fault_in: str | None = None) -> Context:
+    """The context after three detections of a person ahead, before any percept."""
+    stack = sample_stack(*behaviors, script=person_ahead)
+    if fault_in is not None:
+        inject_faults(stack.mofis.behaviors, fault_in)
+    drive(stack, 0.25)
+    assert stack.mofis.context is not None
+    return stack.mofis.context
+
+
+@pytest.mark.parametrize(
+    ("behaviors", "fault_in", "barred"),
+    [
+        ((Idle,), None, True),
+        ((Idle, Careful), None, False),
+        ((Idle, Failing), None, True),
+        ((Idle, Careful), "careful", False),  # an inactive fault injector
+    ],
+)
+def test_tracks_bar_arcs_unless_a_behaviour_handles_them(
+    behaviors: tuple[type[Behavior], ...], fault_in: str | None, barred: bool
+) -> None:
+    context = context_before_a_person(*behaviors, fault_in=fault_in)
+    straight = context.commands.nearest(Twist(0.3, 0.0))
+    assert (context.arcs.free[straight] < 0.8) == barred
+    # either way the conflict is known, and the local goal leads past
+    assert context.conflicts is not None
+    assert context.local_goal is not None
+    assert abs(context.local_goal.bearing) > 0.1
+
+
+# --- refusals -------------------------------------------------------------------------------------
+
+
+class RefusingPlanner(RecordingPlanner):
+    """Refuses every update."""
+
+    name = "refusing_planner"
+
+    def update(self, belief: Belief) -> Waypoint | None:
+        """Never gives a waypoint."""
+        raise InputError("no way")
+
+
+def test_parameters_that_do_not_suit_the_robot_are_an_error_in_the_stack_file() -> None:
+    file = find("stack", "default")
+    with pytest.raises(ConfigError, match="cannot divide the image height") as caught:
+        Stack.load(file, ROBOT, LINE, registry(), ["flow.block_matching.rows=7"])
+    assert file.name in str(caught.value.file)
+
+
+def test_a_plugin_may_refuse_in_the_first_step_and_fails_in_those_after_it() -> None:
+    stack = sample_stack()
+    stack.planner.plugin = RefusingPlanner(ROBOT)
+    stack.start(START, [GOAL])
+    with pytest.raises(InputError, match="no way"):
+        drive(stack, 0.02)
+    stack.planner.plugin = RecordingPlanner(ROBOT)
+    stack.start(START, [GOAL])
+    simulator = drive(stack, 0.02)
+    stack.planner.plugin = RefusingPlanner(ROBOT)
+    drive(stack, 0.2, simulator)
+    assert any("no way" in fault for fault in stack.state.faults)

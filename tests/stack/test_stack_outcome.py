@@ -10,11 +10,27 @@ from stack_samples import GOAL, ROBOT, START, Ahead, Idle, Rig, ScriptedVision, 
 
 from navfw.offis import Offis
 from navfw.safety import PersistentFailure
-from navfw.signals import Encoders, Inertial, MovingObject, Pose, Stixels, Twist
-from navfw.stack import NO_ROUTE_AFTER, STUCK_AFTER, TIMED, Stack, StackState, View
+from navfw.signals import (
+    Belief,
+    Encoders,
+    Inertial,
+    MovingObject,
+    Pose,
+    Stixels,
+    Twist,
+    Waypoint,
+)
+from navfw.stack import (
+    NO_ROUTE_AFTER,
+    STUCK_AFTER,
+    TIMED,
+    ProgressWatch,
+    StackState,
+    View,
+)
 from navfw.testing.behavior_scenes import wall_flow
 
-# --- giving up ------------------------------------------------------------------------------------
+# --- giving up -----------------------------------------------------------------------------------
 
 
 def test_the_stack_gives_up_without_a_route_for_long() -> None:
@@ -27,50 +43,32 @@ def test_the_stack_gives_up_without_a_route_for_long() -> None:
         assert rig.stack.state.stuck is None
     rig.step(3.0 + NO_ROUTE_AFTER)
     assert rig.stack.state.stuck == "the door is shut"
-
-
-@pytest.mark.parametrize("change", ["route", "waypoint"])
-def test_a_route_in_between_starts_the_time_without_one_anew(change: str) -> None:
-    rig = Rig()
-    rig.planner.reason = "the door is shut"
-    for time in np.arange(0.0, 15.0, 0.5):
-        rig.step(float(time))
-    if change == "route":
-        rig.planner.reason = None
-    else:
-        rig.localizer.lost = True
-    rig.step(15.0)
-    rig.planner.reason, rig.localizer.lost = "the door is shut", False
-    for time in np.arange(15.5, 35.0, 0.5):
-        rig.step(float(time))
-        assert rig.stack.state.stuck is None
-    # a new mission starts anew as well
     rig.stack.start(START, [GOAL])
     rig.planner.reason = "the door is shut"
     rig.step(40.0)
-    assert rig.stack.state.stuck is None
+    assert rig.stack.state.stuck is None, "a new mission starts anew"
 
 
 @pytest.mark.parametrize(
-    ("reason", "text"), [(None, ""), ("the door is shut", "; the door is shut")]
+    ("lost", "reason", "stuck"),
+    [
+        (False, None, "no progress toward goal for 61 s"),
+        (False, "the door is shut", "no progress toward goal for 61 s; the door is shut"),
+        (True, None, None),
+    ],
 )
-def test_the_stack_gives_up_without_progress(reason: str | None, text: str) -> None:
+def test_the_stack_gives_up_without_progress_unless_it_is_lost(
+    lost: bool, reason: str | None, stuck: str | None
+) -> None:
     rig = Rig()
+    rig.localizer.lost = lost
     rig.step(0.0)
     for time in np.arange(1.0, STUCK_AFTER + 0.1, 1.0):
         rig.step(float(time))
         assert rig.stack.state.stuck is None
     rig.planner.reason = reason
     rig.step(STUCK_AFTER + 1.0)
-    assert rig.stack.state.stuck == f"no progress toward goal for 61 s{text}"
-
-
-def test_a_lost_robot_is_not_stuck() -> None:
-    rig = Rig()
-    rig.localizer.lost = True
-    for time in np.arange(0.0, 70.0, 1.0):
-        rig.step(float(time))
-    assert rig.stack.state.stuck is None
+    assert rig.stack.state.stuck == stuck
 
 
 def test_a_sensor_that_has_failed_for_good_is_a_fault() -> None:
@@ -82,7 +80,7 @@ def test_a_sensor_that_has_failed_for_good_is_a_fault() -> None:
     assert rig.stack.state.fault == PersistentFailure("sensor", "the camera is silent, for 21 s")
 
 
-# --- what comes out -------------------------------------------------------------------------------
+# --- what comes out ------------------------------------------------------------------------------
 
 
 def test_the_safety_monitor_has_the_last_word() -> None:
@@ -147,11 +145,6 @@ def test_a_decision_can_be_explained() -> None:
     assert rig.stack.explain() == {}
 
 
-def located(stack: Stack) -> bool:
-    """Whether the local map of ``stack`` has a position."""
-    return stack.local_map.occupancy.located
-
-
 def test_start_returns_every_part_to_the_start_of_a_run() -> None:
     person = MovingObject(0.0, 0.0, 0.3, 0.7, np.zeros((2, 2)), np.zeros(2))
     stack = sample_stack(
@@ -163,7 +156,7 @@ def test_start_returns_every_part_to_the_start_of_a_run() -> None:
     assert isinstance(vision, ScriptedVision)
     assert vision.frames
     assert stack.tracker.tracks
-    assert located(stack)
+    assert stack.local_map.occupancy.located
     assert stack.mofis.proposals
     assert stack.verdict.twist != Twist(0.0, 0.0)
     stack.trim._shares = [0.5, 0.5]
@@ -171,7 +164,7 @@ def test_start_returns_every_part_to_the_start_of_a_run() -> None:
     assert stack.state == StackState(time=0.0)
     assert vision.frames == []
     assert stack.tracker.tracks == []
-    assert not located(stack)
+    assert not vars(stack.local_map.occupancy)["_origin"]
     assert stack.mofis.proposals == {}
     assert stack.mofis.context is None
     assert stack.verdict.twist == Twist(0.0, 0.0)
@@ -180,3 +173,70 @@ def test_start_returns_every_part_to_the_start_of_a_run() -> None:
         stack.history.at(0.0)
     assert stack.odometer.update(Inertial(9.0, 0, 0, 0), Encoders(9.0, 7, 7)).pose == Pose(0, 0, 0)
     assert stack.safety.senses.camera_age == 0.0
+
+
+# --- the watch for progress -----------------------------------------------------------------------
+
+LAB = Waypoint(2.0, 1.0, 0.15, "lab", "goal", final=True)
+PASSING = Waypoint(2.0, 1.0, 0.15, "hall", "room", final=False)
+
+
+def belief(x: float, y: float) -> Belief:
+    return Belief(0.0, Pose(x, y, 0.0), np.diag([0.49, 0.04, 0.01]), {}, 0.5)
+
+
+def watched(
+    place: tuple[float, float], waypoint: Waypoint | None, idle: float, no_route: str | None = None
+) -> ProgressWatch:
+    watch = ProgressWatch()
+    for now in (0.0, NO_ROUTE_AFTER):
+        watch.update(now, belief(*place), waypoint, idle, no_route)
+    return watch
+
+
+@pytest.mark.parametrize(
+    ("place", "waypoint", "unsure"),
+    [
+        ((2.1, 1.05), LAB, True),
+        ((2.1, 1.05), PASSING, False),
+        ((2.3, 1.0), LAB, False),
+        ((2.0, 1.0), None, False),
+    ],
+)
+def test_a_goal_that_is_near_but_not_reached_leaves_the_robot_unsure(
+    place: tuple[float, float], waypoint: Waypoint | None, unsure: bool
+) -> None:
+    watch = watched(place, waypoint, idle=0.0)
+    assert watch.unsure is unsure
+    assert watch.give_up_reason is None
+
+
+def test_it_stays_unsure_while_it_looks_around_and_not_at_the_next_goal() -> None:
+    watch = watched((2.0, 1.0), LAB, idle=0.0)
+    watch.update(30.0, belief(4.0, 1.0), LAB, 30.0, None)
+    assert watch.unsure
+    watch.update(31.0, belief(4.0, 1.0), replace(LAB, x=9.0), 0.0, None)
+    assert not watch.unsure
+
+
+def test_it_gives_up_and_says_why() -> None:
+    late = STUCK_AFTER + 1.0
+    assert watched((0.0, 0.0), LAB, late).give_up_reason == "no progress toward lab for 61 s"
+    doubt = watched((2.0, 1.0), LAB, late).give_up_reason
+    assert doubt == "perhaps at lab: the position estimate has a sigma of 0.70 m"
+    assert watched((0.0, 0.0), LAB, 0.0, "the door is closed").give_up_reason == (
+        "the door is closed"
+    )
+    assert watched((0.0, 0.0), None, late, "the door is closed").give_up_reason is None
+
+
+@pytest.mark.parametrize(("waypoint", "no_route"), [(LAB, None), (None, "the door is closed")])
+def test_a_route_in_between_starts_the_time_without_one_anew(
+    waypoint: Waypoint | None, no_route: str | None
+) -> None:
+    watch, here = ProgressWatch(), belief(0.0, 0.0)
+    watch.update(0.0, here, LAB, 0.0, "the door is closed")
+    watch.update(0.9 * NO_ROUTE_AFTER, here, waypoint, 0.0, no_route)
+    for time, reason in ((0.91, None), (1.9, None), (1.92, "the door is closed")):
+        watch.update(time * NO_ROUTE_AFTER, here, LAB, 0.0, "the door is closed")
+        assert watch.give_up_reason == reason

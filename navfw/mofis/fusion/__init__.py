@@ -1,1 +1,0 @@
-"""Command fusion: ways to make one command of all behaviours' proposals (METHOD 3, Pirjanian)."""
