@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from labelled_frames import label, save_approach
-from perceive_images import save, texture
+from perceive_images import label, save, save_approach, texture
 from typer.testing import CliRunner
 
 from navfw.bench import RECORDINGS, SentenceVerdict, bench_real, judge, load_labels, real_benchmark

@@ -17,7 +17,7 @@ from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Inertial, LandmarkDetection, Odometry, Pose, Twist, wrap_angle
 from navfw.sim import GyroModel, SensorParams, WheelEncoderModel
-from navfw.topomap import Landmark, TopoMap
+from navfw.topomap import Landmark, Passage, Place, TopoMap
 
 RATE = 60
 FRAME = 6
@@ -262,3 +262,14 @@ def follow(
     table = np.array(rows).T
     time, driven, position_error, nees, confidence, lost = table
     return Report(time, driven, position_error, nees, confidence, lost > 0.0, updates)
+
+
+RING = [(0.0, 0.0), (14.0, 0.0), (14.0, 8.0), (0.0, 8.0), (0.0, 0.0)]
+CORNERS = [Place(f"corner-{i}", *point) for i, point in enumerate(RING[:4])]
+SIDES = [
+    Passage(a.name, b.name, math.hypot(a.x - b.x, a.y - b.y), 2.0)
+    for a, b in zip(CORNERS, [*CORNERS[1:], CORNERS[0]], strict=True)
+]
+MARKS = corridor_landmarks(RING)
+HALL = TopoMap("ring", CORNERS, SIDES, landmarks=MARKS)
+START = Pose(0.0, 0.0, 0.0)

@@ -5,6 +5,10 @@ import math
 import numpy as np
 import pytest
 from localization_drives import (
+    HALL,
+    MARKS,
+    RING,
+    START,
     FakeRecognizer,
     Report,
     displaced,
@@ -13,7 +17,6 @@ from localization_drives import (
     straight_drive,
     with_landmarks,
 )
-from localization_hall import HALL, MARKS, RING, START
 
 from navfw.errors import InputError
 from navfw.localization import Ekf

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from labelled_frames import save_approach
+from perceive_images import save_approach
 from typer.testing import CliRunner
 
 from navfw.bench import real_benchmark
