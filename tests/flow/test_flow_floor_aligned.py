@@ -7,13 +7,14 @@ import math
 import cv2
 import numpy as np
 import pytest
+from flow_scene import board_image
 
 from navfw.camera_geometry import derotate
 from navfw.egomotion import camera_motion
 from navfw.errors import ConfigError
 from navfw.flow import FloorAlignedFlow
 from navfw.flow.cell_kernels import match_cells
-from navfw.numerics import Array, Image
+from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, Frame, FramePair, Pose
 
@@ -22,42 +23,11 @@ CAMERA = ROBOT.camera
 START = Pose(0.0, 0.0, 0.0)
 
 
-def texture(seed: int = 0) -> Image:
-    noise = np.random.default_rng(seed).random((600, 600)).astype(np.float32)
-    smooth = cv2.GaussianBlur(noise, (0, 0), 1.5)
-    low, high = float(smooth.min()), float(smooth.max())
-    return np.asarray(20 + 215 * (smooth - low) / (high - low), dtype=np.uint8)
-
-
-def floor_image(pose: Pose, camera: CameraModel = CAMERA) -> Image:
-    """Image of an infinite floor with texels of 2 cm, taken by a camera at ``pose``."""
-    y, x = np.mgrid[: camera.height, : camera.width].astype(float)
-    rays = np.stack(
-        [
-            (x - 0.5 * (camera.width - 1)) / camera.focal,
-            (y - 0.5 * (camera.height - 1)) / camera.focal,
-            np.ones_like(x),
-        ],
-        axis=-1,
-    )
-    base = rays @ camera.base_from_camera.T
-    away = np.where(base[..., 2] < -0.02, camera.mount_height / -np.minimum(base[..., 2], -0.02), 0)
-    ahead, left = camera.mount_forward + away * base[..., 0], away * base[..., 1]
-    c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-    u = (pose.x + c * ahead - s * left) / 0.02 + 300
-    v = (pose.y + s * ahead + c * left) / 0.02 + 300
-    seen = cv2.remap(
-        texture(), u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR, None, 0, 128
-    )
-    seen[base[..., 2] >= -0.02] = 128
-    return np.asarray(seen, dtype=np.uint8)
-
-
 def pair(now: Pose, camera: CameraModel = CAMERA) -> FramePair:
     robot = ROBOT.model_copy(update={"camera": camera})
     motion = camera_motion(robot, START, now, 0.2)
     return FramePair(
-        Frame(0.0, floor_image(START, camera)), Frame(0.2, floor_image(now, camera)), motion
+        Frame(0.0, board_image(camera, START)), Frame(0.2, board_image(camera, now)), motion
     )
 
 
