@@ -70,5 +70,9 @@ def test_sigmas_grow_with_time_and_way() -> None:
         RobotModel(), Pose(0, 0, 0), Pose(0.1, 0, 0), 0.3, yaw_rate_sigma=0.01, slip=0.04
     )
     assert long.yaw_sigma == pytest.approx(0.003)
-    assert long.translation_sigma == pytest.approx(0.004, rel=0.02)
-    assert short.translation_sigma < long.translation_sigma
+    assert short.translation_sigma == pytest.approx(math.hypot(5e-4, 0.04 * 0.05))
+    assert long.translation_sigma == pytest.approx(math.hypot(5e-4, 0.04 * 0.1))
+    skidding = camera_motion(RobotModel(skid=0.05), Pose(0, 0, 0), Pose(0, 0, 0.2), 0.1)
+    assert (skidding.yaw_sigma, skidding.skid_sigma) == pytest.approx((0.0003, 0.01))
+    way = 0.03 * skidding.baseline
+    assert skidding.translation_sigma == pytest.approx(math.hypot(5e-4, way, 0.01))

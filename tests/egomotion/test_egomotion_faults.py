@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -98,6 +99,23 @@ def test_a_stale_gyro_is_replaced_by_the_wheels() -> None:
     assert drive.odometry.pose.yaw == pytest.approx(1.0, abs=0.06)
 
 
+def test_sensors_that_fail_one_after_the_other_leave_these_numbers() -> None:
+    drive = Drive()
+    for seconds, v, w, dead, gyro, bias, expected in (
+        (0.5, 0.0, 0.0, "", True, 0.02, (0.0, 0.0, 0.0, 0.0, 0.02)),
+        (0.4, 0.3, 0.5, "", True, 0.02, (0.1190830, 0.0119555, 0.2, 0.2994487, 0.02)),
+        (0.5, 0.2, 0.3, "left", True, 0.05, (0.1996201, 0.0360752, 0.365, 0.1950612, 0.02)),
+        (0.4, 0.2, -0.3, "", False, 0, (0.274458, 0.064263, 0.308191, 0.199382, 0.019612)),
+        (0.4, 0.2, -0.3, "right", False, 0, (0.339065, 0.07436, 0.084924, 0.198578, 0.019612)),
+        (0.5, -0.1, 0.8, "both", True, 0.03, (0.319618, 0.064218, 0.490118, -0.099857, 0.019612)),
+        (0.8, 0.0, 0.0, "", True, 0.2, (0.319618, 0.064218, 0.634802, 0.0, 0.019144)),
+    ):
+        drive.odometer.correct(YawCorrection(0.002, 0.0, motion(w)))
+        found = drive.go(seconds, v, w, dead=dead, gyro=gyro, bias=bias)
+        numbers = (*dataclasses.astuple(found.pose), found.twist.v, found.yaw_bias)
+        assert numbers == pytest.approx(expected, abs=1e-6)
+
+
 def motion(w: float, dt: float = 0.2) -> CameraMotion:
     turn = w * dt
     c, s = math.cos(turn), math.sin(turn)
@@ -145,7 +163,7 @@ def test_without_gyro_yaw_is_less_certain_and_the_flow_corrects_unequal_wheels()
         measured = (drive.odometry.pose.yaw - before) / 0.04
         yaw = 0.5 * (skew - measured) * 0.08
         drive.odometer.correct(YawCorrection(yaw, 0.0, motion(0.0)))
-    assert with_yaw_sigma(field, drive.odometry).motion.yaw_sigma > 0.005
+    assert with_yaw_sigma(field, drive.odometry).motion.yaw_sigma == pytest.approx(0.1 * 0.08)
     before = drive.odometry.pose.yaw
     drive.go(1.0, 0.4, gyro=False)
     assert drive.odometry.pose.yaw - before == pytest.approx(0.4 * skew, rel=0.2)
