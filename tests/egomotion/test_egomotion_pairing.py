@@ -132,18 +132,12 @@ def test_reset_forgets_everything() -> None:
 
 
 def test_parameters_are_bounded_and_a_short_baseline_is_below_the_desired_one() -> None:
-    ranges = {
-        "baseline": "[0.02, 0.16]",
-        "min_baseline": "(0, 0.08]",
-        "max_baseline": "[0.08, 1]",
-        "short_baseline": "(0, 1]",
-        "max_rotation": "(0, 0.5]",
-        "max_age": "(0, 10]",
-        "min_step": "[0, 0.1]",
-        "yaw_rate_sigma": "[0, 0.5]",
-        "slip": "[0, 0.5]",
-    }
-    check_ranges(PairingParams, ranges)
+    check_ranges(
+        PairingParams,
+        "baseline [0.02, 0.16], min_baseline (0, 0.08], max_baseline [0.08, 1], max_age (0, 10], "
+        "short_baseline (0, 1], max_rotation (0, 0.5], min_step [0, 0.1], slip [0, 0.5], "
+        "yaw_rate_sigma [0, 0.5]",
+    )
     for wrong in (0.08, 0.019):
         with pytest.raises(ValidationError, match="short_baseline"):
             PairingParams(short=True, short_baseline=wrong)

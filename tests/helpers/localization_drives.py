@@ -207,6 +207,12 @@ class Report:
     updates: int
 
     @property
+    def totals(self) -> tuple[float, float, float, float, int]:
+        """Sums of errors, nees, confidences and losses, and the number of updates."""
+        sums = [float(column.sum()) for column in (self.error, self.nees, self.confidence)]
+        return (*sums, float(self.lost.sum()), self.updates)  # type: ignore[return-value]
+
+    @property
     def localized_at(self) -> int | None:
         """The first frame with confidence of at least 0.9 and an error of at most 1 m."""
         right = np.flatnonzero((self.confidence >= 0.9) & (self.error <= 1.0))
