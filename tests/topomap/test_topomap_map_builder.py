@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Sequence
 from functools import cache
@@ -16,7 +17,15 @@ from hypothesis import strategies as st
 
 from navfw.errors import MapError
 from navfw.sim import SceneGeometry, WorldSpec, load_world
-from navfw.topomap import ClearanceGrid, TopoMap, build_map, check_map, skeleton_graph, thinned
+from navfw.topomap import (
+    ClearanceGrid,
+    TopoMap,
+    build_map,
+    check_map,
+    map_text,
+    skeleton_graph,
+    thinned,
+)
 
 ROOT = Path(__file__).parents[2]
 
@@ -104,10 +113,30 @@ def test_passages_lead_round_both_sides_of_an_obstacle() -> None:
     assert cv2.pointPolygonTest(cv2.convexHull(around), (4.0, 2.0), measureDist=False) > 0
 
 
+BEND = """\
+name: bend
+
+places:
+  corridor-1: {x: 7.23, y: 0.78, kind: corridor}
+  corridor-2: {x: 0.78, y: 3.23, kind: corridor}
+  corridor-corner-1: {x: 6.88, y: 3.23, kind: corner}
+
+edges:
+  - {from: corridor-corner-1, to: corridor-1, width: 0.95}
+  - {from: corridor-corner-1, to: corridor-2, width: 1.45}
+"""
+
+
 def test_a_bend_has_a_corner() -> None:
-    topo_map = build_map("bend", ground((0, 0, 6.5, 2.5)))
-    assert "corner" in {place.kind for place in topo_map.places.values()}
-    assert len(topo_map.parts) == 1
+    assert map_text(build_map("bend", ground((0, 0, 6.5, 2.5)))) == BEND
+
+
+@pytest.mark.parametrize(
+    ("name", "digest"), [("office", "9c53afcc93527607"), ("paper-room", "a3928f6a2d8214e0")]
+)
+def test_a_map_is_built_always_the_same(name: str, digest: str) -> None:
+    text = map_text(built(name)[0])
+    assert hashlib.sha256(text.encode()).hexdigest().startswith(digest), text
 
 
 def test_gaps_too_narrow_for_the_robot_have_no_passage() -> None:
