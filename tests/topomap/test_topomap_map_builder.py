@@ -26,6 +26,7 @@ from navfw.topomap import (
     skeleton_graph,
     thinned,
 )
+from navfw.topomap.map_regions import _across
 
 ROOT = Path(__file__).parents[2]
 
@@ -95,7 +96,8 @@ def test_corridors_have_junctions_where_doors_lead_off() -> None:
 
 
 def test_two_rooms_and_a_door() -> None:
-    topo_map = build_map("pair", ground((3.95, 0, 4.05, 1.5), (3.95, 2.5, 4.05, 4)))
+    halves = ground((3.95, 0, 4.05, 1.5), (3.95, 2.5, 4.05, 4))
+    topo_map = build_map("pair", halves)
     (door,) = [place for place in topo_map.places.values() if place.kind == "door"]
     assert door.distance(4.0, 2.0) < 0.1
     beside = [topo_map.place(p.other(door.name)) for p in topo_map.passages_at(door.name)]
@@ -103,6 +105,23 @@ def test_two_rooms_and_a_door() -> None:
     assert all(abs(place.y - 2.0) < 0.1 for place in beside)
     assert all(p.doorness == 1.0 for p in topo_map.passages_at(door.name))
     assert max(p.width for p in topo_map.passages_at(door.name)) <= 1.0
+    rooms = {"hall": (0.0, 8.0, 0.0, 4.0), "east": (3.0, 8.0, 1.9, 2.1)}
+    places = build_map("pair", halves, rooms=rooms).places.values()
+    named = {(place.name, place.x) for place in places}
+    assert {("hall", 1.98), ("east", 6.03), ("east-1", 3.2), ("east-door", 4.0)} < named
+
+
+@pytest.mark.parametrize("quarter", range(-2, 3))
+@pytest.mark.parametrize(("off", "square"), [(-7.9, True), (7.9, True), (8.1, False)])
+def test_a_door_that_is_nearly_square_is_square(quarter: int, off: float, square: bool) -> None:
+    angle = math.radians(90.0 * quarter + off)
+    aside = np.array([-math.sin(angle), math.cos(angle)])
+    middle, through = _across(
+        np.array([3.0, 2.0]) - 0.5 * aside, np.array([3.0, 2.0]) + 0.5 * aside
+    )
+    assert middle == pytest.approx((3.0, 2.0))
+    expected = math.radians(90.0 * quarter) if square else angle
+    assert through == pytest.approx((math.cos(expected), math.sin(expected)))
 
 
 def test_passages_lead_round_both_sides_of_an_obstacle() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import subprocess
 import sys
@@ -27,7 +28,7 @@ from navfw.sim import (
     load_world,
     solids_of,
 )
-from navfw.topomap import load_map
+from navfw.topomap import load_map, map_text
 from navfw.worldgen import FAMILIES, MAP_FILE, GeneratedWorld, WorldDraft, furnish, generate
 
 ROBOT = RobotModel()
@@ -79,6 +80,29 @@ def test_world_is_traversable_in_time(
     assert world.shortest >= 5.0
     # a quarter of the top speed suffices
     assert world.mission.timeout > world.shortest / (0.25 * ROBOT.max_v)
+
+
+DIGESTS = {
+    "rooms": "7421601d8a5f",
+    "clutter": "b14d47cf1680",
+    "corridors": "bd01adbfa879",
+    "maze": "644f9f99c547",
+    "moving": "227a6ddd4f04",
+    "poles": "165474041852",
+}
+"""Of the worlds, missions and maps of CASES: results name worlds by family and seed alone."""
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_seed_gives_the_world_that_it_gave_before(
+    made: dict[tuple[str, int, float], GeneratedWorld], family: str
+) -> None:
+    worlds = [world for case, world in made.items() if case[0] == family]
+    texts = [
+        world.world.model_dump_json() + world.mission.model_dump_json() + map_text(world.topo_map)
+        for world in worlds
+    ]
+    assert hashlib.sha256("".join(texts).encode()).hexdigest().startswith(DIGESTS[family])
 
 
 @pytest.mark.parametrize("family", FAMILIES)

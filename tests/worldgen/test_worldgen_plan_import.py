@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -17,10 +19,11 @@ from navfw.errors import InputError
 from navfw.missions import chosen_stack, load_mission
 from navfw.signals import Pose
 from navfw.sim import SceneGeometry, load_world
-from navfw.topomap import FREE, OccupancyMap, check_map, load_map, save_ros_map
+from navfw.topomap import FREE, OccupancyMap, check_map, load_map, map_text, save_ros_map
 from navfw.worldgen import ImportedPlan, import_plan
 
 
+@cache
 def imported(name: str) -> ImportedPlan:
     return import_plan(PLANS[name](), name)
 
@@ -46,6 +49,23 @@ def test_openings_in_thick_walls_are_doors_between_named_rooms(tmp_path: Path) -
         mission = load_mission(folder / "missions" / f"{name}.yaml")
         assert chosen_stack(mission).stem == "floor_plan"
         assert mission.check(plan) > 3.0
+
+
+@pytest.mark.parametrize(
+    ("name", "digest"),
+    [
+        ("thick-walls", "5ddf2a033506"),
+        ("long-corridors", "1e2402d17722"),
+        ("open-hall", "8b692feaa24a"),
+        ("curved-walls", "fa96a32dc1db"),
+        ("clutter", "bfd4c8ccb5dd"),
+    ],
+)
+def test_a_plan_gives_always_the_same_world(name: str, digest: str) -> None:
+    made = imported(name)
+    missions = [mission.model_dump_json() for mission in made.missions.values()]
+    text = "".join([made.world.model_dump_json(), map_text(made.topo_map), *missions])
+    assert hashlib.sha256(text.encode()).hexdigest().startswith(digest)
 
 
 @pytest.mark.parametrize("name", ["thick-walls", "long-corridors"])
