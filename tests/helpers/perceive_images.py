@@ -49,6 +49,13 @@ def save(folder: Path, images: list[Image]) -> Path:
     return folder
 
 
+def total(data: object) -> float:
+    """The sum of all numbers in data as of JSON, which each of them changes."""
+    if isinstance(data, dict | list):
+        return sum(map(total, data.values() if isinstance(data, dict) else data))
+    return float(data) if isinstance(data, int | float) and not isinstance(data, bool) else 0.0
+
+
 def assert_ahead(view: Mapping[str, Any], width: int, height: int) -> None:
     """The heading is straight ahead within three of its standard deviations, here below 12 deg.
 

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from perceive_images import HEIGHT, WIDTH, assert_ahead, save, texture, wall_at
+from perceive_images import HEIGHT, WIDTH, assert_ahead, save, texture, total, wall_at
 from typer.testing import CliRunner
 
 from navfw.cli import app
@@ -55,6 +55,8 @@ def test_wall_that_comes_nearer(approach: Path) -> None:
         assert_ahead(view, WIDTH, HEIGHT)
         for quadrant in view["distances"].values():
             assert quadrant["distance_m"] == pytest.approx(distance, rel=0.15)
+    sums = [401.5904, 388.5085, 374.5287, 402.4562]
+    assert [total(view) for view in views] == pytest.approx(sums, rel=1e-5)
 
 
 def test_without_speed_only_times(approach: Path) -> None:
@@ -103,6 +105,8 @@ def test_camera_that_rolls(tmp_path: Path) -> None:
         assert view["ttc_s"] == pytest.approx(2 * distance, rel=0.1)
         # the image turns by the angle, counter-clockwise: the camera rolled the other way
         assert view["rotation_deg"]["roll"] == pytest.approx(8.0 * view["dt"], abs=0.15)
+    sums = [403.4907, 400.577, 399.5682]
+    assert [total(view) for view in views] == pytest.approx(sums, rel=1e-5)
 
 
 def test_camera_that_backs(approach: Path) -> None:
