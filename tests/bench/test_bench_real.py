@@ -13,8 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from labelled_frames import label, save_approach
-from perceive_images import HEIGHT, WIDTH, save, texture, wall_at
+from perceive_images import HEIGHT, WIDTH, label, save, save_approach, texture, wall_at
 from typer.testing import CliRunner
 
 from navfw.bench import (

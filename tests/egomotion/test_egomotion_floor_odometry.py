@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -355,6 +356,24 @@ def test_registration_corrects_the_state_as_a_kalman_filter() -> None:
     gain = covariance[:, :3] @ np.linalg.inv(total)
     assert odometry._state == pytest.approx(STATE + gain @ off)
     assert odometry._covariance == pytest.approx(covariance - gain @ covariance[:3, :], abs=1e-12)
+
+
+def test_slip_a_stop_and_a_jump_of_the_bias_leave_these_numbers() -> None:
+    floor, odometry = PaintedFloor(seed=6), FloorOdometry(ROBOT)
+    still = CameraMotion(np.eye(3), np.zeros(3), 0.2)
+    for k, (true, ideal) in enumerate(drive(4.0, 0.4, 0.2, scale=1.03, bias=0.01)):
+        raw = replace(ideal, silent=k in (8, 9), still=k == 30, yaw_bias=0.001 * k)
+        odometry.observe(Frame(raw.time, floor.view(true)), raw)
+        if k % 5 == 4:
+            odometry.correct(YawCorrection(0.002 if k == 24 else 2e-4, 1e-3, still))
+    state = [0.039919, 0.00041139, 0.021882, 0.021409, 0.029867]
+    sigmas = [3.6395e-4, 3.1687e-5, 7.7921e-5, 8.9349e-3, 2.6358e-4]
+    assert odometry._state == pytest.approx(state, rel=1e-3)
+    assert np.sqrt(odometry._covariance.diagonal()) == pytest.approx(sigmas, rel=1e-3)
+    found = odometry.corrected(raw)
+    pose, twist = (1.39336, 0.58785, 0.79605), (0.40318, 0.21913)
+    assert dataclasses.astuple(found.pose) == pytest.approx(pose, abs=1e-4)
+    assert dataclasses.astuple(found.twist) == pytest.approx(twist, abs=1e-4)
 
 
 def test_a_reset_forgets_all() -> None:

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.egomotion import Egomotion, EgomotionPrior, MotionKind, PointMotion, estimate_egomotion
+from navfw.egomotion.flow_egomotion import DIRECTIONS, _hemisphere
 from navfw.numerics import Array
 
 FOCAL = 100.0
@@ -152,6 +153,36 @@ def test_a_heading_known_before_pulls_only_where_the_points_leave_it_open(toward
     wrong = EgomotionPrior(direction=np.array([-1.0, 0.0, 0.0]), direction_sigma=0.3)
     room = seen(*scene(7), np.eye(3), shift, noise=0.05)
     assert angle_between(estimate_egomotion(room, FOCAL, wrong), shift) < 3.0
+
+
+def test_the_directions_searched_are_spread_evenly() -> None:
+    directions = _hemisphere(DIRECTIONS)
+    apart = directions @ directions.T - 2.0 * np.eye(DIRECTIONS)
+    nearest = np.degrees(np.arccos(apart.max(axis=1)))
+    assert nearest.min() > 11.0
+    assert nearest.max() < 12.5
+    assert directions.mean(axis=0) == pytest.approx([0.0, 0.0, 0.5], abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("informed", "direction", "sigmas"),
+    [
+        (False, [0.329998, -0.108971, 0.937671], [1.16467, 1.17042, 1.32111, 19.7866, 21.6293]),
+        (True, [0.343577, -0.103511, 0.933402], [1.13619, 1.00096, 1.20550, 17.9298, 21.0771]),
+    ],
+)
+def test_noisy_points_with_outliers_give_these_numbers(
+    informed: bool, direction: list[float], sigmas: list[float]
+) -> None:
+    turn, shift = rotation_of(np.array([0.01, 0.04, -0.02])), np.array([0.05, -0.02, 0.12])
+    motion = seen(*scene(9, 60), turn, shift, noise=0.3)
+    motion.past[:9] += 5.0
+    motion.weight[9:20] = 0.4
+    spread = np.diag([0.01, 0.002, 0.003]) ** 2
+    prior = EgomotionPrior(turn, spread, shift / math.hypot(*shift), 0.2) if informed else None
+    found = estimate_egomotion(motion, FOCAL, prior)
+    assert found.direction == pytest.approx(direction, abs=1e-6)
+    assert np.sqrt(found.covariance.diagonal()) == pytest.approx(1e-3 * np.array(sigmas), rel=1e-5)
 
 
 def test_a_camera_that_went_backward_before_goes_on_backward() -> None:

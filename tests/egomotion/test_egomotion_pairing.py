@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from param_ranges import check_ranges
 from pydantic import ValidationError
 
 from navfw.egomotion import FrameBuffer, PairingParams, seeing_speed
@@ -130,16 +131,13 @@ def test_a_frame_older_than_its_odometry_is_placed_by_the_twist() -> None:
     assert math.atan2(pair.motion.rotation[0, 2], pair.motion.rotation[2, 2]) == pytest.approx(0.08)
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"baseline": 0.01},
-        {"baseline": 0.3},
-        {"short": True, "short_baseline": 0.09},
-        {"base_line": 0.08},
-        {"max_age": -1.0},
-    ],
-)
-def test_contradicting_parameters_are_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(ValidationError):
-        PairingParams.model_validate(wrong)
+def test_parameters_are_bounded_and_a_short_baseline_is_below_the_desired_one() -> None:
+    check_ranges(
+        PairingParams,
+        "baseline [0.02, 0.16], min_baseline (0, 0.08], max_baseline [0.08, 1], max_age (0, 10], "
+        "short_baseline (0, 1], max_rotation (0, 0.5], min_step [0, 0.1], slip [0, 0.5], "
+        "yaw_rate_sigma [0, 0.5]",
+    )
+    for wrong in (0.08, 0.019):
+        with pytest.raises(ValidationError, match="short_baseline"):
+            PairingParams(short=True, short_baseline=wrong)

@@ -7,7 +7,7 @@ import math
 import cv2
 import numpy as np
 import pytest
-from movers_scenes import render
+from flow_scene import board_image
 
 from navfw.camera_geometry import derotate
 from navfw.egomotion import camera_motion
@@ -27,7 +27,7 @@ def pair(now: Pose, camera: CameraModel = CAMERA) -> FramePair:
     robot = ROBOT.model_copy(update={"camera": camera})
     motion = camera_motion(robot, START, now, 0.2)
     before, after = (
-        Frame(t, render(camera, pose, t, ())) for t, pose in ((0.0, START), (0.2, now))
+        Frame(t, board_image(camera, pose)) for t, pose in ((0.0, START), (0.2, now))
     )
     return FramePair(before, after, motion)
 

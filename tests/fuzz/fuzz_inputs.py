@@ -13,10 +13,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
-from fuzz_cases import Workshop
-from fuzz_runs import fuzz, table
-
-__all__ = ["main"]
+from fuzz_cases import Workshop, fuzz, table
 
 
 def main() -> int:

@@ -10,9 +10,157 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from misdeeds import BASES, HARMLESS, MISDEEDS, write_wrongdoer
 
-DRIVER = Path(__file__).parents[1] / "helpers" / "short_limits.py"
+MISDEEDS = {
+    "raises": "raise ValueError('on purpose')",
+    "exits": "import sys; sys.exit(0)",
+    "exits at once": "import os; os._exit(0)",
+    "interrupts": "raise KeyboardInterrupt",
+    "raises a bare exception": "raise BaseException('bare')",
+    "none": "return 7",
+    "list": "return [1.0, 2.0]",
+    "nan": "return spoilt(answer, float('nan'))",
+    "complex": "return spoilt(answer, 1j)",
+    "wrong shape": "return spoilt(answer, None)",
+    "mutates": "mutate(arguments); return answer",
+    "sleeps": "import time; time.sleep(1000)",
+    "loops": "\n        while True:\n            pass",
+    "loops in compiled code": "\n        endless(1.0)",
+    "disables the timer": "import signal, time; signal.setitimer(signal.ITIMER_REAL, 0)"
+    "\n        while True:\n            time.sleep(0.01)",
+    "threads": "import threading, time"
+    "\n        if not hasattr(type(self), 'thread'):"
+    "\n            type(self).thread = threading.Thread(target=time.sleep, args=(1000,))"
+    "\n            type(self).thread.start()"
+    "\n        return answer",
+    "changes the folder": "import os; os.chdir('/'); return answer",
+    "prints": "print('{noise'); return answer",
+    "draws global random numbers": "import random; random.random(); return answer",
+    "replaces the safety monitor": "from navfw.safety import SafetyMonitor, SafetyVerdict"
+    "\n        SafetyMonitor.limit = lambda self, twist, time, pose: SafetyVerdict(twist)"
+    "\n        return answer",
+}
+"""Source of each misdeed, to stand in a method with ``answer`` and ``arguments``."""
+
+HARMLESS = ("mutates", "prints")
+"""Misdeeds after which the answer is right: nothing may happen."""
+
+BASES = {
+    "flow": ("navfw.flow.block_matching", "BlockMatching", "compute(pair)"),
+    "perception": ("navfw.offis.offis", "Offis", "perceive(flow, twist)"),
+    "features": ("navfw.features.no_features", "NoFeatures", "recognize(frame)"),
+    "localizer": (
+        "navfw.localization.dead_reckoning",
+        "DeadReckoning",
+        "update(odometry, percept, detections)",
+    ),
+    "planner": ("navfw.papfis.papfis", "Papfis", "update(belief)"),
+    "behavior": ("navfw.interfaces", "Behavior", "propose(context)"),
+    "composite": ("navfw.interfaces", "Composite", "weigh(context)"),
+    "fusion": ("navfw.mofis.fusion", "FuzzyFusion", "fuse(context, proposals)"),
+    "controller": ("navfw.locom.unicycle", "Unicycle", "control(command, odometry, dt)"),
+}
+"""Module, class and method with its parameters of the plugin derived from, by kind."""
+
+_ANSWERS = {
+    "behavior": "Proposal(0.0, *np.zeros((2, *context.commands.shape)), 'nothing')",
+    "composite": "{}",
+}
+
+_FILE = '''
+"""A plugin that does wrong."""
+import dataclasses
+import numba
+import numpy as np
+from navfw.signals import Proposal
+from {module} import {base}
+
+
+@numba.njit
+def endless(x):
+    while x > 0.0:
+        x = x + 1.0 if x < 1e9 else 1.0
+    return x
+
+
+def spoilt(answer, value):
+    """The answer with its first array or number replaced; (1, 1) zeros for None."""
+    if isinstance(answer, dict):
+        return {{**answer, "go_to_xy": value}}
+    if not dataclasses.is_dataclass(answer):
+        return [value]
+    for field in dataclasses.fields(answer):
+        old = getattr(answer, field.name)
+        if isinstance(old, np.ndarray):
+            new = np.zeros((1, 1)) if value is None else np.full(old.shape, value)
+            return dataclasses.replace(answer, **{{field.name: new}})
+    for field in dataclasses.fields(answer):
+        if isinstance(getattr(answer, field.name), float | int):
+            return dataclasses.replace(answer, **{{field.name: value}})
+    twist = dataclasses.replace(answer.twist, v=value)
+    return dataclasses.replace(answer, twist=twist)
+
+
+def mutate(things, depth=0):
+    """Try to change every array that is reachable."""
+    for thing in things:
+        if isinstance(thing, np.ndarray) and thing.dtype != object:
+            try:
+                thing[...] = 0
+            except ValueError:
+                pass
+        elif dataclasses.is_dataclass(thing) and depth < 3:
+            mutate([getattr(thing, f.name) for f in dataclasses.fields(thing)], depth + 1)
+
+
+class Wrongdoer({base}):
+    """Does wrong from the third call on."""
+
+    name = "wrongdoer"
+    calls = 0
+
+    def {method}(self, {parameters}):
+        arguments = ({parameters},)
+        answer = {answer}
+        self.calls += 1
+        if self.calls < 3:
+            return answer
+        {misdeed}
+'''
+
+
+def write_wrongdoer(folder: Path, kind: str, misdeed: str) -> None:
+    """Write the project folder of a plugin ``wrongdoer`` of that kind."""
+    module, base, call = BASES[kind]
+    method, _, parameters = call.rstrip(")").partition("(")
+    (folder / "plugins").mkdir(parents=True, exist_ok=True)
+    (folder / "navfw.toml").touch()
+    (folder / "plugins" / "wrongdoer.py").write_text(
+        _FILE.format(
+            module=module,
+            base=base,
+            method=method,
+            parameters=parameters,
+            answer=_ANSWERS.get(kind, f"super().{call}"),
+            misdeed=MISDEEDS[misdeed],
+        )
+    )
+    plugin = "behaviors" if kind == "behavior" else kind
+    stack = f"base: default\n{plugin}:\n  wrongdoer:\nsafety: {{give_up: 3}}\n"
+    (folder / "stacks").mkdir(exist_ok=True)
+    (folder / "stacks" / "wrong.yaml").write_text(stack)
+
+
+SHORT_LIMITS = """
+import navfw.cli
+import navfw.process.watchdog
+from navfw.guard import PluginGuard
+
+PluginGuard.__init__.__defaults__ = (6.0, 20.0)
+navfw.process.watchdog.GRACE = 1.0
+navfw.cli.main()
+"""
+"""The ``navfw`` command with short time limits for plugins."""
 ENDED = ("exits at once", "loops in compiled code", "disables the timer")
 """Misdeeds that end the process of the run; its supervisor writes the result."""
 TOLD = ("threads", "changes the folder", "draws global random numbers")
@@ -36,8 +184,8 @@ PAIRS = [
 
 def drive(folder: Path) -> dict[str, Any]:
     """The result of a short mission with the stack ``wrong`` of a project, as a process."""
-    command = [sys.executable, str(DRIVER), "run", "paper-room", "through-the-door", "--json"]
-    command += ["--stack", "wrong", "--set", "mission.timeout=8", "--out", "result"]
+    command = [sys.executable, "-c", SHORT_LIMITS, "run", "paper-room", "through-the-door"]
+    command += ["--json", "--stack", "wrong", "--set", "mission.timeout=8", "--out", "result"]
     done = subprocess.run(  # noqa: S603 - this Python, fixed arguments
         command,
         cwd=folder,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from navfw.context import Context
 from navfw.interfaces import Behavior, Composite
 from navfw.plugins import default_registry
@@ -14,20 +16,16 @@ REGISTRY = default_registry()
 
 def behavior_of(name: str) -> Behavior:
     """The behaviour with default parameters, at the start of a run."""
-    cls = REGISTRY.get("behavior", name)
-    assert issubclass(cls, Behavior)
-    built = cls(ROBOT)
-    built.reset()
-    return built
+    behavior = cast(Behavior, REGISTRY.get("behavior", name)(ROBOT))
+    behavior.reset()
+    return behavior
 
 
 def composite_of(name: str) -> Composite:
     """The composite with default parameters, at the start of a run."""
-    cls = REGISTRY.get("composite", name)
-    assert issubclass(cls, Composite)
-    built = cls(ROBOT)
-    built.reset()
-    return built
+    composite = cast(Composite, REGISTRY.get("composite", name)(ROBOT))
+    composite.reset()
+    return composite
 
 
 def desired_twist(context: Context, proposal: Proposal) -> Twist:

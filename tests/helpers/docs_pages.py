@@ -9,22 +9,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
-__all__ = [
-    "COMMAND",
-    "PAGES",
-    "ROOT",
-    "DocBlock",
-    "anchors",
-    "blocks_of",
-    "commands",
-    "files_of",
-    "links",
-    "load_module",
-    "table",
-    "without_code",
-    "write_files",
-]
-
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
 PAGES += sorted((ROOT / "docs").rglob("*.md"))

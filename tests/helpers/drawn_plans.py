@@ -15,8 +15,6 @@ import numpy as np
 from navfw.signals import Pose
 from navfw.topomap import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
-__all__ = ["PLANS", "with_noise"]
-
 CELL = 0.05
 Point = tuple[float, float]
 

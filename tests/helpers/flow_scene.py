@@ -1,4 +1,4 @@
-"""A small ray caster: textured planes seen by a pinhole camera, with exact depth and flow."""
+"""Small ray casters: textured planes with exact depth and flow; boards on a textured floor."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from navfw.flow import grid_points
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel
-from navfw.signals import CameraMotion, FlowField, Frame, FramePair
+from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Pose
 
 TILE = 2.0  # period of the textures [m]
 TEXELS = 256
@@ -157,3 +157,66 @@ def exact_field(camera: CameraModel, motion: CameraMotion, depth: Array) -> Flow
     rays = np.concatenate([points, np.full((12, 16, 1), camera.focal)], axis=-1)
     vectors = true_flow(rays, depth, motion, camera.focal)
     return FlowField(0.0, points, vectors, np.ones((12, 16)), np.full((12, 16), 0.1), motion)
+
+
+TEXEL = 0.02
+"""Side of a texel [m]."""
+
+
+@dataclass(frozen=True)
+class Board:
+    """An upright board across odom's x axis: place, width, height [m], velocity [m/s]."""
+
+    x: float
+    y: float
+    width: float = 0.4
+    height: float = 1.2
+    vx: float = 0.0
+    vy: float = 0.0
+
+    def at(self, time: float) -> tuple[float, float]:
+        """Centre (x, y) [m] at ``time`` [s]."""
+        return self.x + self.vx * time, self.y + self.vy * time
+
+
+@cache
+def grain(seed: int) -> Image:
+    """A (600, 600) image of smooth noise."""
+    noise = np.random.default_rng(seed).random((600, 600)).astype(np.float32)
+    smooth = cv2.GaussianBlur(noise, (0, 0), 1.5)
+    low, high = float(smooth.min()), float(smooth.max())
+    return np.asarray(20 + 215 * (smooth - low) / (high - low), dtype=np.uint8)
+
+
+def sampled_grain(seed: int, u: Array, v: Array) -> Array:
+    """The texture at (u, v) [m]."""
+    x, y = ((value / TEXEL + 300).astype(np.float32) for value in (u, v))
+    return np.asarray(
+        cv2.remap(grain(seed), x, y, cv2.INTER_LINEAR, None, cv2.BORDER_WRAP), dtype=np.float64
+    )
+
+
+def board_image(
+    camera: CameraModel, pose: Pose, time: float = 0.0, boards: tuple[Board, ...] = ()
+) -> Image:
+    """The image of ``camera`` on a robot at odom ``pose`` on a textured floor with boards."""
+    base = Scene(camera).rays() @ camera.base_from_camera.T
+    c, s = np.cos(pose.yaw), np.sin(pose.yaw)
+    east, north = c * base[..., 0] - s * base[..., 1], s * base[..., 0] + c * base[..., 1]
+    up = base[..., 2]
+    eye_x, eye_y = pose.to_parent(camera.mount_forward, 0.0)
+    depth = camera.mount_height / np.maximum(-up, 1e-6)
+    near = depth < 40.0
+    floor = np.minimum(depth, 40.0)
+    image = np.where(near, sampled_grain(0, eye_x + floor * east, eye_y + floor * north), 128.0)
+    depth = np.where(near, depth, np.inf)
+    for number, board in enumerate(boards):
+        at_x, at_y = board.at(time)
+        along = (at_x - eye_x) / np.where(np.abs(east) < 1e-9, 1e-9, east)
+        aside = eye_y + along * north - at_y
+        height = camera.mount_height + along * up
+        hit = (along > 0.0) & (along < depth) & (np.abs(aside) < 0.5 * board.width)
+        hit &= (height > 0.0) & (height < board.height)
+        image = np.where(hit, sampled_grain(1 + number, aside, height), image)
+        depth = np.where(hit, along, depth)
+    return np.asarray(np.clip(image, 0, 255), dtype=np.uint8)

@@ -1,4 +1,7 @@
-"""Fuzz cases, each repeatable from a seed and its number; run as a program, their worker."""
+"""Fuzz cases, each repeatable from a seed and its number, and what became of many of them.
+
+Run as a program, this is their worker.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +10,22 @@ import json
 import os
 import resource
 import shutil
+import subprocess
 import sys
+import tempfile
 import time
 import traceback
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from random import Random
 
+import typer.testing
 from fuzz_mutations import MUTATORS
 from fuzz_targets import TARGETS, Target, outcome_of
-
-__all__ = ["MAX_MEMORY", "MAX_TIME", "Tried", "Workshop", "main"]
 
 MAX_TIME = 5.0
 """Largest computing time of a case [s]."""
@@ -45,36 +52,20 @@ class Tried:
     defect: str = ""
 
 
-def _pipe(path: Path) -> None:
-    os.mkfifo(path)
-
-
-def _device(path: Path) -> None:
-    path.symlink_to("/dev/zero")
-
-
 def _giant(path: Path) -> None:
     with path.open("wb") as stream:
         stream.truncate(3_000_000_000)
 
 
-def _nothing(path: Path) -> None:
-    del path
-
-
-def _circle(path: Path) -> None:
-    path.symlink_to(path.name)
-
-
-PLACED: tuple[Callable[[Path], object], ...] = (
-    _pipe,
-    _device,
-    _giant,
-    _nothing,
-    _circle,
-    Path.mkdir,
-    Path.touch,
-)
+PLACED: dict[str, Callable[[Path], object]] = {
+    "pipe": os.mkfifo,
+    "device": lambda path: path.symlink_to("/dev/zero"),
+    "giant": _giant,
+    "nothing": lambda path: None,
+    "circle": lambda path: path.symlink_to(path.name),
+    "folder": Path.mkdir,
+    "empty": Path.touch,
+}
 
 
 class Workshop:
@@ -103,7 +94,7 @@ class Workshop:
         file = place / target.file
         clear(file)
         if random.random() < _PLACED:
-            random.choice(PLACED)(file)
+            random.choice([*PLACED.values()])(file)
         else:
             digits = sys.get_int_max_str_digits()
             sys.set_int_max_str_digits(0)  # to write integers that cannot be read
@@ -158,10 +149,65 @@ def _megabytes() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000.0
 
 
+def fuzz(cases: int, seed: int = 0, workers: int = 2) -> list[Tried]:
+    """The outcomes of the cases 0 to ``cases`` - 1, tried in ``workers`` processes."""
+    shares = [range(first, cases, workers) for first in range(workers)]
+    with ThreadPoolExecutor(workers) as pool:
+        done = list(pool.map(lambda share: _share(share, seed), shares))
+    return sorted((tried for part in done for tried in part), key=lambda tried: tried.number)
+
+
+def _share(numbers: range, seed: int) -> list[Tried]:
+    """The outcomes of these cases; a process that dies costs its case, and a new one goes on."""
+    done: list[Tried] = []
+    while numbers:
+        with tempfile.TemporaryDirectory() as folder:
+            report = Path(folder) / "report.jsonl"
+            span = map(str, (seed, numbers.start, numbers.stop, numbers.step))
+            words = [__file__, folder, *span]
+            ended = subprocess.run(  # noqa: S603
+                [sys.executable, *words], capture_output=True, check=False
+            )
+            stderr = ended.stderr.decode(errors="replace")
+            lines = report.read_text().splitlines() if report.exists() else []
+        entries = [json.loads(line) for line in lines]
+        done += [Tried(**entry) for entry in entries if "kind" in entry]
+        began = [entry["began"] for entry in entries if "began" in entry]
+        if not began:
+            raise RuntimeError(f"the worker did not start:\n{stderr}")
+        if ended.returncode:
+            what = f"the process ended with {ended.returncode}: {stderr[-2000:]}"
+            done.append(Tried(began[-1], "?", -1, 0.0, 0.0, what))
+        numbers = range(began[-1] + numbers.step, numbers.stop, numbers.step)
+    return done
+
+
+def table(done: Sequence[Tried]) -> str:
+    """The figures, a line for each kind of input."""
+    lines = [
+        "| input | cases | read | refused | longest [s] | defects |",
+        "|---|---|---|---|---|---|",
+    ]
+    for kind in [*sorted({tried.kind for tried in done}), "all"]:
+        of_kind = [tried for tried in done if kind in (tried.kind, "all")]
+        codes = Counter(tried.code for tried in of_kind)
+        refused, defects = codes[2], sum(bool(tried.defect) for tried in of_kind)
+        longest = max(tried.seconds for tried in of_kind)
+        read = len(of_kind) - refused - codes[-1]
+        lines.append(
+            f"| {kind} | {len(of_kind)} | {read} | {refused} | {longest:.1f} | {defects} |"
+        )
+    peak = max(tried.megabytes for tried in done)
+    lines.append(f"\nlargest memory of a process: {peak:.0f} MB (at most {MAX_MEMORY:.0f} allowed,")
+    lines.append(f"and {MAX_TIME:.0f} s of computing for each case)")
+    return "\n".join(lines)
+
+
 def main(folder: str, *span: str) -> None:
     """Try the cases of a span (seed, begin, end, step of the numbers) and write what became of
     them to ``report.jsonl`` in ``folder``: a line before each case, and one after it.
     """
+    typer.testing._get_command = cache(typer.testing._get_command)  # type: ignore[attr-defined]
     seed, *numbers = map(int, span)
     shop = Workshop(Path(folder) / "inputs", seed)
     for kind, target in TARGETS.items():  # imports and compiled code are not the cases' time

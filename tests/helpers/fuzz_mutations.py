@@ -12,8 +12,6 @@ from xml.etree import ElementTree
 
 from mcap_rewriting import rewritten
 
-__all__ = ["MUTATORS", "mutate_bytes", "mutate_data", "mutate_recording", "mutate_xml"]
-
 Path: TypeAlias = tuple[Any, ...]
 Mutator: TypeAlias = Callable[[bytes, Random], bytes]
 

@@ -10,17 +10,23 @@ from pathlib import Path
 import cv2
 import numpy as np
 from architecture_sources import ROOT
-from command_tree import build_once
+from suite_samples import row
 from typer.testing import CliRunner
 
 from navfw.cli import app
+from navfw.config import project_folder
 from navfw.errors import InputError
-
-__all__ = ["TARGETS", "Target", "outcome_of"]
+from navfw.fuzzy import load_rule_base
+from navfw.missions import prepare, write_run
+from navfw.plugins import default_registry
+from navfw.recording import RunFolder
+from navfw.results import load_results
+from navfw.stack import load_stack
+from navfw.suite import load_suite, plan_runs, write_table
+from navfw.topomap import load_any_map, save_map
 
 Read = Callable[[Path], object]
-
-build_once()
+Prepare = Callable[[Path], object]
 
 WORLD = """\
 name: sample
@@ -94,7 +100,7 @@ class Target:
 
     file: str
     form: str
-    prepare: Callable[[Path], None]
+    prepare: Prepare
     read: Read
     weight: int = 10
     allowed: frozenset[int] = field(default=frozenset({0, 2}))
@@ -125,18 +131,12 @@ def _command(*words: str) -> Read:
     return read
 
 
-def _text(name: str, content: str) -> Callable[[Path], None]:
-    def write(folder: Path) -> None:
-        (folder / name).write_text(content)
-
-    return write
+def _text(name: str, content: str) -> Prepare:
+    return lambda folder: (folder / name).write_text(content)
 
 
-def _copy(name: str, *source: str) -> Callable[[Path], None]:
-    def write(folder: Path) -> None:
-        shutil.copy(ROOT.joinpath(*source), folder / name)
-
-    return write
+def _copy(name: str, *source: str) -> Prepare:
+    return lambda folder: shutil.copy(ROOT.joinpath(*source), folder / name)
 
 
 def _world(folder: Path) -> None:
@@ -145,61 +145,24 @@ def _world(folder: Path) -> None:
     (folder / "missions" / "cross.yaml").write_text(MISSION)
 
 
-def _prepare_mission(folder: Path) -> object:
-    from navfw.missions import prepare
-
-    return prepare(str(folder), str(folder / "missions" / "cross.yaml"))
-
-
-def _prepare_stack(folder: Path) -> object:
-    from navfw.plugins import default_registry
-    from navfw.stack import load_stack
-
-    return load_stack(folder / "stack.yaml", default_registry())
-
-
-def _plan_suite(folder: Path) -> object:
-    from navfw.plugins import default_registry
-    from navfw.suite import load_suite, plan_runs
-
-    return plan_runs(load_suite(folder / "suite.yaml"), range(1), default_registry())
-
-
-def _load_rules(folder: Path) -> object:
-    from navfw.fuzzy import load_rule_base
-
-    return load_rule_base(folder / "rules.yaml")
-
-
-def _find_project(folder: Path) -> object:
-    from navfw.config import project_folder
-
-    return project_folder(folder)
-
-
-def _load_results(folder: Path) -> object:
-    from navfw.results import load_results
-
-    return load_results(folder)
-
-
-def _map_as(suffix: str) -> Callable[[Path], None]:
-    def write(folder: Path) -> None:
-        from navfw.topomap import load_any_map, save_map
-
-        save_map(load_any_map(ROOT / "maps" / "paper-room.yaml"), folder / f"map{suffix}")
-
-    return write
+def _map_as(suffix: str) -> Prepare:
+    source = ROOT / "maps" / "paper-room.yaml"
+    return lambda folder: save_map(load_any_map(source), folder / f"map{suffix}")
 
 
 def _recorded(folder: Path) -> None:
     """A run folder with a recording of 2.2 s."""
-    from navfw.missions import prepare, write_run
-    from navfw.recording import RunFolder
-
     session = prepare("paper-room", "through-the-door", overrides=["mission.timeout=2.2"])
     with RunFolder(folder / "run") as target:
         write_run(session.run(record=True), target)
+
+
+def _prepare_mission(folder: Path) -> object:
+    return prepare(str(folder), str(folder / "missions" / "cross.yaml"))
+
+
+def _plan_suite(folder: Path) -> object:
+    return plan_runs(load_suite(folder / "suite.yaml"), range(1), default_registry())
 
 
 def _images(folder: Path) -> None:
@@ -218,10 +181,6 @@ def _images(folder: Path) -> None:
 
 
 def _table(folder: Path) -> None:
-    from suite_samples import row
-
-    from navfw.suite import write_table
-
     write_table(folder / "table.csv", [row(seed) for seed in range(4)])
     shutil.copy(folder / "table.csv", folder / "other.csv")
 
@@ -234,7 +193,7 @@ TARGETS: dict[str, Target] = {
     "world": Target("world.yaml", "data", _world, _prepare_mission, 6),
     "mission": Target("missions/cross.yaml", "data", _world, _prepare_mission, 7),
     "stack": Target("stack.yaml", "data", _copy("stack.yaml", "navfw/stack/stacks/paper.yaml"),
-                    _prepare_stack, 5),
+                    lambda folder: load_stack(folder / "stack.yaml", default_registry()), 5),
     "map": Target("map.yaml", "data", _map_as(".yaml"),
                   _command("map", "check", "./map.yaml"), 8, DIFFERING),
     "graphml": Target("map.graphml", "xml", _map_as(".graphml"),
@@ -243,9 +202,9 @@ TARGETS: dict[str, Target] = {
                       _command("map", "plan", "./map.geojson", "east", "0,0"), 15),
     "suite": Target("suite.yaml", "data", _text("suite.yaml", SUITE), _plan_suite, 1),
     "rules": Target("rules.yaml", "data", _copy("rules.yaml", "behaviors/avoid.yaml"),
-                    _load_rules, 8),
+                    lambda folder: load_rule_base(folder / "rules.yaml"), 8),
     "project": Target("pyproject.toml", "bytes", _text("pyproject.toml", PROJECT),
-                      _find_project, 20),
+                      project_folder, 20),
     "recording": Target("run/run.mcap", "recording", _recorded,
                         _command("replay", "./run"), 6, DIFFERING),
     "result": Target("run/result.json", "data", _recorded,
@@ -254,7 +213,7 @@ TARGETS: dict[str, Target] = {
                     _command("report", "--text", "./table.csv", "./other.csv"), 20),
     "stored": Target("rooms-1000-1050.json", "data",
                      _copy("rooms-1000-1050.json", "docs/results/rooms-1000-1050.json"),
-                     _load_results, 15),
+                     load_results, 15),
     "image": Target("images/1.png", "bytes", _images, _command("perceive", "./images"), 3),
     "photo": Target("images/3.jpg", "bytes", _images, _command("perceive", "./images"), 3),
     "gyro": Target("gyro.csv", "cells", _images,

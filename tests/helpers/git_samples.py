@@ -5,8 +5,6 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
-__all__ = ["git"]
-
 
 def git(folder: Path, *words: str, check: bool = True) -> str:
     """What git prints when called in ``folder``, as an author of its own."""

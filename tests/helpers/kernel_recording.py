@@ -17,8 +17,6 @@ from navfw.config import list_files
 from navfw.missions import prepare
 from navfw.process import KERNEL_FILE
 
-__all__ = ["Calls", "calls_of_drives", "listed_calls"]
-
 Calls = dict[str, dict[str, list[str]]]
 """Module: function: its signatures."""
 

@@ -15,9 +15,9 @@ from navfw.egomotion import Odometer
 from navfw.interfaces import Localizer
 from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Encoders, Inertial, LandmarkDetection, Odometry, Pose, Twist, wrap_angle
+from navfw.signals import LandmarkDetection, Odometry, Pose, Twist, wrap_angle
 from navfw.sim import GyroModel, SensorParams, WheelEncoderModel
-from navfw.topomap import Landmark, TopoMap
+from navfw.topomap import Landmark, Passage, Place, TopoMap
 
 RATE = 60
 FRAME = 6
@@ -70,76 +70,65 @@ def drive(
     twist = Twist(0.0, 0.0)
     for tick, following in enumerate(twists):
         time = tick * dt
-        inertial: Inertial = gyro.read(time, dt if tick else 0.0, (0.0, 0.0, twist.w))
-        encoders: Encoders = wheels.read(time, dt, (angles[0], angles[1]))
+        inertial = gyro.read(time, dt if tick else 0.0, (0.0, 0.0, twist.w))
+        encoders = wheels.read(time, dt, (angles[0], angles[1]))
         odometry = odometer.update(inertial, encoders, twist)
         if tick % FRAME == 0:
             yield Moment(time, true, odometry, driven)
         twist = following
-        half = 0.5 * twist.w * dt
-        true = Pose(
-            true.x + twist.v * dt * math.cos(true.yaw + half),
-            true.y + twist.v * dt * math.sin(true.yaw + half),
-            wrap_angle(true.yaw + twist.w * dt),
-        )
+        true = true.compose(step(twist.v, twist.w, dt))
         for side, speed in enumerate(robot.wheel_speeds(twist)):
             angles[side] += speed * dt
         driven += abs(twist.v) * dt
 
 
-class FakeRecognizer:
-    """Detects landmarks within range, in the field of view and from their front, with noise.
+def step(v: float, w: float, dt: float = 0.1) -> Pose:
+    """The motion in ``dt`` [s]."""
+    return Pose(v * dt * math.cos(0.5 * w * dt), v * dt * math.sin(0.5 * w * dt), w * dt)
 
-    ``misses`` is the share of missed detections, ``confused`` that of wrong identities.
+
+@dataclass
+class FakeRecognizer:
+    """Detects landmarks within 4 m, in the field of view and from their front, with noise.
+
+    ``confused`` is the share of wrong identities; a fifth of the landmarks is missed.
     """
 
-    def __init__(
-        self,
-        landmarks: Iterable[Landmark],
-        rng: np.random.Generator,
-        reach: float = 4.0,
-        every: int = 2,
-        misses: float = 0.2,
-        confused: float = 0.002,
-        bearing_sigma: float = 0.01,
-        range_sigma: float = 0.03,
-    ) -> None:
-        self.landmarks = list(landmarks)
-        self.rng, self.reach, self.every = rng, reach, every
-        self.misses, self.confused = misses, confused
-        self.bearing_sigma, self.range_sigma = bearing_sigma, range_sigma
-        self._count = 0
+    landmarks: Sequence[Landmark]
+    rng: np.random.Generator
+    confused: float = 0.002
+    frames: int = 0
 
     def __call__(self, time: float, true: Pose) -> list[LandmarkDetection]:
-        """The detections of one frame."""
-        self._count += 1
-        return [] if self._count % self.every else list(self._detections(time, true))
+        """The detections of every second frame."""
+        self.frames += 1
+        return [] if self.frames % 2 else list(self._detections(time, true))
 
     def _detections(self, time: float, true: Pose) -> Iterator[LandmarkDetection]:
         for mark in self.landmarks:
             x, y = true.to_local(mark.x, mark.y)
             distance, bearing = math.hypot(x, y), math.atan2(y, x)
             facing = wrap_angle(math.atan2(true.y - mark.y, true.x - mark.x) - mark.yaw)
-            hidden = distance > self.reach or distance < 0.4
+            hidden = distance > 4.0 or distance < 0.4
             if hidden or abs(bearing) > math.radians(42.0) or abs(facing) > math.radians(65.0):
                 continue
-            if self.rng.random() < self.misses:
+            if self.rng.random() < 0.2:
                 continue
             identity = mark.identity
             if self.rng.random() < self.confused:
                 identity = self.landmarks[int(self.rng.integers(len(self.landmarks)))].identity
-            sigma = self.range_sigma * distance
+            sigma = 0.03 * distance
             yield LandmarkDetection(
                 time,
                 identity,
-                bearing + self.bearing_sigma * float(self.rng.standard_normal()),
+                bearing + 0.01 * float(self.rng.standard_normal()),
                 distance + sigma * float(self.rng.standard_normal()),
-                np.diag((self.bearing_sigma**2, sigma**2)),
+                np.diag((0.01**2, sigma**2)),
             )
 
 
 def displaced(
-    landmarks: Sequence[Landmark], share: float, rng: np.random.Generator, by: float = 2.0
+    landmarks: Sequence[Landmark], share: float, rng: np.random.Generator
 ) -> list[Landmark]:
     """The landmarks of the world: this share is displaced or, every third of them, missing."""
     wrong = rng.permutation(len(landmarks))[: max(1, round(share * len(landmarks)))]
@@ -147,7 +136,7 @@ def displaced(
     gone = []
     for number, index in enumerate(wrong.tolist()):
         mark, angle = real[index], float(rng.uniform(-math.pi, math.pi))
-        away = by * float(rng.uniform(0.3, 1.5))
+        away = 2.0 * float(rng.uniform(0.3, 1.5))
         x, y = mark.x + away * math.cos(angle), mark.y + away * math.sin(angle)
         if number % 3 == 2:
             gone.append(index)
@@ -162,29 +151,27 @@ def with_landmarks(topo_map: TopoMap, landmarks: Iterable[Landmark]) -> TopoMap:
     )
 
 
-def corridor_landmarks(
-    points: Sequence[tuple[float, float]], spacing: float = 6.0, aside: float = 1.1
-) -> list[Landmark]:
-    """Landmarks beside the line through ``points``, on alternate sides, facing across it."""
+def corridor_landmarks(points: Sequence[tuple[float, float]]) -> list[Landmark]:
+    """Landmarks every 6 m beside the line through ``points``, on alternate sides, facing across."""
     marks: list[Landmark] = []
     for (ax, ay), (bx, by) in pairwise(points):
         length = math.hypot(bx - ax, by - ay)
         ux, uy = (bx - ax) / length, (by - ay) / length
-        for along in np.arange(0.5 * spacing, length, spacing):
+        for along in np.arange(3.0, length, 6.0):
             side = 1.0 if len(marks) % 2 else -1.0
-            x, y = ax + along * ux - side * aside * uy, ay + along * uy + side * aside * ux
+            x, y = ax + along * ux - side * 1.1 * uy, ay + along * uy + side * 1.1 * ux
             # turned a little toward the approaching robot
             yaw = math.atan2(-side * ux - uy, side * uy - ux)
             marks.append(Landmark(f"mark-{len(marks)}", "aruco", len(marks), x, y, yaw))
     return marks
 
 
-def place_landmarks(topo_map: TopoMap, every: int = 2, seed: int = 5) -> list[Landmark]:
+def place_landmarks(topo_map: TopoMap) -> list[Landmark]:
     """A landmark a metre beside every second place that is not a door, facing it."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(5)
     marks: list[Landmark] = []
     for index, place in enumerate(topo_map.places.values()):
-        if index % every or place.kind in {"door", "danger"}:
+        if index % 2 or place.kind in {"door", "danger"}:
             continue
         angle = float(rng.uniform(-math.pi, math.pi))
         x, y = place.x + math.cos(angle), place.y + math.sin(angle)
@@ -220,6 +207,12 @@ class Report:
     updates: int
 
     @property
+    def totals(self) -> tuple[float, float, float, float, int]:
+        """Sums of errors, nees, confidences and losses, and the number of updates."""
+        sums = [float(column.sum()) for column in (self.error, self.nees, self.confidence)]
+        return (*sums, float(self.lost.sum()), self.updates)  # type: ignore[return-value]
+
+    @property
     def localized_at(self) -> int | None:
         """The first frame with confidence of at least 0.9 and an error of at most 1 m."""
         right = np.flatnonzero((self.confidence >= 0.9) & (self.error <= 1.0))
@@ -241,24 +234,28 @@ def follow(
     """Run ``localizer`` on a drive."""
     localizer.reset()
     rows: list[tuple[float, ...]] = []
-    updates, begun = 0, False
+    updates = 0
     for moment in moments:
-        if not begun:
+        if not rows:
             localizer.start(topo_map, start, moment.odometry)
-            begun = True
         detections = recognizer(moment.time, moment.true)
         belief = localizer.update(moment.odometry, None, detections)
-        off = np.array(
-            (
-                belief.pose.x - moment.true.x,
-                belief.pose.y - moment.true.y,
-                wrap_angle(belief.pose.yaw - moment.true.yaw),
-            )
-        )
+        pose, true = belief.pose, moment.true
+        off = np.array((pose.x - true.x, pose.y - true.y, wrap_angle(pose.yaw - true.yaw)))
         nees = float(off @ np.linalg.solve(belief.covariance, off))
         error = float(np.hypot(off[0], off[1]))
         rows.append((moment.time, moment.driven, error, nees, belief.confidence, belief.lost))
         updates = belief.updates
-    table = np.array(rows).T
-    time, driven, position_error, nees, confidence, lost = table
+    time, driven, position_error, nees, confidence, lost = np.array(rows).T
     return Report(time, driven, position_error, nees, confidence, lost > 0.0, updates)
+
+
+RING = [(0.0, 0.0), (14.0, 0.0), (14.0, 8.0), (0.0, 8.0), (0.0, 0.0)]
+CORNERS = [Place(f"corner-{i}", *point) for i, point in enumerate(RING[:4])]
+SIDES = [
+    Passage(a.name, b.name, math.hypot(a.x - b.x, a.y - b.y), 2.0)
+    for a, b in zip(CORNERS, [*CORNERS[1:], CORNERS[0]], strict=True)
+]
+MARKS = corridor_landmarks(RING)
+HALL = TopoMap("ring", CORNERS, SIDES, landmarks=MARKS)
+START = Pose(0.0, 0.0, 0.0)

@@ -11,8 +11,6 @@ from mcap.records import Channel, Header, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
-__all__ = ["Change", "rewrite", "rewritten"]
-
 Change = Callable[[str, bytes], bytes | None]
 """Of topic and content of a message: its new content, or None to leave it out."""
 

@@ -6,10 +6,11 @@ World axes: x ahead, y left, z up; the camera stands above the origin.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from navfw import flow
 from navfw.numerics import Array
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, FlowField
@@ -30,7 +31,7 @@ class Scene:
     walls: tuple[Wall, ...] = ()
     floor: float | None = 0.0
     ceiling: float | None = None
-    holes: tuple[tuple[float, float, float, float], ...] = field(default=())
+    holes: tuple[tuple[float, float, float, float], ...] = ()
 
     def depth(self, points: Array, camera: CameraModel) -> Array:
         """Depth along the optical axis for image points (..., 2) [px]; inf where nothing is hit."""
@@ -63,6 +64,8 @@ class Scene:
         return depth
 
     def mirrored(self) -> Scene:
+        """The scene with left and right exchanged."""
+
         def flip(p: tuple[float, float]) -> tuple[float, float]:
             return p[0], -p[1]
 
@@ -79,9 +82,7 @@ def box(x: float, y: float, size: float, height: float) -> tuple[Wall, ...]:
 
 
 def grid_points(camera: CameraModel, rows: int = 12, cols: int = 16) -> Array:
-    x = (np.arange(cols) + 0.5) * camera.width / cols - camera.width / 2
-    y = (np.arange(rows) + 0.5) * camera.height / rows - camera.height / 2
-    return np.stack(np.meshgrid(x, y), -1)
+    return flow.grid_points(camera, rows, cols)
 
 
 def motion(
@@ -112,8 +113,7 @@ def ideal_flow(
     if noise is not None:
         vectors = vectors + noise.normal(0.0, sigma, vectors.shape)
     full = np.ones((rows, cols))
-    flow = FlowField(1.0, points, vectors, full, sigma * full, moved, derotated=True)
-    return flow, depth
+    return FlowField(1.0, points, vectors, full, sigma * full, moved, derotated=True), depth
 
 
 def wall_ahead(distance: float, angle: float = 0.0, half: float = 20.0) -> Wall:

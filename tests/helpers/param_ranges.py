@@ -8,25 +8,24 @@ from collections.abc import Mapping
 import pytest
 from pydantic import BaseModel, ValidationError
 
-_INTERVAL = re.compile(r"([\[(])(\S+), (\S+)([\])])")
+_INTERVAL = re.compile(r"(\w+) ([\[(])(\S+), (\S+?)([\])])")
 
 
-def check_ranges(model: type[BaseModel], ranges: Mapping[str, str]) -> None:
-    """Assert that ``model`` accepts just the ``ranges``, as "(0, 1]", of all its numbers.
+def check_ranges(model: type[BaseModel], ranges: Mapping[str, str] | str) -> None:
+    """Assert that ``model`` accepts just the ``ranges``, as "a (0, 1], b [1, 9]", of its numbers.
 
     Integers have closed intervals. The model must be frozen and refuse unknown keys.
     """
+    text = ranges if isinstance(ranges, str) else ", ".join(map(" ".join, ranges.items()))
+    intervals = {name: interval for name, *interval in _INTERVAL.findall(text)}
     numbers = {
         name
         for name, value in model().model_dump().items()
         if isinstance(value, int | float) and not isinstance(value, bool)
     }
-    assert numbers == set(ranges)
+    assert numbers == set(intervals)
     assert model.model_validate(model().model_dump()), "the defaults are within the ranges"
-    for name, interval in ranges.items():
-        match = _INTERVAL.fullmatch(interval)
-        assert match is not None, interval
-        first, low, high, last = match.groups()
+    for name, (first, low, high, last) in intervals.items():
         whole = isinstance(getattr(model(), name), int)
         for end, closed, outward in ((low, first == "[", -1), (high, last == "]", 1)):
             value = int(end) if whole else float(end)
@@ -38,6 +37,6 @@ def check_ranges(model: type[BaseModel], ranges: Mapping[str, str]) -> None:
                 model(**{name: outside})
     with pytest.raises(ValidationError, match="unknown_key"):
         model(unknown_key=1)
-    some = next(iter(ranges))
+    some = next(iter(intervals))
     with pytest.raises(ValidationError, match="frozen"):
         setattr(model(), some, getattr(model(), some))

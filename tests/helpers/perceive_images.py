@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from navfw.bench import FrameLabel
 from navfw.numerics import Image
 
 HEIGHT, WIDTH = 240, 320
@@ -48,6 +49,13 @@ def save(folder: Path, images: list[Image]) -> Path:
     return folder
 
 
+def total(data: object) -> float:
+    """The sum of all numbers in data as of JSON, which each of them changes."""
+    if isinstance(data, dict | list):
+        return sum(map(total, data.values() if isinstance(data, dict) else data))
+    return float(data) if isinstance(data, int | float) and not isinstance(data, bool) else 0.0
+
+
 def assert_ahead(view: Mapping[str, Any], width: int, height: int) -> None:
     """The heading is straight ahead within three of its standard deviations, here below 12 deg.
 
@@ -60,3 +68,40 @@ def assert_ahead(view: Mapping[str, Any], width: int, height: int) -> None:
     off = float(np.hypot(heading["bearing_deg"], heading["elevation_deg"]))
     assert off < min(3.0 * heading["sigma_deg"], 6.0), heading
     assert abs(focus["x"] - 0.5 * width) + abs(focus["y"] - 0.5 * height) < 0.15 * (width + height)
+
+
+EVERYWHERE = "upper_left upper_right lower_left lower_right"
+
+
+def label(
+    nearest: str = "upper_left",
+    also: str = "",
+    floor: str = "yes",
+    front: str = "corridor",
+    front_also: str = "",
+    file: str = "image_3.png",
+    folder: str = "approach",
+) -> FrameLabel:
+    """A label of the tuning split."""
+    return FrameLabel(
+        part=f"{folder}, a",
+        split="tuning",
+        folder=folder,
+        file=file,
+        single=False,
+        nearest=frozenset(nearest.split()),
+        nearest_also=frozenset(also.split()),
+        floor_in_front=floor,
+        front=front,
+        front_also=frozenset(front_also.split()),
+    )
+
+
+def save_approach(data: Path, folder: str = "approach") -> list[FrameLabel]:
+    """Write an approach to a wall to a ``folder`` of ``data``; labels for two of its frames."""
+    picture = texture()
+    save(data / folder, [wall_at(2.05 - 0.05 * k, picture) for k in range(1, 6)])
+    return [
+        label(EVERYWHERE, floor="no", front="wall", file=f"image_{k}.png", folder=folder)
+        for k in (3, 5)
+    ]

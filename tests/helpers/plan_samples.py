@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from localization_drives import step
 
 from navfw.numerics import Array
 from navfw.robot import RobotModel
@@ -42,13 +43,13 @@ MAP = TopoMap(
 def ranges(plan: OccupancyMap, eye: tuple[float, float], yaw: float) -> Array:
     """(16,) distance [m] of the nearest wall along BEARINGS from ``eye`` (x, y) [m, map]."""
     reach = np.arange(0.05, 6.0, 0.02)
-    found = np.full(len(BEARINGS), 6.0)
+    distances = np.full(len(BEARINGS), 6.0)
     for k, bearing in enumerate(BEARINGS.tolist()):
         heading = yaw + bearing
         steps = np.array([math.cos(heading), math.sin(heading)]) * reach[:, None]
         hit = np.flatnonzero(plan.state(np.array(eye) + steps) == OCCUPIED)
-        found[k] = reach[hit[0]] if len(hit) else 6.0
-    return found
+        distances[k] = reach[hit[0]] if len(hit) else 6.0
+    return distances
 
 
 def wall_percept(
@@ -100,11 +101,6 @@ def arcs(
     for seconds, v, w in legs:
         for _ in range(round(10.0 * seconds)):
             yield true, Odometry(time, raw, Twist(v, w), 0.0, still=False)
-            true = true.compose(_step(v, w))
-            raw = raw.compose(_step(scale * v, w))
+            true = true.compose(step(v, w))
+            raw = raw.compose(step(scale * v, w))
             time += 0.1
-
-
-def _step(v: float, w: float) -> Pose:
-    """The motion in 0.1 s."""
-    return Pose(0.1 * v * math.cos(0.05 * w), 0.1 * v * math.sin(0.05 * w), 0.1 * w)

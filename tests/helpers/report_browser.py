@@ -5,14 +5,13 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
 
-@dataclass(frozen=True)
-class SeenPage:
+class SeenPage(NamedTuple):
     """The page's opening tag ``<body ...>``, and the lines of the console."""
 
     body: str

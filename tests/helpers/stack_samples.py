@@ -64,11 +64,9 @@ class ScriptedVision(Vision):
         self.frames: list[Frame] = []
 
     def reset(self) -> None:
-        """Drop all frames."""
         self.frames.clear()
 
     def process(self, frame: Frame, odometry: Odometry) -> View:
-        """The view of the script."""
         self.frames.append(frame)
         return self.script(frame, odometry)
 
@@ -79,7 +77,6 @@ class Idle(Behavior):
     name = "idle"
 
     def propose(self, context: Context) -> Proposal:
-        """A proposal that does not apply."""
         nothing = context.commands.zeros()
         return Proposal(0.0, nothing, nothing, "nothing")
 
@@ -90,18 +87,16 @@ class Ahead(Idle):
     name = "ahead"
 
     def propose(self, context: Context) -> Proposal:
-        """A proposal that applies in full."""
         commands = context.commands
         return Proposal(1.0, commands.around(1.0, 0.0), commands.zeros(), "straight on")
 
 
 class RecordingPlanner(Planner):
-    """Always gives ``waypoint``; records the beliefs and reports that it gets."""
+    """Gives ``waypoint``, ``legs`` and ``reason``; records the beliefs and reports that it gets."""
 
     name = "recording_planner"
 
     def reset(self) -> None:
-        """Back to GOAL and no records."""
         self.waypoint: Waypoint | None = GOAL
         self.reason: str | None = None
         self.legs: tuple[PassageQuery, ...] = ()
@@ -109,30 +104,25 @@ class RecordingPlanner(Planner):
         self.beliefs: list[Belief] = []
 
     def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
-        """Nothing to do: the goal is fixed."""
+        pass
 
     def update(self, belief: Belief) -> Waypoint | None:
-        """The fixed waypoint."""
         self.beliefs.append(belief)
         return self.waypoint
 
     @property
     def path(self) -> Sequence[Waypoint]:
-        """The waypoint alone."""
         return () if self.waypoint is None else (self.waypoint,)
 
     @property
     def queries(self) -> Sequence[PassageQuery]:
-        """The legs that a test has set."""
         return self.legs
 
     def observe(self, report: PassageReport) -> None:
-        """Record the report."""
         self.reports.append(report)
 
     @property
     def no_route_reason(self) -> str | None:
-        """The reason that a test has set."""
         return self.reason
 
 
@@ -142,35 +132,30 @@ class RecordingLocalizer(Localizer):
     name = "recording_localizer"
 
     def reset(self) -> None:
-        """Back to no records."""
         self.lost = False
         self.starts: list[tuple[TopoMap, Pose | None, Odometry]] = []
         self.updates: list[tuple[Odometry, Percept | None, Sequence[LandmarkDetection]]] = []
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
-        """Record the start."""
         self.starts.append((topo_map, pose, odometry))
 
     def update(
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
-        """The belief at the pose of the odometry."""
         self.updates.append((odometry, percept, detections))
         return Belief(odometry.time, odometry.pose, 1e-4 * np.eye(3), lost=self.lost)
 
 
 class RecordingFeatures(FeatureRecognizer):
-    """Gives the ``detections`` that a test has set; records the frames that it gets."""
+    """Gives the ``detections`` that a test sets; records the frames that it gets."""
 
     name = "recording_features"
 
     def reset(self) -> None:
-        """Back to no detections and no records."""
         self.detections: tuple[LandmarkDetection, ...] = ()
         self.frames: list[Frame] = []
 
     def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
-        """The detections that a test has set."""
         self.frames.append(frame)
         return self.detections
 

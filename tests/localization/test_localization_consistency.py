@@ -10,8 +10,17 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from localization_drives import FakeRecognizer, Report, drive, follow, straight_drive
-from localization_hall import HALL, MARKS, RING, START
+from localization_drives import (
+    HALL,
+    MARKS,
+    RING,
+    START,
+    FakeRecognizer,
+    Report,
+    drive,
+    follow,
+    straight_drive,
+)
 
 from navfw.localization import Association, Ekf, MotionParams, associate, motion_noise
 from navfw.numerics import Array

@@ -83,6 +83,16 @@ def test_the_covariance_is_that_of_many_noisy_drives() -> None:
     assert np.allclose(belief.covariance, sampled, atol=0.08 * np.abs(sampled).max())
 
 
+def test_the_usual_noise_gives_these_numbers() -> None:
+    track = [Pose(0.0, 0.0, 0.0), Pose(1.0, 0.2, 0.4), Pose(1.5, 1.0, 1.0)]
+    belief = follow(Pose(1.0, 2.0, 0.3), track)[-1]
+    expected = [0.002032503, 0.000428697, -0.000199595, 0.001113989, 0.000129549, 0.00024908]
+    assert belief.covariance[np.triu_indices(3)] == pytest.approx(expected, abs=1e-9)
+    shares = [0.8703169, 0.1289478, 0.000735242]
+    assert list(belief.places.values())[:3] == pytest.approx(shares, abs=1e-7)
+    assert len(belief.places) == 8
+
+
 @given(poses)
 def test_places_are_probabilities_with_the_nearest_first(start: Pose) -> None:
     (belief,) = follow(start, [Pose(0.0, 0.0, 0.0)])

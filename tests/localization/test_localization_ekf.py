@@ -5,6 +5,10 @@ import math
 import numpy as np
 import pytest
 from localization_drives import (
+    HALL,
+    MARKS,
+    RING,
+    START,
     FakeRecognizer,
     Report,
     displaced,
@@ -13,7 +17,6 @@ from localization_drives import (
     straight_drive,
     with_landmarks,
 )
-from localization_hall import HALL, MARKS, RING, START
 
 from navfw.errors import InputError
 from navfw.localization import Ekf
@@ -57,14 +60,22 @@ def test_without_landmarks_it_drifts_and_the_confidence_falls() -> None:
     assert report.error[-1] > 0.5
     assert np.percentile(seeing.error, 95) < 0.5 * np.percentile(report.error, 95)
     assert report.confidence[-1] < seeing.confidence[-1]
+    assert report.totals == pytest.approx((2630.33324, 4463.30808, 689.142224, 1534, 0))
 
 
-@pytest.mark.parametrize("seed", [3, 4])
-def test_one_displaced_landmark_in_six_does_no_harm(seed: int) -> None:
+@pytest.mark.parametrize(
+    ("seed", "totals"),
+    [
+        (3, (129.316465, 2956.13948, 2357.999188, 0, 226)),
+        (4, (110.855165, 2279.90880, 2357.999236, 0, 225)),
+    ],
+)
+def test_one_displaced_landmark_in_six_does_no_harm(seed: int, totals: tuple[float, ...]) -> None:
     report, ekf = round_trip(seed, rounds=2, wrong=0.16)
     assert np.percentile(report.error, 95) < 0.35
     assert report.error.max() < 0.6
     assert len(ekf.existence.likely_displaced) <= 1
+    assert report.totals == pytest.approx(totals)
 
 
 @pytest.mark.slow

@@ -73,6 +73,15 @@ def error(true: Pose, belief: Belief) -> float:
     return math.dist((true.x, true.y), (belief.pose.x, belief.pose.y))
 
 
+def totals(report: list[tuple[Pose, Belief]]) -> tuple[float, float, float, int, int]:
+    """Sums of errors, of variances while not lost, of confidences, of losses; and the updates."""
+    beliefs = [belief for _, belief in report]
+    variances = sum(float(np.trace(b.covariance)) for b in beliefs if not b.lost)
+    confidences, losses = sum(b.confidence for b in beliefs), sum(b.lost for b in beliefs)
+    errors = sum(error(*moment) for moment in report)
+    return errors, variances, confidences, losses, beliefs[-1].updates
+
+
 def nees(true: Pose, belief: Belief) -> float:
     """Normalised squared error of the pose, 3 on average for exact covariances."""
     off = np.array(
@@ -137,7 +146,7 @@ def test_walls_correct_wheels_that_report_too_much_way() -> None:
     report = drive(known=True)
     errors = [error(*moment) for moment in report]
     assert np.percentile(errors, 95) < 0.10
-    assert not any(belief.lost for _, belief in report)
+    assert totals(report) == pytest.approx((7.1216763, 0.53110880, 170.0, 0, 33), rel=1e-5)
 
 
 def test_the_covariance_is_about_right() -> None:
@@ -226,6 +235,7 @@ def test_an_unknown_start_is_found_and_never_confidently_wrong() -> None:
     assert found
     assert 0.05 * found[0] < 12.0, "at 0.5 m/s and 10 Hz a step is 5 cm"
     assert all(error(*report[k]) < 0.3 for k in found)
+    assert totals(report) == pytest.approx((277.347974, 0.72894578, 62.0, 108, 13), rel=1e-5)
 
 
 def test_a_robot_elsewhere_than_it_was_told_becomes_lost_and_finds_itself() -> None:

@@ -2,19 +2,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from param_ranges import check_ranges
 
+from navfw.interfaces import Params
 from navfw.localization import (
     BY_FLOOR,
     ELSEWHERE_DENSITY,
     GATE,
+    Bayes,
+    DeadReckoning,
+    FloorPlanLocalizer,
     LandmarkExistence,
     MotionParams,
+    Topological,
     associate,
     expected_measurement,
     joseph,
@@ -120,6 +126,28 @@ def test_the_likelihood_is_that_of_the_gaussian_against_elsewhere() -> None:
     assert found.likelihood_ratio == pytest.approx(peak / ELSEWHERE_DENSITY)
 
 
+def test_a_detection_moves_the_estimate_by_these_numbers() -> None:
+    state, covariance = np.array([1.0, 2.0, 0.5, 0.01]), np.diag([0.04, 0.09, 0.01, 1e-4]) + 0.001
+    seen, noise = np.array([-0.3, 2.2]), np.diag([4e-4, 0.01])
+    found = associate(state, covariance, seen, noise, (3.0, 2.4), 0.8)
+    assert found.state == pytest.approx([0.8753075, 1.9648558, 0.5021125, 0.00709839])
+    row = [0.00896800, -0.00381135, 0.00259742, 0.000388688]
+    assert found.covariance[0] == pytest.approx(row, rel=1e-5)
+    assert found.covariance.trace() == pytest.approx(0.04678181, rel=1e-5)
+    fit = (found.distance, found.likelihood_ratio, found.probability)
+    assert fit == pytest.approx((0.49088701, 59.6151776, 0.99582395))
+
+
+def test_the_noise_follows_from_the_data_sheets() -> None:
+    sigma = motion_noise(MotionParams(), RobotModel(skid=0.1))
+    expected = (0.02269912, 0.01, 0.10606602, 3.3798156e-4, 0.005, 4.1394118e-4, 1.3089969e-4)
+    assert astuple(sigma) == pytest.approx(expected)
+    wheels = Odometry(1.0, Pose(0.3, 0.02, 0.4), Twist(0.5, 0.0), 0.0, still=False, silent=True)
+    noise = process_noise(0.5, wheels.pose, 0.2, sigma, wheels)
+    numbers = [0.07078221, 0.03619371, 0.02430278, 1.0022846e-5, 3.4269460e-9]
+    assert noise[[0, 0, 1, 2, 3], [0, 1, 1, 2, 3]] == pytest.approx(numbers)
+
+
 @given(angles, moves, st.floats(0.01, 0.5))
 def test_process_noise_is_positive_and_turns_with_the_robot(
     yaw: float, moved: Pose, dt: float
@@ -145,6 +173,47 @@ def test_a_distance_measured_by_the_floor_does_not_depend_on_the_wheels(silent: 
     assert by_floor[0, 0] == pytest.approx(BY_FLOOR**2 * 0.5)
     assert by_wheels[0, 0] >= 0.2**2 * 0.5
     assert np.array_equal(by_floor[1:, 1:], by_wheels[1:, 1:])
+
+
+def test_evidence_for_a_landmark_is_bounded_and_weighted() -> None:
+    existence, probabilities = LandmarkExistence(0.7), []
+    for ratio, weight in ((0.0, 1.0), (0.5, 0.5), (100.0, 1.0), (1.2, 0.3)):
+        existence.update("m", ratio, weight)
+        probabilities.append(existence.probability("m"))
+    assert probabilities == pytest.approx([0.34238087, 0.26908385, 0.50018107, 0.51385164])
+    for ratio, bound in ((0.0, 0.00669285), (1e9, 0.98201379)):
+        for _ in range(9):
+            existence.update("m", ratio)
+        assert existence.probability("m") == pytest.approx(bound)
+
+
+@pytest.mark.parametrize(
+    ("model", "ranges"),
+    [
+        (
+            Bayes.Params,
+            "cell [0.1, 2], headings [4, 72], turning [0, 0.3], leak [0, 0.1], prior (0, 1), "
+            "situation_every [0.1, 50], situation_weight [0, 1], map_sigma [0, 10], "
+            "lost_below [0, 1)",
+        ),
+        (
+            FloorPlanLocalizer.Params,
+            "aside [0, 10], yaw_by_turning [0, 10], margin [1, 10], start_xy [0, 10], "
+            "start_yaw [0, 10], map_sigma [0, 10], prior (0, 1), least_xy [0, 10], "
+            "least_yaw [0, 10], every [0.02, 2], memory [1, 100], doubt_below [0, 1), "
+            "lost_below [-1, 1)",
+        ),
+        (
+            DeadReckoning.Params,
+            "start_xy [0, 10], start_yaw [0, 10], along [0, 10], aside [0, 10], "
+            "yaw_by_distance [0, 10], yaw_by_turning [0, 10], place_radius (0, 20], "
+            "places [1, 1000], refresh [0, 10]",
+        ),
+        (Topological.Params, "adopt_above (0.5, 1), lost_below [0, 1)"),
+    ],
+)
+def test_parameters_are_bounded(model: type[Params], ranges: str) -> None:
+    check_ranges(model, ranges)
 
 
 @given(st.lists(st.floats(0.0, 1e6), max_size=40), st.floats(0.5, 0.95))

@@ -123,6 +123,8 @@ def test_things_in_a_corridor_do_not_move_its_walls() -> None:
     fix = corridor_fix(CORRIDOR, robot, seen(CORRIDOR, robot, points))
     assert fix is not None
     assert fix.shift == pytest.approx(0.0, abs=0.06)
+    numbers = (fix.turn, fix.turn_sigma, fix.shift, fix.shift_sigma)
+    assert numbers == pytest.approx((-0.010668242, 0.021787211, 0.036081733, 0.052126456))
 
 
 def test_too_little_wall_tells_nothing() -> None:
@@ -211,3 +213,6 @@ def test_a_drifting_pose_stays_in_its_corridor() -> None:
     assert abs(odom.yaw) > 0.2
     assert abs(believed.yaw) < 0.06
     assert abs(believed.y - 0.1) < 0.1
+    assert (believed.x, believed.y, believed.yaw) == pytest.approx(
+        (6.397586, 0.178413, 0.045282), abs=1e-6
+    )

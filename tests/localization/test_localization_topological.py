@@ -70,8 +70,14 @@ def go(
     return report, localizer
 
 
-@pytest.mark.parametrize("seed", [0, 3])
-def test_it_finds_an_unknown_start(seed: int) -> None:
+@pytest.mark.parametrize(
+    ("seed", "totals"),
+    [
+        (0, (53.7091786, 1089.174883, 1027.0, 1, 167)),
+        (3, (1603.530684, 1621.084953, 1068.812302, 429, 169)),
+    ],
+)
+def test_it_finds_an_unknown_start(seed: int, totals: tuple[float, ...]) -> None:
     report, _ = go(seed)
     assert report.lost[0]
     assert report.localized_at is not None
@@ -80,6 +86,7 @@ def test_it_finds_an_unknown_start(seed: int) -> None:
     after = report.error[report.localized_at :]
     assert np.percentile(after, 95) < 0.35
     assert not report.lost[report.localized_at :].any()
+    assert report.totals == pytest.approx(totals)
 
 
 def test_a_known_start_stays_known_with_displaced_landmarks() -> None:

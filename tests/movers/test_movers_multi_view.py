@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 import pytest
+from flow_scene import Board, board_image
 from movers_detections import detection
-from movers_scenes import Board, frame_at
 
 from navfw.egomotion import FrameBuffer, PairingParams
 from navfw.movers import (
@@ -22,6 +22,23 @@ from navfw.movers import (
 )
 from navfw.robot import CameraModel, RobotModel, SideViews
 from navfw.signals import Frame, MovingObject, Odometry, Pose, Stixels, Twist
+
+
+def frame_at(
+    robot: RobotModel, time: float, twist: Twist, boards: tuple[Board, ...]
+) -> tuple[Frame, Odometry]:
+    """Frame and odometry at ``time`` [s] of a robot that drives ``twist`` from the origin."""
+    pose = Pose(0.0, 0.0, 0.0)
+    if twist.w:
+        turn, radius = twist.w * time, twist.v / twist.w
+        pose = Pose(radius * float(np.sin(turn)), radius * float(1.0 - np.cos(turn)), turn)
+    else:
+        pose = Pose(twist.v * time, 0.0, 0.0)
+    ahead, *sides = (
+        board_image(camera, pose, time, boards) for camera in (robot.camera, *robot.side_cameras)
+    )
+    return Frame(time, ahead, tuple(sides)), Odometry(time, pose, twist, 0.0, still=False)
+
 
 ROBOT = RobotModel()
 WIDE = RobotModel(side_views=SideViews())

@@ -72,7 +72,10 @@ def test_the_pitch_is_learned_from_the_images() -> None:
         past = texture(seed)
         found = finder.find(moved(past, floor_normal(), 0.25), past, MOTION)
         assert (found is not None) == (seed >= 4), "five pairs are needed"
-    assert finder.pitch == pytest.approx(PITCH, abs=math.radians(2.6))
+    assert finder.pitch == pytest.approx(math.radians(12.5))
+    assert found is not None
+    assert found.ratio == pytest.approx(0.24573936, rel=1e-5)
+    assert (found.proven.sum(), found.cells.sum()) == (96, 96)
 
 
 def test_a_wall_is_no_floor() -> None:
@@ -118,6 +121,8 @@ def test_a_floor_with_little_texture_is_reached_from_one_that_has_some() -> None
     bare = np.s_[8:9, 6:10]
     assert not found.proven[bare].any()
     assert found.cells[bare].all()
+    assert found.ratio == pytest.approx(0.20265539, rel=1e-5)
+    assert (found.proven.sum(), found.cells.sum()) == (91, 107)
 
 
 @pytest.mark.parametrize(("contrast", "nearness"), [(12.0, 0.0), (8.0, 0.1)])

@@ -109,6 +109,8 @@ def test_the_fit_finds_focal_length_and_curvature() -> None:
     assert found.focal == pytest.approx(shape.focal, rel=0.03)
     assert found.curvature == pytest.approx(shape.curvature, abs=0.05)
     assert fit.bend(found) == pytest.approx(0.057 * HALF**2 / shape.focal, rel=0.2)
+    numbers = (found.focal, found.curvature, fit.bend(found))
+    assert numbers == pytest.approx((198.510298, 0.451028591, 6.57172482), rel=1e-5)
 
 
 def test_wrong_tracks_do_not_move_the_fit() -> None:
@@ -131,6 +133,8 @@ def test_a_fisheye_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     assert data["focal_px"] == pytest.approx(150.0, rel=0.03)
     assert data["hfov_deg"] == pytest.approx(math.degrees(WIDTH / 150.0), abs=4.0)
     assert "distortion arctan 1.0 +- 0.0" in estimate_line(found)
+    assert (data["focal_px"], data["focal_sigma_px"]) == (149.47, 7.49)
+    assert (data["hfov_deg"], data["curvature_sigma"]) == (122.7, 0.052)
 
 
 def test_a_lens_without_distortion_gets_none(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -138,7 +142,9 @@ def test_a_lens_without_distortion_gets_none(monkeypatch: pytest.MonkeyPatch) ->
     assert found.calibration is None
     assert found.shape is not None
     assert found.shape.curvature == 0.0
-    assert found.hfov == pytest.approx(63.2, abs=2.0)
+    data = found.as_data()
+    assert (data["focal_px"], data["focal_sigma_px"]) == (259.01, 13.03)
+    assert (data["hfov_deg"], data["curvature_sigma"]) == (63.4, 0.051)
     assert "no distortion" in estimate_line(found)
 
 
@@ -166,7 +172,7 @@ def test_a_known_view_leaves_the_curvature(monkeypatch: pytest.MonkeyPatch) -> N
     assert found.hfov == pytest.approx(100.0)
     data = found.as_data()
     assert (data["focal_px"], data["hfov_deg"]) == (None, None)
-    assert data["curvature"] == pytest.approx(0.5, abs=0.05)
+    assert (data["curvature"], data["curvature_sigma"]) == (0.506, 0.056)
 
 
 def test_few_pairs_tell_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

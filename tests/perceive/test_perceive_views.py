@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import math
 import shutil
 from pathlib import Path
 from typing import Any
@@ -10,13 +12,31 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from perceive_images import HEIGHT, WIDTH, assert_ahead, save, texture, wall_at
+from perceive_images import HEIGHT, WIDTH, assert_ahead, save, texture, total, wall_at
 from typer.testing import CliRunner
 
 from navfw.cli import app
+from navfw.egomotion import Egomotion, MotionKind
 from navfw.numerics import Image
-from navfw.perceive import COLOURS, NO_FLOOR, FloorFinder, pair_motion
+from navfw.offis import Offis
+from navfw.perceive import (
+    COLOURS,
+    NO_FLOOR,
+    FloorFinder,
+    PairResult,
+    Perceiver,
+    PerceiverOptions,
+    ScaleEstimator,
+    WorkingSize,
+    open_source,
+    overlay,
+    pair_motion,
+)
+from navfw.plugins import default_registry
 from navfw.recording import run_folder
+from navfw.robot import RobotModel
+from navfw.signals import Twist
+from navfw.testing.behavior_scenes import wall_flow
 
 PICTURE = texture()
 APPROACH = [wall_at(d, PICTURE) for d in (2.0, 1.95, 1.90, 1.85, 1.80)]
@@ -55,6 +75,8 @@ def test_wall_that_comes_nearer(approach: Path) -> None:
         assert_ahead(view, WIDTH, HEIGHT)
         for quadrant in view["distances"].values():
             assert quadrant["distance_m"] == pytest.approx(distance, rel=0.15)
+    sums = [401.5904, 388.5085, 374.5287, 402.4562]
+    assert [total(view) for view in views] == pytest.approx(sums, rel=1e-5)
 
 
 def test_without_speed_only_times(approach: Path) -> None:
@@ -97,6 +119,8 @@ def test_camera_that_rolls(tmp_path: Path) -> None:
         assert view["ttc_s"] == pytest.approx(2 * distance, rel=0.1)
         # the image turns by the angle, counter-clockwise: the camera rolled the other way
         assert view["rotation_deg"]["roll"] == pytest.approx(8.0 * view["dt"], abs=0.15)
+    sums = [403.4907, 400.577, 399.5682]
+    assert [total(view) for view in views] == pytest.approx(sums, rel=1e-5)
 
 
 def test_camera_that_backs(approach: Path) -> None:
@@ -129,9 +153,10 @@ def noise(k: int) -> Image:
         ([np.full((HEIGHT, WIDTH), 140, np.uint8) + noise(k) // 120 for k in range(3)], "texture"),
         ([noise(k) for k in range(3)], "too little"),
         ([APPROACH[0]] * 3, "no motion"),
+        ([wall_at(2.0, PICTURE, 0.2 * k) for k in range(3)], "only rotates"),
         ([texture(k)[:HEIGHT, :WIDTH] for k in range(3)], ""),
     ],
-    ids=["black", "flat and noisy", "snow", "still", "unrelated"],
+    ids=["black", "flat and noisy", "snow", "still", "rolling", "unrelated"],
 )
 def test_never_confident_about_nothing(tmp_path: Path, images: list[Image], note: str) -> None:
     views = perceive(save(tmp_path / "images", images), "--fps", "10", "--speed", "0.3")
@@ -144,6 +169,51 @@ def test_never_confident_about_nothing(tmp_path: Path, images: list[Image], note
         assert view["ttc_s"] is None
         assert "nearest object is unknown" in view["sentence"]
         assert note in "; ".join(view["notes"])
+
+
+@pytest.mark.parametrize(
+    ("height", "expected"),
+    [
+        (0.1, (2.2, 2.0, 0.02, 0.035, 0.4, 10.0)),
+        (0.5, (2.2, 2.0, 0.05, 0.08, 2.0, 10.0)),
+        (3.0, (3.8, 10.5, 0.05, 0.08, 12.0, 30.0)),
+        (20.0, (1e6, 2.0, 0.05, 0.08, 80.0, 200.0)),
+    ],
+)
+def test_distances_are_judged_by_the_height_of_the_camera(
+    approach: Path, height: float, expected: tuple[float, ...]
+) -> None:
+    perceiver = Perceiver(PerceiverOptions(), open_source([approach], 10.0), default_registry())
+    next(perceiver.results())
+    offis = perceiver._offis_at(ScaleEstimator(0.3, height).update(None))
+    p = offis.params
+    sizes = (p.wall_height, p.path_length, p.obstacle_height, p.drop_depth)
+    assert (*sizes, p.front_distance, p.farthest) == pytest.approx(expected)
+    assert offis.robot.height == max(0.4, height + 0.05)
+    assert perceiver._offis_at(ScaleEstimator(40.0, 3.0).update(None)).params.farthest == 200.0
+
+
+@pytest.mark.parametrize(("known", "digest"), [(True, "56b59e22512f"), (False, "7d80da58594b")])
+def test_a_result_is_drawn_always_the_same(known: bool, digest: str) -> None:
+    robot, note = RobotModel(), "the camera is near something, and this note is long " * 3
+    flow = wall_flow(robot, 0.2, 0.8, 2.0, 0.5)
+    ahead, covariance = np.array([0.0, 0.0, 1.0]), 1e-4 * np.eye(5)
+    result = PairResult(
+        *(1, "a.png", "b.png", 0.4, 0.2, ScaleEstimator(0.3, 1.2).update(None), flow),
+        percept=Offis(robot).perceive(flow, Twist(0.3, 0.0)),
+        rotation_vector=np.zeros(3),
+        turn_source="flow",
+        egomotion=Egomotion(MotionKind.FORWARD, np.eye(3), ahead, covariance, 0.02),
+        focus=(170.0, 110.0) if known else None,
+        contact=3.2,
+        quadrant_contact={"P1": 1.5, "P2": 2.5, "P3": 200.0, "P4": math.inf},
+        confidence=0.8,
+        known=known,
+        notes=(note,),
+    )
+    grey = np.full((HEIGHT, WIDTH, 3), 120, np.uint8)
+    picture = overlay.draw(grey, result, WorkingSize.of(WIDTH, HEIGHT, 12, 16))
+    assert hashlib.sha256(picture.tobytes()).hexdigest().startswith(digest)
 
 
 def test_gyro(approach: Path, tmp_path: Path) -> None:

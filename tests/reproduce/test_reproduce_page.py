@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from labelled_frames import label, save_approach
+from perceive_images import label, save_approach
 from typer.testing import CliRunner
 
 from navfw.bench import RECORDINGS, real_benchmark

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Sequence
 from functools import cache
@@ -16,7 +17,16 @@ from hypothesis import strategies as st
 
 from navfw.errors import MapError
 from navfw.sim import SceneGeometry, WorldSpec, load_world
-from navfw.topomap import ClearanceGrid, TopoMap, build_map, check_map, skeleton_graph, thinned
+from navfw.topomap import (
+    ClearanceGrid,
+    TopoMap,
+    build_map,
+    check_map,
+    map_text,
+    skeleton_graph,
+    thinned,
+)
+from navfw.topomap.map_regions import _across
 
 ROOT = Path(__file__).parents[2]
 
@@ -86,7 +96,8 @@ def test_corridors_have_junctions_where_doors_lead_off() -> None:
 
 
 def test_two_rooms_and_a_door() -> None:
-    topo_map = build_map("pair", ground((3.95, 0, 4.05, 1.5), (3.95, 2.5, 4.05, 4)))
+    halves = ground((3.95, 0, 4.05, 1.5), (3.95, 2.5, 4.05, 4))
+    topo_map = build_map("pair", halves)
     (door,) = [place for place in topo_map.places.values() if place.kind == "door"]
     assert door.distance(4.0, 2.0) < 0.1
     beside = [topo_map.place(p.other(door.name)) for p in topo_map.passages_at(door.name)]
@@ -94,6 +105,23 @@ def test_two_rooms_and_a_door() -> None:
     assert all(abs(place.y - 2.0) < 0.1 for place in beside)
     assert all(p.doorness == 1.0 for p in topo_map.passages_at(door.name))
     assert max(p.width for p in topo_map.passages_at(door.name)) <= 1.0
+    rooms = {"hall": (0.0, 8.0, 0.0, 4.0), "east": (3.0, 8.0, 1.9, 2.1)}
+    places = build_map("pair", halves, rooms=rooms).places.values()
+    named = {(place.name, place.x) for place in places}
+    assert {("hall", 1.98), ("east", 6.03), ("east-1", 3.2), ("east-door", 4.0)} < named
+
+
+@pytest.mark.parametrize("quarter", range(-2, 3))
+@pytest.mark.parametrize(("off", "square"), [(-7.9, True), (7.9, True), (8.1, False)])
+def test_a_door_that_is_nearly_square_is_square(quarter: int, off: float, square: bool) -> None:
+    angle = math.radians(90.0 * quarter + off)
+    aside = np.array([-math.sin(angle), math.cos(angle)])
+    middle, through = _across(
+        np.array([3.0, 2.0]) - 0.5 * aside, np.array([3.0, 2.0]) + 0.5 * aside
+    )
+    assert middle == pytest.approx((3.0, 2.0))
+    expected = math.radians(90.0 * quarter) if square else angle
+    assert through == pytest.approx((math.cos(expected), math.sin(expected)))
 
 
 def test_passages_lead_round_both_sides_of_an_obstacle() -> None:
@@ -104,10 +132,30 @@ def test_passages_lead_round_both_sides_of_an_obstacle() -> None:
     assert cv2.pointPolygonTest(cv2.convexHull(around), (4.0, 2.0), measureDist=False) > 0
 
 
+BEND = """\
+name: bend
+
+places:
+  corridor-1: {x: 7.23, y: 0.78, kind: corridor}
+  corridor-2: {x: 0.78, y: 3.23, kind: corridor}
+  corridor-corner-1: {x: 6.88, y: 3.23, kind: corner}
+
+edges:
+  - {from: corridor-corner-1, to: corridor-1, width: 0.95}
+  - {from: corridor-corner-1, to: corridor-2, width: 1.45}
+"""
+
+
 def test_a_bend_has_a_corner() -> None:
-    topo_map = build_map("bend", ground((0, 0, 6.5, 2.5)))
-    assert "corner" in {place.kind for place in topo_map.places.values()}
-    assert len(topo_map.parts) == 1
+    assert map_text(build_map("bend", ground((0, 0, 6.5, 2.5)))) == BEND
+
+
+@pytest.mark.parametrize(
+    ("name", "digest"), [("office", "9c53afcc93527607"), ("paper-room", "a3928f6a2d8214e0")]
+)
+def test_a_map_is_built_always_the_same(name: str, digest: str) -> None:
+    text = map_text(built(name)[0])
+    assert hashlib.sha256(text.encode()).hexdigest().startswith(digest), text
 
 
 def test_gaps_too_narrow_for_the_robot_have_no_passage() -> None:
