@@ -26,7 +26,6 @@ from .run_statistics import wilson as wilson
 from .run_table import COLUMNS as COLUMNS
 from .run_table import RunRow as RunRow
 from .run_table import columns_of as columns_of
-from .run_table import read_table as read_table
 from .run_table import write_table as write_table
 from .suite_folder import StartMode as StartMode
 from .suite_folder import SuiteFolder as SuiteFolder

@@ -54,13 +54,6 @@ class Case:
     content: str = ""
 
     @property
-    def setting(self) -> tuple[str, ...]:
-        """What the run is made in (see ``RunRow.setting``)."""
-        world = "" if self.family else self.world_name
-        name, stack = self.mission_name, self.stack_name
-        return (self.entry, self.family, world, name, stack, self.variant)
-
-    @property
     def key(self) -> RunKey:
         """The key of the run in the table."""
         where = (self.entry, self.world_name, self.mission_name)

@@ -15,14 +15,14 @@ import json
 import os
 import sqlite3
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from navfw.config.input_file import is_file
+from navfw.config.input_file import is_file, no_such_file
 from navfw.errors import ConfigError, InputError
 from navfw.process.atomic import atomic_file
-from navfw.suite.run_table import RunKey, RunRow, cells_of_row, read_table, row_of_cells
+from navfw.suite.run_table import RunKey, RunRow, cells_of_row, row_of_cells
 
 _VERSION = 1
 """Version of the tables, kept as SQLite's ``user_version``."""
@@ -90,15 +90,18 @@ class RunJournal:
             values = (content, _key_text(key), reason)
             database.execute("INSERT INTO death VALUES (?, ?, ?)", values)
 
-    def rows(self, contents: Collection[str]) -> list[RunRow]:
-        """The rows that were made with one of ``contents``, in the order of writing.
+    def rows(self, contents: Iterable[str]) -> list[RunRow]:
+        """The rows that were made with one of ``contents``, in their order; of each as written."""
+        by_content: dict[str, list[RunRow]] = {content: [] for content in contents}
+        for content, row in self.all_rows():
+            by_content.get(content, []).append(row)
+        return list(itertools.chain.from_iterable(by_content.values()))
+
+    def all_rows(self) -> list[tuple[str, RunRow]]:
+        """All rows with their contents, also those of a suite that was changed since.
 
         A row that differs from its checksum is damage.
         """
-        return [row for content, row in self.all_rows() if content in contents]
-
-    def all_rows(self) -> list[tuple[str, RunRow]]:
-        """All rows with their contents, also those of a suite that was changed since."""
         with self._opened() as database:
             records = list(database.execute("SELECT * FROM run ORDER BY rowid"))
         return [self._checked(*record) for record in records]
@@ -140,14 +143,15 @@ class RunJournal:
         if checksum != _checksum(content, key, cells):
             raise JournalDamagedError("is damaged: a row differs from its checksum", file=self.file)
         try:
-            return content, row_of_cells(json.loads(cells), str(self.file))
-        except (ValueError, AttributeError):  # no object of JSON, with its checksum all the same
-            raise JournalDamagedError("is damaged: a row has no cells", file=self.file) from None
+            return content, row_of_cells(json.loads(cells))
+        except (ValueError, AttributeError):  # in spite of its checksum
+            what = "is damaged: a row has no valid cells"
+            raise JournalDamagedError(what, file=self.file) from None
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[sqlite3.Connection]:
         if not is_file(self.file):
-            raise InputError("cannot be read or written: it is not there", file=self.file)
+            raise no_such_file(self.file)
         if self.file.stat().st_size > _MAX_JOURNAL:
             what = f"is larger than {_MAX_JOURNAL // 1_000_000} MB, so it is not read"
             raise InputError(what, file=self.file)
@@ -164,42 +168,29 @@ class RunJournal:
             raise InputError(f"cannot be read or written: {error}", file=self.file) from None
 
 
-def ready_journal(journal: RunJournal, contents: Mapping[tuple[str, ...], str], table: Path) -> str:
+def ready_journal(journal: RunJournal) -> str:
     """Make ``journal`` usable; returns what was done, in a sentence, or "" for an intact one.
 
-    A damaged journal is moved aside, and its intact rows go to a new one. Only then, or without a
-    journal, the exported ``table`` is read: rows that no journal has are kept as well, if
-    ``contents`` has the content of their runs (by ``RunRow.setting``).
+    A damaged journal is moved aside, and its intact rows go to a new one.
 
     Raises:
-        InputError: the journal is of a newer version, the folder cannot be written, or the table
-            that is needed is damaged.
+        InputError: the journal is of a newer version, or the folder cannot be written.
 
     """
-    file, note = journal.file, ""
-    kept: list[tuple[str, RunRow]] = []
+    if not journal.file.exists():
+        journal.create()
+        return ""
     try:
-        if file.exists():
-            journal.check()
-            kept = journal.all_rows()
-            if kept:
-                return ""
+        journal.check()
+        journal.all_rows()
     except JournalDamagedError as error:
         kept = journal.intact()
-        aside = _moved_aside(file)
-        note = f"{error}; it is kept as {aside.name}. "
-    journal.create()
-    journaled = {row.key for _, row in kept}
-    kept += [
-        (contents[row.setting], row)
-        for row in (read_table(table) if is_file(table) else [])
-        if row.key not in journaled and row.setting in contents
-    ]
-    journal.add_all(kept)
-    if not note and not kept:
-        return ""
-    note = note or f"{file}: there is no journal beside the table. "
-    return f"{note}{len(kept)} finished runs are intact and kept; all others are driven again"
+        aside = _moved_aside(journal.file)
+        journal.create()
+        journal.add_all(kept)
+        intact = f"{len(kept)} finished runs are intact and kept"
+        return f"{error}; it is kept as {aside.name}. {intact}; all others are driven again"
+    return ""
 
 
 def _moved_aside(file: Path) -> Path:

@@ -1,27 +1,22 @@
-"""The table of a suite: one row per run, as CSV, written atomically."""
+"""The rows of a suite, one per run, and their table: CSV for other programs, never read back."""
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
+import functools
 import math
 import re
-import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from navfw.config.input_file import read_input_text, shown_path
-from navfw.errors import ConfigError
 from navfw.missions.outcome import Outcome
 from navfw.process.atomic import write_text
 from navfw.suite.failure_causes import Cause
 
-_MAX_TABLE = 100_000_000
-"""Largest size of a table [byte]; a larger file is refused before it is read."""
-
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
 
 _DEATHS = {Cause.PROCESS_DIED, Cause.TOO_LONG, Cause.TOO_MUCH_MEMORY}
 """Causes of runs that ended with their process."""
@@ -57,8 +52,7 @@ class RunRow:
     ``plugin_faults`` is the number of kinds of plugin faults beside the injected ones. ``attempts``
     is the number of processes that the run took: 2 if the first one died. ``cpu_time_s`` is the
     processor time of the whole run, with its world, checks and picture, ``memory_mb`` the largest
-    resident memory [MB] of the process since its start. Tables of older versions lack the last
-    four.
+    resident memory [MB] of the process since its start.
     """
 
     entry: str
@@ -106,12 +100,6 @@ class RunRow:
         return self.variant or self.stack
 
     @property
-    def setting(self) -> tuple[str, ...]:
-        """What the run was made in: its key without the seed, nor the world that a seed makes."""
-        world = "" if self.family else self.world
-        return (self.entry, self.family, world, self.mission, self.stack, self.variant)
-
-    @property
     def succeeded(self) -> bool:
         """Whether the mission was accomplished."""
         return self.outcome == Outcome.REACHED
@@ -133,10 +121,7 @@ class RunRow:
 
 
 COLUMNS = tuple(field.name for field in dataclasses.fields(RunRow))
-_TYPES = typing.get_type_hints(RunRow)
-
-_OPTIONAL = {"variant", "plugin_faults", "attempts", "cpu_time_s", "memory_mb"}
-"""Columns that a table may lack."""
+_REQUIRED = {"entry", "world", "mission", "seed", "stack", "outcome"}
 
 
 def columns_of(rows: Iterable[RunRow]) -> tuple[str, ...]:
@@ -163,61 +148,30 @@ def table_cells(rows: Iterable[RunRow]) -> list[list[str]]:
     return [list(columns), *([_cell(getattr(row, name)) for name in columns] for row in rows)]
 
 
-def read_table(path: str | Path) -> list[RunRow]:
-    """The rows of the table at ``path``.
-
-    Raises:
-        ConfigError: there is no such file, or it is not a suite's table; with file and line.
-
-    """
-    path = Path(path)
-    name = shown_path(path)
-    reader = csv.DictReader(io.StringIO(read_input_text(path, _MAX_TABLE), newline=""))
-    try:
-        columns = {*_OPTIONAL, *(reader.fieldnames or ())}
-        missing = [column for column in COLUMNS if column not in columns]
-        if missing:
-            what = f"is not a table of navfw suite: it has no column {missing[0]!r}"
-            raise ConfigError(what, file=name, line=1)
-        rows = [row_of_cells(cells, name, reader.line_num) for cells in reader]
-    except csv.Error as error:
-        raise ConfigError(
-            f"cannot be read as CSV: {error}", file=name, line=reader.line_num
-        ) from None
-    seen: set[RunKey] = set()
-    for row in rows:
-        if row.key in seen:
-            raise ConfigError(f"contains the run {tuple(row.key)} twice", file=name)
-        seen.add(row.key)
-    return rows
-
-
 def cells_of_row(row: RunRow) -> dict[str, str]:
     """The cells of a row by column, as in the table."""
     return {name: _cell(getattr(row, name)) for name in COLUMNS}
 
 
-def row_of_cells(cells: Mapping[str, Any], file: str, line: int | None = None) -> RunRow:
-    """The row with these cells by column; ``file`` and ``line`` are named in errors.
+def row_of_cells(cells: Mapping[str, str]) -> RunRow:
+    """The row with these cells by column; an empty or missing one has its default.
 
     Raises:
-        ConfigError: a cell is missing, is no number where one is expected, or no outcome.
+        ValueError: a required cell is missing, one is no number where a number is expected, or the
+            outcome is unknown.
 
     """
-    values: dict[str, Any] = {}
-    for column in COLUMNS:
-        text = cells.get(column, "" if column in _OPTIONAL else None)
-        if text is None:
-            raise ConfigError("the line has too few cells", file=file, line=line)
-        try:
-            values[column] = _value(text, _TYPES[column])
-        except ValueError:
-            what = f"expected a number, got {text!r:.40}"
-            raise ConfigError(what, file=file, line=line, key=column) from None
-    if values["outcome"] not in set(Outcome):
-        what = f"expected one of {', '.join(Outcome)}, got {values['outcome']!r:.40}"
-        raise ConfigError(what, file=file, line=line, key="outcome")
-    return RunRow(**values)
+    filled = {name: text for name, text in cells.items() if text or name in _REQUIRED}
+    row: RunRow = _adapter().validate_python(filled)
+    Outcome(row.outcome)
+    return row
+
+
+@functools.cache
+def _adapter() -> TypeAdapter[RunRow]:
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(RunRow)
 
 
 def _cell(value: object) -> str:
@@ -226,11 +180,3 @@ def _cell(value: object) -> str:
     if isinstance(value, float):
         return "" if math.isnan(value) else repr(float(value))
     return " ".join(value.split()) if isinstance(value, str) else str(value)
-
-
-def _value(text: str, kind: Any) -> object:
-    if kind is str:
-        return text
-    if not text and type(None) in typing.get_args(kind):
-        return None
-    return int(text) if int in (kind, *typing.get_args(kind)) else float(text)

@@ -27,7 +27,7 @@ from navfw.config import (
 from navfw.errors import ConfigError, InputError
 from navfw.perceive import load_gyro_record, open_source
 from navfw.recording import load_recording, read_result
-from navfw.suite import load_suite, read_table
+from navfw.suite import RunJournal, load_suite
 from navfw.topomap import load_any_map
 from navfw.worldgen import read_sdf
 
@@ -123,7 +123,7 @@ INPUTS: dict[str, tuple[str, Read]] = {
     "json": ("a.json", read_json_object),
     "result": ("result.json", lambda path: read_result(path.parent)),
     "recording": ("run.mcap", load_recording),
-    "table": ("table.csv", read_table),
+    "journal": ("journal.sqlite", lambda path: RunJournal(path).check()),
     "gyro": ("gyro.csv", load_gyro_record),
     "image": ("a.png", read_image),
     "video": ("a.mp4", lambda path: open_source([path])),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import subprocess
@@ -12,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from navfw.missions import prepare
+from navfw.suite import SuiteFolder
 
 MISSION = ("paper-room", "through-the-door")
 SEED = 11
@@ -116,6 +116,5 @@ def test_the_commands_of_a_suite_s_workers_are_the_same(expected: str, tmp_path:
         timeout=300,
         check=False,
     )
-    with (tmp_path / "table" / "table.csv").open(encoding="utf-8", newline="") as stream:
-        (row,) = csv.DictReader(stream)
-    assert row["command_hash"] == expected
+    (row,) = SuiteFolder(tmp_path / "table").rows()
+    assert row.command_hash == expected

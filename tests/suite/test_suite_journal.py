@@ -21,7 +21,6 @@ from navfw.suite import (
     SuiteFolder,
     SuitePlan,
     SuiteResult,
-    read_table,
     run_suite,
     suite_folder,
 )
@@ -71,7 +70,7 @@ def test_the_journal_has_every_run_as_it_ends(out: SuiteFolder) -> None:
         on_row=lambda case, row: counts.append(len(out.rows())),
     )
     assert counts == [1, 2, 3, 4]
-    assert out.rows() == read_table(out.table)
+    assert [row.seed for row in out.rows()] == [0, 1, 2, 3]
 
 
 def test_a_row_replaces_an_earlier_one_of_the_same_run(tmp_path: Path) -> None:
@@ -82,8 +81,8 @@ def test_a_row_replaces_an_earlier_one_of_the_same_run(tmp_path: Path) -> None:
     journal.add("aa", samples.row(1, "fault"))
     journal.add("aa", samples.row(1))
     journal.add("bb", samples.row(1, "stuck"))
-    assert journal.rows({"aa"}) == [samples.row(1)]
-    assert [row.outcome for row in journal.rows({"aa", "bb"})] == ["reached", "stuck"]
+    assert journal.rows(["aa"]) == [samples.row(1)]
+    assert [row.outcome for row in journal.rows(["bb", "aa"])] == ["stuck", "reached"]
     assert not journal.deaths({"aa"})
 
 
@@ -164,7 +163,6 @@ def test_what_is_intact_of_a_damaged_journal_is_kept(out: SuiteFolder) -> None:
     wanted = plan(80)
     run(wanted, out)
     before = {row.seed: row for row in out.rows()}
-    out.table.unlink()
     size = out.journal.file.stat().st_size
     _overwrite(out.journal.file, size // 2 // 4096 * 4096, 4096)  # a page in the middle
     with pytest.raises(JournalDamagedError):
@@ -183,7 +181,6 @@ def test_what_is_intact_of_a_damaged_journal_is_kept(out: SuiteFolder) -> None:
 
 def test_a_row_that_differs_from_its_checksum_is_driven_again(out: SuiteFolder) -> None:
     run(plan(), out)
-    out.table.unlink()
     with closing(sqlite3.connect(out.journal.file)) as database, database:
         database.execute("UPDATE run SET cells = replace(cells, 'timeout', 'reached')")
     told: list[str] = []
@@ -193,17 +190,39 @@ def test_a_row_that_differs_from_its_checksum_is_driven_again(out: SuiteFolder) 
     assert "a row differs from its checksum" in told[0]
 
 
-@pytest.mark.parametrize("left", [None, b"", b"no database at all" * 300])
-def test_the_table_stands_in_for_a_lost_journal(out: SuiteFolder, left: bytes | None) -> None:
+@pytest.mark.parametrize("content", [b"", b"no database at all" * 300])
+def test_all_runs_of_an_unreadable_journal_are_driven_again(
+    out: SuiteFolder, content: bytes
+) -> None:
     run(plan(), out)
-    out.journal.file.unlink()
-    if left is not None:
-        out.journal.file.write_bytes(left)
+    out.journal.file.write_bytes(content)
     told: list[str] = []
     done, driven = run(plan(5), out, "resume", told)
-    assert [seed for _, seed in driven] == [4]
+    assert [seed for _, seed in driven] == [0, 1, 2, 3, 4]
     assert done.complete
-    assert "4 finished runs are intact and kept" in told[0]
+    assert "0 finished runs are intact and kept; all others are driven again" in told[0]
+
+
+def test_a_table_without_its_journal_is_not_read(out: SuiteFolder) -> None:
+    run(plan(), out)
+    out.journal.file.unlink()
+    missing = r"out: has a table\.csv, but no journal\.sqlite.*again with --restart"
+    for read in (out.rows, lambda: out.open(plan(), "abc", begin="resume")):
+        with pytest.raises(InputError, match=missing):
+            read()
+    assert len(run(plan(), out, "restart")[1]) == 4
+
+
+def test_what_is_no_folder_of_a_suite_has_no_rows(tmp_path: Path) -> None:
+    (tmp_path / "table.csv").touch()
+    for name, message in (
+        ("none", "there is no such folder; expected the folder of a suite"),
+        ("table.csv", "is a file; expected the folder of a suite, whose runs are read from its"),
+        ("empty", "has no journal.sqlite, so it is not the folder of a suite"),
+    ):
+        (tmp_path / "empty").mkdir(exist_ok=True)
+        with pytest.raises(InputError, match=f"{name}: {message}"):
+            SuiteFolder(tmp_path / name).rows()
 
 
 def test_a_journal_of_a_newer_version_is_refused(out: SuiteFolder) -> None:

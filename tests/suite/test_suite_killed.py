@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import json
 import os
 import shutil
@@ -18,7 +19,7 @@ import pytest
 import suite_samples
 from killing import Ended, Started, moments
 
-from navfw.suite import RunRow, SuiteFolder, read_table
+from navfw.suite import RunRow, SuiteFolder
 
 MANY = int(os.environ.get("NAVFW_KILLS", "5"))
 """Moments for each signal in the slow tests."""
@@ -69,7 +70,7 @@ def undisturbed(code: str, words: tuple[str, ...], folder: Path) -> Undisturbed:
     began = time.monotonic()
     ended = first.start(folder).ended()
     assert ended.code == 0, ended.stderr
-    hashes = {row.seed: row.command_hash for row in read_table(folder / "o" / "table.csv")}
+    hashes = {row.seed: row.command_hash for row in rows_of(folder)}
     return Undisturbed(code, words, time.monotonic() - began, hashes)
 
 
@@ -140,9 +141,12 @@ def check_resumed(folder: Path, suite: Undisturbed) -> None:
     kept = {row.seed: row for row in rows_of(folder) if row.has_result}
     ended = suite.start(folder).ended()
     assert ended.code == 0, ended.stderr
-    rows = read_table(folder / "o" / "table.csv")
-    assert [(row.seed, row.command_hash) for row in rows] == sorted(suite.hashes.items())
-    assert sorted(rows_of(folder), key=lambda row: row.seed) == rows
+    rows = sorted(rows_of(folder), key=lambda row: row.seed)
+    wanted = sorted(suite.hashes.items())
+    assert [(row.seed, row.command_hash) for row in rows] == wanted
+    with (folder / "o" / "table.csv").open(newline="") as stream:
+        table = [(int(row["seed"]), row["command_hash"]) for row in csv.DictReader(stream)]
+    assert table == wanted
     assert all(row == kept.get(row.seed, row) for row in rows), "a finished run was driven again"
     check_files(folder)
 

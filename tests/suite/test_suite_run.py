@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,6 @@ from navfw.suite import (
     SuiteFolder,
     SuitePlan,
     SuiteResult,
-    read_table,
     run_suite,
 )
 
@@ -44,10 +44,11 @@ def test_the_table_is_complete_and_in_order(tmp_path: Path) -> None:
     done = run(plan(5, 4, 3, 2), out, workers=2, on_row=lambda case, row: seeds.append(row.seed))
     assert done.complete
     assert sorted(seeds) == [2, 3, 4, 5]
-    rows = read_table(out.table)
-    assert rows == list(done.rows)
-    assert [row.seed for row in rows] == [5, 4, 3, 2]
-    assert [row.outcome for row in rows] == ["timeout", "reached", "timeout", "reached"]
+    assert {row.seed: row for row in out.rows()} == {row.seed: row for row in done.rows}
+    with out.table.open(newline="") as stream:
+        table = [(int(row["seed"]), row["outcome"]) for row in csv.DictReader(stream)]
+    assert table == [(5, "timeout"), (4, "reached"), (3, "timeout"), (2, "reached")]
+    assert [(row.seed, row.outcome) for row in done.rows] == table
     summary = json.loads((out.path / "summary.json").read_text())
     assert summary["complete"] is True
     assert summary["success"] == 0.5
@@ -77,7 +78,7 @@ def test_ctrl_c_keeps_finished_runs_and_resume_makes_the_others(tmp_path: Path) 
     first = run(wanted, out, on_row=press)
     assert not first.complete
     assert first.summary["complete"] is False
-    assert [row.seed for row in read_table(out.table)] == [2, 3]
+    assert [row.seed for row in out.rows()] == [2, 3]
 
     marked = run(wanted, out, begin="resume", work=samples.fake_run_by_hand)
     assert marked.complete
