@@ -225,11 +225,11 @@ def write_text(
     ``mode``: its permissions, instead of the usual.
     """
     with (
-        atomic_file(path, parents=parents) as part,
-        part.open("x", encoding="utf-8", newline="") as stream,
+        atomic_file(path, parents=parents) as unfinished,
+        unfinished.open("x", encoding="utf-8", newline="") as stream,
     ):
         if mode is not None:
-            part.chmod(mode)
+            unfinished.chmod(mode)
         if isinstance(content, str):
             stream.write(content)
         else:

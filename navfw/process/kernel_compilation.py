@@ -140,7 +140,7 @@ class Kernel:
 def listed_kernels(loaded: bool = False) -> list[Kernel]:
     """The kernels of ``kernels.json``; with ``loaded`` those of the modules imported by now.
 
-    None where numba is told not to compile (NUMBA_DISABLE_JIT).
+    None where numba does not compile (NUMBA_DISABLE_JIT).
     """
     return list(_kernels(json.loads(KERNEL_FILE.read_text(encoding="utf-8")), loaded))
 

@@ -21,7 +21,7 @@ from navfw.results.result_file import (
     StoredSuiteResult,
     StoredValues,
 )
-from navfw.suite.run_table import RunRow
+from navfw.suite.run_journal import RunRow
 from navfw.suite.suite_folder import SUMMARY, SuiteFolder
 from navfw.suite.suite_summary import summarize
 from navfw.suite.suitefile import Expect

@@ -27,8 +27,13 @@ from navfw.process.target_lock import TargetInUseError, TargetLock, sweep
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import REPORT, plain_json
 from navfw.suite.case import RECORDINGS
-from navfw.suite.run_journal import JournalDamagedError, RunJournal, ready_journal
-from navfw.suite.run_table import RunRow, write_table
+from navfw.suite.run_journal import (
+    JournalDamagedError,
+    RunJournal,
+    RunRow,
+    ready_journal,
+    write_table,
+)
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import markdown_summary
 

@@ -11,7 +11,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import annotated_types
 import numpy as np
@@ -31,26 +31,9 @@ _GAP_FACTOR = 2.0
 """Largest factor by which a gap between two break points grows or shrinks, beside the others."""
 
 
-class Coordinate(Protocol):
-    """A part of the search space."""
-
-    @property
-    def path(self) -> str:
-        """Its path in the stack, as for ``--set``."""
-        ...
-
-    def start(self) -> dict[str, float]:
-        """The values of the stack as it is, by the names of Optuna's parameters."""
-        ...
-
-    def suggest(self, trial: BaseTrial) -> object:
-        """The value at ``path`` that a trial is to take, plain data."""
-        ...
-
-
 @dataclass(frozen=True)
 class TunedNumber:
-    """A number of a plugin with both bounds; ``now`` is its value in the stack."""
+    """A number of a plugin with both bounds at ``path``; ``now`` is its value in the stack."""
 
     path: str
     low: float
@@ -59,7 +42,7 @@ class TunedNumber:
     now: float
 
     def start(self) -> dict[str, float]:
-        """Its value now."""
+        """Its value in the stack as it is, by the name of Optuna's parameter."""
         return {self.path: self.now}
 
     def suggest(self, trial: BaseTrial) -> float:
@@ -136,6 +119,9 @@ class BreakPoints:
         changed = replace(self.variable, terms=shapes)
         inputs = {**self.base.inputs, self.variable.name: changed}
         check_coverage(replace(self.base, inputs=inputs))
+
+
+Coordinate = TunedNumber | BreakPoints
 
 
 @dataclass(frozen=True)

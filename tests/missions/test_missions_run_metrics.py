@@ -10,21 +10,18 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from navfw.missions import RunMetrics, count_collisions, measure, path_length
-from navfw.numerics import Array
 from navfw.recording import Contact, RunLog, RunLogger
 from navfw.signals import Pose, Twist
+from navfw.sim import BoxSpec, SceneGeometry, WorldSpec
 
 RADIUS = 0.18
 
 
-class WallAt:
-    """A plan with one wall along y = ``y``."""
-
-    def __init__(self, y: float) -> None:
-        self.y = y
-
-    def clearances(self, points: Array) -> Array:
-        return np.abs(points[:, 1] - self.y)
+OPEN = WorldSpec(name="open", x=(-9.0, 9.0), y=(-9.0, 9.0))
+WALLED = OPEN.model_copy(
+    update={"boxes": (BoxSpec(name="wall", at=(0.0, 0.6), size=(19.0, 0.2, 1.0)),)}
+)
+"""A wall begins at y = 0.5."""
 
 
 def straight(length: float, seconds: float, drift: float = 0.0) -> RunLog:
@@ -40,10 +37,12 @@ def straight(length: float, seconds: float, drift: float = 0.0) -> RunLog:
     return recorder.log()
 
 
-def metrics(log: RunLog, shortest: float = 2.0, succeeded: bool = True) -> RunMetrics:
+def metrics(
+    log: RunLog, shortest: float = 2.0, succeeded: bool = True, world: WorldSpec = WALLED
+) -> RunMetrics:
     return measure(
         log,
-        WallAt(0.5),
+        SceneGeometry.from_world(world),
         start=(0.0, 0.0),
         goal=(3.0, 0.4),
         within=0.5,
@@ -88,14 +87,7 @@ def test_a_run_without_ticks_has_metrics() -> None:
 
 
 def test_without_objects_the_clearance_is_infinite_and_nothing_is_nan() -> None:
-    class Open:
-        def clearances(self, points: Array) -> Array:
-            return np.full(len(points), math.inf)
-
-    found = measure(
-        straight(1.0, 2.0), Open(), start=(0, 0), goal=(1, 0), within=0.1, shortest=1.0,
-        discs=((0.0, 0.0, 0.2),), succeeded=True,
-    )  # fmt: skip
+    found = metrics(straight(1.0, 2.0), world=OPEN)
     assert (found.min_clearance_m, found.clearance_p05_m) == (math.inf, math.inf)
 
 

@@ -110,11 +110,9 @@ def kill_again_and_again(count: int, folder: Path) -> None:
             workers = started.workers() if index % 2 else []
             with contextlib.suppress(ProcessLookupError):
                 os.kill(workers[0] if workers else started.pid, signal.SIGKILL)
-        if not index % 2:
-            started.ended()
-        else:
+        if index % 2:
             started.send(signal.SIGKILL)
-            started.ended()
+        started.ended()
         rows = rows_of(folder)
         finished = {row.seed: row for row in rows if row.has_result}
         assert len({row.seed for row in rows}) == len(rows), "a run is there twice"
@@ -151,45 +149,37 @@ def check_resumed(folder: Path, suite: Undisturbed) -> None:
     check_files(folder)
 
 
-def kill_parents(suite: Undisturbed, number: signal.Signals, count: int, folder: Path) -> None:
+def kill(who: str, suite: Undisturbed, number: signal.Signals, count: int, folder: Path) -> None:
+    """Kill the ``parent`` or a ``worker`` of the suite at ``count`` moments, and resume it."""
     for index, moment in enumerate(moments(number, count, suite.longest)):
-        here = folder / f"parent-{index}"
+        here = folder / f"{who}-{index}"
         here.mkdir()
         started = suite.start(here)
-        if started.after(moment):
-            started.send(number)
+        if who == "parent":
+            if started.after(moment):
+                started.send(number)
+        else:
+            while started.running() and not started.workers():
+                time.sleep(0.01)
+            if started.after(0.7 * moment) and (workers := started.workers()):
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(workers[index % len(workers)], number)
         ended = started.ended()  # with all workers
-        if number is not signal.SIGKILL:
+        if who == "worker" or number is not signal.SIGKILL:
             check_stopped(ended, here, suite, number)
         check_resumed(here, suite)
         shutil.rmtree(here)
 
 
-def kill_workers(suite: Undisturbed, number: signal.Signals, count: int, folder: Path) -> None:
-    for index, moment in enumerate(moments(number, count, suite.longest)):
-        here = folder / f"worker-{index}"
-        here.mkdir()
-        started = suite.start(here)
-        workers: list[int] = []
-        while started.running() and not (workers := started.workers()):
-            time.sleep(0.01)
-        if started.after(0.7 * moment) and (workers := started.workers()):
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(workers[index % len(workers)], number)
-        check_stopped(started.ended(), here, suite, number)
-        check_resumed(here, suite)
-        shutil.rmtree(here)
-
-
 @pytest.mark.thorough
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_a_killed_parent(fake: Undisturbed, number: signal.Signals, tmp_path: Path) -> None:
-    kill_parents(fake, number, 2, tmp_path)
-
-
-@pytest.mark.thorough
-def test_a_killed_worker(fake: Undisturbed, tmp_path: Path) -> None:
-    kill_workers(fake, signal.SIGKILL, 2, tmp_path)
+@pytest.mark.parametrize(
+    ("who", "number"),
+    [("parent", signal.SIGKILL), ("parent", signal.SIGTERM), ("worker", signal.SIGKILL)],
+)
+def test_a_killed_process(
+    who: str, number: signal.Signals, fake: Undisturbed, tmp_path: Path
+) -> None:
+    kill(who, fake, number, 2, tmp_path)
 
 
 def test_ctrl_c_while_workers_start_prints_no_traceback(tmp_path: Path) -> None:
@@ -207,16 +197,9 @@ def test_forty_runs_killed_twenty_times(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("who", ["parent", "worker"])
 @pytest.mark.parametrize("number", SIGNALS)
-def test_a_parent_killed_at_many_moments(
-    real: Undisturbed, number: signal.Signals, tmp_path: Path
+def test_a_process_killed_at_many_moments(
+    who: str, number: signal.Signals, real: Undisturbed, tmp_path: Path
 ) -> None:
-    kill_parents(real, number, MANY, tmp_path)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", SIGNALS)
-def test_a_worker_killed_at_many_moments(
-    real: Undisturbed, number: signal.Signals, tmp_path: Path
-) -> None:
-    kill_workers(real, number, MANY, tmp_path)
+    kill(who, real, number, MANY, tmp_path)
