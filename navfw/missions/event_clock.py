@@ -54,11 +54,9 @@ class EventTarget(Protocol):
 
     def begin(self, action: Any) -> None:
         """Apply the action."""
-        ...
 
     def end(self, action: Any) -> None:
         """Revert the action."""
-        ...
 
 
 class EventClock:

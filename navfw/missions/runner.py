@@ -153,8 +153,7 @@ class MissionLoop:
         self._tick: TickView | None = None
 
     def __iter__(self) -> Iterator[TickView]:
-        while (tick := self.step()) is not None:
-            yield tick
+        return iter(self.step, None)
 
     def run(self, on_tick: Callable[[TickView], object] | None = None) -> RunResult:
         """Drive until the mission ends; Ctrl-C or SIGTERM ends it as cancelled.

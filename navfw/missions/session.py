@@ -215,8 +215,7 @@ class SteppedSession:
         simulator.close()
 
     def __iter__(self) -> Iterator[TickView]:
-        while (tick := self.step()) is not None:
-            yield tick
+        return iter(self.step, None)
 
     @property
     def ended(self) -> bool:

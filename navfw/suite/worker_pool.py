@@ -189,6 +189,9 @@ class _WorkerSlot:
         try:
             with _interrupt_blocked():  # a new process inherits it, until it ignores Ctrl-C
                 return self._executor.submit(_limited, work, job, limit)
+        except BrokenProcessPool:  # the process died between two jobs
+            self.close()
+            return self.submit(work, job, limit)
         except OSError as error:  # no memory, or too many processes
             what = f"no worker process can be started: {error.strerror or error}"
             raise SimulationError(f"{what}; take fewer --workers") from error

@@ -105,7 +105,8 @@ def describe(run: MissionRun, saved: list[tuple[str, str]]) -> Iterator[str]:
     """The lines of the report on a failed test."""
     verdict = run.verdict
     yield run.title
-    yield f"stack:   {run.stack} ({'named by the test' if run.case.stack else _whose(run)})"
+    named = "named by the mission" if run.stack_named else "neither test nor mission names one"
+    yield f"stack:   {run.stack} ({'named by the test' if run.case.stack else named})"
     leader = verdict.behavior or "none"
     yield f"outcome: {verdict.outcome} after {verdict.time:.1f} s, leading behaviour: {leader}"
     yield f"reason:  {verdict.reason}"
@@ -121,10 +122,6 @@ def describe(run: MissionRun, saved: list[tuple[str, str]]) -> Iterator[str]:
         yield from (f"  {line}" for line in explanation_lines(run.explanation))
     if verdict.trace:
         yield verdict.trace
-
-
-def _whose(run: MissionRun) -> str:
-    return "named by the mission" if run.stack_named else "neither test nor mission names one"
 
 
 def _decisions(log: RunLog) -> Iterator[str]:

@@ -166,8 +166,13 @@ def search_space(
     for text in parameters:
         name, _, parameter = text.partition(".")
         numbers = _numbers(name, _plugin(plugins, name, "--param"))
-        if parameter and f"{name}.{parameter}" not in numbers:
-            _refuse_parameter(plugins[name], name, parameter, numbers)
+        if parameter and text not in numbers:
+            fields = plugins[name].plugin.Params.model_fields
+            if parameter not in fields:
+                raise UnknownNameError(f"parameter of {name}", parameter, fields, key="--param")
+            tunable = ", ".join(numbers) or "none"
+            what = f"{text} is no number with both bounds; those of {name}: {tunable}"
+            raise ConfigError(what, key="--param")
         coordinates |= {p: n for p, n in numbers.items() if not parameter or p == text}
     for text in rules:
         name, _, wanted = text.partition(".")
@@ -208,17 +213,6 @@ def _numbers(name: str, choice: Choice) -> dict[str, Coordinate]:
             f"{name}.{field}", *ends, info.annotation is int, now
         )
     return numbers
-
-
-def _refuse_parameter(
-    choice: Choice, name: str, parameter: str, numbers: Mapping[str, Coordinate]
-) -> None:
-    fields = choice.plugin.Params.model_fields
-    if parameter not in fields:
-        raise UnknownNameError(f"parameter of {name}", parameter, fields, key="--param")
-    some = ", ".join(numbers) or "none"
-    what = f"{name}.{parameter} is no number with both bounds; those of {name}: {some}"
-    raise ConfigError(what, key="--param")
 
 
 def _break_points(name: str, choice: Choice, robot: RobotModel) -> dict[str, BreakPoints]:

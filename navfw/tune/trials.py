@@ -174,18 +174,14 @@ def driver(engine: Engine) -> Drive:
     def drive(cases: Sequence[Case]) -> Iterator[RunRow]:
         first = 0
         while first < len(cases):
-            some = cases[first : first + engine.capacity]
-            first += len(some)
-            yield from _rows(engine, some)
+            batch = cases[first : first + engine.capacity]
+            first += len(batch)
+            results = _results(engine, batch)
+            died = {n for n, r in results.items() if isinstance(r, WorkerFailure) and r.repeatable}
+            results |= _results(engine, [case for case in batch if case.index in died])
+            yield from (answered_row(case, results[case.index]) for case in batch)
 
     return drive
-
-
-def _rows(engine: Engine, cases: Sequence[Case]) -> list[RunRow]:
-    results = _results(engine, cases)
-    died = {n for n, r in results.items() if isinstance(r, WorkerFailure) and r.repeatable}
-    results |= _results(engine, [case for case in cases if case.index in died])
-    return [answered_row(case, results[case.index]) for case in cases]
 
 
 def _results(engine: Engine, cases: Sequence[Case]) -> dict[int, RunRow | WorkerFailure]:

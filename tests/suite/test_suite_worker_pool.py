@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -57,6 +58,19 @@ def test_processes_are_replaced_after_some_jobs() -> None:
     with WorkerPool(samples.napping, workers=1, limit=60.0, recycle=2) as pool:
         pids = [pid for _, pid in pool.run([0.0] * 4)]
     assert pids[0] == pids[1] != pids[2] == pids[3]
+
+
+def test_a_process_that_is_killed_between_two_jobs_is_replaced() -> None:
+    with WorkerPool(samples.napping, workers=1, limit=60.0) as pool:
+        results = pool.run([0.0, 0.0])
+        pid = next(results)[1]
+        assert isinstance(pid, int)
+        os.kill(pid, signal.SIGKILL)
+        time.sleep(1.0)
+        other = next(results)[1]
+        assert isinstance(other, int)
+        assert other != pid
+        assert list(results) == []
 
 
 def test_workers_use_one_thread_and_the_parent_s_environment_is_unchanged(
