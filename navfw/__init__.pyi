@@ -81,7 +81,7 @@ from .signals import wrap_angle as wrap_angle
 from .sim.shapes import Circle as Circle
 from .sim.simulation import Simulation as Simulation
 from .stack import Stack as Stack
-from .suite.entry_cases import run_generated as run_generated
+from .suite.suite_plan import run_generated as run_generated
 from .topomap import TopoMap as TopoMap
 from .topomap import load_map as load_map
 from .worldgen.world_draft import WorldDraft as WorldDraft

@@ -54,7 +54,7 @@ def report(
     fail_if_worse: _FailIfWorse = None,
     text: Annotated[
         bool,
-        typer.Option("--text", help="Compare two suites, or their table.csv, without a page."),
+        typer.Option("--text", help="Compare two suites without a page."),
     ] = False,
     json: Annotated[
         bool, typer.Option("--json", help="As --text, but print one JSON object with all runs.")
@@ -104,19 +104,17 @@ def _check_options(folders: int, for_two: Mapping[str, object]) -> None:
 
 
 def _compare(paths: list[Path], variants: Variants) -> dict[str, Any]:
-    """The comparison of two suites' folders or tables, as plain data."""
-    from navfw.config.input_file import is_folder
+    """The comparison of two suites' folders, as plain data."""
     from navfw.suite.paired_comparison import compare_tables, of_variant
-    from navfw.suite.run_table import read_table
     from navfw.suite.suite_folder import SuiteFolder
 
-    tables = [SuiteFolder(path).rows() if is_folder(path) else read_table(path) for path in paths]
+    suites = [SuiteFolder(path) for path in paths]
+    tables = [suite.rows() for suite in suites]
     with locating(file=", ".join(map(str, paths))):
         comparison = compare_tables(
             *(of_variant(rows, name) for rows, name in zip(tables, variants, strict=True))
         )
-    reports = [SuiteFolder(path).report if is_folder(path) else path for path in paths]
-    return {**comparison, "reports": [str(file) for file in reports]}
+    return {**comparison, "reports": [str(suite.report) for suite in suites]}
 
 
 def _write(
@@ -149,7 +147,7 @@ def _write_of_suites(
     for folder, is_run, suite in zip(folders, of_run, suites, strict=True):
         if not is_run and not suite.has_runs:
             what = f"is neither the folder of a run (it has no {RESULT}) nor of a suite (it has no"
-            raise InputError(f"{what} journal.sqlite, and no table.csv)", file=folder)
+            raise InputError(f"{what} journal.sqlite)", file=folder)
     target = out or folders[-1] / (REPORT if len(folders) == 1 else COMPARISON)
     output_file(target, "--out")
     if any(of_run):

@@ -33,7 +33,7 @@ from navfw.process.interruption import deferred, interruptible
 
 if TYPE_CHECKING:
     from navfw.suite.case import Case
-    from navfw.suite.run_table import RunRow
+    from navfw.suite.run_journal import RunRow
     from navfw.suite.suite_folder import StartMode
     from navfw.suite.suite_plan import SuitePlan
     from navfw.suite.suite_run import SuiteResult
@@ -203,7 +203,7 @@ def _print_result(done: SuiteResult, table: Path, *, json: bool) -> None:
 
 def _print_json(done: SuiteResult, table: Path) -> None:
     from navfw.recording.run_folder import plain_json
-    from navfw.suite.run_table import columns_of
+    from navfw.suite.run_journal import columns_of
 
     columns = columns_of(done.rows)
     runs = [{name: getattr(row, name) for name in columns} for row in done.rows]
@@ -240,7 +240,7 @@ def _print_table(done: SuiteResult, table: Path) -> None:
         return
     import csv
 
-    from navfw.suite.run_table import table_cells
+    from navfw.suite.run_journal import table_cells
 
     csv.writer(sys.stdout, lineterminator="\n").writerows(table_cells(done.rows))
 

@@ -84,8 +84,7 @@ def tune(
         from navfw.process.target_lock import TargetLock
         from navfw.suite.suite_run import engine_or_processes
         from navfw.suite.suitefile import load_suite
-        from navfw.tune.stack_study import StackStudy
-        from navfw.tune.study_folder import StudyFolder
+        from navfw.tune.stack_study import StackStudy, StudyFolder
         from navfw.tune.trials import driver
 
         suite = load_suite(file)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import ClassVar, Literal, cast
+from typing import ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -19,13 +18,17 @@ from navfw.stack import Stack
 Action = Literal["twist", "weights"]
 """What an agent decides: the twist in the place of fusion, or the composite's weights."""
 
-
 AgentChoice = npt.NDArray[np.float32]
 """An element of a space of actions."""
 
 
 class AgentCommand(Fusion):
-    """Commands the twist that an agent has chosen, whatever the behaviours propose."""
+    """Commands the twist that an agent has chosen, whatever the behaviours propose.
+
+    An action is (2,) in [-1, 1]: speed and turning rate, in units of the largest of the command
+    grid. 1 is the top speed and the top turning rate to the left, -1 the top speed backwards and
+    the top turning rate to the right.
+    """
 
     name: ClassVar[str] = "agent_command"
 
@@ -41,9 +44,24 @@ class AgentCommand(Fusion):
         """The agent's command."""
         return Command(context.time, self.twist, "agent", "the agent's action")
 
+    @staticmethod
+    def action_space(stack: Stack) -> spaces.Box:
+        """The actions for stacks like ``stack``."""
+        return spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+    def act(self, stack: Stack, action: AgentChoice) -> None:
+        """Let ``action`` hold from the next decision of ``stack`` on."""
+        commands = stack.mofis.commands
+        speed, turn = (float(value) for value in action)
+        v = speed * (commands.max_v if speed > 0.0 else -float(commands.v[0]))
+        self.twist = Twist(v, turn * commands.max_w)
+
 
 class AgentWeights(Composite):
-    """Weighs the behaviours as an agent has chosen."""
+    """Weighs the behaviours as an agent has chosen.
+
+    An action is (n,) in [0, 1]: the weight of each behaviour, in the order of the stack file.
+    """
 
     name: ClassVar[str] = "agent_weights"
 
@@ -59,60 +77,18 @@ class AgentWeights(Composite):
         """The agent's weights."""
         return self.weights
 
+    @staticmethod
+    def action_space(stack: Stack) -> spaces.Box:
+        """The actions for stacks like ``stack``."""
+        return spaces.Box(0.0, 1.0, (len(stack.mofis.behaviors),), np.float32)
 
-class AgentAction(ABC):
-    """A kind of action: its space, the stack's stage that it replaces, and how it takes effect."""
-
-    plugin: ClassVar[type[Plugin]]
-    space: spaces.Box
-
-    @abstractmethod
-    def __init__(self, stack: Stack) -> None:
-        """The kind of action for robots and behaviours like those of ``stack``."""
-
-    @abstractmethod
-    def apply(self, stack: Stack, action: AgentChoice) -> None:
-        """Let ``action``, an element of ``space``, hold from the next decision of ``stack`` on."""
-
-    @classmethod
-    def overrides(cls) -> tuple[str, ...]:
-        """The changes of a stack that put the agent's plugin into it, as with ``--set``."""
-        return (f"{cls.plugin.kind}={cls.plugin.name}",)
+    def act(self, stack: Stack, action: AgentChoice) -> None:
+        """Let ``action`` hold from the next decision of ``stack`` on."""
+        self.weights = dict(zip(stack.mofis.behaviors, map(float, action), strict=True))
 
 
-class TwistAction(AgentAction):
-    """(2,) in [-1, 1]: speed and turning rate, in units of the largest of the command grid.
-
-    1 is the top speed and the top turning rate to the left, -1 the top speed backwards and the top
-    turning rate to the right.
-    """
-
-    plugin = AgentCommand
-
-    def __init__(self, stack: Stack) -> None:
-        self.space = spaces.Box(-1.0, 1.0, (2,), np.float32)
-
-    def apply(self, stack: Stack, action: AgentChoice) -> None:
-        """Command the twist."""
-        commands = stack.mofis.commands
-        speed, turn = (float(value) for value in action)
-        v = speed * (commands.max_v if speed > 0.0 else -float(commands.v[0]))
-        cast(AgentCommand, stack.mofis.fusion).twist = Twist(v, turn * commands.max_w)
-
-
-class WeightsAction(AgentAction):
-    """(n,) in [0, 1]: the weight of each behaviour, in the order of the stack file."""
-
-    plugin = AgentWeights
-
-    def __init__(self, stack: Stack) -> None:
-        self.space = spaces.Box(0.0, 1.0, (len(stack.mofis.behaviors),), np.float32)
-
-    def apply(self, stack: Stack, action: AgentChoice) -> None:
-        """Weigh the behaviours."""
-        weights = dict(zip(stack.mofis.behaviors, map(float, action), strict=True))
-        cast(AgentWeights, stack.mofis.composite).weights = weights
-
-
-ACTIONS: dict[str, type[AgentAction]] = {"twist": TwistAction, "weights": WeightsAction}
-"""The kinds of action by name."""
+ACTIONS: dict[str, type[AgentCommand | AgentWeights]] = {
+    "twist": AgentCommand,
+    "weights": AgentWeights,
+}
+"""The plugin of each kind of action, by its name."""

@@ -28,7 +28,7 @@ from navfw.plugins import Registry, default_registry
 from navfw.signals import Pose
 from navfw.stack import Stack
 from navfw.suite.case import Case
-from navfw.suite.entry_cases import with_seed
+from navfw.suite.suite_plan import with_seed
 from navfw.suite.suitefile import EntrySpec, parse_seeds
 
 
@@ -63,7 +63,8 @@ class Episodes:
                 "expected either a family, or a world and a mission: "
                 'gymnasium.make("navfw/Mission-v0", world="office", mission="lobby-to-lab")'
             )
-        overrides = (*override_texts(changes), *ACTIONS[action].overrides())
+        agent = ACTIONS[action]
+        overrides = (*override_texts(changes), f"{agent.kind}={agent.name}")
         file = "" if stack is None else str(find("stack", stack).absolute())
         case = Case(0, family or world or "", 0, file, stack or "", "", "", overrides)
         entry = EntrySpec(world=world, family=family)
@@ -79,8 +80,8 @@ class Episodes:
                 mission_name=Path(mission).stem,
             )
         registry = default_registry()
-        for kind in ACTIONS.values():
-            registry.register(kind.plugin, "navfw.gym")
+        for plugin in ACTIONS.values():
+            registry.register(plugin, "navfw.gym")
         return cls(case, entry, registry)
 
     def session(self, seed: int) -> Session:
@@ -218,9 +219,9 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         )
         stack_like = self._episodes.session(self._seeds[0]).stack
         self._view = AgentView(KINDS[observation](stack_like), stack_like)
-        self._action = ACTIONS[action](stack_like)
+        self._agent_class = ACTIONS[action]
         self.observation_space = self._view.space
-        self.action_space = self._action.space
+        self.action_space = self._agent_class.action_space(stack_like)
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": stack_like.robot.camera.rate}
         self._run: SteppedSession | None = None
@@ -242,6 +243,8 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         self._run = SteppedSession(session)
         self._run.__enter__()
         self._stack = session.stack
+        stages = (self._stack.mofis.fusion, self._stack.mofis.composite)
+        self._agent = next(stage for stage in stages if isinstance(stage, self._agent_class))
         robot = session.mission.spec.robot
         self._ticks = max(1, round(robot.control_rate / robot.camera.rate))
         self._way = RemainingWay(session)
@@ -260,7 +263,7 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         """
         if self._run is None:
             raise InputError("there is no run to step: call reset first")
-        self._action.apply(self._stack, action)
+        self._agent.act(self._stack, action)
         before, began = self._remaining, self._last.time
         for _ in range(self._ticks):
             if self._tick() is None:

@@ -7,8 +7,6 @@ Arrays are float32 unless said otherwise. What is not known is 0, with a confide
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from typing import Any, Literal
 
 import cv2
@@ -50,21 +48,7 @@ def _clipped(values: Any, box: spaces.Box) -> Array:
     return clipped
 
 
-class ObservationKind(ABC):
-    """A kind of observation: its spaces by name, and their values at a tick."""
-
-    spaces: Mapping[str, spaces.Box]
-
-    @abstractmethod
-    def __init__(self, stack: Stack) -> None:
-        """The kind for stacks like ``stack``."""
-
-    @abstractmethod
-    def read(self, tick: TickView, stack: Stack) -> dict[str, Any]:
-        """A value for each of ``spaces``; those left out are 0."""
-
-
-class ImageObservation(ObservationKind):
+class ImageObservation:
     """``image`` (height, width) uint8: the newest frame of the camera, as the robot gets it."""
 
     def __init__(self, stack: Stack) -> None:
@@ -76,7 +60,7 @@ class ImageObservation(ObservationKind):
         return {} if tick.image is None else {"image": tick.image}
 
 
-class FlowObservation(ObservationKind):
+class FlowObservation:
     """``flow`` (2, rows, cols) [px] derotated, x right and y down; ``flow_confidence`` in [0, 1].
 
     Vectors are clipped to half the image's width.
@@ -95,7 +79,7 @@ class FlowObservation(ObservationKind):
         return {"flow": vectors, "flow_confidence": tick.flow.confidence}
 
 
-class PerceptObservation(ObservationKind):
+class PerceptObservation:
     """OFFIS' percept: arrays (rows, cols), and degrees in [0, 1].
 
     ``nearness`` [1/m], ``confidence`` in [0, 1], ``height`` [m], ``label`` int8 (the values of
@@ -131,7 +115,7 @@ class PerceptObservation(ObservationKind):
         }
 
 
-class LocalMapObservation(ObservationKind):
+class LocalMapObservation:
     """``local_map`` (n, n): log-odds of occupancy around the robot, 0 where nothing is known.
 
     The rows go from ahead of the robot (row 0) to behind it, the columns from its left to its
@@ -172,6 +156,9 @@ def _grid_of(stack: Stack) -> tuple[int, int]:
         raise ConfigError(f"{what}; observe image or local_map", key="observation")
     return int(rows), int(cols)
 
+
+ObservationKind = ImageObservation | FlowObservation | PerceptObservation | LocalMapObservation
+"""``spaces`` by name, and ``read``: a value for each of them at a tick; those left out are 0."""
 
 KINDS: dict[str, type[ObservationKind]] = {
     "image": ImageObservation,

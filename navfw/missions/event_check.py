@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from typing import NoReturn, cast
 
 from pydantic import ValidationError
@@ -163,11 +163,10 @@ class _Checker:
                 what += f" {list(hole.x)} y {list(hole.y)} [m]; move it, or make it smaller"
                 self._refuse((*path, "at"), what)
 
-    def _check_name(self, what: str, name: str, names: Iterable[str], path: KeyPath) -> None:
-        known = list(names)
-        if name not in known:
+    def _check_name(self, what: str, name: str, names: Collection[str], path: KeyPath) -> None:
+        if name not in names:
             with self.mission.document.locating(path):
-                raise UnknownNameError(what, name, known)
+                raise UnknownNameError(what, name, names)
 
     def _refuse(self, path: KeyPath, what: str) -> NoReturn:
         with self.mission.document.locating(path):

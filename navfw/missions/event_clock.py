@@ -16,12 +16,12 @@ from navfw.sim.event_actions import EventAction
 class Event:
     """A checked event: it begins at ``at`` [s], or within ``within`` [m] of ``point`` (map frame).
 
-    ``lasting`` [s] may be infinite. ``given`` is the event as the mission file has it. ``behavior``
-    is the name of the one that the event makes fail, else empty.
+    ``lasting`` [s] may be infinite. ``spec`` is the event as the mission file has it. ``behavior``
+    is the name of the behaviour that the event makes fail, else empty.
     """
 
     action: EventAction | Failure
-    given: Mapping[str, Any]
+    spec: Mapping[str, Any]
     at: float | None = None
     point: tuple[float, float] | None = None
     within: float = 0.0
@@ -36,17 +36,17 @@ class Event:
         return math.hypot(robot.x - self.point[0], robot.y - self.point[1]) <= self.within
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class EventRecord:
     """An event that happened, from ``began`` to ``ended`` [s]; None: to the end of the run."""
 
-    given: Mapping[str, Any]
+    spec: Mapping[str, Any]
     began: float
     ended: float | None = None
 
     def as_data(self) -> dict[str, Any]:
         """Plain data for ``result.json``."""
-        return {"event": dict(self.given), "began_s": self.began, "ended_s": self.ended}
+        return {"event": dict(self.spec), "began_s": self.began, "ended_s": self.ended}
 
 
 class EventTarget(Protocol):
@@ -54,11 +54,9 @@ class EventTarget(Protocol):
 
     def begin(self, action: Any) -> None:
         """Apply the action."""
-        ...
 
     def end(self, action: Any) -> None:
         """Revert the action."""
-        ...
 
 
 class EventClock:
@@ -66,7 +64,7 @@ class EventClock:
 
     def __init__(self, events: Iterable[tuple[Event, EventTarget]]) -> None:
         self._waiting = list(events)
-        self._running: list[tuple[Event, EventTarget, int]] = []
+        self._running: list[tuple[Event, EventTarget, EventRecord]] = []
         self._log: list[EventRecord] = []
 
     @property
@@ -78,15 +76,14 @@ class EventClock:
         """End and begin the events due at ``time`` [s]; ``robot`` is the robot's true pose."""
         if not (self._running or self._waiting):
             return
-        for event, target, number in self._running:
-            if time - self._log[number].began >= event.lasting - 1e-9:
+        for event, target, record in self._running:
+            if time - record.began >= event.lasting - 1e-9:
                 target.end(event.action)
-                began = self._log[number].began
-                self._log[number] = EventRecord(event.given, began, time)
-        self._running = [r for r in self._running if self._log[r[2]].ended is None]
+                record.ended = time
+        self._running = [running for running in self._running if running[2].ended is None]
         due = [waiting for waiting in self._waiting if waiting[0].due(time, robot)]
         self._waiting = [waiting for waiting in self._waiting if waiting not in due]
         for event, target in due:
             target.begin(event.action)
-            self._running.append((event, target, len(self._log)))
-            self._log.append(EventRecord(event.given, time))
+            self._log.append(EventRecord(event.spec, time))
+            self._running.append((event, target, self._log[-1]))

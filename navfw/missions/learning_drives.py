@@ -13,10 +13,10 @@ from navfw.errors import MapError
 from navfw.features.combined_landmarks import Landmarks
 from navfw.features.landmark_appearance import landmark_kind
 from navfw.localization.situation_model import observed_situations
+from navfw.missions.pilot import TickView
 from navfw.missions.runner import MissionLoop, Progress, RunResult
 from navfw.missions.session import Session
-from navfw.signals import Odometry, Percept, Pose, SensorReading, Twist
-from navfw.stack import Stack
+from navfw.signals import Odometry, Percept, Pose
 from navfw.topomap import TopoMap
 from navfw.topomap.landmark_mapping import LandmarkEstimate, LandmarkMapper, with_landmarks
 
@@ -60,26 +60,6 @@ class SituationDrive:
         return int(np.argmin([place.distance(pose.x, pose.y) for place in places]))
 
 
-class _SituationRecorder:
-    """Records the OFFIS situations and the true pose of every camera frame."""
-
-    def __init__(self, stack: Stack) -> None:
-        self._stack = stack
-        self._percept: Percept | None = None
-        self.samples: list[SituationSample] = []
-
-    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
-        state = self._stack.state
-        if reading.frame is None or state.odometry is None:
-            return
-        new = state.percept if state.percept is not self._percept else None
-        self._percept = state.percept
-        self.samples.append(SituationSample(state.odometry, observed_situations(new), pose))
-
-    def close(self) -> None:
-        """The samples stay."""
-
-
 def record_situations(session: Session) -> SituationDrive:
     """Drive the session's mission, without its events, and record the OFFIS situations.
 
@@ -87,15 +67,22 @@ def record_situations(session: Session) -> SituationDrive:
         InputError: the stack refuses the mission before the robot has moved.
 
     """
-    recorder = _SituationRecorder(session.stack)
+    samples: list[SituationSample] = []
+    percept: Percept | None = None
+
+    def sample(tick: TickView) -> None:
+        nonlocal percept
+        if tick.image is None or tick.state.odometry is None:
+            return
+        new = tick.percept if tick.percept is not percept else None
+        percept = tick.percept
+        true = Pose(*tick.true_pose.tolist())
+        samples.append(SituationSample(tick.state.odometry, observed_situations(new), true))
+
     with session.simulation() as simulator:
-        run = MissionLoop(session.task, session.stack, simulator, observers=[recorder]).run()
-    return SituationDrive(
-        session.mission.topo_map,
-        session.mission.start,
-        tuple(recorder.samples),
-        str(run.verdict.outcome),
-    )
+        run = MissionLoop(session.task, session.stack, simulator).run(sample)
+    mission, outcome = session.mission, str(run.verdict.outcome)
+    return SituationDrive(mission.topo_map, mission.start, tuple(samples), outcome)
 
 
 @dataclass(frozen=True)
@@ -110,19 +97,17 @@ class LearningDrive:
         """Plain data; ``error_m`` is the distance [m] from the true position in the world."""
         marks = {f"{mark.kind}-{mark.id}": mark for mark in session.world.landmarks}
         rows = []
-        for landmark in self.learnt:
-            true = marks.get(landmark.identity)
-            error = None if true is None else math.dist((landmark.x, landmark.y), true.at)
-            rows.append(
-                {
-                    "identity": landmark.identity,
-                    "x": landmark.x,
-                    "y": landmark.y,
-                    "sigma_m": landmark.sigma,
-                    "observations": landmark.observations,
-                    "error_m": error,
-                }
-            )
+        for learnt in self.learnt:
+            true = marks.get(learnt.identity)
+            row = {
+                "identity": learnt.identity,
+                "x": learnt.x,
+                "y": learnt.y,
+                "sigma_m": learnt.sigma,
+                "observations": learnt.observations,
+                "error_m": None if true is None else math.dist((learnt.x, learnt.y), true.at),
+            }
+            rows.append(row)
         return {
             "outcome": str(self.run.verdict.outcome),
             "reason": self.run.verdict.reason,
@@ -132,25 +117,6 @@ class LearningDrive:
             "learnt": len(rows),
             "landmarks": rows,
         }
-
-
-class _LandmarkRecorder:
-    """Passes the stack's landmark detections to a ``LandmarkMapper``."""
-
-    def __init__(self, stack: Stack, mapper: LandmarkMapper) -> None:
-        self._stack = stack
-        self._mapper = mapper
-        self._last = -math.inf
-
-    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
-        state = self._stack.state
-        if state.landmark_detections and state.time > self._last:
-            self._last = state.time
-            taken = state.landmark_detections[0].time  # the image may be older than the decision
-            self._mapper.integrate(self._stack.history.at(taken), state.landmark_detections)
-
-    def close(self) -> None:
-        """The mapper has it all."""
 
 
 def learn_landmarks(
@@ -173,9 +139,18 @@ def learn_landmarks(
     if not stack.features.landmark_frames:
         stack.features.plugin = Landmarks(stack.robot)
     mapper = LandmarkMapper(session.mission.start)
+    last = -math.inf
+
+    def integrate(tick: TickView) -> None:
+        nonlocal last
+        state = tick.state
+        if state.landmark_detections and state.time > last:
+            last = state.time
+            taken = state.landmark_detections[0].time  # the image may be older than the decision
+            mapper.integrate(stack.history.at(taken), state.landmark_detections)
+
     with session.simulation() as simulator:
-        observers = [_LandmarkRecorder(stack, mapper)]
-        run = MissionLoop(session.task, stack, simulator, progress, observers).run()
+        run = MissionLoop(session.task, stack, simulator, progress).run(integrate)
     learnt = mapper.estimate(least)
     if not learnt:
         raise MapError(
@@ -183,9 +158,7 @@ def learn_landmarks(
             " check that the world has landmarks along the path",
             file=session.mission.file,
         )
-    return LearningDrive(run, tuple(learnt), with_landmarks(stack.topo_map, learnt, _default_size))
-
-
-def _default_size(kind: str) -> float:
-    """Side [m] of landmarks of a kind that are not in the map yet."""
-    return landmark_kind(kind).default_size
+    learnt_map = with_landmarks(
+        stack.topo_map, learnt, lambda kind: landmark_kind(kind).default_size
+    )
+    return LearningDrive(run, tuple(learnt), learnt_map)

@@ -75,6 +75,7 @@ def bench_loop(
     ``report`` is called with each lap. Returns ``summarize`` of the laps.
     """
     laps: list[Lap] = []
+    spec = session.mission.spec
     with one_core() as pinned, contextlib.ExitStack() as opened:
         report("warming up")
         _drive(session, min(_WARM_UP, seconds))
@@ -83,7 +84,9 @@ def bench_loop(
             lap, log, movers = _drive(session, seconds)
             if reference is None:
                 memory = peak_memory_mb()  # before PyBullet's renderer is loaded
-                reference = opened.enter_context(_reference(session))
+                camera, sensors = spec.robot.camera, spec.sensors.resolved()
+                renderer = ReferenceRenderer(session.world, camera, sensors.supersample)
+                reference = opened.enter_context(renderer)
             # right after the lap: the speed of the machine changes over minutes
             frame = _pybullet_frame(log, movers, reference)
             laps.append(replace(lap, pybullet_frame=frame))
@@ -91,7 +94,7 @@ def bench_loop(
         "world": session.world_name,
         "mission": session.mission_name,
         "seed": session.seed,
-        **summarize(laps, session.mission.spec.robot.camera.rate),
+        **summarize(laps, spec.robot.camera.rate),
         "one_core": pinned,
         "peak_memory_mb": memory,
     }
@@ -121,11 +124,6 @@ def _drive(session: Session, seconds: float) -> tuple[Lap, RunLog, WalkerTrack]:
         outcome=str(run.verdict.outcome),
     )
     return lap, run.log, movers
-
-
-def _reference(session: Session) -> ReferenceRenderer:
-    spec = session.mission.spec
-    return ReferenceRenderer(session.world, spec.robot.camera, spec.sensors.resolved().supersample)
 
 
 def _pybullet_frame(log: RunLog, movers: WalkerTrack, reference: ReferenceRenderer) -> float:

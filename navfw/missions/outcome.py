@@ -96,11 +96,6 @@ class GoalChecker:
         """The first goal not visited yet, or the last one."""
         return self.goals[min(self.next, len(self.goals) - 1)]
 
-    @property
-    def next_name(self) -> str:
-        """The name of ``goal``."""
-        return goal_name(self.goal)
-
     def distance(self, pose: Pose) -> float:
         """Distance [m] from ``pose`` to ``goal``."""
         goal = self.goal
@@ -121,7 +116,7 @@ class GoalChecker:
         """
         last = self.goals[-1]
         if self.next < len(self.goals) - 1:
-            nearest = f"{self.nearest:.2f} m from {self.next_name} at the nearest"
+            nearest = f"{self.nearest:.2f} m from {goal_name(self.goal)} at the nearest"
             return f"the stack reports all goals visited, but it was {nearest}"
         off = math.hypot(last.x - pose.x, last.y - pose.y)
         if off <= self.radius:

@@ -18,16 +18,13 @@ class Pilot(Protocol):
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
         """Start at ``pose`` in ``map`` (None: unknown), with ``goals`` to visit in order."""
-        ...
 
     def step(self, reading: SensorReading) -> Twist:
         """The twist to drive until the next control tick."""
-        ...
 
     @property
     def state(self) -> StackState:
         """Its state after the last step."""
-        ...
 
 
 class Simulator(Protocol):
@@ -35,29 +32,23 @@ class Simulator(Protocol):
 
     def read(self) -> SensorReading:
         """The current sensor reading."""
-        ...
 
     def drive(self, left: float, right: float) -> None:
         """Set the wheel speeds [rad/s]."""
-        ...
 
     def advance(self, dt: float) -> None:
         """Simulate ``dt`` [s]."""
-        ...
 
     def true_pose(self) -> Pose:
         """The robot's true pose."""
-        ...
 
     @property
     def contacts(self) -> Sequence[str]:
         """Bodies touched, and drops fallen into, during the last ``advance``; not the floor."""
-        ...
 
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,22 +1,29 @@
 """What a plugin must leave as it was in its process, captured before a run and compared after it.
 
 Plugins share the process with the stack. What they change there would act on the robot, on later
-runs, or on the result, and is told.
+runs, or on the result: it becomes a fault of the result.
 """
 
 from __future__ import annotations
 
+import inspect
 import os
 import random
 import sys
 import threading
 import warnings
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
+
+from navfw.config.lookup import shipped_folder
+from navfw.interfaces import Plugin
+from navfw.missions.outcome import FaultKind, Outcome
+from navfw.missions.runner import RunResult
 
 _PACKAGE = "navfw."
 _LIMIT = 3
@@ -52,7 +59,7 @@ class ProcessState:
         """What has changed since, each in a few words; the code apart (``changed_code``)."""
         now = ProcessState.capture()
         threads = len(now.threads - self.threads)
-        found = {
+        has_changed = {
             "the working folder was changed": now.folder != self.folder,
             "the environment was changed": now.environment != self.environment,
             "random's global generator was used": now.random != self.random,
@@ -60,7 +67,7 @@ class ProcessState:
             "the filters of warnings were changed": now.warnings != self.warnings,
             f"{threads} thread{'s' * (threads != 1)} left running": threads > 0,
         }
-        return [what for what, changed in found.items() if changed]
+        return [what for what, changed in has_changed.items() if changed]
 
     def changed_code(self) -> str:
         """Which functions of navfw were replaced since; "" if none."""
@@ -78,6 +85,38 @@ class ProcessState:
         np.random.set_state(self.numpy_random)  # noqa: NPY002 - the global one
         if _filters() != self.warnings:
             warnings.filters[:] = self.warnings  # type: ignore[index]
+
+
+def check_process(
+    run: RunResult, before: ProcessState, plugins: Iterable[type[Plugin]]
+) -> RunResult:
+    """``run`` with the changes since ``before`` as faults; the process is set back.
+
+    The faults name those ``plugins`` that do not ship with navfw. A run during which functions of
+    navfw were replaced is a fault, whatever its outcome seems to be.
+    """
+    suspects = [f"{cls.kind} {cls.name}" for cls in plugins if not _ships(cls)]
+    who = " or ".join(suspects) or "a plugin"
+    faults = [f"{who}: {what}" for what in before.changes()]
+    verdict = run.verdict
+    if replaced := before.changed_code():
+        faults.append(f"{who}: replaced {replaced}")
+        verdict = replace(
+            verdict, outcome=Outcome.FAULT, reason=faults[-1], fault=FaultKind.CODE_REPLACED
+        )
+    before.restore()
+    return replace(run, verdict=verdict, faults=(*run.faults, *faults))
+
+
+def _ships(cls: type[Plugin]) -> bool:
+    """Whether a plugin is navfw's own."""
+    if cls.__module__.startswith("navfw."):
+        return True
+    try:
+        file = Path(inspect.getfile(cls)).resolve()
+    except (TypeError, OSError):
+        return False
+    return file.is_relative_to((shipped_folder() / "behaviors").resolve())
 
 
 def _filters() -> tuple[object, ...]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -102,14 +101,6 @@ def measure_localization(log: RunLog, sampled: npt.NDArray[np.intp]) -> Localiza
     )
 
 
-class ClearanceSource(Protocol):
-    """The part of a world's geometry that metrics use (``navfw.sim.SceneGeometry``)."""
-
-    def clearances(self, points: Array) -> Array:
-        """(n,) distances [m] of points (n, 2) to the nearest wall or object; negative inside."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class RunMetrics:
     """The metrics of one run; lengths in metres, times in seconds.
@@ -173,7 +164,7 @@ def traversal_time(log: RunLog, start: Point, goal: Point, within: float) -> flo
 
 def measure(
     log: RunLog,
-    plan: ClearanceSource,
+    plan: SceneGeometry,
     *,
     start: Point,
     goal: Point,

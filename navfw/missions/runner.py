@@ -153,11 +153,12 @@ class MissionLoop:
         self._tick: TickView | None = None
 
     def __iter__(self) -> Iterator[TickView]:
-        while (tick := self.step()) is not None:
-            yield tick
+        return iter(self.step, None)
 
-    def run(self) -> RunResult:
+    def run(self, on_tick: Callable[[TickView], object] | None = None) -> RunResult:
         """Drive until the mission ends; Ctrl-C or SIGTERM ends it as cancelled.
+
+        ``on_tick`` is called with every control tick after the robot has moved.
 
         Raises:
             InputError: the stack refuses the mission before the first tick, for example a goal to
@@ -170,7 +171,8 @@ class MissionLoop:
             with self._contained(), interruptible():
                 while self.verdict is None:
                     check_interrupted()
-                    self.step()
+                    if (tick := self.step()) is not None and on_tick is not None:
+                        on_tick(tick)
         finally:
             gc.unfreeze()
         return self.result()
@@ -311,7 +313,7 @@ class MissionLoop:
         """Lost if the belief is lost, unsure at a goal by the estimate; otherwise a timeout."""
         goal = self.goal_checker
         reason = f"time limit of {self.task.timeout:g} s, {goal.distance(pose):.1f} m from"
-        reason += f" {goal.next_name}"
+        reason += f" {goal_name(goal.goal)}"
         belief = self.pilot.state.belief
         if belief is not None and belief.lost:
             return self._verdict(Outcome.LOST, f"{reason}, position estimate lost")

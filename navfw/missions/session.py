@@ -19,8 +19,7 @@ from navfw.missions.missionfile import MissionFile
 from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import Outcome
 from navfw.missions.pilot import TickView
-from navfw.missions.process_check import check_process
-from navfw.missions.process_state import ProcessState
+from navfw.missions.process_state import ProcessState, check_process
 from navfw.missions.run_drawing import WindowOverlay, outline_of
 from navfw.missions.run_metrics import CombinedClearance, RunMetrics, measure, permanent_plan
 from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
@@ -178,6 +177,7 @@ class SteppedSession:
         self._watch = SimulatorWatch(plugins_of(session.stack))
         self._simulator: Simulation | None = None
         self._loop: MissionLoop | None = None
+        self._of_simulator: dict[str, Any] = {}
         self._result: MissionResult | None = None
 
     def __enter__(self) -> Self:
@@ -198,23 +198,24 @@ class SteppedSession:
         simulator, self._simulator = self._simulator, None
         if simulator is None:
             return
-        self._changes = simulator.change_track()
-        self._cause = simulator.collision_cause
-        self._movers = simulator.walker_track() if self.session.world.movers else None
         spent, stack = simulator.timings, self.session.stack
         landmarks = {"landmark_frames": spent.landmarks} if stack.features.landmark_frames else {}
-        self._timings = {
-            "render": spent.render,
-            "physics": spent.physics,
-            "sensors": spent.sensors,
-            **landmarks,
-            **stack.timings,
+        self._of_simulator = {
+            "timings": {
+                "render": spent.render,
+                "physics": spent.physics,
+                "sensors": spent.sensors,
+                **landmarks,
+                **stack.timings,
+            },
+            "collision_cause": simulator.collision_cause,
+            "movers": simulator.walker_track() if self.session.world.movers else None,
+            "changes": simulator.change_track(),
         }
         simulator.close()
 
     def __iter__(self) -> Iterator[TickView]:
-        while (tick := self.step()) is not None:
-            yield tick
+        return iter(self.step, None)
 
     @property
     def ended(self) -> bool:
@@ -265,9 +266,9 @@ class SteppedSession:
 
     def result_of(self, run: RunResult, recorder: RunRecorder | None = None) -> MissionResult:
         """The result of the whole ``run``, after the context has ended."""
-        tracks = (self._cause, self._movers, self._changes)
+        oracles = self._watch.found()
         return MissionResult(
-            self.session, run, self._timings, recorder, *tracks, self._watch.found()
+            self.session, run, recorder=recorder, oracle_plugins=oracles, **self._of_simulator
         )
 
     def _opened(self) -> MissionLoop:

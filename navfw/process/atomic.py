@@ -16,7 +16,6 @@ import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from navfw.errors import InputError, SimulationError
@@ -105,12 +104,7 @@ class AtomicTarget(ABC):
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         with deferred():
             try:
                 self._finish()
@@ -231,11 +225,11 @@ def write_text(
     ``mode``: its permissions, instead of the usual.
     """
     with (
-        atomic_file(path, parents=parents) as part,
-        part.open("x", encoding="utf-8", newline="") as stream,
+        atomic_file(path, parents=parents) as unfinished,
+        unfinished.open("x", encoding="utf-8", newline="") as stream,
     ):
         if mode is not None:
-            part.chmod(mode)
+            unfinished.chmod(mode)
         if isinstance(content, str):
             stream.write(content)
         else:

@@ -1,6 +1,6 @@
 """Interruption from outside: Ctrl-C and SIGTERM, both as KeyboardInterrupt, or deferred.
 
-A flag says whether a signal has arrived, so that a KeyboardInterrupt raised by a plugin can be told
+A flag says whether a signal has arrived: it distinguishes a KeyboardInterrupt raised by a plugin
 from one that the user has sent. A signal that the process ignores stays ignored, and a thread other
 than the main one has no signals: it cannot be interrupted.
 """

@@ -121,7 +121,7 @@ class Watchdog:
 
     Works only in the main thread of a system with interval timers (not Windows), and only between
     two steps of the interpreter. What it cannot end, a supervising process ends
-    (``navfw.process.heartbeat``).
+    (``HeartbeatMonitor``).
     """
 
     def __init__(self) -> None:

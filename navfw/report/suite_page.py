@@ -23,7 +23,7 @@ from navfw.suite.paired_comparison import (
     of_variant,
     pair_up,
 )
-from navfw.suite.run_table import RunRow
+from navfw.suite.run_journal import RunRow
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_summary import summarize, summary_table
 

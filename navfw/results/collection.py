@@ -21,7 +21,7 @@ from navfw.results.result_file import (
     StoredSuiteResult,
     StoredValues,
 )
-from navfw.suite.run_table import RunRow, read_table
+from navfw.suite.run_journal import RunRow
 from navfw.suite.suite_folder import SUMMARY, SuiteFolder
 from navfw.suite.suite_summary import summarize
 from navfw.suite.suitefile import Expect
@@ -95,7 +95,7 @@ def _of_suite(folder: SuiteFolder, name: str | None, *, total: bool) -> list[Sto
         if len(about.get(key, [])) != 1:
             what = f"expected one, got {about.get(key, 'none')}; run the whole suite anew"
             raise ConfigError(what, file=folder.path / "suite.json", key=key)
-    rows = read_table(folder.table)
+    rows = folder.rows()
     size = sum(file.stat().st_size for file, _ in files_in(folder.path))
     entries = summary["by_entry"]
     expect = {entry: figures["expect"] for entry, figures in entries.items() if "expect" in figures}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from navfw.missions.outcome import Outcome
 from navfw.suite.failure_causes import Cause
-from navfw.suite.run_table import RunKey, RunRow
+from navfw.suite.run_journal import RunKey, RunRow
 
 if TYPE_CHECKING:
     from navfw.missions.missionfile import MissionFile
@@ -52,13 +52,6 @@ class Case:
     mission: str = ""
     variant: str = ""
     content: str = ""
-
-    @property
-    def setting(self) -> tuple[str, ...]:
-        """What the run is made in (see ``RunRow.setting``)."""
-        world = "" if self.family else self.world_name
-        name, stack = self.mission_name, self.stack_name
-        return (self.entry, self.family, world, name, stack, self.variant)
 
     @property
     def key(self) -> RunKey:

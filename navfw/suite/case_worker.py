@@ -21,8 +21,8 @@ from navfw.recording.run_folder import RunFolder
 from navfw.suite.case import RECORDINGS, Case, Job, KeptRuns
 from navfw.suite.failure_causes import Cause, classify
 from navfw.suite.failure_symptoms import collect_symptoms
+from navfw.suite.run_journal import COLUMNS, RunRow
 from navfw.suite.run_statistics import barn_score, sct
-from navfw.suite.run_table import COLUMNS, RunRow
 from navfw.suite.worker_pool import stop_requested
 
 if TYPE_CHECKING:
@@ -107,8 +107,8 @@ def _keep(row: RunRow, job: Job, result: MissionResult) -> RunRow:
     if _kept(job.keep, row):
         file = job.pictures / f"{name}.png"
         with _losing_no_result():
-            with atomic_file(file) as part:
-                draw(result, part)
+            with atomic_file(file) as unfinished:
+                draw(result, unfinished)
             return dataclasses.replace(row, picture=f"{job.pictures.name}/{file.name}")
     return row
 

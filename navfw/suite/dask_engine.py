@@ -17,7 +17,7 @@ from navfw.process.interruption import check_interrupted, interruptible
 from navfw.suite.case import Job
 from navfw.suite.case_worker import run_job
 from navfw.suite.job_package import JobPackage, worker_identity
-from navfw.suite.run_table import RunRow
+from navfw.suite.run_journal import RunRow
 from navfw.suite.worker_pool import WorkerFailure
 
 PERIOD = 0.5
@@ -166,8 +166,8 @@ class DaskEngine:
             raise SimulationError(f"{what}; {_RESUME}")
         answer = future.result()
         if answer.picture is not None:
-            with atomic_file(job.pictures / answer.row.picture.rpartition("/")[2]) as part:
-                part.write_bytes(answer.picture)
+            with atomic_file(job.pictures / answer.row.picture.rpartition("/")[2]) as unfinished:
+                unfinished.write_bytes(answer.picture)
         row: RunRow | WorkerFailure = answer.row
         return row
 

@@ -21,7 +21,7 @@ from navfw.config.project_code import TRUST_VARIABLE
 from navfw.errors import SimulationError
 from navfw.suite.case import Job
 from navfw.suite.job_package import JobPackage, worker_identity
-from navfw.suite.run_table import RunRow
+from navfw.suite.run_journal import RunRow
 from navfw.suite.worker_pool import WorkerFailure, WorkerPool
 
 

@@ -68,17 +68,18 @@ class JobPackage:
                 suffix = path.suffix if path.is_file() else ""
                 roots[f"{_OUTSIDE}{len(roots)}{suffix}"] = path
         stream, total = io.BytesIO(), 0
+        entry = zipfile.ZipInfo  # without a time: the same files give the same hash
         with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr(_entry("project/"), b"")
+            archive.writestr(entry("project/"), b"")
             if project is not None:
-                archive.writestr(_entry("project/navfw.toml"), b"")
+                archive.writestr(entry("project/navfw.toml"), b"")
             for name, file in _travelling(roots):
                 content = read_input(file, _MAX_PACKAGE)
                 total += len(content)
                 if total > _MAX_PACKAGE:
                     what = f"the files of the project exceed {_MAX_PACKAGE // 1_000_000} MB"
                     raise InputError(f"{what}; move what no run needs", file=project or file)
-                archive.writestr(_entry(name), content)
+                archive.writestr(entry(name), content)
         return cls(stream.getvalue(), tuple((name, str(root)) for name, root in roots.items()))
 
     @property
@@ -91,7 +92,7 @@ class JobPackage:
         changed: dict[str, str] = {}
         for place in _PATHS:
             path = getattr(job.case, place)
-            within = [(n, root) for n, root in self.folders if path and _inside(path, root)]
+            within = [item for item in self.folders if path and Path(path).is_relative_to(item[1])]
             if within:  # the innermost: the package may lie inside of what is shipped
                 name, root = max(within, key=lambda item: len(item[1]))
                 changed[place] = f"{name}:{Path(path).relative_to(root).as_posix()}"
@@ -150,12 +151,3 @@ def _travelling(roots: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
     if "project" in roots:
         own |= {f"project/{name}": roots["project"] / name for name in _PROJECT_PARTS}
     return files_of(own)
-
-
-def _entry(name: str) -> zipfile.ZipInfo:
-    """An entry of the archive without a time: the same files give the same hash."""
-    return zipfile.ZipInfo(name)
-
-
-def _inside(path: str, root: str) -> bool:
-    return Path(path).is_relative_to(root)

@@ -9,11 +9,14 @@ from typing import Any
 
 from navfw.errors import InputError, UnknownNameError
 from navfw.process.result_table import shown
+from navfw.suite.run_journal import RunKey, RunRow
 from navfw.suite.run_statistics import mcnemar_exact, median_interval, paired_interval
-from navfw.suite.run_table import RunKey, RunRow
 
 _SPL_CHANGE = 0.1
 """Change of SPL beyond which a run counts as worse, or better, although both runs succeeded."""
+
+
+_OF_RUN = ("outcome", "cause", "spl", "picture")
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,18 +187,7 @@ def _numbers(pairs: Sequence[RunPair]) -> dict[str, Any]:
 
 def _named(row: RunRow) -> dict[str, Any]:
     """One run of a pair, with its outcome, cause, SPL and picture."""
-    return {
-        "entry": row.entry,
-        "world": row.world,
-        "mission": row.mission,
-        "seed": row.seed,
-        "stack": row.stack,
-        "variant": row.variant,
-        "outcome": row.outcome,
-        "cause": row.cause,
-        "spl": row.spl,
-        "picture": row.picture,
-    }
+    return {**row.key._asdict(), **{name: getattr(row, name) for name in _OF_RUN}}
 
 
 # --- for printing --------------------------------------------------------------------------------

@@ -1,28 +1,189 @@
-"""The journal of a suite: every run that has ended, written at once to an SQLite database.
+"""The rows of a suite: their journal, which alone is read, and the table exported from it.
 
-A run is one transaction: after a kill or a power cut the journal has all of it or nothing. The
-primary key is the run with the fingerprint of what it was made with (``Case.content``), so that no
-run is there twice, and runs of a suite that was changed since stay beside the new ones. Rows are
-the cells of the table (``navfw.suite.run_table``) with a checksum, as SQLite has none.
+Every run that has ended is written at once to an SQLite database. A run is one transaction: after a
+kill or a power cut the journal has all of it or nothing. The primary key is the run with the
+fingerprint of what it was made with (``Case.content``), so that no run is there twice, and runs of
+a suite that was changed since stay beside the new ones. Rows are the cells of the table with a
+checksum, as SQLite has none.
 """
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import hashlib
 import itertools
 import json
+import math
 import os
+import re
 import sqlite3
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
-from navfw.config.input_file import is_file
+from pydantic import TypeAdapter
+
+from navfw.config.input_file import is_file, no_such_file
 from navfw.errors import ConfigError, InputError
-from navfw.process.atomic import atomic_file
-from navfw.suite.run_table import RunKey, RunRow, cells_of_row, read_table, row_of_cells
+from navfw.missions.outcome import Outcome
+from navfw.process.atomic import atomic_file, write_text
+from navfw.suite.failure_causes import Cause
+
+_DEATHS = {Cause.PROCESS_DIED, Cause.TOO_LONG, Cause.TOO_MUCH_MEMORY}
+"""Causes of runs that ended with their process."""
+
+
+class RunKey(NamedTuple):
+    """The columns that identify a run of a suite."""
+
+    entry: str
+    world: str
+    mission: str
+    seed: int
+    stack: str
+    variant: str = ""
+
+    def file_name(self, *, generated: bool) -> str:
+        """A name for files of the run, unique in the table, that tells which run it is.
+
+        In a ``generated`` world the seed stands for the world.
+        """
+        where = () if generated else (self.world, self.mission)
+        words = dict.fromkeys((self.entry, *where, self.variant or self.stack, str(self.seed)))
+        return re.sub(r"[^\w.+-]+", "_", "-".join(words))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunRow:
+    """One run. Lengths in metres, times in seconds; None where a run has no such number.
+
+    ``cause`` is the cause of a failure (``navfw.suite.failure_causes``), ``collision_cause`` the
+    body that moved into the other: "robot" or "mover". ``picture`` is a file beside the table.
+    ``variant`` is empty in suites without variants; their tables have no such column.
+    ``plugin_faults`` is the number of kinds of plugin faults beside the injected ones. ``attempts``
+    is the number of processes that the run took: 2 if the first one died. ``cpu_time_s`` is the
+    processor time of the whole run, with its world, checks and picture, ``memory_mb`` the largest
+    resident memory [MB] of the process since its start.
+    """
+
+    entry: str
+    family: str = ""
+    world: str
+    mission: str
+    seed: int
+    difficulty: float | None = None
+    stack: str
+    variant: str = ""
+    outcome: str
+    reason: str = ""
+    cause: str = ""
+    behavior: str = ""
+    sim_time_s: float | None = None
+    wall_time_s: float | None = None
+    real_time_factor: float | None = None
+    path_length_m: float | None = None
+    shortest_path_m: float | None = None
+    spl: float | None = None
+    sct: float | None = None
+    min_clearance_m: float | None = None
+    clearance_p05_m: float | None = None
+    collisions: int | None = None
+    collision_cause: str = ""
+    distance_to_goal_m: float | None = None
+    estimate_error_m: float | None = None
+    emergencies: int | None = None
+    plugin_faults: int | None = None
+    barn_score: float | None = None
+    command_hash: str = ""
+    picture: str = ""
+    attempts: int | None = None
+    cpu_time_s: float | None = None
+    memory_mb: float | None = None
+
+    @property
+    def key(self) -> RunKey:
+        """The columns that identify the run."""
+        return RunKey(self.entry, self.world, self.mission, self.seed, self.stack, self.variant)
+
+    @property
+    def configuration(self) -> str:
+        """The variant that was driven; the stack, in a suite without variants."""
+        return self.variant or self.stack
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the mission was accomplished."""
+        return self.outcome == Outcome.REACHED
+
+    @property
+    def failure(self) -> str:
+        """Outcome and cause of a run that failed, by which failures are counted and grouped."""
+        return f"{self.outcome}: {self.cause}"
+
+    @property
+    def died(self) -> bool:
+        """Whether the process of the run ended without a result, or was ended at a limit."""
+        return self.outcome == Outcome.FAULT and self.cause in _DEATHS
+
+    @property
+    def has_result(self) -> bool:
+        """Whether the run ended by itself; ``navfw suite --resume`` drives all others again."""
+        return self.outcome != Outcome.CANCELLED and not self.died
+
+
+COLUMNS = tuple(field.name for field in dataclasses.fields(RunRow))
+_REQUIRED = {"entry", "world", "mission", "seed", "stack", "outcome"}
+_ADAPTER = TypeAdapter(RunRow)
+
+
+def columns_of(rows: Iterable[RunRow]) -> tuple[str, ...]:
+    """The columns of a table of ``rows``; ``variant`` is left out if no row has one."""
+    if any(row.variant for row in rows):
+        return COLUMNS
+    return tuple(name for name in COLUMNS if name != "variant")
+
+
+def write_table(path: Path, rows: Iterable[RunRow]) -> None:
+    """Write ``rows`` as CSV (see ``table_cells``).
+
+    Raises:
+        InputError: the file cannot be written; an existing file stays unchanged.
+
+    """
+    write_text(path, table_cells(rows))
+
+
+def table_cells(rows: Iterable[RunRow]) -> list[list[str]]:
+    """The cells of the table, its head first; floats keep every digit, None is empty."""
+    rows = list(rows)
+    columns = columns_of(rows)
+    return [list(columns), *([_cell(getattr(row, name)) for name in columns] for row in rows)]
+
+
+def _row_of(cells: Mapping[str, str]) -> RunRow:
+    """The row with these cells by column; an empty or missing one has its default.
+
+    Raises:
+        ValueError: a required cell is missing, one is no number where a number is expected, or the
+            outcome is unknown.
+
+    """
+    filled = {name: text for name, text in cells.items() if text or name in _REQUIRED}
+    row = _ADAPTER.validate_python(filled)
+    Outcome(row.outcome)
+    return row
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return "" if math.isnan(value) else repr(float(value))
+    return " ".join(value.split()) if isinstance(value, str) else str(value)
+
 
 _VERSION = 1
 """Version of the tables, kept as SQLite's ``user_version``."""
@@ -30,7 +191,7 @@ _VERSION = 1
 _MAX_JOURNAL = 2_000_000_000
 """Largest size of a journal [byte]; the largest suite takes a tenth of it."""
 
-WAIT = 10.0
+_WAIT = 10.0
 """Longest time [s] to wait for another process that reads or writes the journal."""
 
 _TABLES = f"""
@@ -68,8 +229,8 @@ class RunJournal:
         with contextlib.closing(sqlite3.connect(":memory:")) as database:
             database.executescript(_TABLES)
             empty = database.serialize()
-        with atomic_file(self.file) as part:
-            part.write_bytes(empty)
+        with atomic_file(self.file) as unfinished:
+            unfinished.write_bytes(empty)
 
     def add(self, content: str, row: RunRow) -> None:
         """Write the row of a run that has ended; it replaces an earlier one of the same run."""
@@ -79,7 +240,8 @@ class RunJournal:
         """Write many rows, each with its content, in one transaction."""
         with self._opened() as database, database:
             for content, row in rows:
-                key, cells = _key_text(row.key), json.dumps(cells_of_row(row))
+                key = json.dumps(row.key)
+                cells = json.dumps({name: _cell(getattr(row, name)) for name in COLUMNS})
                 values = (content, key, cells, _checksum(content, key, cells))
                 database.execute("INSERT OR REPLACE INTO run VALUES (?, ?, ?, ?)", values)
                 database.execute("DELETE FROM death WHERE content = ? AND key = ?", (content, key))
@@ -87,18 +249,21 @@ class RunJournal:
     def add_death(self, content: str, key: RunKey, reason: str) -> None:
         """Note that the process of a run died; forgotten when the run has a row."""
         with self._opened() as database, database:
-            values = (content, _key_text(key), reason)
+            values = (content, json.dumps(key), reason)
             database.execute("INSERT INTO death VALUES (?, ?, ?)", values)
 
-    def rows(self, contents: Collection[str]) -> list[RunRow]:
-        """The rows that were made with one of ``contents``, in the order of writing.
+    def rows(self, contents: Iterable[str]) -> list[RunRow]:
+        """The rows that were made with one of ``contents``, in their order; of each as written."""
+        by_content: dict[str, list[RunRow]] = {content: [] for content in contents}
+        for content, row in self.all_rows():
+            by_content.get(content, []).append(row)
+        return list(itertools.chain.from_iterable(by_content.values()))
+
+    def all_rows(self) -> list[tuple[str, RunRow]]:
+        """All rows with their contents, also those of a suite that was changed since.
 
         A row that differs from its checksum is damage.
         """
-        return [row for content, row in self.all_rows() if content in contents]
-
-    def all_rows(self) -> list[tuple[str, RunRow]]:
-        """All rows with their contents, also those of a suite that was changed since."""
         with self._opened() as database:
             records = list(database.execute("SELECT * FROM run ORDER BY rowid"))
         return [self._checked(*record) for record in records]
@@ -140,14 +305,15 @@ class RunJournal:
         if checksum != _checksum(content, key, cells):
             raise JournalDamagedError("is damaged: a row differs from its checksum", file=self.file)
         try:
-            return content, row_of_cells(json.loads(cells), str(self.file))
-        except (ValueError, AttributeError):  # no object of JSON, with its checksum all the same
-            raise JournalDamagedError("is damaged: a row has no cells", file=self.file) from None
+            return content, _row_of(json.loads(cells))
+        except (ValueError, AttributeError):  # in spite of its checksum
+            what = "is damaged: a row has no valid cells"
+            raise JournalDamagedError(what, file=self.file) from None
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[sqlite3.Connection]:
         if not is_file(self.file):
-            raise InputError("cannot be read or written: it is not there", file=self.file)
+            raise no_such_file(self.file)
         if self.file.stat().st_size > _MAX_JOURNAL:
             what = f"is larger than {_MAX_JOURNAL // 1_000_000} MB, so it is not read"
             raise InputError(what, file=self.file)
@@ -155,7 +321,7 @@ class RunJournal:
         mode = "rw" if os.access(self.file, os.W_OK) else "ro"
         place = f"{self.file.absolute().as_uri()}?mode={mode}"
         try:
-            with contextlib.closing(sqlite3.connect(place, WAIT, uri=True)) as database:
+            with contextlib.closing(sqlite3.connect(place, _WAIT, uri=True)) as database:
                 yield database
         except sqlite3.Error as error:
             code = getattr(error, "sqlite_errorcode", 0) & 0xFF
@@ -164,42 +330,29 @@ class RunJournal:
             raise InputError(f"cannot be read or written: {error}", file=self.file) from None
 
 
-def ready_journal(journal: RunJournal, contents: Mapping[tuple[str, ...], str], table: Path) -> str:
+def ready_journal(journal: RunJournal) -> str:
     """Make ``journal`` usable; returns what was done, in a sentence, or "" for an intact one.
 
-    A damaged journal is moved aside, and its intact rows go to a new one. Only then, or without a
-    journal, the exported ``table`` is read: rows that no journal has are kept as well, if
-    ``contents`` has the content of their runs (by ``RunRow.setting``).
+    A damaged journal is moved aside, and its intact rows go to a new one.
 
     Raises:
-        InputError: the journal is of a newer version, the folder cannot be written, or the table
-            that is needed is damaged.
+        InputError: the journal is of a newer version, or the folder cannot be written.
 
     """
-    file, note = journal.file, ""
-    kept: list[tuple[str, RunRow]] = []
+    if not journal.file.exists():
+        journal.create()
+        return ""
     try:
-        if file.exists():
-            journal.check()
-            kept = journal.all_rows()
-            if kept:
-                return ""
+        journal.check()
+        journal.all_rows()
     except JournalDamagedError as error:
         kept = journal.intact()
-        aside = _moved_aside(file)
-        note = f"{error}; it is kept as {aside.name}. "
-    journal.create()
-    journaled = {row.key for _, row in kept}
-    kept += [
-        (contents[row.setting], row)
-        for row in (read_table(table) if is_file(table) else [])
-        if row.key not in journaled and row.setting in contents
-    ]
-    journal.add_all(kept)
-    if not note and not kept:
-        return ""
-    note = note or f"{file}: there is no journal beside the table. "
-    return f"{note}{len(kept)} finished runs are intact and kept; all others are driven again"
+        aside = _moved_aside(journal.file)
+        journal.create()
+        journal.add_all(kept)
+        intact = f"{len(kept)} finished runs are intact and kept"
+        return f"{error}; it is kept as {aside.name}. {intact}; all others are driven again"
+    return ""
 
 
 def _moved_aside(file: Path) -> Path:
@@ -216,10 +369,6 @@ def _moved_aside(file: Path) -> Path:
         what = f"is damaged, and cannot be renamed: {error.strerror or error}"
         raise InputError(what, file=file) from None
     raise AssertionError("numbers have no end")
-
-
-def _key_text(key: RunKey) -> str:
-    return json.dumps(key)
 
 
 def _checksum(*parts: str) -> str:

@@ -1,8 +1,8 @@
 """The folder of a suite: table, summary, configuration, pictures and reports.
 
-``journal.sqlite`` has every run that has ended (``navfw.suite.run_journal``). ``table.csv``, one
-row per run, is exported from it, ``summary.json`` is the summary, ``table.md`` the summary as
-Markdown.
+``journal.sqlite`` has every run that has ended (``navfw.suite.run_journal``); rows are read from
+it alone. ``table.csv``, one row per run, is exported from it, ``summary.json`` is the summary,
+``table.md`` the summary as Markdown.
 ``suite.json`` identifies worlds, missions and stacks, so that an interrupted suite is continued
 with the same ones only.
 """
@@ -27,8 +27,13 @@ from navfw.process.target_lock import TargetInUseError, TargetLock, sweep
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import REPORT, plain_json
 from navfw.suite.case import RECORDINGS
-from navfw.suite.run_journal import JournalDamagedError, RunJournal, ready_journal
-from navfw.suite.run_table import RunRow, read_table, write_table
+from navfw.suite.run_journal import (
+    JournalDamagedError,
+    RunJournal,
+    RunRow,
+    ready_journal,
+    write_table,
+)
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import markdown_summary
 
@@ -138,6 +143,7 @@ class SuiteFolder:
             self._set_aside(tell)
         earlier: dict[str, Any] = {}
         if begin in {"resume", "extend"} and self.has_runs:
+            self._check_journal()
             earlier = self.about()
             if begin == "resume":
                 self._compare(earlier.get("content", {}), plan.content)
@@ -151,25 +157,20 @@ class SuiteFolder:
             "suite_hash": plan.suite_hash,
             "options": plan.options,
             "content": {**plan.content},
-            "current": sorted({case.content for case in plan.cases}),
+            "current": list(dict.fromkeys(case.content for case in plan.cases)),
             "revisions": list(dict.fromkeys([*earlier.get("revisions", []), revision])),
             "machines": machines + [machine_kind()] * (machine_kind() not in machines),
         }
         self._write(_ABOUT, about)  # before the journal, which cannot be read without it
-        rows = self._rows_of(plan, tell)
+        if note := ready_journal(self.journal):
+            tell(note)
+        rows = self.journal.rows(case.content for case in plan.cases)
         if earlier.get("content", plan.content) != plan.content:
             kept = sum(row.has_result for row in rows)
             tell(f"the suite was changed: {kept} finished runs are unchanged and kept")
         rows = [row for row in rows if row.has_result]
         write_table(self.table, rows)
         return rows
-
-    def _rows_of(self, plan: SuitePlan, tell: Callable[[str], None]) -> list[RunRow]:
-        """The rows in the journal that belong to ``plan``; a damaged journal is repaired."""
-        contents = {case.setting: case.content for case in plan.cases}
-        if note := ready_journal(self.journal, contents, self.table):
-            tell(note)
-        return self.journal.rows(set(contents.values()))
 
     def _set_aside(self, tell: Callable[[str], None]) -> None:
         """Move what an earlier suite left into the first free folder ``before-N``."""
@@ -187,16 +188,17 @@ class SuiteFolder:
         tell(f"{self.path}: the earlier results are in {aside.name}")
 
     def rows(self) -> list[RunRow]:
-        """The rows of all runs that have ended; also while a suite runs, or after a kill.
+        """The rows of all runs that have ended, by entry, mission, variant and stack.
+
+        Also while a suite runs, or after a kill.
 
         Raises:
-            InputError: there are neither a journal nor a table, or they are damaged.
+            InputError: there is no such folder, or its journal is missing or damaged.
 
         """
-        if not is_file(self.journal.file):
-            return read_table(self.table)
+        self._check_journal()
         try:
-            return self.journal.rows(set(self.about().get("current", [])))
+            return self.journal.rows(self.about().get("current", []))
         except JournalDamagedError as error:
             what = f"{error}; continue the suite with --resume, which keeps what is intact"
             raise JournalDamagedError(what) from None
@@ -230,7 +232,8 @@ class SuiteFolder:
     def about(self) -> dict[str, Any]:
         """The content of ``suite.json``: suite, its hash, options, content, revisions, machines.
 
-        ``current`` has the contents (``Case.content``) of the runs that belong to the suite now.
+        ``current`` has the contents (``Case.content``) of the runs that belong to the suite now, in
+        the order of its plan.
 
         Raises:
             ConfigError: there is no such file, or it is damaged.
@@ -255,6 +258,19 @@ class SuiteFolder:
             more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
             help_ = "keep what is unchanged with --extend, begin again with --restart, or choose"
             raise InputError(f"{what}{more}; {help_} another --out", file=self.path)
+
+    def _check_journal(self) -> None:
+        if is_file(self.journal.file):
+            return
+        if not is_folder(self.path):
+            what = "is a file" if is_file(self.path) else "there is no such folder"
+            what += "; expected the folder of a suite, whose runs are read from its journal.sqlite"
+        elif is_file(self.table):
+            what = "has a table.csv, but no journal.sqlite, from which alone runs are read;"
+            what += " drive them again with --restart"
+        else:
+            what = "has no journal.sqlite, so it is not the folder of a suite"
+        raise InputError(what, file=self.path)
 
     def _refuse_foreign(self) -> None:
         if self.has_runs:

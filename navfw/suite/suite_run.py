@@ -13,7 +13,7 @@ from navfw.missions.outcome import Outcome
 from navfw.process.interruption import deferred
 from navfw.suite.case import Case, Job, KeptRuns
 from navfw.suite.case_worker import run_job
-from navfw.suite.run_table import RunKey, RunRow
+from navfw.suite.run_journal import RunKey, RunRow
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import summarize

@@ -11,8 +11,8 @@ from typing import Any
 from navfw.missions.outcome import Outcome
 from navfw.process.result_table import Column, ResultTable, named, shown
 from navfw.suite.failure_causes import Cause
+from navfw.suite.run_journal import RunRow
 from navfw.suite.run_statistics import mcnemar_exact, wilson
-from navfw.suite.run_table import RunRow
 from navfw.suite.suitefile import Expect
 
 ENOUGH = 0.9
@@ -150,7 +150,7 @@ def _columns(digits: int) -> list[Column]:
     share = f".{digits}%"
     return [
         Column("runs", "missions"),
-        Column("success [95 %]", lambda part: _success(part, digits)),
+        Column("success [95 %]", lambda figures: _success(figures, digits)),
         Column("collided", "collision_rate", share, missing=""),
         Column("SPL", "spl", ".2f", missing=""),
         Column("SCT", "sct", ".2f", missing=""),
@@ -168,19 +168,19 @@ _BRIEF = {"runs", "success [95 %]", "collided", "SPL", "time", "faults"}
 def summary_table(summary: Mapping[str, Any]) -> ResultTable:
     """A row for each entry, then each stack or variant, then all; for terminal and report.
 
-    Without other parts there is one row. ``passes`` is the last column where an entry expects
+    Without other rows there is one row. ``passes`` is the last column where an entry expects
     something.
     """
-    parts = dict(summary["by_entry"])
+    rows = dict(summary["by_entry"])
     for kind in ("stack", "variant"):
         for name, numbers in summary.get(f"by_{kind}", {}).items():
-            parts[f"all, {kind} {name}"] = numbers
-    if len(parts) > 1:
-        parts["all"] = summary
+            rows[f"all, {kind} {name}"] = numbers
+    if len(rows) > 1:
+        rows["all"] = summary
     columns = [Column("", "name"), *_columns(1)]
-    if any("expect" in part for part in parts.values()):
+    if any("expect" in figures for figures in rows.values()):
         columns.append(Column("passes", _passes))
-    return ResultTable("summary", columns, named(parts))
+    return ResultTable("summary", columns, named(rows))
 
 
 def markdown_summary(summary: Mapping[str, Any]) -> str:
@@ -193,11 +193,11 @@ def markdown_summary(summary: Mapping[str, Any]) -> str:
     columns = [column for column in _columns(0) if column.title in _BRIEF]
     if "by_variant" in summary:
         return _variant_table(summary, columns).markdown()
-    parts = dict(summary["by_entry"])
-    parts |= {f"all, {name}": part for name, part in summary.get("by_stack", {}).items()}
-    if len(parts) > 1:
-        parts["all"] = summary
-    return ResultTable("summary", [Column("entry", "name"), *columns], named(parts)).markdown()
+    rows = dict(summary["by_entry"])
+    rows |= {f"all, {name}": figures for name, figures in summary.get("by_stack", {}).items()}
+    if len(rows) > 1:
+        rows["all"] = summary
+    return ResultTable("summary", [Column("entry", "name"), *columns], named(rows)).markdown()
 
 
 def _variant_table(summary: Mapping[str, Any], columns: Sequence[Column]) -> ResultTable:
@@ -215,12 +215,12 @@ def _variant_table(summary: Mapping[str, Any], columns: Sequence[Column]) -> Res
     return ResultTable("variants", [head, *columns, p, *of_entries], variants)
 
 
-def _success(part: Mapping[str, Any], digits: int) -> str:
+def _success(figures: Mapping[str, Any], digits: int) -> str:
     """The share of runs that succeeded, with its interval."""
-    if "skipped" in part:
-        return f"skipped: {part['skipped']}"
-    low, high = (f"{100.0 * part[key]:.{digits}f}" for key in ("success_low", "success_high"))
-    return f"{shown(part['success'], f'.{digits}%', missing='')} [{low}, {high}]".strip()
+    if "skipped" in figures:
+        return f"skipped: {figures['skipped']}"
+    low, high = (f"{100.0 * figures[key]:.{digits}f}" for key in ("success_low", "success_high"))
+    return f"{shown(figures['success'], f'.{digits}%', missing='')} [{low}, {high}]".strip()
 
 
 def _success_in(entry: str, variant: Mapping[str, Any]) -> float | None:
@@ -228,15 +228,15 @@ def _success_in(entry: str, variant: Mapping[str, Any]) -> float | None:
     return share
 
 
-def _chance(part: Mapping[str, Any]) -> str | None:
-    p = part["p"]
+def _chance(figures: Mapping[str, Any]) -> str | None:
+    p = figures["p"]
     if p is None:
         return None
     return f"< {_P_SHOWN:g}" if p < _P_SHOWN else f"{p:.2g}"
 
 
-def _passes(part: Mapping[str, Any]) -> str:
-    if "expect" not in part:
+def _passes(figures: Mapping[str, Any]) -> str:
+    if "expect" not in figures:
         return ""
-    word = "yes" if part["passes"] else "NO"
-    return f"{word}, {part['passed']} of {part['missions']} ({part['expect']})"
+    word = "yes" if figures["passes"] else "NO"
+    return f"{word}, {figures['passed']} of {figures['missions']} ({figures['expect']})"

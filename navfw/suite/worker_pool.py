@@ -7,6 +7,7 @@ are spawned, not forked, so that no state of this process leaks into a run.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import faulthandler
 import math
 import multiprocessing
@@ -21,7 +22,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from multiprocessing import resource_tracker
 from multiprocessing.context import SpawnContext
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 from navfw.errors import SimulationError
 from navfw.process.interruption import check_interrupted, interruptible
@@ -48,11 +49,8 @@ JobT = TypeVar("JobT")
 ResultT = TypeVar("ResultT")
 
 
-class _Flag(Protocol):
-    """A byte shared by all processes. An Event has a lock, which a dying process would keep."""
-
-    value: int
-
+_Flag = ctypes.c_byte
+"""Shared by all processes. An Event has a lock, which a dying process would keep."""
 
 _stop: _Flag | None = None
 
@@ -96,8 +94,7 @@ class WorkerPool(Generic[JobT, ResultT]):
 
     def __enter__(self) -> Self:
         context = multiprocessing.get_context("spawn")
-        stop: _Flag = context.RawValue("b", 0)
-        self._flag = stop
+        self._flag = stop = context.RawValue(_Flag, 0)
         self._cleanup.enter_context(_single_threaded())
         self._cleanup.callback(setattr, stop, "value", 1)
         self._slots = [
@@ -167,13 +164,13 @@ class _WorkerSlot:
         self._stop = stop
         self._recycle = recycle
         self._most = most
-        self._exceeded: _Flag = context.RawValue("b", 0)
+        self._exceeded = context.RawValue(_Flag, 0)
         self._jobs = 0
         self._began = 0.0
         self._executor: ProcessPoolExecutor | None = None
         self._memory = context.RawArray("b", HEARTBEAT_SIZE)
         self._heartbeat = HeartbeatMonitor(self._memory)
-        self._pid: _Flag = context.RawValue("i", 0)
+        self._pid = context.RawValue(ctypes.c_int, 0)
 
     def submit(self, work: Callable[[Any], Any], job: object, limit: float) -> Future[Any]:
         if self._jobs >= self._recycle:
@@ -192,6 +189,9 @@ class _WorkerSlot:
         try:
             with _interrupt_blocked():  # a new process inherits it, until it ignores Ctrl-C
                 return self._executor.submit(_limited, work, job, limit)
+        except BrokenProcessPool:  # the process died between two jobs
+            self.close()
+            return self.submit(work, job, limit)
         except OSError as error:  # no memory, or too many processes
             what = f"no worker process can be started: {error.strerror or error}"
             raise SimulationError(f"{what}; take fewer --workers") from error
@@ -257,7 +257,7 @@ def _single_threaded() -> Iterator[None]:
 # --- in the worker -------------------------------------------------------------------------------
 
 
-def _begin(stop: _Flag, pid: _Flag, memory: Any, most: float, exceeded: _Flag) -> None:
+def _begin(stop: _Flag, pid: ctypes.c_int, memory: Any, most: float, exceeded: _Flag) -> None:
     """Set up a worker process: it ignores Ctrl-C, and ends when its parent ends.
 
     Also, with ``exceeded`` set, when it has more than ``most`` [MB] of memory.
@@ -274,9 +274,8 @@ def _begin(stop: _Flag, pid: _Flag, memory: Any, most: float, exceeded: _Flag) -
 def _watch(stop: _Flag, most: float, exceeded: _Flag) -> None:
     """End this process when its parent has ended, or GRACE after a request to stop.
 
-    Also when it has more than ``most`` [MB] of memory.
-
-    Also when its main thread has ended: threads that plugins left behind do not.
+    Also when it has more than ``most`` [MB] of memory, or when its main thread has ended: threads
+    that plugins left behind do not.
     """
     parent = multiprocessing.parent_process()
     while threading.main_thread().is_alive() and (parent is None or parent.is_alive()):

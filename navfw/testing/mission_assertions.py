@@ -22,7 +22,7 @@ def assert_reached(mission: MissionRun) -> None:
     """The robot truly reached all goals."""
     __tracebackhide__ = True
     if not mission.outcome.succeeded:
-        raise AssertionError(f"expected the goal to be reached; {mission.run.verdict}")
+        raise AssertionError(f"expected the goal to be reached; {mission.verdict}")
 
 
 def assert_no_collision(mission: MissionRun) -> None:
@@ -56,7 +56,7 @@ def assert_visited(
 
     """
     __tracebackhide__ = True
-    map_places = mission.run.places
+    map_places = mission.places
     start = 0
     for place in places:
         if isinstance(place, str) and place not in map_places:
@@ -81,8 +81,8 @@ def assert_behavior_led(mission: MissionRun, behavior: str, at_least: float = 0.
 
     """
     __tracebackhide__ = True
-    if behavior not in mission.run.behaviors:
-        raise UnknownNameError("behavior", behavior, mission.run.behaviors)
+    if behavior not in mission.behaviors:
+        raise UnknownNameError("behavior", behavior, mission.behaviors)
     log = mission.log
     tick = float(np.median(np.diff(log.time))) if log.ticks > 1 else 0.0
     led = {name: tick * int((log.leader == at).sum()) for at, name in enumerate(log.leaders)}

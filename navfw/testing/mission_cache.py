@@ -1,31 +1,39 @@
-"""Runs of missions in pytest's cache, by the hash of all that goes into a run.
+"""Runs of missions as plain data, of a result or in pytest's cache.
 
-An entry belongs to the code of navfw, the versions of all installed packages, the kind of machine,
-the files of the project that a run may read (its world, this mission, all maps, stacks, robots,
-behaviours and plugins), and the case with its seed. A run that read any other file is not stored.
-An entry is JSON and arrays without pickles; one that cannot be read counts as absent.
+An entry of the cache belongs to the code of navfw, the versions of all installed packages, the kind
+of machine, the files of the project that a run may read (its world, this mission, all maps, stacks,
+robots, behaviours and plugins), and the case with its seed. A run that read any other file is not
+stored. An entry is JSON and arrays without pickles; one that cannot be read counts as absent.
 """
 
 from __future__ import annotations
 
 import inspect
+import json
 import os
 import re
 import shutil
 import sysconfig
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Self
+from typing import Any, Self, get_type_hints
+
+import numpy as np
+from pydantic import TypeAdapter
 
 from navfw.config.folder_files import files_in
-from navfw.config.input_file import traced_inputs
+from navfw.config.input_file import open_input, read_input_text, traced_inputs
 from navfw.config.lookup import find, find_mission, project_folder
 from navfw.errors import InputError
+from navfw.missions.event_clock import EventRecord
+from navfw.missions.outcome import MissionVerdict, Outcome
+from navfw.missions.run_metrics import RunMetrics
 from navfw.missions.session import MissionResult
+from navfw.numerics import Array
 from navfw.process.atomic import AtomicFolder
 from navfw.process.target_lock import TargetLock
 from navfw.recording.provenance import (
@@ -36,9 +44,152 @@ from navfw.recording.provenance import (
     navfw_files,
 )
 from navfw.recording.run_folder import RESULT, RunFolder
+from navfw.recording.run_log import RunLog
 from navfw.stack import Stack
-from navfw.testing.driven_run import FILES, DrivenRun, drive, read_run, store_run
 from navfw.testing.mission_case import MissionCase
+
+_RUN_FILE, _LOG_FILE = "run.json", "log.npz"
+FILES = (_RUN_FILE, _LOG_FILE)
+"""The files of a stored run: plain data, and the arrays of the log of its ticks."""
+
+_COLUMNS = ("time", "true", "estimate", "commands", "leader", "emergency", "sight", "confidence")
+
+_MAX_FILE = 64_000_000
+"""Largest size of one file of a stored run [byte]: the log of a run of 2 h has 45 MB."""
+
+
+@dataclass(frozen=True)
+class DrivenRun:
+    """What a test may ask of a run, as plain data.
+
+    ``stack`` is the name of the stack that drove; ``stack_named`` tells whether the mission names
+    one. ``faults`` are those of plugins, each with file and line, that the mission's events did not
+    inject; a test fails of them unless its marker says ``allow_faults=True``. ``behaviors`` are the
+    names of all behaviours of the stack, ``places`` x, y [m] of the map's places by name.
+    ``explanation`` is that of the last command (``Stack.explain``). ``log`` has one row per control
+    tick.
+    """
+
+    world: str
+    mission: str
+    stack: str
+    stack_named: bool
+    verdict: MissionVerdict
+    metrics: RunMetrics
+    faults: tuple[str, ...]
+    events: tuple[EventRecord, ...]
+    behaviors: tuple[str, ...]
+    places: Mapping[str, tuple[float, float]]
+    explanation: dict[str, Any]
+    log: RunLog
+
+    @classmethod
+    def of(cls, result: MissionResult) -> DrivenRun:
+        """The data of a result, right after the run."""
+        session = result.session
+        places = session.mission.topo_map.places.values()
+        return cls(
+            world=session.world_name,
+            mission=session.mission_name,
+            stack=session.stack_file.stem,
+            stack_named=session.mission.spec.stack is not None,
+            verdict=result.run.verdict,
+            metrics=result.metrics,
+            faults=tuple(result.uninvited_faults),
+            events=result.run.events,
+            behaviors=tuple(session.stack.mofis.behaviors),
+            places={place.name: (place.x, place.y) for place in places},
+            explanation=session.stack.explain(),
+            log=result.run.log,
+        )
+
+    @property
+    def outcome(self) -> Outcome:
+        """The outcome; equal to its text: ``mission.outcome == "reached"``."""
+        return self.verdict.outcome
+
+    @property
+    def reason(self) -> str:
+        """The reason of the outcome, one sentence."""
+        return self.verdict.reason
+
+    @property
+    def path(self) -> Array:
+        """(n, 3) true poses x, y [m], yaw [rad] in the map, one per control tick."""
+        return self.log.true
+
+    @property
+    def commands(self) -> Array:
+        """(n, 3) time [s], v [m/s], w [rad/s], one per control tick."""
+        return self.log.command_stream
+
+    @property
+    def command_hash(self) -> str:
+        """The hash of the commands, equal for bit-identical commands."""
+        return self.log.command_hash
+
+
+def drive(case: MissionCase) -> MissionResult:
+    """Drive the mission of ``case``, with a recording of its sensor readings.
+
+    Raises:
+        InputError: the mission cannot be driven.
+        KeyboardInterrupt: the user has stopped the run.
+
+    """
+    result = case.prepare().run(record=True)
+    if result.outcome == "cancelled":  # caught by the runner; pytest has to stop as well
+        raise KeyboardInterrupt
+    return result
+
+
+def store_run(run: DrivenRun, folder: Path) -> None:
+    """Write a run to ``folder``, all numbers with all digits.
+
+    Raises:
+        OSError: the disk.
+
+    """
+    values = {
+        name: _adapter(kind, name).dump_python(
+            getattr(owner, name), mode="json", warnings=False, fallback=lambda item: item.tolist()
+        )
+        for kind, owner in ((DrivenRun, run), (RunLog, run.log))
+        for name in _plain_fields(kind)
+    }
+    (folder / _RUN_FILE).write_text(json.dumps(values), encoding="utf-8")
+    np.savez(folder / _LOG_FILE, **{name: getattr(run.log, name) for name in _COLUMNS})
+
+
+def read_run(folder: Path) -> DrivenRun | None:
+    """The run stored in ``folder``; None if there is none, or it is damaged."""
+    try:
+        values = json.loads(read_input_text(folder / _RUN_FILE, _MAX_FILE))
+        with open_input(folder / _LOG_FILE, _MAX_FILE) as stream:
+            columns = np.load(stream, allow_pickle=False)
+            arrays = {name: columns[name] for name in _COLUMNS}
+        log = RunLog(**arrays, **_validated(RunLog, values))
+        return DrivenRun(log=log, **_validated(DrivenRun, values))
+    except Exception:  # numpy, json and pydantic raise errors of many kinds for damaged files
+        return None
+
+
+def _validated(kind: type, values: Mapping[str, object]) -> dict[str, Any]:
+    """Those of ``values`` that are fields of a dataclass."""
+    names = _plain_fields(kind)
+    return {name: _adapter(kind, name).validate_python(values[name]) for name in names}
+
+
+@cache
+def _plain_fields(kind: type) -> tuple[str, ...]:
+    """The fields of a dataclass that are plain data; the others are columns of the log."""
+    return tuple(f.name for f in fields(kind) if f.name not in {*_COLUMNS, "log"})
+
+
+@cache
+def _adapter(kind: type, name: str) -> TypeAdapter[Any]:
+    return TypeAdapter(get_type_hints(kind)[name])
+
 
 WAIT = 900.0
 """Longest wall time [s] to wait for another process that drives the same mission."""

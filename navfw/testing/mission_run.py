@@ -9,23 +9,19 @@ from functools import cached_property
 from itertools import groupby
 from pathlib import Path
 
-from navfw.missions.outcome import Outcome
-from navfw.missions.run_metrics import RunMetrics
 from navfw.missions.session import MissionResult, Session
 from navfw.mofis.mofis import explanation_lines
-from navfw.numerics import Array
 from navfw.recording.run_folder import PICTURE, RECORDING
 from navfw.recording.run_log import RunLog
-from navfw.testing.driven_run import DrivenRun, drive
-from navfw.testing.mission_cache import MissionCache
+from navfw.testing.mission_cache import DrivenRun, MissionCache, drive
 from navfw.testing.mission_case import MissionCase
 
 DECISIONS = 6
 """Number of last changes of the leading behaviour that a report shows."""
 
 
-@dataclass
-class MissionRun:
+@dataclass(frozen=True)
+class MissionRun(DrivenRun):
     """The value of the ``mission`` fixture: the run of one mission.
 
     ``folder`` is where ``save`` writes its run folder. ``cached`` tells that this run was driven
@@ -33,7 +29,6 @@ class MissionRun:
     """
 
     case: MissionCase
-    run: DrivenRun
     folder: Path
     cached: bool = False
     cache: MissionCache | None = None
@@ -45,55 +40,7 @@ class MissionRun:
     @property
     def title(self) -> str:
         """World, mission and seed."""
-        return f"{self.run.world}/{self.run.mission}, seed {self.seed}"
-
-    @property
-    def outcome(self) -> Outcome:
-        """The outcome; equal to its text: ``mission.outcome == "reached"``."""
-        return self.run.verdict.outcome
-
-    @property
-    def reason(self) -> str:
-        """The reason of the outcome, one sentence."""
-        return self.run.verdict.reason
-
-    @property
-    def metrics(self) -> RunMetrics:
-        """The metrics of the run."""
-        return self.run.metrics
-
-    @property
-    def faults(self) -> tuple[str, ...]:
-        """The faults of plugins, each with file and line; without those that the mission injects.
-
-        A test fails of them unless its marker says ``allow_faults=True``.
-        """
-        return self.run.faults
-
-    @property
-    def stack(self) -> str:
-        """The name of the stack that drove."""
-        return self.run.stack
-
-    @property
-    def log(self) -> RunLog:
-        """The log of the run, one row per control tick."""
-        return self.run.log
-
-    @property
-    def path(self) -> Array:
-        """(n, 3) true poses x, y [m], yaw [rad] in the map, one per control tick."""
-        return self.log.true
-
-    @property
-    def commands(self) -> Array:
-        """(n, 3) time [s], v [m/s], w [rad/s], one per control tick."""
-        return self.log.command_stream
-
-    @property
-    def command_hash(self) -> str:
-        """The hash of the commands, equal for bit-identical commands."""
-        return self.log.command_hash
+        return f"{self.world}/{self.mission}, seed {self.seed}"
 
     @property
     def seed(self) -> int:
@@ -133,8 +80,8 @@ class MissionRun:
 def properties(run: MissionRun) -> list[tuple[str, str]]:
     """Names and values for JUnit XML and other reports."""
     return [
-        ("world", run.run.world),
-        ("mission", run.run.mission),
+        ("world", run.world),
+        ("mission", run.mission),
         ("seed", str(run.seed)),
         ("stack", run.stack),
         ("outcome", str(run.outcome)),
@@ -156,9 +103,10 @@ def saved_properties(run: MissionRun) -> list[tuple[str, str]]:
 
 def describe(run: MissionRun, saved: list[tuple[str, str]]) -> Iterator[str]:
     """The lines of the report on a failed test."""
-    verdict = run.run.verdict
+    verdict = run.verdict
     yield run.title
-    yield f"stack:   {run.stack} ({'named by the test' if run.case.stack else _whose(run)})"
+    named = "named by the mission" if run.stack_named else "neither test nor mission names one"
+    yield f"stack:   {run.stack} ({'named by the test' if run.case.stack else named})"
     leader = verdict.behavior or "none"
     yield f"outcome: {verdict.outcome} after {verdict.time:.1f} s, leading behaviour: {leader}"
     yield f"reason:  {verdict.reason}"
@@ -169,15 +117,11 @@ def describe(run: MissionRun, saved: list[tuple[str, str]]) -> Iterator[str]:
     if run.cached:
         yield "driven earlier, taken from pytest's cache; --mission-fresh drives it again"
     yield from _decisions(run.log)
-    if run.run.explanation:
+    if run.explanation:
         yield "the last command:"
-        yield from (f"  {line}" for line in explanation_lines(run.run.explanation))
+        yield from (f"  {line}" for line in explanation_lines(run.explanation))
     if verdict.trace:
         yield verdict.trace
-
-
-def _whose(run: MissionRun) -> str:
-    return "named by the mission" if run.run.stack_named else "neither test nor mission names one"
 
 
 def _decisions(log: RunLog) -> Iterator[str]:

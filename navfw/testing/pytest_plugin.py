@@ -9,7 +9,7 @@
         assert mission.outcome == "reached"
         assert mission.metrics.min_clearance_m > 0.05
 
-The marked test runs once for each seed. What is wrong in world, mission, stack or overrides is told
+The marked test runs once for each seed. Errors in world, mission, stack or overrides are reported
 when tests are collected. A test fails when a plugin faulted, unless its marker allows it. A failing
 test shows the outcome, the reason, the last decisions, and the paths of picture and recording.
 Unchanged missions are not driven again: their runs are in pytest's cache.
@@ -38,8 +38,7 @@ from navfw.testing.mission_case import MARKER, MarkerError, MissionCase, cases_o
 
 if TYPE_CHECKING:
     from navfw.missions.session import MissionResult
-    from navfw.testing.driven_run import DrivenRun
-    from navfw.testing.mission_cache import MissionCache
+    from navfw.testing.mission_cache import DrivenRun, MissionCache
     from navfw.testing.mission_run import MissionRun
 
 
@@ -101,7 +100,7 @@ class MissionItem(pytest.Item):
         """
         run = run_for(self, self.case)
         if not run.outcome.succeeded:
-            raise NotReachedError(f"{run.run.verdict}")
+            raise NotReachedError(f"{run.verdict}")
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """The outcome alone for a mission that did not reach its goals."""
@@ -155,7 +154,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
     try:
         project = project_folder(config.rootpath)
-    except InputError:  # a damaged pyproject.toml, told when something of it is used
+    except InputError:  # a damaged pyproject.toml: an error only where it is used
         return
     if project is not None:
         trust = contextlib.ExitStack()
@@ -231,8 +230,15 @@ def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
         run, result, cached = _driven(config, case)
     except InputError as error:
         pytest.fail(f"the mission cannot be driven: {error}", pytrace=False)
-    driven = MissionRun(case, run, parent / case.folder_name, cached, _cache_of(config))
-    driven.driven.extend([] if result is None else [result])
+    folder, results = parent / case.folder_name, [] if result is None else [result]
+    driven = MissionRun(
+        **vars(run),
+        case=case,
+        folder=folder,
+        cached=cached,
+        cache=_cache_of(config),
+        driven=results,
+    )
     item.stash[_RUN] = driven
     item.user_properties.extend(properties(driven))
     if keep:
@@ -244,7 +250,7 @@ def _driven(
     config: pytest.Config, case: MissionCase
 ) -> tuple[DrivenRun, MissionResult | None, bool]:
     """The run of ``case``, its result if that is the last one driven, whether it was cached."""
-    from navfw.testing.driven_run import DrivenRun, drive
+    from navfw.testing.mission_cache import DrivenRun, drive
 
     runs, key = config.stash.setdefault(RUNS, {}), case.inputs
     result: MissionResult | None = None

@@ -11,7 +11,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import annotated_types
 import numpy as np
@@ -31,26 +31,9 @@ _GAP_FACTOR = 2.0
 """Largest factor by which a gap between two break points grows or shrinks, beside the others."""
 
 
-class Coordinate(Protocol):
-    """A part of the search space."""
-
-    @property
-    def path(self) -> str:
-        """Its path in the stack, as for ``--set``."""
-        ...
-
-    def start(self) -> dict[str, float]:
-        """The values of the stack as it is, by the names of Optuna's parameters."""
-        ...
-
-    def suggest(self, trial: BaseTrial) -> object:
-        """The value at ``path`` that a trial is to take, plain data."""
-        ...
-
-
 @dataclass(frozen=True)
 class TunedNumber:
-    """A number of a plugin with both bounds; ``now`` is its value in the stack."""
+    """A number of a plugin with both bounds at ``path``; ``now`` is its value in the stack."""
 
     path: str
     low: float
@@ -59,7 +42,7 @@ class TunedNumber:
     now: float
 
     def start(self) -> dict[str, float]:
-        """Its value now."""
+        """Its value in the stack as it is, by the name of Optuna's parameter."""
         return {self.path: self.now}
 
     def suggest(self, trial: BaseTrial) -> float:
@@ -138,6 +121,9 @@ class BreakPoints:
         check_coverage(replace(self.base, inputs=inputs))
 
 
+Coordinate = TunedNumber | BreakPoints
+
+
 @dataclass(frozen=True)
 class SearchSpace:
     """All coordinates, in the order in which they were asked for."""
@@ -180,8 +166,13 @@ def search_space(
     for text in parameters:
         name, _, parameter = text.partition(".")
         numbers = _numbers(name, _plugin(plugins, name, "--param"))
-        if parameter and f"{name}.{parameter}" not in numbers:
-            _refuse_parameter(plugins[name], name, parameter, numbers)
+        if parameter and text not in numbers:
+            fields = plugins[name].plugin.Params.model_fields
+            if parameter not in fields:
+                raise UnknownNameError(f"parameter of {name}", parameter, fields, key="--param")
+            tunable = ", ".join(numbers) or "none"
+            what = f"{text} is no number with both bounds; those of {name}: {tunable}"
+            raise ConfigError(what, key="--param")
         coordinates |= {p: n for p, n in numbers.items() if not parameter or p == text}
     for text in rules:
         name, _, wanted = text.partition(".")
@@ -222,17 +213,6 @@ def _numbers(name: str, choice: Choice) -> dict[str, Coordinate]:
             f"{name}.{field}", *ends, info.annotation is int, now
         )
     return numbers
-
-
-def _refuse_parameter(
-    choice: Choice, name: str, parameter: str, numbers: Mapping[str, Coordinate]
-) -> None:
-    fields = choice.plugin.Params.model_fields
-    if parameter not in fields:
-        raise UnknownNameError(f"parameter of {name}", parameter, fields, key="--param")
-    some = ", ".join(numbers) or "none"
-    what = f"{name}.{parameter} is no number with both bounds; those of {name}: {some}"
-    raise ConfigError(what, key="--param")
 
 
 def _break_points(name: str, choice: Choice, robot: RobotModel) -> dict[str, BreakPoints]:

@@ -13,7 +13,7 @@ from optuna.trial import FrozenTrial, Trial, TrialState
 
 from navfw.errors import InputError, RuleBaseError, UnknownNameError
 from navfw.suite.case import Case, Job
-from navfw.suite.run_table import RunRow
+from navfw.suite.run_journal import RunRow
 from navfw.suite.suite_run import Engine, answered_row
 from navfw.suite.worker_pool import WorkerFailure
 from navfw.tune.search_spaces import SearchSpace
@@ -174,24 +174,16 @@ def driver(engine: Engine) -> Drive:
     def drive(cases: Sequence[Case]) -> Iterator[RunRow]:
         first = 0
         while first < len(cases):
-            some = cases[first : first + engine.capacity]
-            first += len(some)
-            yield from _rows(engine, some)
+            batch = cases[first : first + engine.capacity]
+            first += len(batch)
+            results = _results(engine, batch)
+            died = {n for n, r in results.items() if isinstance(r, WorkerFailure) and r.repeatable}
+            results |= _results(engine, [case for case in batch if case.index in died])
+            yield from (answered_row(case, results[case.index]) for case in batch)
 
     return drive
-
-
-def _rows(engine: Engine, cases: Sequence[Case]) -> list[RunRow]:
-    results = _results(engine, cases)
-    again = [case for case in cases if _died(results[case.index])]
-    results |= _results(engine, again)
-    return [answered_row(case, results[case.index]) for case in cases]
 
 
 def _results(engine: Engine, cases: Sequence[Case]) -> dict[int, RunRow | WorkerFailure]:
     jobs = [Job(case, Path(), "none") for case in cases]
     return {job.case.index: result for job, result in engine.run(jobs)}
-
-
-def _died(result: RunRow | WorkerFailure) -> bool:
-    return isinstance(result, WorkerFailure) and result.repeatable

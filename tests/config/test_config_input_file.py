@@ -27,7 +27,7 @@ from navfw.config import (
 from navfw.errors import ConfigError, InputError
 from navfw.perceive import load_gyro_record, open_source
 from navfw.recording import load_recording, read_result
-from navfw.suite import load_suite, read_table
+from navfw.suite import RunJournal, load_suite
 from navfw.topomap import load_any_map
 from navfw.worldgen import read_sdf
 
@@ -58,7 +58,7 @@ ALLOWED = {
         "cv2.VideoCapture": "it takes a name only; the file is checked just before",
         "os.open": "the null device",
     },
-    "navfw/testing/driven_run.py": {"np.load": "of an opened input"},
+    "navfw/testing/mission_cache.py": {"np.load": "of an opened input"},
     "navfw/perceive/timed_table.py": {"csv.reader": "of text already read"},
     "navfw/bench/recorded_pairs.py": {"np.loadtxt": "of lines already read"},
     "navfw/bench/recorded_approach.py": {"loadmat": "of an opened input"},
@@ -68,11 +68,11 @@ ALLOWED = {
     "navfw/cli/suite.py": {"folder.open": "the folder of results"},
     "navfw/plugins/simulator_access.py": {"ast.parse": "of a source already read"},
     "navfw/config/yaml_compose.py": {"yaml.parse": "of a text already read"},
-    "navfw/process/atomic.py": {"part.open": "a file to write"},
+    "navfw/process/atomic.py": {"unfinished.open": "a file to write"},
     "navfw/process/target_lock.py": {"os.open": "the lock of an output"},
     "navfw/recording/provenance.py": {"?.read_text": "/proc/cpuinfo"},
     "navfw/process/process_memory.py": {"_STATUS.read_text": "/proc/self/status"},
-    "navfw/process/kernel_list.py": {"KERNEL_FILE.read_text": "a file of the package"},
+    "navfw/process/kernel_compilation.py": {"KERNEL_FILE.read_text": "a file of the package"},
     "navfw/suite/dask_worker.py": {"picture.read_bytes": "what this process has just written"},
     "navfw/suite/job_package.py": {
         "zipfile.ZipFile": "of bytes checked by their hash",
@@ -123,7 +123,7 @@ INPUTS: dict[str, tuple[str, Read]] = {
     "json": ("a.json", read_json_object),
     "result": ("result.json", lambda path: read_result(path.parent)),
     "recording": ("run.mcap", load_recording),
-    "table": ("table.csv", read_table),
+    "journal": ("journal.sqlite", lambda path: RunJournal(path).check()),
     "gyro": ("gyro.csv", load_gyro_record),
     "image": ("a.png", read_image),
     "video": ("a.mp4", lambda path: open_source([path])),

@@ -51,7 +51,7 @@ def test_a_defect_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.parametrize("place", PLACED)
-@pytest.mark.parametrize("kind", ["rules", "table", "sdf"])
+@pytest.mark.parametrize("kind", ["rules", "journal", "sdf"])
 def test_whatever_is_in_the_place_of_a_file_is_refused(
     kind: str, place: str, tmp_path: Path
 ) -> None:

@@ -22,7 +22,7 @@ from navfw.plugins import default_registry
 from navfw.recording import RunFolder
 from navfw.results import load_results
 from navfw.stack import load_stack
-from navfw.suite import load_suite, plan_runs, write_table
+from navfw.suite import RunJournal, load_suite, plan_runs
 from navfw.topomap import load_any_map, save_map
 
 Read = Callable[[Path], object]
@@ -180,9 +180,14 @@ def _images(folder: Path) -> None:
     (folder / "camera.yaml").write_text(CALIBRATION)
 
 
-def _table(folder: Path) -> None:
-    write_table(folder / "table.csv", [row(seed) for seed in range(4)])
-    shutil.copy(folder / "table.csv", folder / "other.csv")
+def _journal(folder: Path) -> None:
+    """The folders of two suites."""
+    for name in ("a", "b"):
+        (folder / name).mkdir()
+        (folder / name / "suite.json").write_text('{"content": {}, "current": ["aa"]}')
+        journal = RunJournal(folder / name / "journal.sqlite")
+        journal.create()
+        journal.add_all(("aa", row(seed)) for seed in range(4))
 
 
 PROJECT = '[project]\nname = "x"\n[tool.navfw]\nkeys = [1, 2.5, {a = "b"}]\n[tool.navfw.more]\n'
@@ -209,8 +214,8 @@ TARGETS: dict[str, Target] = {
                         _command("replay", "./run"), 6, DIFFERING),
     "result": Target("run/result.json", "data", _recorded,
                      _command("explain", "./run", "--at", "2.1"), 2),
-    "table": Target("table.csv", "cells", _table,
-                    _command("report", "--text", "./table.csv", "./other.csv"), 20),
+    "journal": Target("a/journal.sqlite", "bytes", _journal,
+                      _command("report", "--text", "./a", "./b"), 20),
     "stored": Target("rooms-1000-1050.json", "data",
                      _copy("rooms-1000-1050.json", "docs/results/rooms-1000-1050.json"),
                      load_results, 15),

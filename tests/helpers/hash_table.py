@@ -6,7 +6,6 @@ environments in which libraries choose what they would on another processor.
 
 from __future__ import annotations
 
-import csv
 import importlib
 import json
 import os
@@ -77,17 +76,16 @@ def stored_hashes() -> Hashes:
 def measured_hashes(folder: Path, settings: Mapping[str, str]) -> Hashes:
     """What the suite drives now, in processes with ``settings`` in their environment."""
     words = ["suite", str(SUITE), "--seeds", "0:2", "--workers", "2", "--out", "table", "--quiet"]
-    subprocess.run(  # noqa: S603 - this Python, words of our own
-        [*NAVFW, *words],
+    done = subprocess.run(  # noqa: S603 - this Python, words of our own
+        [*NAVFW, *words, "--json"],
         cwd=folder,
         env={**os.environ, **settings},
         capture_output=True,
         timeout=3000,
         check=True,  # it fails where a plugin has failed
     )
-    with (folder / "table" / "table.csv").open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    return {f"{row['entry']}, seed {row['seed']}": row["command_hash"] for row in rows}
+    runs = json.loads(done.stdout)["runs"]
+    return {f"{run['entry']}, seed {run['seed']}": run["command_hash"] for run in runs}
 
 
 if __name__ == "__main__":

@@ -1,20 +1,31 @@
-"""``navfw run`` and ``navfw bench loop`` as subprocesses."""
+"""``navfw run``, also with --gui, and ``navfw bench loop`` as subprocesses."""
 
 from __future__ import annotations
 
 import json
+import math
+import os
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
+import numpy.typing as npt
 import pytest
 from typer.testing import CliRunner
+from virtual_display import virtual_display
 
 from navfw.cli import app
-from navfw.missions import Lap, summarize
+from navfw.errors import InputError
+from navfw.missions import Lap, WindowOverlay, prepare, summarize
+from navfw.recording import palette
+from navfw.sim import Point3, SimulatorWindow, check_display
 
 NAVFW = [sys.executable, "-c", "from navfw.cli import main; main()"]
 SHORT = ["run", "paper-room", "through-the-door", "--seed", "5", "--set", "mission.timeout=3"]
@@ -209,3 +220,89 @@ def test_bench_reports_medians() -> None:
     assert found["real_time_factor"] == pytest.approx(2.5)
     assert found["spread"]["loop_over_render"] == pytest.approx([2.0, 9.0])
     assert found["stage_ms"]["flow"] == pytest.approx(1e3 * 0.4 / 100)
+
+
+RUN = ("run", "empty", "straight")
+
+
+def pixels_of(picture: npt.NDArray[np.uint8], color: str) -> int:
+    """The number of pixels in nearly that colour."""
+    away = np.abs(picture.astype(int) - np.array(palette.rgb(color))).max(axis=2)
+    return int((away < 12).sum())
+
+
+class WindowOnPaper(SimulatorWindow):
+    """Keeps what it would show."""
+
+    def __init__(self) -> None:
+        self.seen_from: list[tuple[float, float]] = []
+        self.lines: dict[str, tuple[list[Point3], tuple[int, int, int]]] = {}
+        self.trail: list[tuple[Point3, Point3, tuple[int, int, int]]] = []
+
+    def follow(self, x: float, y: float) -> None:
+        self.seen_from.append((x, y))
+
+    def draw(self, name: str, points: Sequence[Point3], color: tuple[int, int, int]) -> None:
+        self.lines[name] = (list(points), color)
+
+    def extend(self, start: Point3, end: Point3, color: tuple[int, int, int]) -> None:
+        self.trail.append((start, end, color))
+
+
+def test_the_overlay_has_the_path_the_way_and_the_local_goal() -> None:
+    session = prepare("paper-room", "through-the-door", seed=5, overrides=["mission.timeout=6"])
+    window = WindowOnPaper()
+    log = session.run(observers=[WindowOverlay(window, session.stack)]).run.log
+    # once per camera frame, where the robot truly is
+    at_frames = log.true[:, :2].tolist()
+    assert len(window.seen_from) == pytest.approx(10.0 * log.time[-1], rel=0.1)
+    assert all(list(point) in at_frames for point in window.seen_from)
+    # the path in one piece, in the leaders' colours
+    assert all(a[1] == b[0] for a, b in pairwise(window.trail))
+    assert math.dist(window.trail[-1][1][:2], at_frames[-1]) < 0.15
+    colors = {color for *_, color in window.trail}
+    assert colors <= {palette.rgb(palette.behavior_color(name)) for name in log.leaders}
+    assert palette.rgb(palette.behavior_color("go_to_xy")) in colors
+    way = session.stack.state.path
+    assert [point[:2] for point in window.lines["way"][0]] == [(w.x, w.y) for w in way]
+    for number, waypoint in enumerate(way):
+        low, high = window.lines[f"post {number}"][0]
+        assert low[:2] == high[:2] == (waypoint.x, waypoint.y)
+        assert low[2] < high[2]
+    robot, goal = window.lines["local goal"][0]
+    assert 0.1 < math.dist(robot, goal) < 1.0
+    low, high = window.lines["local goal post"][0]
+    assert low == goal
+    assert low[2] < high[2]
+
+
+@pytest.mark.slow
+def test_the_window_shows_robot_path_and_way_and_changes_no_command(tmp_path: Path) -> None:
+    plain = CliRunner().invoke(app, [*RUN, "--json", "--out", str(tmp_path / "plain")])
+    path, way, goal = palette.behavior_color("go_to_xy"), palette.GOAL, palette.LOCAL_GOAL
+    shown = []
+    command = [*NAVFW, *RUN, "--gui", "--json", "--out", str(tmp_path / "gui")]
+    with virtual_display(tmp_path) as display:
+        environment = {**os.environ, "DISPLAY": display.name}
+        process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)  # noqa: S603
+        with process:
+            while process.poll() is None:
+                time.sleep(0.05)
+                picture = display.picture()
+                if min(pixels_of(picture, color) for color in (path, way, goal)) > 10:
+                    shown.append(picture)
+            assert process.stdout is not None
+            answer = json.loads(process.stdout.read())
+    assert answer["command_hash"] == json.loads(plain.stdout)["command_hash"]
+    assert shown, "path, way ahead and local goal are seen"
+    height, width, _ = shown[-1].shape
+    # the camera follows: the robot's body is in the middle
+    body = shown[-1][height // 2 - 40 : height // 2 + 40, width // 2 - 40 : width // 2 + 40]
+    blue = (body[..., 2] > 90) & (body[..., 2] > 2 * body[..., 0].astype(int))
+    assert blue.sum() > 100
+
+
+def test_a_display_that_cannot_be_opened_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DISPLAY", ":4094")
+    with pytest.raises(InputError, match=r"--gui: (the display ':4094' cannot|needs the library)"):
+        check_display()

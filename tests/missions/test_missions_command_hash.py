@@ -1,30 +1,32 @@
-"""The same mission and seed give the same commands, whatever surrounds the process."""
+"""The same mission and seed give the same commands, whatever the process and the processor."""
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from hash_table import measured_hashes, stored_hashes
+from hash_table import WITH_AVX2, WITH_AVX512, Settings, threads
 
 from navfw.missions import prepare
+from navfw.suite import SuiteFolder
 
 MISSION = ("paper-room", "through-the-door")
 SEED = 11
 TIMEOUT = "mission.timeout=4"
-NAVFW = [sys.executable, "-c", "from navfw.cli import main; main()"]
+RUN = [*MISSION, "--seed", str(SEED), "--set", TIMEOUT]
+NAVFW = "from navfw.cli import main; main()"
 SUITE = """\
 description: one short run
 entries:
   - {world: paper-room, missions: [through-the-door]}
 """
 THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "NUMBA")
-
-Settings = dict[str, str]
 
 ALONE: dict[str, Settings] = {
     "hash seed 0": {"PYTHONHASHSEED": "0"},
@@ -57,19 +59,20 @@ def expected() -> str:
     return usual.command_hash
 
 
-def hash_of_process(folder: Path, settings: Settings, *words: str) -> str:
+def hash_of(
+    folder: Path, settings: Settings, words: Sequence[str] = RUN, program: str = NAVFW
+) -> str:
     """The hash that ``navfw run --json`` prints in a new process in ``folder``."""
-    command = ["run", *MISSION, "--seed", str(SEED), "--set", TIMEOUT, "--json", *words]
     done = subprocess.run(  # noqa: S603 - this Python, words of our own
-        [*NAVFW, *command],
+        [sys.executable, "-c", program, "run", *words, "--json", "--quiet"],
         cwd=folder,
         env={**os.environ, **settings},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=900,
         check=False,
     )
-    assert done.returncode == 1, done.stderr  # 4 s are too short: a run that fails
+    assert done.returncode == 1, done.stderr  # the time is too short: a run that fails
     return str(json.loads(done.stdout)["command_hash"])
 
 
@@ -80,8 +83,8 @@ def test_the_commands_are_those_of_any_other_process(
 ) -> None:
     folder = tmp_path / f"{name} folder ä"
     folder.mkdir()
-    words = ("--record", "--quiet") if name == "first" else ("--out", str(tmp_path / "out"))
-    assert hash_of_process(folder, TOGETHER[name], *words) == expected
+    words = ("--record",) if name == "first" else ("--out", str(tmp_path / "out"))
+    assert hash_of(folder, TOGETHER[name], [*RUN, *words]) == expected
 
 
 @pytest.mark.slow
@@ -89,20 +92,13 @@ def test_the_commands_are_those_of_any_other_process(
 def test_no_variable_of_the_environment_changes_the_commands(
     settings: Settings, expected: str, tmp_path: Path
 ) -> None:
-    assert hash_of_process(tmp_path, settings) == expected
+    assert hash_of(tmp_path, settings) == expected
 
 
 @pytest.mark.slow
 def test_the_commands_of_the_stack_floor_plan_are_the_same_in_every_process(tmp_path: Path) -> None:
     office = ["office", "lobby-to-lab", "--stack", "floor_plan", "--set", "mission.timeout=30"]
-    hashes = set()
-    for _ in range(4):
-        command = [*NAVFW, "run", *office, "--json", "--quiet"]
-        done = subprocess.run(  # noqa: S603 - this Python, words of our own
-            command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
-        )
-        hashes.add(json.loads(done.stdout)["command_hash"])
-    assert len(hashes) == 1
+    assert len({hash_of(tmp_path, {}, office) for _ in range(4)}) == 1
 
 
 @pytest.mark.slow
@@ -110,12 +106,64 @@ def test_the_commands_of_a_suite_s_workers_are_the_same(expected: str, tmp_path:
     (tmp_path / "short.yaml").write_text(SUITE)
     words = ["suite", "short.yaml", "--seeds", f"{SEED}:{SEED + 1}", "--set", TIMEOUT]
     subprocess.run(  # noqa: S603 - this Python, words of our own
-        [*NAVFW, *words, "--workers", "2", "--out", "table"],
+        [sys.executable, "-c", NAVFW, *words, "--workers", "2", "--out", "table"],
         cwd=tmp_path,
         capture_output=True,
         timeout=300,
         check=False,
     )
-    with (tmp_path / "table" / "table.csv").open(encoding="utf-8", newline="") as stream:
-        (row,) = csv.DictReader(stream)
-    assert row["command_hash"] == expected
+    (row,) = SuiteFolder(tmp_path / "table").rows()
+    assert row.command_hash == expected
+
+
+OFFICE = ("office", "lobby-to-lab")
+LOBBY = [*OFFICE, "--seed", "2", "--set", "mission.timeout=6"]
+COMPILED_HERE = f"""
+from navfw.process import listed_kernels
+from navfw.missions.session_setup import prepare
+prepare(*{OFFICE})
+for kernel in listed_kernels(loaded=True):
+    kernel.compile()
+{NAVFW}
+"""
+"""A process that drives with what it has compiled itself; other processes load it from a file."""
+
+
+@pytest.fixture(scope="module")
+def expected_in_office() -> str:
+    """The hash of the run in this process."""
+    log = prepare(*OFFICE, seed=2, overrides=["mission.timeout=6"]).run().run.log
+    assert len({tuple(row) for row in log.command_stream[:, 1:]}) > 20  # it does drive
+    return log.command_hash
+
+
+@pytest.mark.thorough
+def test_a_processor_with_avx2_alone_gives_the_same_commands(
+    expected_in_office: str, tmp_path: Path
+) -> None:
+    avx2 = {**WITH_AVX2, "NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
+    compiled = hash_of(tmp_path, {**avx2, **threads(4)}, LOBBY, COMPILED_HERE)
+    loaded = hash_of(tmp_path, {**avx2, **threads(1)}, LOBBY)
+    assert compiled == loaded == expected_in_office
+
+
+@pytest.mark.thorough
+def test_a_processor_with_all_that_this_one_has_gives_the_same_commands(
+    expected_in_office: str, tmp_path: Path
+) -> None:
+    assert hash_of(tmp_path, {**WITH_AVX512, **threads(4)}, LOBBY) == expected_in_office
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("library", ["NUMBA", "OPENBLAS", "NPY", "OPENCV"])
+def test_each_library_alone_gives_the_same_commands(
+    library: str, expected_in_office: str, tmp_path: Path
+) -> None:
+    settings = {key: value for key, value in WITH_AVX2.items() if key.startswith(library)}
+    assert hash_of(tmp_path, settings, LOBBY) == expected_in_office
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("settings", [WITH_AVX512, WITH_AVX2], ids=["AVX-512", "AVX2"])
+def test_all_short_drives_give_the_stored_commands(settings: Settings, tmp_path: Path) -> None:
+    assert measured_hashes(tmp_path, settings) == stored_hashes()

@@ -1,4 +1,4 @@
-"""Events of missions: their schema and checks, their times, and their effect on the robot."""
+"""Events of missions: their schema and checks, their times, pairs of them; their effect."""
 
 from __future__ import annotations
 
@@ -6,14 +6,17 @@ import math
 from pathlib import Path
 
 import pytest
+from fault_pairs import pairs, session_of, survivable_entries
 from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import InputError
-from navfw.missions import Event, EventClock, MissionResult, prepare, write_run
+from navfw.missions import Event, EventClock, MissionResult, Outcome, prepare, write_run
+from navfw.plugins import default_registry
 from navfw.recording import RunFolder, explain_at, read_result, replay
 from navfw.signals import Pose
 from navfw.sim import CameraFault, GyroFault
+from navfw.suite import EntrySpec
 
 MISSION = """\
 start: [1, 1.5, 0.3]
@@ -271,3 +274,30 @@ def test_clearance_includes_temporary_obstacles() -> None:
     assert result.metrics.min_clearance_m < 0.55
     assert result.metrics.collisions == 0
     assert math.isfinite(result.metrics.clearance_p05_m)
+
+
+ENDS = {Outcome.REACHED, Outcome.STUCK, Outcome.LOST, Outcome.TIMEOUT, Outcome.FAULT}
+PAIRS = pairs()
+
+
+def test_every_two_tolerable_faults_are_a_pair() -> None:
+    singles = survivable_entries()
+    assert len(singles) > 20
+    assert len(PAIRS) == len(singles) * (len(singles) - 1) // 2
+    assert len({entry.title for entry in PAIRS}) == len(PAIRS)
+    for entry in PAIRS:
+        one, other = (s for s in singles if s.title in entry.title.split(" + "))
+        assert entry.events == (*(one.events or ()), *(other.events or ()))
+        assert (entry.world, entry.family) in {(s.world, s.family) for s in (one, other)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("entry", PAIRS, ids=[entry.title for entry in PAIRS])
+def test_a_pair_of_faults_ends_without_contact(entry: EntrySpec) -> None:
+    result = session_of(entry, default_registry()).run()
+    verdict = result.run.verdict
+    assert result.metrics.collisions == 0, verdict.reason
+    assert verdict.outcome in ENDS
+    assert verdict.reason
+    assert verdict.trace == "", "an exception ended the run"
+    assert result.uninvited_faults == []

@@ -1,18 +1,37 @@
-"""Landmarks on missions: replay with landmark frames, detections, learning, commands."""
+"""Landmarks and situations: frames, detections, places that show them; learnt from drives."""
 
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from navfw.bench import learn_situations, place_accuracy
 from navfw.cli import app
-from navfw.errors import MapError
-from navfw.missions import learn_landmarks, prepare, write_run
+from navfw.config import find
+from navfw.errors import InputError, MapError
+from navfw.features import Aruco
+from navfw.localization import learn_table, load_table, situation_table
+from navfw.missions import (
+    SituationDrive,
+    learn_landmarks,
+    prepare,
+    record_situations,
+    start_candidates,
+    write_run,
+)
+from navfw.plugins import default_registry
 from navfw.recording import RunFolder, load_recording, replay
-from navfw.topomap import load_map
+from navfw.robot import RobotModel
+from navfw.signals import Frame, Pose
+from navfw.sim import SensorParams, Simulation, load_world
+from navfw.suite import load_suite, plan_runs
+from navfw.topomap import Place, TopoMap, load_map
 
 SHORT = ["mission.timeout=9"]
 
@@ -88,3 +107,130 @@ def test_bench_landmarks_prints_its_table() -> None:
     assert set(answer["kinds"]) == {"aruco", "poster"}
     near = [row for row in answer["kinds"]["aruco"]["rows"] if row["distance_m"] <= 2.0]
     assert sum(row["detected"] for row in near) >= 0.8 * len(near)
+
+
+VIEWS = 12
+
+
+@pytest.fixture(scope="module")
+def hospital() -> TopoMap:
+    return load_map(find("map", "hospital"))
+
+
+@pytest.fixture(scope="module")
+def simulation(hospital: TopoMap) -> Iterator[Simulation]:
+    robot = RobotModel()
+    camera = robot.model_copy(update={"camera": robot.landmark_view})
+    start = hospital.places["lab"]
+    world = load_world(find("world", "hospital"))
+    perfect = SensorParams.preset("perfect")
+    with Simulation(world, camera, Pose(start.x, start.y, 0.0), 0, perfect) as running:
+        yield running
+
+
+def seen_around(simulation: Simulation, hospital: TopoMap, place: Place) -> set[str]:
+    """The markers of the map that are detected in a full turn at ``place``."""
+    recognizer = Aruco(RobotModel())
+    recognizer.set_map(hospital)
+    found: set[str] = set()
+    for view in range(VIEWS):
+        yaw = view * 2.0 * math.pi / VIEWS
+        image, _ = simulation.render_from(Pose(place.x, place.y, yaw))
+        found |= {detection.identity for detection in recognizer.recognize(Frame(0.0, image))}
+    return found & hospital.landmarks_by_identity.keys()
+
+
+@pytest.mark.parametrize(
+    ("name", "number"), [("pharmacy-east", 81), ("kitchen-west", 82), ("kitchen-west", 83)]
+)
+def test_corners_behind_furniture_have_markers(
+    simulation: Simulation, hospital: TopoMap, name: str, number: int
+) -> None:
+    assert f"aruco-{number}" in seen_around(simulation, hospital, hospital.places[name])
+
+
+@pytest.mark.slow
+def test_a_marker_is_detected_from_every_start_place(
+    simulation: Simulation, hospital: TopoMap
+) -> None:
+    places = start_candidates(hospital, [])
+    blind = [p.name for p in places if not seen_around(simulation, hospital, p)]
+    assert blind == []
+
+
+SUITE = """\
+entries:
+  - {world: paper-room, missions: [through-the-door], set: {mission.timeout: 7}}
+  - {world: office, missions: [lobby-to-lab], set: {mission.timeout: 7}}
+"""
+
+
+@pytest.fixture(scope="module")
+def drive() -> SituationDrive:
+    return record_situations(
+        prepare("office", "lobby-to-lab", seed=3, overrides=["mission.timeout=12"])
+    )
+
+
+def test_a_drive_has_a_sample_for_each_frame_and_a_spaced_one_for_each_quarter_metre(
+    drive: SituationDrive,
+) -> None:
+    assert drive.outcome == "timeout"
+    assert len(drive.samples) == pytest.approx(120, abs=3)
+    path = np.array([(s.true.x, s.true.y) for s in drive.samples])
+    driven = float(np.hypot(*np.diff(path, axis=0).T).sum())
+    spaced = list(drive.observations())
+    assert 2.0 < len(spaced) <= driven / 0.25 + 1.0
+    assert {kind for kind, _ in spaced} <= {"room", "door", "junction"}
+    names = list(drive.topo_map.places)
+    assert names[drive.place_at(drive.start)] == "lobby-west"
+    assert all(
+        names[drive.place_at(Pose(p.x, p.y, 0.0))] == p.name for p in drive.topo_map.places.values()
+    )
+
+
+def test_odometry_from_a_known_start_gives_the_place(drive: SituationDrive) -> None:
+    table = learn_table(drive.observations())
+    right, probability = place_accuracy(drive, table, known_start=True)
+    assert right > 0.8
+    assert probability > 0.5
+    for heard in (None, situation_table("learnt")):
+        _, unknown = place_accuracy(drive, heard, known_start=False)
+        assert unknown < 0.7 * probability
+
+
+@pytest.mark.thorough
+def test_the_command_writes_a_table_that_localisers_load(tmp_path: Path) -> None:
+    suite, out = tmp_path / "tiny.yaml", tmp_path / "tables" / "mine.yaml"
+    suite.write_text(SUITE)
+    done = CliRunner().invoke(
+        app, ["map", "learn-situations", str(suite), "--seeds", "3:4", "--out", str(out), "--json"]
+    )
+    assert done.exit_code == 0, done.output
+    answer = json.loads(done.stdout)
+    assert answer["drives"] == 2
+    assert set(answer["accuracy"]) == {"paper-room", "office"}
+    assert all(0.0 <= share <= 1.0 for share in answer["seen_at"]["room"].values())
+    assert answer["accuracy"]["office"]["known_right_with"] > 0.5
+    table = load_table(out)
+    assert table.seen_at["room"].tolist() == pytest.approx(
+        list(answer["seen_at"]["room"].values()), abs=1e-3
+    )
+    stack = tmp_path / "heard.yaml"
+    stack.write_text(f"base: default\nlocalizer: {{bayes: {{situations: {out}}}}}\n")
+    session = prepare("office", "lobby-to-lab", stack=stack, overrides=["mission.timeout=2"])
+    assert session.run().outcome == "timeout"
+
+
+def test_a_folder_is_no_file_to_write(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["map", "learn-situations", "--out", str(tmp_path)])
+    assert done.exit_code == 2
+    assert "got a folder" in done.output
+
+
+def test_drives_without_situations_are_an_error(tmp_path: Path) -> None:
+    suite = tmp_path / "still.yaml"
+    suite.write_text("entries: [{world: empty, missions: [straight], set: {mission.timeout: 0.5}}]")
+    plan = plan_runs(load_suite(suite), range(1), default_registry())
+    with pytest.raises(InputError, match="OFFIS reported no situation on 1 drives"):
+        learn_situations(plan, default_registry())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -16,14 +17,14 @@ from navfw.process import groups_of, listed_kernels, parse_types
 
 COMPILE = """
 import sys
-from navfw.process import parallel_compilation, Kernel
+from navfw.process import kernel_compilation, Kernel
 from navfw.guard.answer_kernels import are_degrees, are_finite, are_within
 from navfw.process import parse_types
 one, two = parse_types("array(float64, 1d, C)"), parse_types("readonly array(float64, 1d, C)")
 kernels = [Kernel(str(f), f, (one, two)) for f in (are_degrees, are_finite)]
-parallel_compilation.listed_kernels = lambda loaded: kernels
+kernel_compilation.listed_kernels = lambda loaded: kernels
 shown = []
-print(parallel_compilation.compile_kernels(shown.append), any(k.missing for k in kernels))
+print(kernel_compilation.compile_kernels(shown.append), any(k.missing for k in kernels))
 print(*(f"{state.done}/{state.total}" for state in shown))
 compiled = [s for k in kernels for s in k.function.stats.cache_misses.values()]
 print("compiled here:", sum(compiled))
@@ -101,11 +102,31 @@ def test_only_one_of_two_processes_compiles(tmp_path: Path) -> None:
     assert len(list(tmp_path.rglob("*.nbc"))) == 4
 
 
+@pytest.mark.parametrize(
+    ("work", "end"),
+    [("__import__('os')._exit(1)", ["2 True", "0/2 0/2"]), ("__import__('time').sleep(99)", [])],
+    ids=["a worker dies", "Ctrl-C"],
+)
+def test_what_workers_leave_stays_uncompiled(tmp_path: Path, work: str, end: list[str]) -> None:
+    code = COMPILE.replace("shown = []", f"shown = []\nKernel.compile = lambda self: {work}")
+    code = code.replace("print(kernel", "print('begun', flush=True)\nprint(kernel", 1)
+    process = compiler(tmp_path, code)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "begun\n"
+    if not end:
+        time.sleep(1.0)
+        process.send_signal(signal.SIGINT)
+    began = time.monotonic()
+    assert process.communicate(timeout=60)[0].splitlines()[:2] == end
+    assert (process.returncode == 0) == bool(end)
+    assert time.monotonic() - began < 30.0
+
+
 def test_workers_end_with_their_process(tmp_path: Path) -> None:
     code = COMPILE.replace(
         "shown = []",
         "shown = []\nKernel.compile = lambda self: __import__('time').sleep(0.5)\n"
-        "kernels *= 20\nparallel_compilation.groups_of = lambda k: [[one] for one in k]\n"
+        "kernels *= 20\nkernel_compilation.groups_of = lambda k: [[one] for one in k]\n"
         "print('begun', flush=True)",
     )
     process = compiler(tmp_path, code)

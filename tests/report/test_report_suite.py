@@ -17,7 +17,7 @@ from suite_samples import row
 from typer.testing import CliRunner, Result
 
 from navfw.cli import app
-from navfw.suite import RunJournal, RunRow, compare_tables, read_table
+from navfw.suite import RunJournal, RunRow, SuiteFolder, compare_tables
 
 PROBE = """
 const settle = () => new Promise((done) => setTimeout(done, 300));
@@ -238,7 +238,7 @@ def test_recorded_runs_are_a_click_from_their_own_reports(
     ended: list[int] = []
     monkeypatch.setattr(
         "navfw.cli.suite.compile_with_progress",
-        lambda **options: ended.append(len(read_table("s/table.csv"))),
+        lambda **options: ended.append(len(SuiteFolder(Path("s")).rows())),
     )
     words = ("suite", "tiny.yaml", "--seeds", "3:5", "--out", "s", "--quiet")
     done = invoke(*words, "--record", "failed")

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.missions import prepare
-from navfw.suite import columns_of, read_table, write_table
+from navfw.suite import RunJournal, RunRow, SuiteFolder, columns_of
 
 TINY = """
 entries:
@@ -59,7 +59,7 @@ def test_a_suite_runs_and_its_runs_are_those_of_navfw_run(folder: Path) -> None:
     assert {run["picture"] for run in runs} == {
         f"pictures/{file.name}" for file in (out / "pictures").iterdir()
     }
-    assert len(read_table(out / "table.csv")) == 2
+    assert len(SuiteFolder(out).rows()) == 2
 
 
 @pytest.mark.thorough
@@ -81,7 +81,7 @@ def test_ctrl_c_leaves_a_valid_table_and_no_process(folder: Path) -> None:
     assert process.returncode == 1
     answer = json.loads(out)
     assert answer["summary"]["complete"] is False
-    rows = read_table(table)
+    rows = SuiteFolder(folder / "o").rows()
     assert 1 <= len(rows) == len(answer["runs"]) < 5000
     assert {row.outcome for row in rows} == {"timeout"}
     deadline = time.monotonic() + 120.0
@@ -120,9 +120,13 @@ def processes_in(group: int) -> bool:
         (["suite", "mine/mission.yaml", "--seeds", "0:1"], "did you mean 'straight'?"),
         (["suite", "mine/folder.yaml", "--seeds", "0:1"], "there is no such folder"),
         (["suite", "mine/wall.yaml", "--seeds", "0:1"], "mine/wall.yaml:2: entries[0]:"),
-        (["report", "--text", "a.csv", "tiny.yaml"], "there is no such file"),
-        (["report", "--text", "a.csv", "b.csv", "--fail-if-worse", "much"], "such as 1% or 0.01"),
-        (["report", "--text", "tiny.yaml", "tiny.yaml"], "is not a table of navfw suite"),
+        (["report", "--text", "a", "tiny.yaml"], "a: there is no such folder; expected"),
+        (["report", "--text", "a", "b", "--fail-if-worse", "much"], "such as 1% or 0.01"),
+        (
+            ["report", "--text", "tiny.yaml", "tiny.yaml"],
+            "tiny.yaml: is a file; expected",
+        ),
+        (["report", "--text", "mine", "mine"], "mine: has no journal.sqlite"),
     ],
 )
 def test_bad_input_gives_one_message_and_leaves_no_files(
@@ -170,27 +174,33 @@ def test_a_folder_of_worlds_gives_each_world_with_its_missions(folder: Path) -> 
     ]
 
 
+def write_suite(folder: Path, *rows: RunRow) -> None:
+    folder.mkdir()
+    (folder / "suite.json").write_text('{"content": {}, "current": ["aa"]}')
+    journal = RunJournal(folder / "journal.sqlite")
+    journal.create()
+    journal.add_all(("aa", one) for one in rows)
+
+
 def test_compare_prints_the_paired_numbers(folder: Path) -> None:
-    (folder / "a").mkdir()
-    write_table(
-        folder / "a" / "table.csv", [row(s, "stuck" if s < 6 else "reached") for s in range(9)]
-    )
-    write_table(folder / "b.csv", [row(seed) for seed in range(9)])
-    done = navfw("report", "--text", "a", "b.csv", "--json")
+    write_suite(folder / "a", *(row(s, "stuck" if s < 6 else "reached") for s in range(9)))
+    write_suite(folder / "b", *(row(seed) for seed in range(9)))
+    (folder / "b" / "table.md").touch()
+    done = navfw("report", "--text", "a", "b", "--json")
     assert done.exit_code == 0, done.output
     answer = json.loads(done.stdout)
     assert (answer["pairs"], answer["success_b"], answer["p"]) == (9, 1.0, 0.03125)
-    shown = navfw("report", "--text", "a", "b.csv").stdout
+    shown = navfw("report", "--text", "a", "b").stdout
     assert "33.3 % -> 100.0 %" in shown
     assert "p = 0.0312" in shown
-    assert "reports    a/table.csv, b.csv" in shown
+    assert "reports    a, b/table.md" in shown
 
 
 @pytest.mark.parametrize(("margin", "code"), [("30%", 0), ("0.2", 1), ("1%", 1)])
 def test_compare_fails_if_b_is_worse(margin: str, code: int, folder: Path) -> None:
-    write_table(folder / "a.csv", [row(seed) for seed in range(8)])
-    write_table(folder / "b.csv", [row(s, "stuck" if s < 2 else "reached") for s in range(8)])
-    done = navfw("report", "--text", "a.csv", "b.csv", "--fail-if-worse", margin)
+    write_suite(folder / "a", *(row(seed) for seed in range(8)))
+    write_suite(folder / "b", *(row(s, "stuck" if s < 2 else "reached") for s in range(8)))
+    done = navfw("report", "--text", "a", "b", "--fail-if-worse", margin)
     assert done.exit_code == code
     assert ("success fell by 25.0 %" in done.stderr) == bool(code)
-    assert navfw("report", "--text", "b.csv", "a.csv", "--fail-if-worse", margin).exit_code == 0
+    assert navfw("report", "--text", "b", "a", "--fail-if-worse", margin).exit_code == 0

@@ -1,14 +1,28 @@
-"""Each cause of failure from the symptoms that show it."""
+"""Symptoms from a run's log, the true geometry and the local map; each cause from symptoms."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from navfw.missions import FaultKind, Outcome
-from navfw.signals import Sight
+from navfw.missions import (
+    FaultKind,
+    MissionResult,
+    MissionVerdict,
+    Outcome,
+    RunResult,
+    Session,
+    prepare,
+)
+from navfw.mofis import DecisionInputs
+from navfw.plugins import default_registry
+from navfw.recording import Contact, RunLog
+from navfw.signals import Belief, Odometry, Pose, Sight, Twist
+from navfw.sim import BoxSpec, CylinderSpec, SceneGeometry, WalkerTrack, WorldSpec
 from navfw.suite import (
     Cause,
     CollisionSymptoms,
@@ -16,6 +30,7 @@ from navfw.suite import (
     MotionSymptoms,
     PathSymptoms,
     classify,
+    collect_symptoms,
 )
 
 
@@ -124,3 +139,163 @@ def test_a_fault_of_no_kind_is_of_unknown_cause() -> None:
 def test_every_failure_has_a_cause_and_nothing_else_has(outcome: Outcome) -> None:
     failed = outcome not in {Outcome.REACHED, Outcome.CANCELLED}
     assert (classify(FailureSymptoms(outcome)) is not None) == failed
+
+
+@pytest.fixture(scope="module")
+def empty() -> Session:
+    """A straight drive of 3 m from (0, 0); the tests put objects in its path."""
+    return prepare("empty", "straight", registry=default_registry())
+
+
+def session_with(empty: Session, **objects: Any) -> Session:
+    world = WorldSpec(name="w", x=(-6.0, 6.0), y=(-6.0, 6.0), **objects)
+    return replace(empty, world=world, plan=SceneGeometry.from_world(world))
+
+
+def log_to(x: float, y: float, yaw: float, contact: str = "", speed: float = 0.4) -> RunLog:
+    """Four seconds straight to (x, y), ending with a contact with the body ``contact``."""
+    time = np.arange(240) / 60.0
+    back = speed * (time[-1] - time)
+    true = np.column_stack(
+        [x - back * math.cos(yaw), y - back * math.sin(yaw), np.full_like(time, yaw)]
+    )
+    contacts = (Contact(float(time[-1]), x, y, contact),) if contact else ()
+    return RunLog(
+        time=time,
+        true=true,
+        estimate=true.copy(),
+        commands=np.column_stack([np.full_like(time, speed), np.zeros_like(time)]),
+        leader=np.zeros(len(time), dtype=np.int16),
+        emergency=np.zeros(len(time), dtype=np.bool_),
+        sight=np.full(len(time), Sight.ENOUGH, dtype=np.int8),
+        leaders=("go_to_xy",),
+        contacts=contacts,
+    )
+
+
+OFFSET = Pose(0.7, -0.4, 0.3)
+"""Pose of the map frame in odom, other than the identity, to detect mixed-up frames."""
+
+
+def result_of(
+    session: Session, outcome: Outcome, log: RunLog, occupied: list[tuple[float, float]]
+) -> MissionResult:
+    """A run with this outcome; the local map is occupied at these points (map frame)."""
+    verdict = MissionVerdict(outcome, "reason", "go_to_xy", log.ticks, float(log.time[-1]))
+    stack = session.stack
+    stack.start(session.mission.start, session.mission.goals)
+    now = Pose(*log.true[-1])
+    odometry = Odometry(float(log.time[-1]), OFFSET.compose(now), Twist(0.3, 0.0), 0.0, False)
+    occupancy = stack.local_map.occupancy
+    occupancy.update(odometry.pose, odometry.time)
+    rows, columns = np.indices(occupancy.log_odds.shape)
+    for x, y in occupied:
+        row, column = occupancy.index(*OFFSET.to_parent(x, y))
+        near = np.hypot(rows - row, columns - column) <= 2
+        occupancy.log_odds[near] = occupancy.params.clamp_max
+    belief = Belief(odometry.time, now, np.zeros((3, 3)))
+    stack.mofis.decide(DecisionInputs(odometry, belief, session.mission.goals[-1]))
+    stack.state = replace(stack.state, time=odometry.time, odometry=odometry, belief=belief)
+    return MissionResult(session, RunResult(verdict, log, 4.0, 1.0, ()))
+
+
+@pytest.mark.parametrize("mapped", [True, False])
+@pytest.mark.parametrize("yaw", [0.0, 2.1])
+def test_a_frontal_collision(empty: Session, mapped: bool, yaw: float) -> None:
+    x, y = 0.38 * math.cos(yaw), 0.38 * math.sin(yaw)  # the robot's radius is 0.18 m
+    session = session_with(empty, cylinders=(CylinderSpec(name="post", at=(x, y), radius=0.2),))
+    rim = (0.18 * math.cos(yaw), 0.18 * math.sin(yaw))
+    log = log_to(0.0, 0.0, yaw, "post")
+    symptoms = collect_symptoms(result_of(session, Outcome.COLLIDED, log, [rim] if mapped else []))
+    assert symptoms.collision is not None
+    assert symptoms.collision.bearing == pytest.approx(0.0, abs=0.01)
+    assert symptoms.collision.speed == pytest.approx(0.4, abs=0.01)
+    assert classify(symptoms) is (Cause.DROVE_INTO if mapped else Cause.UNSEEN)
+
+
+def test_a_collision_while_reversing(empty: Session) -> None:
+    session = session_with(empty, boxes=(BoxSpec(name="crate", at=(-0.68, 0.1), size=(1, 1, 1)),))
+    log = log_to(0.0, 0.0, 0.0, "crate", speed=-0.15)
+    symptoms = collect_symptoms(result_of(session, Outcome.COLLIDED, log, []))
+    assert symptoms.collision is not None
+    assert abs(symptoms.collision.bearing) == pytest.approx(math.pi, abs=0.01)
+    assert classify(symptoms) is Cause.REVERSED_INTO
+
+
+def test_a_collision_with_a_mover_is_at_its_position_at_that_time(empty: Session) -> None:
+    """It moves past the robot's left side and is touched there, 0.43 m from its centre."""
+    time = np.array([0.0, 4.0])
+    movers = WalkerTrack(
+        names=("walker",),
+        radii=np.array([0.25]),
+        time=time,
+        points=np.array([[[0.0, 2.0]], [[0.0, 0.43]]]),
+    )
+    for cause, expected in (("mover", Cause.MOVER), ("robot", Cause.TURNED_INTO)):
+        ended = result_of(empty, Outcome.COLLIDED, log_to(0, 0, 0, "walker"), [(0.0, 0.18)])
+        symptoms = collect_symptoms(replace(ended, movers=movers, collision_cause=cause))
+        assert symptoms.collision is not None
+        assert symptoms.collision.bearing == pytest.approx(0.5 * math.pi, abs=0.01)
+        assert classify(symptoms) is expected
+
+
+WALL = [(1.0, 0.05 * i) for i in range(-75, 76)]
+"""Occupied points across the whole local map, 1 m ahead of the origin."""
+
+
+def test_a_mapped_wall_that_does_not_exist_is_a_phantom(empty: Session) -> None:
+    symptoms = collect_symptoms(result_of(empty, Outcome.STUCK, log_to(0.0, 0.0, 0.0), WALL))
+    assert symptoms.path is not None
+    assert symptoms.path.without_phantoms == symptoms.path.sharpened < 6.0  # 3 m of unknown floor
+    assert classify(symptoms) is Cause.PHANTOM_OBSTACLES
+
+
+def test_a_mapped_wall_that_exists_is_no_phantom(empty: Session) -> None:
+    sides = {"east": (1, 0), "west": (-1, 0), "north": (0, 1), "south": (0, -1)}
+    walls = tuple(
+        BoxSpec(name=name, at=at, size=(2.0 - 1.9 * abs(at[0]), 2.0 - 1.9 * abs(at[1]), 1.0))
+        for name, at in sides.items()
+    )
+    session = session_with(empty, boxes=walls)
+    line = [-1.0 + 0.05 * i for i in range(41)]
+    square = [point for a in line for point in ((a, 1.0), (a, -1.0), (1.0, a), (-1.0, a))]
+    symptoms = collect_symptoms(result_of(session, Outcome.STUCK, log_to(0.0, 0.0, 0.0), square))
+    assert symptoms.path is not None
+    assert symptoms.path.without_phantoms == math.inf
+    assert classify(symptoms) is Cause.LOCAL_GOAL_UNREACHABLE
+
+
+def test_a_gap_closed_by_blurred_edges_is_blamed_on_the_blur(empty: Session) -> None:
+    """A wall with a gap 0.8 m wide; in the local map its ends are too thick to pass."""
+    walls = tuple(
+        BoxSpec(name=f"wall {side:+d}", at=(1.0, side * 3.4), size=(0.1, 6.0, 1.0))
+        for side in (1, -1)
+    )
+    session = session_with(empty, boxes=walls)
+    line = [-4.5 + 0.05 * i for i in range(181)]
+    thick = [(1.0, y) for y in line if abs(y) > 0.2]
+    symptoms = collect_symptoms(result_of(session, Outcome.STUCK, log_to(0.0, 0.0, 0.0), thick))
+    assert symptoms.path is not None
+    assert symptoms.path.without_phantoms > 1.5 * symptoms.path.sharpened
+    assert classify(symptoms) is Cause.BLURRED_MAP
+
+
+def test_progress_is_measured_along_the_shortest_path(empty: Session) -> None:
+    """From 1.6 m behind the start to 0.5 m ahead of it; the goal is at 3 m."""
+    symptoms = collect_symptoms(result_of(empty, Outcome.TIMEOUT, log_to(0.5, 0.0, 0.0), []))
+    assert symptoms.motion is not None
+    assert symptoms.motion.driven == pytest.approx(1.59, abs=0.02)
+    assert symptoms.motion.gained == pytest.approx(0.5, abs=0.01)
+    assert symptoms.motion.recent_turned == pytest.approx(0.0)
+    assert classify(symptoms) is Cause.OSCILLATING
+    slow = collect_symptoms(result_of(empty, Outcome.TIMEOUT, log_to(1.5, 0.0, 0.0), []))
+    assert classify(slow) is Cause.SLOW
+
+
+@pytest.mark.parametrize("sight", list(Sight))
+def test_sight_is_the_median_over_the_end_of_the_run(empty: Session, sight: Sight) -> None:
+    log = log_to(0.5, 0.0, 0.0)
+    early = len(log.time) // 3
+    others = np.where(np.arange(len(log.time)) < early, (sight + 1) % 3, sight).astype(np.int8)
+    seen = collect_symptoms(result_of(empty, Outcome.STUCK, replace(log, sight=others), []))
+    assert seen.sight is sight

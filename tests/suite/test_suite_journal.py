@@ -1,30 +1,39 @@
-"""The journal of a suite: whole after damage, the same after a change of the suite."""
+"""The journal and the table of a suite: rows as written, whole after damage and changes."""
 
 from __future__ import annotations
 
+import csv
 import json
+import math
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import suite_samples as samples
+from hypothesis import given
+from hypothesis import strategies as st
+from suite_samples import row
 
 from navfw.errors import InputError
 from navfw.suite import (
+    COLUMNS,
     JournalDamagedError,
     RunJournal,
+    RunRow,
     StartMode,
     SuiteFolder,
     SuitePlan,
     SuiteResult,
-    read_table,
     run_suite,
     suite_folder,
+    write_table,
 )
+from navfw.suite.run_journal import _checksum
 
 
 def plan(seeds: int = 4, **contents: str) -> SuitePlan:
@@ -71,7 +80,7 @@ def test_the_journal_has_every_run_as_it_ends(out: SuiteFolder) -> None:
         on_row=lambda case, row: counts.append(len(out.rows())),
     )
     assert counts == [1, 2, 3, 4]
-    assert out.rows() == read_table(out.table)
+    assert [row.seed for row in out.rows()] == [0, 1, 2, 3]
 
 
 def test_a_row_replaces_an_earlier_one_of_the_same_run(tmp_path: Path) -> None:
@@ -82,8 +91,8 @@ def test_a_row_replaces_an_earlier_one_of_the_same_run(tmp_path: Path) -> None:
     journal.add("aa", samples.row(1, "fault"))
     journal.add("aa", samples.row(1))
     journal.add("bb", samples.row(1, "stuck"))
-    assert journal.rows({"aa"}) == [samples.row(1)]
-    assert [row.outcome for row in journal.rows({"aa", "bb"})] == ["reached", "stuck"]
+    assert journal.rows(["aa"]) == [samples.row(1)]
+    assert [row.outcome for row in journal.rows(["bb", "aa"])] == ["stuck", "reached"]
     assert not journal.deaths({"aa"})
 
 
@@ -164,7 +173,6 @@ def test_what_is_intact_of_a_damaged_journal_is_kept(out: SuiteFolder) -> None:
     wanted = plan(80)
     run(wanted, out)
     before = {row.seed: row for row in out.rows()}
-    out.table.unlink()
     size = out.journal.file.stat().st_size
     _overwrite(out.journal.file, size // 2 // 4096 * 4096, 4096)  # a page in the middle
     with pytest.raises(JournalDamagedError):
@@ -183,7 +191,6 @@ def test_what_is_intact_of_a_damaged_journal_is_kept(out: SuiteFolder) -> None:
 
 def test_a_row_that_differs_from_its_checksum_is_driven_again(out: SuiteFolder) -> None:
     run(plan(), out)
-    out.table.unlink()
     with closing(sqlite3.connect(out.journal.file)) as database, database:
         database.execute("UPDATE run SET cells = replace(cells, 'timeout', 'reached')")
     told: list[str] = []
@@ -193,17 +200,39 @@ def test_a_row_that_differs_from_its_checksum_is_driven_again(out: SuiteFolder) 
     assert "a row differs from its checksum" in told[0]
 
 
-@pytest.mark.parametrize("left", [None, b"", b"no database at all" * 300])
-def test_the_table_stands_in_for_a_lost_journal(out: SuiteFolder, left: bytes | None) -> None:
+@pytest.mark.parametrize("content", [b"", b"no database at all" * 300])
+def test_all_runs_of_an_unreadable_journal_are_driven_again(
+    out: SuiteFolder, content: bytes
+) -> None:
     run(plan(), out)
-    out.journal.file.unlink()
-    if left is not None:
-        out.journal.file.write_bytes(left)
+    out.journal.file.write_bytes(content)
     told: list[str] = []
     done, driven = run(plan(5), out, "resume", told)
-    assert [seed for _, seed in driven] == [4]
+    assert [seed for _, seed in driven] == [0, 1, 2, 3, 4]
     assert done.complete
-    assert "4 finished runs are intact and kept" in told[0]
+    assert "0 finished runs are intact and kept; all others are driven again" in told[0]
+
+
+def test_a_table_without_its_journal_is_not_read(out: SuiteFolder) -> None:
+    run(plan(), out)
+    out.journal.file.unlink()
+    missing = r"out: has a table\.csv, but no journal\.sqlite.*again with --restart"
+    for read in (out.rows, lambda: out.open(plan(), "abc", begin="resume")):
+        with pytest.raises(InputError, match=missing):
+            read()
+    assert len(run(plan(), out, "restart")[1]) == 4
+
+
+def test_what_is_no_folder_of_a_suite_has_no_rows(tmp_path: Path) -> None:
+    (tmp_path / "table.csv").touch()
+    for name, message in (
+        ("none", "there is no such folder; expected the folder of a suite"),
+        ("table.csv", "is a file; expected the folder of a suite, whose runs are read from its"),
+        ("empty", "has no journal.sqlite, so it is not the folder of a suite"),
+    ):
+        (tmp_path / "empty").mkdir(exist_ok=True)
+        with pytest.raises(InputError, match=f"{name}: {message}"):
+            SuiteFolder(tmp_path / name).rows()
 
 
 def test_a_journal_of_a_newer_version_is_refused(out: SuiteFolder) -> None:
@@ -217,3 +246,103 @@ def test_a_journal_of_a_newer_version_is_refused(out: SuiteFolder) -> None:
 def test_suite_json_names_the_contents_of_now(out: SuiteFolder) -> None:
     run(plan(1, rooms="aa", maze="bb"), out)
     assert json.loads((out.path / "suite.json").read_text())["current"] == ["aa", "bb"]
+
+
+numbers = st.none() | st.floats(allow_nan=False)
+texts = st.text(st.characters(codec="utf-8"), max_size=40)
+
+
+def table_of(file: Path) -> list[dict[str, str]]:
+    with file.open(newline="", encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+@pytest.fixture
+def journal(tmp_path: Path) -> RunJournal:
+    made = RunJournal(tmp_path / "journal.sqlite")
+    made.create()
+    return made
+
+
+@given(number=numbers, reason=texts, collisions=st.none() | st.integers(0, 99), world=texts)
+def test_rows_are_read_as_written(
+    tmp_path_factory: pytest.TempPathFactory,
+    number: float | None,
+    reason: str,
+    collisions: int | None,
+    world: str,
+) -> None:
+    journal = RunJournal(tmp_path_factory.mktemp("rows") / "journal.sqlite")
+    journal.create()
+    world, reason = " ".join(world.split()), " ".join(reason.split())  # written as one line
+    rows = [row(1, world=world, spl=number, reason=reason, collisions=collisions), row(2)]
+    journal.add_all(("aa", one) for one in rows)
+    assert journal.rows(["aa"]) == rows
+
+
+def test_a_reason_of_several_lines_becomes_one_line(journal: RunJournal, tmp_path: Path) -> None:
+    wordy = row(reason="first\nsecond\tthird")
+    write_table(tmp_path / "table.csv", [wordy])
+    assert len((tmp_path / "table.csv").read_text().splitlines()) == 2
+    journal.add("aa", wordy)
+    assert journal.rows(["aa"])[0].reason == "first second third"
+
+
+def test_the_table_is_standard_csv(tmp_path: Path) -> None:
+    file = tmp_path / "table.csv"
+    write_table(file, [row(7, min_clearance_m=math.inf, spl=math.nan, reason='a "b", c')])
+    (cells,) = table_of(file)
+    assert tuple(cells) == tuple(name for name in COLUMNS if name != "variant")
+    assert (cells["seed"], cells["min_clearance_m"], cells["spl"]) == ("7", "inf", "")
+    assert cells["reason"] == 'a "b", c'
+    write_table(file, [row(1, variant="default"), row(1, variant="paper")])
+    assert [cells["variant"] for cells in table_of(file)] == ["default", "paper"]
+
+
+def test_a_failed_write_leaves_the_old_table(tmp_path: Path) -> None:
+    file = tmp_path / "table.csv"
+    write_table(file, [row(1)])
+
+    def rows() -> Iterator[RunRow]:
+        yield row(2)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_table(file, rows())
+    assert [cells["seed"] for cells in table_of(file)] == ["1"]
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_table_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be written"):
+        write_table(tmp_path / "missing" / "table.csv", [])
+
+
+@pytest.mark.parametrize(
+    "change", [{"spl": "soon"}, {"outcome": "won"}, {"seed": ""}, {"collisions": "1.5"}, None]
+)
+def test_wrong_cells_are_damage_whatever_their_checksum(
+    journal: RunJournal, change: Mapping[str, str] | None
+) -> None:
+    journal.add("aa", row(1))
+    with closing(sqlite3.connect(journal.file)) as database, database:
+        ((key, cells),) = database.execute("SELECT key, cells FROM run")
+        cells = json.dumps(None if change is None else {**json.loads(cells), **change})
+        values = (cells, _checksum("aa", key, cells))
+        database.execute("UPDATE run SET cells = ?, checksum = ?", values)
+    with pytest.raises(JournalDamagedError, match="is damaged: a row has no valid cells"):
+        journal.rows(["aa"])
+    assert journal.intact() == []
+
+
+def test_a_row_of_fewer_columns_is_read(journal: RunJournal) -> None:
+    journal.add("aa", row(1, plugin_faults=4))
+    assert journal.rows(["aa"])[0].plugin_faults == 4
+    with closing(sqlite3.connect(journal.file)) as database, database:
+        ((key, text),) = database.execute("SELECT key, cells FROM run")
+        cells = json.loads(text)
+        del cells["plugin_faults"]
+        text = json.dumps(cells)
+        values = (text, _checksum("aa", key, text))
+        database.execute("UPDATE run SET cells = ?, checksum = ?", values)
+    assert journal.rows(["aa"])[0].plugin_faults is None

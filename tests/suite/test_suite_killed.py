@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import json
 import os
 import shutil
@@ -18,7 +19,7 @@ import pytest
 import suite_samples
 from killing import Ended, Started, moments
 
-from navfw.suite import RunRow, SuiteFolder, read_table
+from navfw.suite import RunRow, SuiteFolder
 
 MANY = int(os.environ.get("NAVFW_KILLS", "5"))
 """Moments for each signal in the slow tests."""
@@ -69,7 +70,7 @@ def undisturbed(code: str, words: tuple[str, ...], folder: Path) -> Undisturbed:
     began = time.monotonic()
     ended = first.start(folder).ended()
     assert ended.code == 0, ended.stderr
-    hashes = {row.seed: row.command_hash for row in read_table(folder / "o" / "table.csv")}
+    hashes = {row.seed: row.command_hash for row in rows_of(folder)}
     return Undisturbed(code, words, time.monotonic() - began, hashes)
 
 
@@ -109,11 +110,9 @@ def kill_again_and_again(count: int, folder: Path) -> None:
             workers = started.workers() if index % 2 else []
             with contextlib.suppress(ProcessLookupError):
                 os.kill(workers[0] if workers else started.pid, signal.SIGKILL)
-        if not index % 2:
-            started.ended()
-        else:
+        if index % 2:
             started.send(signal.SIGKILL)
-            started.ended()
+        started.ended()
         rows = rows_of(folder)
         finished = {row.seed: row for row in rows if row.has_result}
         assert len({row.seed for row in rows}) == len(rows), "a run is there twice"
@@ -140,52 +139,47 @@ def check_resumed(folder: Path, suite: Undisturbed) -> None:
     kept = {row.seed: row for row in rows_of(folder) if row.has_result}
     ended = suite.start(folder).ended()
     assert ended.code == 0, ended.stderr
-    rows = read_table(folder / "o" / "table.csv")
-    assert [(row.seed, row.command_hash) for row in rows] == sorted(suite.hashes.items())
-    assert sorted(rows_of(folder), key=lambda row: row.seed) == rows
+    rows = sorted(rows_of(folder), key=lambda row: row.seed)
+    wanted = sorted(suite.hashes.items())
+    assert [(row.seed, row.command_hash) for row in rows] == wanted
+    with (folder / "o" / "table.csv").open(newline="") as stream:
+        table = [(int(row["seed"]), row["command_hash"]) for row in csv.DictReader(stream)]
+    assert table == wanted
     assert all(row == kept.get(row.seed, row) for row in rows), "a finished run was driven again"
     check_files(folder)
 
 
-def kill_parents(suite: Undisturbed, number: signal.Signals, count: int, folder: Path) -> None:
+def kill(who: str, suite: Undisturbed, number: signal.Signals, count: int, folder: Path) -> None:
+    """Kill the ``parent`` or a ``worker`` of the suite at ``count`` moments, and resume it."""
     for index, moment in enumerate(moments(number, count, suite.longest)):
-        here = folder / f"parent-{index}"
+        here = folder / f"{who}-{index}"
         here.mkdir()
         started = suite.start(here)
-        if started.after(moment):
-            started.send(number)
+        if who == "parent":
+            if started.after(moment):
+                started.send(number)
+        else:
+            while started.running() and not started.workers():
+                time.sleep(0.01)
+            if started.after(0.7 * moment) and (workers := started.workers()):
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(workers[index % len(workers)], number)
         ended = started.ended()  # with all workers
-        if number is not signal.SIGKILL:
+        if who == "worker" or number is not signal.SIGKILL:
             check_stopped(ended, here, suite, number)
         check_resumed(here, suite)
         shutil.rmtree(here)
 
 
-def kill_workers(suite: Undisturbed, number: signal.Signals, count: int, folder: Path) -> None:
-    for index, moment in enumerate(moments(number, count, suite.longest)):
-        here = folder / f"worker-{index}"
-        here.mkdir()
-        started = suite.start(here)
-        workers: list[int] = []
-        while started.running() and not (workers := started.workers()):
-            time.sleep(0.01)
-        if started.after(0.7 * moment) and (workers := started.workers()):
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(workers[index % len(workers)], number)
-        check_stopped(started.ended(), here, suite, number)
-        check_resumed(here, suite)
-        shutil.rmtree(here)
-
-
 @pytest.mark.thorough
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_a_killed_parent(fake: Undisturbed, number: signal.Signals, tmp_path: Path) -> None:
-    kill_parents(fake, number, 2, tmp_path)
-
-
-@pytest.mark.thorough
-def test_a_killed_worker(fake: Undisturbed, tmp_path: Path) -> None:
-    kill_workers(fake, signal.SIGKILL, 2, tmp_path)
+@pytest.mark.parametrize(
+    ("who", "number"),
+    [("parent", signal.SIGKILL), ("parent", signal.SIGTERM), ("worker", signal.SIGKILL)],
+)
+def test_a_killed_process(
+    who: str, number: signal.Signals, fake: Undisturbed, tmp_path: Path
+) -> None:
+    kill(who, fake, number, 2, tmp_path)
 
 
 def test_ctrl_c_while_workers_start_prints_no_traceback(tmp_path: Path) -> None:
@@ -203,16 +197,9 @@ def test_forty_runs_killed_twenty_times(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("who", ["parent", "worker"])
 @pytest.mark.parametrize("number", SIGNALS)
-def test_a_parent_killed_at_many_moments(
-    real: Undisturbed, number: signal.Signals, tmp_path: Path
+def test_a_process_killed_at_many_moments(
+    who: str, number: signal.Signals, real: Undisturbed, tmp_path: Path
 ) -> None:
-    kill_parents(real, number, MANY, tmp_path)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", SIGNALS)
-def test_a_worker_killed_at_many_moments(
-    real: Undisturbed, number: signal.Signals, tmp_path: Path
-) -> None:
-    kill_workers(real, number, MANY, tmp_path)
+    kill(who, real, number, MANY, tmp_path)

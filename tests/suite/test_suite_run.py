@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,6 @@ from navfw.suite import (
     SuiteFolder,
     SuitePlan,
     SuiteResult,
-    read_table,
     run_suite,
 )
 
@@ -38,16 +38,21 @@ def run(
     return run_suite(wanted, out, have=have, **{"work": samples.fake_run, **options})
 
 
-def test_the_table_is_complete_and_in_order(tmp_path: Path) -> None:
-    out = SuiteFolder(tmp_path / "out")
+@pytest.fixture
+def out(tmp_path: Path) -> SuiteFolder:
+    return SuiteFolder(tmp_path / "out")
+
+
+def test_the_table_is_complete_and_in_order(out: SuiteFolder) -> None:
     seeds: list[int] = []
     done = run(plan(5, 4, 3, 2), out, workers=2, on_row=lambda case, row: seeds.append(row.seed))
     assert done.complete
     assert sorted(seeds) == [2, 3, 4, 5]
-    rows = read_table(out.table)
-    assert rows == list(done.rows)
-    assert [row.seed for row in rows] == [5, 4, 3, 2]
-    assert [row.outcome for row in rows] == ["timeout", "reached", "timeout", "reached"]
+    assert {row.seed: row for row in out.rows()} == {row.seed: row for row in done.rows}
+    with out.table.open(newline="") as stream:
+        table = [(int(row["seed"]), row["outcome"]) for row in csv.DictReader(stream)]
+    assert table == [(5, "timeout"), (4, "reached"), (3, "timeout"), (2, "reached")]
+    assert [(row.seed, row.outcome) for row in done.rows] == table
     summary = json.loads((out.path / "summary.json").read_text())
     assert summary["complete"] is True
     assert summary["success"] == 0.5
@@ -56,18 +61,7 @@ def test_the_table_is_complete_and_in_order(tmp_path: Path) -> None:
     assert files == ["journal.sqlite", "suite.json", "summary.json", "table.csv", "table.md"]
 
 
-def test_a_run_whose_process_dies_is_a_fault_with_its_reason(tmp_path: Path) -> None:
-    out = SuiteFolder(tmp_path / "out")
-    done = run(plan(2, 3, 4), out, work=samples.fake_run_that_dies_on_3)
-    fault = done.rows[1]
-    assert (fault.seed, fault.outcome, fault.cause) == (3, "fault", "process_died")
-    assert "without a result" in fault.reason
-    assert [row.outcome for row in done.rows] == ["reached", "fault", "reached"]
-    assert done.summary["success"] == pytest.approx(2 / 3)
-
-
-def test_ctrl_c_keeps_finished_runs_and_resume_makes_the_others(tmp_path: Path) -> None:
-    out = SuiteFolder(tmp_path / "out")
+def test_ctrl_c_keeps_finished_runs_and_resume_makes_the_others(out: SuiteFolder) -> None:
 
     def press(case: Case, row: RunRow) -> None:
         if row.seed == 3:
@@ -77,7 +71,7 @@ def test_ctrl_c_keeps_finished_runs_and_resume_makes_the_others(tmp_path: Path) 
     first = run(wanted, out, on_row=press)
     assert not first.complete
     assert first.summary["complete"] is False
-    assert [row.seed for row in read_table(out.table)] == [2, 3]
+    assert [row.seed for row in out.rows()] == [2, 3]
 
     marked = run(wanted, out, begin="resume", work=samples.fake_run_by_hand)
     assert marked.complete
@@ -87,16 +81,14 @@ def test_ctrl_c_keeps_finished_runs_and_resume_makes_the_others(tmp_path: Path) 
     assert run(wanted, out, begin="resume", work=samples.die).complete  # nothing is left to do
 
 
-def test_a_table_can_be_extended_by_seeds(tmp_path: Path) -> None:
-    out = SuiteFolder(tmp_path / "out")
+def test_a_table_can_be_extended_by_seeds(out: SuiteFolder) -> None:
     run(plan(2, 3), out)
     grown = run(plan(3, 4), out, begin="resume")
     assert grown.complete
     assert [row.seed for row in grown.rows] == [3, 4, 2]
 
 
-def test_a_run_that_dies_once_is_driven_again_at_the_end(tmp_path: Path) -> None:
-    out = SuiteFolder(tmp_path / "out")
+def test_a_run_that_dies_once_is_driven_again_at_the_end(out: SuiteFolder) -> None:
     seen: list[int] = []
     work = samples.fake_run_that_dies_once_on_3
     done = run(plan(3, 4, 5), out, work=work, on_row=lambda case, row: seen.append(row.seed))
@@ -115,16 +107,14 @@ def test_a_death_before_the_suite_was_killed_counts(tmp_path: Path) -> None:
     assert len(list(out.pictures.iterdir())) == 1  # driven once, as it had died before
 
 
-def test_a_run_with_too_much_memory_is_a_fault_with_its_reason(tmp_path: Path) -> None:
-    out = SuiteFolder(tmp_path / "out")
+def test_a_run_with_too_much_memory_is_a_fault_with_its_reason(out: SuiteFolder) -> None:
     done = run(plan(2, 3), out, work=samples.fake_run_that_swells_on_3, memory=400.0)
     assert [row.cause for row in done.rows] == ["", "too_much_memory"]
     assert "exceeded the limit of 400 MB" in done.rows[1].reason
     assert (done.summary["died"], done.exit_code) == (1, 1)
 
 
-def test_resuming_with_another_configuration_is_refused(tmp_path: Path) -> None:
-    out = SuiteFolder(tmp_path / "out")
+def test_resuming_with_another_configuration_is_refused(out: SuiteFolder) -> None:
     run(plan(2), out)
     before = out.table.read_text()
     other = replace(plan(2, 4), content={**CONTENT, "stack default of entry rooms": "other"})
@@ -133,33 +123,30 @@ def test_resuming_with_another_configuration_is_refused(tmp_path: Path) -> None:
     assert out.table.read_text() == before
 
 
-def test_revisions_are_recorded(tmp_path: Path) -> None:
-    out = SuiteFolder(tmp_path / "out")
+def test_revisions_are_recorded(out: SuiteFolder) -> None:
     run(plan(2), out)
     out.open(plan(2), "def-dirty", begin="resume")
     assert out.revisions == ["abc", "def-dirty"]
     assert out.about()["machines"] == [machine_kind()]
 
 
-def test_nothing_is_overwritten(tmp_path: Path) -> None:
-    out = SuiteFolder(tmp_path / "out")
+def test_nothing_is_overwritten(out: SuiteFolder, tmp_path: Path) -> None:
     run(plan(2), out)
     with pytest.raises(InputError, match="--resume"):
         out.open(plan(2), "abc")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").touch()
-    with pytest.raises(InputError, match="is not empty"):
-        SuiteFolder(tmp_path / "mine").open(plan(2), "abc")
-    with pytest.raises(InputError, match="is not empty"):
-        SuiteFolder(tmp_path / "mine").open(plan(2), "abc", begin="resume")
+    modes: tuple[StartMode, ...] = ("new", "resume")
+    for begin in modes:
+        with pytest.raises(InputError, match="is not empty"):
+            SuiteFolder(tmp_path / "mine").open(plan(2), "abc", begin=begin)
     (tmp_path / "file").touch()
     for where in (tmp_path / "file", tmp_path / "file" / "below"):
         with pytest.raises(InputError):
             SuiteFolder(where).open(plan(2), "abc")
 
 
-def test_a_damaged_folder_is_not_continued(tmp_path: Path) -> None:
-    out = SuiteFolder(tmp_path / "out")
+def test_a_damaged_folder_is_not_continued(out: SuiteFolder) -> None:
     run(plan(2), out)
     (out.path / "suite.json").write_text("{")
     with pytest.raises(InputError, match=r"suite\.json"):
@@ -176,10 +163,14 @@ def test_default_folders_are_numbered(tmp_path: Path, monkeypatch: pytest.Monkey
     assert names == ["runs/rooms-2-3", "runs/rooms-2-3-2"]
 
 
-def test_died_runs_are_no_success_and_are_driven_again(tmp_path: Path) -> None:
-    out = SuiteFolder(tmp_path / "out")
+def test_died_runs_are_no_success_and_are_driven_again(out: SuiteFolder) -> None:
     died = run(plan(2, 3, 4), out, work=samples.fake_run_that_dies_on_3)
     assert (died.complete, died.summary["died"], died.exit_code) == (True, 1, 1)
+    fault = died.rows[1]
+    assert (fault.seed, fault.outcome, fault.cause) == (3, "fault", "process_died")
+    assert "without a result" in fault.reason
+    assert [row.outcome for row in died.rows] == ["reached", "fault", "reached"]
+    assert died.summary["success"] == pytest.approx(2 / 3)
     again = run(plan(2, 3, 4), out, begin="resume", work=samples.fake_run_by_hand)
     assert (again.complete, again.summary["died"], again.exit_code) == (True, 0, 0)
     assert [row.outcome for row in again.rows] == ["reached", "timeout", "reached"]
@@ -191,8 +182,7 @@ def test_a_plugin_that_fails_uninvited_fails_the_suite(tmp_path: Path) -> None:
     assert (done.complete, done.summary["plugin_faults"], done.exit_code) == (True, 4, 1)
 
 
-def test_a_table_that_cannot_be_written_is_in_the_result(tmp_path: Path) -> None:
-    out = SuiteFolder(tmp_path / "out")
+def test_a_table_that_cannot_be_written_is_in_the_result(out: SuiteFolder, tmp_path: Path) -> None:
 
     def lose_the_folder(case: Case, row: RunRow) -> None:
         if row.seed == 3:

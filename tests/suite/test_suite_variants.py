@@ -22,10 +22,8 @@ from navfw.suite import (
     markdown_summary,
     of_variant,
     plan_runs,
-    read_table,
     run_suite,
     summarize,
-    write_table,
 )
 
 SUITE = """\
@@ -104,15 +102,6 @@ def test_a_variant_without_its_package_is_skipped_and_listed(
         plan_of(text, tmp_path, variants=["navground"])
 
 
-def test_the_table_has_a_column_for_variants_only_where_there_are_some(tmp_path: Path) -> None:
-    file = tmp_path / "table.csv"
-    write_table(file, [row(1)])
-    assert "variant" not in file.read_text()
-    assert read_table(file) == [row(1)]
-    write_table(file, [row(1, variant="default"), row(1, variant="paper")])
-    assert [found.variant for found in read_table(file)] == ["default", "paper"]
-
-
 def rows() -> list[RunRow]:
     good = [row(seed, variant="default") for seed in range(8)]
     bad = [row(seed, "reached" if seed < 2 else "stuck", variant="paper") for seed in range(8)]
@@ -167,11 +156,7 @@ def test_a_suite_writes_the_table_of_variants(tmp_path: Path) -> None:
     have = out.open(plan, "abc")
     done = run_suite(plan, out, have=have, work=samples.fake_run, keep="none")
     assert done.complete
-    assert [found.variant for found in read_table(out.table)][::2] == [
-        "default",
-        "paper",
-        "no-memory",
-    ]
+    assert [row.variant for row in out.rows()][::2] == ["default", "paper", "no-memory"]
     summary = json.loads((out.path / "summary.json").read_text())
     assert list(summary["by_variant"]) == ["default", "paper", "no-memory"]
     assert (out.path / "table.md").read_text() == markdown_summary(summary)

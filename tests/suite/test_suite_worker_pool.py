@@ -1,8 +1,11 @@
-"""Worker processes: parallel, single-threaded, replaceable."""
+"""Worker processes: parallel, single-threaded, replaceable; the memory that they hold."""
 
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +14,7 @@ import pytest
 import suite_samples as samples
 
 from navfw.errors import SimulationError
+from navfw.process import peak_memory_mb
 from navfw.suite import Cause, WorkerFailure, WorkerPool
 
 
@@ -56,6 +60,19 @@ def test_processes_are_replaced_after_some_jobs() -> None:
     assert pids[0] == pids[1] != pids[2] == pids[3]
 
 
+def test_a_process_that_is_killed_between_two_jobs_is_replaced() -> None:
+    with WorkerPool(samples.napping, workers=1, limit=60.0) as pool:
+        results = pool.run([0.0, 0.0])
+        pid = next(results)[1]
+        assert isinstance(pid, int)
+        os.kill(pid, signal.SIGKILL)
+        time.sleep(1.0)
+        other = next(results)[1]
+        assert isinstance(other, int)
+        assert other != pid
+        assert list(results) == []
+
+
 def test_workers_use_one_thread_and_the_parent_s_environment_is_unchanged(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -82,3 +99,35 @@ def test_leaving_the_pool_skips_the_remaining_jobs() -> None:
         for _ in pool.run([0.1] * 6000):
             break
     assert time.monotonic() - began < 300.0
+
+
+FRAGMENTS = """
+from pathlib import Path
+from navfw.process.process_memory import return_freed_memory
+
+def resident():
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return int(next(line for line in lines if line.startswith("VmRSS:")).split()[1]) / 1024
+
+pieces = [bytes(4000) for _ in range(25_000)]
+kept = pieces[-1]
+del pieces
+before = resident()
+return_freed_memory()
+print(before, resident())
+"""
+
+
+def test_the_peak_is_no_less_than_what_was_held() -> None:
+    held = bytearray(50_000_000)
+    assert peak_memory_mb() > 50.0
+    assert len(held) == 50_000_000
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="glibc has malloc_trim")
+def test_freed_memory_is_given_back() -> None:
+    done = subprocess.run(  # noqa: S603 - our own text
+        [sys.executable, "-c", FRAGMENTS], capture_output=True, text=True, check=True
+    )
+    before, after = map(float, done.stdout.split())
+    assert after < before - 50.0, "a piece at the end of the heap keeps 100 MB before it"

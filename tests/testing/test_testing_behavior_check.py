@@ -23,8 +23,12 @@ from navfw.testing.behavior_scenes import BehaviorScene, wall_flow
 
 REGISTRY = default_registry()
 # behaviours that need the simulator's truth do not work in a scene
-SHIPPED = [n for n in REGISTRY.names("behavior") if not REGISTRY.get("behavior", n).oracle]
-COMPOSITES = REGISTRY.names("composite")
+SHIPPED = [
+    cls
+    for kind in ("behavior", "composite")
+    for name in REGISTRY.names(kind)
+    if not (cls := REGISTRY.get(kind, name)).oracle
+]
 
 
 COUNT = itertools.count()
@@ -44,24 +48,6 @@ class Stop(Behavior):
         return Proposal(0.5, context.commands.zeros() + 0.2, context.commands.zeros(), "rest")
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_shipped_behaviors_keep_the_contract(name: str) -> None:
-    cls = default_registry().get("behavior", name)
-    assert issubclass(cls, Behavior)
-    check_behavior(cls)
-
-
-def test_a_simple_behavior_passes() -> None:
-    check_behavior(Stop)
-
-
-@pytest.mark.parametrize("name", COMPOSITES)
-def test_shipped_composites_keep_the_contract(name: str) -> None:
-    cls = default_registry().get("composite", name)
-    assert issubclass(cls, Composite)
-    check_composite(cls)
-
-
 class Even(Composite):
     """Gives all primitives the same weight."""
 
@@ -75,8 +61,12 @@ def weighing(weigh: Any, **members: Any) -> type[Composite]:
     return type("Odd", (Even,), {"__doc__": "Odd.", "name": "odd", "weigh": weigh, **members})
 
 
-def test_a_simple_composite_passes() -> None:
-    check_composite(Even)
+@pytest.mark.parametrize("cls", [Stop, Even, *SHIPPED], ids=lambda cls: cls.name)
+def test_shipped_and_simple_plugins_keep_the_contract(cls: type[Behavior | Composite]) -> None:
+    if issubclass(cls, Behavior):
+        check_behavior(cls)
+    else:
+        check_composite(cls)
 
 
 @pytest.mark.parametrize(

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from navfw.errors import UnknownNameError
 from navfw.missions import MissionVerdict, Outcome, measure
-from navfw.numerics import Array
 from navfw.recording import Contact, RunLogger
 from navfw.signals import Pose, Twist
+from navfw.sim import BoxSpec, SceneGeometry, WorldSpec
 from navfw.testing import (
     MissionRun,
     assert_behavior_led,
@@ -21,15 +20,10 @@ from navfw.testing import (
     assert_reached,
     assert_visited,
 )
-from navfw.testing.driven_run import DrivenRun
 from navfw.testing.mission_case import MissionCase
 
-
-class _Wall:
-    """Everything is 0.45 m away."""
-
-    def clearances(self, points: Array) -> Array:
-        return np.full(len(points), 0.45)
+WALL = BoxSpec(name="wall", at=(0.0, 0.55), size=(19.0, 0.2, 1.0))
+"""It is 0.45 m away from the x axis."""
 
 
 @pytest.fixture
@@ -43,7 +37,7 @@ def run() -> MissionRun:
     log = logger.log()
     metrics = measure(
         log,
-        _Wall(),
+        SceneGeometry.from_world(WorldSpec(name="w", x=(-9.0, 9.0), y=(-9.0, 9.0), boxes=(WALL,))),
         start=(0.0, 0.0),
         goal=(2.0, 0.0),
         within=0.5,
@@ -51,7 +45,7 @@ def run() -> MissionRun:
         discs=((0.0, 0.0, 0.2),),
         succeeded=True,
     )
-    driven = DrivenRun(
+    return MissionRun(
         world="hall",
         mission="there",
         stack="default",
@@ -64,26 +58,24 @@ def run() -> MissionRun:
         places={"a": (0.0, 0.0), "b": (2.0, 0.0), "c": (4.0, 0.3), "far": (9.0, 0.0)},
         explanation={},
         log=log,
+        case=MissionCase("hall", "there"),
+        folder=Path("unused"),
     )
-    return MissionRun(MissionCase("hall", "there"), driven, Path("unused"))
 
 
 def test_the_goals_are_reached(run: MissionRun) -> None:
     assert_reached(run)
     verdict = MissionVerdict(Outcome.STUCK, "no way", "turn", 60, 6.0)
-    run.run = replace(run.run, verdict=verdict)
-    with pytest.raises(
-        AssertionError, match=r"reached; stuck after 6\.0 s: no way \(leading .*turn"
-    ):
-        assert_reached(run)
+    stuck = r"reached; stuck after 6\.0 s: no way \(leading .*turn"
+    with pytest.raises(AssertionError, match=stuck):
+        assert_reached(replace(run, verdict=verdict))
 
 
 def test_nothing_is_touched(run: MissionRun) -> None:
     assert_no_collision(run)
     log = replace(run.log, contacts=(Contact(2.5, 2.5, 0.0, "chest"),))
-    run.run = replace(run.run, log=log)
     with pytest.raises(AssertionError, match=r"touched chest at \(2\.50, 0\.00\) after 2\.5 s"):
-        assert_no_collision(run)
+        assert_no_collision(replace(run, log=log))
 
 
 def test_the_clearance_is_kept(run: MissionRun) -> None:

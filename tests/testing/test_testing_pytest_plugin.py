@@ -1,32 +1,225 @@
-"""The pytest plugin: tests that pass, fail, and have a wrong marker."""
+"""The pytest plugin: markers, mission files, the cache, reports; tests that fail as they must."""
 
 from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
+from xml.etree import ElementTree
 
+import numpy as np
 import pytest
+
+from navfw.config import shipped_folder
+from navfw.missions import MissionResult, draw, prepare
+from navfw.testing import mission_cache, mission_run
+from navfw.testing.mission_cache import FILES, DrivenRun, read_run, store_run
+from navfw.testing.mission_case import MissionCase
 
 pytest_plugins = "pytester"
 
-IMPORT = "import pytest\n"
-SHORT = 'set=["mission.timeout=1.5"]'  # every run ends after 1.5 s, as a timeout
+MARKED = """
+import pytest
+
+@pytest.mark.mission(world="empty", mission="straight", set={"mission.timeout": 1.5})
+def test_it(mission):
+"""
+FAULTY = '''
+from typing import ClassVar
+from navfw import Behavior, Context, Proposal
+
+class Hover(Behavior):
+    """Fails."""
+
+    name: ClassVar[str] = "hover"
+
+    def propose(self, context: Context) -> Proposal:
+        return 1 / 0
+'''
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _everything_imported(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Pytester removes modules imported inside it, and numpy cannot be imported twice."""
-    from navfw.missions import draw, prepare
-
     result = prepare("empty", "straight", overrides=["mission.timeout=1.5"]).run()
     draw(result, tmp_path_factory.mktemp("warm") / "trajectory.png")
 
 
+@pytest.fixture
+def drives(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The missions that are driven, in order."""
+    driven: list[str] = []
+
+    def drive(case: MissionCase) -> MissionResult:
+        driven.append(case.label)
+        return original(case)
+
+    original = mission_cache.drive
+    for module in (mission_run, mission_cache):
+        monkeypatch.setattr(module, "drive", drive)
+    return driven
+
+
+def section(done: pytest.RunResult, name: str) -> str:
+    """The value of a line ``name: value`` of the report."""
+    (line,) = [line for line in done.outlines if line.startswith(f"{name}: ")]
+    return line.removeprefix(f"{name}: ")
+
+
+@pytest.mark.thorough
+def test_an_unchanged_mission_is_driven_once(pytester: pytest.Pytester, drives: list[str]) -> None:
+    place = pytester.path / "worlds" / "hall"
+    shutil.copytree(shipped_folder() / "worlds" / "empty", place)
+    (pytester.path / "navfw.toml").touch()
+    text = MARKED.replace("empty", "hall")
+    pytester.makepyfile(text + "    assert mission.outcome == 'timeout' and not mission.cached")
+    pytester.runpytest_inprocess().assert_outcomes(passed=1)
+    pytester.makepyfile(text + "    assert mission.cached and mission.seed")
+    first = pytester.runpytest_inprocess()
+    first.assert_outcomes(failed=1)
+    assert drives == ["straight-seed0"] * 2, "again for the recording of the failed test"
+    assert "taken from pytest's cache" in first.stdout.str()
+    again = pytester.runpytest_inprocess()
+    assert len(drives) == 2, "its run folder is in the cache, too"
+    for done in (first, again):
+        assert Path(section(done, "picture")).read_bytes()[:4] == b"\x89PNG"
+        assert Path(section(done, "recording")).stat().st_size > 1000
+    pytester.runpytest_inprocess("--mission-fresh")
+    assert len(drives) == 3
+    mission = place / "missions" / "straight.yaml"
+    (place / "missions" / "other.yaml").write_text("changed: too")
+    pytester.runpytest_inprocess()
+    assert len(drives) == 3, "no file of this mission has changed"
+    mission.write_text(mission.read_text() + "# changed\n")
+    pytester.runpytest_inprocess()
+    assert len(drives) == 4
+
+
+def test_a_mission_file_is_a_test(pytester: pytest.Pytester) -> None:
+    place = pytester.path / "worlds" / "empty" / "missions"
+    place.mkdir(parents=True)
+    (pytester.path / "navfw.toml").touch()
+    mission = "start: [1, 2, 0]\ngoals: [{x: 1.9, y: 2}]\ntimeout: 20\nsuccess: {within: 1.5}\n"
+    (place / "near.yaml").write_text(mission + "tolerance: 1.0\n")
+    (place / "far.yaml").write_text(mission.replace("20", "1"))
+    (place / "wrong.yaml").write_text(mission + "stack: defalt\n")
+    options = ("-p", "no:cacheprovider", "worlds")
+    pytester.runpytest_inprocess(*options).assert_outcomes()
+    pytester.makeini("[pytest]\nnavfw_missions =\n  worlds/*/missions/*r.yaml\n")
+    done = pytester.runpytest_inprocess(*options, "--mission-seeds", "0:2")
+    done.assert_outcomes(passed=2, failed=2)
+    done.stdout.fnmatch_lines(
+        [
+            "expected the goal to be reached; timeout after 1.0 s*",
+            "stack:   default (neither test nor mission names one)",
+        ]
+    )
+    done = pytester.runpytest_inprocess(*options, "-o", "navfw_missions=missions/wrong.yaml")
+    done.assert_outcomes(errors=1)
+    assert "did you mean 'default'?" in done.stdout.str()
+
+
+def test_reports_carry_the_run(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(MARKED + "    assert mission.outcome == 'reached'")
+    done = pytester.runpytest_inprocess("-p", "no:cacheprovider", "--junit-xml", "report.xml")
+    tree = ElementTree.parse(pytester.path / "report.xml")  # noqa: S314 - written by pytest
+    found = {p.get("name"): str(p.get("value")) for p in tree.iter("property")}
+    assert found["outcome"] == "timeout"
+    assert "1.5 s" in found["reason"]
+    assert (found["stack"], found["seed"], len(found["command_hash"])) == ("default", "0", 64)
+    assert found["picture"] == section(done, "picture")
+    assert found["recording"] == section(done, "recording")
+    picture = Path(found["picture"])
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    result = json.loads((picture.parent / "result.json").read_text())
+    assert (result["outcome"], result["seed"]) == ("timeout", 0)
+    of_run = ["*- mission -*", "empty/straight, seed 0", "outcome: timeout after 1.5 s*"]
+    decisions = ["the last decisions:", "*leads", "the last command:", "  at *led by*"]
+    done.stdout.fnmatch_lines([*of_run, "reason: *1.5*", *decisions])
+
+
+def test_a_fault_of_a_plugin_fails_the_test(pytester: pytest.Pytester) -> None:
+    (pytester.path / "behaviors").mkdir()
+    (pytester.path / "navfw.toml").touch()
+    (pytester.path / "behaviors" / "hover.py").write_text(FAULTY)
+    marker = '@pytest.mark.mission("empty", "straight", set=["mission.timeout=1.5"'
+    tests = (
+        f"{marker}, 'behaviors.hover='])\ndef test_a(mission):\n    assert mission.faults\n"
+        f"{marker}, 'behaviors.hover='], allow_faults=True)\n"
+        "def test_b(mission):\n    assert 'in propose: return 1 / 0' in mission.faults[0]"
+    )
+    pytester.makepyfile("import pytest\n" + tests)
+    done = pytester.runpytest_inprocess("-p", "no:cacheprovider")
+    done.assert_outcomes(passed=1, failed=1)
+    fault = "behavior hover: ZeroDivisionError: division by zero (behaviors/hover.py:11, in propose"
+    done.stdout.fnmatch_lines(
+        ["a plugin faulted; *allow_faults=True*", f"  {fault}: return 1 / 0) (*first at*"]
+    )
+
+
+def test_more_seeds_widen_every_mission(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(MARKED + "    pass")
+    options = ("-p", "no:cacheprovider", "--collect-only", "-q")
+    done = pytester.runpytest_inprocess(*options, "--mission-seeds", "0:3")
+    assert [line for line in done.outlines if "straight" in line] == [
+        f"test_more_seeds_widen_every_mission.py::test_it[straight-seed{seed}]" for seed in range(3)
+    ]
+    done = pytester.runpytest_inprocess(*options, "--mission-seeds", "3")
+    assert done.ret == pytest.ExitCode.USAGE_ERROR
+    done.stderr.fnmatch_lines(["*--mission-seeds: expected A:B*"])
+
+
+def test_the_stack_of_the_mission_counts_unless_the_test_names_one(
+    pytester: pytest.Pytester,
+) -> None:
+    marker = '@pytest.mark.mission("office", "patrol", set="mission.timeout=1"'
+    text = f"{marker})\ndef test_a(mission):\n    assert mission.stack == 'default'\n"
+    text += f"{marker}, stack='default')\ndef test_b(mission):\n    assert mission.stack == ''\n"
+    pytester.makepyfile("import pytest\n" + text)
+    done = pytester.runpytest_inprocess("-p", "no:cacheprovider")
+    done.assert_outcomes(failed=2)
+    done.stdout.fnmatch_lines(["stack:   landmarks (named by the mission)"])
+    done.stdout.fnmatch_lines(["stack:   default (named by the test)"])
+
+
+def test_a_stored_run_is_the_same(tmp_path: Path) -> None:
+    result = prepare("empty", "straight", overrides={"mission.timeout": 1.5}).run()
+    run = DrivenRun.of(result)
+    store_run(run, tmp_path)
+    read = read_run(tmp_path)
+    assert read is not None
+    assert read.log.command_hash == result.run.log.command_hash
+    assert read.metrics == result.metrics
+    assert (read.verdict, read.log.waypoints) == (result.run.verdict, result.run.log.waypoints)
+    assert np.array_equal(read.log.leader, result.run.log.leader)
+    for name in FILES:
+        whole = (tmp_path / name).read_bytes()
+        (tmp_path / name).write_bytes(whole[: len(whole) // 2])
+        assert read_run(tmp_path) is None
+        (tmp_path / name).write_bytes(whole)
+    assert read_run(tmp_path / "none") is None
+
+
+@pytest.mark.slow
+def test_workers_of_xdist_share_the_runs(pytester: pytest.Pytester) -> None:
+    text = (
+        MARKED + "    with open('driven', 'a') as file:\n        print(mission.cached, file=file)"
+    )
+    pytester.makepyfile(test_a=text, test_b=text)
+    pytester.runpytest_subprocess("-n", "2", "--dist", "loadfile").assert_outcomes(passed=2)
+    assert sorted((pytester.path / "driven").read_text().split()) == ["False", "True"]
+
+
+IMPORT = "import pytest\n"
+SHORT = 'set=["mission.timeout=1.5"]'  # every run ends after 1.5 s, as a timeout
+
+
 def outcomes(pytester: pytest.Pytester, text: str, *options: str) -> pytest.RunResult:
-    pytester.makepyfile(IMPORT + text)
+    pytester.makepyfile(IMPORT + textwrap.dedent(text))
     return pytester.runpytest_inprocess("-p", "no:cacheprovider", *options)
 
 
@@ -37,13 +230,10 @@ def test_one_test_for_each_mission_and_seed(pytester: pytest.Pytester) -> None:
     def test_it(mission):
         pass
     """
-    done = outcomes(pytester, _dedent(marker), "--collect-only", "-q")
+    done = outcomes(pytester, marker, "--collect-only", "-q")
     lines = [line for line in done.outlines if "::" in line]
     assert [line.split("::")[1] for line in lines] == [
-        "test_it[straight-seed1]",
-        "test_it[straight-seed2]",
-        "test_it[turn-back-seed1]",
-        "test_it[turn-back-seed2]",
+        f"test_it[{name}-seed{seed}]" for name in ("straight", "turn-back") for seed in (1, 2)
     ]
 
 
@@ -63,30 +253,7 @@ def test_the_fixture_gives_outcome_metrics_path_and_commands(pytester: pytest.Py
             from navfw.testing.pytest_plugin import RUNS
             assert len(request.config.stash[RUNS]) == 1
     """
-    outcomes(pytester, _dedent(text)).assert_outcomes(passed=2)
-
-
-def test_a_failure_shows_outcome_reason_and_picture(pytester: pytest.Pytester) -> None:
-    text = f"""
-    @pytest.mark.mission(world="empty", mission="straight", seeds=[4], {SHORT})
-    def test_it(mission):
-        assert mission.outcome == "reached"
-    """
-    done = outcomes(pytester, _dedent(text))
-    done.assert_outcomes(failed=1)
-    done.stdout.fnmatch_lines(
-        [
-            "*- mission -*",
-            "empty/straight, seed 4",
-            "outcome: timeout after 1.5 s*",
-            "reason: *1.5*",
-        ]
-    )
-    (line,) = [line for line in done.outlines if line.startswith("picture: ")]
-    picture = Path(line.removeprefix("picture: "))
-    assert picture.read_bytes()[:4] == b"\x89PNG"
-    result = json.loads((picture.parent / "result.json").read_text())
-    assert (result["outcome"], result["seed"]) == ("timeout", 4)
+    outcomes(pytester, text).assert_outcomes(passed=2)
 
 
 def test_a_passing_test_leaves_no_folder_by_default(pytester: pytest.Pytester) -> None:
@@ -95,15 +262,15 @@ def test_a_passing_test_leaves_no_folder_by_default(pytester: pytest.Pytester) -
     def test_it(mission, tmp_path_factory):
         assert not list(tmp_path_factory.getbasetemp().rglob("result.json"))
     """
-    outcomes(pytester, _dedent(text)).assert_outcomes(passed=1)
+    outcomes(pytester, text).assert_outcomes(passed=1)
     text = text.replace("assert not", "pass #")
-    outcomes(pytester, _dedent(text), "--mission-runs", "kept").assert_outcomes(passed=1)
+    outcomes(pytester, text, "--mission-runs", "kept").assert_outcomes(passed=1)
     (folder,) = (pytester.path / "kept").iterdir()
     assert folder.name.startswith("empty-straight-0-")
     assert (folder / "trajectory.png").exists()
 
 
-CANNOT_BE_DRIVEN = {
+WRONG = {
     'world="empty", mission="straigth"': "did you mean 'straight'?",
     'world="emty", mission="straight"': "did you mean 'empty'?",
     'world="empty", mission="straight", stack="defalt"': "did you mean 'default'?",
@@ -111,19 +278,23 @@ CANNOT_BE_DRIVEN = {
     'world="empty", mission="straight", set={"avoid.latancy": 1}': "did you mean 'latency'?",
     'world="empty", mission="straight", set="sensors.preset=best"': "perfect",
     'world="empty", mission="straight", set={"mission.timeout": object()}': "plain data",
+    'world="empty"': "missing argument: mission",
+    'mission="straight"': "missing argument: world",
+    'world="empty", mission="straight", seed=1': "did you mean 'seeds'?",
+    'world="empty", mission="straight", seeds=[]': "at least one",
+    'world="empty", mission="straight", seeds=["a"]': "whole number",
+    'world="empty", mission="straight", seeds=[True]': "whole number",
 }
 
 
-def test_a_mission_that_cannot_be_driven_is_told_when_collecting(
-    pytester: pytest.Pytester,
-) -> None:
-    for number, marker in enumerate(CANNOT_BE_DRIVEN):
+def test_a_wrong_marker_is_reported_when_collecting(pytester: pytest.Pytester) -> None:
+    for number, marker in enumerate(WRONG):
         text = f"{IMPORT}@pytest.mark.mission({marker})\ndef test_it(mission):\n    pass\n"
-        pytester.path.joinpath(f"test_{number}.py").write_text(text)
+        pytester.path.joinpath(f"test_{number:02d}.py").write_text(text)
     done = pytester.runpytest_inprocess("-p", "no:cacheprovider")
-    done.assert_outcomes(errors=len(CANNOT_BE_DRIVEN))
+    done.assert_outcomes(errors=len(WRONG))
     sections = done.stdout.str().split("ERROR collecting test_")[1:]
-    for section, message in zip(sections, CANNOT_BE_DRIVEN.values(), strict=True):
+    for section, message in zip(sections, WRONG.values(), strict=True):
         assert message in section
         assert "Traceback" not in section
 
@@ -136,27 +307,6 @@ def test_what_is_wrong_is_told_once(pytester: pytest.Pytester) -> None:
     done = pytester.runpytest_inprocess("-p", "no:cacheprovider", "-rN")
     done.assert_outcomes(errors=1)
     assert done.stdout.str().count("did you mean 'empty'?") == 1
-
-
-MISWRITTEN = {
-    'world="empty"': "missing argument: mission",
-    'mission="straight"': "missing argument: world",
-    'world="empty", mission="straight", seed=1': "did you mean 'seeds'?",
-    'world="empty", mission="straight", seeds=[]': "at least one",
-    'world="empty", mission="straight", seeds=["a"]': "whole number",
-    'world="empty", mission="straight", seeds=[True]': "whole number",
-}
-
-
-def test_a_miswritten_marker_is_reported_when_collecting(pytester: pytest.Pytester) -> None:
-    for number, marker in enumerate(MISWRITTEN):
-        text = f"{IMPORT}@pytest.mark.mission({marker})\ndef test_it(mission):\n    pass\n"
-        pytester.path.joinpath(f"test_{number}.py").write_text(text)
-    done = pytester.runpytest_inprocess("-p", "no:cacheprovider")
-    done.assert_outcomes(errors=len(MISWRITTEN))
-    sections = done.stdout.str().split("ERROR collecting test_")[1:]
-    for section, message in zip(sections, MISWRITTEN.values(), strict=True):
-        assert message in section
 
 
 def test_the_fixture_without_a_marker_reports_it(pytester: pytest.Pytester) -> None:
@@ -181,12 +331,6 @@ print([name for name in heavy if name in sys.modules])
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
     )
     assert done.stdout.strip() == "[]"
-
-
-def _dedent(text: str) -> str:
-    import textwrap
-
-    return textwrap.dedent(text)
 
 
 REGISTRY = """

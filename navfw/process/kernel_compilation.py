@@ -1,0 +1,289 @@
+"""Kernels compiled ahead of need, on all cores, by one process at a time for each cache folder.
+
+``kernels.json`` lists the functions that Python calls, by module, each with its signatures;
+``tests/helpers/kernel_recording.py`` writes it from drives. What they call is compiled with them. A
+kernel or a signature that is not listed is compiled when it is first called.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import json
+import multiprocessing
+import os
+import re
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import networkx
+import numba
+from numba.extending import is_jitted
+
+from navfw.process.interruption import check_interrupted
+from navfw.process.target_lock import TargetInUseError, TargetLock
+
+PERIOD = 0.5
+"""Wall time [s] between two reports while nothing is finished."""
+
+KERNEL_FILE = Path(__file__).with_name("kernels.json")
+"""Module: function: its signatures."""
+
+_types: Any = numba.types
+
+_SCALARS = {
+    str(scalar): scalar
+    for scalar in (
+        _types.boolean,
+        _types.int8,
+        _types.int32,
+        _types.int64,
+        _types.uint8,
+        _types.float32,
+        _types.float64,
+    )
+}
+_ARRAY = re.compile(r"(readonly )?array\((\w+), (\d)d, ([CFA])\)")
+_UNIFORM = re.compile(r"UniTuple\((\w+) x (\d+)\)")
+_MIXED = re.compile(r"Tuple\((.+)\)")
+
+
+def parse_types(text: str) -> tuple[Any, ...]:
+    """The numba types that ``text`` names, separated by commas; "" names none.
+
+    Raises:
+        ValueError: a name is not understood.
+
+    """
+    return tuple(_parse(name) for name in _names(text))
+
+
+def _names(text: str) -> Iterator[str]:
+    """Split ``text`` at those commas that are in no parentheses."""
+    depth, begin = 0, 0
+    for place, letter in enumerate(text):
+        depth += (letter == "(") - (letter == ")")
+        if letter == "," and depth == 0:
+            yield text[begin:place].strip()
+            begin = place + 1
+    if text:
+        yield text[begin:].strip()
+
+
+def _parse(name: str) -> Any:
+    if name in _SCALARS:
+        return _SCALARS[name]
+    if match := _ARRAY.fullmatch(name):
+        readonly, element, dimensions, layout = match.groups()
+        return _types.Array(_parse(element), int(dimensions), layout, readonly=bool(readonly))
+    if match := _UNIFORM.fullmatch(name):
+        return _types.UniTuple(_parse(match[1]), int(match[2]))
+    if match := _MIXED.fullmatch(name):
+        return _types.Tuple(parse_types(match[1]))
+    raise ValueError(f"no type of a kernel's argument: {name!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class Kernel:
+    """A compiled function: numba's dispatcher, and the argument types to compile it for."""
+
+    name: str
+    function: Any
+    signatures: tuple[tuple[Any, ...], ...]
+
+    @property
+    def missing(self) -> bool:
+        """Whether numba's cache on disk lacks a signature, or is older than the source."""
+        cache = self.function._cache
+        if not hasattr(cache, "_cache_file"):
+            return False  # numba found no folder to write to: nothing can be kept
+        stored = cache._cache_file._load_index()
+        codegen = self.function.targetctx.codegen()
+        return any(cache._index_key(types, codegen) not in stored for types in self.signatures)
+
+    @property
+    def cache_folder(self) -> Path:
+        """The folder into which numba writes the compiled function."""
+        return Path(self.function._cache.cache_path)
+
+    @property
+    def calls(self) -> set[Any]:
+        """The compiled functions that it calls, directly or not, and itself."""
+        called, new = {self.function}, [self.function]
+        while new:
+            code = new.pop().py_func
+            globals_ = (code.__globals__.get(name) for name in code.__code__.co_names)
+            new += [value for value in globals_ if is_jitted(value) and value not in called]
+            called.update(new)
+        return called
+
+    @property
+    def size(self) -> int:
+        """Length of the byte code that is compiled [byte]: the time grows with it."""
+        length = sum(len(function.py_func.__code__.co_code) for function in self.calls)
+        return length * len(self.signatures)
+
+    def compile(self) -> None:
+        """Compile what the cache lacks, and keep it there."""
+        for types in self.signatures:
+            self.function.compile(types)
+
+
+def listed_kernels(loaded: bool = False) -> list[Kernel]:
+    """The kernels of ``kernels.json``; with ``loaded`` those of the modules imported by now.
+
+    None where numba does not compile (NUMBA_DISABLE_JIT).
+    """
+    return list(_kernels(json.loads(KERNEL_FILE.read_text(encoding="utf-8")), loaded))
+
+
+def _kernels(content: dict[str, dict[str, list[str]]], loaded: bool) -> Iterator[Kernel]:
+    for module, functions in content.items():
+        if loaded and module not in sys.modules:
+            continue
+        space = vars(importlib.import_module(module))
+        for name, signatures in functions.items():
+            if is_jitted(space[name]):
+                types = tuple(parse_types(signature) for signature in signatures)
+                yield Kernel(f"{module}.{name}", space[name], types)
+
+
+def groups_of(kernels: Sequence[Kernel]) -> list[list[Kernel]]:
+    """The kernels in groups that have no function in common, the largest first.
+
+    Two processes that compile different groups compile no function twice.
+    """
+    graph = networkx.Graph()
+    by_function = {kernel.function: kernel for kernel in kernels}
+    for kernel in kernels:
+        graph.add_edges_from((kernel.function, called) for called in kernel.calls)
+    groups = (
+        [kernel for function, kernel in by_function.items() if function in component]
+        for component in networkx.connected_components(graph)
+    )
+    return sorted(groups, key=lambda group: sum(kernel.size for kernel in group), reverse=True)
+
+
+# --- compilation ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class CompilationState:
+    """``done`` of ``total`` kernels are compiled; ``now`` says what is being compiled."""
+
+    done: int
+    total: int
+    now: str
+
+
+Report = Callable[[CompilationState], object]
+
+
+def compile_kernels(report: Report | None = None, *, loaded: bool = False) -> int:
+    """Compile the listed kernels that are not compiled yet; returns their number.
+
+    With ``loaded`` those of imported modules. ``report`` is called only if there are any, every
+    ``PERIOD``. While another process compiles, this one waits and compiles nothing. In a process
+    that may not have children, the kernels are compiled here, one after the other.
+
+    Raises:
+        KeyboardInterrupt: a signal has arrived; what was compiled by then is kept.
+
+    """
+    show = report or (lambda state: None)
+    missing = [kernel for kernel in listed_kernels(loaded) if kernel.missing]
+    if not missing:
+        return 0
+    folder = missing[0].cache_folder.parent / "kernels"
+    lock = TargetLock(folder.absolute())
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):  # not writable: every process compiles for itself
+            _wait_for(lock, missing, show)
+            stack.callback(lock.release)
+        missing = [kernel for kernel in missing if kernel.missing]
+        if multiprocessing.current_process().daemon:
+            for kernel in missing:
+                kernel.compile()
+        elif missing:
+            _compile_groups(groups_of(missing), show)
+    return len(missing)
+
+
+def _wait_for(lock: TargetLock, missing: Sequence[Kernel], show: Report) -> None:
+    """Take the lock; meanwhile show what its holder has compiled."""
+    while True:
+        try:
+            lock.acquire(PERIOD)
+        except TargetInUseError:
+            check_interrupted()
+            done = sum(not kernel.missing for kernel in missing)
+            show(CompilationState(done, len(missing), "by another process"))
+        else:
+            return
+
+
+def _compile_groups(groups: Sequence[Sequence[Kernel]], show: Report) -> None:
+    """Compile ``groups`` in a process for each core, forked, so that they need no imports.
+
+    If one of the processes dies, the rest is compiled when it is called.
+    """
+    workers, total, done = min(_cores(), len(groups)), sum(map(len, groups)), 0
+    context = multiprocessing.get_context("fork")
+    with ProcessPoolExecutor(workers, context, _begin_worker, (groups,)) as pool:
+        futures = {}
+        try:
+            with contextlib.suppress(BrokenProcessPool):
+                futures = {pool.submit(_compile, n): group for n, group in enumerate(groups)}
+            unfinished = set(futures)
+            while unfinished:
+                running = (group for future, group in futures.items() if future.running())
+                names = (group[0].name for group in islice(running, workers))
+                now = ", ".join(name.removeprefix("navfw.") for name in names)
+                show(CompilationState(done, total, now))
+                finished, unfinished = wait(unfinished, PERIOD, return_when=FIRST_COMPLETED)
+                done += sum(len(futures[f]) for f in finished if f.exception() is None)
+                check_interrupted()
+        except BaseException:
+            for process in (pool._processes or {}).values():
+                process.terminate()
+            raise
+    show(CompilationState(done, total, ""))
+
+
+def _cores() -> int:
+    """The number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+# --- in a worker process --------------------------------------------------------------------------
+
+_groups: Sequence[Sequence[Kernel]] = ()
+
+
+def _begin_worker(groups: Sequence[Sequence[Kernel]]) -> None:
+    global _groups  # noqa: PLW0603 - numba's functions are inherited, as they cannot be sent
+    _groups = groups
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all: the parent decides
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    if (parent := multiprocessing.parent_process()) is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _compile(number: int) -> None:
+    for kernel in _groups[number]:
+        kernel.compile()
