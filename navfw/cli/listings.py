@@ -42,7 +42,7 @@ def kinds(ctx: typer.Context, json: Json = False) -> None:
     if ctx.invoked_subcommand is not None:
         return
     from navfw.config.lookup import list_files, plugin_files, plugin_folders
-    from navfw.plugins.registry import BUILT_IN
+    from navfw.plugins.built_in import BUILT_IN
 
     counts = {
         kind.plural: len(list_files(kind.name)) for kind in FILE_KINDS.values() if kind.plural
@@ -77,17 +77,28 @@ def _lister(kind: FileKind) -> Callable[[bool], None]:
 def plugins(
     kind: Annotated[
         str | None,
-        typer.Option("--kind", help="Only plugins of this kind: behavior, flow, planner, ..."),
+        typer.Option("--kind", help="Of one kind alone, with parameters: behavior, flow, ..."),
     ] = None,
+    parameters: Annotated[
+        bool, typer.Option("--parameters", help="List parameters, and verify navfw's own plugins.")
+    ] = False,
     json: Json = False,
 ) -> None:
-    """List the plugins with their parameters. Exit with 2 if one is broken; its error is listed."""
-    with quiet_stdout():
-        from navfw.plugins.registry import check_kind, default_registry
+    """List the plugins. Exit with 2 if one is broken; its error is listed.
 
-        if kind is not None:
-            check_kind(kind)  # before any plugin is imported
-        rows = default_registry().listing(kind)
+    With --parameters, --kind or --json their parameters are listed, too.
+    """
+    with quiet_stdout():
+        if kind is None and not (parameters or json):
+            from navfw.plugins.plugin_overview import overview
+
+            rows = overview()
+        else:
+            from navfw.plugins.registry import check_kind, default_registry
+
+            if kind is not None:
+                check_kind(kind)  # before any plugin is imported
+            rows = default_registry().listing(kind)
     if json:
         print_json(rows)
     else:
@@ -166,12 +177,12 @@ def _print_plugins(rows: list[Row]) -> None:
             continue
         out.print(Text(f"    {row['summary']}"))
         table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
-        for parameter in row["parameters"]:
+        for parameter in row.get("parameters", ()):
             default = "required" if parameter["required"] else f"= {_cell(parameter['default'])}"
             texts = (parameter["name"], parameter["type"], default)
             about = (parameter["bounds"], parameter["description"])
             table.add_row("     ", *(Text(text) for text in (*texts, *about)))
-        if row["parameters"]:
+        if table.rows:
             out.print(table)
-        for note in row["notes"]:
+        for note in row.get("notes", ()):
             out.print(Text(f"    note: {note}", style="yellow"))

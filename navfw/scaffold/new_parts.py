@@ -23,7 +23,7 @@ from navfw.config.lookup import (
     project_folder,
 )
 from navfw.errors import ConfigError
-from navfw.plugins.registry import BUILT_IN
+from navfw.plugins.built_in import BUILT_IN
 from navfw.process.atomic import write_text
 from navfw.scaffold.new_project import TEMPLATES
 from navfw.scaffold.part_kinds import PARTS, NameRule

@@ -40,6 +40,7 @@ def imported_by(command: str) -> set[str]:
         "list worlds",
         "list missions office",
         "list maps",
+        "list plugins",
         "list stacks --json",
     ],
 )

@@ -169,6 +169,10 @@ def test_plugins_of_all_kinds_are_listed_in_the_order_of_the_kinds() -> None:
         (["list", "robots"], ["default", "160 x 120, 90 deg", "broken: robots/torn.yaml:1"]),
         (
             ["list", "plugins"],
+            ["hover", "Keeps its position.", "broken: behaviors/bad.py:1", "dis", "flow"],
+        ),
+        (
+            ["list", "plugins", "--parameters"],
             ["hover", "> 0", "above the floor [m]", "= 0.5", "broken: behaviors/bad.py:1", "flow"],
         ),
     ],

@@ -6,14 +6,18 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from plugins_samples import put
 
 from navfw.interfaces import KINDS
-from navfw.plugins import BUILT_IN, default_registry
+from navfw.plugins import BUILT_IN, default_registry, overview
 
 
-def test_all_shipped_plugins_work() -> None:
+def test_all_shipped_plugins_work_and_the_overview_reads_the_same_of_their_source() -> None:
+    assert list(BUILT_IN) == list(KINDS)
     registry = default_registry()
+    rows = overview()
+    assert rows == [{name: row[name] for name in rows[0]} for row in registry.listing()]
     assert registry.names("flow") == sorted(BUILT_IN["flow"])
     shipped = [
         row for row in registry.listing() if row["source"].startswith(("navfw", "behaviors"))
@@ -50,3 +54,26 @@ def test_a_new_registry_imports_neither_simulator_nor_built_in_plugins() -> None
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"
+
+
+def test_the_overview_verifies_the_plugins_of_a_project(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder.parent / "navfw.toml").touch()
+    put(folder, "one")
+    put(folder, "avoid")
+    monkeypatch.chdir(folder.parent)
+    rows = overview()
+    assert [row["name"] for row in rows if "parameters" in row] == ["avoid", "one"]
+    (broken,) = (row for row in rows if row["error"])
+    assert (broken["source"], "already taken" in broken["error"]) == ("behaviors/avoid.py", True)
+
+
+def test_the_overview_verifies_all_where_a_shipped_file_cannot_be_parsed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(folder, "bad", "def f(:\n")
+    monkeypatch.setattr("navfw.plugins.plugin_overview.shipped_folder", lambda: folder.parent)
+    monkeypatch.setattr("navfw.config.lookup.shipped_folder", lambda: folder.parent)
+    (broken,) = (row for row in overview() if row["error"])
+    assert (broken["name"], "SyntaxError" in broken["error"]) == ("bad", True)

@@ -13,7 +13,6 @@ from plugins_samples import GOOD, Mine, statuses
 from navfw.errors import PluginError
 from navfw.interfaces import KINDS
 from navfw.plugins import GROUPS, Registry, default_registry
-from navfw.plugins import registry as registry_module
 
 
 @pytest.fixture
@@ -100,7 +99,7 @@ def test_installed_entry_points_are_discovered(monkeypatch: pytest.MonkeyPatch) 
     installed = EntryPoints(
         [others, point("nowhere:Hover"), point("nowhere:Flow", "lucid", "navfw.flows")]
     )
-    monkeypatch.setattr(registry_module, "entry_points", lambda: installed)
+    monkeypatch.setattr("navfw.plugins.built_in.entry_points", lambda: installed)
     registry = default_registry()
     assert "lucid" in registry.names("flow")
     assert not any("other" in registry.names(kind) for kind in GROUPS.values())
