@@ -24,12 +24,8 @@ _SPLITS = ("tuning", "test", "all")
 def add_to(app: typer.Typer) -> None:
     """Add ``bench`` with its commands."""
     group = typer.Typer(help="Measure accuracy and computing time.", no_args_is_help=True)
-    group.command()(loop)
-    group.command()(perception)
-    group.command()(flow)
-    group.command()(real)
-    group.command()(planning)
-    group.command()(landmarks)
+    for command in (loop, perception, flow, real, planning, landmarks):
+        group.command()(command)
     app.add_typer(group, name="bench")
 
 
@@ -37,12 +33,12 @@ def _bench(
     command: str,
     options: Mapping[str, object],
     measure: Callable[[ProgressCallback], dict[str, Any]],
-    show: Callable[[dict[str, Any]], None],
+    tables: Callable[[dict[str, Any]], Iterable[ResultTable]] | None,
     *,
     json: bool,
     quiet: bool,
 ) -> dict[str, Any]:
-    """Measure with a progress bar, add the provenance, and print the result as JSON or ``show`` it.
+    """Measure with a progress bar, add the provenance, and print the result as JSON or ``tables``.
 
     ``options`` are those that repeat the measurement.
     """
@@ -54,8 +50,8 @@ def _bench(
         result["provenance"] = provenance(f"navfw bench {command}", options)
     if json:
         print_json(result)
-    else:
-        show(result)
+    elif tables is not None:
+        print_tables(tables(result))
     return result
 
 
@@ -82,13 +78,9 @@ def loop(
     options |= {} if robot is None else {"robot": robot}
     options |= {"seconds": f"{seconds:g}", "repeats": repeats}
     measure = partial(bench_loop, session, seconds, repeats)
-    _bench("loop", options, measure, _print_loop, json=json, quiet=quiet)
-
-
-def _print(
-    tables: Callable[[dict[str, Any]], Iterable[ResultTable]], result: dict[str, Any]
-) -> None:
-    print_tables(tables(result))
+    result = _bench("loop", options, measure, None, json=json, quiet=quiet)
+    if not json:
+        _print_loop(result)
 
 
 def _print_loop(result: dict[str, Any]) -> None:
@@ -168,7 +160,7 @@ def perception(
     options |= {"seed": seed} | ({"data": "DIR"} if data else {})
     sizes = SampleSizes(poses=poses, comparisons=comparisons, places=places)
     measure = partial(bench_perception, sizes, seed, workers or usable_cores(), recorded)
-    result = _bench("perception", options, measure, partial(_print, tables), json=json, quiet=quiet)
+    result = _bench("perception", options, measure, tables, json=json, quiet=quiet)
     if folder is not None:
         with quiet_stdout(), folder:
             write_page(result, folder.path)
@@ -191,7 +183,7 @@ def planning(
 
     options = {"places": places, "repeats": repeats, "seed": seed}
     measure = partial(bench_planning, places, repeats, seed)
-    _bench("planning", options, measure, partial(_print, tables), json=json, quiet=quiet)
+    _bench("planning", options, measure, tables, json=json, quiet=quiet)
 
 
 def flow(
@@ -234,7 +226,7 @@ def flow(
         return bench_flow_sets(sets, report=report)
 
     options = {"places": places, "seed": seed, "part": part} | ({"data": "DIR"} if data else {})
-    _bench("flow", options, measure, partial(_print, tables), json=json, quiet=quiet)
+    _bench("flow", options, measure, tables, json=json, quiet=quiet)
 
 
 def landmarks(
@@ -251,7 +243,7 @@ def landmarks(
 
     options = {"views": views, "seed": seed}
     measure = partial(bench_landmarks, views, seed)
-    _bench("landmarks", options, measure, partial(_print, tables), json=json, quiet=quiet)
+    _bench("landmarks", options, measure, tables, json=json, quiet=quiet)
 
 
 def real(
@@ -276,4 +268,4 @@ def real(
     names = flow or [PerceiverOptions().flow, "dis", "lucas_kanade", "farneback"]
     options = {"data": "DIR", "split": split}
     measure = partial(bench_real, data, split, names, registry)
-    _bench("real", options, measure, partial(_print, tables), json=json, quiet=quiet)
+    _bench("real", options, measure, tables, json=json, quiet=quiet)

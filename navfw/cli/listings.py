@@ -64,8 +64,6 @@ def missions(world: World, json: Json = False) -> None:
 
 
 def _lister(kind: FileKind) -> Callable[[bool], None]:
-    """The command that lists the files of a kind."""
-
     def command(json: Json = False) -> None:
         from navfw.config.lookup import list_files
 

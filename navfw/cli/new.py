@@ -41,8 +41,6 @@ def project(
 
 
 def _writer(kind: str) -> Callable[[str], None]:
-    """The command that writes a part of a kind."""
-
     def write(name: _Name) -> None:
         from navfw.scaffold.new_parts import write_part
 

@@ -8,18 +8,14 @@ from typing import Annotated
 import typer
 
 from navfw.cli.options import Json, Recorded, Video
-from navfw.cli.output import print_json, print_status, quiet_stdout
+from navfw.cli.output import print_json, print_result, print_status, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar
 
 VIDEO = "--video"
 """The option, for messages."""
 
 
-def replay(
-    folder: Recorded,
-    video: Video = None,
-    json: Json = False,
-) -> None:
+def replay(folder: Recorded, video: Video = None, json: Json = False) -> None:
     """Run the stack on recorded readings. Exit with 1 if the commands differ."""
     with quiet_stdout():
         from navfw.recording.run_replay import replay as run_again
@@ -30,26 +26,21 @@ def replay(
         result = run_again(folder)
         if video is not None:
             write_video(folder, video, quiet=json)
-    if json:
-        print_json(
-            {
-                "command_hash": result.command_hash,
-                "recorded_hash": result.recorded_hash,
-                "same": result.same,
-                "ticks": result.ticks,
-                "first_difference": result.first_difference,
-                "complete": result.complete,
-            }
-        )
-    else:
-        ending = "" if result.complete else " (the recording ends before its run did)"
-        if result.same:
-            typer.echo(f"same commands in all {result.ticks} ticks{ending}")
-        else:
-            first = result.first_difference
-            typer.echo(f"different commands from tick {first} of {result.ticks} on{ending}")
-            typer.echo(f"  recorded  {result.recorded_hash}")
-        typer.echo(f"  commands  {result.command_hash}")
+    data = {
+        "command_hash": result.command_hash,
+        "recorded_hash": result.recorded_hash,
+        "same": result.same,
+        "ticks": result.ticks,
+        "first_difference": result.first_difference,
+        "complete": result.complete,
+    }
+    ending = "" if result.complete else " (the recording ends before its run did)"
+    lines = [f"same commands in all {result.ticks} ticks{ending}"]
+    if not result.same:
+        first = result.first_difference
+        lines = [f"different commands from tick {first} of {result.ticks} on{ending}"]
+        lines.append(f"  recorded  {result.recorded_hash}")
+    print_result(data, [*lines, f"  commands  {result.command_hash}"], json=json)
     raise typer.Exit(0 if result.same else 1)
 
 

@@ -142,6 +142,7 @@ def _write_of_suites(
     """Write the report of one suite or of two, and those of their recorded runs."""
     from navfw.process.atomic import output_file, write_text
     from navfw.recording.run_folder import REPORT, RESULT
+    from navfw.report.suite_page import comparison_report, suite_report
     from navfw.suite.suite_folder import COMPARISON, SuiteFolder
 
     suites = [SuiteFolder(folder) for folder in folders]
@@ -155,22 +156,15 @@ def _write_of_suites(
     if any(of_run):
         what = "is the folder of a run; two suites can be compared"
         raise InputError(what, file=folders[of_run.index(True)])
-    text, notes = _suite_text(suites, variants, target.parent)
+    text, notes = (
+        suite_report(suites[0], target.parent)
+        if len(suites) == 1
+        else comparison_report(suites[0], suites[1], target.parent, variants)
+    )
     for suite in suites:
         notes += _write_run_reports(suite, bar)
     write_text(target, text)
     return target, notes
-
-
-def _suite_text(suites: list[SuiteFolder], variants: Variants, page: Path) -> tuple[str, list[str]]:
-    """The page of one suite, or of two; and what is wrong with pictures."""
-    if len(suites) == 1:
-        from navfw.report.suite_page import suite_report
-
-        return suite_report(suites[0], page)
-    from navfw.report.suite_page import comparison_report
-
-    return comparison_report(suites[0], suites[1], page, variants)
 
 
 def _write_run_reports(suite: SuiteFolder, bar: ProgressBar) -> list[str]:
@@ -196,7 +190,6 @@ def _write_run_reports(suite: SuiteFolder, bar: ProgressBar) -> list[str]:
 
 
 def _is_run(folder: Path) -> bool:
-    """Whether it is the folder of a run."""
     from navfw.config.input_file import is_file
     from navfw.recording.run_folder import RESULT
 
@@ -212,12 +205,7 @@ def _exit_if_worse(comparison: Mapping[str, Any], margin: float) -> None:
 
 
 def _margin(text: str) -> float:
-    """A share from ``1%`` or ``0.01``.
-
-    Raises:
-        InputError: it is neither, or outside of 0 to 100 %.
-
-    """
+    """A share, in [0, 1], from ``1%`` or ``0.01``."""
     number, percent = text.removesuffix("%").strip(), text.endswith("%")
     try:
         share = float(number) / (100.0 if percent else 1.0)

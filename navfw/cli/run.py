@@ -24,7 +24,7 @@ from navfw.process.interruption import check_interrupted, deferred, interruptibl
 if TYPE_CHECKING:
     from navfw.missions.runner import Progress
     from navfw.missions.session import MissionResult, Session
-    from navfw.recording.live_server import LiveServer
+    from navfw.recording.run_observers import LiveServer
 
 LINE_PERIOD = 5.0
 """Interval between progress lines where stderr is not a terminal [s]."""
@@ -110,7 +110,7 @@ def run(
 def _no_mission(world: str) -> InputError:
     from navfw.config.lookup import list_missions
 
-    names = ", ".join(found.name for found in list_missions(world))
+    names = ", ".join(mission.name for mission in list_missions(world))
     return InputError(f"give one of the missions of {world}: {names or 'it has none'}")
 
 
@@ -146,7 +146,7 @@ def _run(request: _Request) -> NoReturn:
         else:
             _print_result(summary)
         if missing:
-            _tell_missing(missing, folder)
+            _report_missing(missing, folder)
         raise typer.Exit(_NOT_SAVED if missing else result.outcome.exit_code)
 
 
@@ -181,9 +181,12 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
     result = None
     try:
         with target:
-            given = {"world": session.world_name, "mission": session.mission_name}
             announce(
-                {**given, "seed": session.seed},
+                {
+                    "world": session.world_name,
+                    "mission": session.mission_name,
+                    "seed": session.seed,
+                },
                 target.target.absolute(),
                 numbered=numbered,
                 as_json=request.json,
@@ -203,10 +206,10 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
         if result is None:
             raise
         missing = (str(error),)
-    return result, target.final, (*missing, *_film(request, target.final))
+    return result, target.final, (*missing, *_write_video(request, target.final))
 
 
-def _film(request: _Request, folder: Path | None) -> tuple[str, ...]:
+def _write_video(request: _Request, folder: Path | None) -> tuple[str, ...]:
     """Write the video of a run, if one was asked for; returns why it is missing, if it is."""
     if request.video is None or folder is None:
         return ()
@@ -221,8 +224,7 @@ def _film(request: _Request, folder: Path | None) -> tuple[str, ...]:
 
 
 def _live(session: Session, request: _Request) -> LiveServer:
-    """The live server of a run; its address is told on stderr."""
-    from navfw.recording.live_server import LiveServer
+    from navfw.recording.run_observers import LiveServer
 
     server = LiveServer(session.seen, request.port or 0)
     if not request.quiet:
@@ -230,8 +232,8 @@ def _live(session: Session, request: _Request) -> LiveServer:
     return server
 
 
-def _tell_missing(missing: tuple[str, ...], folder: Path | None) -> None:
-    """Tell on stderr what was not written, and what was."""
+def _report_missing(missing: tuple[str, ...], folder: Path | None) -> None:
+    """Print on stderr what was not written, and what was."""
     for what in missing:
         typer.echo(f"navfw: {what}", err=True)
     names = [] if folder is None else sorted(file.name for file in folder.iterdir())
@@ -301,8 +303,8 @@ def _line(progress: Progress) -> str:
     towards = f" > {progress.waypoint}" if progress.waypoint else ""
     leader = f"{progress.behavior or 'no behaviour'}{towards}"
     # what is ahead first: the objects of all layers are longer than a line
-    parts = [" ".join(part.split()) for part in progress.sentence.split(";")]
-    sentence = "; ".join(sorted(parts, key=lambda part: part.startswith("Layer")))
+    clauses = [" ".join(clause.split()) for clause in progress.sentence.split(";")]
+    sentence = "; ".join(sorted(clauses, key=lambda clause: clause.startswith("Layer")))
     return (
         f"{progress.time:6.1f} s  {progress.distance:5.1f} m to go"
         f"  {progress.real_time_factor:4.1f}x  {leader:<22}  {sentence}"

@@ -131,14 +131,14 @@ def suite(
         choice = {"stacks": stack or [], "overrides": changes, "variants": variant or []}
         plan = _checked_plan(file, span, worlds, choice, quiet=quiet)
     for name, reason in plan.skipped.items():
-        typer.echo(f"navfw: variant {name} skipped: {reason}", err=True)
+        _print_note(f"variant {name} skipped: {reason}")
     with deferred():  # from here on there are runs to save and to print
         with (
             quiet_stdout(),
             dask_engine(scheduler, plan.cases, limit=limit, memory=memory) as runner,
             SuiteFolder.claim(out, plan, span) as folder,
         ):
-            have = folder.open(plan, code_revision(), begin=begin, tell=_tell)
+            have = folder.open(plan, code_revision(), begin=begin, tell=_print_note)
             if runner is None:
                 with interruptible():  # workers would wait for it in silence
                     compile_with_progress(loaded=True, quiet=quiet)
@@ -149,6 +149,10 @@ def suite(
                 done = drive(plan, folder, have=have, engine=runner, on_row=shown)
         _print_result(done, folder.table, json=json)
         raise typer.Exit(done.exit_code)
+
+
+def _print_note(text: str) -> None:
+    print_status(f"navfw: {text}")
 
 
 def _checked_plan(
@@ -165,49 +169,36 @@ def _checked_plan(
 
 
 def _check_record(engine: EngineKind, record: Keep) -> None:
-    """Recordings stay where the run was driven."""
     if engine is EngineKind.DASK and record is not Keep.NONE:
+        # recordings stay where the run was driven
         what = "is not for --engine dask; drive the run again alone: navfw run --record"
         raise typer.BadParameter(what, param_hint="--record")
 
 
 def _beginning(out: Path | None, *, resume: bool, extend: bool, restart: bool) -> StartMode:
-    given: list[StartMode] = []
-    given += ["resume"] * resume
-    given += ["extend"] * extend
-    given += ["restart"] * restart
-    if len(given) > 1:
-        raise typer.BadParameter(f"cannot go with --{given[1]}", param_hint=f"--{given[0]}")
-    if given and out is None:
-        what = f"needs --out, the folder to {given[0]}"
-        raise typer.BadParameter(what, param_hint=f"--{given[0]}")
-    return given[0] if given else "new"
-
-
-# --- output --------------------------------------------------------------------------------------
-
-
-def _tell(text: str) -> None:
-    print_status(f"navfw: {text}")
+    options: dict[StartMode, bool] = {"resume": resume, "extend": extend, "restart": restart}
+    modes = [mode for mode, is_given in options.items() if is_given]
+    if len(modes) > 1:
+        raise typer.BadParameter(f"cannot go with --{modes[1]}", param_hint=f"--{modes[0]}")
+    if modes and out is None:
+        what = f"needs --out, the folder to {modes[0]}"
+        raise typer.BadParameter(what, param_hint=f"--{modes[0]}")
+    return modes[0] if modes else "new"
 
 
 def _print_result(done: SuiteResult, table: Path, *, json: bool) -> None:
+    from navfw.recording.run_folder import plain_json
+    from navfw.suite.run_table import columns_of
+
     if json:
-        _print_json(done, table)
+        columns = columns_of(done.rows)
+        runs = [{name: getattr(row, name) for name in columns} for row in done.rows]
+        print_json(plain_json({"summary": {**done.summary, "table": str(table)}, "runs": runs}))
     else:
         _print_summary(done.summary, done.rows)
         _print_table(done, table)
     if done.unsaved:
-        typer.echo(f"navfw: {done.unsaved}; all runs are on stdout", err=True)
-
-
-def _print_json(done: SuiteResult, table: Path) -> None:
-    from navfw.recording.run_folder import plain_json
-    from navfw.suite.run_table import columns_of
-
-    columns = columns_of(done.rows)
-    runs = [{name: getattr(row, name) for name in columns} for row in done.rows]
-    print_json(plain_json({"summary": {**done.summary, "table": str(table)}, "runs": runs}))
+        _print_note(f"{done.unsaved}; all runs are on stdout")
 
 
 def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:

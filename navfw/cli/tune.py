@@ -106,29 +106,28 @@ def tune(
             lock,
             engine_or_processes(cluster, workers, limit=limit, memory=memory) as runner,
         ):
-            found = study.run(
-                folder, driver(runner), trials, resume=resume, seed=search_seed, on_trial=_tell
+            result = study.run(
+                folder, driver(runner), trials, resume=resume, seed=search_seed, on_trial=_show
             )
     if json:
-        print_json(found)
+        print_json(result)
     else:
-        _print_validation(found)
+        _print_validation(result)
 
 
-def _tell(trial: FrozenTrial) -> None:
-    """One line for a finished trial, on stderr."""
+def _show(trial: FrozenTrial) -> None:
     runs = trial.user_attrs.get("runs", 0)
     score = "" if trial.value is None else f", score {trial.value:.3f}"
     typer.echo(f"trial {trial.number}: {trial.state.name.lower()} {runs} runs{score}", err=True)
 
 
-def _print_validation(found: dict[str, Any]) -> None:
-    low, high = found["interval"]
-    for name in found["before"]:
-        typer.echo(f"{name:<10} {found['before'][name]:.3f} -> {found['after'][name]:.3f}")
+def _print_validation(result: dict[str, Any]) -> None:
+    low, high = result["interval"]
+    for name in result["before"]:
+        typer.echo(f"{name:<10} {result['before'][name]:.3f} -> {result['after'][name]:.3f}")
     typer.echo(
-        f"score      {found['score_before']:.3f} -> {found['score_after']:.3f}  (difference"
-        f" {found['difference']:+.3f}, 95 % [{low:+.3f}, {high:+.3f}], {found['runs']} runs)"
+        f"score      {result['score_before']:.3f} -> {result['score_after']:.3f}  (difference"
+        f" {result['difference']:+.3f}, 95 % [{low:+.3f}, {high:+.3f}], {result['runs']} runs)"
     )
-    verdict = "better" if found["better"] else "not shown to be better"
-    typer.echo(f"the best trial, {found['trial']}, is {verdict}; its stack: {found['stack']}")
+    verdict = "better" if result["better"] else "not shown to be better"
+    typer.echo(f"the best trial, {result['trial']}, is {verdict}; its stack: {result['stack']}")

@@ -67,16 +67,16 @@ def problems_of(
     pydantic's message.
     """
     data = document.at(at)
-    found: list[tuple[ErrorDetails, ErrorLocation]] = [
+    located: list[tuple[ErrorDetails, ErrorLocation]] = [
         (detail, locate(detail["loc"], {} if data is None else data, model))
         for detail in error.errors(include_url=False)
         if not _is_echo(detail)
     ]
     unworded: list[tuple[FileProblem, ErrorDetails, ErrorLocation]] = []
-    for detail, location in _resolve_unions(found):
+    for detail, location in _resolve_unions(located):
         path = (*at, *location.path)
         if detail["type"] == "union_tag_invalid":
-            path = (*path, location.tag_key)
+            path = (*path, location.tags[0])
         unworded.append(
             (FileProblem(path, detail["msg"], document.origin_of(path)), detail, location)
         )
@@ -141,10 +141,12 @@ def _message(detail: ErrorDetails, location: ErrorLocation) -> str:
         case "extra_forbidden":
             text = f"unknown key; {did_you_mean(str(location.path[-1]), location.known_keys)}"
         case "union_tag_not_found":
-            text = f"missing {location.tag_key!r}; expected one of {', '.join(location.tags)}"
+            key, tags = location.tags
+            text = f"missing {key!r}; expected one of {', '.join(tags)}"
         case "union_tag_invalid":
+            key, tags = location.tags
             tag = str(context.get("tag", ""))
-            text = f"unknown {location.tag_key} {tag!r}: {did_you_mean(tag, location.tags)}"
+            text = f"unknown {key} {tag!r}: {did_you_mean(tag, tags)}"
         case "value_error" | "assertion_error":
             text = str(context.get("error") or detail["msg"])
         case "too_short" | "too_long" if location.certain and isinstance(given, Sized):
@@ -191,14 +193,14 @@ def _responsible_options(document: YamlDocument, path: KeyPath, detail: ErrorDet
         return ""
     options = {
         origin.option
-        for known, origin in document.origins.items()
-        if origin.option is not None and known[: len(path)] == path
+        for part, origin in document.origins.items()
+        if origin.option is not None and part[: len(path)] == path
     }
     return f" (with {', '.join(sorted(options))})" if options else ""
 
 
 def _resolve_unions(
-    found: list[tuple[ErrorDetails, ErrorLocation]],
+    errors: list[tuple[ErrorDetails, ErrorLocation]],
 ) -> Iterator[tuple[ErrorDetails, ErrorLocation]]:
     """Keep, of the errors that pydantic reports for each member of a union, those of one member.
 
@@ -206,7 +208,7 @@ def _resolve_unions(
     with the fewest errors. When all members fail at once, one error names them all.
     """
     unions: dict[KeyPath, dict[str, list[int]]] = {}
-    for index, (_, location) in enumerate(found):
+    for index, (_, location) in enumerate(errors):
         for union, (label, _) in location.unions.items():
             unions.setdefault(union, {}).setdefault(label, []).append(index)
     dropped: set[int] = set()
@@ -215,7 +217,7 @@ def _resolve_unions(
         deep = {
             label: indices
             for label, indices in by_label.items()
-            if all(_is_deep(*found[i], union) for i in indices)
+            if all(_is_deep(*errors[i], union) for i in indices)
         }
         if deep:
             meant = min(deep, key=lambda label: len(deep[label]))
@@ -224,9 +226,9 @@ def _resolve_unions(
         elif len(by_label) > 1:
             indices = sorted(i for group in by_label.values() for i in group)
             dropped.update(indices[1:])
-            location = found[indices[0]][1]
-            merged[indices[0]] = ErrorLocation(union, location.unions[union][1], certain=True)
-    for index, (detail, location) in enumerate(found):
+            expected = errors[indices[0]][1].unions[union][1]
+            merged[indices[0]] = ErrorLocation(None, expected, union)
+    for index, (detail, location) in enumerate(errors):
         if index in merged:
             yield {**detail, "type": "union"}, merged[index]
         elif index not in dropped:

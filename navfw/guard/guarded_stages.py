@@ -68,15 +68,6 @@ class GuardedStage(Generic[PluginT]):
         self.plugin = plugin
         self.label = label_of(plugin)
 
-    def attempt(
-        self, function: Callable[[], object], check: Callable[[Any], AnswerT], otherwise: AnswerT
-    ) -> AnswerT:
-        """The checked answer, or ``otherwise`` when the plugin fails."""
-        try:
-            return self.guard.call(self.label, function, check=check)
-        except PluginCallError:
-            return otherwise
-
     def reset(self) -> None:
         """Back to the start of a run.
 
@@ -84,7 +75,25 @@ class GuardedStage(Generic[PluginT]):
             PluginCallError: the plugin fails, so the run cannot begin.
 
         """
-        self.guard.call(self.label, self.plugin.reset, check=nothing)
+        self._prepare(self.plugin.reset)
+
+    def _prepare(self, function: Callable[..., object], *arguments: object) -> None:
+        """Call what precedes a run; raises PluginCallError if the plugin fails."""
+        self.guard.call(self.label, function, *arguments, check=nothing)
+
+    def _attempt(
+        self,
+        function: Callable[..., object],
+        *arguments: object,
+        check: Callable[[Any], AnswerT],
+        otherwise: AnswerT,
+        vital: bool = False,
+    ) -> AnswerT:
+        """The checked answer, or ``otherwise`` when the plugin fails."""
+        try:
+            return self.guard.call(self.label, function, *arguments, check=check, vital=vital)
+        except PluginCallError:
+            return otherwise
 
 
 class GuardedFlow(GuardedStage[FlowProcessor]):
@@ -93,10 +102,7 @@ class GuardedFlow(GuardedStage[FlowProcessor]):
     def compute(self, pair: FramePair) -> FlowField | None:
         """The flow of ``pair``."""
         check = partial(check_flow, pair=pair)
-        try:
-            return self.guard.call(self.label, self.plugin.compute, pair, check=check, vital=True)
-        except PluginCallError:
-            return None
+        return self._attempt(self.plugin.compute, pair, check=check, otherwise=None, vital=True)
 
 
 class GuardedPerception(GuardedStage[Perception]):
@@ -104,12 +110,8 @@ class GuardedPerception(GuardedStage[Perception]):
 
     def perceive(self, flow: FlowField, twist: Twist) -> Percept | None:
         """The percept of ``flow``."""
-        check = partial(check_percept, flow=flow)
-        perceive = self.plugin.perceive
-        try:
-            return self.guard.call(self.label, perceive, flow, twist, check=check, vital=True)
-        except PluginCallError:
-            return None
+        perceive, check = self.plugin.perceive, partial(check_percept, flow=flow)
+        return self._attempt(perceive, flow, twist, check=check, otherwise=None, vital=True)
 
 
 class GuardedFeatures(GuardedStage[FeatureRecognizer]):
@@ -122,14 +124,11 @@ class GuardedFeatures(GuardedStage[FeatureRecognizer]):
 
     def set_map(self, topo_map: TopoMap) -> None:
         """Set the map. Raises PluginCallError if the plugin fails."""
-        self.guard.call(self.label, self.plugin.set_map, topo_map, check=nothing)
+        self._prepare(self.plugin.set_map, topo_map)
 
     def recognize(self, frame: Frame) -> tuple[LandmarkDetection, ...]:
         """The landmarks detected in ``frame``."""
-        try:
-            return self.guard.call(self.label, self.plugin.recognize, frame, check=check_detections)
-        except PluginCallError:
-            return ()
+        return self._attempt(self.plugin.recognize, frame, check=check_detections, otherwise=())
 
 
 class GuardedLocalizer(GuardedStage[Localizer]):
@@ -147,23 +146,16 @@ class GuardedLocalizer(GuardedStage[Localizer]):
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
         """Start at ``pose``. Raises PluginCallError if the plugin fails."""
-        self.guard.call(self.label, self.plugin.start, topo_map, pose, odometry, check=nothing)
+        self._prepare(self.plugin.start, topo_map, pose, odometry)
 
     def update(
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
         """The belief now."""
-        try:
-            belief = self.guard.call(
-                self.label,
-                self.plugin.update,
-                odometry,
-                percept,
-                detections,
-                check=check_belief,
-                vital=True,
-            )
-        except PluginCallError:
+        inputs = odometry, percept, detections
+        update = self.plugin.update
+        belief = self._attempt(update, *inputs, check=check_belief, otherwise=None, vital=True)
+        if belief is None:
             return self._extrapolated(odometry)
         self._last = (belief, odometry)
         return belief
@@ -192,38 +184,37 @@ class GuardedPlanner(GuardedStage[Planner]):
 
     def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
         """Start a mission. Raises PluginCallError if the plugin fails."""
-        self.guard.call(self.label, self.plugin.start, topo_map, goals, check=nothing)
+        self._prepare(self.plugin.start, topo_map, goals)
         self._last = goals[0] if goals else None
 
     def update(self, belief: Belief) -> Waypoint | None:
         """The waypoint to drive to, None at the end."""
-        try:
-            waypoint = self.guard.call(
-                self.label, self.plugin.update, belief, check=check_waypoint, vital=True
-            )
-        except PluginCallError:
-            return self._last
-        self._last = waypoint
-        return waypoint
+        update = self.plugin.update
+        self._last = self._attempt(
+            update, belief, check=check_waypoint, otherwise=self._last, vital=True
+        )
+        return self._last
 
     def observe(self, report: PassageReport) -> None:
         """Hand over the status of passages."""
-        self.attempt(lambda: self.plugin.observe(report), nothing, None)
+        self._attempt(self.plugin.observe, report, check=nothing, otherwise=None)
 
     @property
     def path(self) -> tuple[Waypoint, ...]:
         """The waypoints still ahead."""
-        return self.attempt(lambda: self.plugin.path, check_path, ())
+        return self._attempt(lambda: self.plugin.path, check=check_path, otherwise=())
 
     @property
     def queries(self) -> tuple[PassageQuery, ...]:
         """The passages whose status the planner wants."""
-        return self.attempt(lambda: self.plugin.queries, check_queries, ())
+        return self._attempt(lambda: self.plugin.queries, check=check_queries, otherwise=())
 
     @property
     def no_route_reason(self) -> str | None:
         """Why no route leads to the goal; None while there is one."""
-        return self.attempt(lambda: self.plugin.no_route_reason, check_reason, None)
+        return self._attempt(
+            lambda: self.plugin.no_route_reason, check=check_reason, otherwise=None
+        )
 
 
 class GuardedController(GuardedStage[Controller]):
@@ -231,15 +222,7 @@ class GuardedController(GuardedStage[Controller]):
 
     def control(self, command: Command | None, odometry: Odometry, dt: float) -> Twist:
         """The twist for the next ``dt`` [s]."""
-        try:
-            return self.guard.call(
-                self.label,
-                self.plugin.control,
-                command,
-                odometry,
-                dt,
-                check=check_twist,
-                vital=True,
-            )
-        except PluginCallError:
-            return Twist(0.0, 0.0)
+        control, stopped = self.plugin.control, Twist(0.0, 0.0)
+        return self._attempt(
+            control, command, odometry, dt, check=check_twist, otherwise=stopped, vital=True
+        )

@@ -5,10 +5,10 @@ No simulator is involved: equal commands show that the stack has no input beside
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -18,7 +18,7 @@ from navfw.errors import ConfigError, InputError
 from navfw.features.landmark_appearance import check_landmark_kind
 from navfw.numerics import Array
 from navfw.plugins.fault_injection import Failure, inject_faults
-from navfw.recording.channel_list import CAMERA_IMAGE
+from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import recording_in
 from navfw.recording.run_folder import RESULT, read_result
 from navfw.recording.run_log import hash_commands
@@ -28,18 +28,6 @@ from navfw.signals import Pose, SensorReading, Twist, Waypoint
 
 if TYPE_CHECKING:
     from navfw.stack import Stack
-
-
-class ReplayedStack(Protocol):
-    """The part of a stack that a replay uses."""
-
-    def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        """Start at ``pose`` in ``map`` (None: unknown), with ``goals`` to visit in order."""
-        ...
-
-    def step(self, reading: SensorReading) -> Twist:
-        """The twist to drive until the next control tick."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +97,8 @@ def replay(folder: str | Path) -> ReplayResult:
     """
     stack, recording, start, goals = _load(Path(folder))
     faults = _FaultReplay(Path(folder), stack)
-    commands = replay_commands(stack, recording, start, goals, faults.update)
+    stack.start(start, goals)
+    commands = replay_commands(stack.step, recording, faults.update)
     return compare_commands(recording, commands)
 
 
@@ -176,7 +165,7 @@ def _check_images(recording: SensorRecording, camera: CameraModel, file: Path) -
                 f"an image is {width} x {height}, those of the camera in {RESULT} are"
                 f" {camera.width} x {camera.height}",
                 file=file,
-                key=CAMERA_IMAGE,
+                key=topics.CAMERA_IMAGE,
             )
 
 
@@ -210,22 +199,18 @@ def _recorded_events(folder: Path) -> list[_RecordedEvent]:
 
 
 def replay_commands(
-    stack: ReplayedStack,
+    step: Callable[[SensorReading], Twist],
     recording: SensorRecording,
-    start: Pose | None,
-    goals: Sequence[Waypoint],
-    before: Callable[[float], None] | None = None,
+    before: Callable[[float], None] = lambda time: None,
 ) -> Array:
-    """(n, 2) the commands v [m/s], w [rad/s] of ``stack`` for the recorded readings.
+    """(n, 2) the commands v [m/s], w [rad/s] that ``step`` gives for the recorded readings.
 
-    ``before`` is called with the time [s] of each reading before the stack's step.
+    ``before`` is called with the time [s] of each reading before its step.
     """
-    stack.start(start, goals)
     twists = []
     for reading in recording.readings:
-        if before is not None:
-            before(reading.time)
-        twists.append(stack.step(reading))
+        before(reading.time)
+        twists.append(step(reading))
     return np.array([(twist.v, twist.w) for twist in twists], dtype=np.float64).reshape(-1, 2)
 
 

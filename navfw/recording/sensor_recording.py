@@ -11,16 +11,7 @@ import numpy as np
 
 from navfw.errors import ConfigError
 from navfw.numerics import Array, Image
-from navfw.recording.channel_list import (
-    CAMERA_IMAGE,
-    IMAGES,
-    LANDMARK_IMAGE,
-    MAX_BYTES,
-    READING,
-    SIDE_IMAGES,
-    ImageFlags,
-    ReadingRow,
-)
+from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of
 from navfw.signals import Encoders, Frame, Inertial, SensorReading
 
@@ -51,7 +42,7 @@ class SensorRecording:
         return np.array([reading.time for reading in self.readings])
 
 
-def load_recording(path: str | Path, max_bytes: int = MAX_BYTES) -> SensorRecording:
+def load_recording(path: str | Path, max_bytes: int = topics.MAX_BYTES) -> SensorRecording:
     """Load the sensor readings of a recording, images included.
 
     Of a file that is cut off, the intact part.
@@ -66,9 +57,9 @@ def load_recording(path: str | Path, max_bytes: int = MAX_BYTES) -> SensorRecord
     images = _Images(path, max_bytes)
     readings: list[SensorReading] = []
     commands: list[tuple[float, float]] = []
-    for message in run.messages(READING, *IMAGES):
-        if message.topic == READING:
-            row: ReadingRow = message.content
+    for message in run.messages(topics.READING, *topics.IMAGES):
+        if message.topic == topics.READING:
+            row: topics.ReadingRow = message.content
             readings.append(images.complete(row))
             commands.append((row.v, row.w))
         else:
@@ -86,7 +77,7 @@ class _Images:
     def __init__(self, path: Path, max_bytes: int) -> None:
         self._path = path
         self._left = max_bytes
-        self._waiting: dict[str, deque[Image]] = {topic: deque() for topic in IMAGES}
+        self._waiting: dict[str, deque[Image]] = {topic: deque() for topic in topics.IMAGES}
 
     def add(self, message: RecordedMessage) -> None:
         image = image_of(message, self._path)
@@ -95,15 +86,15 @@ class _Images:
             raise _no_recording(self._path, "its images are too large")
         self._waiting[message.topic].append(image)
 
-    def complete(self, row: ReadingRow) -> SensorReading:
+    def complete(self, row: topics.ReadingRow) -> SensorReading:
         """The reading of ``row`` with the images that stand before it."""
         frame = landmark_frame = None
-        if row.pictures & ImageFlags.CAMERA:
-            sided = row.pictures & ImageFlags.SIDES
-            sides = tuple(map(self._take, SIDE_IMAGES)) if sided else ()
-            frame = Frame(row.frame_time, self._take(CAMERA_IMAGE), sides)
-        if row.pictures & ImageFlags.LANDMARKS:
-            landmark_frame = Frame(row.landmark_frame_time, self._take(LANDMARK_IMAGE))
+        if row.pictures & topics.ImageFlags.CAMERA:
+            sided = row.pictures & topics.ImageFlags.SIDES
+            sides = tuple(map(self._take, topics.SIDE_IMAGES)) if sided else ()
+            frame = Frame(row.frame_time, self._take(topics.CAMERA_IMAGE), sides)
+        if row.pictures & topics.ImageFlags.LANDMARKS:
+            landmark_frame = Frame(row.landmark_frame_time, self._take(topics.LANDMARK_IMAGE))
         if any(self._waiting.values()):
             raise _no_recording(self._path, "an image belongs to no reading")
         return SensorReading(

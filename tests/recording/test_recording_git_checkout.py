@@ -275,7 +275,7 @@ def test_one_part_of_another_user_is_enough(
         return path.resolve() != theirs
 
     monkeypatch.setattr(ownership, "owned_by_user", owned)
-    monkeypatch.setattr("navfw.recording.git_checkout.owned_by_user", owned)
+    monkeypatch.setattr("navfw.recording.provenance.owned_by_user", owned)
     assert GitCheckout.around(repository / "below") is None
 
 
