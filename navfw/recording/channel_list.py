@@ -5,9 +5,13 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 from enum import IntFlag
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from navfw.signals import SensorReading, Twist
+
+if TYPE_CHECKING:
+    from navfw.recording.top_view import WorldOutline
+    from navfw.stack import Stack
 
 SCHEMA_NAME = "navfw_msgs/msg/SensorReading"
 
@@ -187,6 +191,14 @@ VIEWER_CHANNELS = (
 
 CHANNELS = _SENSOR_CHANNELS + VIEWER_CHANNELS
 """All channels of a run."""
+
+
+@dataclass(frozen=True, slots=True)
+class SeenRun:
+    """What the channels show besides the readings: the stack at work, and the world around it."""
+
+    stack: Stack
+    outline: WorldOutline
 
 
 def nanoseconds(time: float) -> int:

@@ -18,8 +18,8 @@ from navfw.mofis.explanation import explain_command
 from navfw.numerics import Image
 from navfw.recording import channel_list as topics
 from navfw.recording import viewer_messages as messages
+from navfw.recording.channel_list import SeenRun
 from navfw.recording.run_folder import plain_json
-from navfw.recording.run_observers import SeenRun
 from navfw.signals import Percept, Pose, SensorReading, Twist
 from navfw.stack import Stack
 from navfw.stack.stack_state import StackState

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from navfw.config.extras import extra_imports
 from navfw.errors import InputError
 from navfw.recording import channel_list as topics
+from navfw.recording.channel_list import SeenRun
 from navfw.signals import Pose, SensorReading, Twist
-
-if TYPE_CHECKING:
-    from navfw.recording.top_view import WorldOutline
-    from navfw.stack import Stack
 
 _CHUNK = 1 << 18
 """Size of a chunk before compression [byte]: a second or two, which a cut file loses at most."""
@@ -32,14 +28,6 @@ class RunObserver(Protocol):
     def close(self) -> None:
         """End: the run is over."""
         ...
-
-
-@dataclass(frozen=True, slots=True)
-class SeenRun:
-    """What the channels show besides the readings: the stack at work, and the world around it."""
-
-    stack: Stack
-    outline: WorldOutline
 
 
 class RunRecorder:
