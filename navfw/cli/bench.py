@@ -142,28 +142,21 @@ def perception(
 ) -> None:
     """Measure accuracy and speed of perception. Covers flow, situations and recorded images."""
     with quiet_stdout():
+        from navfw.bench import perception_benchmark as bench
         from navfw.bench.perception_accuracy import HELD_OUT_SEED
-        from navfw.bench.perception_benchmark import (
-            SampleSizes,
-            bench_perception,
-            find_data,
-            page_folder,
-            tables,
-            write_page,
-        )
         from navfw.recording.provenance import usable_cores
 
-        recorded = None if data is None else find_data(data)
-        folder = None if out is None else page_folder(out)
+        recorded = None if data is None else bench.find_data(data)
+        folder = None if out is None else bench.page_folder(out)
         seed = HELD_OUT_SEED if seed is None else seed
     options: dict[str, object] = {"poses": poses, "comparisons": comparisons, "places": places}
     options |= {"seed": seed} | ({"data": "DIR"} if data else {})
-    sizes = SampleSizes(poses=poses, comparisons=comparisons, places=places)
-    measure = partial(bench_perception, sizes, seed, workers or usable_cores(), recorded)
-    result = _bench("perception", options, measure, tables, json=json, quiet=quiet)
+    sizes = bench.SampleSizes(poses=poses, comparisons=comparisons, places=places)
+    measure = partial(bench.bench_perception, sizes, seed, workers or usable_cores(), recorded)
+    result = _bench("perception", options, measure, bench.tables, json=json, quiet=quiet)
     if folder is not None:
         with quiet_stdout(), folder:
-            write_page(result, folder.path)
+            bench.write_page(result, folder.path)
         if not json:
             typer.echo(f"page {folder.target / 'index.md'}")
 
@@ -206,27 +199,22 @@ def flow(
 ) -> None:
     """Measure cost, error and sigma of flow. Compares the processors with OpenCV's."""
     with quiet_stdout():
-        from navfw.bench.flow_comparison import (
-            PARTS,
-            bench_flow_sets,
-            recorded_sets,
-            rendered_set,
-            tables,
-        )
+        from navfw.bench import flow_comparison as bench
 
-    if part not in PARTS:
-        raise InputError(f"must be one of {', '.join(PARTS)}, got {part!r}", key="--part")
+    parts = bench.PARTS
+    if part not in parts:
+        raise InputError(f"must be one of {', '.join(parts)}, got {part!r}", key="--part")
     if data is None and not places:
         raise InputError("must be at least 1 without --data, got 0", key="--places")
 
     def measure(report: ProgressCallback) -> dict[str, Any]:
         report("reading and rendering pairs")
-        sets = [] if data is None else recorded_sets(data, PARTS[part])
-        sets += [rendered_set(places, seed, PARTS[part])] if places else []
-        return bench_flow_sets(sets, report=report)
+        sets = [] if data is None else bench.recorded_sets(data, parts[part])
+        sets += [bench.rendered_set(places, seed, parts[part])] if places else []
+        return bench.bench_flow_sets(sets, report=report)
 
     options = {"places": places, "seed": seed, "part": part} | ({"data": "DIR"} if data else {})
-    _bench("flow", options, measure, tables, json=json, quiet=quiet)
+    _bench("flow", options, measure, bench.tables, json=json, quiet=quiet)
 
 
 def landmarks(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from navfw.cli.options import JsonList
 from navfw.cli.output import print_json, quiet_stdout
 from navfw.config.file_kinds import FILE_KINDS, FileKind, kind_called
 
@@ -28,11 +29,9 @@ def check(
             show_default=False,
         ),
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print a JSON list of objects, and nothing else.")
-    ] = False,
+    json: JsonList = False,
 ) -> None:
-    """Check files and plugins without driving. Exit with 2 if one is wrong; all errors are told.
+    """Check files and plugins without driving. Exit with 2 if one is wrong; all errors are listed.
 
     Missions are checked with world, map and stack; rule bases must cover their inputs.
     """
@@ -98,16 +97,12 @@ def _checked(paths: list[Path]) -> Iterator[Checked]:
     registry = default_registry()
     for folder in sorted({file.parent for file in plugins}):
         registry.discover_folder(folder)
-    yield from _check_plugins(registry, plugins)
+    for row in registry.listing():
+        if Path(row["source"]).resolve() in plugins:
+            yield {key: row[key] for key in ("name", "kind", "source", "notes", "error")}
     for file in (*files, *(file for folder in folders for file in data_files(folder))):
         if file.suffix != ".py":
             yield _check_data_file(file, registry)
-
-
-def _check_plugins(registry: Registry, files: set[Path]) -> Iterator[Checked]:
-    for row in registry.listing():
-        if Path(row["source"]).resolve() in files:
-            yield {key: row[key] for key in ("name", "kind", "source", "notes", "error")}
 
 
 def _check_data_file(file: Path, registry: Registry) -> Checked:

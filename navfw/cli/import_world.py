@@ -132,18 +132,18 @@ def _import_files(
     folders: Mapping[Path, Path], options: _ImportOptions, bar: ProgressBar
 ) -> tuple[list[_Imported], list[InputError]]:
     """Import each file into its folder: what was made, and the errors where there are several."""
-    if len(folders) == 1:
-        ((file, folder),) = folders.items()
-        return [_import_file(file, folder, options, bar.show_part)], []
     made: list[_Imported] = []
     failed: list[InputError] = []
-    for number, (file, folder) in enumerate(folders.items()):
-        bar.update(number, len(folders), file.name)
+    single, count = len(folders) == 1, len(folders)
+    for number, (file, folder) in enumerate(folders.items(), start=1):
         try:
-            made.append(_import_file(file, folder, options, silent))
+            made.append(_import_file(file, folder, options, bar.show_part if single else silent))
         except InputError as error:
+            if single:
+                raise
             failed.append(error)
-    bar.update(len(folders), len(folders))
+        if not single:
+            bar.update(number, count, file.name)
     return made, failed
 
 

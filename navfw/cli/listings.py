@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from navfw.cli.command_groups import SuggestingGroup
-from navfw.cli.options import World
+from navfw.cli.options import JsonList, World
 from navfw.cli.output import console, print_json, print_table, quiet_stdout
 from navfw.config.file_kinds import FILE_KINDS, FileKind
 
 if TYPE_CHECKING:
     from navfw.config.lookup import NamedFile
 
-Json = Annotated[
-    bool, typer.Option("--json", help="Print a JSON list of objects, and nothing else.")
-]
 Row = dict[str, Any]
 
 
@@ -34,7 +31,7 @@ def add_to(app: typer.Typer) -> None:
     app.add_typer(group, name="list")
 
 
-def kinds(ctx: typer.Context, json: Json = False) -> None:
+def kinds(ctx: typer.Context, json: JsonList = False) -> None:
     """List worlds, missions and other files by name, and plugins.
 
     Without a kind, list the kinds with their numbers; plugins are counted without executing any.
@@ -55,7 +52,7 @@ def kinds(ctx: typer.Context, json: Json = False) -> None:
         print_table(["kind", "number"], list(counts.items()), "There are no files.")
 
 
-def missions(world: World, json: Json = False) -> None:
+def missions(world: World, json: JsonList = False) -> None:
     """List the missions of a world."""
     from navfw.config.lookup import list_missions
 
@@ -64,7 +61,7 @@ def missions(world: World, json: Json = False) -> None:
 
 
 def _lister(kind: FileKind) -> Callable[[bool], None]:
-    def command(json: Json = False) -> None:
+    def command(json: JsonList = False) -> None:
         from navfw.config.lookup import list_files
 
         _show(kind, list_files(kind.name), f"There are no {kind.plural}.", as_json=json)
@@ -80,7 +77,7 @@ def plugins(
     parameters: Annotated[
         bool, typer.Option("--parameters", help="List parameters, and verify navfw's own plugins.")
     ] = False,
-    json: Json = False,
+    json: JsonList = False,
 ) -> None:
     """List the plugins. Exit with 2 if one is broken; its error is listed.
 
@@ -88,8 +85,6 @@ def plugins(
     """
     with quiet_stdout():
         if kind is None and not (parameters or json):
-            from navfw.plugins.plugin_overview import overview
-
             rows = overview()
         else:
             from navfw.plugins.registry import check_kind, default_registry
@@ -103,6 +98,41 @@ def plugins(
         _print_plugins(rows)
     if any(row["error"] is not None for row in rows):
         raise typer.Exit(2)
+
+
+def overview() -> list[Row]:
+    """Every plugin: name, kind, source, summary and error, in the order of kinds.
+
+    Of shipped plugins this is what their source says: they are neither imported nor verified, which
+    ``Registry.listing`` does. Those of the project and of installed packages are.
+
+    Raises:
+        UntrustedCodeError: the project has plugins, and the user has not agreed to execute them.
+
+    """
+    from navfw.config.lookup import project_plugin_folders
+    from navfw.config.project_code import require_trust
+    from navfw.plugins.built_in import installed_points, shipped_outlines
+
+    require_trust()
+    points, folders = installed_points(), project_plugin_folders()
+    try:
+        shipped = shipped_outlines()
+    except SyntaxError:
+        from navfw.plugins.registry import default_registry
+
+        return default_registry().listing()  # which has the error
+    if not points and not folders:
+        return shipped
+    from navfw.plugins.registry import Registry
+
+    registry = Registry()
+    for row in shipped:
+        registry.register_lazily(row["kind"], row["name"], "", row["source"])
+    for folder in folders:
+        registry.discover_folder(folder)
+    registry.discover_entry_points(points)
+    return registry.listing(outlines=shipped)
 
 
 def _row(kind: FileKind, file: NamedFile) -> Row:

@@ -213,7 +213,7 @@ def _with_lens(
     hfov: float | None,
     bar: ProgressBar,
 ) -> tuple[ImageSource, float | None, LensEstimate | None]:
-    """The images, their field of view [deg], and the estimate of a lens that nobody gave."""
+    """The images, their field of view [deg], and the estimate of a lens that is not given."""
     from navfw.perceive.calibration import load_calibration
     from navfw.perceive.lens_estimate import open_with_lens
 
@@ -232,10 +232,8 @@ def _results(
     from navfw.plugins import default_registry
 
     perceiver = Perceiver(options, images, default_registry())
-    with contextlib.ExitStack() as stack:
-        output = None if overlay is None else open_output(overlay, images)
-        if output is not None:
-            stack.enter_context(output)
+    nothing = contextlib.nullcontext(None)
+    with nothing if overlay is None else open_output(overlay, images) as output:
         for item, result in perceiver.results():
             assert perceiver.size is not None  # noqa: S101 - known from the first image on
             if output is not None:

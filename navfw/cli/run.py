@@ -11,8 +11,19 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from navfw.cli.completion import complete_setting, completer_of
-from navfw.cli.options import Json, Live, LivePort, Mission, Record, Robot, Video, World, of_robot
+from navfw.cli.options import (
+    Json,
+    Live,
+    LivePort,
+    Mission,
+    Record,
+    Robot,
+    Video,
+    World,
+    complete_setting,
+    completer_of,
+    of_robot,
+)
 from navfw.cli.output import console, print_json, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.recordings import VIDEO, write_video
@@ -87,7 +98,10 @@ def run(
     Exit with 3 if a file of the run folder could not be written; the result is printed anyway.
     """
     if not mission:
-        raise _no_mission(world)
+        from navfw.config.lookup import list_missions
+
+        names = ", ".join(item.name for item in list_missions(world)) or "it has none"
+        raise InputError(f"give one of the missions of {world}: {names}")
     _run(
         _Request(
             world,
@@ -107,17 +121,8 @@ def run(
     )
 
 
-def _no_mission(world: str) -> InputError:
-    from navfw.config.lookup import list_missions
-
-    names = ", ".join(mission.name for mission in list_missions(world))
-    return InputError(f"give one of the missions of {world}: {names or 'it has none'}")
-
-
 @dataclass(frozen=True, slots=True)
 class _Request:
-    """The arguments and options of one ``navfw run``."""
-
     world: str
     mission: str
     seed: int
@@ -253,10 +258,12 @@ def _print_result(summary: dict[str, Any]) -> None:
     screen.print(f"{summary['reason']}{leader}", markup=False)
     count = summary["collisions"]
     collisions = f"{count or 'no'} collision{'' if count == 1 else 's'}"
+    nearest = summary["min_clearance_m"]
+    clearance = f"at least {nearest:.2f} m" if math.isfinite(nearest) else "no obstacle near"
     rows = {
         "path": f"{summary['path_length_m']:.2f} m, shortest {summary['shortest_path_m']:.2f} m"
         f" (SPL {summary['spl']:.2f})",
-        "clearance": f"{_clearance(summary['min_clearance_m'])}, {collisions}",
+        "clearance": f"{clearance}, {collisions}",
         "goal": f"{summary['distance_to_goal_m']:.2f} m away, error of the estimated position"
         f" {summary['estimate_error_m']:.2f} m",
         "speed": f"{summary['real_time_factor']:.1f} x real time ({summary['wall_time_s']:.1f} s)",
@@ -267,10 +274,6 @@ def _print_result(summary: dict[str, Any]) -> None:
         screen.print(f"  {name:<11} {text}", markup=False, soft_wrap=True)
     for fault in summary["faults"]:
         screen.print(f"  fault       {fault}", markup=False, soft_wrap=True)
-
-
-def _clearance(nearest: float) -> str:
-    return f"at least {nearest:.2f} m" if math.isfinite(nearest) else "no obstacle near"
 
 
 class _RunProgress(ProgressBar):

@@ -7,19 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.options import (
-    EngineKind,
-    EngineName,
-    Json,
-    Limit,
-    Memory,
-    Scheduler,
-    Stack,
-    Suite,
-    Workers,
-    check_engine,
-    dask_engine,
-)
+from navfw.cli import options
 from navfw.cli.output import print_json, quiet_stdout
 from navfw.config.extras import require_extra
 
@@ -55,29 +43,29 @@ Resume = Annotated[bool, typer.Option("--resume", help="Go on with the study in 
 
 
 def tune(
-    file: Suite,
-    stack: Stack,
+    file: options.Suite,
+    stack: options.Stack,
     trials: _Trials,
     seeds: Training = "0:8",
     validate: Validation = "1000:1020",
     param: Tuned = None,
     rules: Rules = None,
     objective: Objective = None,
-    workers: Workers = 1,
-    limit: Limit = 900.0,
-    memory: Memory = 2000.0,
-    engine: EngineName = EngineKind.PROCESSES,
-    scheduler: Scheduler = None,
+    workers: options.Workers = 1,
+    limit: options.Limit = 900.0,
+    memory: options.Memory = 2000.0,
+    engine: options.EngineName = options.EngineKind.PROCESSES,
+    scheduler: options.Scheduler = None,
     search_seed: SearchSeed = 0,
     out: StudyOut = None,
     resume: Resume = False,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Tune parameters and break points of rules on a suite.
 
     Writes a stack file, and validates it; the stack itself is not changed. Needs the extra tune.
     """
-    check_engine(engine, scheduler)
+    options.check_engine(engine, scheduler)
     with quiet_stdout():
         require_extra("tune", "optuna", key="navfw tune")
         from navfw.plugins import default_registry
@@ -102,7 +90,7 @@ def tune(
         folder = StudyFolder(out or Path("runs") / f"tune-{suite.name}")
         lock = TargetLock(folder.created().absolute() / "study")
         with (
-            dask_engine(scheduler, study.cases, limit=limit, memory=memory) as cluster,
+            options.dask_engine(scheduler, study.cases, limit=limit, memory=memory) as cluster,
             lock,
             engine_or_processes(cluster, workers, limit=limit, memory=memory) as runner,
         ):

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from navfw.cli.command_groups import command_group
-from navfw.cli.completion import completer_of
 from navfw.cli.import_world import import_, numbers_of
-from navfw.cli.options import Json, World
+from navfw.cli.options import Json, World, completer_of
 from navfw.cli.output import print_result, quiet_stdout
 from navfw.errors import WorldError, locating
 
@@ -129,7 +128,6 @@ def show(
 
 
 def _draw_plan(path: Path, world: WorldSpec) -> None:
-    """Write a picture of the floor plan, with the names of rooms, as PNG."""
     import numpy as np
 
     from navfw.missions.run_drawing import outline_of

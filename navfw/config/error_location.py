@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, Discriminator, Tag
-from pydantic.fields import FieldInfo
 
 from navfw.config.document import KeyPath
 from navfw.config.type_descriptions import choices_of, describe, is_model, members_of, peel
@@ -31,13 +30,6 @@ class ExpectedType:
     def __str__(self) -> str:
         text = describe(self.annotation, self.metadata)
         return f"{text} ({self.description})" if self.description else text
-
-    @classmethod
-    def of_field(cls, info: FieldInfo) -> ExpectedType:
-        """The type that a field of a model expects."""
-        return cls(
-            info.annotation, tuple(info.metadata), info.description or "", info.discriminator
-        )
 
 
 @dataclass
@@ -159,9 +151,11 @@ def _fields_of(origin: Any) -> Mapping[str, ExpectedType] | None:
     fields: dict[str, ExpectedType] = {}
     for name, info in origin.model_fields.items():
         alias = info.validation_alias if isinstance(info.validation_alias, str) else info.alias
-        fields[alias or name] = ExpectedType.of_field(info)
-        if alias and origin.model_config.get("populate_by_name"):
-            fields[name] = ExpectedType.of_field(info)
+        keys = {alias or name}
+        if origin.model_config.get("populate_by_name"):
+            keys.add(name)
+        details = tuple(info.metadata), info.description or "", info.discriminator
+        fields |= dict.fromkeys(keys, ExpectedType(info.annotation, *details))
     return fields
 
 

@@ -14,28 +14,10 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from navfw import interfaces
+from navfw.guard import stage_answers as answers
 from navfw.guard.answers import nothing
 from navfw.guard.plugin_guard import PluginCallError, PluginGuard, label_of
-from navfw.guard.stage_answers import (
-    check_belief,
-    check_detections,
-    check_flow,
-    check_path,
-    check_percept,
-    check_queries,
-    check_reason,
-    check_twist,
-    check_waypoint,
-)
-from navfw.interfaces import (
-    Controller,
-    FeatureRecognizer,
-    FlowProcessor,
-    Localizer,
-    Perception,
-    Planner,
-    Plugin,
-)
 from navfw.signals import (
     Belief,
     Command,
@@ -53,7 +35,7 @@ from navfw.signals import (
 )
 from navfw.topomap import TopoMap
 
-PluginT = TypeVar("PluginT", bound=Plugin)
+PluginT = TypeVar("PluginT", bound=interfaces.Plugin)
 AnswerT = TypeVar("AnswerT")
 
 _UNKNOWN_POSITION = 1e3
@@ -96,25 +78,25 @@ class GuardedStage(Generic[PluginT]):
             return otherwise
 
 
-class GuardedFlow(GuardedStage[FlowProcessor]):
+class GuardedFlow(GuardedStage[interfaces.FlowProcessor]):
     """A flow processor; None for a pair of frames at which it fails."""
 
     def compute(self, pair: FramePair) -> FlowField | None:
         """The flow of ``pair``."""
-        check = partial(check_flow, pair=pair)
+        check = partial(answers.check_flow, pair=pair)
         return self._attempt(self.plugin.compute, pair, check=check, otherwise=None, vital=True)
 
 
-class GuardedPerception(GuardedStage[Perception]):
+class GuardedPerception(GuardedStage[interfaces.Perception]):
     """OFFIS; None for a flow field at which it fails."""
 
     def perceive(self, flow: FlowField, twist: Twist) -> Percept | None:
         """The percept of ``flow``."""
-        perceive, check = self.plugin.perceive, partial(check_percept, flow=flow)
+        perceive, check = self.plugin.perceive, partial(answers.check_percept, flow=flow)
         return self._attempt(perceive, flow, twist, check=check, otherwise=None, vital=True)
 
 
-class GuardedFeatures(GuardedStage[FeatureRecognizer]):
+class GuardedFeatures(GuardedStage[interfaces.FeatureRecognizer]):
     """A landmark recogniser; no detections in a frame at which it fails."""
 
     @property
@@ -128,10 +110,11 @@ class GuardedFeatures(GuardedStage[FeatureRecognizer]):
 
     def recognize(self, frame: Frame) -> tuple[LandmarkDetection, ...]:
         """The landmarks detected in ``frame``."""
-        return self._attempt(self.plugin.recognize, frame, check=check_detections, otherwise=())
+        check = answers.check_detections
+        return self._attempt(self.plugin.recognize, frame, check=check, otherwise=())
 
 
-class GuardedLocalizer(GuardedStage[Localizer]):
+class GuardedLocalizer(GuardedStage[interfaces.Localizer]):
     """A localiser; while it fails, the last belief moves with the odometry.
 
     Without any belief so far the robot is lost.
@@ -154,7 +137,8 @@ class GuardedLocalizer(GuardedStage[Localizer]):
         """The belief now."""
         inputs = odometry, percept, detections
         update = self.plugin.update
-        belief = self._attempt(update, *inputs, check=check_belief, otherwise=None, vital=True)
+        check = answers.check_belief
+        belief = self._attempt(update, *inputs, check=check, otherwise=None, vital=True)
         if belief is None:
             return self._extrapolated(odometry)
         self._last = (belief, odometry)
@@ -169,7 +153,7 @@ class GuardedLocalizer(GuardedStage[Localizer]):
         return replace(belief, time=odometry.time, pose=belief.pose.compose(moved))
 
 
-class GuardedPlanner(GuardedStage[Planner]):
+class GuardedPlanner(GuardedStage[interfaces.Planner]):
     """A planner; while it fails, the last waypoint stays.
 
     Without any waypoint so far there is a failure instead: no waypoint would mean the end.
@@ -189,10 +173,8 @@ class GuardedPlanner(GuardedStage[Planner]):
 
     def update(self, belief: Belief) -> Waypoint | None:
         """The waypoint to drive to, None at the end."""
-        update = self.plugin.update
-        self._last = self._attempt(
-            update, belief, check=check_waypoint, otherwise=self._last, vital=True
-        )
+        update, check = self.plugin.update, answers.check_waypoint
+        self._last = self._attempt(update, belief, check=check, otherwise=self._last, vital=True)
         return self._last
 
     def observe(self, report: PassageReport) -> None:
@@ -202,27 +184,26 @@ class GuardedPlanner(GuardedStage[Planner]):
     @property
     def path(self) -> tuple[Waypoint, ...]:
         """The waypoints still ahead."""
-        return self._attempt(lambda: self.plugin.path, check=check_path, otherwise=())
+        return self._attempt(lambda: self.plugin.path, check=answers.check_path, otherwise=())
 
     @property
     def queries(self) -> tuple[PassageQuery, ...]:
         """The passages whose status the planner wants."""
-        return self._attempt(lambda: self.plugin.queries, check=check_queries, otherwise=())
+        check = answers.check_queries
+        return self._attempt(lambda: self.plugin.queries, check=check, otherwise=())
 
     @property
     def no_route_reason(self) -> str | None:
         """Why no route leads to the goal; None while there is one."""
-        return self._attempt(
-            lambda: self.plugin.no_route_reason, check=check_reason, otherwise=None
-        )
+        check = answers.check_reason
+        return self._attempt(lambda: self.plugin.no_route_reason, check=check, otherwise=None)
 
 
-class GuardedController(GuardedStage[Controller]):
+class GuardedController(GuardedStage[interfaces.Controller]):
     """LOCOM; standstill at a tick at which it fails."""
 
     def control(self, command: Command | None, odometry: Odometry, dt: float) -> Twist:
         """The twist for the next ``dt`` [s]."""
-        control, stopped = self.plugin.control, Twist(0.0, 0.0)
-        return self._attempt(
-            control, command, odometry, dt, check=check_twist, otherwise=stopped, vital=True
-        )
+        inputs = command, odometry, dt
+        control, check, stopped = self.plugin.control, answers.check_twist, Twist(0.0, 0.0)
+        return self._attempt(control, *inputs, check=check, otherwise=stopped, vital=True)

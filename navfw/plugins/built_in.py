@@ -1,9 +1,19 @@
-"""The plugins that ship with navfw, and where installed packages name theirs; imports none."""
+"""The plugins that ship with navfw, as their source says, and entry points of installed packages.
+
+None of them is imported.
+"""
 
 from __future__ import annotations
 
+import ast
 import inspect
+from collections.abc import Iterator
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+from navfw.config.input_file import read_input, shown_path
+from navfw.config.lookup import plugin_files, shipped_folder
 
 BUILT_IN: dict[str, dict[str, str]] = {
     "behavior": {"navground": "navfw.mofis.navground:Navground"},
@@ -74,3 +84,50 @@ def installed_points() -> list[EntryPoint]:
 def summary_of(docstring: str | None) -> str:
     """The first paragraph of a docstring on one line."""
     return inspect.cleandoc(docstring or "").strip().split("\n\n")[0].replace("\n", " ")
+
+
+_PACKAGE = Path(__file__).parents[1]
+_MAX_SOURCE = 1_000_000
+"""Largest size of a shipped plugin's source [byte]."""
+
+
+def shipped_outlines() -> list[dict[str, Any]]:
+    """Name, kind, source and summary of each shipped plugin, in the order of kinds; no error.
+
+    Raises:
+        SyntaxError: a source cannot be parsed.
+
+    """
+    order = list(BUILT_IN)
+    outlines = [*_outlines_of_modules(), *_outlines_of_behaviors()]
+    return sorted(outlines, key=lambda row: (order.index(row["kind"]), row["name"]))
+
+
+def _outlines_of_modules() -> Iterator[dict[str, Any]]:
+    for kind, plugins in BUILT_IN.items():
+        for name, target in plugins.items():
+            module, _, class_name = target.partition(":")
+            file = _PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py")
+            (cls,) = (cls for cls in _classes(file) if cls.name == class_name)
+            yield _outline(kind, name, "navfw", cls)
+
+
+def _outlines_of_behaviors() -> Iterator[dict[str, Any]]:
+    for file in plugin_files(shipped_folder() / "behaviors"):
+        for cls in _classes(file):
+            for node in cls.body:
+                match node:
+                    case ast.AnnAssign(target=ast.Name(id="name"), value=ast.Constant(str(name))):
+                        is_composite = ast.unparse(cls.bases[0]).endswith("Composite")
+                        kind = "composite" if is_composite else "behavior"
+                        yield _outline(kind, name, shown_path(file), cls)
+
+
+def _outline(kind: str, name: str, source: str, cls: ast.ClassDef) -> dict[str, Any]:
+    summary = summary_of(ast.get_docstring(cls))
+    return {"name": name, "kind": kind, "source": source, "summary": summary, "error": None}
+
+
+def _classes(file: Path) -> list[ast.ClassDef]:
+    tree = ast.parse(read_input(file, _MAX_SOURCE), str(file))
+    return [node for node in tree.body if isinstance(node, ast.ClassDef)]

@@ -28,7 +28,7 @@ class _RegistryEntry:
     kind: str
     name: str
     source: str
-    load: Callable[[], object] | None = None
+    target: str = ""
     cls: type[Plugin] | None = None
     error: InputError | None = None
 
@@ -57,10 +57,8 @@ class Registry:
         verify(cls)
         self._add(_RegistryEntry(str(kind_of(cls)), cls.name, source or _source(cls), cls=cls))
 
-    def register_lazily(
-        self, kind: str, name: str, load: str | Callable[[], object], source: str
-    ) -> None:
-        """Add a plugin that ``load`` (``module:Class``, or a function) provides on first use.
+    def register_lazily(self, kind: str, name: str, target: str, source: str) -> None:
+        """Add the plugin at ``target``, written ``module:Class``; it is imported on first use.
 
         Raises:
             UnknownNameError: there is no such kind.
@@ -68,14 +66,12 @@ class Registry:
 
         """
         check_kind(kind)
-        if isinstance(load, str):
-            load = partial(plugin_import.import_object, load)
-        self._add(_RegistryEntry(kind, name, source, load=load))
+        self._add(_RegistryEntry(kind, name, source, target))
 
-    def discover_folder(self, folder: str | Path, kind: str = "behavior") -> None:
+    def discover_folder(self, folder: str | Path) -> None:
         """Import every ``*.py`` in ``folder``, except ``_*.py``, and register its plugins.
 
-        Broken plugins are recorded as such, of ``kind`` where the import fails before the kind is
+        Broken plugins are recorded as such, as behaviours where the import fails before the kind is
         known.
 
         Raises:
@@ -92,18 +88,14 @@ class Registry:
         for file in files:
             if file.resolve() not in self._files:
                 self._files.add(file.resolve())
-                self._discover_file(file, kind)
+                self._discover_file(file)
 
     def discover_entry_points(self, points: Iterable[EntryPoint] | None = None) -> None:
         """Add the plugins of installed packages; they are imported on first use."""
         for point in installed_points() if points is None else points:
             package = "" if point.dist is None else f" of {point.dist.name} {point.dist.version}"
-            entry = _RegistryEntry(
-                GROUPS[point.group],
-                point.name,
-                f"entry point {point.group}{package}",
-                load=partial(plugin_import.import_object, point.value.replace(" ", "")),
-            )
+            source, target = f"entry point {point.group}{package}", point.value.replace(" ", "")
+            entry = _RegistryEntry(GROUPS[point.group], point.name, source, target)
             self._attempt(entry, partial(self._add, entry))
 
     def get(self, kind: str, name: str) -> type[Plugin]:
@@ -152,11 +144,11 @@ class Registry:
 
     def broken(self) -> list[dict[str, Any]]:
         """The entries of ``listing`` already known to be broken; imports nothing."""
-        known = (*self._entries.values(), *self._duplicates)
-        return [self._listed(entry) for entry in known if entry.error is not None]
+        entries = (*self._entries.values(), *self._duplicates)
+        return [self._listed(entry) for entry in entries if entry.error is not None]
 
-    def _discover_file(self, file: Path, kind: str) -> None:
-        source = shown_path(file)
+    def _discover_file(self, file: Path) -> None:
+        source, kind = shown_path(file), "behavior"
         try:
             module, decorated = plugin_import.import_file(file)
         except PluginError as error:
@@ -164,15 +156,16 @@ class Registry:
             return
         classes = plugin_import.candidates_of(module, decorated)
         if not classes:
-            nothing = plugin_import.nothing_found(module, file, kind)
+            nothing = plugin_import.nothing_found(module, file)
             self._record(_RegistryEntry(kind, file.stem, source, error=nothing))
         for cls in classes:
-            self._register_found(cls, source, kind, file.stem)
+            self._register_class(cls, source, file.stem)
 
-    def _register_found(self, cls: type[Any], source: str, kind: str, name: str) -> None:
-        """Register a class, or record it as broken; ``kind`` and ``name`` are defaults."""
+    def _register_class(self, cls: type[Any], source: str, otherwise: str) -> None:
+        """Register a class, or record it as broken, under the name ``otherwise`` if it has none."""
         own = cls.__dict__.get("name")
-        entry = _RegistryEntry(kind_of(cls) or kind, own if isinstance(own, str) else name, source)
+        name = own if isinstance(own, str) else otherwise
+        entry = _RegistryEntry(kind_of(cls) or "behavior", name, source)
         self._attempt(entry, partial(self.register, cls, source))
 
     def _attempt(self, entry: _RegistryEntry, register: Callable[[], None]) -> None:
@@ -210,10 +203,10 @@ class Registry:
         self._entries[entry.kind, entry.name] = entry
 
     def _load(self, entry: _RegistryEntry) -> None:
-        if entry.load is None or entry.cls is not None or entry.error is not None:
+        if not entry.target or entry.cls is not None or entry.error is not None:
             return
         try:
-            cls = entry.load()
+            cls = plugin_import.import_object(entry.target)
             verify(cls)
             _check_declared(cls, entry)
         except InputError as error:
@@ -240,10 +233,8 @@ class Registry:
             "status": "ok" if entry.error is None else "broken",
             "source": entry.source,
             "summary": "" if cls is None else summary_of(cls.__doc__),
-            "parameters": []
-            if cls is None
-            else [parameter._asdict() for parameter in parameters_of(cls.Params)],
-            "notes": [] if cls is None else access_notes(cls),
+            "parameters": [p._asdict() for p in parameters_of(cls.Params)] if cls else [],
+            "notes": access_notes(cls) if cls else [],
             "error": None if entry.error is None else str(entry.error),
         }
 
@@ -271,7 +262,7 @@ def default_registry(folders: Iterable[str | Path] = ()) -> Registry:
         registry.discover_folder(folder)
     registry.discover_entry_points()
     for cls in plugin_import.decorated_plugins():
-        registry._register_found(cls, _source(cls), "behavior", cls.__name__)
+        registry._register_class(cls, _source(cls), cls.__name__)
     return registry
 
 

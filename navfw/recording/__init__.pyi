@@ -37,9 +37,9 @@ from .run_observers import LiveServer as LiveServer
 from .run_observers import RunRecorder as RunRecorder
 from .run_replay import compare_commands as compare_commands
 from .run_replay import explain_at as explain_at
+from .run_replay import load_recording as load_recording
 from .run_replay import replay as replay
 from .run_replay import replay_commands as replay_commands
-from .sensor_recording import load_recording as load_recording
 from .top_view import OutlineDisc as OutlineDisc
 from .top_view import WorldOutline as WorldOutline
 from .trajectory_picture import TrajectoryPicture as TrajectoryPicture

@@ -178,12 +178,7 @@ VIEWER_CHANNELS = (
     ChannelInfo(TRUE_POSE, "foxglove.PoseInFrame", "10 Hz", "true pose"),
     ChannelInfo(PATH, "foxglove.PosesInFrame", "10 Hz", "estimated position and waypoints ahead"),
     ChannelInfo(WORLD, "foxglove.SceneUpdate", "0.2 Hz", "walls and furniture"),
-    ChannelInfo(
-        PROPOSALS,
-        "foxglove.Grid",
-        "5 Hz",
-        "each behaviour's rating of all commands",
-    ),
+    ChannelInfo(PROPOSALS, "foxglove.Grid", "5 Hz", "each behaviour's rating of all commands"),
     ChannelInfo(COMMAND, "navfw.Command", "10 Hz", "the command, its leader, weights and reasons"),
     ChannelInfo(RULES, "navfw.FiredRules", "2 Hz", "rules that fired, as `navfw explain --json`"),
 )

@@ -19,10 +19,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Self
 
-from navfw.config.folder_files import files_of
 from navfw.config.input_file import read_input
-from navfw.config.lookup import project_folder, shipped_folder
-from navfw.config.ownership import own_folders, owned_by_user
+from navfw.config.lookup import own_folders, owned_by_user, project_folder, shipped_folder
 from navfw.errors import ConfigError
 
 _SHIPPED = ("worlds", "maps", "behaviors")
@@ -126,6 +124,23 @@ def files_fingerprint(files: Iterable[tuple[str, Path]]) -> str:
     return fingerprint(
         {name: hashlib.sha256(read_input(file, _MAX_FILE)).hexdigest() for name, file in files}
     )
+
+
+def files_in(folder: Path) -> Iterator[tuple[Path, Path]]:
+    """Each file below ``folder`` and its path inside of it, sorted, but for caches of Python."""
+    for file in sorted(folder.rglob("*")):
+        inside = file.relative_to(folder)
+        if "__pycache__" not in inside.parts and file.is_file():
+            yield file, inside
+
+
+def files_of(places: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
+    """The name and the path of each file in ``places``, files and folders by their names."""
+    for name, place in places.items():
+        if place.is_file():
+            yield name, place
+        for file, inside in files_in(place):
+            yield f"{name}/{inside.as_posix()}", file
 
 
 def navfw_files() -> dict[str, Path]:

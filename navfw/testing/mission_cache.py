@@ -21,7 +21,6 @@ from importlib import metadata
 from pathlib import Path
 from typing import Self
 
-from navfw.config.folder_files import files_in
 from navfw.config.input_file import traced_inputs
 from navfw.config.lookup import find, find_mission, project_folder
 from navfw.errors import InputError
@@ -31,6 +30,7 @@ from navfw.process.target_lock import TargetLock
 from navfw.recording.provenance import (
     code_fingerprint,
     files_fingerprint,
+    files_in,
     fingerprint,
     machine_kind,
     navfw_files,

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 from plugins_samples import put
 
+from navfw.cli.listings import overview
 from navfw.interfaces import KINDS
-from navfw.plugins import BUILT_IN, default_registry, overview
+from navfw.plugins import BUILT_IN, default_registry
 
 
 def test_all_shipped_plugins_work_and_the_overview_reads_the_same_of_their_source() -> None:
@@ -23,6 +24,7 @@ def test_all_shipped_plugins_work_and_the_overview_reads_the_same_of_their_sourc
         row for row in registry.listing() if row["source"].startswith(("navfw", "behaviors"))
     ]
     assert [(row["name"], row["error"]) for row in shipped if row["error"]] == []
+    assert [row["name"] for row in shipped if row["notes"]] == [], "they use no simulator"
     assert {"avoid", "follow_wall", "emergency", "go_to_xy"} <= set(registry.names("behavior"))
     assert {row["kind"] for row in shipped} == set(KINDS)
     undescribed = [
@@ -32,14 +34,6 @@ def test_all_shipped_plugins_work_and_the_overview_reads_the_same_of_their_sourc
         if not parameter["description"]
     ]
     assert undescribed == []
-
-
-def test_extra_folders_are_discovered_too(folder: Path) -> None:
-    put(folder, "one")
-    put(folder, "avoid")
-    registry = default_registry([folder])
-    assert "one" in registry.names("behavior")
-    assert [row["name"] for row in registry.broken()] == ["avoid"]
 
 
 def test_a_new_registry_imports_neither_simulator_nor_built_in_plugins() -> None:
@@ -56,12 +50,15 @@ def test_a_new_registry_imports_neither_simulator_nor_built_in_plugins() -> None
     assert done.stdout.strip() == "[]"
 
 
-def test_the_overview_verifies_the_plugins_of_a_project(
+def test_extra_folders_and_those_of_a_project_are_verified(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (folder.parent / "navfw.toml").touch()
     put(folder, "one")
     put(folder, "avoid")
+    registry = default_registry([folder])
+    assert "one" in registry.names("behavior")
+    assert [row["name"] for row in registry.broken()] == ["avoid"]
+    (folder.parent / "navfw.toml").touch()
     monkeypatch.chdir(folder.parent)
     rows = overview()
     assert [row["name"] for row in rows if "parameters" in row] == ["avoid", "one"]
@@ -73,7 +70,7 @@ def test_the_overview_verifies_all_where_a_shipped_file_cannot_be_parsed(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put(folder, "bad", "def f(:\n")
-    monkeypatch.setattr("navfw.plugins.plugin_overview.shipped_folder", lambda: folder.parent)
+    monkeypatch.setattr("navfw.plugins.built_in.shipped_folder", lambda: folder.parent)
     monkeypatch.setattr("navfw.config.lookup.shipped_folder", lambda: folder.parent)
     (broken,) = (row for row in overview() if row["error"])
     assert (broken["name"], "SyntaxError" in broken["error"]) == ("bad", True)
