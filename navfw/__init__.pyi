@@ -45,8 +45,8 @@ from .plugins import default_registry as default_registry
 from .process import compile_kernels as compile_kernels
 from .recording.recorded_run import RecordedRun as RecordedRun
 from .recording.recorded_run import open_run as open_run
-from .recording.sensor_recording import SensorRecording as SensorRecording
-from .recording.sensor_recording import load_recording as load_recording
+from .recording.run_replay import SensorRecording as SensorRecording
+from .recording.run_replay import load_recording as load_recording
 from .robot import CameraModel as CameraModel
 from .robot import RobotModel as RobotModel
 from .robot.robotfile import load_robot as load_robot

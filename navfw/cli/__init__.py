@@ -28,7 +28,7 @@ __all__ = ["PANELS", "app", "main"]
 
 PANELS = {
     "Drive": {"run": "run", "replay": "recordings", "perceive": "perceive"},
-    "Look": {"list": "listings", "explain": "recordings", "report": "report"},
+    "Look": {"list": "listings", "explain": "recordings", "report": "recordings"},
     "Make": {"world": "world", "map": "map"},
     "Measure": {"suite": "suite", "tune": "tune"},
     "Project": {

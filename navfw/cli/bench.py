@@ -24,12 +24,8 @@ _SPLITS = ("tuning", "test", "all")
 def add_to(app: typer.Typer) -> None:
     """Add ``bench`` with its commands."""
     group = typer.Typer(help="Measure accuracy and computing time.", no_args_is_help=True)
-    group.command()(loop)
-    group.command()(perception)
-    group.command()(flow)
-    group.command()(real)
-    group.command()(planning)
-    group.command()(landmarks)
+    for command in (loop, perception, flow, real, planning, landmarks):
+        group.command()(command)
     app.add_typer(group, name="bench")
 
 
@@ -37,12 +33,12 @@ def _bench(
     command: str,
     options: Mapping[str, object],
     measure: Callable[[ProgressCallback], dict[str, Any]],
-    show: Callable[[dict[str, Any]], None],
+    tables: Callable[[dict[str, Any]], Iterable[ResultTable]] | None,
     *,
     json: bool,
     quiet: bool,
 ) -> dict[str, Any]:
-    """Measure with a progress bar, add the provenance, and print the result as JSON or ``show`` it.
+    """Measure with a progress bar, add the provenance, and print the result as JSON or ``tables``.
 
     ``options`` are those that repeat the measurement.
     """
@@ -54,8 +50,8 @@ def _bench(
         result["provenance"] = provenance(f"navfw bench {command}", options)
     if json:
         print_json(result)
-    else:
-        show(result)
+    elif tables is not None:
+        print_tables(tables(result))
     return result
 
 
@@ -82,13 +78,9 @@ def loop(
     options |= {} if robot is None else {"robot": robot}
     options |= {"seconds": f"{seconds:g}", "repeats": repeats}
     measure = partial(bench_loop, session, seconds, repeats)
-    _bench("loop", options, measure, _print_loop, json=json, quiet=quiet)
-
-
-def _print(
-    tables: Callable[[dict[str, Any]], Iterable[ResultTable]], result: dict[str, Any]
-) -> None:
-    print_tables(tables(result))
+    result = _bench("loop", options, measure, None, json=json, quiet=quiet)
+    if not json:
+        _print_loop(result)
 
 
 def _print_loop(result: dict[str, Any]) -> None:
@@ -150,28 +142,21 @@ def perception(
 ) -> None:
     """Measure accuracy and speed of perception. Covers flow, situations and recorded images."""
     with quiet_stdout():
+        from navfw.bench import perception_benchmark as bench
         from navfw.bench.perception_accuracy import HELD_OUT_SEED
-        from navfw.bench.perception_benchmark import (
-            SampleSizes,
-            bench_perception,
-            find_data,
-            page_folder,
-            tables,
-            write_page,
-        )
         from navfw.recording.provenance import usable_cores
 
-        recorded = None if data is None else find_data(data)
-        folder = None if out is None else page_folder(out)
+        recorded = None if data is None else bench.find_data(data)
+        folder = None if out is None else bench.page_folder(out)
         seed = HELD_OUT_SEED if seed is None else seed
     options: dict[str, object] = {"poses": poses, "comparisons": comparisons, "places": places}
     options |= {"seed": seed} | ({"data": "DIR"} if data else {})
-    sizes = SampleSizes(poses=poses, comparisons=comparisons, places=places)
-    measure = partial(bench_perception, sizes, seed, workers or usable_cores(), recorded)
-    result = _bench("perception", options, measure, partial(_print, tables), json=json, quiet=quiet)
+    sizes = bench.SampleSizes(poses=poses, comparisons=comparisons, places=places)
+    measure = partial(bench.bench_perception, sizes, seed, workers or usable_cores(), recorded)
+    result = _bench("perception", options, measure, bench.tables, json=json, quiet=quiet)
     if folder is not None:
         with quiet_stdout(), folder:
-            write_page(result, folder.path)
+            bench.write_page(result, folder.path)
         if not json:
             typer.echo(f"page {folder.target / 'index.md'}")
 
@@ -191,7 +176,7 @@ def planning(
 
     options = {"places": places, "repeats": repeats, "seed": seed}
     measure = partial(bench_planning, places, repeats, seed)
-    _bench("planning", options, measure, partial(_print, tables), json=json, quiet=quiet)
+    _bench("planning", options, measure, tables, json=json, quiet=quiet)
 
 
 def flow(
@@ -214,27 +199,22 @@ def flow(
 ) -> None:
     """Measure cost, error and sigma of flow. Compares the processors with OpenCV's."""
     with quiet_stdout():
-        from navfw.bench.flow_comparison import (
-            PARTS,
-            bench_flow_sets,
-            recorded_sets,
-            rendered_set,
-            tables,
-        )
+        from navfw.bench import flow_comparison as bench
 
-    if part not in PARTS:
-        raise InputError(f"must be one of {', '.join(PARTS)}, got {part!r}", key="--part")
+    parts = bench.PARTS
+    if part not in parts:
+        raise InputError(f"must be one of {', '.join(parts)}, got {part!r}", key="--part")
     if data is None and not places:
         raise InputError("must be at least 1 without --data, got 0", key="--places")
 
     def measure(report: ProgressCallback) -> dict[str, Any]:
         report("reading and rendering pairs")
-        sets = [] if data is None else recorded_sets(data, PARTS[part])
-        sets += [rendered_set(places, seed, PARTS[part])] if places else []
-        return bench_flow_sets(sets, report=report)
+        sets = [] if data is None else bench.recorded_sets(data, parts[part])
+        sets += [bench.rendered_set(places, seed, parts[part])] if places else []
+        return bench.bench_flow_sets(sets, report=report)
 
     options = {"places": places, "seed": seed, "part": part} | ({"data": "DIR"} if data else {})
-    _bench("flow", options, measure, partial(_print, tables), json=json, quiet=quiet)
+    _bench("flow", options, measure, bench.tables, json=json, quiet=quiet)
 
 
 def landmarks(
@@ -251,7 +231,7 @@ def landmarks(
 
     options = {"views": views, "seed": seed}
     measure = partial(bench_landmarks, views, seed)
-    _bench("landmarks", options, measure, partial(_print, tables), json=json, quiet=quiet)
+    _bench("landmarks", options, measure, tables, json=json, quiet=quiet)
 
 
 def real(
@@ -276,4 +256,4 @@ def real(
     names = flow or [PerceiverOptions().flow, "dis", "lucas_kanade", "farneback"]
     options = {"data": "DIR", "split": split}
     measure = partial(bench_real, data, split, names, registry)
-    _bench("real", options, measure, partial(_print, tables), json=json, quiet=quiet)
+    _bench("real", options, measure, tables, json=json, quiet=quiet)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from navfw.cli.options import JsonList
 from navfw.cli.output import print_json, quiet_stdout
 from navfw.config.file_kinds import FILE_KINDS, FileKind, kind_called
 
@@ -28,11 +29,9 @@ def check(
             show_default=False,
         ),
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print a JSON list of objects, and nothing else.")
-    ] = False,
+    json: JsonList = False,
 ) -> None:
-    """Check files and plugins without driving. Exit with 2 if one is wrong; all errors are told.
+    """Check files and plugins without driving. Exit with 2 if one is wrong; all errors are listed.
 
     Missions are checked with world, map and stack; rule bases must cover their inputs.
     """
@@ -68,12 +67,6 @@ def schema(
 
 
 def _project() -> Path:
-    """The project around the working folder.
-
-    Raises:
-        ConfigError: there is none.
-
-    """
     from navfw.config.lookup import project_folder
     from navfw.errors import ConfigError
 
@@ -85,7 +78,6 @@ def _project() -> Path:
 
 
 def _checked(paths: list[Path]) -> Iterator[Checked]:
-    """A row for each data file and each plugin in ``paths``."""
     from navfw.config.input_file import no_such_file
     from navfw.plugins import default_registry
 
@@ -105,17 +97,12 @@ def _checked(paths: list[Path]) -> Iterator[Checked]:
     registry = default_registry()
     for folder in sorted({file.parent for file in plugins}):
         registry.discover_folder(folder)
-    yield from _check_plugins(registry, plugins)
+    for row in registry.listing():
+        if Path(row["source"]).resolve() in plugins:
+            yield {key: row[key] for key in ("name", "kind", "source", "notes", "error")}
     for file in (*files, *(file for folder in folders for file in data_files(folder))):
         if file.suffix != ".py":
             yield _check_data_file(file, registry)
-
-
-def _check_plugins(registry: Registry, files: set[Path]) -> Iterator[Checked]:
-    """A row for each plugin that is in one of ``files``."""
-    for row in registry.listing():
-        if Path(row["source"]).resolve() in files:
-            yield {key: row[key] for key in ("name", "kind", "source", "notes", "error")}
 
 
 def _check_data_file(file: Path, registry: Registry) -> Checked:
@@ -125,7 +112,7 @@ def _check_data_file(file: Path, registry: Registry) -> Checked:
 
     kind = error = None
     try:
-        file_kind = kind_of_file(file)
+        file_kind = _kind_of(file)
         kind = file_kind.title or file_kind.name
         file_kind.check_file(file, registry)
     except InputError as reason:
@@ -160,26 +147,20 @@ def _is_data_file(file: Path) -> bool:
     return file.suffix in _SUFFIXES and not file.name.startswith((".", "_")) and not of_plugin
 
 
-def kind_of_file(path: Path) -> FileKind:
-    """The kind of the data file at ``path``: by its own name, its folder's, or its keys.
-
-    Raises:
-        ConfigError: neither is that of a kind, or the file cannot be read.
-
-    """
+def _kind_of(path: Path) -> FileKind:
+    """The kind of the data file at ``path``: by its own name, its folder's, or its keys."""
     from navfw.config.document import load_yaml
     from navfw.config.input_file import shown_path
     from navfw.errors import ConfigError, did_you_mean
 
-    kinds = FILE_KINDS.values()
-    for kind in kinds:
+    for kind in FILE_KINDS.values():
         if path.name == kind.file_name or path.absolute().parent.name in kind.folders:
             return kind
     data = load_yaml(path).data
-    for kind in kinds:
-        if isinstance(data, dict) and kind.key and kind.key in data:
+    by_key = {kind.key: kind for kind in FILE_KINDS.values() if kind.key}
+    for key, kind in by_key.items():
+        if key in data:
             return kind
-    keys = [kind.key for kind in kinds if kind.key]
-    near = did_you_mean(next(iter(data), "") if isinstance(data, dict) else "", keys)
-    what = f"no file of navfw: none of the keys {', '.join(keys)}; {near}"
+    near = did_you_mean(next(iter(data), ""), by_key)
+    what = f"no file of navfw: none of the keys {', '.join(by_key)}; {near}"
     raise ConfigError(what, file=shown_path(path))

@@ -109,12 +109,7 @@ def mission_summary(path: Path) -> dict[str, Any]:
 
 def map_summary(path: Path) -> dict[str, Any]:
     """The description in a map file, and the numbers of its places and edges."""
-    spec = validate(load_yaml(path, MAX_BYTES, MAX_NODES), _MapSummary)
-    return {
-        "description": spec.description,
-        "places": len(spec.places),
-        "edges": len(spec.edges),
-    }
+    return _counted(validate(load_yaml(path, MAX_BYTES, MAX_NODES), _MapSummary))
 
 
 def stack_summary(path: Path) -> dict[str, Any]:
@@ -129,12 +124,12 @@ def stack_summary(path: Path) -> dict[str, Any]:
 
 def suite_summary(path: Path) -> dict[str, Any]:
     """The description of a suite, and the numbers of its entries and variants."""
-    spec = _read(path, _SuiteSummary)
-    return {
-        "description": spec.description,
-        "entries": len(spec.entries),
-        "variants": len(spec.variants),
-    }
+    return _counted(_read(path, _SuiteSummary))
+
+
+def _counted(spec: _FileSummary) -> dict[str, Any]:
+    values = spec.model_dump()
+    return {key: value if key == "description" else len(value) for key, value in values.items()}
 
 
 def robot_summary(path: Path) -> dict[str, Any]:
@@ -153,7 +148,6 @@ def robot_summary(path: Path) -> dict[str, Any]:
 
 
 def _body(robot: RobotModel) -> str:
-    """The measures of a body [m]."""
     footprint = robot.footprint
     if footprint is None:
         return f"round, radius {robot.radius:g} m, height {robot.height:g} m"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
 from navfw.process.work_progress import ProgressCallback, silent
 
-IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
+_IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
 """Files that are imported as the image of a floor plan."""
 
 
@@ -94,7 +95,7 @@ class _ImportOptions:
             ("--goal", self.goal, not plan),
             ("--skip-unsupported", self.skip_unsupported or None, not plan),
             ("--models", self.models, not plan),
-            ("--resolution", self.resolution, kind in IMAGE_SUFFIXES),
+            ("--resolution", self.resolution, kind in _IMAGE_SUFFIXES),
             ("--speckle", self.speckle, plan),
             ("--gap", self.gap, plan),
         ):
@@ -112,59 +113,47 @@ class _Imported:
 
 
 def _folders(sources: list[Path], out: Path) -> dict[Path, Path]:
-    """The folder of each file: ``out`` of a single one, else a folder in it with the file's name.
-
-    Raises:
-        InputError: two files have the same name, or ``out`` cannot be written.
-
-    """
+    """The folder of each file: ``out`` of a single one, else one in it with the file's name."""
     if len(sources) == 1:
         return {sources[0]: out}
     from navfw.process.atomic import output_place
 
     output_place(out, "--out", replaced=False)
-    stems = [file.stem for file in sources]
-    for number, (file, stem) in enumerate(zip(sources, stems, strict=True)):
-        if stem in stems[:number]:
-            what = f"a second file called {stem!r}, which is the name of its folder in --out"
+    folders: dict[Path, Path] = {}
+    for file in sources:
+        if out / file.stem in folders.values():
+            what = f"a second file called {file.stem!r}, which is the name of its folder in --out"
             raise InputError(f"{what}; import it on its own", file=file)
-    return {file: out / stem for file, stem in zip(sources, stems, strict=True)}
+        folders[file] = out / file.stem
+    return folders
 
 
 def _import_files(
     folders: Mapping[Path, Path], options: _ImportOptions, bar: ProgressBar
 ) -> tuple[list[_Imported], list[InputError]]:
-    """Import each file into its folder; returns what was made, and what was wrong.
-
-    Raises:
-        InputError: the only file cannot be imported.
-
-    """
-    if len(folders) == 1:
-        ((file, folder),) = folders.items()
-        return [_import_file(file, folder, options, bar.show_part)], []
+    """Import each file into its folder: what was made, and the errors where there are several."""
     made: list[_Imported] = []
     failed: list[InputError] = []
-    for number, (file, folder) in enumerate(folders.items()):
-        bar.update(number, len(folders), file.name)
+    single, count = len(folders) == 1, len(folders)
+    for number, (file, folder) in enumerate(folders.items(), start=1):
         try:
-            made.append(_import_file(file, folder, options, silent))
+            made.append(_import_file(file, folder, options, bar.show_part if single else silent))
         except InputError as error:
+            if single:
+                raise
             failed.append(error)
-    bar.update(len(folders), len(folders))
+        if not single:
+            bar.update(number, count, file.name)
     return made, failed
 
 
 def _import_file(
     source: Path, folder: Path, options: _ImportOptions, report: ProgressCallback
 ) -> _Imported:
-    """Import one file of either kind."""
     kind = source.suffix.lower()
-    plan = kind in {".yaml", ".yml", *IMAGE_SUFFIXES}
+    plan = kind in {".yaml", ".yml", *_IMAGE_SUFFIXES}
     options.check(kind, plan=plan)
-    if plan:
-        return _import_plan(source, folder, options, report)
-    return _import_gazebo(source, folder, options, report)
+    return (_import_plan if plan else _import_gazebo)(source, folder, options, report)
 
 
 def _import_plan(
@@ -176,9 +165,8 @@ def _import_plan(
     report("reading")
     made = import_plan(read_plan(source, options.resolution), source.stem, steps, report)
     folder = made.write(out)
-    kinds = {place.kind for place in made.topo_map.places.values()}
-    doors = sum(place.kind == "door" for place in made.topo_map.places.values())
-    places, edges = len(made.topo_map.places), len(made.topo_map.passages)
+    kinds = Counter(place.kind for place in made.topo_map.places.values())
+    places, edges, doors = kinds.total(), len(made.topo_map.passages), kinds["door"]
     data = {
         "folder": str(folder),
         "world": made.world.name,
@@ -242,10 +230,8 @@ def _print(made: Sequence[_Imported], *, single: bool, json: bool) -> None:
             typer.echo(f"{where}left out: {what}", err=True)
     if json:
         print_json(made[0].data if single else [one.data for one in made])
-        return
-    for one in made:
-        for line in one.lines:
-            typer.echo(line)
+    else:
+        typer.echo("".join(f"{line}\n" for one in made for line in one.lines), nl=False)
 
 
 def numbers_of(option: str, text: str | None, names: tuple[str, ...]) -> tuple[float, ...] | None:

@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from navfw.cli.command_groups import SuggestingGroup
-from navfw.cli.options import World
+from navfw.cli.options import JsonList, World
 from navfw.cli.output import console, print_json, print_table, quiet_stdout
 from navfw.config.file_kinds import FILE_KINDS, FileKind
 
 if TYPE_CHECKING:
     from navfw.config.lookup import NamedFile
 
-Json = Annotated[
-    bool, typer.Option("--json", help="Print a JSON list of objects, and nothing else.")
-]
 Row = dict[str, Any]
 
 
@@ -34,7 +31,7 @@ def add_to(app: typer.Typer) -> None:
     app.add_typer(group, name="list")
 
 
-def kinds(ctx: typer.Context, json: Json = False) -> None:
+def kinds(ctx: typer.Context, json: JsonList = False) -> None:
     """List worlds, missions and other files by name, and plugins.
 
     Without a kind, list the kinds with their numbers; plugins are counted without executing any.
@@ -42,7 +39,7 @@ def kinds(ctx: typer.Context, json: Json = False) -> None:
     if ctx.invoked_subcommand is not None:
         return
     from navfw.config.lookup import list_files, plugin_files, plugin_folders
-    from navfw.plugins.registry import BUILT_IN
+    from navfw.plugins.built_in import BUILT_IN
 
     counts = {
         kind.plural: len(list_files(kind.name)) for kind in FILE_KINDS.values() if kind.plural
@@ -55,7 +52,7 @@ def kinds(ctx: typer.Context, json: Json = False) -> None:
         print_table(["kind", "number"], list(counts.items()), "There are no files.")
 
 
-def missions(world: World, json: Json = False) -> None:
+def missions(world: World, json: JsonList = False) -> None:
     """List the missions of a world."""
     from navfw.config.lookup import list_missions
 
@@ -64,9 +61,7 @@ def missions(world: World, json: Json = False) -> None:
 
 
 def _lister(kind: FileKind) -> Callable[[bool], None]:
-    """The command that lists the files of a kind."""
-
-    def command(json: Json = False) -> None:
+    def command(json: JsonList = False) -> None:
         from navfw.config.lookup import list_files
 
         _show(kind, list_files(kind.name), f"There are no {kind.plural}.", as_json=json)
@@ -77,23 +72,67 @@ def _lister(kind: FileKind) -> Callable[[bool], None]:
 def plugins(
     kind: Annotated[
         str | None,
-        typer.Option("--kind", help="Only plugins of this kind: behavior, flow, planner, ..."),
+        typer.Option("--kind", help="Of one kind alone, with parameters: behavior, flow, ..."),
     ] = None,
-    json: Json = False,
+    parameters: Annotated[
+        bool, typer.Option("--parameters", help="List parameters, and verify navfw's own plugins.")
+    ] = False,
+    json: JsonList = False,
 ) -> None:
-    """List the plugins with their parameters. Exit with 2 if one is broken; its error is listed."""
-    with quiet_stdout():
-        from navfw.plugins.registry import check_kind, default_registry
+    """List the plugins. Exit with 2 if one is broken; its error is listed.
 
-        if kind is not None:
-            check_kind(kind)  # before any plugin is imported
-        rows = default_registry().listing(kind)
+    With --parameters, --kind or --json their parameters are listed, too.
+    """
+    with quiet_stdout():
+        if kind is None and not (parameters or json):
+            rows = overview()
+        else:
+            from navfw.plugins.registry import check_kind, default_registry
+
+            if kind is not None:
+                check_kind(kind)  # before any plugin is imported
+            rows = default_registry().listing(kind)
     if json:
         print_json(rows)
     else:
         _print_plugins(rows)
     if any(row["error"] is not None for row in rows):
         raise typer.Exit(2)
+
+
+def overview() -> list[Row]:
+    """Every plugin: name, kind, source, summary and error, in the order of kinds.
+
+    Of shipped plugins this is what their source says: they are neither imported nor verified, which
+    ``Registry.listing`` does. Those of the project and of installed packages are.
+
+    Raises:
+        UntrustedCodeError: the project has plugins, and the user has not agreed to execute them.
+
+    """
+    from navfw.config.lookup import project_plugin_folders
+    from navfw.config.project_code import require_trust
+    from navfw.plugins.built_in import installed_points, shipped_outlines
+
+    require_trust()
+    points, folders = installed_points(), project_plugin_folders()
+    try:
+        shipped = shipped_outlines()
+    except SyntaxError:
+        from navfw.plugins.registry import default_registry
+
+        return default_registry().listing()  # which has the error
+    if not points and not folders:
+        return shipped
+    from navfw.plugins.registry import Registry
+
+    registry = Registry()
+    for row in shipped:
+        registry.register_lazily(row["kind"], row["name"], "", row["source"])
+    for folder in folders:
+        registry.discover_folder(folder)
+    registry.discover_entry_points(points)
+    return registry.listing(outlines=shipped)
 
 
 def _row(kind: FileKind, file: NamedFile) -> Row:
@@ -166,12 +205,12 @@ def _print_plugins(rows: list[Row]) -> None:
             continue
         out.print(Text(f"    {row['summary']}"))
         table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
-        for parameter in row["parameters"]:
+        for parameter in row.get("parameters", ()):
             default = "required" if parameter["required"] else f"= {_cell(parameter['default'])}"
             texts = (parameter["name"], parameter["type"], default)
             about = (parameter["bounds"], parameter["description"])
             table.add_row("     ", *(Text(text) for text in (*texts, *about)))
-        if row["parameters"]:
+        if table.rows:
             out.print(table)
-        for note in row["notes"]:
+        for note in row.get("notes", ()):
             out.print(Text(f"    note: {note}", style="yellow"))

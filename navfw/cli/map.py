@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from navfw.cli.command_groups import command_group
-from navfw.cli.map_learning import learn_landmarks, learn_situations
-from navfw.cli.options import Json, Map, World
-from navfw.cli.output import print_json, print_table, quiet_stdout
+from navfw.cli.options import Json, Map, Mission, NoiseSeed, Stack, World
+from navfw.cli.output import print_json, print_result, print_table, print_tables, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 
 if TYPE_CHECKING:
@@ -49,9 +49,7 @@ def show(
         stem = named.stem if named.suffix.lower() in SUFFIXES else named.name
         path = out or Path(f"{stem}.png")
         draw_map(path, topo_map, outline)
-    kinds: dict[str, int] = {}
-    for place in topo_map.places.values():
-        kinds[place.kind] = kinds.get(place.kind, 0) + 1
+    kinds = Counter(place.kind for place in topo_map.places.values())
     summary = {
         "map": topo_map.name,
         "places": len(topo_map.places),
@@ -63,12 +61,12 @@ def show(
         "over_world": outline is not None,
         "picture": str(path),
     }
-    if json:
-        print_json(summary)
-        return
     counted = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
-    typer.echo(f"{topo_map.name}: {summary['places']} places ({counted}), {summary['edges']} edges")
-    typer.echo(f"picture {path}" + ("" if outline is not None else ", without a floor plan"))
+    lines = (
+        f"{topo_map.name}: {summary['places']} places ({counted}), {summary['edges']} edges",
+        f"picture {path}" + ("" if outline is not None else ", without a floor plan"),
+    )
+    print_result(summary, lines, json=json)
 
 
 def check(map_: Map, world: _OverWorld = None, json: Json = False) -> None:
@@ -81,14 +79,8 @@ def check(map_: Map, world: _OverWorld = None, json: Json = False) -> None:
         problems = check_map(topo_map, None if plan is None else plan.clearances)
     rows = [problem.as_data() for problem in problems]
     if json:
-        print_json(
-            {
-                "map": topo_map.name,
-                "in_world": plan is not None,
-                "ok": not problems,
-                "problems": rows,
-            }
-        )
+        summary = {"map": topo_map.name, "in_world": plan is not None}
+        print_json({**summary, "ok": not problems, "problems": rows})
     else:
         if plan is None:
             typer.echo("No world has the map's name: walls are not checked.", err=True)
@@ -121,18 +113,8 @@ def build(
             grid = ClearanceGrid.of(plan.bounds, plan.near_clearances)
             topo_map = build_map(spec.name, grid, rooms=rooms, report=bar.show_part)
         save_map(topo_map, out)
-    if json:
-        print_json(
-            {
-                "map": topo_map.name,
-                "places": len(topo_map.places),
-                "edges": len(topo_map.passages),
-                "file": str(out),
-            }
-        )
-        return
-    typer.echo(f"{out}: {len(topo_map.places)} places, {len(topo_map.passages)} edges")
-    typer.echo(f"view it with navfw map show {out} --world {world}, then name its places")
+    next_step = f"view it with navfw map show {out} --world {world}, then name its places"
+    _print_written(topo_map, out, next_step, json=json)
 
 
 def convert(
@@ -149,11 +131,13 @@ def convert(
     with quiet_stdout():
         topo_map = _find_map(source, both_ways)
         save_map(topo_map, out)
+    _print_written(topo_map, out, json=json)
+
+
+def _print_written(topo_map: TopoMap, file: Path, *more: str, json: bool) -> None:
     places, edges = len(topo_map.places), len(topo_map.passages)
-    if json:
-        print_json({"map": topo_map.name, "places": places, "edges": edges, "file": str(out)})
-    else:
-        typer.echo(f"{out}: {places} places, {edges} edges")
+    data = {"map": topo_map.name, "places": places, "edges": edges, "file": str(file)}
+    print_result(data, (f"{file}: {places} places, {edges} edges", *more), json=json)
 
 
 def export(
@@ -176,11 +160,15 @@ def export(
         plan = exported_plan(load_world(find("world", world)), resolution, walls_only=walls_only)
         picture = save_ros_map(plan, out, f".{image.removeprefix('.').lower()}")
     rows, columns = plan.cells.shape
-    if json:
-        summary = {"file": str(out), "image": str(picture), "cells": [columns, rows]}
-        print_json({**summary, "resolution_m": resolution, "occupied": int(plan.occupied.sum())})
-        return
-    typer.echo(f"{out}, {picture}: {columns} x {rows} cells of {resolution:g} m")
+    summary = {
+        "file": str(out),
+        "image": str(picture),
+        "cells": [columns, rows],
+        "resolution_m": resolution,
+        "occupied": int(plan.occupied.sum()),
+    }
+    line = f"{out}, {picture}: {columns} x {rows} cells of {resolution:g} m"
+    print_result(summary, (line,), json=json)
 
 
 def plan(
@@ -243,13 +231,87 @@ def _print_route(route: dict[str, Any], start: str, goal: str) -> None:
         typer.echo(f"plot {route['plot']}")
 
 
+def learn_landmarks(
+    world: World,
+    mission: Mission,
+    stack: Stack = "default",
+    out: Annotated[
+        Path | None, typer.Option(help="Map file to write [default: MAP-learnt.yaml].")
+    ] = None,
+    seed: NoiseSeed = 0,
+    least: Annotated[
+        int, typer.Option(min=1, max=1000, help="Least number of observations of a landmark.")
+    ] = 3,
+    json: Json = False,
+) -> None:
+    """Add detected landmarks to a map. Drives a mission, and writes its map with them."""
+    with quiet_stdout():
+        from navfw.missions.learning_drives import learn_landmarks as learn
+        from navfw.missions.session_setup import prepare
+        from navfw.process.atomic import output_file
+        from navfw.recording.run_folder import plain_json
+        from navfw.topomap.map_formats import save_map
+
+        session = prepare(world, mission, seed=seed, stack=stack)
+        name = Path(session.stack.topo_map.name).name
+        path = out or Path(f"{name}-learnt.yaml")
+        output_file(path, "--out")
+        drive = learn(session, least=least)
+        save_map(drive.topo_map, path)
+        result = plain_json({**drive.as_data(session), "file": str(path)})
+    if json:
+        print_json(result)
+        return
+    cells = [
+        (
+            row["identity"],
+            f"{row['x']:.2f}",
+            f"{row['y']:.2f}",
+            str(row["observations"]),
+            f"{row['sigma_m']:.2f}",
+            "" if row["error_m"] is None else f"{row['error_m']:.2f}",
+        )
+        for row in result["landmarks"]
+    ]
+    print_table(
+        ["landmark", "x", "y", "observations", "sigma [m]", "error [m]"], cells, "no landmarks"
+    )
+    typer.echo(f"{result['reason']}; {path}: {result['learnt']} landmarks learnt")
+
+
+def learn_situations(
+    suite: Annotated[
+        str, typer.Argument(metavar="SUITE", help="Name or file of a suite.")
+    ] = "situations",
+    seeds: Annotated[str, typer.Option(metavar="A:B", help="Seeds from A to B - 1.")] = "7000:7005",
+    out: Annotated[Path, typer.Option(help="File to write.")] = Path("situations.yaml"),
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Learn the situations at places. The table says how often OFFIS infers each (METHOD 4.4)."""
+    with quiet_stdout():
+        from navfw.bench.situation_learning import learn_situations, tables
+        from navfw.plugins import default_registry
+        from navfw.process.atomic import output_file, write_text
+        from navfw.suite.suite_plan import plan_runs
+        from navfw.suite.suitefile import load_suite, parse_seeds
+
+        output_file(out, "--out")
+        registry = default_registry()
+        plan = plan_runs(load_suite(suite), parse_seeds(seeds), registry)
+        with ProgressBar("learn", quiet=quiet) as bar:
+            learnt = learn_situations(plan, registry, bar.show_part)
+        provenance = f"navfw map learn-situations {suite} --seeds {seeds}: {learnt.drives} drives"
+        write_text(out, learnt.table.text(provenance), parents=True)
+    if json:
+        print_json({"file": str(out), **learnt.as_data()})
+    else:
+        print_tables(tables(learnt))
+        typer.echo(f"table: {out}; use it with --set topological.discrete.situations={out}")
+
+
 def _find_map(name: str, both_ways: bool = False) -> TopoMap:
-    """The map called ``name``, or in the file ``name`` of any supported format.
-
-    Raises:
-        InputError: it does not exist, or its file is invalid.
-
-    """
+    """The map called ``name``, or in the file ``name`` of any supported format."""
     from navfw.config.lookup import find
     from navfw.features.landmark_appearance import check_landmark_kind
     from navfw.topomap.map_formats import SUFFIXES, load_any_map
@@ -260,12 +322,7 @@ def _find_map(name: str, both_ways: bool = False) -> TopoMap:
 
 
 def _floor_plan(topo_map: TopoMap, world: str | None) -> SceneGeometry | None:
-    """The floor plan of ``world``; by default of the world with the map's name, None without one.
-
-    Raises:
-        InputError: ``world`` does not exist, or its file is invalid.
-
-    """
+    """The floor plan of ``world``, or of the world with the map's name; None without one."""
     from navfw.config.lookup import find, list_files
     from navfw.sim.scene_geometry import SceneGeometry
     from navfw.sim.worldfile import load_world
@@ -279,7 +336,6 @@ def _floor_plan(topo_map: TopoMap, world: str | None) -> SceneGeometry | None:
 
 
 def _outline_for(topo_map: TopoMap, world: str | None) -> WorldOutline | None:
-    """The outline, seen from above, of the world of ``floor_plan``; None without one."""
     from navfw.missions.run_drawing import outline_of
 
     plan = _floor_plan(topo_map, world)

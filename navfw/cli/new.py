@@ -32,7 +32,7 @@ def project(
 
     All of it passes. Nothing that exists is overwritten.
     """
-    from navfw.scaffold.new_project import write_project
+    from navfw.scaffold.new_files import write_project
 
     written = write_project(folder)
     typer.echo(f"wrote {folder}:")
@@ -41,10 +41,8 @@ def project(
 
 
 def _writer(kind: str) -> Callable[[str], None]:
-    """The command that writes a part of a kind."""
-
     def write(name: _Name) -> None:
-        from navfw.scaffold.new_parts import write_part
+        from navfw.scaffold.new_files import write_part
 
         written, then = write_part(kind, name)
         typer.echo("wrote:")

@@ -28,6 +28,14 @@ def print_json(data: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> None:
     typer.echo(json.dumps(data, indent=2, allow_nan=False))
 
 
+def print_result(data: Mapping[str, Any], lines: Iterable[str], *, json: bool) -> None:
+    """Print one object with ``json``, otherwise the ``lines``."""
+    if json:
+        print_json(data)
+    else:
+        typer.echo("\n".join(lines))
+
+
 def print_json_list(items: Iterable[Mapping[str, Any]]) -> None:
     """Print a list of objects on stdout, a line for each as soon as there is one.
 

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
@@ -35,7 +36,7 @@ _Hfov = Annotated[
         show_default=False,
     ),
 ]
-Calibration = Annotated[
+_Calibration = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
@@ -44,7 +45,7 @@ Calibration = Annotated[
         show_default=False,
     ),
 ]
-Speed = Annotated[
+_Speed = Annotated[
     float | None,
     typer.Option(
         help="Forward speed [m/s]. Unknown or 0: times to contact only, unless --height is given"
@@ -58,7 +59,7 @@ _Fps = Annotated[
         help="Images per second; by default that of the video, 10 for files.", show_default=False
     ),
 ]
-Times = Annotated[
+_Times = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
@@ -66,14 +67,14 @@ Times = Annotated[
         show_default=False,
     ),
 ]
-Height = Annotated[
+_Height = Annotated[
     float | None,
     typer.Option(
         help="Height of the camera above the floor [m]; by default from floor and speed.",
         show_default=False,
     ),
 ]
-Pitch = Annotated[
+_Pitch = Annotated[
     float | None,
     typer.Option(
         help="Pitch of the camera, nose down positive [degrees]; by default 0.", show_default=False
@@ -98,7 +99,7 @@ _PoseFile = Annotated[
     ),
 ]
 _FlowPlugin = Annotated[str, typer.Option(metavar="PLUGIN", help="Flow processor.")]
-Grid = Annotated[
+_Grid = Annotated[
     str | None,
     typer.Option(
         metavar="ROWSxCOLUMNS",
@@ -113,7 +114,7 @@ _Stride = Annotated[
         show_default=False,
     ),
 ]
-Overlay = Annotated[
+_Overlay = Annotated[
     Path | None,
     typer.Option(
         metavar="OUT",
@@ -132,23 +133,26 @@ def perceive(
         typer.Argument(help="A folder of images, a video, or image files.", show_default=False),
     ],
     hfov: _Hfov = None,
-    calibration: Calibration = None,
-    speed: Speed = None,
+    calibration: _Calibration = None,
+    speed: _Speed = None,
     fps: _Fps = None,
-    times: Times = None,
-    height: Height = None,
-    pitch: Pitch = None,
+    times: _Times = None,
+    height: _Height = None,
+    pitch: _Pitch = None,
     gyro: _GyroFile = None,
     poses: _PoseFile = None,
     flow: _FlowPlugin = "registered",
-    grid: Grid = None,
+    grid: _Grid = None,
     stride: _Stride = None,
-    overlay: Overlay = None,
+    overlay: _Overlay = None,
     json: _JsonList = False,
     quiet: Quiet = False,
 ) -> None:
     """Run perception on recorded images. Lists obstacles, distances and the situation."""
     with quiet_stdout():
+        from navfw.perceive.image_sources import open_source
+        from navfw.perceive.image_times import load_image_times
+        from navfw.perceive.pair_result import as_data
         from navfw.perceive.perceiver_options import PerceiverOptions
 
         _require_one("--hfov", hfov, "--calibration", calibration)
@@ -163,30 +167,26 @@ def perceive(
             grid=None if grid is None else _grid(grid),
             stride=stride,
         )
-        opened = _opener(source, fps, times)
+        listed = None if times is None else load_image_times(times)
+        opened = partial(open_source, source, fps, listed=listed)
         options = replace(options, gyro=_motion_record(gyro, poses, pitch or 0.0, opened(None)))
     with ProgressBar("perceive", quiet=quiet) as bar:
         with quiet_stdout():
             images, view, lens = _with_lens(opened, calibration, hfov, bar)
         options = replace(options, hfov=view)
-        tally = _Tally(images.total, bar)
+        counter = _ResultCounter(images.total, bar)
         with contextlib.closing(_results(options, images, overlay)) as results:
-            shown = tally.counted(quietly(results))
+            shown = counter.counted(quietly(results))
             if json:
-                _print_json(shown, lens)
+                estimated = None if lens is None else lens.as_data()
+                print_json_list(
+                    {**as_data(result), "assumed": assumed, "estimated": estimated}
+                    for result, assumed in shown
+                )
             else:
                 _print(shown, lens, overlay)
-    for note in [*tally.notes(options), *images.notes]:
+    for note in [*counter.notes(options), *images.notes]:
         typer.echo(f"note: {note}", err=True)
-
-
-def _print_json(results: Iterable[Assessed], lens: LensEstimate | None) -> None:
-    from navfw.perceive.pair_result import as_data
-
-    estimated = None if lens is None else lens.as_data()
-    print_json_list(
-        {**as_data(one), "assumed": assumed, "estimated": estimated} for one, assumed in results
-    )
 
 
 def _print(results: Iterable[Assessed], lens: LensEstimate | None, overlay: Path | None) -> None:
@@ -207,24 +207,13 @@ def _print(results: Iterable[Assessed], lens: LensEstimate | None, overlay: Path
         typer.echo(f"drawn to {overlay}")
 
 
-def _opener(
-    source: list[Path], fps: float | None, times: Path | None
-) -> Callable[[CameraCalibration | None], ImageSource]:
-    """What opens the images with a calibration, or with none."""
-    from navfw.perceive.image_sources import open_source
-    from navfw.perceive.image_times import load_image_times
-
-    listed = None if times is None else load_image_times(times)
-    return lambda camera: open_source(source, fps, camera, listed)
-
-
 def _with_lens(
     opened: Callable[[CameraCalibration | None], ImageSource],
     calibration: Path | None,
     hfov: float | None,
     bar: ProgressBar,
 ) -> tuple[ImageSource, float | None, LensEstimate | None]:
-    """The images, their field of view [deg], and the estimate of a lens that nobody gave."""
+    """The images, their field of view [deg], and the estimate of a lens that is not given."""
     from navfw.perceive.calibration import load_calibration
     from navfw.perceive.lens_estimate import open_with_lens
 
@@ -243,10 +232,8 @@ def _results(
     from navfw.plugins import default_registry
 
     perceiver = Perceiver(options, images, default_registry())
-    with contextlib.ExitStack() as stack:
-        output = None if overlay is None else open_output(overlay, images)
-        if output is not None:
-            stack.enter_context(output)
+    nothing = contextlib.nullcontext(None)
+    with nothing if overlay is None else open_output(overlay, images) as output:
         for item, result in perceiver.results():
             assert perceiver.size is not None  # noqa: S101 - known from the first image on
             if output is not None:
@@ -272,11 +259,8 @@ def _require_one(option: str, value: object, other: str, other_value: object) ->
         raise InputError(f"give {option} or {other}, not both", key=other)
 
 
-class _Tally:
-    """Counts results as they pass, and shows on ``bar`` how far the work is.
-
-    ``total`` is the number of images, 0 if it is unknown.
-    """
+class _ResultCounter:
+    """Counts results as they pass, and shows on ``bar`` how many of ``total`` images are done."""
 
     def __init__(self, total: int, bar: ProgressBar) -> None:
         self._total = total
@@ -284,7 +268,6 @@ class _Tally:
         self._bar = bar
 
     def counted(self, results: Iterable[Assessed]) -> Iterator[Assessed]:
-        """The ``results``; each is counted."""
         for result, assumed in results:
             self._pairs += 1
             self._metric += result.scale.metric
@@ -314,7 +297,7 @@ class _Tally:
 
 
 def _grid(text: str) -> tuple[int, int]:
-    found = re.fullmatch(r"\s*([0-9]{1,3})\s*[xX*]\s*([0-9]{1,3})\s*", text)
-    if found is None:
+    match = re.fullmatch(r"\s*([0-9]{1,3})\s*[xX*]\s*([0-9]{1,3})\s*", text)
+    if match is None:
         raise InputError(f"expected ROWSxCOLUMNS such as 12x16, got {text!r}", key="--grid")
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])

@@ -1,25 +1,31 @@
-"""``navfw replay`` and ``navfw explain``: what a recorded run did; and the option ``--video``."""
+"""``navfw replay``, ``explain`` and ``report``: what recorded runs did; and the option ``--video``.
+
+A report is one HTML file of a run, a suite or two, which needs no network. Two suites are compared
+run by run, in text as well.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.options import Json, Recorded, Video
-from navfw.cli.output import print_json, print_status, quiet_stdout
-from navfw.cli.progress_bar import ProgressBar
+from navfw.cli.options import Json, Recorded, VariantA, VariantB, Video
+from navfw.cli.output import print_json, print_result, print_status, quiet_stdout
+from navfw.cli.progress_bar import ProgressBar, Quiet
+from navfw.errors import InputError, locating
+
+if TYPE_CHECKING:
+    from navfw.suite.suite_folder import SuiteFolder
 
 VIDEO = "--video"
 """The option, for messages."""
 
 
-def replay(
-    folder: Recorded,
-    video: Video = None,
-    json: Json = False,
-) -> None:
+def replay(folder: Recorded, video: Video = None, json: Json = False) -> None:
     """Run the stack on recorded readings. Exit with 1 if the commands differ."""
     with quiet_stdout():
         from navfw.recording.run_replay import replay as run_again
@@ -30,26 +36,21 @@ def replay(
         result = run_again(folder)
         if video is not None:
             write_video(folder, video, quiet=json)
-    if json:
-        print_json(
-            {
-                "command_hash": result.command_hash,
-                "recorded_hash": result.recorded_hash,
-                "same": result.same,
-                "ticks": result.ticks,
-                "first_difference": result.first_difference,
-                "complete": result.complete,
-            }
-        )
-    else:
-        ending = "" if result.complete else " (the recording ends before its run did)"
-        if result.same:
-            typer.echo(f"same commands in all {result.ticks} ticks{ending}")
-        else:
-            first = result.first_difference
-            typer.echo(f"different commands from tick {first} of {result.ticks} on{ending}")
-            typer.echo(f"  recorded  {result.recorded_hash}")
-        typer.echo(f"  commands  {result.command_hash}")
+    data = {
+        "command_hash": result.command_hash,
+        "recorded_hash": result.recorded_hash,
+        "same": result.same,
+        "ticks": result.ticks,
+        "first_difference": result.first_difference,
+        "complete": result.complete,
+    }
+    ending = "" if result.complete else " (the recording ends before its run did)"
+    lines = [f"same commands in all {result.ticks} ticks{ending}"]
+    if not result.same:
+        first = result.first_difference
+        lines = [f"different commands from tick {first} of {result.ticks} on{ending}"]
+        lines.append(f"  recorded  {result.recorded_hash}")
+    print_result(data, [*lines, f"  commands  {result.command_hash}"], json=json)
     raise typer.Exit(0 if result.same else 1)
 
 
@@ -84,3 +85,223 @@ def write_video(folder: Path, target: Path, *, quiet: bool) -> None:
         write_run_video(folder, target, VIDEO, bar.update)
     if not quiet:
         print_status(f"video: {target}")
+
+
+Variants = tuple[str | None, str | None]
+"""The variants of A and B to compare; None for all."""
+
+MAX_SHOWN = 25
+"""Largest number of runs to print of each kind; ``--json`` has all."""
+
+_FailIfWorse = Annotated[
+    str | None,
+    typer.Option(metavar="SHARE", help="Two suites: exit with 1 if success fell by more, as 1%."),
+]
+
+
+def report(
+    folder: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RUN|SUITE...",
+            help="Folder of a run or of a suite; or of two suites, which are compared.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="File to write [default: report.html in the folder; comparison.html in that of"
+            " the second suite].",
+            show_default=False,
+        ),
+    ] = None,
+    variant_a: VariantA = None,
+    variant_b: VariantB = None,
+    fail_if_worse: _FailIfWorse = None,
+    text: Annotated[
+        bool,
+        typer.Option("--text", help="Compare two suites without a page."),
+    ] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="As --text, but print one JSON object with all runs.")
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write a report of a run or of a suite, or compare two suites.
+
+    A report is one HTML file. Two suites are compared run by run; the comparison is printed, too,
+    the worst regressions first. Recorded runs of a suite get reports of their own, if they have
+    none yet.
+    """
+    variants = (variant_a, variant_b)
+    _check_options(
+        len(folder),
+        {"--variant-a": variant_a, "--variant-b": variant_b, "--fail-if-worse": fail_if_worse}
+        | {"--text": text, "--json": json},
+    )
+    if out is not None and (text or json):
+        what = "is for the page, which --text and --json leave out"
+        raise typer.BadParameter(what, param_hint="--out")
+    margin = None if fail_if_worse is None else _margin(fail_if_worse)
+    comparison: dict[str, Any] | None = None
+    if text or json:
+        comparison = _compare(folder, variants)
+    else:
+        with quiet_stdout(), ProgressBar("report", "recorded runs", quiet=quiet) as bar:
+            target, notes = _write(folder, variants, out, bar)
+            comparison = _compare(folder, variants) if len(folder) == 2 else None
+        for what in notes:
+            print_status(f"navfw: left out: {what}")
+    if comparison is not None:
+        (print_json if json else _print_comparison)(comparison)
+    if not (text or json):
+        typer.echo(f"report: {target}")
+    if comparison is not None and margin is not None:
+        _exit_if_worse(comparison, margin)
+
+
+def _check_options(folders: int, for_two: Mapping[str, object]) -> None:
+    """Raise typer.BadParameter for too many folders, or for an option that needs two of them."""
+    if folders > 2:
+        raise typer.BadParameter("at most two folders", param_hint="RUN|SUITE...")
+    for name, value in for_two.items():
+        if folders < 2 and value:
+            raise typer.BadParameter("needs two suites to compare", param_hint=name)
+
+
+def _compare(paths: list[Path], variants: Variants) -> dict[str, Any]:
+    """The comparison of two suites' folders, as plain data."""
+    from navfw.suite.paired_comparison import compare_tables, of_variant
+    from navfw.suite.suite_folder import SuiteFolder
+
+    suites = [SuiteFolder(path) for path in paths]
+    tables = [suite.rows() for suite in suites]
+    with locating(file=", ".join(map(str, paths))):
+        comparison = compare_tables(
+            *(of_variant(rows, name) for rows, name in zip(tables, variants, strict=True))
+        )
+    return {**comparison, "reports": [str(suite.report) for suite in suites]}
+
+
+def _write(
+    folders: list[Path], variants: Variants, out: Path | None, bar: ProgressBar
+) -> tuple[Path, list[str]]:
+    """Write the report; returns its file, and what is wrong with pictures and recordings."""
+    from navfw.process.atomic import output_file, write_text
+    from navfw.recording.run_folder import REPORT
+
+    if len(folders) > 1 or not _is_run(folders[0]):
+        return _write_of_suites(folders, variants, out, bar)
+    from navfw.report.run_page import run_report  # it needs no simulator, those of suites do
+
+    target = out or folders[0] / REPORT
+    output_file(target, "--out")
+    write_text(target, run_report(folders[0]))
+    return target, []
+
+
+def _write_of_suites(
+    folders: list[Path], variants: Variants, out: Path | None, bar: ProgressBar
+) -> tuple[Path, list[str]]:
+    """Write the report of one suite or of two, and those of their recorded runs."""
+    from navfw.process.atomic import output_file, write_text
+    from navfw.recording.run_folder import REPORT, RESULT
+    from navfw.report.suite_page import comparison_report, suite_report
+    from navfw.suite.suite_folder import COMPARISON, SuiteFolder
+
+    suites = [SuiteFolder(folder) for folder in folders]
+    of_run = [_is_run(folder) for folder in folders]
+    for folder, is_run, suite in zip(folders, of_run, suites, strict=True):
+        if not is_run and not suite.has_runs:
+            what = f"is neither the folder of a run (it has no {RESULT}) nor of a suite (it has no"
+            raise InputError(f"{what} journal.sqlite)", file=folder)
+    target = out or folders[-1] / (REPORT if len(folders) == 1 else COMPARISON)
+    output_file(target, "--out")
+    if any(of_run):
+        what = "is the folder of a run; two suites can be compared"
+        raise InputError(what, file=folders[of_run.index(True)])
+    text, notes = (
+        suite_report(suites[0], target.parent)
+        if len(suites) == 1
+        else comparison_report(suites[0], suites[1], target.parent, variants)
+    )
+    for suite in suites:
+        notes += _write_run_reports(suite, bar)
+    write_text(target, text)
+    return target, notes
+
+
+def _write_run_reports(suite: SuiteFolder, bar: ProgressBar) -> list[str]:
+    """Write the reports of recorded runs that have none; returns what is wrong with recordings."""
+    from navfw.config.input_file import is_file
+    from navfw.process.atomic import write_text
+    from navfw.recording.run_folder import RECORDING, REPORT
+    from navfw.report.run_page import run_report
+
+    folders = [
+        folder
+        for row in suite.rows()
+        if is_file((folder := suite.recording(row)) / RECORDING) and not is_file(folder / REPORT)
+    ]
+    wrong = []
+    for number, folder in enumerate(folders):
+        bar.update(number, len(folders), folder.name)
+        try:
+            write_text(folder / REPORT, run_report(folder))
+        except InputError as error:
+            wrong.append(str(error))
+    return wrong
+
+
+def _is_run(folder: Path) -> bool:
+    from navfw.config.input_file import is_file
+    from navfw.recording.run_folder import RESULT
+
+    return is_file(folder / RESULT)
+
+
+def _exit_if_worse(comparison: Mapping[str, Any], margin: float) -> None:
+    """Exit with 1 if B succeeds more rarely than A by more than ``margin``, a share of the runs."""
+    fallen = (len(comparison["lost"]) - len(comparison["gained"])) / comparison["pairs"]
+    if fallen > margin + 1e-9:
+        print_status(f"navfw: success fell by {_percent(fallen)}, more than {_percent(margin)}")
+        raise typer.Exit(1)
+
+
+def _margin(text: str) -> float:
+    """A share, in [0, 1], from ``1%`` or ``0.01``."""
+    number, percent = text.removesuffix("%").strip(), text.endswith("%")
+    try:
+        share = float(number) / (100.0 if percent else 1.0)
+    except ValueError:
+        share = math.nan
+    if not 0.0 <= share <= 1.0:
+        what = f"expected a share of the runs such as 1% or 0.01, got {text!r:.40}"
+        raise InputError(what, key="--fail-if-worse")
+    return share
+
+
+def _print_comparison(comparison: dict[str, Any]) -> None:
+    from navfw.suite.paired_comparison import comparison_rows
+
+    typer.echo(f"{comparison['pairs']} pairs, {comparison['unpaired']} unpaired runs")
+    rows = comparison_rows(comparison)
+    width = max(10, *(len(name) for name, *_ in rows))
+    for name, a, b, difference in rows:
+        typer.echo(f"{name:<{width}} {a} -> {b}" + (f"  ({difference})" if difference else ""))
+    for word in ("lost", "worse", "gained", "better"):
+        for run in comparison[word][:MAX_SHOWN]:
+            where = f"{run['entry']} / {run['world']} / {run['mission']}, seed {run['seed']}"
+            if "by_configuration" in comparison:
+                where += f", {run['variant'] or run['stack']}"
+            reached = word in {"worse", "better"}
+            why = f"SPL {run['spl']:.2f}" if reached else f"{run['outcome']}: {run['cause']}"
+            typer.echo(f"  {word}: {where} ({why}) {run['picture']}".rstrip())
+        if len(comparison[word]) > MAX_SHOWN:
+            typer.echo(f"  {word}: and {len(comparison[word]) - MAX_SHOWN} more")
+    typer.echo(f"reports    {', '.join(comparison['reports'])}")
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1f} %"

@@ -46,7 +46,6 @@ def reproduce(
 
 
 def _print(result: Mapping[str, Any], out: Path) -> None:
-    """The verdicts of Table 2, the summary, the checks and the times."""
     rows = [
         (
             entry["waypoint"],

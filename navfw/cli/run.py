@@ -11,8 +11,19 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from navfw.cli.completion import complete_setting, completer_of
-from navfw.cli.options import Json, Live, LivePort, Mission, Record, Robot, Video, World, of_robot
+from navfw.cli.options import (
+    Json,
+    Live,
+    LivePort,
+    Mission,
+    Record,
+    Robot,
+    Video,
+    World,
+    complete_setting,
+    completer_of,
+    of_robot,
+)
 from navfw.cli.output import console, print_json, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.recordings import VIDEO, write_video
@@ -24,7 +35,7 @@ from navfw.process.interruption import check_interrupted, deferred, interruptibl
 if TYPE_CHECKING:
     from navfw.missions.runner import Progress
     from navfw.missions.session import MissionResult, Session
-    from navfw.recording.live_server import LiveServer
+    from navfw.recording.run_observers import LiveServer
 
 LINE_PERIOD = 5.0
 """Interval between progress lines where stderr is not a terminal [s]."""
@@ -87,7 +98,10 @@ def run(
     Exit with 3 if a file of the run folder could not be written; the result is printed anyway.
     """
     if not mission:
-        raise _no_mission(world)
+        from navfw.config.lookup import list_missions
+
+        names = ", ".join(item.name for item in list_missions(world)) or "it has none"
+        raise InputError(f"give one of the missions of {world}: {names}")
     _run(
         _Request(
             world,
@@ -107,17 +121,8 @@ def run(
     )
 
 
-def _no_mission(world: str) -> InputError:
-    from navfw.config.lookup import list_missions
-
-    names = ", ".join(found.name for found in list_missions(world))
-    return InputError(f"give one of the missions of {world}: {names or 'it has none'}")
-
-
 @dataclass(frozen=True, slots=True)
 class _Request:
-    """The arguments and options of one ``navfw run``."""
-
     world: str
     mission: str
     seed: int
@@ -146,7 +151,7 @@ def _run(request: _Request) -> NoReturn:
         else:
             _print_result(summary)
         if missing:
-            _tell_missing(missing, folder)
+            _report_missing(missing, folder)
         raise typer.Exit(_NOT_SAVED if missing else result.outcome.exit_code)
 
 
@@ -181,9 +186,12 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
     result = None
     try:
         with target:
-            given = {"world": session.world_name, "mission": session.mission_name}
             announce(
-                {**given, "seed": session.seed},
+                {
+                    "world": session.world_name,
+                    "mission": session.mission_name,
+                    "seed": session.seed,
+                },
                 target.target.absolute(),
                 numbered=numbered,
                 as_json=request.json,
@@ -203,10 +211,10 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
         if result is None:
             raise
         missing = (str(error),)
-    return result, target.final, (*missing, *_film(request, target.final))
+    return result, target.final, (*missing, *_write_video(request, target.final))
 
 
-def _film(request: _Request, folder: Path | None) -> tuple[str, ...]:
+def _write_video(request: _Request, folder: Path | None) -> tuple[str, ...]:
     """Write the video of a run, if one was asked for; returns why it is missing, if it is."""
     if request.video is None or folder is None:
         return ()
@@ -221,8 +229,7 @@ def _film(request: _Request, folder: Path | None) -> tuple[str, ...]:
 
 
 def _live(session: Session, request: _Request) -> LiveServer:
-    """The live server of a run; its address is told on stderr."""
-    from navfw.recording.live_server import LiveServer
+    from navfw.recording.run_observers import LiveServer
 
     server = LiveServer(session.seen, request.port or 0)
     if not request.quiet:
@@ -230,8 +237,8 @@ def _live(session: Session, request: _Request) -> LiveServer:
     return server
 
 
-def _tell_missing(missing: tuple[str, ...], folder: Path | None) -> None:
-    """Tell on stderr what was not written, and what was."""
+def _report_missing(missing: tuple[str, ...], folder: Path | None) -> None:
+    """Print on stderr what was not written, and what was."""
     for what in missing:
         typer.echo(f"navfw: {what}", err=True)
     names = [] if folder is None else sorted(file.name for file in folder.iterdir())
@@ -251,10 +258,12 @@ def _print_result(summary: dict[str, Any]) -> None:
     screen.print(f"{summary['reason']}{leader}", markup=False)
     count = summary["collisions"]
     collisions = f"{count or 'no'} collision{'' if count == 1 else 's'}"
+    nearest = summary["min_clearance_m"]
+    clearance = f"at least {nearest:.2f} m" if math.isfinite(nearest) else "no obstacle near"
     rows = {
         "path": f"{summary['path_length_m']:.2f} m, shortest {summary['shortest_path_m']:.2f} m"
         f" (SPL {summary['spl']:.2f})",
-        "clearance": f"{_clearance(summary['min_clearance_m'])}, {collisions}",
+        "clearance": f"{clearance}, {collisions}",
         "goal": f"{summary['distance_to_goal_m']:.2f} m away, error of the estimated position"
         f" {summary['estimate_error_m']:.2f} m",
         "speed": f"{summary['real_time_factor']:.1f} x real time ({summary['wall_time_s']:.1f} s)",
@@ -265,10 +274,6 @@ def _print_result(summary: dict[str, Any]) -> None:
         screen.print(f"  {name:<11} {text}", markup=False, soft_wrap=True)
     for fault in summary["faults"]:
         screen.print(f"  fault       {fault}", markup=False, soft_wrap=True)
-
-
-def _clearance(nearest: float) -> str:
-    return f"at least {nearest:.2f} m" if math.isfinite(nearest) else "no obstacle near"
 
 
 class _RunProgress(ProgressBar):
@@ -301,8 +306,8 @@ def _line(progress: Progress) -> str:
     towards = f" > {progress.waypoint}" if progress.waypoint else ""
     leader = f"{progress.behavior or 'no behaviour'}{towards}"
     # what is ahead first: the objects of all layers are longer than a line
-    parts = [" ".join(part.split()) for part in progress.sentence.split(";")]
-    sentence = "; ".join(sorted(parts, key=lambda part: part.startswith("Layer")))
+    clauses = [" ".join(clause.split()) for clause in progress.sentence.split(";")]
+    sentence = "; ".join(sorted(clauses, key=lambda clause: clause.startswith("Layer")))
     return (
         f"{progress.time:6.1f} s  {progress.distance:5.1f} m to go"
         f"  {progress.real_time_factor:4.1f}x  {leader:<22}  {sentence}"

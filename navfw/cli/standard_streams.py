@@ -1,4 +1,4 @@
-"""Standard output and error that are closed, full, or read by nobody: no traceback.
+"""Standard output and error that are closed, full, or without a reader: no traceback.
 
 ``navfw list worlds > /dev/full`` ends with a message and exit code 1, ``navfw list worlds | head
 -0`` with exit code 1, and with a closed standard output everything runs without it.

@@ -11,21 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.completion import complete_setting, completer_of
-from navfw.cli.options import (
-    EngineKind,
-    EngineName,
-    Json,
-    Limit,
-    Memory,
-    Robot,
-    Scheduler,
-    Suite,
-    Workers,
-    check_engine,
-    dask_engine,
-    of_robot,
-)
+from navfw.cli import options
+from navfw.cli.options import complete_setting, completer_of
 from navfw.cli.output import print_json, print_status, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.warm import compile_with_progress
@@ -82,6 +69,7 @@ _KeepPictures = Annotated[
 Recorded = Annotated[
     Keep, typer.Option("--record", help="Runs of which to keep the recording, for a report.")
 ]
+"""Not for Dask: recordings stay where the run was driven."""
 _Extend = Annotated[
     bool,
     typer.Option("--extend", help="Continue a suite that was changed; keep runs still valid."),
@@ -92,33 +80,35 @@ Restart = Annotated[
 
 
 def suite(
-    file: Suite,
+    file: options.Suite,
     seeds: Seeds,
-    workers: Workers = 1,
+    workers: options.Workers = 1,
     out: _SuiteOut = None,
     stack: Stacks = None,
-    robot: Robot = None,
+    robot: options.Robot = None,
     set_: Overrides = None,
     worlds: Worlds = None,
     variant: Variants = None,
     keep: _KeepPictures = Keep.FAILED,
     record: Recorded = Keep.NONE,
-    limit: Limit = 900.0,
-    memory: Memory = 2000.0,
-    engine: EngineName = EngineKind.PROCESSES,
-    scheduler: Scheduler = None,
+    limit: options.Limit = 900.0,
+    memory: options.Memory = 2000.0,
+    engine: options.EngineName = options.EngineKind.PROCESSES,
+    scheduler: options.Scheduler = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue the suite in --out.")] = False,
     extend: _Extend = False,
     restart: Restart = False,
-    json: Json = False,
+    json: options.Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Run a suite with many seeds. Exit with 1 when runs have no result or plugins failed.
 
     Exit with 3 if the table could not be written; the runs are printed anyway.
     """
-    _check_record(engine, record)
-    check_engine(engine, scheduler)
+    if engine is options.EngineKind.DASK and record is not Keep.NONE:
+        what = "is not for --engine dask; drive the run again alone: navfw run --record"
+        raise typer.BadParameter(what, param_hint="--record")
+    options.check_engine(engine, scheduler)
     begin = _beginning(out, resume=resume, extend=extend, restart=restart)
     with quiet_stdout():
         from navfw.recording.provenance import code_revision
@@ -127,18 +117,18 @@ def suite(
         from navfw.suite.suitefile import parse_seeds
 
         span = parse_seeds(seeds)
-        changes = [*of_robot(robot), *(set_ or [])]
+        changes = [*options.of_robot(robot), *(set_ or [])]
         choice = {"stacks": stack or [], "overrides": changes, "variants": variant or []}
         plan = _checked_plan(file, span, worlds, choice, quiet=quiet)
     for name, reason in plan.skipped.items():
-        typer.echo(f"navfw: variant {name} skipped: {reason}", err=True)
+        _print_note(f"variant {name} skipped: {reason}")
     with deferred():  # from here on there are runs to save and to print
         with (
             quiet_stdout(),
-            dask_engine(scheduler, plan.cases, limit=limit, memory=memory) as runner,
+            options.dask_engine(scheduler, plan.cases, limit=limit, memory=memory) as runner,
             SuiteFolder.claim(out, plan, span) as folder,
         ):
-            have = folder.open(plan, code_revision(), begin=begin, tell=_tell)
+            have = folder.open(plan, code_revision(), begin=begin, tell=_print_note)
             if runner is None:
                 with interruptible():  # workers would wait for it in silence
                     compile_with_progress(loaded=True, quiet=quiet)
@@ -149,6 +139,10 @@ def suite(
                 done = drive(plan, folder, have=have, engine=runner, on_row=shown)
         _print_result(done, folder.table, json=json)
         raise typer.Exit(done.exit_code)
+
+
+def _print_note(text: str) -> None:
+    print_status(f"navfw: {text}")
 
 
 def _checked_plan(
@@ -164,50 +158,30 @@ def _checked_plan(
         return checked(load_suite(file), seeds, default_registry(), **choice)
 
 
-def _check_record(engine: EngineKind, record: Keep) -> None:
-    """Recordings stay where the run was driven."""
-    if engine is EngineKind.DASK and record is not Keep.NONE:
-        what = "is not for --engine dask; drive the run again alone: navfw run --record"
-        raise typer.BadParameter(what, param_hint="--record")
-
-
 def _beginning(out: Path | None, *, resume: bool, extend: bool, restart: bool) -> StartMode:
-    given: list[StartMode] = []
-    given += ["resume"] * resume
-    given += ["extend"] * extend
-    given += ["restart"] * restart
-    if len(given) > 1:
-        raise typer.BadParameter(f"cannot go with --{given[1]}", param_hint=f"--{given[0]}")
-    if given and out is None:
-        what = f"needs --out, the folder to {given[0]}"
-        raise typer.BadParameter(what, param_hint=f"--{given[0]}")
-    return given[0] if given else "new"
-
-
-# --- output --------------------------------------------------------------------------------------
-
-
-def _tell(text: str) -> None:
-    print_status(f"navfw: {text}")
+    options: dict[StartMode, bool] = {"resume": resume, "extend": extend, "restart": restart}
+    modes = [mode for mode, is_given in options.items() if is_given]
+    if len(modes) > 1:
+        raise typer.BadParameter(f"cannot go with --{modes[1]}", param_hint=f"--{modes[0]}")
+    if modes and out is None:
+        what = f"needs --out, the folder to {modes[0]}"
+        raise typer.BadParameter(what, param_hint=f"--{modes[0]}")
+    return modes[0] if modes else "new"
 
 
 def _print_result(done: SuiteResult, table: Path, *, json: bool) -> None:
+    from navfw.recording.run_folder import plain_json
+    from navfw.suite.run_journal import columns_of
+
     if json:
-        _print_json(done, table)
+        columns = columns_of(done.rows)
+        runs = [{name: getattr(row, name) for name in columns} for row in done.rows]
+        print_json(plain_json({"summary": {**done.summary, "table": str(table)}, "runs": runs}))
     else:
         _print_summary(done.summary, done.rows)
         _print_table(done, table)
     if done.unsaved:
-        typer.echo(f"navfw: {done.unsaved}; all runs are on stdout", err=True)
-
-
-def _print_json(done: SuiteResult, table: Path) -> None:
-    from navfw.recording.run_folder import plain_json
-    from navfw.suite.run_journal import columns_of
-
-    columns = columns_of(done.rows)
-    runs = [{name: getattr(row, name) for name in columns} for row in done.rows]
-    print_json(plain_json({"summary": {**done.summary, "table": str(table)}, "runs": runs}))
+        _print_note(f"{done.unsaved}; all runs are on stdout")
 
 
 def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
@@ -246,15 +220,13 @@ def _print_table(done: SuiteResult, table: Path) -> None:
 
 
 class _RunCount:
-    """Counts the runs that have ended, and shows them on ``bar``."""
-
     def __init__(self, bar: ProgressBar, cases: tuple[Case, ...], have: list[RunRow]) -> None:
         keys = {case.key for case in cases}
-        known = [row for row in have if row.key in keys]
+        finished = [row for row in have if row.key in keys]
         self._bar = bar
         self._total = len(keys)
-        self._done = len(known)
-        self._reached = sum(row.succeeded for row in known)
+        self._done = len(finished)
+        self._reached = sum(row.succeeded for row in finished)
         bar.update(self._done, self._total)
 
     def add(self, case: Case, row: RunRow) -> None:

@@ -39,8 +39,8 @@ def trust(
     if list_ != (folder is None) or (list_ and remove):
         raise typer.BadParameter("expected DIR, --remove DIR, or --list alone")
     if folder is None:
-        known = trusted.folders()
-        typer.echo("\n".join(map(_listed, known)) if known else "No project is trusted.")
+        folders = trusted.folders()
+        typer.echo("\n".join(map(_listed, folders)) if folders else "No project is trusted.")
     elif remove:
         trusted.remove(folder.resolve())
         typer.echo(f"no longer trusted: {folder.resolve()}")
@@ -95,19 +95,15 @@ def _with_trust(callback: Callable[..., Any]) -> Callable[..., Any]:
     )
     parameters = [*signature.parameters.values(), own]
     command.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-    command.__annotations__ = {each.name: each.annotation for each in parameters}
+    command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return command
 
 
 def _code_of(folder: Path) -> ProjectCode:
-    """The code of the project around ``folder``, if it can be trusted at all.
-
-    Raises:
-        InputError: there is no project, or some other user can write to it.
-
-    """
-    found = folder.is_dir()
-    code = (ProjectCode.around(folder) or ProjectCode.settings_in(folder)) if found else None
+    """The code of the project around ``folder``, if it can be trusted at all."""
+    code = None
+    if folder.is_dir():
+        code = ProjectCode.around(folder) or ProjectCode.settings_in(folder)
     if code is None:
         what = "expected a folder with navfw.toml, or with pyproject.toml and [tool.navfw] in it"
         raise InputError(what, file=folder)

@@ -7,19 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.options import (
-    EngineKind,
-    EngineName,
-    Json,
-    Limit,
-    Memory,
-    Scheduler,
-    Stack,
-    Suite,
-    Workers,
-    check_engine,
-    dask_engine,
-)
+from navfw.cli import options
 from navfw.cli.output import print_json, quiet_stdout
 from navfw.config.extras import require_extra
 
@@ -55,29 +43,29 @@ Resume = Annotated[bool, typer.Option("--resume", help="Go on with the study in 
 
 
 def tune(
-    file: Suite,
-    stack: Stack,
+    file: options.Suite,
+    stack: options.Stack,
     trials: _Trials,
     seeds: Training = "0:8",
     validate: Validation = "1000:1020",
     param: Tuned = None,
     rules: Rules = None,
     objective: Objective = None,
-    workers: Workers = 1,
-    limit: Limit = 900.0,
-    memory: Memory = 2000.0,
-    engine: EngineName = EngineKind.PROCESSES,
-    scheduler: Scheduler = None,
+    workers: options.Workers = 1,
+    limit: options.Limit = 900.0,
+    memory: options.Memory = 2000.0,
+    engine: options.EngineName = options.EngineKind.PROCESSES,
+    scheduler: options.Scheduler = None,
     search_seed: SearchSeed = 0,
     out: StudyOut = None,
     resume: Resume = False,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Tune parameters and break points of rules on a suite.
 
     Writes a stack file, and validates it; the stack itself is not changed. Needs the extra tune.
     """
-    check_engine(engine, scheduler)
+    options.check_engine(engine, scheduler)
     with quiet_stdout():
         require_extra("tune", "optuna", key="navfw tune")
         from navfw.plugins import default_registry
@@ -101,33 +89,32 @@ def tune(
         folder = StudyFolder(out or Path("runs") / f"tune-{suite.name}")
         lock = TargetLock(folder.created().absolute() / "study")
         with (
-            dask_engine(scheduler, study.cases, limit=limit, memory=memory) as cluster,
+            options.dask_engine(scheduler, study.cases, limit=limit, memory=memory) as cluster,
             lock,
             engine_or_processes(cluster, workers, limit=limit, memory=memory) as runner,
         ):
-            found = study.run(
-                folder, driver(runner), trials, resume=resume, seed=search_seed, on_trial=_tell
+            result = study.run(
+                folder, driver(runner), trials, resume=resume, seed=search_seed, on_trial=_show
             )
     if json:
-        print_json(found)
+        print_json(result)
     else:
-        _print_validation(found)
+        _print_validation(result)
 
 
-def _tell(trial: FrozenTrial) -> None:
-    """One line for a finished trial, on stderr."""
+def _show(trial: FrozenTrial) -> None:
     runs = trial.user_attrs.get("runs", 0)
     score = "" if trial.value is None else f", score {trial.value:.3f}"
     typer.echo(f"trial {trial.number}: {trial.state.name.lower()} {runs} runs{score}", err=True)
 
 
-def _print_validation(found: dict[str, Any]) -> None:
-    low, high = found["interval"]
-    for name in found["before"]:
-        typer.echo(f"{name:<10} {found['before'][name]:.3f} -> {found['after'][name]:.3f}")
+def _print_validation(result: dict[str, Any]) -> None:
+    low, high = result["interval"]
+    for name in result["before"]:
+        typer.echo(f"{name:<10} {result['before'][name]:.3f} -> {result['after'][name]:.3f}")
     typer.echo(
-        f"score      {found['score_before']:.3f} -> {found['score_after']:.3f}  (difference"
-        f" {found['difference']:+.3f}, 95 % [{low:+.3f}, {high:+.3f}], {found['runs']} runs)"
+        f"score      {result['score_before']:.3f} -> {result['score_after']:.3f}  (difference"
+        f" {result['difference']:+.3f}, 95 % [{low:+.3f}, {high:+.3f}], {result['runs']} runs)"
     )
-    verdict = "better" if found["better"] else "not shown to be better"
-    typer.echo(f"the best trial, {found['trial']}, is {verdict}; its stack: {found['stack']}")
+    verdict = "better" if result["better"] else "not shown to be better"
+    typer.echo(f"the best trial, {result['trial']}, is {verdict}; its stack: {result['stack']}")

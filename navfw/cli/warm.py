@@ -7,9 +7,7 @@ import typer
 from navfw.cli.progress_bar import ProgressBar, Quiet
 
 
-def warm(
-    quiet: Quiet = False,
-) -> None:
+def warm(quiet: Quiet = False) -> None:
     """Compile all kernels that are not compiled yet, on all cores."""
     compiled = compile_with_progress(quiet=quiet)
     typer.echo(f"{compiled} kernels compiled" if compiled else "all kernels are compiled")

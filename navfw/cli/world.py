@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from navfw.cli.command_groups import command_group
-from navfw.cli.completion import completer_of
 from navfw.cli.import_world import import_, numbers_of
-from navfw.cli.options import Json, World
-from navfw.cli.output import print_json, quiet_stdout
+from navfw.cli.options import Json, World, completer_of
+from navfw.cli.output import print_result, quiet_stdout
 from navfw.errors import WorldError, locating
 
 if TYPE_CHECKING:
@@ -52,30 +51,26 @@ def new(
         made = make(family, seed, difficulty, contrast, look)
         folder = made.write(out or Path("generated") / f"{family}-{seed}")
     world = made.world
-    if json:
-        print_json(
-            {
-                "folder": str(folder),
-                "family": family,
-                "seed": seed,
-                "difficulty": difficulty,
-                "contrast": contrast,
-                "look": look,
-                "mission": MISSION,
-                "map": made.has_map,
-                "description": world.description,
-                "shortest_path_m": made.shortest,
-                "timeout_s": made.mission.timeout,
-                "size_m": [world.x[1] - world.x[0], world.y[1] - world.y[0]],
-                "boxes": len(world.boxes),
-                "cylinders": len(world.cylinders),
-                "movers": len(world.movers),
-                "attempts": made.attempt + 1,
-            }
-        )
-        return
-    typer.echo(f"{folder}: {world.description}")
-    typer.echo(f"{made.shortest:.1f} m from start to goal; navfw run {folder} {MISSION}")
+    data = {
+        "folder": str(folder),
+        "family": family,
+        "seed": seed,
+        "difficulty": difficulty,
+        "contrast": contrast,
+        "look": look,
+        "mission": MISSION,
+        "map": made.has_map,
+        "description": world.description,
+        "shortest_path_m": made.shortest,
+        "timeout_s": made.mission.timeout,
+        "size_m": [world.x[1] - world.x[0], world.y[1] - world.y[0]],
+        "boxes": len(world.boxes),
+        "cylinders": len(world.cylinders),
+        "movers": len(world.movers),
+        "attempts": made.attempt + 1,
+    }
+    way = f"{made.shortest:.1f} m from start to goal; navfw run {folder} {MISSION}"
+    print_result(data, (f"{folder}: {world.description}", way), json=json)
 
 
 def show(
@@ -115,26 +110,24 @@ def show(
             _draw_view(path, spec, pose, robot)
     width, height = spec.x[1] - spec.x[0], spec.y[1] - spec.y[0]
     missions = [mission.name for mission in list_missions(world)]
-    if json:
-        print_json(
-            {
-                "world": spec.name,
-                "description": spec.description,
-                "size_m": [width, height],
-                "rooms": [room.name for room in spec.rooms],
-                "missions": missions,
-                "at": None if pose is None else list(pose),
-                "picture": str(path),
-            }
-        )
-        return
-    typer.echo(f"{spec.name}, {width:g} x {height:g} m: {spec.description}")
-    typer.echo(f"missions {', '.join(missions) or 'none'}")
-    typer.echo(f"picture {path}" + ("" if at is None else f", from {at} by the camera of {robot}"))
+    data = {
+        "world": spec.name,
+        "description": spec.description,
+        "size_m": [width, height],
+        "rooms": [room.name for room in spec.rooms],
+        "missions": missions,
+        "at": None if pose is None else list(pose),
+        "picture": str(path),
+    }
+    lines = (
+        f"{spec.name}, {width:g} x {height:g} m: {spec.description}",
+        f"missions {', '.join(missions) or 'none'}",
+        f"picture {path}" + ("" if at is None else f", from {at} by the camera of {robot}"),
+    )
+    print_result(data, lines, json=json)
 
 
 def _draw_plan(path: Path, world: WorldSpec) -> None:
-    """Write a picture of the floor plan, with the names of rooms, as PNG."""
     import numpy as np
 
     from navfw.missions.run_drawing import outline_of

@@ -1,7 +1,7 @@
 """Data files: find them by name, read them safely, validate them with file and line of each error.
 
-``lookup`` finds files by name, ``document`` reads YAML, ``layering`` and ``overrides`` combine
-values, ``yamlfile`` validates against a pydantic model, and ``problems`` words the errors.
+``lookup`` finds files by name, ``document`` reads YAML, ``overrides`` combines values, ``yamlfile``
+validates against a pydantic model, and ``problems`` words the errors.
 """
 
 from __future__ import annotations

@@ -13,7 +13,6 @@ from .input_file import is_folder as is_folder
 from .input_file import read_input as read_input
 from .input_file import read_input_text as read_input_text
 from .json_file import read_json_object as read_json_object
-from .layering import layered as layered
 from .lookup import NamedFile as NamedFile
 from .lookup import find as find
 from .lookup import list_files as list_files
@@ -21,8 +20,9 @@ from .lookup import list_missions as list_missions
 from .lookup import project_folder as project_folder
 from .lookup import shipped_folder as shipped_folder
 from .overrides import apply_overrides as apply_overrides
+from .overrides import layered as layered
 from .overrides import parse_override as parse_override
-from .problems import MAX_TOLD as MAX_TOLD
+from .problems import MAX_LISTED as MAX_LISTED
 from .project_code import LIBRARY_SETTINGS as LIBRARY_SETTINGS
 from .project_code import MAX_NAMED as MAX_NAMED
 from .project_code import TRUST_VARIABLE as TRUST_VARIABLE

@@ -42,15 +42,8 @@ MAX_DEPTH = 60
 
 _TAG = "tag:yaml.org,2002:"
 _CONSTRUCTOR = YAML(typ="safe", pure=True).constructor
-# Exceptions that ruamel raises for some malformed input, besides YAMLError
-_RUAMEL_ERRORS = (
-    ValueError,
-    ArithmeticError,
-    AssertionError,
-    LookupError,
-    AttributeError,
-    TypeError,
-)
+_FURTHER_ERRORS = (ValueError, ArithmeticError, AssertionError, LookupError)
+"""What ruamel raises for some malformed input besides YAMLError, AttributeError and TypeError."""
 
 
 @dataclass(frozen=True)
@@ -140,11 +133,9 @@ def parse_mapping(text: str, file: str, max_nodes: int = MAX_NODES) -> YamlDocum
     if document.data is None:
         raise ConfigError("the file is empty; expected a mapping ('key: value' lines)", file=file)
     if not isinstance(document.data, dict):
-        raise ConfigError(
-            f"expected a mapping ('key: value' lines), got {_kind(document.data)}",
-            file=file,
-            line=document.line_of(()),
-        )
+        got = "a list" if isinstance(document.data, list) else f"{document.data!r:.40}"
+        what = f"expected a mapping ('key: value' lines), got {got}"
+        raise ConfigError(what, file=file, line=document.line_of(()))
     return document
 
 
@@ -184,7 +175,7 @@ def _compose(text: str, file: str | None, max_nodes: int) -> Node | None:
         ) from None
     except RecursionError:
         raise ConfigError("nested too deeply", file=file) from None
-    except (YAMLError, *_RUAMEL_ERRORS) as error:
+    except (YAMLError, AttributeError, TypeError, *_FURTHER_ERRORS) as error:
         detail = str(error).splitlines() or [type(error).__name__]
         raise ConfigError(f"not valid YAML: {detail[0]}", file=file) from None
 
@@ -256,12 +247,12 @@ class _NodeConverter:
                 raise self._error("merge keys (<<) are not supported", key_node, path)
             key = str(key_node.value)
             self._check_text(key, key_node, path)
-            here = (*path, key)
+            inner = (*path, key)
             line = key_node.start_mark.line + 1
             if key in result:
-                first = self.origins[here].line
-                raise self._error(f"duplicate key; first given in line {first}", key_node, here)
-            result[key] = self.build(value_node, here, line)
+                first = self.origins[inner].line
+                raise self._error(f"duplicate key; first given in line {first}", key_node, inner)
+            result[key] = self.build(value_node, inner, line)
         return result
 
     def _scalar(self, node: ScalarNode, path: KeyPath) -> Data:
@@ -311,10 +302,6 @@ def _syntax_message(error: MarkedYAMLError) -> str:
     if error.context and str(error.context) != problem:
         problem = f"{problem} ({error.context})"
     return f"not valid YAML: {problem}"
-
-
-def _kind(data: Data) -> str:
-    return "a list" if isinstance(data, list) else f"{data!r:.40}"
 
 
 def _tag_text(tag: object) -> str:

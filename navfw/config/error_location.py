@@ -9,11 +9,10 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, Discriminator, Tag
-from pydantic.fields import FieldInfo
 
 from navfw.config.document import KeyPath
 from navfw.config.type_descriptions import choices_of, describe, is_model, members_of, peel
@@ -32,142 +31,105 @@ class ExpectedType:
         text = describe(self.annotation, self.metadata)
         return f"{text} ({self.description})" if self.description else text
 
-    @classmethod
-    def of_field(cls, info: FieldInfo) -> ExpectedType:
-        """The type that a field of a model expects."""
-        return cls(
-            info.annotation, tuple(info.metadata), info.description or "", info.discriminator
-        )
 
-
-@dataclass(frozen=True)
+@dataclass
 class ErrorLocation:
     """Where an error is in the document, and what the model expects there."""
 
-    path: KeyPath
+    data: Any
     expected: ExpectedType
-    certain: bool
+    path: KeyPath = ()
+    certain: bool = True
     """False where the types of the model could not be followed down to ``path``."""
     known_keys: tuple[str, ...] = ()
     """The keys of the enclosing model."""
-    tag_key: str = ""
-    tags: tuple[str, ...] = ()
-    """Of a discriminated union: the discriminating key, and its values."""
-    unions: Mapping[KeyPath, tuple[str, ExpectedType]] = field(default_factory=dict)
+    unions: dict[KeyPath, tuple[str, ExpectedType]] = field(default_factory=dict)
     """The plain unions along ``path``: the label of the member in the location, and the union."""
+
+    @property
+    def tags(self) -> tuple[str, tuple[str, ...]]:
+        """Of a discriminated union the discriminating key and its values, else nothing."""
+        return _tags(self.expected) if self.certain else ("", ())
+
+    def follow(self, step: str | int) -> None:
+        """Go on by one step of pydantic's location."""
+        self._unwrap()
+        if not self.certain:
+            self._guess(step)
+        elif len(_members(self.expected)) > 1:
+            self._choose(str(step))
+        elif step == "[key]":  # the key itself is invalid, not its value
+            self._expect(None)
+        else:
+            self._descend(step)
+
+    def _expect(self, expected: ExpectedType | None) -> None:
+        self.certain = expected is not None
+        self.expected = expected or ExpectedType(Any)
+
+    def _unwrap(self) -> None:
+        """Replace ``X | None`` by X: it adds no step to a location."""
+        while len(members := _members(self.expected)) == 1:
+            bare, metadata = peel(members[0])
+            if members[0] is self.expected.annotation or bare is self.expected.annotation:
+                return
+            metadata += self.expected.metadata
+            self.expected = replace(self.expected, annotation=bare, metadata=metadata)
+
+    def _choose(self, label: str) -> None:
+        """Go on with the member of a union that has the ``label``."""
+        union = self.expected
+        key, _ = _tags(union)
+        if not key:
+            self.unions[self.path] = (label, union)
+        fits = [
+            m for m in _members(union) if (label in _tags_of(m, key) if key else _named(m, label))
+        ]
+        self._expect(ExpectedType(fits[0], (), union.description) if fits else None)
+
+    def _descend(self, step: str | int) -> None:
+        bare, _ = peel(self.expected.annotation)
+        origin, args = get_origin(bare) or bare, get_args(bare)
+        fields = _fields_of(origin)
+        inner: ExpectedType | None = None
+        if fields is not None:
+            self.known_keys = tuple(fields)
+            # an index: of a named tuple, given as a list
+            values = dict(enumerate(fields.values()))
+            inner = values.get(step) if isinstance(step, int) else fields.get(step)
+        elif isinstance(origin, type) and issubclass(origin, Mapping) and len(args) == 2:
+            inner = ExpectedType(args[1])
+        elif isinstance(origin, type) and issubclass(origin, tuple) and isinstance(step, int):
+            of_items = args[:1] * (step + 1) if args[1:] == (Ellipsis,) else args
+            inner = ExpectedType(of_items[step]) if step < len(of_items) else None
+        elif isinstance(step, int) and args:
+            inner = ExpectedType(args[0])
+        else:
+            self._expect(None)
+            self._guess(step)
+            return
+        self._step(step)
+        self._expect(inner)
+
+    def _guess(self, step: str | int) -> None:
+        """Without a type to follow: a step is a key if the data has it, otherwise a label."""
+        if isinstance(step, int) or (isinstance(self.data, dict) and step in self.data):
+            self._step(step)
+
+    def _step(self, step: str | int) -> None:
+        self.path = (*self.path, step)
+        try:
+            self.data = self.data[step]
+        except (KeyError, IndexError, TypeError):
+            self.data = None
 
 
 def locate(loc: Sequence[str | int], data: Any, model: type[BaseModel]) -> ErrorLocation:
     """Follow ``loc``, the location in an error that ``model`` raised for ``data``."""
-    walk = _LocationWalk(ExpectedType(model), data)
+    location = ErrorLocation(data, ExpectedType(model))
     for step in loc:
-        walk.follow(step)
-    return walk.location()
-
-
-class _LocationWalk:
-    """The position in model, data and document after the steps of a location so far."""
-
-    def __init__(self, expected: ExpectedType, data: Any) -> None:
-        self._expected: ExpectedType | None = expected
-        self._data = data
-        self._path: KeyPath = ()
-        self._known: tuple[str, ...] = ()
-        self._unions: dict[KeyPath, tuple[str, ExpectedType]] = {}
-
-    def location(self) -> ErrorLocation:
-        expected = self._expected
-        tag_key, tags = ("", ()) if expected is None else _tags(expected)
-        return ErrorLocation(
-            self._path,
-            expected or ExpectedType(Any),
-            expected is not None,
-            self._known,
-            tag_key,
-            tags,
-            self._unions,
-        )
-
-    def follow(self, step: str | int) -> None:
-        self._unwrap()
-        expected = self._expected
-        if expected is None:
-            self._guess(step)
-        elif len(_members(expected)) > 1:
-            self._choose(expected, str(step))
-        elif step == "[key]":  # the key itself is invalid, not its value
-            self._expected = None
-        else:
-            self._descend(expected, step)
-
-    def _unwrap(self) -> None:
-        """Replace ``X | None`` by X: it adds no step to a location."""
-        while self._expected is not None:
-            members = _members(self._expected)
-            if len(members) != 1:
-                return
-            bare, metadata = peel(members[0])
-            if members[0] is self._expected.annotation or bare is self._expected.annotation:
-                return
-            self._expected = dataclasses.replace(
-                self._expected, annotation=bare, metadata=(*metadata, *self._expected.metadata)
-            )
-
-    def _choose(self, union: ExpectedType, label: str) -> None:
-        key, _ = _tags(union)
-        if not key:
-            self._unions[self._path] = (label, union)
-        fits = [
-            m for m in _members(union) if (label in _tags_of(m, key) if key else _named(m, label))
-        ]
-        self._expected = ExpectedType(fits[0], (), union.description) if fits else None
-
-    def _descend(self, expected: ExpectedType, step: str | int) -> None:
-        bare, _ = peel(expected.annotation)
-        origin, args = get_origin(bare) or bare, get_args(bare)
-        inner: ExpectedType | None = None
-        if is_model(origin):
-            fields = _fields(origin)
-            self._known = tuple(fields)
-            inner = fields.get(str(step))
-        elif dataclasses.is_dataclass(origin) or hasattr(origin, "_fields"):
-            fields = _hinted(origin)
-            self._known = tuple(fields)
-            if isinstance(step, int):  # a named tuple, given as a list
-                inner = dict(enumerate(fields.values())).get(step)
-            else:
-                inner = fields.get(str(step))
-        elif isinstance(origin, type) and issubclass(origin, Mapping) and len(args) == 2:
-            inner = ExpectedType(args[1])
-        elif isinstance(origin, type) and issubclass(origin, tuple) and isinstance(step, int):
-            same = len(args) == 2 and args[1] is Ellipsis
-            inner = (
-                ExpectedType(args[0])
-                if same
-                else ExpectedType(args[step])
-                if step < len(args)
-                else None
-            )
-        elif isinstance(step, int) and args:
-            inner = ExpectedType(args[0])
-        else:
-            self._expected = None
-            self._guess(step)
-            return
-        self._step(step)
-        self._expected = inner
-
-    def _guess(self, step: str | int) -> None:
-        """Without a type to follow: a step is a key if the data has it, otherwise a label."""
-        if isinstance(step, int) or (isinstance(self._data, dict) and step in self._data):
-            self._step(step)
-
-    def _step(self, step: str | int) -> None:
-        self._path = (*self._path, step)
-        try:
-            self._data = self._data[step]
-        except (KeyError, IndexError, TypeError):
-            self._data = None
+        location.follow(step)
+    return location
 
 
 def _members(expected: ExpectedType) -> list[Any]:
@@ -179,33 +141,34 @@ def _members(expected: ExpectedType) -> list[Any]:
 
 
 @functools.cache
-def _hinted(origin: Any) -> Mapping[str, ExpectedType]:
-    """The fields of a dataclass or named tuple."""
-    hints = get_type_hints(origin, include_extras=True)
-    return {name: ExpectedType(hint) for name, hint in hints.items()}
-
-
-@functools.cache
-def _fields(model: type[BaseModel]) -> Mapping[str, ExpectedType]:
+def _fields_of(origin: Any) -> Mapping[str, ExpectedType] | None:
+    """The fields of a model, dataclass or named tuple by key; None of any other type."""
+    if not is_model(origin):
+        if not (dataclasses.is_dataclass(origin) or hasattr(origin, "_fields")):
+            return None
+        hints = get_type_hints(origin, include_extras=True)
+        return {name: ExpectedType(hint) for name, hint in hints.items()}
     fields: dict[str, ExpectedType] = {}
-    for name, info in model.model_fields.items():
+    for name, info in origin.model_fields.items():
         alias = info.validation_alias if isinstance(info.validation_alias, str) else info.alias
-        fields[alias or name] = ExpectedType.of_field(info)
-        if alias and model.model_config.get("populate_by_name"):
-            fields[name] = ExpectedType.of_field(info)
+        keys = {alias or name}
+        if origin.model_config.get("populate_by_name"):
+            keys.add(name)
+        details = tuple(info.metadata), info.description or "", info.discriminator
+        fields |= dict.fromkeys(keys, ExpectedType(info.annotation, *details))
     return fields
 
 
 def _tags(expected: ExpectedType) -> tuple[str, tuple[str, ...]]:
     """The discriminating key of a union, and its values; empty for other types."""
-    found = expected.discriminator
+    key = expected.discriminator
     for item in (*peel(expected.annotation)[1], *expected.metadata):
-        found = found or getattr(item, "discriminator", None)
-    while isinstance(found, Discriminator):
-        found = found.discriminator
-    if found is None or len(_members(expected)) < 2:
+        key = key or getattr(item, "discriminator", None)
+    while isinstance(key, Discriminator):
+        key = key.discriminator
+    if key is None or len(_members(expected)) < 2:
         return "", ()
-    key = found if isinstance(found, str) else "kind"
+    key = key if isinstance(key, str) else "kind"
     return key, tuple(tag for member in _members(expected) for tag in _tags_of(member, key))
 
 
@@ -214,8 +177,8 @@ def _tags_of(member: Any, key: str) -> list[str]:
     named = [str(item.tag) for item in metadata if isinstance(item, Tag)]
     if named or not is_model(bare):
         return named
-    field_ = _fields(bare).get(key)
-    return choices_of(field_.annotation) if field_ is not None else []
+    expected = (_fields_of(bare) or {}).get(key)
+    return choices_of(expected.annotation) if expected is not None else []
 
 
 def _named(member: Any, label: str) -> bool:

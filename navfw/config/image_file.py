@@ -106,7 +106,7 @@ def _heard() -> Iterator[list[bytes]]:
     sys.stderr.flush()
     saved, (outlet, inlet) = os.dup(2), os.pipe()
     for end in (outlet, inlet):
-        os.set_blocking(end, False)  # whoever says more than a pipe holds is not heard to the end
+        os.set_blocking(end, False)  # output beyond the pipe's buffer is dropped
     os.dup2(inlet, 2)
     try:
         yield said

@@ -11,6 +11,8 @@ the project takes precedence over the shipped one of the same name.
 
 from __future__ import annotations
 
+import os
+import stat
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,7 +22,6 @@ from typing import Literal, TypeAlias
 
 from navfw.config.file_kinds import FILE_KINDS
 from navfw.config.input_file import is_file, no_such_file, read_input_text
-from navfw.config.ownership import own_folders
 from navfw.errors import ConfigError, UnknownNameError
 
 _SUFFIXES = {".yaml", ".yml"}
@@ -38,6 +39,42 @@ class NamedFile:
     name: str
     path: Path
     source: _Source
+
+
+def owned_by_user(path: Path) -> bool:
+    """Whether this user owns ``path``, and what it leads to if it is a link; False if it is gone.
+
+    The administrator counts as one user among others: for root, too, a folder must be root's own.
+    """
+    user = os.geteuid()
+    try:
+        return path.lstat().st_uid == user and path.stat().st_uid == user
+    except OSError:
+        return False
+
+
+def writable_by_anyone(path: Path) -> bool:
+    """Whether every user may write to ``path``, or add files to it; True if it is gone.
+
+    The sticky bit does not count: in ``/tmp``, too, everyone may add files. A group may write: with
+    the usual umask of 002 each user has a group of their own.
+    """
+    try:
+        return bool(path.stat().st_mode & stat.S_IWOTH)
+    except OSError:
+        return True
+
+
+def own_folders(start: Path) -> Iterator[Path]:
+    """``start`` and the folders around it, innermost first, as far as they are this user's alone.
+
+    The first folder that another user owns or that anyone may write to is left out, and with it
+    all folders around it. ``start`` is absolute.
+    """
+    for folder in (start, *start.parents):
+        if not owned_by_user(folder) or writable_by_anyone(folder):
+            return
+        yield folder
 
 
 def project_folder(start: Path | None = None) -> Path | None:
@@ -73,7 +110,6 @@ def _is_project(folder: Path) -> bool:
 
 @lru_cache(maxsize=8)
 def _has_section(text: str) -> bool:
-    """Whether the TOML ``text`` has a section ``tool.navfw``."""
     tool = tomllib.loads(text).get("tool", {})
     return isinstance(tool, dict) and "navfw" in tool
 

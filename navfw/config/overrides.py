@@ -1,15 +1,25 @@
-"""Single values given on the command line: ``--set offis.layers=1``, or in Python by a mapping."""
+"""Values on top of a document: single ones, as ``--set a.b=1``, or those of another document."""
 
 from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
 
-from navfw.config.document import Data, KeyPath, Origin, YamlDocument, key_text, parse_yaml
+from navfw.config.document import (
+    Data,
+    KeyPath,
+    Origin,
+    YamlDocument,
+    key_text,
+    load_yaml,
+    parse_yaml,
+)
+from navfw.config.lookup import find
 from navfw.errors import ConfigError, did_you_mean
 
 Settings: TypeAlias = str | Sequence[str] | Mapping[str, object]
@@ -38,7 +48,7 @@ class Override:
         return ConfigError(message, key=self.option)
 
 
-def override_texts(given: Settings) -> tuple[str, ...]:
+def override_texts(settings: Settings) -> tuple[str, ...]:
     """Overrides as arguments of ``--set``; the values of a mapping are plain data.
 
     >>> override_texts({"offis.layers": 1, "mission.goals": ["lab"]})
@@ -51,11 +61,11 @@ def override_texts(given: Settings) -> tuple[str, ...]:
             mapping, or a number that is not finite.
 
     """
-    if isinstance(given, str):
-        return (given,)
-    if not isinstance(given, Mapping):
-        return tuple(str(text) for text in given)
-    return tuple(f"{key}={_value_text(key, value)}" for key, value in given.items())
+    if isinstance(settings, str):
+        return (settings,)
+    if not isinstance(settings, Mapping):
+        return tuple(str(text) for text in settings)
+    return tuple(f"{key}={_value_text(key, value)}" for key, value in settings.items())
 
 
 def _value_text(key: str, value: object) -> str:
@@ -108,14 +118,19 @@ def apply_overrides(document: YamlDocument, overrides: Sequence[str | Override])
         return document
     data = copy.deepcopy(document.data)
     origins = dict(document.origins)
-    for given in overrides:
-        override = parse_override(given) if isinstance(given, str) else given
+    for item in overrides:
+        override = parse_override(item) if isinstance(item, str) else item
         path, created = _put(data, override)
-        for known in [p for p in origins if p[: len(path)] == path]:
-            del origins[known]
+        _forget(origins, path)
         for part in (path, *created):
             origins[part] = Origin(option=override.option)
     return YamlDocument(document.file, data, MappingProxyType(origins))
+
+
+def _forget(origins: dict[KeyPath, Origin], path: KeyPath) -> None:
+    """Remove the origins of the part at ``path`` and of all within it."""
+    for inner in [p for p in origins if p[: len(path)] == path]:
+        del origins[inner]
 
 
 def _step(text: str) -> str | int:
@@ -135,9 +150,9 @@ def _put(data: Data, override: Override) -> tuple[KeyPath, list[KeyPath]]:
         if isinstance(node, list):
             step = _index(node, raw, done, override)
         elif not isinstance(node, dict):
-            raise override.error(
-                f"{key_text(done) or 'the file'} is {_shown(node)} and contains no {step!r}"
-            )
+            holder, value = key_text(done) or "the file", f"{node!r:.40}"
+            value = "empty" if node is None else value
+            raise override.error(f"{holder} is {value} and contains no {step!r}")
         done = (*done, step)
         if last:
             node[step] = copy.deepcopy(override.value)
@@ -157,11 +172,81 @@ def _index(node: list[Data], step: str | int, done: KeyPath, override: Override)
     names = [str(item.get("name")) if isinstance(item, dict) else "" for item in node]
     if step in names:
         return names.index(step)
-    known = [name for name in names if name]
-    wanted = "an index or a name" if known else "an index"
-    near = f"; {did_you_mean(step, known)}" if known else ""
+    given_names = list(filter(None, names))
+    wanted = "an index or a name" if given_names else "an index"
+    near = f"; {did_you_mean(step, given_names)}" if given_names else ""
     raise override.error(f"{key_text(done)} is a list: expected {wanted}, got {step!r}{near}")
 
 
-def _shown(node: Data) -> str:
-    return "empty" if node is None else f"{node!r:.40}"
+def layered(
+    lower: YamlDocument, upper: YamlDocument, replaced: Container[str] = ()
+) -> YamlDocument:
+    """``upper`` on ``lower``: mappings are merged key by key, other values are replaced.
+
+    The mappings at the top-level keys ``replaced`` are not merged but replaced. Each part keeps its
+    origin.
+
+    >>> from navfw.config.document import parse_yaml
+    >>> lower, upper = parse_yaml("a: {x: 1, y: 2}"), parse_yaml("a: {y: 3}")
+    >>> layered(lower, upper).data, layered(lower, upper, {"a"}).data
+    ({'a': {'x': 1, 'y': 3}}, {'a': {'y': 3}})
+    """
+    origins = {path: _named(origin, lower) for path, origin in lower.origins.items()}
+    data = copy.deepcopy(lower.data)
+    _merge(data, origins, upper, (), replaced)
+    return YamlDocument(upper.file, data, MappingProxyType(origins))
+
+
+def on_its_base(
+    document: YamlDocument,
+    path: Path,
+    kind: str,
+    replaced: Container[str] = (),
+    load: Callable[[Path], YamlDocument] = load_yaml,
+    above: tuple[Path, ...] = (),
+) -> YamlDocument:
+    """``document``, the file at ``path``, on top of the one that its key ``base`` names, and so on.
+
+    ``kind`` is that of all files, ``load`` reads one; see ``layered`` for ``replaced``.
+
+    Raises:
+        ConfigError: a base cannot be read, or the file is based on itself.
+        UnknownNameError: a base does not exist.
+
+    """
+    name = document.data.get("base")
+    if not isinstance(name, str):
+        return document
+    seen = (*above, path.resolve())
+    with document.locating(("base",)):
+        file = find(kind, name, base=path.parent)
+        if file.resolve() in seen:
+            raise ConfigError(f"the {kind} is based on itself; name another one")
+    base = on_its_base(load(file), file, kind, replaced, load, seen)
+    return layered(base, document, replaced)
+
+
+def _merge(
+    node: Data,
+    origins: dict[KeyPath, Origin],
+    upper: YamlDocument,
+    at: KeyPath,
+    replaced: Container[str],
+) -> None:
+    """Write the part of ``upper`` at path ``at`` into the mapping ``node``, and its origins."""
+    for key, value in upper.at(at).items() if at else upper.data.items():
+        path = (*at, key)
+        merged = not (len(path) == 1 and key in replaced)
+        if merged and isinstance(value, dict) and isinstance(node.get(key), dict):
+            origins[path] = _named(upper.origin_of(path), upper)
+            _merge(node[key], origins, upper, path, replaced)
+            continue
+        node[key] = copy.deepcopy(value)
+        _forget(origins, path)
+        below = {p: o for p, o in upper.origins.items() if p[: len(path)] == path}
+        origins.update({p: _named(origin, upper) for p, origin in below.items()})
+
+
+def _named(origin: Origin, document: YamlDocument) -> Origin:
+    """``origin`` with the file of ``document`` where it names none."""
+    return Origin(origin.file or document.file, origin.line, origin.option)

@@ -17,8 +17,8 @@ from navfw.config.error_location import ErrorLocation, ExpectedType, locate
 from navfw.config.type_descriptions import choices_of, members_of
 from navfw.errors import ConfigError, did_you_mean
 
-MAX_TOLD = 50
-"""Largest number of problems that one error tells; the others are counted."""
+MAX_LISTED = 50
+"""Largest number of problems that one error lists; the others are counted."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,13 @@ class FileProblem:
 def config_error(problems: Sequence[FileProblem]) -> ConfigError:
     """One error for ``problems`` (at least one), one per line, in the order of the file.
 
-    The first ``MAX_TOLD`` are told, the others counted.
+    The first ``MAX_LISTED`` are listed, the others counted.
     """
     ordered = sorted(problems, key=_order)
-    first, *others = ordered[:MAX_TOLD]
+    first, *others = ordered[:MAX_LISTED]
     lines = [first.message, *(str(other.error()) for other in others)]
-    if len(ordered) > MAX_TOLD:
-        lines.append(f"and {len(ordered) - MAX_TOLD} more")
+    if len(ordered) > MAX_LISTED:
+        lines.append(f"and {len(ordered) - MAX_LISTED} more")
     message = "\n".join(lines)
     return ConfigError(
         message, file=first.origin.file, line=first.origin.line, key=first.key or None
@@ -62,28 +62,28 @@ def problems_of(
 ) -> list[FileProblem]:
     """The problems in ``error``, from validating ``document`` at path ``at`` as ``model``.
 
-    They are in the order of the file. Only the first ``MAX_TOLD`` are worded: comparing an unknown
-    key with the known ones takes a millisecond, and a file may have thousands. The others have
-    pydantic's message.
+    They are in the order of the file. Only the first ``MAX_LISTED`` are worded: comparing an
+    unknown key with the known ones takes a millisecond, and a file may have thousands. The others
+    have pydantic's message.
     """
     data = document.at(at)
-    found: list[tuple[ErrorDetails, ErrorLocation]] = [
+    located: list[tuple[ErrorDetails, ErrorLocation]] = [
         (detail, locate(detail["loc"], {} if data is None else data, model))
         for detail in error.errors(include_url=False)
         if not _is_echo(detail)
     ]
     unworded: list[tuple[FileProblem, ErrorDetails, ErrorLocation]] = []
-    for detail, location in _resolve_unions(found):
+    for detail, location in _resolve_unions(located):
         path = (*at, *location.path)
         if detail["type"] == "union_tag_invalid":
-            path = (*path, location.tag_key)
+            path = (*path, location.tags[0])
         unworded.append(
             (FileProblem(path, detail["msg"], document.origin_of(path)), detail, location)
         )
     unworded.sort(key=lambda item: _order(item[0]))
     problems: dict[FileProblem, None] = {}  # an ordered set
     for problem, detail, location in unworded:
-        if len(problems) < MAX_TOLD:
+        if len(problems) < MAX_LISTED:
             message = _located_message(document, problem, detail, location)
             problems[dataclasses.replace(problem, message=message)] = None
         else:
@@ -106,7 +106,7 @@ def rewording(what: str = "", prefix: str = "", file: str | Path | None = None) 
 
 
 def _order(problem: FileProblem) -> tuple[bool, int]:
-    """The order in which problems are told: by lines of the file, then options."""
+    """The order in which problems are listed: by lines of the file, then options."""
     return problem.origin.option is not None, problem.origin.line or 0
 
 
@@ -119,8 +119,8 @@ def _located_message(
     if option is None:
         return message + _responsible_options(document, problem.path, detail)
     key = key_text(problem.path)
-    given = option.removeprefix("--set ").partition("=")[0]
-    return message if given == key else f"{key}: {message}"
+    named = option.removeprefix("--set ").partition("=")[0]
+    return message if named == key else f"{key}: {message}"
 
 
 def _is_echo(detail: ErrorDetails) -> bool:
@@ -132,7 +132,7 @@ def _is_echo(detail: ErrorDetails) -> bool:
 
 
 def _message(detail: ErrorDetails, location: ErrorLocation) -> str:
-    given = detail["input"]
+    value = detail["input"]
     context: Mapping[str, Any] = detail.get("ctx", {})
     expected = location.expected
     match detail["type"]:
@@ -141,27 +141,29 @@ def _message(detail: ErrorDetails, location: ErrorLocation) -> str:
         case "extra_forbidden":
             text = f"unknown key; {did_you_mean(str(location.path[-1]), location.known_keys)}"
         case "union_tag_not_found":
-            text = f"missing {location.tag_key!r}; expected one of {', '.join(location.tags)}"
+            key, tags = location.tags
+            text = f"missing {key!r}; expected one of {', '.join(tags)}"
         case "union_tag_invalid":
+            key, tags = location.tags
             tag = str(context.get("tag", ""))
-            text = f"unknown {location.tag_key} {tag!r}: {did_you_mean(tag, location.tags)}"
+            text = f"unknown {key} {tag!r}: {did_you_mean(tag, tags)}"
         case "value_error" | "assertion_error":
             text = str(context.get("error") or detail["msg"])
-        case "too_short" | "too_long" if location.certain and isinstance(given, Sized):
-            text = f"expected {expected}, got {len(given)} items"
+        case "too_short" | "too_long" if location.certain and isinstance(value, Sized):
+            text = f"expected {expected}, got {len(value)} items"
         case _ if not location.certain:
-            text = f"{detail['msg'][:1].lower()}{detail['msg'][1:]}, got {shown(given)}"
+            text = f"{detail['msg'][:1].lower()}{detail['msg'][1:]}, got {shown(value)}"
         case _:
-            text = f"expected {expected}, got {shown(given)}{_hint(detail, expected)}"
+            text = f"expected {expected}, got {shown(value)}{_hint(detail, expected)}"
     return text
 
 
 def _hint(detail: ErrorDetails, expected: ExpectedType) -> str:
-    given = detail["input"]
+    value = detail["input"]
     choices = [c for member in members_of(expected.annotation) for c in choices_of(member)]
-    if choices and isinstance(given, str):
-        return f"; {did_you_mean(given, choices)}"
-    if detail["type"] == "string_type" and isinstance(given, bool | int | float):
+    if choices and isinstance(value, str):
+        return f"; {did_you_mean(value, choices)}"
+    if detail["type"] == "string_type" and isinstance(value, bool | int | float):
         return "; quote it to make it text"
     return ""
 
@@ -191,14 +193,14 @@ def _responsible_options(document: YamlDocument, path: KeyPath, detail: ErrorDet
         return ""
     options = {
         origin.option
-        for known, origin in document.origins.items()
-        if origin.option is not None and known[: len(path)] == path
+        for part, origin in document.origins.items()
+        if origin.option is not None and part[: len(path)] == path
     }
     return f" (with {', '.join(sorted(options))})" if options else ""
 
 
 def _resolve_unions(
-    found: list[tuple[ErrorDetails, ErrorLocation]],
+    errors: list[tuple[ErrorDetails, ErrorLocation]],
 ) -> Iterator[tuple[ErrorDetails, ErrorLocation]]:
     """Keep, of the errors that pydantic reports for each member of a union, those of one member.
 
@@ -206,7 +208,7 @@ def _resolve_unions(
     with the fewest errors. When all members fail at once, one error names them all.
     """
     unions: dict[KeyPath, dict[str, list[int]]] = {}
-    for index, (_, location) in enumerate(found):
+    for index, (_, location) in enumerate(errors):
         for union, (label, _) in location.unions.items():
             unions.setdefault(union, {}).setdefault(label, []).append(index)
     dropped: set[int] = set()
@@ -215,7 +217,11 @@ def _resolve_unions(
         deep = {
             label: indices
             for label, indices in by_label.items()
-            if all(_is_deep(*found[i], union) for i in indices)
+            if all(
+                len(errors[i][1].path) > len(union)
+                or not errors[i][0]["type"].endswith(("_type", "_parsing"))
+                for i in indices
+            )
         }
         if deep:
             meant = min(deep, key=lambda label: len(deep[label]))
@@ -224,14 +230,10 @@ def _resolve_unions(
         elif len(by_label) > 1:
             indices = sorted(i for group in by_label.values() for i in group)
             dropped.update(indices[1:])
-            location = found[indices[0]][1]
-            merged[indices[0]] = ErrorLocation(union, location.unions[union][1], certain=True)
-    for index, (detail, location) in enumerate(found):
+            expected = errors[indices[0]][1].unions[union][1]
+            merged[indices[0]] = ErrorLocation(None, expected, union)
+    for index, (detail, location) in enumerate(errors):
         if index in merged:
             yield {**detail, "type": "union"}, merged[index]
         elif index not in dropped:
             yield detail, location
-
-
-def _is_deep(detail: ErrorDetails, location: ErrorLocation, union: KeyPath) -> bool:
-    return len(location.path) > len(union) or not detail["type"].endswith(("_type", "_parsing"))

@@ -19,8 +19,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self, TypeAlias
 
-from navfw.config.lookup import plugin_files, project_folder, project_plugin_folders
-from navfw.config.ownership import writable_by_anyone
+from navfw.config.lookup import (
+    plugin_files,
+    project_folder,
+    project_plugin_folders,
+    writable_by_anyone,
+)
 from navfw.errors import UntrustedCodeError
 
 TRUST_VARIABLE = "NAVFW_TRUST"
@@ -148,7 +152,10 @@ def require_trust_in_settings() -> None:
 
 
 def _require(code: ProjectCode | None) -> None:
-    if code is None or not code.files or _trusted_by_environment(code.folder):
+    by_environment = os.environ.get(TRUST_VARIABLE, "")
+    if code is None or not code.files or by_environment == "1":
+        return
+    if str(code.folder) in by_environment.split(os.pathsep):
         return
     from navfw.config.trust_file import TrustFile
 
@@ -172,15 +179,10 @@ def _require(code: ProjectCode | None) -> None:
     trusted.add(code.folder, code.owner)
 
 
-def _trusted_by_environment(folder: Path) -> bool:
-    text = os.environ.get(TRUST_VARIABLE, "")
-    return text == "1" or str(folder) in text.split(os.pathsep)
-
-
 def _files_of(folder: Path) -> list[Path]:
     try:
         return plugin_files(folder)
-    except OSError:  # told by the registry
+    except OSError:  # the registry reports it
         return []
 
 

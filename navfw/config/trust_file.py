@@ -14,7 +14,7 @@ from typing import Annotated
 from platformdirs import user_config_path
 from pydantic import Field
 
-from navfw.config.ownership import owned_by_user, writable_by_anyone
+from navfw.config.lookup import owned_by_user, writable_by_anyone
 from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import load_model
 from navfw.errors import ConfigError, InputError, UnknownNameError
@@ -67,7 +67,7 @@ class TrustFile:
         if not str(folder).isprintable():
             what = f"has a character that cannot be printed: {str(folder)!r}; rename the folder"
             raise InputError(what, key="navfw trust")
-        kept = [known for known in self.folders() if known.path != str(folder)]
+        kept = [entry for entry in self.folders() if entry.path != str(folder)]
         self._write([*kept, TrustedFolder(path=str(folder), owner=owner)])
 
     def remove(self, folder: Path) -> None:
@@ -77,10 +77,10 @@ class TrustFile:
             UnknownNameError: it is not trusted.
 
         """
-        known = self.folders()
-        kept = [entry for entry in known if entry.path != str(folder)]
-        if len(kept) == len(known):
-            raise UnknownNameError("trusted folder", str(folder), (entry.path for entry in known))
+        entries = self.folders()
+        kept = [entry for entry in entries if entry.path != str(folder)]
+        if len(kept) == len(entries):
+            raise UnknownNameError("trusted folder", str(folder), (entry.path for entry in entries))
         self._write(kept)
 
     def _write(self, folders: list[TrustedFolder]) -> None:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import enum
 import types
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
-import annotated_types
 from pydantic import BaseModel, RootModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticSerializationError, PydanticUndefined, to_jsonable_python
@@ -81,11 +80,10 @@ def choices_of(annotation: Any) -> list[str]:
 
 def describe(annotation: Any, metadata: Iterable[Any] = ()) -> str:
     """A type in words with its bounds: ``a number > 0``, ``a list of 2 numbers``."""
-    parts = [_describe_one(member, ()) for member in members_of(annotation)]
-    if len(parts) == 1:
-        parts = [_describe_one(annotation, tuple(metadata))]
-    unique = list(dict.fromkeys(parts))
-    return " or ".join(unique)
+    members = members_of(annotation)
+    if len(members) == 1:
+        return _describe_one(annotation, tuple(metadata))
+    return " or ".join(dict.fromkeys(_describe_one(member, ()) for member in members))
 
 
 def _describe_one(annotation: Any, metadata: tuple[Any, ...]) -> str:
@@ -103,8 +101,8 @@ def _container(bare: Any) -> str:
     if not isinstance(origin, type):
         return str(getattr(bare, "__name__", bare))
     if issubclass(origin, BaseModel | Mapping):
-        known = len(args) == 2 and args[1] is not Any
-        return f"a mapping to {_plural(args[1])}" if known else "a mapping"
+        has_values = len(args) == 2 and args[1] is not Any
+        return f"a mapping to {_plural(args[1])}" if has_values else "a mapping"
     if issubclass(origin, tuple):
         return _tuple(origin, args)
     if issubclass(origin, Sequence | set | frozenset):
@@ -134,38 +132,29 @@ def _plural(annotation: Any) -> str:
     return f"values, each {describe(annotation)}"
 
 
+_BOUNDS = {
+    "gt": ">",
+    "ge": ">=",
+    "lt": "<",
+    "le": "<=",
+    "multiple_of": "a multiple of",
+    "min_length": "with length >=",
+    "max_length": "with length <=",
+    "pattern": "that matches",
+}
+
+
 def _bounds_of(metadata: Iterable[Any]) -> str:
-    """Bounds in words: ``>= 1 and < 5``, ``with at least 2 items``; empty when there are none."""
+    """Bounds in words: ``>= 1 and < 5``, ``with length >= 2``; empty when there are none."""
     words: list[str] = []
-    for item in _constraints(metadata):
-        match item:
-            case annotated_types.Gt(gt=bound):
-                words.append(f"> {bound:g}" if isinstance(bound, float) else f"> {bound}")
-            case annotated_types.Ge(ge=bound):
-                words.append(f">= {bound:g}" if isinstance(bound, float) else f">= {bound}")
-            case annotated_types.Lt(lt=bound):
-                words.append(f"< {bound:g}" if isinstance(bound, float) else f"< {bound}")
-            case annotated_types.Le(le=bound):
-                words.append(f"<= {bound:g}" if isinstance(bound, float) else f"<= {bound}")
-            case annotated_types.MultipleOf(multiple_of=step):
-                words.append(f"a multiple of {step}")
-            case annotated_types.MinLen(min_length=n):
-                words.append(f"with length >= {n}")
-            case annotated_types.MaxLen(max_length=n):
-                words.append(f"with length <= {n}")
-            case _:
-                pattern = getattr(item, "pattern", None)
-                if pattern:
-                    words.append(f"that matches {getattr(pattern, 'pattern', pattern)}")
-    return " and ".join(dict.fromkeys(words))
-
-
-def _constraints(metadata: Iterable[Any]) -> Iterator[Any]:
     for item in metadata:
-        if isinstance(item, annotated_types.GroupedMetadata):
-            yield from _constraints(item)
-        else:
-            yield item
+        for name, meaning in _BOUNDS.items():
+            bound = getattr(item, name, None)
+            if isinstance(bound, float):
+                words.append(f"{meaning} {bound:g}")
+            elif bound is not None:
+                words.append(f"{meaning} {getattr(bound, 'pattern', bound)}")
+    return " and ".join(dict.fromkeys(words))
 
 
 def parameters_of(model: type[BaseModel]) -> list[Parameter]:

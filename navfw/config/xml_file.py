@@ -16,7 +16,7 @@ _LINE = "navfw-line"
 
 
 def read_xml(path: Path, max_bytes: int, what: str, *, doctype: bool = False) -> Element:
-    """The root element of the file; ``line_of`` tells the line of each element.
+    """The root element of the file; ``line_of`` gives the line of each element.
 
     A document type, with ``doctype``, may be named, but declares no entities and is not read.
 

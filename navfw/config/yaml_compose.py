@@ -45,8 +45,6 @@ def compose_quickly(text: str, max_nodes: int) -> Node | None:
 
 
 class _Composer:
-    """Composes nodes from parser events."""
-
     def __init__(self, events: Iterator[Any], max_nodes: int) -> None:
         self._events = events
         self._left = max_nodes

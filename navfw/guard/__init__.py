@@ -1,4 +1,4 @@
-"""The plugin boundary: whatever a plugin does costs its own call, and is told.
+"""The plugin boundary: whatever a plugin does costs its own call, and is reported.
 
 - ``plugin_guard``: calls a plugin within a time limit (``navfw.process.watchdog``), contains
   what it raises, checks its answer;

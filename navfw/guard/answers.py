@@ -7,6 +7,7 @@ already is returned as it is, any other is made anew. ``AnswerError`` says what 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
@@ -60,7 +61,7 @@ def rebuilt(answer: object, cls: type[T], **fields: Any) -> T:
 def number(value: Any, what: str, low: float = -math.inf, high: float = math.inf) -> float:
     """``value`` as a finite float in [low, high]."""
     if type(value) is float and low <= value <= high and abs(value) != math.inf:
-        return value  # the usual case, told quickly
+        return value  # the usual case, recognised quickly
     if isinstance(value, bool | np.bool_) or not isinstance(
         value, int | float | np.integer | np.floating
     ):
@@ -97,7 +98,7 @@ def real(value: Any, what: str, shape: tuple[int, ...]) -> Array:
         and value.shape == shape
         and value.flags.c_contiguous
     ):
-        result = value  # the usual case, told quickly
+        result = value  # the usual case, recognised quickly
         return result
     try:
         raw = np.asarray(value)
@@ -138,12 +139,10 @@ def items(value: Any, what: str) -> Sequence[Any]:
     """``value`` as a tuple of bounded length."""
     if isinstance(value, str | bytes) or not isinstance(value, Iterable):
         raise AnswerError(f"{what} is {_named(value)}, expected a sequence")
-    found: list[Any] = []
-    for item in value:
-        if len(found) == _MAX_ITEMS:
-            raise AnswerError(f"{what} has more than {_MAX_ITEMS} items")
-        found.append(item)
-    return tuple(found)
+    sequence = tuple(itertools.islice(value, _MAX_ITEMS + 1))
+    if len(sequence) > _MAX_ITEMS:
+        raise AnswerError(f"{what} has more than {_MAX_ITEMS} items")
+    return sequence
 
 
 def mapping(value: Any, what: str) -> dict[str, Any]:
@@ -165,9 +164,9 @@ def numbers(
     A field of a signal: an immutable mapping stays, as the signal has made a copy of its own.
     """
     if _immutable_of(value, _FLOATS):
-        found = value.values()
+        values = value.values()
         # a sum is not finite if an item is not; NaN would hide in min and max
-        if math.isfinite(sum(found)) and low <= min(found) and max(found) <= high:
+        if math.isfinite(sum(values)) and low <= min(values) and max(values) <= high:
             return value  # type: ignore[no-any-return]
     return {
         name: number(item, f"{what}.{name}", low, high)
@@ -194,7 +193,7 @@ def twist(value: Any, what: str) -> Twist:
     instance(value, Twist, what)
     v, w = value.v, value.w
     if type(value) is Twist and type(v) is type(w) is float and math.isfinite(v + w):
-        return value  # the usual case, told quickly
+        return value  # the usual case, recognised quickly
     return rebuilt(value, Twist, v=number(v, "v"), w=number(w, "w"))
 
 

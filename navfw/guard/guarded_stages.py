@@ -14,28 +14,10 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from navfw import interfaces
+from navfw.guard import stage_answers as answers
 from navfw.guard.answers import nothing
 from navfw.guard.plugin_guard import PluginCallError, PluginGuard, label_of
-from navfw.guard.stage_answers import (
-    check_belief,
-    check_detections,
-    check_flow,
-    check_path,
-    check_percept,
-    check_queries,
-    check_reason,
-    check_twist,
-    check_waypoint,
-)
-from navfw.interfaces import (
-    Controller,
-    FeatureRecognizer,
-    FlowProcessor,
-    Localizer,
-    Perception,
-    Planner,
-    Plugin,
-)
 from navfw.signals import (
     Belief,
     Command,
@@ -53,7 +35,7 @@ from navfw.signals import (
 )
 from navfw.topomap import TopoMap
 
-PluginT = TypeVar("PluginT", bound=Plugin)
+PluginT = TypeVar("PluginT", bound=interfaces.Plugin)
 AnswerT = TypeVar("AnswerT")
 
 _UNKNOWN_POSITION = 1e3
@@ -68,15 +50,6 @@ class GuardedStage(Generic[PluginT]):
         self.plugin = plugin
         self.label = label_of(plugin)
 
-    def attempt(
-        self, function: Callable[[], object], check: Callable[[Any], AnswerT], otherwise: AnswerT
-    ) -> AnswerT:
-        """The checked answer, or ``otherwise`` when the plugin fails."""
-        try:
-            return self.guard.call(self.label, function, check=check)
-        except PluginCallError:
-            return otherwise
-
     def reset(self) -> None:
         """Back to the start of a run.
 
@@ -84,35 +57,46 @@ class GuardedStage(Generic[PluginT]):
             PluginCallError: the plugin fails, so the run cannot begin.
 
         """
-        self.guard.call(self.label, self.plugin.reset, check=nothing)
+        self._prepare(self.plugin.reset)
+
+    def _prepare(self, function: Callable[..., object], *arguments: object) -> None:
+        """Call what precedes a run; raises PluginCallError if the plugin fails."""
+        self.guard.call(self.label, function, *arguments, check=nothing)
+
+    def _attempt(
+        self,
+        function: Callable[..., object],
+        *arguments: object,
+        check: Callable[[Any], AnswerT],
+        otherwise: AnswerT,
+        vital: bool = False,
+    ) -> AnswerT:
+        """The checked answer, or ``otherwise`` when the plugin fails."""
+        try:
+            return self.guard.call(self.label, function, *arguments, check=check, vital=vital)
+        except PluginCallError:
+            return otherwise
 
 
-class GuardedFlow(GuardedStage[FlowProcessor]):
+class GuardedFlow(GuardedStage[interfaces.FlowProcessor]):
     """A flow processor; None for a pair of frames at which it fails."""
 
     def compute(self, pair: FramePair) -> FlowField | None:
         """The flow of ``pair``."""
-        check = partial(check_flow, pair=pair)
-        try:
-            return self.guard.call(self.label, self.plugin.compute, pair, check=check, vital=True)
-        except PluginCallError:
-            return None
+        check = partial(answers.check_flow, pair=pair)
+        return self._attempt(self.plugin.compute, pair, check=check, otherwise=None, vital=True)
 
 
-class GuardedPerception(GuardedStage[Perception]):
+class GuardedPerception(GuardedStage[interfaces.Perception]):
     """OFFIS; None for a flow field at which it fails."""
 
     def perceive(self, flow: FlowField, twist: Twist) -> Percept | None:
         """The percept of ``flow``."""
-        check = partial(check_percept, flow=flow)
-        perceive = self.plugin.perceive
-        try:
-            return self.guard.call(self.label, perceive, flow, twist, check=check, vital=True)
-        except PluginCallError:
-            return None
+        perceive, check = self.plugin.perceive, partial(answers.check_percept, flow=flow)
+        return self._attempt(perceive, flow, twist, check=check, otherwise=None, vital=True)
 
 
-class GuardedFeatures(GuardedStage[FeatureRecognizer]):
+class GuardedFeatures(GuardedStage[interfaces.FeatureRecognizer]):
     """A landmark recogniser; no detections in a frame at which it fails."""
 
     @property
@@ -122,17 +106,15 @@ class GuardedFeatures(GuardedStage[FeatureRecognizer]):
 
     def set_map(self, topo_map: TopoMap) -> None:
         """Set the map. Raises PluginCallError if the plugin fails."""
-        self.guard.call(self.label, self.plugin.set_map, topo_map, check=nothing)
+        self._prepare(self.plugin.set_map, topo_map)
 
     def recognize(self, frame: Frame) -> tuple[LandmarkDetection, ...]:
         """The landmarks detected in ``frame``."""
-        try:
-            return self.guard.call(self.label, self.plugin.recognize, frame, check=check_detections)
-        except PluginCallError:
-            return ()
+        check = answers.check_detections
+        return self._attempt(self.plugin.recognize, frame, check=check, otherwise=())
 
 
-class GuardedLocalizer(GuardedStage[Localizer]):
+class GuardedLocalizer(GuardedStage[interfaces.Localizer]):
     """A localiser; while it fails, the last belief moves with the odometry.
 
     Without any belief so far the robot is lost.
@@ -147,23 +129,17 @@ class GuardedLocalizer(GuardedStage[Localizer]):
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
         """Start at ``pose``. Raises PluginCallError if the plugin fails."""
-        self.guard.call(self.label, self.plugin.start, topo_map, pose, odometry, check=nothing)
+        self._prepare(self.plugin.start, topo_map, pose, odometry)
 
     def update(
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
         """The belief now."""
-        try:
-            belief = self.guard.call(
-                self.label,
-                self.plugin.update,
-                odometry,
-                percept,
-                detections,
-                check=check_belief,
-                vital=True,
-            )
-        except PluginCallError:
+        inputs = odometry, percept, detections
+        update = self.plugin.update
+        check = answers.check_belief
+        belief = self._attempt(update, *inputs, check=check, otherwise=None, vital=True)
+        if belief is None:
             return self._extrapolated(odometry)
         self._last = (belief, odometry)
         return belief
@@ -177,7 +153,7 @@ class GuardedLocalizer(GuardedStage[Localizer]):
         return replace(belief, time=odometry.time, pose=belief.pose.compose(moved))
 
 
-class GuardedPlanner(GuardedStage[Planner]):
+class GuardedPlanner(GuardedStage[interfaces.Planner]):
     """A planner; while it fails, the last waypoint stays.
 
     Without any waypoint so far there is a failure instead: no waypoint would mean the end.
@@ -192,54 +168,42 @@ class GuardedPlanner(GuardedStage[Planner]):
 
     def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
         """Start a mission. Raises PluginCallError if the plugin fails."""
-        self.guard.call(self.label, self.plugin.start, topo_map, goals, check=nothing)
+        self._prepare(self.plugin.start, topo_map, goals)
         self._last = goals[0] if goals else None
 
     def update(self, belief: Belief) -> Waypoint | None:
         """The waypoint to drive to, None at the end."""
-        try:
-            waypoint = self.guard.call(
-                self.label, self.plugin.update, belief, check=check_waypoint, vital=True
-            )
-        except PluginCallError:
-            return self._last
-        self._last = waypoint
-        return waypoint
+        update, check = self.plugin.update, answers.check_waypoint
+        self._last = self._attempt(update, belief, check=check, otherwise=self._last, vital=True)
+        return self._last
 
     def observe(self, report: PassageReport) -> None:
         """Hand over the status of passages."""
-        self.attempt(lambda: self.plugin.observe(report), nothing, None)
+        self._attempt(self.plugin.observe, report, check=nothing, otherwise=None)
 
     @property
     def path(self) -> tuple[Waypoint, ...]:
         """The waypoints still ahead."""
-        return self.attempt(lambda: self.plugin.path, check_path, ())
+        return self._attempt(lambda: self.plugin.path, check=answers.check_path, otherwise=())
 
     @property
     def queries(self) -> tuple[PassageQuery, ...]:
         """The passages whose status the planner wants."""
-        return self.attempt(lambda: self.plugin.queries, check_queries, ())
+        check = answers.check_queries
+        return self._attempt(lambda: self.plugin.queries, check=check, otherwise=())
 
     @property
     def no_route_reason(self) -> str | None:
         """Why no route leads to the goal; None while there is one."""
-        return self.attempt(lambda: self.plugin.no_route_reason, check_reason, None)
+        check = answers.check_reason
+        return self._attempt(lambda: self.plugin.no_route_reason, check=check, otherwise=None)
 
 
-class GuardedController(GuardedStage[Controller]):
+class GuardedController(GuardedStage[interfaces.Controller]):
     """LOCOM; standstill at a tick at which it fails."""
 
     def control(self, command: Command | None, odometry: Odometry, dt: float) -> Twist:
         """The twist for the next ``dt`` [s]."""
-        try:
-            return self.guard.call(
-                self.label,
-                self.plugin.control,
-                command,
-                odometry,
-                dt,
-                check=check_twist,
-                vital=True,
-            )
-        except PluginCallError:
-            return Twist(0.0, 0.0)
+        inputs = command, odometry, dt
+        control, check, stopped = self.plugin.control, answers.check_twist, Twist(0.0, 0.0)
+        return self._attempt(control, *inputs, check=check, otherwise=stopped, vital=True)

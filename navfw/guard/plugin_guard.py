@@ -209,7 +209,10 @@ class PluginGuard:
             finally:
                 self._watchdog.end()
         except PluginTimeout as timeout:
-            self._suspend(plugin)
+            duration = SUSPENSION
+            if suspended is not None:
+                duration = min(2.0 * suspended[1], MAX_SUSPENSION)
+            self._suspended[plugin] = (self.time + duration, duration)
             raise self._failure(plugin, f"took too long: {timeout}", vital) from None
         except BaseException as error:  # SystemExit, too: a plugin must not end the run
             check_interrupted()  # compiled code may raise another error than the interruption
@@ -226,18 +229,12 @@ class PluginGuard:
     def _failure(self, plugin: str, error: str, vital: bool) -> PluginCallError:
         if vital and plugin not in self._failing:
             self._failing[plugin] = FailingStage(plugin, self.time, error)
-        known = self._faults.get((plugin, error))
-        if known is not None:
-            self._faults[plugin, error] = replace(known, count=known.count + 1)
+        fault = self._faults.get((plugin, error))
+        if fault is not None:
+            self._faults[plugin, error] = replace(fault, count=fault.count + 1)
         elif len(self._faults) < _MAX_FAULTS:
             self._faults[plugin, error] = PluginFault(self.time, plugin, error)
         return PluginCallError(f"{plugin}: {error}")
-
-    def _suspend(self, plugin: str) -> None:
-        duration = SUSPENSION
-        if plugin in self._suspended:
-            duration = min(2.0 * self._suspended[plugin][1], MAX_SUSPENSION)
-        self._suspended[plugin] = (self.time + duration, duration)
 
 
 def error_text(error: BaseException) -> str:

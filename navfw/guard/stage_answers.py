@@ -75,8 +75,8 @@ def check_proposal(answer: Any, shape: tuple[int, int]) -> Proposal:
 
 def check_weights(answer: Any) -> dict[str, float]:
     """A composite's weights of primitives."""
-    found = mapping(answer, "weigh's answer")
-    return {name: degree(weight, f"weight of {name}") for name, weight in found.items()}
+    weights = mapping(answer, "weigh's answer")
+    return {name: degree(weight, f"weight of {name}") for name, weight in weights.items()}
 
 
 def check_command(answer: Any) -> Command:
@@ -219,8 +219,8 @@ def check_path(answer: Any) -> tuple[Waypoint, ...]:
 
 def check_queries(answer: Any) -> tuple[PassageQuery, ...]:
     """A planner's queries for passages."""
-    found = items(answer, "queries")
-    return tuple(_query(instance(item, PassageQuery, "queries")) for item in found)
+    queries = items(answer, "queries")
+    return tuple(_query(instance(item, PassageQuery, "queries")) for item in queries)
 
 
 @lru_cache(maxsize=4096)
@@ -253,7 +253,6 @@ def _grid_shape(confidence: Any) -> tuple[int, int]:
 
 
 def _finite_where(value: Any, what: str, shape: tuple[int, int], confidence: Array) -> Array:
-    """An immutable float64 array, finite wherever the confidence is not 0."""
     result = real(value, what, shape)
     if not are_finite_where(result, confidence):
         raise AnswerError(f"{what} has values that are not finite")
@@ -269,35 +268,34 @@ def _deviations(value: Any, shape: tuple[int, int], confidence: Array) -> Array:
 
 
 def _covariance(value: Any, size: int) -> Array:
-    """A symmetric covariance (size, size) without negative variances."""
-    found = array(value, "covariance", (size, size))
-    if min(found.diagonal().tolist()) < 0.0:
+    covariance = array(value, "covariance", (size, size))
+    if min(covariance.diagonal().tolist()) < 0.0:
         raise AnswerError("covariance has a negative variance")
-    if not is_symmetric(found):
+    if not is_symmetric(covariance):
         raise AnswerError("covariance is not symmetric")
-    return found
+    return covariance
 
 
 def _quadrants(value: Any) -> Mapping[str, Mapping[str, float]]:
     """Degrees of near, middle and far for each quadrant, the four of the image among them."""
-    found = _of_mappings(value, "quadrants", numbers)
+    quadrants = _of_mappings(value, "quadrants", numbers)
     for name in QUADRANTS:
-        given = found.get(name, {})
+        degrees_by_term = quadrants.get(name, {})
         for term in _TERMS:
-            if term not in given:
+            if term not in degrees_by_term:
                 raise AnswerError(f"quadrants has no {name}.{term}")
-    return found
+    return quadrants
 
 
 def _of_mappings(
     value: Any, what: str, check: Callable[[Any, str], Mapping[str, T]]
 ) -> Mapping[str, Mapping[str, T]]:
     """A mapping of texts to mappings, each checked; ``value`` itself if nothing has to change."""
-    found = mapping(value, what)
-    checked = {name: check(item, name) for name, item in found.items()}
+    original = mapping(value, what)
+    checked = {name: check(item, name) for name, item in original.items()}
     if type(value) is not MappingProxyType:
         return checked
-    for name, item in found.items():
+    for name, item in original.items():
         if checked[name] is not item:
             return checked
     return value
@@ -315,7 +313,7 @@ def _two_names(value: Any) -> tuple[str, str]:
 
 
 def _point(value: Any, what: str) -> tuple[float, float]:
-    found = items(value, what)
-    if len(found) != 2:
-        raise AnswerError(f"{what} has {len(found)} numbers, expected x and y")
-    return number(found[0], what), number(found[1], what)
+    point = items(value, what)
+    if len(point) != 2:
+        raise AnswerError(f"{what} has {len(point)} numbers, expected x and y")
+    return number(point[0], what), number(point[1], what)

@@ -51,8 +51,8 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
         data = map_data(topo_map, None if plan is None else PLAN)
         if plan is not None:
             writers[PLAN] = lambda path: save_ros_map(plan, path)
-        writers["map.yaml"] = lambda path: target.write_yaml(path.name, data)
-        writers["stack.yaml"] = lambda path: target.write_yaml(path.name, config)
+        writers["map.yaml"] = lambda path: target.write_json(path.name, data)
+        writers["stack.yaml"] = lambda path: target.write_json(path.name, config)
         writers[RECORDING] = result.recorder.save
     writers[PICTURE] = lambda path: draw(result, path)
     missing = ((name, _why_missing(target.path / name, write)) for name, write in writers.items())

@@ -26,9 +26,9 @@ from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
 from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import SimulatorWatch
 from navfw.process import compile_kernels
+from navfw.recording.channel_list import SeenRun
 from navfw.recording.run_folder import plain_json
-from navfw.recording.run_observer import RunObserver, SeenRun
-from navfw.recording.run_recorder import RunRecorder
+from navfw.recording.run_observers import RunObserver, RunRecorder
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.simulation import Simulation
 from navfw.sim.walkers import WalkerTrack

@@ -1,7 +1,7 @@
+from .built_in import BUILT_IN as BUILT_IN
+from .built_in import GROUPS as GROUPS
 from .fault_injection import inject_faults as inject_faults
 from .plugin_import import plugin as plugin
-from .registry import BUILT_IN as BUILT_IN
-from .registry import GROUPS as GROUPS
 from .registry import Registry as Registry
 from .registry import default_registry as default_registry
 from .simulator_access import SimulatorWatch as SimulatorWatch

@@ -61,7 +61,7 @@ class FaultInjector(Behavior):
 
 def inject_faults(behaviors: dict[str, Behavior], name: str) -> FaultInjector:
     """Wrap the behaviour ``name`` in a fault injector, unless it is wrapped already; return it."""
-    found = behaviors[name]
-    if not isinstance(found, FaultInjector):
-        found = behaviors[name] = FaultInjector(found)
-    return found
+    behavior = behaviors[name]
+    if not isinstance(behavior, FaultInjector):
+        behavior = behaviors[name] = FaultInjector(behavior)
+    return behavior

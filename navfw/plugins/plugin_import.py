@@ -75,11 +75,12 @@ def import_file(file: Path) -> tuple[ModuleType, list[type[Any]]]:
             raise PluginError("expected a Python file", file=shown_path(file))
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
-        with _quiet_stdout(), _limited(file.name):
+        with contextlib.redirect_stdout(sys.stderr), _limited(file.name):
             spec.loader.exec_module(module)
     except BaseException as error:  # SystemExit, too: a plugin must not end the program
         sys.modules.pop(name, None)
-        _raise_interrupt(error)
+        if isinstance(error, KeyboardInterrupt) and interrupted():
+            raise  # by the user
         raise _import_error(error, file) from error
     finally:
         _collecting.reset(token)
@@ -95,10 +96,11 @@ def import_object(target: str) -> Any:
     """
     module_name, _, attribute = target.partition(":")
     try:
-        with _quiet_stdout(), _limited(module_name):
+        with contextlib.redirect_stdout(sys.stderr), _limited(module_name):
             module = importlib.import_module(module_name)
     except BaseException as error:
-        _raise_interrupt(error)
+        if isinstance(error, KeyboardInterrupt) and interrupted():
+            raise  # by the user
         raise _import_error(error, None, target) from error
     value: Any = module
     for part in attribute.split(".") if attribute else []:
@@ -134,16 +136,16 @@ def candidates_of(module: ModuleType, decorated: list[type[Any]]) -> list[type[A
     ]
 
 
-def nothing_found(module: ModuleType, file: Path, kind: str) -> PluginError:
+def nothing_found(module: ModuleType, file: Path) -> PluginError:
     """The error for a file of a plugin folder that contains no plugin."""
     classes = [
         name
         for name, value in vars(module).items()
         if inspect.isclass(value) and value.__module__ == module.__name__ and kind_of(value) is None
     ]
-    found = f" (it has {', '.join(classes)})" if classes else ""
+    others = f" (it has {', '.join(classes)})" if classes else ""
     return PluginError(
-        f"no plugin in this file{found}; derive a class from navfw.interfaces.{kind.capitalize()}, "
+        f"no plugin in this file{others}; derive a class from navfw.interfaces.Behavior, "
         "or begin the file's name with _ if it is a helper",
         file=shown_path(file),
     )
@@ -163,7 +165,6 @@ def _package_of(folder: Path) -> str:
 
 @contextlib.contextmanager
 def _limited(name: str) -> Iterator[None]:
-    """Limit the wall time of an import; PluginTimeout beyond."""
     watchdog = Watchdog()
     with watchdog.on_duty():
         watchdog.begin(f"import of {name}", IMPORT_LIMIT)
@@ -171,19 +172,6 @@ def _limited(name: str) -> Iterator[None]:
             yield
         finally:
             watchdog.end()
-
-
-def _raise_interrupt(error: BaseException) -> None:
-    """Raise ``error`` again if it is the user's interrupt."""
-    if isinstance(error, KeyboardInterrupt) and interrupted():
-        raise error
-
-
-@contextlib.contextmanager
-def _quiet_stdout() -> Iterator[None]:
-    """Redirect stdout to stderr during an import: stdout is reserved for results."""
-    with contextlib.redirect_stdout(sys.stderr):
-        yield
 
 
 def _import_error(

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, cast
 
@@ -17,66 +16,9 @@ from navfw.config.type_descriptions import parameters_of
 from navfw.errors import InputError, PluginError, UnknownNameError
 from navfw.interfaces import KINDS, Plugin
 from navfw.plugins import plugin_import
+from navfw.plugins.built_in import BUILT_IN, GROUPS, installed_points, summary_of
 from navfw.plugins.simulator_access import access_notes
 from navfw.plugins.verification import kind_of, source_file, verify
-
-BUILT_IN: dict[str, dict[str, str]] = {
-    "behavior": {"navground": "navfw.mofis.navground:Navground"},
-    "flow": {
-        "block_matching": "navfw.flow.block_matching:BlockMatching",
-        "dis": "navfw.flow.dense_flow:Dis",
-        "farneback": "navfw.flow.dense_flow:Farneback",
-        "ideal": "navfw.flow.ideal:Ideal",
-        "lucas_kanade": "navfw.flow.lucas_kanade:LucasKanade",
-        "registered": "navfw.flow.registered:Registered",
-    },
-    "perception": {"offis": "navfw.offis.offis:Offis"},
-    "features": {
-        "aruco": "navfw.features.aruco:Aruco",
-        "landmarks": "navfw.features.combined_landmarks:Landmarks",
-        "none": "navfw.features.no_features:NoFeatures",
-        "posters": "navfw.features.posters:Posters",
-    },
-    "localizer": {
-        "bayes": "navfw.localization.bayes:Bayes",
-        "dead_reckoning": "navfw.localization.dead_reckoning:DeadReckoning",
-        "ekf": "navfw.localization.metric_filter:Ekf",
-        "floor_plan": "navfw.localization.floor_plan:FloorPlanLocalizer",
-        "topological": "navfw.localization.topological:Topological",
-    },
-    "planner": {"papfis": "navfw.papfis.papfis:Papfis"},
-    "fusion": {
-        "fuzzy": "navfw.mofis.fusion:FuzzyFusion",
-        "priority": "navfw.mofis.fusion:PriorityFusion",
-        "damn": "navfw.mofis.fusion:DamnFusion",
-        "blend": "navfw.mofis.fusion:BlendFusion",
-        "pareto": "navfw.mofis.fusion:ParetoFusion",
-    },
-    "controller": {"unicycle": "navfw.locom.unicycle:Unicycle"},
-    "landmark": {
-        "aruco": "navfw.features.landmark_appearance:ArucoMarker",
-        "poster": "navfw.features.landmark_appearance:Poster",
-    },
-    "event": {"blackout": "navfw.missions.composed_events:Blackout"},
-    "family": {
-        "clutter": "navfw.worldgen.open_areas:Clutter",
-        "corridors": "navfw.worldgen.corridors:Corridors",
-        "maze": "navfw.worldgen.maze:Maze",
-        "moving": "navfw.worldgen.open_areas:Moving",
-        "poles": "navfw.worldgen.open_areas:Poles",
-        "rooms": "navfw.worldgen.rooms:Rooms",
-    },
-}
-"""The shipped plugins as ``module:Class``, by kind and name; imported on first use.
-
-Shipped behaviours are files in ``behaviors/``; listed here are those that import more than the
-public names of navfw.
-"""
-
-_PLURALS = {"features": "features", "family": "families"}
-
-GROUPS: dict[str, str] = {f"navfw.{_PLURALS.get(kind, kind + 's')}": kind for kind in KINDS}
-"""Entry point groups of other packages: ``navfw.behaviors``, ``navfw.flows``, ..."""
 
 
 @dataclass
@@ -86,7 +28,7 @@ class _RegistryEntry:
     kind: str
     name: str
     source: str
-    load: Callable[[], object] | None = None
+    target: str = ""
     cls: type[Plugin] | None = None
     error: InputError | None = None
 
@@ -115,10 +57,8 @@ class Registry:
         verify(cls)
         self._add(_RegistryEntry(str(kind_of(cls)), cls.name, source or _source(cls), cls=cls))
 
-    def register_lazily(
-        self, kind: str, name: str, load: str | Callable[[], object], source: str
-    ) -> None:
-        """Add a plugin that ``load`` (``module:Class``, or a function) provides on first use.
+    def register_lazily(self, kind: str, name: str, target: str, source: str) -> None:
+        """Add the plugin at ``target``, written ``module:Class``; it is imported on first use.
 
         Raises:
             UnknownNameError: there is no such kind.
@@ -126,14 +66,12 @@ class Registry:
 
         """
         check_kind(kind)
-        if isinstance(load, str):
-            load = partial(plugin_import.import_object, load)
-        self._add(_RegistryEntry(kind, name, source, load=load))
+        self._add(_RegistryEntry(kind, name, source, target))
 
-    def discover_folder(self, folder: str | Path, kind: str = "behavior") -> None:
+    def discover_folder(self, folder: str | Path) -> None:
         """Import every ``*.py`` in ``folder``, except ``_*.py``, and register its plugins.
 
-        Broken plugins are recorded as such, of ``kind`` where the import fails before the kind is
+        Broken plugins are recorded as such, as behaviours where the import fails before the kind is
         known.
 
         Raises:
@@ -150,21 +88,14 @@ class Registry:
         for file in files:
             if file.resolve() not in self._files:
                 self._files.add(file.resolve())
-                self._discover_file(file, kind)
+                self._discover_file(file)
 
     def discover_entry_points(self, points: Iterable[EntryPoint] | None = None) -> None:
         """Add the plugins of installed packages; they are imported on first use."""
-        if points is None:
-            installed = entry_points()  # reads the metadata of all packages, so once for all groups
-            points = [point for group in GROUPS for point in installed.select(group=group)]
-        for point in points:
+        for point in installed_points() if points is None else points:
             package = "" if point.dist is None else f" of {point.dist.name} {point.dist.version}"
-            entry = _RegistryEntry(
-                GROUPS[point.group],
-                point.name,
-                f"entry point {point.group}{package}",
-                load=partial(plugin_import.import_object, point.value.replace(" ", "")),
-            )
+            source, target = f"entry point {point.group}{package}", point.value.replace(" ", "")
+            entry = _RegistryEntry(GROUPS[point.group], point.name, source, target)
             self._attempt(entry, partial(self._add, entry))
 
     def get(self, kind: str, name: str) -> type[Plugin]:
@@ -189,32 +120,35 @@ class Registry:
         check_kind(kind)
         return sorted(name for of, name in self._entries if of == kind)
 
-    def listing(self, kind: str | None = None) -> list[dict[str, Any]]:
+    def listing(
+        self, kind: str | None = None, outlines: Iterable[dict[str, Any]] = ()
+    ) -> list[dict[str, Any]]:
         """Every plugin (of ``kind``) as plain data: description and parameters, or its error.
 
         Keys: name, kind, status (``ok`` or ``broken``), source, summary, parameters (each with
         name, type, default, required, bounds, description), notes (how its source uses the
         simulator, or could), error (None when ok). Imports them all, and checks the files that
-        they read when they are made, such as rule bases.
+        they read when they are made, such as rule bases; but for those that ``outlines`` has rows
+        of, which are listed as they are.
         """
         if kind is not None:
             check_kind(kind)
+        outlined = {(row["kind"], row["name"], row["source"]): row for row in outlines}
         entries = [
             e for e in (*self._entries.values(), *self._duplicates) if kind in {None, e.kind}
         ]
         order = list(KINDS)
         entries.sort(key=lambda e: (order.index(e.kind), e.name))
-        for entry in entries:
-            self._check_files(entry)
-        return [self._listed(entry) for entry in entries]
+        rows = (outlined.get((entry.kind, entry.name, entry.source)) for entry in entries)
+        return [row or self._checked(entry) for row, entry in zip(rows, entries, strict=True)]
 
     def broken(self) -> list[dict[str, Any]]:
         """The entries of ``listing`` already known to be broken; imports nothing."""
-        known = (*self._entries.values(), *self._duplicates)
-        return [self._listed(entry) for entry in known if entry.error is not None]
+        entries = (*self._entries.values(), *self._duplicates)
+        return [self._listed(entry) for entry in entries if entry.error is not None]
 
-    def _discover_file(self, file: Path, kind: str) -> None:
-        source = shown_path(file)
+    def _discover_file(self, file: Path) -> None:
+        source, kind = shown_path(file), "behavior"
         try:
             module, decorated = plugin_import.import_file(file)
         except PluginError as error:
@@ -222,15 +156,16 @@ class Registry:
             return
         classes = plugin_import.candidates_of(module, decorated)
         if not classes:
-            nothing = plugin_import.nothing_found(module, file, kind)
+            nothing = plugin_import.nothing_found(module, file)
             self._record(_RegistryEntry(kind, file.stem, source, error=nothing))
         for cls in classes:
-            self._register_found(cls, source, kind, file.stem)
+            self._register_class(cls, source, file.stem)
 
-    def _register_found(self, cls: type[Any], source: str, kind: str, name: str) -> None:
-        """Register a class, or record it as broken; ``kind`` and ``name`` are defaults."""
+    def _register_class(self, cls: type[Any], source: str, otherwise: str) -> None:
+        """Register a class, or record it as broken, under the name ``otherwise`` if it has none."""
         own = cls.__dict__.get("name")
-        entry = _RegistryEntry(kind_of(cls) or kind, own if isinstance(own, str) else name, source)
+        name = own if isinstance(own, str) else otherwise
+        entry = _RegistryEntry(kind_of(cls) or "behavior", name, source)
         self._attempt(entry, partial(self.register, cls, source))
 
     def _attempt(self, entry: _RegistryEntry, register: Callable[[], None]) -> None:
@@ -268,10 +203,10 @@ class Registry:
         self._entries[entry.kind, entry.name] = entry
 
     def _load(self, entry: _RegistryEntry) -> None:
-        if entry.load is None or entry.cls is not None or entry.error is not None:
+        if not entry.target or entry.cls is not None or entry.error is not None:
             return
         try:
-            cls = entry.load()
+            cls = plugin_import.import_object(entry.target)
             verify(cls)
             _check_declared(cls, entry)
         except InputError as error:
@@ -279,15 +214,15 @@ class Registry:
         else:
             entry.cls = cast(type[Plugin], cls)
 
-    def _check_files(self, entry: _RegistryEntry) -> None:
-        """Record the error of a file that the plugin reads when it is made."""
+    def _checked(self, entry: _RegistryEntry) -> dict[str, Any]:
+        """The row of an entry; the files that the plugin reads when it is made are checked."""
         self._load(entry)
-        if entry.cls is None or entry.error is not None:
-            return
-        try:
-            entry.cls.check_files()
-        except InputError as error:
-            entry.error = error
+        if entry.cls is not None and entry.error is None:
+            try:
+                entry.cls.check_files()
+            except InputError as error:
+                entry.error = error
+        return self._listed(entry)
 
     def _listed(self, entry: _RegistryEntry) -> dict[str, Any]:
         self._load(entry)
@@ -297,11 +232,9 @@ class Registry:
             "kind": entry.kind,
             "status": "ok" if entry.error is None else "broken",
             "source": entry.source,
-            "summary": _summary(cls),
-            "parameters": []
-            if cls is None
-            else [parameter._asdict() for parameter in parameters_of(cls.Params)],
-            "notes": [] if cls is None else access_notes(cls),
+            "summary": "" if cls is None else summary_of(cls.__doc__),
+            "parameters": [p._asdict() for p in parameters_of(cls.Params)] if cls else [],
+            "notes": access_notes(cls) if cls else [],
             "error": None if entry.error is None else str(entry.error),
         }
 
@@ -329,7 +262,7 @@ def default_registry(folders: Iterable[str | Path] = ()) -> Registry:
         registry.discover_folder(folder)
     registry.discover_entry_points()
     for cls in plugin_import.decorated_plugins():
-        registry._register_found(cls, _source(cls), "behavior", cls.__name__)
+        registry._register_class(cls, _source(cls), cls.__name__)
     return registry
 
 
@@ -354,9 +287,3 @@ def _check_declared(cls: object, entry: _RegistryEntry) -> None:
 def _source(cls: object) -> str:
     file = source_file(cls)
     return getattr(cls, "__module__", "code") if file is None else shown_path(file)
-
-
-def _summary(cls: type[Plugin] | None) -> str:
-    if cls is None:
-        return ""
-    return (inspect.getdoc(cls) or "").strip().split("\n\n")[0].replace("\n", " ")

@@ -69,7 +69,8 @@ def access_notes(cls: type[Plugin]) -> list[str]:
     file = source_file(cls)
     if file is None or cls.kind in _OF_WORLDS:
         return []
-    return [f"{shown_path(file)}:{found.line}: {found.what}" for found in source_findings(file)]
+    findings = source_findings(file)
+    return [f"{shown_path(file)}:{finding.line}: {finding.what}" for finding in findings]
 
 
 @functools.lru_cache(maxsize=512)
@@ -80,8 +81,8 @@ def _findings(file: Path, changed: int) -> tuple[SourceFinding, ...]:
         tree = ast.parse(read_input(file, _MAX_SOURCE))
     except (ConfigError, SyntaxError, ValueError, RecursionError):
         return ()
-    found = [finding for node in ast.walk(tree) for finding in _findings_at(node)]
-    return tuple(sorted(found, key=lambda finding: finding.line))
+    findings = [finding for node in ast.walk(tree) for finding in _findings_at(node)]
+    return tuple(sorted(findings, key=lambda finding: finding.line))
 
 
 def _findings_at(node: ast.AST) -> Iterator[SourceFinding]:

@@ -34,9 +34,9 @@ def verify(cls: object) -> None:
     if not problems:
         return
     name = getattr(cls, "__qualname__", repr(cls))
-    raise PluginError(
-        "; ".join(problems), file=_shown_file(cls), line=_line(cls), key=f"class {name}"
-    )
+    file = source_file(cls)
+    shown_file = None if file is None else shown_path(file)
+    raise PluginError("; ".join(problems), file=shown_file, line=_line(cls), key=f"class {name}")
 
 
 def find_problems(cls: object) -> list[str]:
@@ -54,8 +54,8 @@ def kind_of(cls: object) -> str | None:
     """The kind of plugin that ``cls`` is a subclass of; None for none or several."""
     if not inspect.isclass(cls):
         return None
-    found = [kind for kind, base in interfaces.KINDS.items() if issubclass(cls, base)]
-    return found[0] if len(found) == 1 else None
+    kinds = [kind for kind, base in interfaces.KINDS.items() if issubclass(cls, base)]
+    return kinds[0] if len(kinds) == 1 else None
 
 
 def source_file(cls: object) -> Path | None:
@@ -68,18 +68,18 @@ def source_file(cls: object) -> Path | None:
 
 def _problems(cls: type[Any]) -> Iterator[str]:
     base_names = ", ".join(sorted(base.__name__ for base in interfaces.KINDS.values()))
-    found = [base for base in interfaces.KINDS.values() if issubclass(cls, base)]
-    if not found:
+    bases = [base for base in interfaces.KINDS.values() if issubclass(cls, base)]
+    if not bases:
         yield (
             "not derived from a base class of plugins; "
             f"derive it from one of navfw.interfaces: {base_names}"
         )
         return
-    if len(found) > 1:
-        names = " and ".join(base.__name__ for base in found)
+    if len(bases) > 1:
+        names = " and ".join(base.__name__ for base in bases)
         yield f"derived from both {names}; make one plugin of each"
         return
-    base = found[0]
+    base = bases[0]
     if cls is base:
         yield "this is the base class itself; derive a class from it"
         return
@@ -94,7 +94,8 @@ def _problems(cls: type[Any]) -> Iterator[str]:
 def _name_problems(cls: type[Any], base: type[Any]) -> Iterator[str]:
     if cls.__dict__.get("kind", base.kind) != base.kind:
         yield f"kind is set to {cls.kind!r}; remove it, the base class sets {base.kind!r}"
-    remedy = f'write: name: ClassVar[str] = "{_suggested_name(cls)}"'
+    words = "".join(f"_{c.lower()}" if c.isupper() else c for c in cls.__name__).strip("_")
+    remedy = f'write: name: ClassVar[str] = "{words.replace("__", "_")}"'
     if "name" not in cls.__dict__:
         inherited = getattr(cls, "name", None)
         because = "" if inherited is None else f" of its own (it inherits {inherited!r})"
@@ -107,11 +108,6 @@ def _name_problems(cls: type[Any], base: type[Any]) -> Iterator[str]:
         yield f"name {name!r} must be an identifier (letters, digits, _); {remedy}"
 
 
-def _suggested_name(cls: type[Any]) -> str:
-    text = "".join(f"_{c.lower()}" if c.isupper() else c for c in cls.__name__).strip("_")
-    return text.replace("__", "_")
-
-
 def _method_problems(cls: type[Any], base: type[Any]) -> Iterator[str]:
     own = [n for n, v in vars(cls).items() if callable(v) and not n.startswith("_")]
     names = [n for n in dir(base) if not n.startswith("_") or n == "__init__"]
@@ -120,29 +116,29 @@ def _method_problems(cls: type[Any], base: type[Any]) -> Iterator[str]:
         for name in sorted(getattr(parent, "__abstractmethods__", ())):
             interface.setdefault(name, inspect.getattr_static(parent, name))
     for name, wanted in interface.items():
-        given = inspect.getattr_static(cls, name)
-        if given is wanted:
+        actual = inspect.getattr_static(cls, name)
+        if actual is wanted:
             if name in cls.__abstractmethods__:
                 additional = [n for n in own if not hasattr(base, n)]
                 near = difflib.get_close_matches(name, additional, n=1, cutoff=0.5)
                 hint = f" instead of {near[0]!r}" if near else ""
                 yield f"missing {_headline(name, wanted)}; define it{hint}"
         elif isinstance(wanted, property):
-            if callable(given):
+            if callable(actual):
                 yield f"{name} must be a property; put @property above it"
         elif inspect.isfunction(wanted):
-            yield from _signature_problems(name, wanted, given)
+            yield from _signature_problems(name, wanted, actual)
 
 
-def _signature_problems(name: str, wanted: Callable[..., Any], given: object) -> Iterator[str]:
-    if isinstance(given, staticmethod | classmethod):
-        yield f"{name} must be a plain method; remove @{type(given).__name__}"
+def _signature_problems(name: str, wanted: Callable[..., Any], actual: object) -> Iterator[str]:
+    if isinstance(actual, staticmethod | classmethod):
+        yield f"{name} must be a plain method; remove @{type(actual).__name__}"
         return
-    if not callable(given):
-        got = type(given).__name__
+    if not callable(actual):
+        got = type(actual).__name__
         yield f"{name} must be a method, got {got}; define {_headline(name, wanted)}"
         return
-    inner = inspect.unwrap(given)
+    inner = inspect.unwrap(actual)
     if any(test(inner) for test in _COROUTINES):
         yield f"{name} must not be async; remove async"
         return
@@ -150,7 +146,7 @@ def _signature_problems(name: str, wanted: Callable[..., Any], given: object) ->
         yield f"{name} must return its result; replace yield by return"
         return
     try:
-        signature = inspect.signature(given)
+        signature = inspect.signature(actual)
     except (TypeError, ValueError):
         return
     mismatch = _mismatch(inspect.signature(wanted), signature)
@@ -161,9 +157,9 @@ def _signature_problems(name: str, wanted: Callable[..., Any], given: object) ->
         )
 
 
-def _mismatch(wanted: inspect.Signature, given: inspect.Signature) -> str:
-    """Why ``given`` cannot be called like ``wanted``, by position or by name; empty if it can."""
-    mine = list(given.parameters.values())
+def _mismatch(wanted: inspect.Signature, actual: inspect.Signature) -> str:
+    """Why ``actual`` cannot be called like ``wanted``, by position or by name; empty if it can."""
+    mine = list(actual.parameters.values())
     takes_rest = any(p.kind is p.VAR_POSITIONAL for p in mine)
     takes_names = any(p.kind is p.VAR_KEYWORD for p in mine)
     positional = [p for p in mine if p.kind in {p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD}]
@@ -229,11 +225,6 @@ def _default_problem(model: type[BaseModel], name: str, default: object) -> str:
             if detail["loc"][:1] == (key,) and detail["type"] != "missing":
                 return f"{detail['msg'][:1].lower()}{detail['msg'][1:]}, got {shown(default)}"
     return ""
-
-
-def _shown_file(cls: object) -> str | None:
-    file = source_file(cls)
-    return None if file is None else shown_path(file)
 
 
 def _line(cls: object) -> int | None:

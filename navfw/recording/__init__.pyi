@@ -7,8 +7,6 @@ from .channel_list import RIGHT_IMAGE as RIGHT_IMAGE
 from .channel_list import ReadingRow as ReadingRow
 from .channel_list import pack_reading as pack_reading
 from .channel_list import unpack_reading as unpack_reading
-from .git_checkout import GitCheckout as GitCheckout
-from .live_server import LiveServer as LiveServer
 from .palette import FLOOR as FLOOR
 from .palette import MOVING as MOVING
 from .palette import behavior_color as behavior_color
@@ -16,6 +14,7 @@ from .palette import bgr as bgr
 from .palette import rgb as rgb
 from .plan_picture import PathLabels as PathLabels
 from .plan_picture import write_legend as write_legend
+from .provenance import GitCheckout as GitCheckout
 from .provenance import code_revision as code_revision
 from .provenance import git_revision as git_revision
 from .provenance import machine_kind as machine_kind
@@ -34,12 +33,13 @@ from .run_log import Contact as Contact
 from .run_log import RunLog as RunLog
 from .run_log import RunLogger as RunLogger
 from .run_log import hash_commands as hash_commands
-from .run_recorder import RunRecorder as RunRecorder
+from .run_observers import LiveServer as LiveServer
+from .run_observers import RunRecorder as RunRecorder
 from .run_replay import compare_commands as compare_commands
 from .run_replay import explain_at as explain_at
+from .run_replay import load_recording as load_recording
 from .run_replay import replay as replay
 from .run_replay import replay_commands as replay_commands
-from .sensor_recording import load_recording as load_recording
 from .top_view import OutlineDisc as OutlineDisc
 from .top_view import WorldOutline as WorldOutline
 from .trajectory_picture import TrajectoryPicture as TrajectoryPicture

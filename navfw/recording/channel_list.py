@@ -5,9 +5,13 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 from enum import IntFlag
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from navfw.signals import SensorReading, Twist
+
+if TYPE_CHECKING:
+    from navfw.recording.top_view import WorldOutline
+    from navfw.stack import Stack
 
 SCHEMA_NAME = "navfw_msgs/msg/SensorReading"
 
@@ -174,12 +178,7 @@ VIEWER_CHANNELS = (
     ChannelInfo(TRUE_POSE, "foxglove.PoseInFrame", "10 Hz", "true pose"),
     ChannelInfo(PATH, "foxglove.PosesInFrame", "10 Hz", "estimated position and waypoints ahead"),
     ChannelInfo(WORLD, "foxglove.SceneUpdate", "0.2 Hz", "walls and furniture"),
-    ChannelInfo(
-        PROPOSALS,
-        "foxglove.Grid",
-        "5 Hz",
-        "each behaviour's rating of all commands",
-    ),
+    ChannelInfo(PROPOSALS, "foxglove.Grid", "5 Hz", "each behaviour's rating of all commands"),
     ChannelInfo(COMMAND, "navfw.Command", "10 Hz", "the command, its leader, weights and reasons"),
     ChannelInfo(RULES, "navfw.FiredRules", "2 Hz", "rules that fired, as `navfw explain --json`"),
 )
@@ -187,6 +186,14 @@ VIEWER_CHANNELS = (
 
 CHANNELS = _SENSOR_CHANNELS + VIEWER_CHANNELS
 """All channels of a run."""
+
+
+@dataclass(frozen=True, slots=True)
+class SeenRun:
+    """What the channels show besides the readings: the stack at work, and the world around it."""
+
+    stack: Stack
+    outline: WorldOutline
 
 
 def nanoseconds(time: float) -> int:

@@ -80,7 +80,10 @@ def draw_map(
     labels = PathLabels(axes, way, zorder=9)
     for name in sorted(topo_map.places, key=len) if route is None else route.places:
         labels.write(name, (topo_map.places[name].x, topo_map.places[name].y), _NAME)
-    axes.set_title(_title(topo_map, route), fontsize=11, loc="left")
+    about = f"{len(topo_map.places)} places, {len(topo_map.passages)} passages"
+    if route is not None:
+        about = f"{route.start} to {route.goal}, {route.length:.1f} m"
+    axes.set_title(f"{topo_map.name}: {about}", fontsize=11, loc="left")
     write_legend(figure, axes)
     with atomic_file(path, parents=True) as unfinished:
         figure.savefig(unfinished, dpi=110, format="png", metadata={"Software": "navfw"})
@@ -103,12 +106,6 @@ def _passages(topo_map: TopoMap, avoid: Sequence[Sequence[str]]) -> Iterator[Sha
             yield Marks(ends.mean(axis=0)[None], _CLOSED)
 
 
-def _title(topo_map: TopoMap, route: Route | None) -> str:
-    if route is not None:
-        return f"{topo_map.name}: {route.start} to {route.goal}, {route.length:.1f} m"
-    return f"{topo_map.name}: {len(topo_map.places)} places, {len(topo_map.passages)} passages"
-
-
 def _route_points(topo_map: TopoMap, route: Route) -> Array:
     """The points (n, 2) [m] of a route."""
     places = [topo_map.places[name] for name in route.places]
@@ -117,7 +114,6 @@ def _route_points(topo_map: TopoMap, route: Route) -> Array:
 
 
 def _draw_arrows(axes: Axes, way: Array) -> None:
-    """Draw arrow heads along the ``way`` (n, 2) in its direction."""
     legs = np.diff(way, axis=0)
     along = np.concatenate([[0.0], np.hypot(*legs.T).cumsum()])
     for distance in np.linspace(0.0, along[-1], _ARROWS + 2)[1:-1]:

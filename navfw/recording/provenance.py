@@ -6,16 +6,22 @@ import hashlib
 import json
 import os
 import platform
+import re
 import shlex
-from collections.abc import Iterable, Mapping
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
+from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
-from navfw.config.folder_files import files_of
 from navfw.config.input_file import read_input
-from navfw.config.lookup import project_folder, shipped_folder
-from navfw.recording.git_checkout import GitCheckout
+from navfw.config.lookup import own_folders, owned_by_user, project_folder, shipped_folder
+from navfw.errors import ConfigError
 
 _SHIPPED = ("worlds", "maps", "behaviors")
 """The folders that ship with navfw beside its code."""
@@ -26,6 +32,18 @@ _MAX_FILE = 1 << 28
 DIRTY = "-dirty"
 """Suffix of a revision whose tracked files have uncommitted changes."""
 
+_GIT_TIMEOUT = 5.0
+"""Largest time [s] that git may take."""
+
+_MAX_REFS = 64_000_000
+"""Largest size of a file of refs: that of some hundred thousand packed refs."""
+
+_MAX_SYMBOLIC_REFS = 5
+"""Largest number of refs that lead to each other, as in git."""
+
+_HASH = re.compile(r"[0-9a-f]{40}(?:[0-9a-f]{24})?")
+_SHA256_CONFIG = "[core]\n\trepositoryformatversion = 1\n[extensions]\n\tobjectformat = sha256\n"
+
 
 def code_revision() -> str:
     """The git revision of the project around the working folder, else of navfw's own source.
@@ -35,13 +53,13 @@ def code_revision() -> str:
     source = Path(__file__).parents[1] / "__init__.py"
     project = project_folder()
     if project is not None:
-        found = git_revision(project)
+        revision = git_revision(project)
     else:
         # an installed copy may lie inside another repository, which does not track it
         checkout = GitCheckout.around(source.parent)
         tracked = checkout is not None and checkout.tracks(source)
-        found = git_revision(source.parent) if tracked else None
-    return found or f"navfw {_version()}"
+        revision = git_revision(source.parent) if tracked else None
+    return revision or f"navfw {metadata.version('navfw')}"
 
 
 def git_revision(folder: Path) -> str | None:
@@ -108,6 +126,23 @@ def files_fingerprint(files: Iterable[tuple[str, Path]]) -> str:
     )
 
 
+def files_in(folder: Path) -> Iterator[tuple[Path, Path]]:
+    """Each file below ``folder`` and its path inside of it, sorted, but for caches of Python."""
+    for file in sorted(folder.rglob("*")):
+        inside = file.relative_to(folder)
+        if "__pycache__" not in inside.parts and file.is_file():
+            yield file, inside
+
+
+def files_of(places: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
+    """The name and the path of each file in ``places``, files and folders by their names."""
+    for name, place in places.items():
+        if place.is_file():
+            yield name, place
+        for file, inside in files_in(place):
+            yield f"{name}/{inside.as_posix()}", file
+
+
 def navfw_files() -> dict[str, Path]:
     """The folders of navfw's own code and files that results depend on, by name."""
     shipped = {name: shipped_folder().resolve() / name for name in _SHIPPED}
@@ -121,7 +156,6 @@ def code_fingerprint() -> str:
 
 
 def _processor() -> str:
-    """The model name that the operating system reports; else the architecture."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -130,7 +164,132 @@ def _processor() -> str:
     return (models or [platform.processor()])[0] or platform.machine()
 
 
-def _version() -> str:
-    from importlib import metadata
+@dataclass(frozen=True)
+class GitCheckout:
+    """A git checkout with its files in ``top``.
 
-    return metadata.version("navfw")
+    ``private`` holds its HEAD and index, ``common`` objects and refs. The two differ only in a
+    worktree.
+
+    A repository that somebody else has prepared can name programs in its configuration: a file
+    system monitor, filters, hooks, external diffs, aliases, the ssh command, further files to
+    include. Nothing of it is executed: HEAD and refs are read as files, and ``git`` compares the
+    files through a git folder of our own with an empty configuration, which borrows the
+    repository's objects and index. A checkout of which another user owns a part is not looked at.
+    """
+
+    top: Path
+    private: Path
+    common: Path
+
+    @classmethod
+    def around(cls, folder: Path) -> Self | None:
+        """The checkout that ``folder`` lies in; None if there is none that is this user's alone."""
+        for top in own_folders(folder.resolve()):
+            link = top / ".git"
+            if os.path.lexists(link):
+                private = link if link.is_dir() else _linked(link, "gitdir: ")
+                common = private and (_linked(private / "commondir") or private)
+                if private is None or common is None:
+                    return None
+                parts = (link, private, common, common / "objects")
+                return cls(top, private, common) if all(map(owned_by_user, parts)) else None
+        return None
+
+    def head(self) -> str | None:
+        """The hash of the commit that is checked out; None before the first commit."""
+        text = _read(self.private / "HEAD").strip()
+        for _ in range(_MAX_SYMBOLIC_REFS):
+            if _HASH.fullmatch(text):
+                return text
+            name = text.removeprefix("ref: ")
+            if not name.startswith("refs/") or ".." in name:
+                return None
+            text = self._ref(name)
+        return None
+
+    def changed(self, *paths: str) -> bool | None:
+        """Whether tracked files below ``paths`` (git's pathspecs) differ from the commit.
+
+        Changes inside a submodule do not count, another commit of it does. None if git is not
+        installed or cannot tell.
+        """
+        words = ("status", "--porcelain", "--untracked-files=no", "--ignore-submodules=dirty")
+        changes = self._git(*words, "--", *paths)
+        return None if changes is None else bool(changes)
+
+    def tracks(self, file: Path) -> bool:
+        """Whether ``file`` is one of the tracked files."""
+        return self._git("ls-files", "--error-unmatch", "--", str(file.resolve())) is not None
+
+    def _ref(self, name: str) -> str:
+        for folder in (self.private, self.common):
+            text = _read(folder / name).strip()
+            if text:
+                return text
+        packed = (line.partition(" ") for line in _read(self.common / "packed-refs").splitlines())
+        return next((commit for commit, _, packed_name in packed if packed_name == name), "")
+
+    def _git(self, *words: str) -> str | None:
+        """What git prints about the checkout, in a configuration that is empty."""
+        git, head = shutil.which("git"), self.head()
+        if git is None or not Path(git).is_absolute() or head is None:
+            return None
+        try:
+            with self._neutral_environment(head) as environment:
+                done = subprocess.run(  # noqa: S603 - fixed words, no shell
+                    [git, *words],
+                    cwd=self.top,
+                    env=environment,
+                    capture_output=True,
+                    timeout=_GIT_TIMEOUT,
+                    check=True,
+                )
+        except (OSError, subprocess.SubprocessError):
+            return None
+        return os.fsdecode(done.stdout).strip()
+
+    @contextmanager
+    def _neutral_environment(self, head: str) -> Iterator[dict[str, str]]:
+        """Environment variables that point git to a temporary git folder, its home as well.
+
+        That folder has no configuration, no hooks and no attributes. The index stays unchanged:
+        git takes no optional locks.
+        """
+        with tempfile.TemporaryDirectory(prefix="navfw-git-") as name:
+            folder = Path(name)
+            (folder / "refs").mkdir()
+            (folder / "HEAD").write_text(f"{head}\n", encoding="ascii")
+            if len(head) > 40:
+                (folder / "config").write_text(_SHA256_CONFIG, encoding="ascii")
+            for shared in self.private.glob("sharedindex.*"):  # the base of a split index
+                (folder / shared.name).symlink_to(shared)
+            kept = {key: value for key, value in os.environ.items() if not key.startswith("GIT_")}
+            yield kept | {
+                "HOME": name,
+                "XDG_CONFIG_HOME": name,
+                "GIT_CONFIG_NOSYSTEM": "1",
+                "GIT_ATTR_NOSYSTEM": "1",
+                "GIT_DIR": name,
+                "GIT_WORK_TREE": str(self.top),
+                "GIT_INDEX_FILE": str(self.private / "index"),
+                "GIT_OBJECT_DIRECTORY": str(self.common / "objects"),
+                "GIT_OPTIONAL_LOCKS": "0",
+                "GIT_NO_LAZY_FETCH": "1",
+                "GIT_TERMINAL_PROMPT": "0",
+            }
+
+
+def _linked(file: Path, prefix: str = "") -> Path | None:
+    """The folder that a file like ``.git`` of a worktree names, relative to the file's own."""
+    text = _read(file).strip()
+    name = text.removeprefix(prefix)
+    return file.parent / name if text.startswith(prefix) and name and "\0" not in name else None
+
+
+def _read(file: Path) -> str:
+    """The text of a regular file of bounded size; empty for anything else."""
+    try:
+        return read_input(file, _MAX_REFS).decode("utf-8", "replace")
+    except ConfigError:
+        return ""

@@ -28,18 +28,7 @@ from navfw.config.image_file import decode_image
 from navfw.config.input_file import is_file, open_input, shown_path
 from navfw.errors import ConfigError
 from navfw.numerics import Image
-from navfw.recording.channel_list import (
-    CAMERA_IMAGE,
-    CHANNELS,
-    END,
-    FORMAT_VERSION,
-    MAX_BYTES,
-    PROFILE,
-    READING,
-    RUN,
-    SCHEMA,
-    unpack_reading,
-)
+from navfw.recording import channel_list as topics
 from navfw.recording.run_folder import OLD_RECORDING, RECORDING
 
 with extra_imports("record"):
@@ -84,7 +73,7 @@ class RecordedRun:
 
     """
 
-    def __init__(self, path: str | Path, max_bytes: int = MAX_BYTES) -> None:
+    def __init__(self, path: str | Path, max_bytes: int = topics.MAX_BYTES) -> None:
         self.path = Path(path)
         self.metadata: dict[str, str] = {}
         self.complete = False
@@ -98,30 +87,30 @@ class RecordedRun:
             for channel in self._channels.values()
         }
 
-    def messages(self, *topics: str) -> Iterator[RecordedMessage]:
-        """The decoded messages of ``topics`` (none given: of all), in the order of the file.
+    def messages(self, *wanted: str) -> Iterator[RecordedMessage]:
+        """The decoded messages of ``wanted`` topics (none given: of all), in the order of the file.
 
         Raises:
             ConfigError: a message is damaged.
 
         """
-        wanted = {
+        decoders = {
             number: self._decoder(channel)
             for number, channel in self._channels.items()
-            if not topics or channel.topic in topics
+            if not wanted or channel.topic in wanted
         }
         for record in self._records():
-            if not isinstance(record, Message) or record.channel_id not in wanted:
+            if not isinstance(record, Message) or record.channel_id not in decoders:
                 continue
             topic = self._channels[record.channel_id].topic
             try:
-                content = wanted[record.channel_id](record.data)
+                content = decoders[record.channel_id](record.data)
             except Exception as error:  # of the decoders of protobuf and JSON
                 reason = str(error) or type(error).__name__
                 raise self._refused(f"a message of {topic} is damaged ({reason})") from None
             yield RecordedMessage(topic, 1e-9 * record.log_time, content)
 
-    def image_at(self, time: float, topic: str = CAMERA_IMAGE) -> Image | None:
+    def image_at(self, time: float, topic: str = topics.CAMERA_IMAGE) -> Image | None:
         """The newest image of ``topic`` at ``time`` [s] (height, width); None before the first.
 
         Raises:
@@ -151,7 +140,6 @@ class RecordedRun:
                 raise self._refused(f"the file is damaged ({reason})") from None
 
     def _refused(self, what: str) -> ConfigError:
-        """The error that this file is not a recording."""
         return ConfigError(f"not a recording: {what}", file=self.path)
 
     def _unpacked(self, stream: BinaryIO) -> Iterator[McapRecord]:
@@ -181,23 +169,21 @@ class RecordedRun:
             elif isinstance(record, Channel):
                 self._add_channel(record)
             elif isinstance(record, Metadata):
-                self.complete |= record.name == END
-                if record.name == RUN:
+                self.complete |= record.name == topics.END
+                if record.name == topics.RUN:
                     self.metadata = dict(record.metadata)
             elif isinstance(record, Message) and record.channel_id not in self._channels:
                 raise self._refused("the file is damaged (a message without a channel)")
 
     def _check_header(self, header: object) -> None:
         profile = header.profile if isinstance(header, Header) else ""
-        version = profile.removeprefix(PROFILE)
-        if not profile.startswith(PROFILE) or not version.isdecimal():
+        version = profile.removeprefix(topics.PROFILE)
+        if not profile.startswith(topics.PROFILE) or not version.isdecimal():
             of = f"of profile {profile!r}" if profile else "without a profile"
             raise self._refused(f"an MCAP file {of}, expected one of navfw run --record")
-        if int(version[:9]) != FORMAT_VERSION:
-            raise self._refused(
-                f"it has version {version[:9]} of the format, this navfw reads {FORMAT_VERSION};"
-                " record the run again"
-            )
+        if int(version[:9]) != topics.FORMAT_VERSION:
+            what = f"it has version {version[:9]} of the format, this navfw reads"
+            raise self._refused(f"{what} {topics.FORMAT_VERSION}; record the run again")
 
     def _add_channel(self, channel: Channel) -> None:
         """Add a channel; one of navfw's own must have the schema that navfw gives it."""
@@ -208,14 +194,14 @@ class RecordedRun:
         if expected not in (None, schema.name):
             what = f"channel {channel.topic} has schema {schema.name}, expected {expected}"
             raise self._refused(what)
-        if channel.topic == READING and schema.data != SCHEMA.encode():
+        if channel.topic == topics.READING and schema.data != topics.SCHEMA.encode():
             raise self._refused(f"the fields of {channel.topic} are not those of this version")
         self._channels[channel.id] = channel
 
     def _decoder(self, channel: Channel) -> Callable[[bytes], Any]:
         schema = self._schemas[channel.schema_id]
-        if channel.topic == READING:
-            return unpack_reading
+        if channel.topic == topics.READING:
+            return topics.unpack_reading
         if channel.message_encoding == MessageEncoding.JSON:
             return json.loads
         try:
@@ -257,7 +243,7 @@ def _unpacked_size(chunk: Chunk) -> int:
     return size
 
 
-_SCHEMAS = {channel.topic: channel.schema for channel in CHANNELS}
+_SCHEMAS = {channel.topic: channel.schema for channel in topics.CHANNELS}
 
 
 def image_of(message: RecordedMessage, path: Path) -> Image:

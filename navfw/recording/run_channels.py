@@ -18,8 +18,8 @@ from navfw.mofis.mofis import explain_command
 from navfw.numerics import Image
 from navfw.recording import channel_list as topics
 from navfw.recording import viewer_messages as messages
+from navfw.recording.channel_list import SeenRun
 from navfw.recording.run_folder import plain_json
-from navfw.recording.run_observer import SeenRun
 from navfw.signals import Percept, Pose, SensorReading, Twist
 from navfw.stack import Stack
 from navfw.stack.stack_state import StackState
@@ -33,7 +33,7 @@ class SensorChannels:
     """Logs sensor readings, each with its images before it.
 
     Images are compressed in a thread of their own, and whatever comes later waits for them; the
-    thread sees nothing but the images, which nobody changes.
+    thread sees nothing but the images, which are not changed.
     """
 
     def __init__(self, context: Context) -> None:
@@ -110,7 +110,7 @@ _WORLD_PERIOD = 5.0
 class RunChannels:
     """Logs every control tick of a run to the sinks of ``context``.
 
-    Without ``seen`` the sensor readings and images alone. A channel that nobody receives costs
+    Without ``seen`` the sensor readings and images alone. A channel without a receiver costs
     nothing. The stack is only read: its plugins explain themselves outside its guard, so that a
     fault in an explanation is none of the run.
     """
@@ -220,7 +220,6 @@ def _json(value: Mapping[str, Any]) -> str:
 
 
 def _percept(percept: Percept) -> Mapping[str, Any]:
-    """The fuzzy part of a percept."""
     return {
         "sentence": percept.sentence,
         "floor_in_front": percept.floor_in_front,
@@ -233,7 +232,6 @@ def _percept(percept: Percept) -> Mapping[str, Any]:
 
 
 def _command(state: StackState) -> Mapping[str, Any]:
-    """The command, and what each behaviour says for it."""
     command, proposals = state.command, state.proposals or {}
     if command is None:
         return {}

@@ -74,13 +74,9 @@ class RunFolder(AtomicTarget):
             raise InputError(why, file=self.target)
 
     def write_json(self, name: str, value: Any) -> None:
-        """Write ``value`` as indented JSON (see ``plain_json``)."""
+        """Write ``value`` as indented JSON (see ``plain_json``), which is YAML as well."""
         text = json.dumps(plain_json(value), indent=2, allow_nan=False)
         (self.path / name).write_text(text + "\n", encoding="utf-8")
-
-    def write_yaml(self, name: str, value: Any) -> None:
-        """Write plain data as YAML, in its subset JSON, which keeps all digits of numbers."""
-        self.write_json(name, value)
 
     def _move_into_place(self) -> None:
         why = self._foreign()

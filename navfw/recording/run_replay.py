@@ -1,14 +1,16 @@
 """Replay: the stack is run on recorded sensor readings and must give the same commands.
 
-No simulator is involved: equal commands show that the stack has no input besides the recording.
+No simulator is involved: equal commands show that the stack has no input besides the recording, map
+and stack file.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -16,30 +18,145 @@ from pydantic import BaseModel, ConfigDict
 from navfw.config.problems import rewording
 from navfw.errors import ConfigError, InputError
 from navfw.features.landmark_appearance import check_landmark_kind
-from navfw.numerics import Array
+from navfw.numerics import Array, Image
 from navfw.plugins.fault_injection import Failure, inject_faults
-from navfw.recording.channel_list import CAMERA_IMAGE
-from navfw.recording.recorded_run import recording_in
+from navfw.recording import channel_list as topics
+from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of, recording_in
 from navfw.recording.run_folder import RESULT, read_result
 from navfw.recording.run_log import hash_commands
-from navfw.recording.sensor_recording import SensorRecording, load_recording
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Pose, SensorReading, Twist, Waypoint
+from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist, Waypoint
 
 if TYPE_CHECKING:
     from navfw.stack import Stack
 
+_TOLERANCE = 1.0
+"""Largest difference of clocks in a recording [s]."""
+_MAX_RATE = 1000.0
+"""Largest rate of a turn [rad/s]; gyros measure up to 70."""
 
-class ReplayedStack(Protocol):
-    """The part of a stack that a replay uses."""
 
-    def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        """Start at ``pose`` in ``map`` (None: unknown), with ``goals`` to visit in order."""
-        ...
+@dataclass(frozen=True, slots=True)
+class SensorRecording:
+    """Sensor ``readings`` and commands of a run (n control ticks).
 
-    def step(self, reading: SensorReading) -> Twist:
-        """The twist to drive until the next control tick."""
-        ...
+    ``commands`` (n, 2) are the stack's: v [m/s] and w [rad/s]. ``complete`` is false if the
+    recording ends before its run.
+    """
+
+    readings: tuple[SensorReading, ...]
+    commands: Array
+    complete: bool
+
+    def __len__(self) -> int:
+        return len(self.readings)
+
+    @property
+    def times(self) -> Array:
+        """(n,) the times of the ticks [s]."""
+        return np.array([reading.time for reading in self.readings])
+
+
+def load_recording(path: str | Path, max_bytes: int = topics.MAX_BYTES) -> SensorRecording:
+    """Load the sensor readings of a recording, images included.
+
+    Of a file that is cut off, the intact part.
+
+    Raises:
+        ConfigError: the file does not exist, is too large, or is not a recording (``RecordedRun``);
+            its readings are none that sensors give.
+
+    """
+    path = Path(path)
+    run = RecordedRun(path, max_bytes)
+    images = _Images(path, max_bytes)
+    readings: list[SensorReading] = []
+    commands: list[tuple[float, float]] = []
+    for message in run.messages(topics.READING, *topics.IMAGES):
+        if message.topic == topics.READING:
+            row: topics.ReadingRow = message.content
+            readings.append(images.complete(row))
+            commands.append((row.v, row.w))
+        else:
+            images.add(message)
+    if not readings and not run.complete:
+        raise _no_recording(path, "the file is cut off before its first reading")
+    _check(readings, path)
+    table = np.array(commands, dtype=np.float64).reshape(-1, 2)
+    return SensorRecording(tuple(readings), table, run.complete)
+
+
+class _Images:
+    """The images since the last reading, by their channel; they stand before their reading."""
+
+    def __init__(self, path: Path, max_bytes: int) -> None:
+        self._path = path
+        self._left = max_bytes
+        self._waiting: dict[str, deque[Image]] = {topic: deque() for topic in topics.IMAGES}
+
+    def add(self, message: RecordedMessage) -> None:
+        image = image_of(message, self._path)
+        self._left -= image.nbytes
+        if self._left < 0:
+            raise _no_recording(self._path, "its images are too large")
+        self._waiting[message.topic].append(image)
+
+    def complete(self, row: topics.ReadingRow) -> SensorReading:
+        """The reading of ``row`` with the images that stand before it."""
+        frame = landmark_frame = None
+        if row.pictures & topics.ImageFlags.CAMERA:
+            sided = row.pictures & topics.ImageFlags.SIDES
+            sides = tuple(map(self._take, topics.SIDE_IMAGES)) if sided else ()
+            frame = Frame(row.frame_time, self._take(topics.CAMERA_IMAGE), sides)
+        if row.pictures & topics.ImageFlags.LANDMARKS:
+            landmark_frame = Frame(row.landmark_frame_time, self._take(topics.LANDMARK_IMAGE))
+        if any(self._waiting.values()):
+            raise _no_recording(self._path, "an image belongs to no reading")
+        return SensorReading(
+            time=row.time,
+            inertial=Inertial(row.inertial_time, row.roll_rate, row.pitch_rate, row.yaw_rate),
+            encoders=Encoders(row.encoders_time, row.left, row.right),
+            frame=frame,
+            landmark_frame=landmark_frame,
+        )
+
+    def _take(self, topic: str) -> Image:
+        if not self._waiting[topic]:
+            raise _no_recording(self._path, f"images of {topic} are missing")
+        return self._waiting[topic].popleft()
+
+
+def _check(readings: Sequence[SensorReading], path: Path) -> None:
+    times = np.array([reading.time for reading in readings])
+    if not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
+        raise _no_recording(path, "times do not increase")
+    for measured in ("inertial", "encoders"):
+        taken = np.array([getattr(reading, measured).time for reading in readings])
+        if not _near(taken, times, times):
+            what = "the times of gyro or encoders are not those of their readings"
+            raise _no_recording(path, what)
+    inertial = [reading.inertial for reading in readings]
+    rates = np.array([(gyro.roll_rate, gyro.pitch_rate, gyro.yaw_rate) for gyro in inertial])
+    if (np.abs(rates) > _MAX_RATE).any():
+        raise _no_recording(path, f"a rate is above {_MAX_RATE:g} rad/s")
+    for kind in ("frame", "landmark_frame"):
+        frames = [(getattr(reading, kind), reading.time) for reading in readings]
+        pairs = np.array([(frame.time, time) for frame, time in frames if frame is not None])
+        if len(pairs) and not _near(pairs[:, 0], pairs[:, 1], times):
+            raise _no_recording(path, "the time of an image is not that of its reading")
+
+
+def _near(measured: Array, read: Array, times: Array) -> bool:
+    """Whether measurements [s] were made in the run, and before they were read.
+
+    They may be as old as the run: a camera or encoders that fail repeat their last measurement.
+    """
+    earliest = times[0] - _TOLERANCE if len(times) else 0.0
+    return bool(((measured >= earliest) & (measured <= read + _TOLERANCE)).all())
+
+
+def _no_recording(path: Path, reason: str) -> ConfigError:
+    return ConfigError(f"not a recording: {reason}", file=path)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,37 +179,36 @@ class ReplayResult:
         return self.command_hash == self.recorded_hash
 
 
-class _RecordedGoal(BaseModel):
+class _Recorded(BaseModel):
+    """A part of a result that a replay uses; other keys are not looked at."""
+
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+
+
+class _RecordedGoal(_Recorded):
     place: str
     x: float
     y: float
 
 
-class _RecordedBehaviorFault(BaseModel):
-    model_config = ConfigDict(extra="ignore")
+class _RecordedBehaviorFault(_Recorded):
     name: str
     does: Failure
 
 
-class _RecordedAction(BaseModel):
-    model_config = ConfigDict(extra="ignore")
+class _RecordedAction(_Recorded):
     behavior: _RecordedBehaviorFault | None = None
 
 
-class _RecordedEvent(BaseModel):
+class _RecordedEvent(_Recorded):
     """An event of the run; a replay uses only faults of behaviours, the others act on sensors."""
 
-    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
     event: _RecordedAction
     began_s: float
     ended_s: float | None = None
 
 
-class _RecordedMission(BaseModel):
-    """The part of a recorded mission that a replay uses."""
-
-    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+class _RecordedMission(_Recorded):
     start: tuple[float, float, float]
     start_known: bool = True
     goals: tuple[_RecordedGoal, ...]
@@ -109,7 +225,8 @@ def replay(folder: str | Path) -> ReplayResult:
     """
     stack, recording, start, goals = _load(Path(folder))
     faults = _FaultReplay(Path(folder), stack)
-    commands = replay_commands(stack, recording, start, goals, faults.update)
+    stack.start(start, goals)
+    commands = replay_commands(stack.step, recording, faults.update)
     return compare_commands(recording, commands)
 
 
@@ -150,7 +267,10 @@ def _load(folder: Path) -> tuple[Stack, SensorRecording, Pose | None, list[Waypo
     from navfw.stack import Stack
     from navfw.topomap import load_map
 
-    mission = _mission(read_result(folder), folder)
+    config = read_result(folder).get("config")
+    with rewording(prefix="config.mission.", file=folder / RESULT):
+        data = config.get("mission") if isinstance(config, dict) else None
+        mission = _RecordedMission.model_validate(data)
     file = recording_in(folder)
     recording = load_recording(file)
     _check_images(recording, mission.robot.camera, file)
@@ -176,7 +296,7 @@ def _check_images(recording: SensorRecording, camera: CameraModel, file: Path) -
                 f"an image is {width} x {height}, those of the camera in {RESULT} are"
                 f" {camera.width} x {camera.height}",
                 file=file,
-                key=CAMERA_IMAGE,
+                key=topics.CAMERA_IMAGE,
             )
 
 
@@ -210,22 +330,18 @@ def _recorded_events(folder: Path) -> list[_RecordedEvent]:
 
 
 def replay_commands(
-    stack: ReplayedStack,
+    step: Callable[[SensorReading], Twist],
     recording: SensorRecording,
-    start: Pose | None,
-    goals: Sequence[Waypoint],
-    before: Callable[[float], None] | None = None,
+    before: Callable[[float], None] = lambda time: None,
 ) -> Array:
-    """(n, 2) the commands v [m/s], w [rad/s] of ``stack`` for the recorded readings.
+    """(n, 2) the commands v [m/s], w [rad/s] that ``step`` gives for the recorded readings.
 
-    ``before`` is called with the time [s] of each reading before the stack's step.
+    ``before`` is called with the time [s] of each reading before its step.
     """
-    stack.start(start, goals)
     twists = []
     for reading in recording.readings:
-        if before is not None:
-            before(reading.time)
-        twists.append(stack.step(reading))
+        before(reading.time)
+        twists.append(step(reading))
     return np.array([(twist.v, twist.w) for twist in twists], dtype=np.float64).reshape(-1, 2)
 
 
@@ -240,10 +356,3 @@ def compare_commands(recording: SensorRecording, commands: Array) -> ReplayResul
         first_difference=int(differ[0]) if len(differ) else None,
         complete=recording.complete,
     )
-
-
-def _mission(result: dict[str, Any], folder: Path) -> _RecordedMission:
-    config = result.get("config")
-    data = config.get("mission") if isinstance(config, dict) else None
-    with rewording(prefix="config.mission.", file=folder / RESULT):
-        return _RecordedMission.model_validate(data)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from navfw.numerics import Array
+from navfw.recording import top_view
 from navfw.recording.palette import CONTACT, GOAL, START
 from navfw.recording.plan_picture import (
     PathLabels,
@@ -21,31 +22,17 @@ from navfw.recording.plan_picture import (
     write_legend,
 )
 from navfw.recording.run_log import RunLog
-from navfw.recording.top_view import (
-    Disc,
-    Marks,
-    Point,
-    Shape,
-    Style,
-    WorldOutline,
-    estimated_line,
-    goal_marks,
-    led_lines,
-    mover_shapes,
-    robot_shapes,
-    waypoint_marks,
-)
 from navfw.signals import Pose
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _PLACE, _TIME = "#7A7A7A", "#1C2430"
-_PLACES = Style(_PLACE, size=2.5)
-_ZONE = Style(GOAL, opacity=0.13)
-_START = Style("white", START, width=1.6, label="start")
-_END = Style(edge="#111111", width=1.4)
-_CONTACT = Style(CONTACT, "white", marker="cross", size=11.0, label="contact")
+_PLACES = top_view.Style(_PLACE, size=2.5)
+_ZONE = top_view.Style(GOAL, opacity=0.13)
+_START = top_view.Style("white", START, width=1.6, label="start")
+_END = top_view.Style(edge="#111111", width=1.4)
+_CONTACT = top_view.Style(CONTACT, "white", marker="cross", size=11.0, label="contact")
 
 _BAD_OUTCOME, _GOOD_OUTCOME = "#B00020", "#2E7D32"
 
@@ -80,12 +67,12 @@ class TrajectoryPicture:
     reason: str
     numbers: str
     good: bool
-    outline: WorldOutline
+    outline: top_view.WorldOutline
     start: Pose
-    goals: Sequence[Point]
+    goals: Sequence[top_view.Point]
     zone: float
     robot_radius: float
-    places: Mapping[str, Point]
+    places: Mapping[str, top_view.Point]
     tracks: Sequence[Array] = ()
     track_radii: Sequence[float] = ()
 
@@ -105,12 +92,18 @@ def draw_trajectory(path: Path, log: RunLog, picture: TrajectoryPicture) -> None
     frame = (0.05, _BELOW / inches, 0.92, 1.0 - (_BELOW + above) / inches)
     figure, axes = plan_axes((wide, inches), frame, low, high)
     places = np.array(list(picture.places.values())).reshape(-1, 2)
-    draw_shapes(axes, [*picture.outline.shapes(), Marks(places, _PLACES)], zorder=2.0)
-    draw_shapes(axes, [*_movers(picture), *_zones(picture)], zorder=3.0)
+    draw_shapes(axes, [*picture.outline.shapes(), top_view.Marks(places, _PLACES)], zorder=2.0)
+    zones = [top_view.Disc(x, y, picture.zone, _ZONE) for x, y in picture.goals]
+    movers = [
+        shape
+        for track, radius in zip(picture.tracks, picture.track_radii, strict=True)
+        for shape in top_view.mover_shapes(track, (track[-1, 0], track[-1, 1]), radius, 0.35)
+    ]
+    draw_shapes(axes, [*movers, *zones], zorder=3.0)
     if len(shown) > 1:
         leaders = [log.leaders[leader] for leader in log.leader[shown]]
-        paths = led_lines(log.true[shown, :2], leaders)
-        draw_shapes(axes, [*paths, estimated_line(log.estimate[shown, :2])], zorder=4.0)
+        paths = top_view.led_lines(log.true[shown, :2], leaders)
+        draw_shapes(axes, [*paths, top_view.estimated_line(log.estimate[shown, :2])], zorder=4.0)
     draw_shapes(axes, _marks(log, picture), zorder=6.0)
     _write_labels(axes, log, picture)
     axes.set_xlabel("x [m]", fontsize=8, color="#666666", labelpad=1)
@@ -134,27 +127,14 @@ def _header(picture: TrajectoryPicture, wide: float) -> list[tuple[str, float, s
     ]
 
 
-def _movers(picture: TrajectoryPicture) -> Iterator[Shape]:
-    """The paths of moving obstacles, each with the obstacle at its end."""
-    for track, radius in zip(picture.tracks, picture.track_radii, strict=True):
-        yield from mover_shapes(track, (track[-1, 0], track[-1, 1]), radius, opacity=0.35)
-
-
-def _zones(picture: TrajectoryPicture) -> Iterator[Shape]:
-    """The zone about each goal in which it is reached."""
-    for x, y in picture.goals:
-        yield Disc(x, y, picture.zone, _ZONE)
-
-
-def _marks(log: RunLog, picture: TrajectoryPicture) -> Iterator[Shape]:
-    """Start, waypoints, goals, contacts, and the robot at the end."""
+def _marks(log: RunLog, picture: TrajectoryPicture) -> Iterator[top_view.Shape]:
     radius = picture.robot_radius
-    yield from robot_shapes(picture.start, radius, 1.9 * radius, _START)
-    yield waypoint_marks((w.x, w.y) for w in log.waypoints if w.kind != "goal")
-    yield goal_marks(picture.goals)
+    yield from top_view.robot_shapes(picture.start, radius, 1.9 * radius, _START)
+    yield top_view.waypoint_marks((w.x, w.y) for w in log.waypoints if w.kind != "goal")
+    yield top_view.goal_marks(picture.goals)
     if log.ticks:
-        yield Disc(log.true[-1, 0], log.true[-1, 1], radius, _END)
-    yield Marks(np.array([(c.x, c.y) for c in log.contacts]).reshape(-1, 2), _CONTACT)
+        yield top_view.Disc(log.true[-1, 0], log.true[-1, 1], radius, _END)
+    yield top_view.Marks(np.array([(c.x, c.y) for c in log.contacts]).reshape(-1, 2), _CONTACT)
 
 
 def _write_labels(axes: Axes, log: RunLog, picture: TrajectoryPicture) -> None:

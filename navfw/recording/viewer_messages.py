@@ -10,33 +10,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from foxglove.messages import (
-    Color,
-    CubePrimitive,
-    CylinderPrimitive,
-    FrameTransform,
-    FrameTransforms,
-    Grid,
-    ImageAnnotations,
-    LinePrimitive,
-    LinePrimitiveLineType,
-    Odometry,
-    PackedElementField,
-    PackedElementFieldNumericType,
-    Point2,
-    Point3,
-    PointsAnnotation,
-    PointsAnnotationType,
-    PoseInFrame,
-    PosesInFrame,
-    Quaternion,
-    SceneEntity,
-    SceneUpdate,
-    Timestamp,
-    Vector2,
-    Vector3,
-)
-from foxglove.messages import Pose as Pose3
+from foxglove import messages as fox
+from foxglove.messages import Timestamp
 
 from navfw.localmap import LocalGoal
 from navfw.localmap.occupancy_grid import OccupancyGrid
@@ -53,47 +28,44 @@ _LEVELS = 255
 """Largest value of a degree in [0, 1] that is packed into a byte."""
 
 
-def flow_message(flow: FlowField, camera: CameraModel, stamp: Timestamp) -> ImageAnnotations:
+def flow_message(flow: FlowField, camera: CameraModel, stamp: Timestamp) -> fox.ImageAnnotations:
     """The flow vectors with any confidence as lines, from where each point was to where it is."""
     measured = flow.confidence > 0.0
     ends = camera.reduction * flow.points[measured] + _centre(camera)
     starts = ends - camera.reduction * flow.vectors[measured]
     pairs = np.stack([starts, ends], axis=1).reshape(-1, 2)
-    return _annotations(stamp, [(PointsAnnotationType.LineList, pairs, _color(palette.FLOW), 1.0)])
+    lines = fox.PointsAnnotationType.LineList
+    return _annotations(stamp, [(lines, pairs, _color(palette.FLOW), 1.0)])
 
 
-def cells_message(percept: Percept, camera: CameraModel, stamp: Timestamp) -> ImageAnnotations:
+def cells_message(percept: Percept, camera: CameraModel, stamp: Timestamp) -> fox.ImageAnnotations:
     """The cells of the percept as points, coloured by their label."""
     points = camera.reduction * percept.points + _centre(camera)
-    return _annotations(
-        stamp,
-        [
-            (PointsAnnotationType.Points, points[percept.label == label], _cell_color(label), 2.0)
-            for label in palette.CELLS
-        ],
-    )
+    kind = fox.PointsAnnotationType.Points
+    groups = []
+    for label, color in palette.CELLS.items():
+        shown = _color(color, 0.5 if label == Label.UNKNOWN else 1.0)
+        groups.append((kind, points[percept.label == label], shown, 2.0))
+    return _annotations(stamp, groups)
 
 
-def _cell_color(label: Label) -> Color:
-    return _color(palette.CELLS[label], 0.5 if label == Label.UNKNOWN else 1.0)
-
-
-def _color(color: str, alpha: float = 1.0) -> Color:
+def _color(color: str, alpha: float = 1.0) -> fox.Color:
     red, green, blue = palette.rgb(color)
-    return Color(r=red / 255.0, g=green / 255.0, b=blue / 255.0, a=alpha)
+    return fox.Color(r=red / 255.0, g=green / 255.0, b=blue / 255.0, a=alpha)
 
 
 def _annotations(
-    stamp: Timestamp, groups: Iterable[tuple[PointsAnnotationType, Array, Color, float]]
-) -> ImageAnnotations:
+    stamp: Timestamp, groups: Iterable[tuple[fox.PointsAnnotationType, Array, fox.Color, float]]
+) -> fox.ImageAnnotations:
     """Groups of points (n, 2) [px], each with its kind, colour and thickness [px]."""
-    return ImageAnnotations(
+    return fox.ImageAnnotations(
         timestamp=stamp,
         points=[
-            PointsAnnotation(
+            fox.PointsAnnotation(
                 timestamp=stamp,
                 type=kind,
-                points=[Point2(x=x, y=y) for x, y in _rounded(points).tolist()],
+                # to a sixteenth of a pixel: what is not seen would not compress
+                points=[fox.Point2(x=x, y=y) for x, y in (np.rint(16.0 * points) / 16.0).tolist()],
                 outline_color=color,
                 thickness=thickness,
             )
@@ -102,28 +74,22 @@ def _annotations(
     )
 
 
-def _rounded(points: Array) -> Array:
-    """Points [px] to a sixteenth: what is not seen would not compress."""
-    rounded: Array = np.rint(16.0 * points) / 16.0
-    return rounded
-
-
 def _centre(camera: CameraModel) -> tuple[float, float]:
     """The principal point [px] from the upper left corner of the image."""
     return 0.5 * camera.width, 0.5 * camera.height
 
 
-def local_map_message(grid: OccupancyGrid, stamp: Timestamp) -> Grid:
+def local_map_message(grid: OccupancyGrid, stamp: Timestamp) -> fox.Grid:
     """The local map in ``odom``: field ``occupancy`` in percent, 50 where nothing is known."""
     cell = grid.params.cell
     x, y = grid.origin
     percent = np.rint(100.0 / (1.0 + np.exp(-grid.log_odds))).astype(np.uint8)
-    return Grid(
+    return fox.Grid(
         timestamp=stamp,
         frame_id="odom",
         pose=_pose3(Pose(x - 0.5 * cell, y - 0.5 * cell, 0.0)),
         column_count=percent.shape[1],
-        cell_size=Vector2(x=cell, y=cell),
+        cell_size=fox.Vector2(x=cell, y=cell),
         row_stride=percent.shape[1],
         cell_stride=1,
         fields=[_byte_field("occupancy", 0)],
@@ -133,7 +99,7 @@ def local_map_message(grid: OccupancyGrid, stamp: Timestamp) -> Grid:
 
 def proposals_message(
     proposals: Mapping[str, Proposal], v: Array, w: Array, stamp: Timestamp
-) -> Grid:
+) -> fox.Grid:
     """How each behaviour rates the commands: a cell for each speed (column) and turn (row).
 
     Fields ``NAME.desirability`` and ``NAME.prohibition``, 255 for a degree of 1. ``pose`` is the
@@ -145,12 +111,12 @@ def proposals_message(
     layers = (x for p in proposals.values() for x in (p.desirability, p.prohibition))
     for field, layer in enumerate(layers):
         data[..., field] = (_LEVELS * layer + 0.5).T
-    return Grid(
+    return fox.Grid(
         timestamp=stamp,
         frame_id="command",
         pose=_pose3(Pose(float(v[0]), float(w[0]), 0.0)),
         column_count=len(v),
-        cell_size=Vector2(x=_step(v), y=_step(w)),
+        cell_size=fox.Vector2(x=_step(v), y=_step(w)),
         row_stride=len(v) * len(names),
         cell_stride=len(names),
         fields=[_byte_field(name, offset) for offset, name in enumerate(names)],
@@ -159,16 +125,15 @@ def proposals_message(
 
 
 def _step(values: Array) -> float:
-    """The mean step of ascending ``values``."""
     return float(values[-1] - values[0]) / max(len(values) - 1, 1)
 
 
-def _byte_field(name: str, offset: int) -> PackedElementField:
-    kind = PackedElementFieldNumericType.Uint8
-    return PackedElementField(name=name, offset=offset, type=kind)
+def _byte_field(name: str, offset: int) -> fox.PackedElementField:
+    kind = fox.PackedElementFieldNumericType.Uint8
+    return fox.PackedElementField(name=name, offset=offset, type=kind)
 
 
-def obstacles_message(tracks: Sequence[Track], time: float, stamp: Timestamp) -> SceneUpdate:
+def obstacles_message(tracks: Sequence[Track], time: float, stamp: Timestamp) -> fox.SceneUpdate:
     """The confirmed moving obstacles in ``odom``, with where each will be in a second."""
     shapes: list[Shape] = []
     for track in tracks:
@@ -178,12 +143,12 @@ def obstacles_message(tracks: Sequence[Track], time: float, stamp: Timestamp) ->
     return _scene(shapes, "odom", "moving", stamp)
 
 
-def world_message(outline: WorldOutline, stamp: Timestamp) -> SceneUpdate:
+def world_message(outline: WorldOutline, stamp: Timestamp) -> fox.SceneUpdate:
     """The world in ``map``: walls and furniture as cubes, round things as cylinders."""
     return _scene(outline.shapes(), "map", "world", stamp)
 
 
-def _scene(shapes: Iterable[Shape], frame: str, name: str, stamp: Timestamp) -> SceneUpdate:
+def _scene(shapes: Iterable[Shape], frame: str, name: str, stamp: Timestamp) -> fox.SceneUpdate:
     """Rectangles as cubes, discs as cylinders, lines just above the floor."""
     cubes, cylinders, lines = [], [], []
     for shape in shapes:
@@ -192,46 +157,46 @@ def _scene(shapes: Iterable[Shape], frame: str, name: str, stamp: Timestamp) -> 
         if isinstance(shape, Area):
             cubes.append(_cube(shape.corners, height, color))
         elif isinstance(shape, Disc):
-            size = Vector3(x=2.0 * shape.radius, y=2.0 * shape.radius, z=height)
+            size = fox.Vector3(x=2.0 * shape.radius, y=2.0 * shape.radius, z=height)
             pose = _pose3(Pose(shape.x, shape.y, 0.0), 0.5 * height)
             cylinders.append(
-                CylinderPrimitive(
+                fox.CylinderPrimitive(
                     pose=pose, size=size, bottom_scale=1.0, top_scale=1.0, color=color
                 )
             )
         elif isinstance(shape, Line):
-            points = [Point3(x=x, y=y, z=_LINE_LIFT) for x, y in shape.points.tolist()]
-            kind = LinePrimitiveLineType.LineStrip
+            points = [fox.Point3(x=x, y=y, z=_LINE_LIFT) for x, y in shape.points.tolist()]
+            kind = fox.LinePrimitiveLineType.LineStrip
             lines.append(
-                LinePrimitive(type=kind, thickness=_LINE_WIDTH, points=points, color=color)
+                fox.LinePrimitive(type=kind, thickness=_LINE_WIDTH, points=points, color=color)
             )
-    entity = SceneEntity(
+    entity = fox.SceneEntity(
         timestamp=stamp, frame_id=frame, id=name, cubes=cubes, cylinders=cylinders, lines=lines
     )
-    return SceneUpdate(entities=[entity])
+    return fox.SceneUpdate(entities=[entity])
 
 
-def _cube(corners: Array, height: float, color: Color) -> CubePrimitive:
+def _cube(corners: Array, height: float, color: fox.Color) -> fox.CubePrimitive:
     """The upright block over a rectangle with ``corners`` (4, 2) [m]."""
     along, across = corners[1] - corners[0], corners[2] - corners[1]
     x, y = corners.mean(axis=0).tolist()
     yaw = math.atan2(along[1], along[0])
-    size = Vector3(x=math.hypot(*along), y=math.hypot(*across), z=height)
-    return CubePrimitive(pose=_pose3(Pose(x, y, yaw), 0.5 * height), size=size, color=color)
+    size = fox.Vector3(x=math.hypot(*along), y=math.hypot(*across), z=height)
+    return fox.CubePrimitive(pose=_pose3(Pose(x, y, yaw), 0.5 * height), size=size, color=color)
 
 
 def transforms_message(
     belief: Belief, odometry: Pose, camera: CameraModel, stamp: Timestamp
-) -> FrameTransforms:
+) -> fox.FrameTransforms:
     """``map`` to ``odom`` by the belief, ``odom`` to ``base_link``, and the camera on it."""
     # the pose of odom in map: base_link in map, and from there back to odom
     odom = belief.pose.compose(odometry.relative(Pose(0.0, 0.0, 0.0)))
-    mount = Vector3(x=camera.mount_forward, y=0.0, z=camera.mount_height)
-    return FrameTransforms(
+    mount = fox.Vector3(x=camera.mount_forward, y=0.0, z=camera.mount_height)
+    return fox.FrameTransforms(
         transforms=[
             _transform("map", "odom", odom, stamp),
             _transform("odom", "base_link", odometry, stamp),
-            FrameTransform(
+            fox.FrameTransform(
                 timestamp=stamp,
                 parent_frame_id="base_link",
                 child_frame_id="camera",
@@ -242,58 +207,58 @@ def transforms_message(
     )
 
 
-def _transform(parent: str, child: str, pose: Pose, stamp: Timestamp) -> FrameTransform:
-    return FrameTransform(
+def _transform(parent: str, child: str, pose: Pose, stamp: Timestamp) -> fox.FrameTransform:
+    return fox.FrameTransform(
         timestamp=stamp,
         parent_frame_id=parent,
         child_frame_id=child,
-        translation=Vector3(x=pose.x, y=pose.y, z=0.0),
+        translation=fox.Vector3(x=pose.x, y=pose.y, z=0.0),
         rotation=_about_z(pose.yaw),
     )
 
 
-def _optical_rotation(pitch: float) -> Quaternion:
+def _optical_rotation(pitch: float) -> fox.Quaternion:
     """The rotation of ``camera_optical`` (x right, y down, z ahead), nose down by ``pitch``."""
     # of a level camera (-1/2, 1/2, -1/2, 1/2), then turned about base_link's y axis
     c, s = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
-    return Quaternion(x=0.5 * (-c - s), y=0.5 * (c + s), z=0.5 * (-c + s), w=0.5 * (c - s))
+    return fox.Quaternion(x=0.5 * (-c - s), y=0.5 * (c + s), z=0.5 * (-c + s), w=0.5 * (c - s))
 
 
-def pose_message(belief: Belief, twist: Twist, stamp: Timestamp) -> Odometry:
+def pose_message(belief: Belief, twist: Twist, stamp: Timestamp) -> fox.Odometry:
     """The estimated pose in ``map`` with its covariance (x, y, z, roll, pitch, yaw; 6 x 6)."""
     covariance = np.zeros((6, 6))
     covariance[np.ix_((0, 1, 5), (0, 1, 5))] = belief.covariance
-    return Odometry(
+    return fox.Odometry(
         timestamp=stamp,
         frame_id="map",
         body_frame_id="base_link",
         pose=_pose3(belief.pose),
-        linear_velocity=Vector3(x=twist.v, y=0.0, z=0.0),
-        angular_velocity=Vector3(x=0.0, y=0.0, z=twist.w),
+        linear_velocity=fox.Vector3(x=twist.v, y=0.0, z=0.0),
+        angular_velocity=fox.Vector3(x=0.0, y=0.0, z=twist.w),
         pose_covariance=covariance.ravel().tolist(),
     )
 
 
-def true_pose_message(pose: Pose, stamp: Timestamp) -> PoseInFrame:
+def true_pose_message(pose: Pose, stamp: Timestamp) -> fox.PoseInFrame:
     """The true pose in ``map``."""
-    return PoseInFrame(timestamp=stamp, frame_id="map", pose=_pose3(pose))
+    return fox.PoseInFrame(timestamp=stamp, frame_id="map", pose=_pose3(pose))
 
 
-def local_goal_message(goal: LocalGoal, stamp: Timestamp) -> PoseInFrame:
+def local_goal_message(goal: LocalGoal, stamp: Timestamp) -> fox.PoseInFrame:
     """The point to head for now, in ``base_link``."""
     pose = _pose3(Pose(goal.x, goal.y, 0.0))
-    return PoseInFrame(timestamp=stamp, frame_id="base_link", pose=pose)
+    return fox.PoseInFrame(timestamp=stamp, frame_id="base_link", pose=pose)
 
 
-def path_message(belief: Belief, path: Sequence[Waypoint], stamp: Timestamp) -> PosesInFrame:
+def path_message(belief: Belief, path: Sequence[Waypoint], stamp: Timestamp) -> fox.PosesInFrame:
     """The way ahead in ``map``: the estimated position, and the planner's waypoints."""
     ahead = [_pose3(Pose(waypoint.x, waypoint.y, 0.0)) for waypoint in path]
-    return PosesInFrame(timestamp=stamp, frame_id="map", poses=[_pose3(belief.pose), *ahead])
+    return fox.PosesInFrame(timestamp=stamp, frame_id="map", poses=[_pose3(belief.pose), *ahead])
 
 
-def _pose3(pose: Pose, z: float = 0.0) -> Pose3:
-    return Pose3(position=Vector3(x=pose.x, y=pose.y, z=z), orientation=_about_z(pose.yaw))
+def _pose3(pose: Pose, z: float = 0.0) -> fox.Pose:
+    return fox.Pose(position=fox.Vector3(x=pose.x, y=pose.y, z=z), orientation=_about_z(pose.yaw))
 
 
-def _about_z(yaw: float) -> Quaternion:
-    return Quaternion(x=0.0, y=0.0, z=math.sin(0.5 * yaw), w=math.cos(0.5 * yaw))
+def _about_z(yaw: float) -> fox.Quaternion:
+    return fox.Quaternion(x=0.0, y=0.0, z=math.sin(0.5 * yaw), w=math.cos(0.5 * yaw))

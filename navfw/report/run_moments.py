@@ -24,14 +24,7 @@ from navfw.signals import Pose
 
 _MAX_ROWS = 4000
 """Largest number of rows; of a longer run every n-th command is taken."""
-_OF_DAMAGED_MESSAGES = (
-    ArithmeticError,
-    AttributeError,
-    IndexError,
-    KeyError,
-    TypeError,
-    ValueError,
-)
+_OF_DAMAGED_MESSAGES = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +55,38 @@ def read_timeline(run: RecordedRun, robot_radius: float) -> RunTimeline:
 
     """
     with located_damage(run, "a message"):
-        return _read(run, robot_radius)
+        outline = WorldOutline()
+        nowhere = (math.nan, math.nan)
+        true, estimate = nowhere, nowhere
+        rows: list[tuple[float, ...]] = []
+        leaders: list[str] = []
+        wanted = (topics.WORLD, topics.TRUE_POSE, topics.POSE, topics.COMMAND)
+        for message in run.messages(*wanted):
+            content = message.content
+            if message.topic == topics.WORLD:
+                outline = _outline(content) if not outline.walls else outline
+            elif message.topic == topics.TRUE_POSE:
+                true = (content.pose.position.x, content.pose.position.y)
+            elif message.topic == topics.POSE:
+                estimate = (content.pose.position.x, content.pose.position.y)
+            else:
+                confidence, v, w = content["confidence"], content["v"], content["w"]
+                sure = math.nan if confidence is None else float(confidence)
+                rows.append((message.time, *true, *estimate, float(v), float(w), sure))
+                leaders.append(str(content["leader"]))
+        step = max(1, math.ceil(len(rows) / _MAX_ROWS))
+        table = np.array(rows[::step], dtype=np.float64).reshape(-1, 8)
+        clearance = _clearance(table[:, 1:3], outline) - robot_radius
+        return RunTimeline(
+            time=table[:, 0],
+            true=table[:, 1:3],
+            estimate=table[:, 3:5],
+            leaders=tuple(leaders[::step]),
+            commands=table[:, 5:7],
+            clearance=clearance,
+            confidence=table[:, 7],
+            outline=outline,
+        )
 
 
 @contextmanager
@@ -84,41 +108,6 @@ def robot_and_goals(result: Mapping[str, Any]) -> tuple[float, list[tuple[float,
     except (KeyError, TypeError, ValueError) as error:
         what = f"its configuration has no robot's radius or goals ({type(error).__name__}: {error})"
         raise ConfigError(what, file=RESULT) from None
-
-
-def _read(run: RecordedRun, robot_radius: float) -> RunTimeline:
-    outline = WorldOutline()
-    nowhere = (math.nan, math.nan)
-    true, estimate = nowhere, nowhere
-    rows: list[tuple[float, ...]] = []
-    leaders: list[str] = []
-    wanted = (topics.WORLD, topics.TRUE_POSE, topics.POSE, topics.COMMAND)
-    for message in run.messages(*wanted):
-        content = message.content
-        if message.topic == topics.WORLD:
-            outline = _outline(content) if not outline.walls else outline
-        elif message.topic == topics.TRUE_POSE:
-            true = (content.pose.position.x, content.pose.position.y)
-        elif message.topic == topics.POSE:
-            estimate = (content.pose.position.x, content.pose.position.y)
-        else:
-            confidence = math.nan if content["confidence"] is None else float(content["confidence"])
-            drive = (float(content["v"]), float(content["w"]))
-            rows.append((message.time, *true, *estimate, *drive, confidence))
-            leaders.append(str(content["leader"]))
-    step = max(1, math.ceil(len(rows) / _MAX_ROWS))
-    table = np.array(rows[::step], dtype=np.float64).reshape(-1, 8)
-    clearance = _clearance(table[:, 1:3], outline) - robot_radius
-    return RunTimeline(
-        time=table[:, 0],
-        true=table[:, 1:3],
-        estimate=table[:, 3:5],
-        leaders=tuple(leaders[::step]),
-        commands=table[:, 5:7],
-        clearance=clearance,
-        confidence=table[:, 7],
-        outline=outline,
-    )
 
 
 def _outline(scene: Any) -> WorldOutline:

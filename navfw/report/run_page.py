@@ -14,19 +14,9 @@ import numpy as np
 from navfw.config.input_file import is_file
 from navfw.errors import ConfigError
 from navfw.numerics import Array
-from navfw.recording import palette
+from navfw.recording import palette, top_view
 from navfw.recording.recorded_run import RecordedRun, recording_in
 from navfw.recording.run_folder import PICTURE, RECORDING, plain_json, read_result
-from navfw.recording.top_view import (
-    Area,
-    Disc,
-    Marks,
-    Shape,
-    Style,
-    estimated_line,
-    goal_marks,
-    led_lines,
-)
 from navfw.report.report_page import picture_source, render_page
 from navfw.report.run_moments import (
     Rating,
@@ -72,11 +62,11 @@ def plan_figure(
         tools="pan,wheel_zoom,box_zoom,reset",
     )
     plan.grid.grid_line_color = None
-    shapes: list[Shape] = [
+    shapes: list[top_view.Shape] = [
         *timeline.outline.shapes(),
-        *led_lines(timeline.true, timeline.leaders),
-        estimated_line(timeline.estimate),
-        goal_marks(goals),
+        *top_view.led_lines(timeline.true, timeline.leaders),
+        top_view.estimated_line(timeline.estimate),
+        top_view.goal_marks(goals),
     ]
     for (_, style), group in itertools.groupby(shapes, key=lambda s: (type(s), s.style)):
         _draw(plan, style, list(group))
@@ -88,17 +78,17 @@ def plan_figure(
     return plan
 
 
-def _draw(plan: figure, style: Style, shapes: Sequence[Any]) -> None:
+def _draw(plan: figure, style: top_view.Style, shapes: Sequence[Any]) -> None:
     """Draw ``shapes``, all of one kind and ``style``."""
     first, color = shapes[0], style.color
     look: dict[str, Any] = {"fill_color": color, "line_color": style.edge}
-    if isinstance(first, Area):
+    if isinstance(first, top_view.Area):
         xs, ys = ([shape.corners[:, axis].tolist() for shape in shapes] for axis in (0, 1))
         plan.patches(xs, ys, **look)
-    elif isinstance(first, Disc):
+    elif isinstance(first, top_view.Disc):
         look |= {name: [getattr(disc, name) for disc in shapes] for name in ("x", "y", "radius")}
         plan.circle(**look)
-    elif isinstance(first, Marks):
+    elif isinstance(first, top_view.Marks):
         look |= {"marker": style.marker, "size": _PX_PER_PT * style.size}
         plan.scatter(*first.points.T.tolist(), **look)
     else:
@@ -237,7 +227,6 @@ def _numbers(result: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _recorded(run: RecordedRun, result: Mapping[str, Any]) -> dict[str, Any]:
-    """What the page shows of a recording."""
     from bokeh.embed import components
 
     radius, goals = robot_and_goals(result)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +14,219 @@ from navfw.errors import ConfigError
 from navfw.numerics import Array, Image
 from navfw.perceive.lettering import write, write_key
 from navfw.recording import channel_list as topics
-from navfw.recording import palette
+from navfw.recording import palette, top_view
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of, recording_in
 from navfw.recording.run_folder import read_result
 from navfw.recording.video_output import VideoOutput
 from navfw.report.run_moments import (
+    RunTimeline,
     located_damage,
     newest_at_images,
+    planar_pose,
     read_timeline,
     robot_and_goals,
 )
-from navfw.report.video_plan import VideoPlan
+from navfw.signals import Pose
+
+_KEY_HEIGHT = 70
+"""Height of the key below the plan [px]."""
+_SCALES = (36.0, 160.0)
+"""Least and largest scale [px/m]; of a larger world the part around the robot is shown."""
+_BORDER = 0.4
+"""Floor shown around the world [m]."""
+_KNOWN = 0.04
+"""Distance of an occupancy from one half from which a cell of the local map is shown."""
+_STRENGTH = 1.3
+"""Opacity of the local map per distance of the occupancy from one half."""
+_WHITE = "#FFFFFF"
+_PAPER, _INK, _FAINT = (255, 255, 255), (36, 28, 28), (117, 102, 91)
+"""Blue, green and red of the background and of letters."""
+_TRUE = top_view.Style(_WHITE, palette.ESTIMATE, width=1.6)
+_BELIEVED = top_view.Style(edge=palette.ESTIMATE, width=0.8)
+_PX_PER_PT = 1.25
+"""Width of lines [px] per point."""
+_MARKERS = {"star": cv2.MARKER_STAR, "diamond": cv2.MARKER_DIAMOND}
+_MARK_SIZE = 1.7
+"""Size of OpenCV's marks [px] per point."""
+_SHIFT = 4
+"""Bits of a pixel's fraction in OpenCV's drawing."""
+
+
+class VideoPlan:
+    """Draws the plan of a run at one moment after the other, in ``size`` (width, height) [px].
+
+    ``goals`` (x, y) and ``robot_radius`` are in metres.
+    """
+
+    def __init__(
+        self,
+        timeline: RunTimeline,
+        goals: Sequence[tuple[float, float]],
+        robot_radius: float,
+        size: tuple[int, int],
+    ) -> None:
+        self._timeline = timeline
+        self._radius = robot_radius
+        self._shape = (size[1], size[0], 3)
+        self._world = timeline.outline.shapes()
+        self._goals = top_view.goal_marks(goals)
+        self._low, self._high = timeline.outline.bounds(_BORDER, timeline.true, np.array(goals))
+        room = np.array([size[0], size[1] - _KEY_HEIGHT])
+        fitting = float((room / (self._high - self._low)).min())
+        self._scale = min(max(fitting, _SCALES[0]), _SCALES[1])
+        self._half = 0.5 * room / self._scale
+        self._key = _key(timeline.leaders)
+
+    def draw(self, time: float, content: Mapping[str, Any]) -> Image:
+        """The plan at ``time`` [s]; ``content`` has what is newest on each channel."""
+        image = np.full(self._shape, _PAPER, dtype=np.uint8)
+        write_key(image, self._key, (10.0, self._shape[0] - _KEY_HEIGHT + 22.0), 12.0, _INK)
+        true = _pose(content, topics.TRUE_POSE)
+        believed = _pose(content, topics.POSE)
+        shown = image[: self._shape[0] - _KEY_HEIGHT]
+        canvas = _Canvas(shown, self._corner(true or believed), self._scale)
+        canvas.image[:] = palette.bgr(palette.FLOOR)
+        canvas.draw(self._world)
+        if topics.TRANSFORMS in content:
+            odom = planar_pose(content[topics.TRANSFORMS].transforms[0])
+            _draw_local_map(canvas, content.get(topics.LOCAL_MAP), odom)
+            canvas.draw(_movers(content.get(topics.OBSTACLES), odom))
+        until = int(np.searchsorted(self._timeline.time, time + 1e-6))
+        canvas.draw(top_view.led_lines(self._timeline.true[:until], self._timeline.leaders[:until]))
+        canvas.draw([self._goals, *_way(content, believed)])
+        for pose, style in ((true, _TRUE), (believed, _BELIEVED)):
+            if pose is not None:
+                canvas.draw(top_view.robot_shapes(pose, self._radius, 1.4 * self._radius, style))
+        return image
+
+    def _corner(self, pose: Pose | None) -> Array:
+        """The lower left corner [m] of the part of the world around ``pose``."""
+        low, high = self._low + self._half, self._high - self._half
+        middle = 0.5 * (self._low + self._high)
+        if pose is not None:
+            middle = np.where(low < high, np.clip((pose.x, pose.y), low, high), middle)
+        corner: Array = middle - self._half
+        return corner
+
+
+class _Canvas:
+    """Draws into ``image``; ``corner`` (2,) [m] is at its lower left, ``scale`` is in px/m.
+
+    Colours are ``#RRGGBB``.
+    """
+
+    def __init__(self, image: Image, corner: Array, scale: float) -> None:
+        self.image = image
+        self._corner = corner
+        self._scale = scale
+
+    def pixels(self, points: Array) -> Array:
+        """Points (n, 2) [m] as pixels (n, 2)."""
+        x, y = ((np.reshape(points, (-1, 2)) - self._corner) * self._scale).T
+        return np.column_stack([x, self.image.shape[0] - y])
+
+    def draw(self, shapes: Iterable[top_view.Shape]) -> None:
+        """Draw ``shapes``, each over the one before, opaque."""
+        for shape in shapes:
+            fill, edge = shape.style.color, shape.style.edge
+            width = max(1, round(_PX_PER_PT * shape.style.width))
+            if isinstance(shape, top_view.Area):
+                corners = [self._fixed(shape.corners)]
+                cv2.fillPoly(self.image, corners, palette.bgr(fill), cv2.LINE_AA, _SHIFT)
+                self._lines(corners, edge, width, closed=True)
+            elif isinstance(shape, top_view.Line):
+                measured = np.isfinite(shape.points).all(axis=1)
+                runs = np.split(shape.points, np.flatnonzero(~measured))
+                lines = [self._fixed(run[np.isfinite(run).all(axis=1)]) for run in runs]
+                self._lines(lines, fill, width)
+            elif isinstance(shape, top_view.Disc):
+                (middle,) = self._fixed(np.array([shape.x, shape.y])).tolist()
+                radius = round(shape.radius * self._scale * (1 << _SHIFT))
+                for color, thick in ((fill, cv2.FILLED), (edge, width)):
+                    if color:
+                        ink = palette.bgr(color)
+                        cv2.circle(self.image, middle, radius, ink, thick, cv2.LINE_AA, _SHIFT)
+            else:
+                kind, size = _MARKERS[shape.style.marker], round(_MARK_SIZE * shape.style.size)
+                for at in np.rint(self.pixels(shape.points)).astype(int).tolist():
+                    ink = palette.bgr(fill or edge)
+                    cv2.drawMarker(self.image, at, ink, kind, size, 2, cv2.LINE_AA)
+
+    def _lines(self, lines: list[Any], color: str, width: int, *, closed: bool = False) -> None:
+        ink = palette.bgr(color)
+        cv2.polylines(self.image, lines, closed, ink, width, cv2.LINE_AA, _SHIFT)
+
+    def tint(self, opacity: Array, corners: Array, color: str) -> None:
+        """Blend a grid of opacities (rows, columns) in [0, 1] over the image.
+
+        ``corners`` (3, 2) [m] are the middles of its cells [0, 0], [0, columns - 1], [rows - 1, 0].
+        """
+        rows, columns = opacity.shape
+        cells = np.array([[0, 0], [columns - 1, 0], [0, rows - 1]], dtype=np.float32)
+        seen = self.pixels(corners).astype(np.float32)
+        size = (self.image.shape[1], self.image.shape[0])
+        turn = cv2.getAffineTransform(cells, seen)
+        shown = cv2.warpAffine(
+            opacity.astype(np.float32), turn, size, flags=cv2.INTER_NEAREST, borderValue=0.0
+        )
+        at = np.nonzero(shown)
+        share = np.asarray(shown)[at][:, None]
+        mixed = (1.0 - share) * self.image[at] + share * np.array(palette.bgr(color))
+        self.image[at] = np.rint(mixed).astype(np.uint8)
+
+    def _fixed(self, points: Array) -> Any:
+        """Points (n, 2) [m] as OpenCV's fixed-point coordinates."""
+        return np.rint(self.pixels(points) * (1 << _SHIFT)).astype(np.int32)
+
+
+def _key(leaders: Sequence[str]) -> list[tuple[str, tuple[int, int, int]]]:
+    key = [(name, palette.behavior_color(name)) for name in dict.fromkeys(leaders) if name]
+    key += [
+        ("mapped as free", palette.FREE),
+        ("mapped as occupied", palette.OCCUPIED),
+        ("way ahead", palette.GOAL),
+        ("local goal", palette.LOCAL_GOAL),
+        ("moving obstacle", palette.MOVING),
+    ]
+    return [(name, palette.bgr(color)) for name, color in key]
+
+
+def _draw_local_map(canvas: _Canvas, grid: Any, odom: Pose) -> None:
+    if grid is None:
+        return
+    percent = np.frombuffer(grid.data, dtype=np.uint8).reshape(-1, grid.column_count)
+    first, cell = grid.pose.position, grid.cell_size.x
+    rows, columns = percent.shape
+    middles = np.array([[0.5, 0.5], [columns - 0.5, 0.5], [0.5, rows - 0.5]])
+    corners = odom.points_to_parent(cell * middles + (first.x, first.y))
+    lean = percent / 100.0 - 0.5
+    for side, color in ((lean, palette.OCCUPIED), (-lean, palette.FREE)):
+        opacity = np.where(side > _KNOWN, np.minimum(_STRENGTH * side, 1.0), 0.0)
+        canvas.tint(opacity, corners, color)
+
+
+def _movers(scene: Any, odom: Pose) -> Iterator[top_view.Shape]:
+    """Moving obstacles that the robot tracks, with where each will be in a second."""
+    for entity in () if scene is None else scene.entities:
+        for body, line in zip(entity.cylinders, entity.lines, strict=True):
+            at = odom.to_parent(body.pose.position.x, body.pose.position.y)
+            ends = odom.points_to_parent(np.array([(p.x, p.y) for p in line.points]))
+            yield from top_view.mover_shapes(ends, at, 0.5 * body.size.x)
+
+
+def _way(content: Mapping[str, Any], believed: Pose | None) -> list[top_view.Shape]:
+    if topics.PATH not in content:
+        return []
+    robot, *waypoints = [(p.position.x, p.position.y) for p in content[topics.PATH].poses]
+    goal = _pose(content, topics.LOCAL_GOAL)
+    point = None if goal is None or believed is None else believed.to_parent(goal.x, goal.y)
+    return top_view.way_shapes(robot, waypoints, point)
+
+
+def _pose(content: Mapping[str, Any], topic: str) -> Pose | None:
+    """The newest pose on a channel; None without one."""
+    return planar_pose(content[topic]) if topic in content else None
+
 
 _TEXT_HEIGHT = 240
 """Height of the text below the camera's image [px]."""
@@ -33,9 +235,6 @@ _LETTERS, _LINE = 14.0, 20
 _LETTER_WIDTH = 0.57
 """Mean width of a letter over its size."""
 _MARGIN = 12
-_SHIFT = 4
-"""Bits of a pixel's fraction in OpenCV's drawing."""
-_PAPER, _INK, _FAINT = (255, 255, 255), (36, 28, 28), (117, 102, 91)
 
 
 def draw_camera(
@@ -153,7 +352,7 @@ def write_run_video(
             "has no camera images or no commands; record the run again", file=run.path
         )
     plan = VideoPlan(timeline, goals, radius, _SIZE)
-    rate = _rate(times)
+    rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 1.0  # the usual one
     repeats = np.clip(np.rint(np.diff(times, append=times[-1]) * rate), 1, _MAX_REPEATS)
     with VideoOutput(target, rate, option) as video:
         moments = newest_at_images(run, _SHOWN, range(len(times)))
@@ -162,11 +361,6 @@ def write_run_video(
             for _ in range(int(repeats[number])):
                 video.add(picture)
             progress(number + 1, len(times))
-
-
-def _rate(times: Array) -> float:
-    """The usual number of images per second."""
-    return 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 1.0
 
 
 def _picture(newest: dict[str, RecordedMessage], plan: VideoPlan, run: RecordedRun) -> Image:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -17,7 +17,6 @@ from navfw.recording.run_folder import RECORDING, REPORT
 from navfw.report.report_page import reduced_source, render_page
 from navfw.suite.paired_comparison import (
     PairedChanges,
-    RunPair,
     compare_tables,
     comparison_rows,
     of_variant,
@@ -120,7 +119,11 @@ def suite_report(folder: SuiteFolder, page: Path) -> tuple[str, list[str]]:
     summary = summarize(rows, expected)
     table = summary_table(summary)
     lines = RunLines(folder, page)
-    groups = _groups(rows, summary["causes"], lines)
+    failed = [row for row in rows if not row.succeeded]
+    groups = [  # the most frequent first
+        (cause, lines.of(row for row in failed if row.failure == cause))
+        for cause in summary["causes"]
+    ]
     reached = [row for row in rows if row.succeeded]
     content = render_page(
         "suite_page.html",
@@ -152,16 +155,6 @@ def finished_rows(folder: SuiteFolder) -> list[RunRow]:
     return rows
 
 
-def _groups(
-    rows: Sequence[RunRow], causes: Mapping[str, int], lines: RunLines
-) -> list[tuple[str, list[RunLine]]]:
-    """The failed runs by outcome and cause, the most frequent first."""
-    return [
-        (cause, lines.of(row for row in rows if not row.succeeded and row.failure == cause))
-        for cause in causes
-    ]
-
-
 def comparison_report(
     first: SuiteFolder,
     second: SuiteFolder,
@@ -186,7 +179,7 @@ def comparison_report(
     pairs = pair_up(*rows)
     changes = PairedChanges.of(pairs)
     neither = [pair for pair in pairs if not pair.a.succeeded and not pair.b.succeeded]
-    lines = tuple(RunLines(suite, page) for suite in suites)
+    of_a, of_b = (RunLines(suite, page) for suite in suites)
     names = [
         f"{suite.path}, {variant}" if variant else str(suite.path)
         for suite, variant in zip(suites, variants, strict=True)
@@ -203,7 +196,7 @@ def comparison_report(
         unpaired=comparison["unpaired"],
         numbers=comparison_rows(comparison),
         groups=[
-            (name, note, _sides(changed_pairs, lines))
+            (name, note, [(of_a.line(pair.a), of_b.line(pair.b)) for pair in changed_pairs])
             for name, note, changed_pairs in (
                 ("Lost", "only A reached its goals", changes.lost),
                 ("Worse", "both reached their goals, the SPL of B is lower", changes.worse),
@@ -213,10 +206,4 @@ def comparison_report(
             )
         ],
     )
-    return content, [what for side in lines for what in side.damaged]
-
-
-def _sides(pairs: Iterable[RunPair], lines: tuple[RunLines, ...]) -> list[tuple[RunLine, RunLine]]:
-    """The runs of each pair as lines."""
-    of_a, of_b = lines
-    return [(of_a.line(pair.a), of_b.line(pair.b)) for pair in pairs]
+    return content, [*of_a.damaged, *of_b.damaged]

@@ -8,11 +8,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from navfw.config.folder_files import files_in
 from navfw.config.input_file import is_file, is_folder
 from navfw.config.json_file import read_json_object
 from navfw.config.problems import rewording
 from navfw.errors import ConfigError, InputError
+from navfw.recording.provenance import files_in
 from navfw.recording.run_folder import RESULT, plain_json, read_result
 from navfw.results.result_file import (
     Figures,

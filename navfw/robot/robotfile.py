@@ -18,8 +18,8 @@ from typing import Annotated
 from pydantic import Field
 
 from navfw.config.document import Data, KeyPath, YamlDocument, load_yaml
-from navfw.config.layering import layered, on_its_base
 from navfw.config.lookup import find
+from navfw.config.overrides import layered, on_its_base
 from navfw.config.yamlfile import validate
 from navfw.robot import RobotModel
 from navfw.robot.urdf import urdf_path, with_urdf

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from navfw.config.document import YamlDocument, load_yaml
-from navfw.config.layering import on_its_base
+from navfw.config.overrides import on_its_base
 
 STAGES = (
     "flow",

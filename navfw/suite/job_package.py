@@ -18,12 +18,11 @@ from pathlib import Path
 from typing import Self
 
 from navfw.config.extras import pybullet_version
-from navfw.config.folder_files import files_of
 from navfw.config.input_file import read_input
 from navfw.config.lookup import project_folder, shipped_folder
 from navfw.errors import InputError
-from navfw.plugins.registry import GROUPS
-from navfw.recording.provenance import code_fingerprint
+from navfw.plugins.built_in import GROUPS
+from navfw.recording.provenance import code_fingerprint, files_of
 from navfw.suite.case import Case, Job
 
 _MAX_PACKAGE = 200_000_000

@@ -25,7 +25,6 @@ from typing import Any, Self, get_type_hints
 import numpy as np
 from pydantic import TypeAdapter
 
-from navfw.config.folder_files import files_in
 from navfw.config.input_file import open_input, read_input_text, traced_inputs
 from navfw.config.lookup import find, find_mission, project_folder
 from navfw.errors import InputError
@@ -39,6 +38,7 @@ from navfw.process.target_lock import TargetLock
 from navfw.recording.provenance import (
     code_fingerprint,
     files_fingerprint,
+    files_in,
     fingerprint,
     machine_kind,
     navfw_files,

@@ -6,9 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
-
-from navfw.cli import app
+from cli_calls import invoke, put_files
 
 BEHAVIOR = '''
 from typing import ClassVar
@@ -73,30 +71,20 @@ SIMULATES = GOOD["behaviors/sound.py"] + "\nimport pybullet\n"
 @pytest.fixture
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A sound project, trusted, in the working folder."""
-    write(tmp_path, GOOD)
+    put_files(tmp_path, GOOD)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("NAVFW_TRUST", "1")
     return tmp_path
 
 
-def write(folder: Path, files: dict[str, str]) -> None:
-    for name, text in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(text)
-
-
-def checked(*arguments: str) -> Result:
-    return CliRunner().invoke(app, ["check", *arguments])
-
-
 def test_a_sound_project_passes(project: Path) -> None:
-    done = checked()
+    done = invoke("check")
     assert (done.exit_code, done.stdout) == (0, "4 checked, 0 wrong\n")
 
 
 def test_every_error_is_told_at_once(project: Path) -> None:
-    write(project, BAD)
-    done = checked()
+    put_files(project, BAD)
+    done = invoke("check")
     assert done.exit_code == 2
     for words in (
         "behaviors/lonely.yaml: there is no such file",
@@ -114,33 +102,27 @@ def test_every_error_is_told_at_once(project: Path) -> None:
 
 
 def test_plugins_lists_a_behaviour_without_covering_rules_as_broken(project: Path) -> None:
-    write(project, BAD)
-    done = CliRunner().invoke(app, ["list", "plugins", "--kind", "behavior", "--json"])
+    put_files(project, BAD)
+    done = invoke("list", "plugins", "--kind", "behavior", "--json")
     status = {row["name"]: row["status"] for row in json.loads(done.stdout)}
     assert done.exit_code == 2
-    broken = {name for name, each in status.items() if each == "broken"}
-    assert broken == {"lonely", "open", "typo"}
+    assert {name for name in status if status[name] == "broken"} == {"lonely", "open", "typo"}
 
 
 def test_single_files_are_checked_by_their_folder_or_keys(project: Path) -> None:
-    write(project, BAD | {"elsewhere.yaml": RULES.format(name="open"), "other.yaml": "x: 1\n"})
-    done = checked("--json", "elsewhere.yaml", "other.yaml", "behaviors/sound.py", "robots")
+    put_files(project, BAD | {"elsewhere.yaml": RULES.format(name="open"), "other.yaml": "x: 1\n"})
+    done = invoke("check", "--json", "elsewhere.yaml", "other.yaml", "behaviors/sound.py", "robots")
     rows = {row["source"]: row for row in json.loads(done.stdout)}
-    assert [row["kind"] for row in rows.values()] == [
-        "behavior",
-        "rule base",
-        None,
-        "robot",
-        "robot",
-    ]
+    kinds = [row["kind"] for row in rows.values()]
+    assert kinds == ["behavior", "rule base", None, "robot", "robot"]
     assert rows["robots/slow.yaml"]["error"] is None
     assert "no file of navfw" in rows["other.yaml"]["error"]
     assert done.exit_code == 2
 
 
 def test_use_of_the_simulator_is_noted(project: Path) -> None:
-    write(project, {"behaviors/sound.py": SIMULATES})
-    done = checked("behaviors")
+    put_files(project, {"behaviors/sound.py": SIMULATES})
+    done = invoke("check", "behaviors")
     assert "note: behaviors/sound.py:12: imports pybullet" in done.stdout
     assert done.exit_code == 0
 
@@ -149,8 +131,8 @@ def test_outside_a_project_files_must_be_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    done = checked()
+    done = invoke("check")
     assert done.exit_code == 2
     assert "no project here" in done.output
-    missing = checked("nothing.yaml")
+    missing = invoke("check", "nothing.yaml")
     assert (missing.exit_code, "there is no such file" in missing.output) == (2, True)

@@ -9,28 +9,15 @@ import sys
 from pathlib import Path
 
 import pytest
+from cli_calls import navfw
 
 from navfw.config import list_files
 
 
-def completed(line: str, **more: str) -> list[str]:
+def completed(line: str) -> list[str]:
     """The completions of the last word of ``line``, as navfw gives them to bash."""
-    environment = os.environ | {
-        "_NAVFW_COMPLETE": "complete_bash",
-        "COMP_WORDS": line,
-        "COMP_CWORD": str(len(line.split(" ")) - 1),
-    }
-    done = subprocess.run(
-        [
-            sys.executable,
-            "-c",
-            "import sys; sys.argv = ['navfw']; from navfw.cli import main; main()",
-        ],
-        env=environment | more,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    last = str(len(line.split(" ")) - 1)
+    done = navfw(_NAVFW_COMPLETE="complete_bash", COMP_WORDS=line, COMP_CWORD=last)
     assert done.stderr == ""
     return done.stdout.split()
 
@@ -53,20 +40,21 @@ def test_names_are_completed(line: str) -> None:
 
 
 def test_every_name_is_offered() -> None:
-    assert completed("navfw run ") == [found.name for found in list_files("world")]
-    assert completed("navfw run office patrol --stack ") == [
-        found.name for found in list_files("stack")
-    ]
-    assert completed("navfw suite rooms --robot ") == [found.name for found in list_files("robot")]
+    for line, kind in {
+        "navfw run ": "world",
+        "navfw run office patrol --stack ": "stack",
+        "navfw suite rooms --robot ": "robot",
+    }.items():
+        assert completed(line) == [file.name for file in list_files(kind)]
 
 
 def test_bash_completes_by_the_installed_script(tmp_path: Path) -> None:
     bash = shutil.which("bash")
     if bash is None:
         pytest.skip("bash is not installed")
-    navfw = tmp_path / "navfw"
-    navfw.write_text(f"#!{sys.executable}\nfrom navfw.cli import main\nmain()\n")
-    navfw.chmod(0o755)
+    program = tmp_path / "navfw"
+    program.write_text(f"#!{sys.executable}\nfrom navfw.cli import main\nmain()\n")
+    program.chmod(0o755)
     environment = os.environ | {"HOME": str(tmp_path), "PATH": f"{tmp_path}:{os.environ['PATH']}"}
     script = """
     navfw --show-completion bash > script && source script

@@ -1,20 +1,37 @@
-"""``navfw new project``: what it writes passes, and nothing is ever overwritten."""
+"""``navfw new``: projects and parts are sound, nothing is overwritten or half-written."""
 
 from __future__ import annotations
 
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 import yaml
+from cli_calls import invoke
 from docs_pages import ROOT, blocks_of
-from typer.testing import CliRunner, Result
 
-from navfw.cli import app
+import navfw
+from navfw.plugins import default_registry
+from navfw.scaffold import PARTS
+from navfw.suite import load_suite, plan_runs
+from navfw.testing import check_behavior
+
+NAMES = {
+    "behavior": "slow_down",
+    "flow": "tracked_points",
+    "fusion": "weighted_mean",
+    "localizer": "wheels_alone",
+    "planner": "fewest_metres",
+    "world": "east-wing",
+    "mission": "den/back-again",
+    "suite": "nightly",
+}
+STAGES = ("flow", "fusion", "localizer", "planner")
 
 
 @pytest.fixture
@@ -25,67 +42,64 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def navfw(*arguments: str) -> Result:
-    return CliRunner().invoke(app, arguments)
-
-
 def test_a_new_project_is_sound(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    done = navfw("new", "project", "mine")
+    done = invoke("new", "project", "mine")
     assert done.exit_code == 0, done.output
     written = {str(p.relative_to("mine")) for p in Path("mine").rglob("*") if p.is_file()}
     assert {line.strip() for line in done.stdout.splitlines()[1:-1]} == written
     assert {"navfw.toml", ".gitignore", "behaviors/cautious.py", "README.md"} <= written
     monkeypatch.chdir(folder / "mine")
-    checked = navfw("check")
+    checked = invoke("check")
     assert (checked.exit_code, checked.stdout) == (0, "5 checked, 0 wrong\n")
 
 
 def test_every_file_of_a_new_project_has_its_schema_in_the_editor(folder: Path) -> None:
-    navfw("new", "project", "mine")
+    invoke("new", "project", "mine")
     project = folder / "mine"
     wired = json.loads((project / ".vscode/settings.json").read_text())["yaml.schemas"]
     schemas = {path.relative_to(project) for path in project.glob(".vscode/schemas/*.json")}
     assert {Path(name) for name in wired} == schemas
-    found = {path: name for name, pattern in wired.items() for path in project.glob(pattern)}
+    by_file = {path: name for name, pattern in wired.items() for path in project.glob(pattern)}
     files = {path for path in project.rglob("*.yaml") if ".github" not in path.parts}
-    assert set(found) == files
-    for path, name in found.items():
-        known = json.loads((project / name).read_text())["properties"]
-        assert set(yaml.safe_load(path.read_text())) <= set(known), path
+    assert set(by_file) == files
+    for path, name in by_file.items():
+        keys = json.loads((project / name).read_text())["properties"]
+        assert set(yaml.safe_load(path.read_text())) <= set(keys), path
 
 
 def test_an_empty_folder_is_taken_and_another_is_not(folder: Path) -> None:
     (folder / "empty").mkdir()
-    assert navfw("new", "project", "empty").exit_code == 0
+    assert invoke("new", "project", "empty").exit_code == 0
     (folder / "mine").mkdir()
     (folder / "mine/notes.txt").write_text("keep")
-    done = navfw("new", "project", "mine")
+    done = invoke("new", "project", "mine")
     assert done.exit_code == 2
     assert "mine: contains 'notes.txt', so it is not replaced; choose another DIR" in done.output
     assert [path.name for path in (folder / "mine").iterdir()] == ["notes.txt"]
 
 
 def test_no_project_within_a_project(folder: Path) -> None:
-    navfw("new", "project", "mine")
+    invoke("new", "project", "mine")
     for inside in ("mine/second", "mine/a/b"):
-        done = navfw("new", "project", inside)
+        done = invoke("new", "project", inside)
         assert done.exit_code == 2
         assert "is within the project mine; choose a folder outside of it" in done.output
         assert not (folder / "mine" / inside).exists()
 
 
-def test_a_folder_that_cannot_be_written(folder: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("file/mine", "file/mine: cannot be written"),
+        ("file", "expected a folder, got a file"),
+    ],
+)
+def test_a_place_that_cannot_be_written(name: str, message: str, folder: Path) -> None:
     (folder / "file").write_text("keep")
-    done = navfw("new", "project", "file/mine")
-    assert (done.exit_code, "file/mine: cannot be written" in done.output) == (2, True)
+    done = invoke("new", "project", name)
+    assert (done.exit_code, message in done.output) == (2, True)
     assert [path.name for path in folder.iterdir()] == ["file"]
-
-
-def test_a_file_in_the_way(folder: Path) -> None:
-    (folder / "mine").write_text("keep")
-    done = navfw("new", "project", "mine")
-    assert (done.exit_code, "expected a folder, got a file" in done.output) == (2, True)
-    assert (folder / "mine").read_text() == "keep"
+    assert (folder / "file").read_text() == "keep"
 
 
 @pytest.mark.slow
@@ -110,3 +124,159 @@ def test_five_commands_lead_to_an_edited_behaviour_that_passes(folder: Path) -> 
     assert done.returncode == 0, done.stdout + done.stderr
     assert "IF ahead IS very little" in (folder / "my-robot/behaviors/cautious.yaml").read_text()
     assert "2 passed" in done.stdout
+
+
+@pytest.fixture
+def project(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A new project: the working folder, and trusted."""
+    assert invoke("new", "project", "mine").exit_code == 0
+    monkeypatch.chdir(folder / "mine")
+    return folder / "mine"
+
+
+def test_the_parts_of_all_kinds_are_sound_together(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert set(NAMES) == set(PARTS)
+    before = {path for path in project.rglob("*") if path.is_file()}
+    listed: set[str] = set()
+    monkeypatch.chdir(project / "tests")
+    for kind, name in NAMES.items():
+        done = invoke("new", kind, name)
+        assert done.exit_code == 0, done.output
+        assert done.stdout.splitlines()[-1].startswith("next: navfw check && navfw ")
+        listed |= {line.strip() for line in done.stdout.splitlines()[1:-1]}
+    monkeypatch.chdir(project)
+    written = {path for path in project.rglob("*") if path.is_file()} - before
+    assert {str(path.relative_to(project)) for path in written} == listed
+    texts = {path: path.read_text() for path in written}
+    assert [path for path, text in texts.items() if "part_" in text or "PartName" in text] == []
+    checked = invoke("check")
+    assert (checked.exit_code, checked.stdout) == (0, "19 checked, 0 wrong\n")
+
+
+def test_a_new_behavior_keeps_the_contract(project: Path) -> None:
+    assert invoke("new", "behavior", "slow_down").exit_code == 0
+    assert "class SlowDown(RuledBehavior):" in (project / "behaviors/slow_down.py").read_text()
+    behavior = default_registry().get("behavior", "slow_down")
+    assert issubclass(behavior, navfw.Behavior)
+    check_behavior(behavior)
+
+
+@pytest.mark.usefixtures("project")
+@pytest.mark.parametrize("kind", STAGES)
+def test_a_new_stage_drives_as_soon_as_it_is_written(kind: str) -> None:
+    name = NAMES[kind]
+    assert invoke("new", kind, name).exit_code == 0
+    with navfw.open_session("paper-room", "through-the-door", stack=name) as session:
+        assert session.session.stack.resolved.stages[kind].name == name
+        ticks = [tick for _, tick in zip(range(150), session, strict=False)]
+    last = ticks[-1].state
+    assert not last.faults
+    assert last.proposals
+    assert last.path[-1].place == "annex"
+    driven = ticks[-1].true_pose[:2] - ticks[0].true_pose[:2]
+    assert float(driven @ driven) > 0.03**2  # it turns first
+
+
+def test_a_new_world_has_no_stack_of_the_project(project: Path) -> None:
+    assert invoke("new", "world", "east-wing").exit_code == 0
+    made = [path for path in project.rglob("*east?wing*") if path.is_file()]
+    made += list((project / "worlds/east-wing").rglob("*.yaml"))
+    assert len(made) == 4
+    assert "careful" not in "".join(path.read_text() for path in made)
+
+
+@pytest.mark.parametrize(("world", "model"), [("den", "next-room"), ("office", "kitchen-tour")])
+def test_a_new_mission_begins_as_another_one_of_its_world(
+    project: Path, world: str, model: str
+) -> None:
+    done = invoke("new", "mission", f"{world}/evening")
+    assert done.exit_code == 0, done.output
+    text = (project / "worlds" / world / "missions" / "evening.yaml").read_text()
+    assert text.startswith(f"description: as {model}; set start and goals\n")
+    with navfw.open_session(world, "evening") as session:
+        tick = session.step()
+        assert tick is not None
+        assert session.session.mission.spec.goals
+
+
+@pytest.mark.thorough
+def test_a_new_suite_drives_generated_worlds_and_those_of_the_project(project: Path) -> None:
+    assert invoke("new", "suite", "nightly").exit_code == 0
+    plan = plan_runs(load_suite("nightly"), range(2), default_registry())
+    assert len(plan.cases) == 8
+    file = project / "worlds/suites/nightly.yaml"
+    file.write_text(file.read_text().replace("  # - {", "  - {"))
+    plan = plan_runs(load_suite("nightly"), range(2), default_registry())
+    assert len(plan.cases) == 12
+    assert {case.world_name for case in plan.cases} >= {"office", "den"}
+
+
+WRONG = {
+    ("behavior", "slow-down"): "NAME: expected a Python identifier in small letters",
+    ("flow", "class"): "NAME: expected a Python identifier",
+    ("planner", "_hidden"): "NAME: expected a Python identifier",
+    ("fusion", "a/b"): "NAME: expected no '/'; got 'a/b'",
+    ("behavior", "avoid"): "there is a plugin 'avoid' in",
+    ("behavior", "cautious"): "there is a plugin 'cautious' in behaviors/cautious.py",
+    ("flow", "lucas_kanade"): "there is a plugin 'lucas_kanade' in navfw; choose another name",
+    ("localizer", "careful"): "there is a stack 'careful' in stacks/careful.yaml",
+    ("behavior", "next_room"): "tests/test_next_room.py: exists, and is not replaced",
+    ("world", "East Wing"): "NAME: expected small letters, digits and single hyphens",
+    ("world", "office"): "there is a world 'office' in",
+    ("mission", "evening"): "NAME: expected WORLD/NAME, such as office/evening; got 'evening'",
+    ("mission", "offise/evening"): "did you mean 'office'?",
+    ("mission", "den/next-room"): "there is a mission 'next-room' in",
+    ("mission", "den/Next"): "NAME: expected small letters",
+    ("suite", "rooms"): "there is a suite 'rooms' in",
+}
+
+
+@pytest.mark.parametrize(("part", "message"), WRONG.items(), ids=map(" ".join, WRONG))
+def test_a_wrong_name_is_refused(part: tuple[str, str], message: str, project: Path) -> None:
+    before = sorted(project.rglob("*"))
+    done = invoke("new", *part)
+    assert done.exit_code == 2, done.output
+    assert message in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert sorted(project.rglob("*")) == before
+
+
+@pytest.mark.parametrize("kind", NAMES)
+def test_no_part_outside_of_a_project(kind: str, folder: Path) -> None:
+    done = invoke("new", kind, NAMES[kind])
+    assert (done.exit_code, "is in no project; change into one" in done.stderr) == (2, True)
+    assert list(folder.iterdir()) == []
+
+
+def test_a_part_that_cannot_be_written_whole_is_not_written(project: Path) -> None:
+    """The plugin is written first, then the stack cannot be: both are gone."""
+    (project / "stacks/careful.yaml").unlink()
+    (project / "stacks").rmdir()
+    (project / "stacks").write_text("in the way")
+    before = sorted(project.rglob("*"))
+    done = invoke("new", "flow", "tracked_points")
+    assert done.exit_code == 2
+    assert "stacks/tracked_points.yaml: cannot be written" in done.stderr
+    assert sorted(project.rglob("*")) == before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", NAMES)
+def test_the_next_command_and_the_test_of_a_part_succeed(kind: str, project: Path) -> None:
+    lines = invoke("new", kind, NAMES[kind]).stdout.splitlines()
+    tests = [line.strip() for line in lines if line.startswith("  tests/")]
+    python = shlex.quote(sys.executable)
+    command = f"{python} -c 'from navfw.cli import main; main()' "
+    then = lines[-1].removeprefix("next: ").replace("navfw ", command)
+    pytest_ = f" && {python} -m pytest -q -p no:cacheprovider {' '.join(tests)}" if tests else ""
+    done = subprocess.run(  # noqa: S603 - commands of our own
+        ["/bin/sh", "-ec", then + pytest_],
+        cwd=project,
+        env=os.environ | {"NAVFW_TRUST": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -17,6 +17,17 @@ from navfw.missions import Progress
 from navfw.process import watchdog
 
 
+def terminal_in(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
+    """A terminal of 120 columns in place of stderr, on which bars are drawn at once."""
+    terminal = io.StringIO()
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(progress_bar, "REFRESH_PERIOD", 0.0)
+    return terminal
+
+
 def progress(seconds: float) -> Progress:
     return Progress(seconds, 2.0 * seconds, 3.0, "avoid", "Front is a door;   Floor", "hall")
 
@@ -39,12 +50,8 @@ def test_without_a_terminal_there_is_a_line_every_few_seconds(
 def test_on_a_terminal_the_line_is_replaced_and_gone_at_the_end(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    screen = io.StringIO()
-    monkeypatch.setattr(screen, "isatty", lambda: True)
-    monkeypatch.setattr(sys, "stderr", screen)
+    screen = terminal_in(monkeypatch)
     monkeypatch.setenv("COLUMNS", "60")
-    monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr(progress_bar, "REFRESH_PERIOD", 0.0)
     with run._RunProgress(quiet=False) as line:
         line.show(progress(1.0))
         line.note(run.COMPILING)
@@ -132,10 +139,7 @@ def test_each_part_of_the_work_has_its_own_rate(
 def test_lines_of_a_file_stay_in_it_while_a_bar_is_shown(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    screen = io.StringIO()
-    monkeypatch.setattr(screen, "isatty", lambda: True)
-    monkeypatch.setattr(sys, "stderr", screen)
-    monkeypatch.setenv("TERM", "xterm")
+    screen = terminal_in(monkeypatch)
     with ProgressBar("perceive", "images") as bar:
         bar.update(0, 2)
         typer.echo("a result")
@@ -154,19 +158,12 @@ def test_a_bar_shows_nothing_before_the_first_update_and_nothing_when_quiet(
 
 
 def test_a_bar_on_a_terminal_shows_names_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    screen = io.StringIO()
-    monkeypatch.setattr(screen, "isatty", lambda: True)
-    monkeypatch.setattr(sys, "stderr", screen)
-    monkeypatch.setenv("COLUMNS", "120")
-    monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr(progress_bar, "REFRESH_PERIOD", 0.0)
+    screen = terminal_in(monkeypatch)
     with ProgressBar("compiling", "kernels") as bar:
         bar.update(0, 4, "array [m]")
         bar.update(1, 4, "sweep_arcs")
-    assert "0 of 4 kernels" in screen.getvalue()
-    assert "array [m]" in screen.getvalue()
-    assert "1 of 4 kernels, " in screen.getvalue()
-    assert " s left" in screen.getvalue()
+    for text in ("0 of 4 kernels", "array [m]", "1 of 4 kernels, ", " s left"):
+        assert text in screen.getvalue()
 
 
 def _wait_for(screen: io.StringIO, text: str) -> None:
@@ -180,11 +177,7 @@ def _wait_for(screen: io.StringIO, text: str) -> None:
 def test_a_moving_bar_shows_elapsed_time_and_time_left_between_updates(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    screen = io.StringIO()
-    monkeypatch.setattr(screen, "isatty", lambda: True)
-    monkeypatch.setattr(sys, "stderr", screen)
-    monkeypatch.setenv("COLUMNS", "120")
-    monkeypatch.setenv("TERM", "xterm")
+    screen = terminal_in(monkeypatch)
     monkeypatch.setattr(progress_bar, "MOVES_PER_SECOND", 50.0)
     clock = [100.0]
     monkeypatch.setattr(progress_bar, "time", SimpleNamespace(monotonic=lambda: clock[0]))

@@ -6,9 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from cli_calls import invoke
 
-from navfw.cli import app
 from navfw.config import FILE_KINDS, load_yaml, shipped_folder
 
 ROOT = shipped_folder()
@@ -25,7 +24,7 @@ EXAMPLES = {
 
 @pytest.mark.parametrize("kind", FILE_KINDS)
 def test_the_schema_knows_every_key_of_a_shipped_file(kind: str) -> None:
-    done = CliRunner().invoke(app, ["schema", kind])
+    done = invoke("schema", kind)
     assert done.exit_code == 0, done.output
     schema = json.loads(done.stdout)
     assert schema["$schema"].endswith("2020-12/schema")
@@ -37,6 +36,6 @@ def test_the_schema_knows_every_key_of_a_shipped_file(kind: str) -> None:
 
 
 def test_an_unknown_kind_gives_the_nearest() -> None:
-    done = CliRunner().invoke(app, ["schema", "mision"])
+    done = invoke("schema", "mision")
     assert done.exit_code == 2
     assert "unknown kind of file 'mision': did you mean 'mission'?" in done.output

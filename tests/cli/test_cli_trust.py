@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 import typer.main
-from typer.testing import CliRunner, Result
+from cli_calls import PROGRAM, invoke, navfw
 
 from navfw.cli import app
 from navfw.config import LIBRARY_SETTINGS, TRUST_VARIABLE, TrustFile
@@ -31,7 +31,6 @@ class Hover(Behavior):
     def propose(self, context): pass
 '''
 PLUGINS = ("list", "plugins", "--kind", "behavior")
-PROCESS = [sys.executable, "-c", "from navfw.cli import main; main()"]
 
 
 @pytest.fixture
@@ -47,16 +46,12 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def invoke(*words: str) -> Result:
-    return CliRunner().invoke(app, words)
-
-
 def executed(project: Path) -> bool:
     """Whether the project's plugin has been imported since the last call."""
     marker = project / "behaviors" / "executed"
-    found = marker.exists()
+    is_marked = marker.exists()
     marker.unlink(missing_ok=True)
-    return found
+    return is_marked
 
 
 @pytest.mark.parametrize(
@@ -174,13 +169,8 @@ def test_settings_of_libraries_need_trust_before_any_command(
     assert done.stderr.startswith(f"navfw: {project}: not trusted")
     assert name in done.stderr
     assert f"navfw trust '{project}'" in done.stderr
-    for words in (
-        ("--help",),
-        ("list", "worlds", "--help"),
-        ("list", "worlds", "--trust"),
-        ("trust", "."),
-    ):
-        assert invoke(*words).exit_code == 0
+    for words in ("--help", "list worlds --help", "list worlds --trust", "trust ."):
+        assert invoke(*words.split()).exit_code == 0
     assert invoke("list", "worlds").exit_code == 0
     (tmp_path / name).touch()  # in no project
     os.chdir(tmp_path)
@@ -192,17 +182,16 @@ def test_settings_of_libraries_need_trust_before_any_command(
 def test_a_cache_of_compiled_code_in_the_working_folder_is_not_loaded(project: Path) -> None:
     (project / "behaviors" / "hover.py").unlink()
     (project / ".numba_config.yaml").write_text("cache_dir: cache\n")
-    words = [*PROCESS, "map", "plan", "office", "lobby", "lab"]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)  # noqa: S603 - this Python
-    assert done.returncode == 2
+    assert navfw("map", "plan", "office", "lobby", "lab").returncode == 2
     assert not (project / "cache").exists()
 
 
 def on_terminal(answer: str) -> tuple[int, str, str]:
     """Exit code, stdout, and what the terminal shows of ``navfw list plugins`` with that answer."""
     screen, terminal = pty.openpty()
+    command = [sys.executable, "-c", PROGRAM, *PLUGINS]
     with subprocess.Popen(  # noqa: S603 - this Python, words of our own
-        [*PROCESS, *PLUGINS], stdin=terminal, stderr=terminal, stdout=subprocess.PIPE, text=True
+        command, stdin=terminal, stderr=terminal, stdout=subprocess.PIPE, text=True
     ) as process:
         os.close(terminal)
         os.write(screen, answer.encode())
@@ -248,15 +237,7 @@ def test_help_and_completion_execute_nothing(
     for words in (["--help"], ["--version"], [], ["run", "--help"], ["map", "check", "--help"]):
         invoke(*words)
         assert not executed(project), words
-    completion = {"_NAVFW_COMPLETE": "complete_bash", "COMP_WORDS": "navfw run ", "COMP_CWORD": "2"}
-    code = "import sys; sys.argv[0] = 'navfw'; from navfw.cli import main; main()"
-    subprocess.run(  # noqa: S603 - this Python, words of our own
-        [sys.executable, "-c", code],
-        env={**os.environ, **completion},
-        capture_output=True,
-        timeout=120,
-        check=False,
-    )
+    navfw(_NAVFW_COMPLETE="complete_bash", COMP_WORDS="navfw run ", COMP_CWORD="2")
     assert not executed(project)
     assert invoke(*PLUGINS).exit_code == 0
     assert executed(project)  # else this test would prove nothing

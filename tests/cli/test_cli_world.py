@@ -10,13 +10,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
-from typer.testing import CliRunner, Result
-
-from navfw.cli import app
+from cli_calls import invoke
+from typer.testing import Result
 
 
 def show(*arguments: str) -> Result:
-    return CliRunner().invoke(app, ["world", "show", *arguments])
+    return invoke("world", "show", *arguments)
 
 
 def read_picture(file: str) -> npt.NDArray[Any]:

@@ -63,12 +63,9 @@ def test_empty_file(tmp_path: Path, text: str) -> None:
     assert "the file is empty; expected a mapping" in str(load(tmp_path, text))
 
 
-def test_oversize_file(tmp_path: Path) -> None:
+def test_a_file_too_large_or_missing(tmp_path: Path) -> None:
     error = load(tmp_path, "a: " + "x" * 1_000_001)
     assert "too large: at most 1000000 bytes" in str(error)
-
-
-def test_missing_file_names_the_nearest(tmp_path: Path) -> None:
     (tmp_path / "office.yaml").write_text("a: 1")
     with pytest.raises(ConfigError, match=r"offise.yaml: there is no such file; .*'office.yaml'"):
         load_yaml(tmp_path / "offise.yaml")
@@ -134,11 +131,8 @@ def test_scalars_are_those_of_yaml_1_2() -> None:
     assert parse_yaml(text).data == want
 
 
-def test_keys_are_text_as_written() -> None:
+def test_keys_are_text_as_written_and_a_byte_order_mark_is_ignored(tmp_path: Path) -> None:
     assert list(parse_yaml("{101: a, 0x1F: b, true: c, ~: d}").data) == ["101", "0x1F", "true", "~"]
-
-
-def test_a_byte_order_mark_is_ignored(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_bytes("\ufeffa: ü\n".encode())
     assert load_yaml(path).data == {"a": "ü"}
@@ -163,14 +157,11 @@ def test_lines_of_keys_and_items() -> None:
     assert {path: document.line_of(path) for path in lines} == lines
 
 
-def test_at_gives_the_part_or_none() -> None:
+def test_parts_by_path_and_the_text_of_a_path() -> None:
     document = parse_yaml("a: [{b: 3}]")
     assert document.at(("a", 0, "b")) == 3
     assert document.at(("a", 1)) is None
     assert document.at(("a", "b", "c")) is None
-
-
-def test_key_text() -> None:
     assert key_text(("rooms", 3, "name")) == "rooms[3].name"
     assert key_text((0, "a")) == "[0].a"
 

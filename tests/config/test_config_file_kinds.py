@@ -8,10 +8,9 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from typer.testing import CliRunner
+from cli_calls import invoke, put_files
 
-from navfw.cli import app
-from navfw.cli.completion import completer_of
+from navfw.cli.options import completer_of
 from navfw.config import FILE_KINDS, FileKind, StrictModel, find, list_files, load_yaml, validate
 from navfw.errors import ConfigError, UnknownNameError
 
@@ -42,13 +41,8 @@ def notes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         load="notes_of_a_test:load_note",
     )
     monkeypatch.setitem(FILE_KINDS, "note", kind)
-    for name, text in {
-        "navfw.toml": "",
-        "notes/a.yaml": "text: x\n",
-        "b.yaml": "text: 1\n",
-    }.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(text)
+    texts = {"navfw.toml": "", "notes/a.yaml": "text: x\n", "b.yaml": "text: 1\n"}
+    put_files(tmp_path, texts)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -59,14 +53,14 @@ def test_a_further_kind_is_found_completed_checked_and_described(notes: Path) ->
     with pytest.raises(UnknownNameError, match="unknown note 'b': known: a"):
         find("note", "b")
     assert completer_of("note")(None, "") == ["a"]  # type: ignore[arg-type]
-    checked = json.loads(CliRunner().invoke(app, ["check", "--json", "b.yaml", "."]).stdout)
+    checked = json.loads(invoke("check", "--json", "b.yaml", ".").stdout)
     assert [(row["kind"], row["error"]) for row in checked] == [
         ("note", "b.yaml:1: text: expected text, got 1; quote it to make it text"),
         ("note", None),
     ]
-    schema = json.loads(CliRunner().invoke(app, ["schema", "note"]).stdout)
+    schema = json.loads(invoke("schema", "note").stdout)
     assert list(schema["properties"]) == ["text"]
-    counted = json.loads(CliRunner().invoke(app, ["list", "--json"]).stdout)
+    counted = json.loads(invoke("list", "--json").stdout)
     assert {"name": "notes", "count": 1} in counted
 
 

@@ -20,40 +20,14 @@ FILES = sorted(
     for folder in ("worlds", "maps", "behaviors", "navfw")
     for path in (ROOT / folder).rglob("*.yaml")
 )
+PLAIN_WORDS = """
+    yes no on null ~ true False 0o17 017 1:30 1_000 0x1F +1 1. -.inf .nan 1e3 2020-01-01 << *a | >-
+    '' 'a''b' "\\u00e9" [ ] { } , --- ...
+"""
 WORDS = [
-    *(
-        "yes",
-        "no",
-        "on",
-        "null",
-        "~",
-        "true",
-        "False",
-        "0o17",
-        "017",
-        "1:30",
-        "1_000",
-        "0x1F",
-        "+1",
-    ),
-    *("1.", "-.inf", ".nan", "1e3", "2020-01-01", "<<", "!!str 1", "&a b", "*a", "|", ">-", "''"),
-    *(
-        "'a''b'",
-        '"\\u00e9"',
-        "? ",
-        "- ",
-        ": ",
-        "# c",
-        "[",
-        "]",
-        "{",
-        "}",
-        ",",
-        "\n",
-        "\n  ",
-        "\r\n",
-    ),
-    *("\t", "\x85", "\u2028", "---", "...", "%YAML 1.1\n", "\ufeff"),
+    *PLAIN_WORDS.split(),
+    *("!!str 1", "&a b", "? ", "- ", ": ", "# c", "\n", "\n  ", "\r\n"),
+    *("\t", "\x85", "\u2028", "%YAML 1.1\n", "\ufeff"),
 ]
 
 

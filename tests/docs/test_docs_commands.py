@@ -11,8 +11,9 @@ from typing import Any
 
 import pytest
 import typer.main
+from cli_calls import invoke
 from docs_pages import PAGES, ROOT, blocks_of, load_module, table
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 from navfw.cli import app
 from navfw.recording import palette
@@ -56,13 +57,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     path = tmp_path_factory.mktemp("commands")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(path)
-        invoke("run empty straight --record --out /tmp/straight", path)
+        typed("run empty straight --record --out /tmp/straight", path)
         yield path
 
 
-def invoke(command: str, folder: Path) -> Result:
-    words = shlex.split(command.replace("/tmp/", f"{folder}/"))  # noqa: S108 - replaced
-    return CliRunner().invoke(app, words)
+def typed(command: str, folder: Path) -> Result:
+    return invoke(*shlex.split(command.replace("/tmp/", f"{folder}/")))  # noqa: S108 - replaced
 
 
 def test_the_commands_and_their_options_exist() -> None:
@@ -81,7 +81,7 @@ def test_the_commands_and_their_options_exist() -> None:
 def test_a_quick_command_succeeds_and_prints_what_is_shown(
     command: str, shown: list[str], folder: Path
 ) -> None:
-    result = invoke(command, folder)
+    result = typed(command, folder)
     assert result.exit_code == 0, result.output
     printed = [row.rstrip() for row in result.output.splitlines()]
     assert [row for row in shown if row not in printed] == []
@@ -122,7 +122,7 @@ def test_the_code_that_reads_a_recording_runs(
     ],
 )
 def test_the_keys_of_the_json_are_documented(command: str, heading: str, folder: Path) -> None:
-    result = invoke(f"{command} --json", folder)
+    result = typed(f"{command} --json", folder)
     assert result.exit_code == 0, result.output
     documented = re.findall(r"`(\w+)`", table(ROOT / "docs" / "commands.md", heading))
     assert set(json.loads(result.stdout)) - set(documented) == set()
@@ -132,6 +132,6 @@ def test_the_readme_shows_a_mistake_with_its_message() -> None:
     ((command, shown),) = (
         pair for pair in commands_and_output(ROOT / "README.md") if "latancy" in pair[0]
     )
-    result = CliRunner().invoke(app, shlex.split(command))
+    result = invoke(*shlex.split(command))
     assert result.exit_code == 2
     assert result.stderr.splitlines() == shown

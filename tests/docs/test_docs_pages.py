@@ -26,13 +26,8 @@ PARTS = ("Context", "Decision", "Rejected", "Measured")
 
 
 def test_every_link_leads_somewhere() -> None:
-    broken = [
-        (page.name, link)
-        for page in PAGES
-        for link in links(page)
-        if not _leads_somewhere(page, link)
-    ]
-    assert broken == []
+    all_links = ((page, link) for page in PAGES for link in links(page))
+    assert [(p.name, link) for p, link in all_links if not _leads_somewhere(p, link)] == []
 
 
 def test_the_tables_of_keys_are_those_of_the_models() -> None:
@@ -43,12 +38,11 @@ def test_the_tables_of_keys_are_those_of_the_models() -> None:
 
 
 def test_every_path_that_a_page_names_exists() -> None:
+    named = r"`(navfw/[\w./-]*)`"
     missing = [
         (page.name, name)
         for page in PAGES
-        for name in re.findall(
-            r"`(navfw/[\w./-]*)`", without_code(page.read_text(encoding="utf-8"))
-        )
+        for name in re.findall(named, without_code(page.read_text(encoding="utf-8")))
         if not (ROOT / name).exists()
     ]
     assert missing == []
@@ -73,9 +67,8 @@ def test_the_page_on_stack_files_has_every_stack() -> None:
     page = (DOCS / "stack-file.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (`.*?`) \| (?!`)", page[page.index("| stack | what it is |") :], re.M)
     listed = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
-    assert {
-        file.stem for file in (ROOT / "navfw" / "stack" / "stacks").glob("*.yaml")
-    } - listed == set()
+    stacks = {file.stem for file in (ROOT / "navfw" / "stack" / "stacks").glob("*.yaml")}
+    assert stacks - listed == set()
 
 
 def test_the_guide_to_behaviours_has_all_that_they_know_and_return() -> None:
@@ -203,9 +196,6 @@ def test_decisions_are_short_and_have_all_their_parts() -> None:
         text = page.read_text(encoding="utf-8")
         assert tuple(re.findall(r"^\*\*(\w+)\.\*\* ", text, re.MULTILINE)) == PARTS, page.name
         assert len(text.split()) <= 270, page.name
-
-
-# --- helpers -------------------------------------------------------------------------------------
 
 
 def _leads_somewhere(page: Path, link: str) -> bool:

@@ -43,9 +43,9 @@ def wrong_imports(text: str) -> Iterator[str]:
 
 
 def test_no_inner_module_is_imported() -> None:
-    found = list(sources())
-    assert len(found) > 40
-    wrong = [f"{where}: {what}" for where, text in found for what in wrong_imports(text)]
+    texts = list(sources())
+    assert len(texts) > 40
+    wrong = [f"{where}: {what}" for where, text in texts for what in wrong_imports(text)]
     assert wrong == []
 
 

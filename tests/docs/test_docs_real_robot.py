@@ -20,10 +20,11 @@ from docs_pages import ROOT
 from navfw.missions import prepare
 
 EXAMPLES = ROOT / "examples"
+Modules = dict[str, ModuleType]
 
 
 @pytest.fixture
-def modules(monkeypatch: pytest.MonkeyPatch) -> dict[str, ModuleType]:
+def modules(monkeypatch: pytest.MonkeyPatch) -> Modules:
     """The modules of the example, importable by each other as beside a script."""
     monkeypatch.syspath_prepend(str(EXAMPLES))
     names = ("robot_link", "simulated_robot", "drive_robot")
@@ -45,9 +46,7 @@ def robot() -> Iterator[subprocess.Popen[str]]:
 
 @pytest.mark.thorough
 def test_the_stack_drives_a_robot_process_to_its_goal(
-    robot: subprocess.Popen[str],
-    modules: dict[str, ModuleType],
-    capsys: pytest.CaptureFixture[str],
+    robot: subprocess.Popen[str], modules: Modules, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert robot.stdout is not None
     port = robot.stdout.readline().split()[-1]
@@ -72,7 +71,7 @@ WRONG_COMMANDS = {
 
 @pytest.mark.parametrize("last", WRONG_COMMANDS.values(), ids=WRONG_COMMANDS)
 def test_the_robot_stops_by_itself_when_no_sound_command_comes(
-    last: bytes | None, modules: dict[str, ModuleType]
+    last: bytes | None, modules: Modules
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         far = socket.create_connection(server.getsockname())
@@ -92,14 +91,14 @@ def test_the_robot_stops_by_itself_when_no_sound_command_comes(
     stack = threading.Thread(target=command, daemon=True)
     with prepare("empty", "straight").simulation() as simulation:
         stack.start()
-        told = modules["simulated_robot"].serve(simulation, robot_end)
+        ending = modules["simulated_robot"].serve(simulation, robot_end)
         stack.join(10.0)
         before = simulation.true_pose()
         simulation.advance(0.5)
         after = simulation.true_pose()
     robot_end.close()
     far.close()
-    assert "wheels stopped, rolled 0.0" in told
+    assert "wheels stopped, rolled 0.0" in ending
     assert before.x > 0.05, "it has driven"
     assert abs(after.x - before.x) < 0.005, "it rests"
 
@@ -120,10 +119,7 @@ WRONG_READINGS: dict[str, tuple[bytes, str]] = {
 
 @pytest.mark.parametrize(("sent", "message"), WRONG_READINGS.values(), ids=WRONG_READINGS)
 def test_the_drive_ends_with_a_stop_when_no_sound_reading_comes(
-    sent: bytes,
-    message: str,
-    modules: dict[str, ModuleType],
-    capsys: pytest.CaptureFixture[str],
+    sent: bytes, message: str, modules: Modules, capsys: pytest.CaptureFixture[str]
 ) -> None:
     received: list[bytes] = []
 
@@ -149,7 +145,7 @@ def test_the_drive_ends_with_a_stop_when_no_sound_reading_comes(
 
 
 def test_without_a_robot_there_is_one_message(
-    modules: dict[str, ModuleType], capsys: pytest.CaptureFixture[str]
+    modules: Modules, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = str(server.getsockname()[1])

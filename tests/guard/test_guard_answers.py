@@ -67,18 +67,8 @@ CHECKED: dict[str, tuple[object, Callable[[Any], object]]] = {
     "twist": (TWIST, stage_answers.check_twist),
 }
 WRONG = (
-    None,
-    7,
-    -3.0,
-    math.nan,
-    math.inf,
-    1j,
-    "text",
-    b"bytes",
-    [1.0, "a"],
-    {"a": math.nan},
-    {1: 2},
-    object(),
+    *(None, 7, -3.0, math.nan, math.inf, 1j, "text", b"bytes", object()),
+    *([1.0, "a"], {"a": math.nan}, {1: 2}),
     np.full(LAYER.shape, 2.0),
     np.full(LAYER.shape, np.nan),
     np.zeros((0, 0)),
@@ -166,9 +156,9 @@ def test_another_type_is_refused(kind: str) -> None:
 
 def test_lists_and_integers_become_float64() -> None:
     layer = [[0, 1, 0], [1, 0, 1]]
-    found = answers.degrees(layer, "desirability", (2, 3))
-    assert found.dtype == np.float64
-    assert found.tolist() == layer
+    degrees = answers.degrees(layer, "desirability", (2, 3))
+    assert degrees.dtype == np.float64
+    assert degrees.tolist() == layer
     assert answers.number(np.float32(0.5), "speed") == 0.5
     assert type(answers.number(1, "speed")) is float
 

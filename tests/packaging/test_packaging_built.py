@@ -36,9 +36,7 @@ def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
     build = [uv(), "build", "--quiet", "--out-dir", str(folder), str(ROOT)]
     # a synced project has the build backend; otherwise it is downloaded
     for options in (["--offline"], []):
-        done = subprocess.run(  # noqa: S603 - uv, fixed arguments
-            [*build, *options], capture_output=True, text=True, timeout=600, check=False
-        )
+        done = run([*build, *options], ROOT)
         if done.returncode == 0:
             return folder
     pytest.fail(done.stderr)
@@ -53,21 +51,26 @@ def installed(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def run(command: list[str], folder: Path, **more: str) -> subprocess.CompletedProcess[str]:
+    own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    return subprocess.run(  # noqa: S603 - uv, Pythons, words of our own
+        command,
+        cwd=folder,
+        env=own | more,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+
+
 def navfw(installed: Path, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     code = (
         "import os, sys, navfw; sys.argv[0] = 'navfw'\n"
         "assert navfw.__file__.startswith(os.environ['PYTHONPATH']), navfw.__file__\n"
         "from navfw.cli import main; main()"
     )
-    return subprocess.run(  # noqa: S603 - this Python, fixed arguments
-        [sys.executable, "-c", code, *words],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(installed)},
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
+    return run([sys.executable, "-c", code, *words], folder, PYTHONPATH=str(installed))
 
 
 def test_the_sdist_has_the_sources_and_nothing_local(dist: Path) -> None:
@@ -158,18 +161,6 @@ class Environment:
 
     def navfw(self, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
         return run([str(self.python.with_name("navfw")), *words], folder)
-
-
-def run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(  # noqa: S603 - uv, Pythons, words of our own
-        command,
-        cwd=folder,
-        env={name: value for name, value in os.environ.items() if name != "PYTHONPATH"},
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
 
 
 @pytest.fixture(scope="module")

@@ -15,25 +15,10 @@ from navfw.errors import MissingExtraError
 
 ROOT = Path(__file__).parents[2]
 
-OPTIONAL = (
-    "pybullet",
-    "pybullet_data",
-    "matplotlib",
-    "bokeh",
-    "jinja2",
-    "foxglove",
-    "mcap",
-    "mcap_protobuf",
-    "trimesh",
-    "collada",
-    "gymnasium",
-    "optuna",
-    "distributed",
-    "av",
-    "pandas",
-    "navground",
-    "skfuzzy",
-)
+OPTIONAL = """
+    pybullet pybullet_data matplotlib bokeh jinja2 foxglove mcap mcap_protobuf trimesh collada
+    gymnasium optuna distributed av pandas navground skfuzzy
+"""
 """The modules of all extras."""
 
 COMMANDS = {
@@ -63,7 +48,7 @@ CORE = ("Stack", "SensorReading", "Frame", "RobotModel", "load_map", "RuledBehav
 
 def without_extras(code: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """What ``code`` prints in a fresh process in which no module of an extra can be imported."""
-    blocked = f"import sys; sys.modules.update(dict.fromkeys({OPTIONAL!r}))\n"
+    blocked = f"import sys; sys.modules.update(dict.fromkeys({OPTIONAL.split()!r}))\n"
     return subprocess.run(  # noqa: S603 - this Python, code of our own
         [sys.executable, "-c", blocked + code],
         cwd=folder,

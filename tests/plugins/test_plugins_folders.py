@@ -80,10 +80,8 @@ def test_broken_files_are_listed_and_do_not_affect_others(folder: Path) -> None:
         else:
             put(folder, name, text)
     registry = discovered(folder)
-    assert statuses(registry) == dict.fromkeys(BROKEN, "broken") | {
-        "helper": "ok",
-        "zzz_good": "ok",
-    }
+    sound = {"helper": "ok", "zzz_good": "ok"}
+    assert statuses(registry) == dict.fromkeys(BROKEN, "broken") | sound
     for name, (_, message) in BROKEN.items():
         with pytest.raises(PluginError) as caught:
             registry.get("behavior", name)
@@ -108,7 +106,6 @@ def test_private_classes_and_bases_in_a_file_are_helpers(folder: Path) -> None:
         "file",
         '''
 from navfw.interfaces import Behavior
-from navfw.process.interruption import interruptible
 
 class _Hidden(Behavior): pass
 
@@ -134,17 +131,8 @@ def test_a_complete_plugin_with_a_subclass_is_a_plugin_too(folder: Path) -> None
 
 
 def test_plugins_of_other_kinds_and_imported_ones(folder: Path) -> None:
-    put(
-        folder,
-        "mine",
-        '''
-from navfw.features.no_features import NoFeatures
-
-class Some(NoFeatures):
-    """Some."""
-    name = "some"
-''',
-    )
+    text = "from navfw.features.no_features import NoFeatures\n\nclass Some(NoFeatures):\n"
+    put(folder, "mine", f"{text}    'Some.'\n    name = 'some'\n")
     registry = discovered(folder)
     assert statuses(registry, "features") == {"some": "ok"}
     assert registry.names("behavior") == []
@@ -172,19 +160,14 @@ def test_files_of_the_same_name_in_two_folders_do_not_collide(tmp_path: Path) ->
     assert statuses(registry) == {"left": "ok", "right": "ok"}
 
 
-def test_a_folder_is_discovered_once(folder: Path) -> None:
-    put(folder, "one", "print(1)\n" + GOOD.format(cls="One", name="one"))
-    registry = discovered(folder)
-    registry.discover_folder(folder)
-    assert statuses(registry) == {"one": "ok"}
-    assert registry.broken() == []
-
-
-def test_what_a_file_prints_goes_to_stderr(
+def test_a_folder_is_discovered_once_and_what_it_prints_goes_to_stderr(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(folder, "loud", "print('hello')\n" + GOOD.format(cls="Loud", name="loud"))
-    discovered(folder)
+    registry = discovered(folder)
+    registry.discover_folder(folder)
+    assert statuses(registry) == {"loud": "ok"}
+    assert registry.broken() == []
     assert capsys.readouterr() == ("", "hello\n")
 
 

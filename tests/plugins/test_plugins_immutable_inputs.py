@@ -294,10 +294,10 @@ def test_a_read_only_copy_is_equal_and_made_once() -> None:
 
 
 def test_a_field_of_another_type_is_left_to_the_checks() -> None:
-    given: Any = [[1.0]]
-    loose = _Loose(given)
+    part: Any = [[1.0]]
+    loose = _Loose(part)
     freeze(loose, "part")
-    assert loose.part is given
+    assert loose.part is part
 
 
 def test_fields_keep_shared_grid_points() -> None:

@@ -1,17 +1,20 @@
-"""Plugins registered in code, and names that are already taken."""
+"""Plugins registered in code or by installed packages, and names that are already taken."""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
 
 import pytest
-from plugins_samples import Mine, discovered, put
+from plugins_samples import GOOD, Mine, discovered, put, statuses
 
 from navfw.errors import PluginError, UnknownNameError
 from navfw.features import NoFeatures
-from navfw.interfaces import Behavior
-from navfw.plugins import Registry, default_registry, plugin, plugin_import
+from navfw.interfaces import KINDS, Behavior
+from navfw.plugins import GROUPS, Registry, default_registry, plugin, plugin_import
 
 
 def test_register_and_get() -> None:
@@ -34,30 +37,21 @@ def test_register_and_get() -> None:
     }
 
 
-def test_a_class_may_be_registered_again() -> None:
+def test_a_class_may_be_registered_again_and_an_invalid_one_is_refused() -> None:
     registry = Registry()
     registry.register(Mine)
     registry.register(Mine)
-    assert len(registry.listing()) == 1
-
-
-def test_an_invalid_class_raises_on_registration() -> None:
-    registry = Registry()
     with pytest.raises(PluginError, match="not derived from a base class of plugins"):
         registry.register(int)  # type: ignore[arg-type]
-    assert registry.listing() == []
+    assert len(registry.listing()) == 1
 
 
 def test_unknown_names_get_the_nearest() -> None:
     registry = Registry()
     registry.register(Mine)
-    with pytest.raises(
-        UnknownNameError, match="unknown behavior plugin 'mime': did you mean 'mine'"
-    ):
+    with pytest.raises(UnknownNameError, match="unknown behavior plugin 'mime': did you mean 'mi"):
         registry.get("behavior", "mime")
-    with pytest.raises(
-        UnknownNameError, match="unknown kind of plugin 'behaviour': did you mean 'b"
-    ):
+    with pytest.raises(UnknownNameError, match="kind of plugin 'behaviour': did you mean 'beha"):
         registry.get("behaviour", "mine")
     with pytest.raises(UnknownNameError, match="unknown kind"):
         registry.listing("behaviour")
@@ -89,12 +83,8 @@ def test_of_two_plugins_of_one_name_the_later_is_broken(tmp_path: Path) -> None:
     assert registry.get("behavior", "turn").__name__ == "First"
     (row,) = registry.broken()
     assert row["name"] == "turn"
-    for part in (
-        "second/turn.py: class Second: ",
-        "first/turn.py",
-        "rename one of them",
-    ):
-        assert part in row["error"]
+    for text in ("second/turn.py: class Second: ", "first/turn.py", "rename one of them"):
+        assert text in row["error"]
     assert [r["status"] for r in registry.listing()] == ["ok", "broken"]
 
 
@@ -113,3 +103,94 @@ def test_a_working_plugin_replaces_a_broken_one(folder: Path) -> None:
     assert registry.get("behavior", "mine") is Mine
     assert sorted(row["status"] for row in registry.listing()) == ["broken", "ok"]
     assert len(registry.broken()) == 1
+
+
+# --- installed packages ---------------------------------------------------------------------------
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """An importable module that records its import."""
+    file = tmp_path / "elsewhere_plugins.py"
+    text = "print('imported')\nclass Deep: pass\n"
+    file.write_text(text + GOOD.format(cls="Hover", name="hover"))
+    with monkeypatch.context() as patch:
+        patch.syspath_prepend(str(tmp_path))
+        yield "elsewhere_plugins"
+    sys.modules.pop("elsewhere_plugins", None)
+
+
+def point(value: str, name: str = "hover", group: str = "navfw.behaviors") -> EntryPoint:
+    return EntryPoint(name, value, group)
+
+
+def test_entry_points_are_loaded_on_first_use(
+    package: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    registry = Registry()
+    registry.discover_entry_points([point(f"{package}:Hover")])
+    assert registry.names("behavior") == ["hover"]
+    assert package not in sys.modules
+    for _ in range(2):
+        assert registry.get("behavior", "hover").name == "hover"
+    assert capsys.readouterr() == ("", "imported\n")
+    assert registry.listing()[0]["source"] == "entry point navfw.behaviors"
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("{}:Hoover", "elsewhere_plugins has no 'Hoover'; did you mean 'Hover'?"),
+        ("{}_none:Hover", "cannot be imported: ModuleNotFoundError"),
+        ("{}:Deep", "not derived from a base class of plugins"),
+        ("{}", "expected a class"),
+    ],
+)
+def test_a_broken_entry_point_is_named(package: str, value: str, message: str) -> None:
+    registry = Registry()
+    registry.discover_entry_points(
+        [
+            point(value.format(package)),
+            point("navfw.features.no_features:NoFeatures", "none", "navfw.features"),
+        ]
+    )
+    with pytest.raises(PluginError, match=r"hover|Hover|elsewhere") as caught:
+        registry.get("behavior", "hover")
+    assert message in str(caught.value)
+    assert statuses(registry) == {"hover": "broken"}
+    assert statuses(registry, "features") == {"none": "ok"}
+
+
+def test_an_entry_point_must_have_the_declared_kind_and_name(package: str) -> None:
+    registry = Registry()
+    registry.discover_entry_points([point(f"{package}:Hover", "fly")])
+    registry.discover_entry_points([point(f"{package}:Hover", "hover", "navfw.flows")])
+    for kind, name in (("behavior", "fly"), ("flow", "hover")):
+        message = f"registered as {kind} '{name}', but the class is behavior 'hover'"
+        with pytest.raises(PluginError, match=message):
+            registry.get(kind, name)
+
+
+def test_an_entry_point_with_a_taken_name(package: str) -> None:
+    registry = Registry()
+    registry.register(Mine)
+    registry.discover_entry_points([point(f"{package}:Hover", "mine")])
+    assert registry.get("behavior", "mine") is Mine
+    (row,) = registry.broken()
+    assert "entry point navfw.behaviors: the behavior name 'mine' is already taken" in row["error"]
+
+
+def test_installed_entry_points_are_discovered(monkeypatch: pytest.MonkeyPatch) -> None:
+    others = EntryPoint("other", "nowhere:Other", "console_scripts")
+    installed = EntryPoints(
+        [others, point("nowhere:Hover"), point("nowhere:Flow", "lucid", "navfw.flows")]
+    )
+    monkeypatch.setattr("navfw.plugins.built_in.entry_points", lambda: installed)
+    assert sorted(GROUPS.values()) == sorted(KINDS)
+    assert {"navfw.behaviors", "navfw.flows", "navfw.features"} <= set(GROUPS)
+    registry = default_registry()
+    assert "lucid" in registry.names("flow")
+    assert not any("other" in registry.names(kind) for kind in GROUPS.values())
+    assert "hover" in registry.names("behavior")
+    with pytest.raises(PluginError, match="nowhere"):
+        registry.get("behavior", "hover")

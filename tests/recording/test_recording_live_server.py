@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
+from cli_calls import invoke
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from navfw.cli import app
 from navfw.errors import InputError
 from navfw.missions import prepare
 from navfw.recording import LiveServer, unpack_reading
@@ -92,8 +91,8 @@ def test_a_port_in_use_is_told_before_the_run(tmp_path: Path) -> None:
         port = taken.getsockname()[1]
         with pytest.raises(InputError, match=rf"--port: port {port} cannot be served \(Address"):
             LiveServer(session.seen, port)
-        words = ["run", "empty", "straight", "--live", "--port", str(port)]
-        done = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "run")])
+        words = ("--live", "--port", port, "--out", tmp_path / "run")
+        done = invoke("run", "empty", "straight", *words)
     assert done.exit_code == 2
     assert f"port {port} cannot be served" in done.output
     assert list(tmp_path.iterdir()) == []

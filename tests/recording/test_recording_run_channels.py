@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,13 +16,13 @@ from navfw.recording import RecordedRun, RunRecorder
 from navfw.recording import channel_list as topics
 
 TIME = 4.0
+Driven = tuple[MissionResult, RecordedRun]
 
 
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[MissionResult, RecordedRun]:
-    session = prepare(
-        "paper-room", "through-the-door", seed=3, overrides=[f"mission.timeout={TIME}"]
-    )
+def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
+    overrides = [f"mission.timeout={TIME}"]
+    session = prepare("paper-room", "through-the-door", seed=3, overrides=overrides)
     result = session.run(record=True)
     assert result.recorder is not None
     path = tmp_path_factory.mktemp("channels") / "run.mcap"
@@ -35,16 +34,14 @@ def at_end(run: RecordedRun, topic: str) -> Any:
     return list(run.messages(topic))[-1].content
 
 
-def test_recording_changes_no_command(driven: tuple[MissionResult, RecordedRun]) -> None:
+def test_recording_changes_no_command(driven: Driven) -> None:
     result, _ = driven
     plain = result.session.run()
     assert plain.run.log.command_hash == result.run.log.command_hash
     assert plain.run.faults == result.run.faults == ()
 
 
-def test_all_channels_have_their_schema_rate_and_simulated_time(
-    driven: tuple[MissionResult, RecordedRun],
-) -> None:
+def test_all_channels_have_their_schema_rate_and_simulated_time(driven: Driven) -> None:
     _, run = driven
     times: dict[str, list[float]] = {}
     for message in run.messages():
@@ -63,9 +60,7 @@ def test_all_channels_have_their_schema_rate_and_simulated_time(
             assert rate == pytest.approx(float(info.rate.split()[0]), rel=0.1), info.topic
 
 
-def test_the_metadata_have_the_resolved_configuration(
-    driven: tuple[MissionResult, RecordedRun],
-) -> None:
+def test_the_metadata_have_the_resolved_configuration(driven: Driven) -> None:
     _, run = driven
     assert (run.metadata["world"], run.metadata["seed"]) == ("paper-room", "3")
     config = json.loads(run.metadata["config"])
@@ -73,9 +68,7 @@ def test_the_metadata_have_the_resolved_configuration(
     assert "avoid" in config["stack"]["behaviors"]
 
 
-def test_the_command_is_that_of_the_run_with_reasons_and_rules(
-    driven: tuple[MissionResult, RecordedRun],
-) -> None:
+def test_the_command_is_that_of_the_run_with_reasons_and_rules(driven: Driven) -> None:
     result, run = driven
     log = result.run.log
     leaders = {
@@ -90,9 +83,7 @@ def test_the_command_is_that_of_the_run_with_reasons_and_rules(
     assert any("IF" in rule["rule"] for behavior in rules.values() for rule in behavior["rules"])
 
 
-def test_poses_have_covariances_and_agree_with_the_transforms(
-    driven: tuple[MissionResult, RecordedRun],
-) -> None:
+def test_poses_have_covariances_and_agree_with_the_transforms(driven: Driven) -> None:
     result, run = driven
     belief = result.session.stack.state.belief
     assert belief is not None
@@ -119,7 +110,7 @@ def grid_of(message: Any) -> Mapping[str, np.ndarray[Any, Any]]:
     return {field.name: cells[..., field.offset] for field in message.fields}
 
 
-def test_the_grids_are_those_of_the_stack(driven: tuple[MissionResult, RecordedRun]) -> None:
+def test_the_grids_are_those_of_the_stack(driven: Driven) -> None:
     result, run = driven
     stack = result.session.stack
     percent = grid_of(at_end(run, topics.LOCAL_MAP))["occupancy"]
@@ -134,7 +125,7 @@ def test_the_grids_are_those_of_the_stack(driven: tuple[MissionResult, RecordedR
     assert rated["go_to_xy.desirability"].max() > 100
 
 
-def test_the_flow_and_cells_lie_in_the_image(driven: tuple[MissionResult, RecordedRun]) -> None:
+def test_the_flow_and_cells_lie_in_the_image(driven: Driven) -> None:
     _, run = driven
     for topic in (topics.FLOW, topics.CELLS):
         points = [(p.x, p.y) for group in at_end(run, topic).points for p in group.points]
@@ -155,18 +146,6 @@ def test_a_plugin_that_cannot_explain_itself_is_no_fault_of_the_run() -> None:
     object.__setattr__(composite, "explain", fail)
     result = session.run(record=True)
     assert result.run.faults == ()
-
-
-def test_the_documented_way_to_read_a_recording(
-    driven: tuple[MissionResult, RecordedRun], capsys: pytest.CaptureFixture[str]
-) -> None:
-    result, run = driven
-    page = Path(__file__).parents[2] / "docs" / "recordings.md"
-    (code,) = re.findall(r"^```python\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL)
-    found: dict[str, Any] = {}
-    exec(code.replace("/tmp/straight", str(run.path.parent)), found)  # noqa: S102, S108 - our page
-    assert found["image"].shape == (120, 160)
-    assert f"{TIME:.1f} s {result.run.log.leaders[-1]}" in capsys.readouterr().out
 
 
 def test_a_saved_recording_is_the_same_when_saved_again(tmp_path: Path) -> None:

@@ -1,20 +1,38 @@
-"""Run folders are written atomically and never replace other files."""
+"""Run folders and other outputs are locked, written atomically, and never replace other files."""
 
 from __future__ import annotations
 
+import errno
+import gc
 import json
 import math
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
 import threading
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from navfw.errors import ConfigError, InputError
+from navfw.process import (
+    AtomicFolder,
+    TargetInUseError,
+    TargetLock,
+    scratch_folder,
+    sweep,
+    target_lock,
+    write_text,
+)
 from navfw.recording import RESULT, RunFolder, plain_json, read_result
 
 
-def write(target: Path, text: str = "one", *, numbered: bool = False) -> Path:
+def written(target: Path, text: str = "one", *, numbered: bool = False) -> Path:
     with RunFolder(target, numbered=numbered) as folder:
         folder.write_json(RESULT, {"text": text})
     assert folder.final is not None
@@ -38,16 +56,16 @@ def test_nothing_is_left_after_an_exception(tmp_path: Path) -> None:
 
 
 def test_an_earlier_run_stays_when_the_new_one_fails(tmp_path: Path) -> None:
-    target = write(tmp_path / "run")
+    target = written(tmp_path / "run")
     with pytest.raises(ValueError, match="oops"), RunFolder(target):
         raise ValueError("oops")
     assert read_result(target) == {"text": "one"}
 
 
 def test_an_earlier_run_is_replaced(tmp_path: Path) -> None:
-    target = write(tmp_path / "run")
+    target = written(tmp_path / "run")
     (target / "trajectory.png").write_bytes(b"old")
-    assert write(target, "two") == target
+    assert written(target, "two") == target
     assert read_result(target) == {"text": "two"}
     assert [entry.name for entry in target.iterdir()] == [RESULT]
 
@@ -72,19 +90,10 @@ def test_a_file_is_refused_as_run_folder(tmp_path: Path) -> None:
         pass
 
 
-def test_a_file_added_during_the_run_keeps_the_folder_from_being_replaced(tmp_path: Path) -> None:
-    target = write(tmp_path / "run")
-    with pytest.raises(InputError, match="contains 'notes"), RunFolder(target) as folder:
-        folder.write_json(RESULT, {})
-        (target / "notes.txt").write_text("mine")
-    assert (target / "notes.txt").read_text() == "mine"
-    assert read_result(target) == {"text": "one"}
-
-
 def test_numbered_folders_never_collide(tmp_path: Path) -> None:
     target = tmp_path / "run"
     threads = [
-        threading.Thread(target=write, args=(target, str(number)), kwargs={"numbered": True})
+        threading.Thread(target=written, args=(target, str(number)), kwargs={"numbered": True})
         for number in range(8)
     ]
     for thread in threads:
@@ -104,12 +113,194 @@ def test_json_has_plain_values_only(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1]", '"text"', "\xff", "[" * 100_000])
-def test_a_broken_result_is_an_error_that_names_the_file(tmp_path: Path, text: str) -> None:
+def test_a_missing_or_broken_result_is_named_by_its_file(tmp_path: Path, text: str) -> None:
+    with pytest.raises(ConfigError, match="not a run folder"):
+        read_result(tmp_path)
     (tmp_path / RESULT).write_text(text, encoding="latin-1")
     with pytest.raises(ConfigError, match=RESULT):
         read_result(tmp_path)
 
 
-def test_a_folder_without_result_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="not a run folder"):
-        read_result(tmp_path)
+# --- locks ---------------------------------------------------------------------------------------
+
+
+PAGE = re.compile("index.md")
+
+HOLDER = """
+import signal, sys
+from pathlib import Path
+from navfw.recording.run_folder import RESULT, RunFolder
+with RunFolder(sys.argv[1], numbered=len(sys.argv) > 2) as folder:
+    folder.write_json(RESULT, {"text": "of the other process"})
+    print("ready", flush=True)
+    signal.pause()
+"""
+
+
+def holder(target: Path, *words: str) -> subprocess.Popen[str]:
+    """Another process that is writing a run folder, and does not end by itself."""
+    process = subprocess.Popen(  # noqa: S603 - this Python, words of our own
+        [sys.executable, "-c", HOLDER, str(target), *words], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    return process
+
+
+def kill(process: subprocess.Popen[str]) -> None:
+    process.send_signal(signal.SIGKILL)
+    process.communicate(timeout=60)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(entry.name for entry in folder.iterdir())
+
+
+def test_a_folder_in_use_is_refused_or_numbered_and_swept_after_kill_9(tmp_path: Path) -> None:
+    other = holder(tmp_path / "run")
+    try:
+        with pytest.raises(TargetInUseError, match="another process"), RunFolder(tmp_path / "run"):
+            pass
+        assert written(tmp_path / "run", numbered=True) == tmp_path / "run-2"
+        left = {".run.navfw-lock", ".run.navfw-part"}
+        assert left < set(names(tmp_path)), "the folder of a live process has been swept"
+    finally:
+        kill(other)
+    assert left < set(names(tmp_path))
+    written(tmp_path / "other")  # any start in the folder sweeps
+    assert names(tmp_path) == ["other", "run-2"]
+    assert written(tmp_path / "run") == tmp_path / "run"
+
+
+def test_what_cannot_be_proved_to_be_left_over_stays(tmp_path: Path) -> None:
+    mine = tmp_path / ".run.navfw-part"
+    mine.mkdir()
+    (mine / "notes.txt").touch()
+    (tmp_path / ".linked.navfw-lock").symlink_to(tmp_path / "elsewhere")
+    sweep(tmp_path)
+    assert names(tmp_path) == [".linked.navfw-lock", ".run.navfw-part"]
+    with pytest.raises(InputError, match="File exists"), RunFolder(tmp_path / "run"):
+        pass
+    assert names(mine) == ["notes.txt"]
+
+
+def test_a_process_killed_between_both_renames_leaves_the_earlier_run(tmp_path: Path) -> None:
+    written(tmp_path / "run")
+    lock = TargetLock(tmp_path / "run")
+    lock.file.touch()
+    lock.part.mkdir()
+    (tmp_path / "run").rename(lock.old)
+    sweep(tmp_path)
+    assert names(tmp_path) == ["run"]
+    assert read_result(tmp_path / "run") == {"text": "one"}
+
+
+def test_a_lock_is_exclusive_in_one_process_and_reusable(tmp_path: Path) -> None:
+    for _ in range(2):
+        with TargetLock(tmp_path / "a"), pytest.raises(TargetInUseError):
+            TargetLock(tmp_path / "a").acquire()
+    assert names(tmp_path) == []
+
+
+def test_links_are_followed_and_dangling_ones_refused(tmp_path: Path) -> None:
+    real = written(tmp_path / "real")
+    (tmp_path / "link").symlink_to(real)
+    assert written(tmp_path / "link") == tmp_path / "link"
+    assert (tmp_path / "link").is_symlink()
+    assert names(tmp_path) == ["link", "real"]
+    (tmp_path / "dangling").symlink_to(tmp_path / "none")
+    for write in (
+        RunFolder,
+        lambda target: AtomicFolder(target, PAGE, "--out"),
+        lambda target: write_text(target, "text"),
+    ):
+        with pytest.raises(InputError, match=r"a link to .*none, which does not exist"):
+            write(tmp_path / "dangling")
+    (tmp_path / "to-a-file").symlink_to(real / RESULT)
+    with pytest.raises(InputError, match="is a file"):
+        RunFolder(tmp_path / "to-a-file")
+
+
+def test_devices_mount_points_and_read_only_folders_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="not a regular file"):
+        write_text(Path("/dev/null"), "text")
+    with pytest.raises(InputError, match="is a mount point"):
+        RunFolder("/")
+    if os.getuid() == 0:
+        return  # root may write anywhere
+    tmp_path.chmod(0o500)
+    with pytest.raises(InputError, match="Permission denied"), RunFolder(tmp_path / "run"):
+        pass
+
+
+def test_a_run_whose_target_was_taken_is_kept_beside(tmp_path: Path) -> None:
+    target = written(tmp_path / "run")
+    folder = RunFolder(target)
+    with pytest.raises(InputError, match=r"contains 'notes.*the run is in .*run-2"), folder:
+        folder.write_json(RESULT, {"text": "two"})
+        (target / "notes.txt").touch()
+    assert folder.final == tmp_path / "run-2"
+    assert read_result(tmp_path / "run-2") == {"text": "two"}
+    assert read_result(target) == {"text": "one"}
+    assert names(target) == ["notes.txt", RESULT]
+    assert names(tmp_path) == ["run", "run-2"]
+
+
+def test_a_full_disk_is_an_error_that_names_the_target(tmp_path: Path) -> None:
+    out = tmp_path / "page"
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    with (
+        pytest.raises(InputError, match=r"page: cannot be written: No space"),
+        AtomicFolder(out, PAGE, "--out"),
+    ):
+        raise full
+    with pytest.raises(FileNotFoundError), AtomicFolder(out, PAGE, "--out"):
+        raise FileNotFoundError  # an error of the program stays what it is
+    assert names(tmp_path) == []
+
+
+def test_a_folder_is_written_to_the_place_of_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "start").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "start")
+    with RunFolder("run") as folder:
+        folder.write_json(RESULT, {})
+        monkeypatch.chdir(tmp_path / "elsewhere")
+    assert names(tmp_path / "start") == ["run"]
+    assert names(tmp_path / "elsewhere") == []
+
+
+def test_scratch_folders_of_dead_processes_are_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with scratch_folder("robot") as mine:
+        assert mine.is_dir()
+        dead = TargetLock(tmp_path / "navfw-robot-dead")
+        dead.file.touch()
+        dead.part.mkdir()
+        (dead.part / "robot.urdf").touch()
+        with scratch_folder("textures") as other:
+            assert mine.is_dir()
+            assert not dead.part.exists()
+            assert other.stat().st_mode & 0o777 == 0o700
+    assert names(tmp_path) == []
+
+
+def test_a_sweep_that_fails_midway_leaves_no_listing_open(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("a", "b"):
+        (tmp_path / f".{name}.navfw-lock").touch()
+
+    def broken(entry: os.DirEntry[str]) -> bool:
+        raise OSError(errno.EIO, "Input/output error", entry.name)
+
+    monkeypatch.setattr(target_lock, "_is_ours", broken)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        sweep(tmp_path)
+        gc.collect()
+    assert not [w for w in caught if issubclass(w.category, ResourceWarning)]

@@ -67,6 +67,10 @@ def recorded(readings: list[SensorReading], path: Path, max_bytes: int = MAX_BYT
     return path
 
 
+def measured(reading: SensorReading) -> tuple[object, ...]:
+    return reading.time, reading.inertial, reading.encoders
+
+
 def same_frame(a: Frame | None, b: Frame | None) -> bool:
     if a is None or b is None:
         return a is b
@@ -83,11 +87,7 @@ def test_readings_are_loaded_as_recorded(tmp_path: Path) -> None:
     assert recording.complete
     assert len(back) == TICKS
     for before, after in zip(readings, back, strict=True):
-        assert (after.time, after.inertial, after.encoders) == (
-            before.time,
-            before.inertial,
-            before.encoders,
-        )
+        assert measured(after) == measured(before)
         assert same_frame(before.frame, after.frame)
         assert same_frame(before.landmark_frame, after.landmark_frame)
     assert np.array_equal(recording.commands[:, 0], 0.1 * np.arange(TICKS))
@@ -96,9 +96,8 @@ def test_readings_are_loaded_as_recorded(tmp_path: Path) -> None:
 def test_a_reading_that_is_not_a_number_is_kept() -> None:
     """It is a fault of a sensor, and replayed as such."""
     inertial = Inertial(0.0, float("nan"), -0.0, float("inf"))
-    row = unpack_reading(
-        pack_reading(SensorReading(0.0, inertial, Encoders(0.0, 0, 0)), Twist(1.0, 0.0))
-    )
+    reading = SensorReading(0.0, inertial, Encoders(0.0, 0, 0))
+    row = unpack_reading(pack_reading(reading, Twist(1.0, 0.0)))
     assert np.isnan(row.roll_rate)
     assert (str(row.pitch_rate), row.yaw_rate) == ("-0.0", float("inf"))
 
@@ -117,14 +116,10 @@ def test_sizes_are_checked_before_unpacking(tmp_path: Path) -> None:
     path = recorded(random_readings(3), tmp_path / "run.mcap")
     with pytest.raises(ConfigError, match="file is too large: at most 1000 bytes"):
         load_recording(path, max_bytes=1000)
+    frame = np.zeros((600, 800), np.uint8)
     blank = [
-        SensorReading(
-            0.1 * tick,
-            Inertial(0.1 * tick, 0.0, 0.0, 0.0),
-            Encoders(0.1 * tick, 0, 0),
-            Frame(0.1 * tick, np.zeros((600, 800), np.uint8)),
-        )
-        for tick in range(4)
+        SensorReading(t, Inertial(t, 0.0, 0.0, 0.0), Encoders(t, 0, 0), Frame(t, frame))
+        for t in (0.0, 0.1, 0.2, 0.3)
     ]
     packed = recorded(blank, tmp_path / "blank.mcap")
     limit = packed.stat().st_size
@@ -144,11 +139,7 @@ def test_of_a_cut_file_the_intact_part_is_used(tmp_path: Path) -> None:
         assert 3 < len(recording) < TICKS
         assert np.array_equal(recording.commands, whole.commands[: len(recording)])
         for cut, reading in zip(recording.readings, whole.readings, strict=False):
-            assert (cut.time, cut.inertial, cut.encoders) == (
-                reading.time,
-                reading.inertial,
-                reading.encoders,
-            )
+            assert measured(cut) == measured(reading)
     path.write_bytes(content[:1500])
     with pytest.raises(ConfigError, match="cut off before its first reading"):
         load_recording(path)
@@ -236,14 +227,12 @@ def test_a_pilot_gives_the_same_commands_to_recorded_readings(tmp_path: Path) ->
     recorder.save(tmp_path / "run.mcap")
     recording = load_recording(tmp_path / "run.mcap")
 
-    again = compare_commands(recording, replay_commands(FakePilot(), recording, start, goals))
-    assert again.same
-    assert again.first_difference is None
-    misled = compare_commands(
-        recording, replay_commands(FakePilot(yaw_error=0.2), recording, start, goals)
-    )
-    assert not misled.same
-    assert misled.first_difference == 0
+    differences = []
+    for pilot in (FakePilot(), FakePilot(yaw_error=0.2)):
+        pilot.start(start, goals)
+        replayed = compare_commands(recording, replay_commands(pilot.step, recording))
+        differences.append((replayed.same, replayed.first_difference))
+    assert differences == [(True, None), (False, 0)]
 
 
 def test_every_flipped_byte_gives_a_recording_or_a_located_error(tmp_path: Path) -> None:

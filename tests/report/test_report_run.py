@@ -6,10 +6,9 @@ import shutil
 from pathlib import Path
 
 import pytest
+from cli_calls import invoke
 from report_browser import seen_in_browser
-from typer.testing import CliRunner, Result
 
-from navfw.cli import app
 from navfw.recording import PICTURE, RECORDING, REPORT, open_run
 from navfw.report import read_moments
 
@@ -29,10 +28,6 @@ setTimeout(() => {
 }, 4000);
 """
 """Moves the slider to its end; leaves in the page what of picture, time and timeline changed."""
-
-
-def invoke(*words: object) -> Result:
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 @pytest.fixture(scope="module")

@@ -12,11 +12,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from cli_calls import invoke
 from report_browser import seen_in_browser
 from suite_samples import row
-from typer.testing import CliRunner, Result
 
-from navfw.cli import app
 from navfw.suite import RunJournal, RunRow, SuiteFolder, compare_tables
 
 PROBE = """
@@ -41,10 +40,6 @@ setTimeout(async () => {
 }, 500);
 """
 """Opens a run's pictures, goes to the next run, closes them, and looks for runs with seed 5."""
-
-
-def invoke(*words: object) -> Result:
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 def write_suite(folder: Path, rows: Sequence[RunRow], size: tuple[int, int] = (900, 700)) -> Path:

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cli_calls import invoke
 from mcap_rewriting import rewrite
-from typer.testing import CliRunner, Result
 
-from navfw.cli import app
 from navfw.numerics import Array
 from navfw.recording import LOCAL_MAP, RECORDING, open_run, palette, read_result
 
@@ -19,10 +18,6 @@ av = pytest.importorskip("av", reason="needs the extra video")
 
 RUN = ("run", "paper-room", "through-the-door", "--set", "mission.timeout=5")
 WIDTH, HEIGHT = 1280, 720
-
-
-def invoke(*words: object) -> Result:
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 @pytest.fixture(scope="module")

@@ -1,15 +1,21 @@
-"""Write a part into the current project: a behaviour, a stage, a world, a mission, a suite.
+"""A new project, or a new part of the current one: all of its files are written, or none.
 
-The kinds are those of ``navfw.scaffold.part_kinds``; all files of a part are written, or none.
+A file of ``navfw/scaffold/templates/project`` is copied as it is. The ending ``.template`` is left
+out: it keeps tools that look for Python files and for ``.gitignore`` from taking templates for
+their own. Beside the copies, ``.vscode`` gets the schemas of files, so that an editor completes and
+explains their keys. The kinds of parts are those of ``navfw.scaffold.part_kinds``.
 """
 
 from __future__ import annotations
 
+import json
 import keyword
 import re
+import shutil
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from navfw.config.document import load_yaml
 from navfw.config.file_kinds import FILE_KINDS
@@ -23,10 +29,64 @@ from navfw.config.lookup import (
     project_folder,
 )
 from navfw.errors import ConfigError
-from navfw.plugins.registry import BUILT_IN
-from navfw.process.atomic import write_text
-from navfw.scaffold.new_project import TEMPLATES
+from navfw.plugins.built_in import BUILT_IN
+from navfw.process.atomic import AtomicFolder, write_text
 from navfw.scaffold.part_kinds import PARTS, NameRule
+
+TEMPLATES = Path(__file__).parent / "templates"
+"""The templates: of a project's files in ``project``, of its parts' in ``parts``."""
+
+_PROJECT = TEMPLATES / "project"
+
+_ENDING = ".template"
+_NOTHING = re.compile(r"(?!)")
+"""Matches no name: no file of an existing folder is replaced."""
+
+_HIDDEN = {"gitignore": ".gitignore"}
+"""Files whose name begins with a dot in the project, by their name among the templates."""
+
+
+def write_project(folder: Path) -> list[str]:
+    """Write a project to ``folder``, which is new or empty; the names of its files, sorted.
+
+    Raises:
+        ConfigError: ``folder`` is within a project.
+        InputError: ``folder`` contains something, or cannot be written.
+
+    """
+    above = (folder.absolute(), *folder.absolute().parents)
+    around = project_folder(next(existing for existing in above if existing.is_dir()))
+    if around is not None:
+        what = f"is within the project {shown_path(around)}; choose a folder outside of it"
+        raise ConfigError(what, file=folder)
+    names = {_name(file): file for file in sorted(_PROJECT.rglob("*")) if file.is_file()}
+    settings = {f".vscode/{name}": content for name, content in _editor_settings().items()}
+    with AtomicFolder(folder, _NOTHING, "DIR") as target:
+        for name, template in names.items():
+            (target.path / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(template, target.path / name)
+        for name, content in settings.items():
+            (target.path / name).parent.mkdir(parents=True, exist_ok=True)
+            text = json.dumps(content, indent=2) + "\n"
+            (target.path / name).write_text(text, encoding="utf-8")
+    return sorted((*names, *settings))
+
+
+def _editor_settings() -> dict[str, Any]:
+    """Files of ``.vscode`` with their content: each kind's schema, and where it applies.
+
+    They are understood by editors with the YAML language server, VS Code's YAML extension first.
+    """
+    schemas = {f"schemas/{kind.name}.json": kind.schema() for kind in FILE_KINDS.values()}
+    patterns = {f"./.vscode/schemas/{kind.name}.json": kind.pattern for kind in FILE_KINDS.values()}
+    return {"settings.json": {"yaml.schemas": patterns}, **schemas}
+
+
+def _name(template: Path) -> str:
+    """The name of a template's copy, relative to the project."""
+    name = template.relative_to(_PROJECT).as_posix().removesuffix(_ENDING)
+    return _HIDDEN.get(name, name)
+
 
 _MAX_TEMPLATE = 1_000_000
 """Largest size of a template, and of the mission that another one begins as [byte]."""

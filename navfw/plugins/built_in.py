@@ -1,0 +1,133 @@
+"""The plugins that ship with navfw, as their source says, and entry points of installed packages.
+
+None of them is imported.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+from navfw.config.input_file import read_input, shown_path
+from navfw.config.lookup import plugin_files, shipped_folder
+
+BUILT_IN: dict[str, dict[str, str]] = {
+    "behavior": {"navground": "navfw.mofis.navground:Navground"},
+    "composite": {},
+    "flow": {
+        "block_matching": "navfw.flow.block_matching:BlockMatching",
+        "dis": "navfw.flow.dense_flow:Dis",
+        "farneback": "navfw.flow.dense_flow:Farneback",
+        "ideal": "navfw.flow.ideal:Ideal",
+        "lucas_kanade": "navfw.flow.lucas_kanade:LucasKanade",
+        "registered": "navfw.flow.registered:Registered",
+    },
+    "perception": {"offis": "navfw.offis.offis:Offis"},
+    "features": {
+        "aruco": "navfw.features.aruco:Aruco",
+        "landmarks": "navfw.features.combined_landmarks:Landmarks",
+        "none": "navfw.features.no_features:NoFeatures",
+        "posters": "navfw.features.posters:Posters",
+    },
+    "localizer": {
+        "bayes": "navfw.localization.bayes:Bayes",
+        "dead_reckoning": "navfw.localization.dead_reckoning:DeadReckoning",
+        "ekf": "navfw.localization.metric_filter:Ekf",
+        "floor_plan": "navfw.localization.floor_plan:FloorPlanLocalizer",
+        "topological": "navfw.localization.topological:Topological",
+    },
+    "planner": {"papfis": "navfw.papfis.papfis:Papfis"},
+    "fusion": {
+        "fuzzy": "navfw.mofis.fusion:FuzzyFusion",
+        "priority": "navfw.mofis.fusion:PriorityFusion",
+        "damn": "navfw.mofis.fusion:DamnFusion",
+        "blend": "navfw.mofis.fusion:BlendFusion",
+        "pareto": "navfw.mofis.fusion:ParetoFusion",
+    },
+    "controller": {"unicycle": "navfw.locom.unicycle:Unicycle"},
+    "landmark": {
+        "aruco": "navfw.features.landmark_appearance:ArucoMarker",
+        "poster": "navfw.features.landmark_appearance:Poster",
+    },
+    "event": {"blackout": "navfw.missions.composed_events:Blackout"},
+    "family": {
+        "clutter": "navfw.worldgen.open_areas:Clutter",
+        "corridors": "navfw.worldgen.corridors:Corridors",
+        "maze": "navfw.worldgen.maze:Maze",
+        "moving": "navfw.worldgen.open_areas:Moving",
+        "poles": "navfw.worldgen.open_areas:Poles",
+        "rooms": "navfw.worldgen.rooms:Rooms",
+    },
+}
+"""The shipped plugins as ``module:Class``, by kind and name; imported on first use.
+
+Shipped behaviours are files in ``behaviors/``; listed here are those that import more than the
+public names of navfw.
+"""
+
+_PLURALS = {"features": "features", "family": "families"}
+
+GROUPS: dict[str, str] = {f"navfw.{_PLURALS.get(kind, kind + 's')}": kind for kind in BUILT_IN}
+"""Entry point groups of other packages: ``navfw.behaviors``, ``navfw.flows``, ..."""
+
+
+def installed_points() -> list[EntryPoint]:
+    """The entry points of installed packages in ``GROUPS``."""
+    installed = entry_points()  # reads the metadata of all packages, so once for all groups
+    return [point for group in GROUPS for point in installed.select(group=group)]
+
+
+def summary_of(docstring: str | None) -> str:
+    """The first paragraph of a docstring on one line."""
+    return inspect.cleandoc(docstring or "").strip().split("\n\n")[0].replace("\n", " ")
+
+
+_PACKAGE = Path(__file__).parents[1]
+_MAX_SOURCE = 1_000_000
+"""Largest size of a shipped plugin's source [byte]."""
+
+
+def shipped_outlines() -> list[dict[str, Any]]:
+    """Name, kind, source and summary of each shipped plugin, in the order of kinds; no error.
+
+    Raises:
+        SyntaxError: a source cannot be parsed.
+
+    """
+    order = list(BUILT_IN)
+    outlines = [*_outlines_of_modules(), *_outlines_of_behaviors()]
+    return sorted(outlines, key=lambda row: (order.index(row["kind"]), row["name"]))
+
+
+def _outlines_of_modules() -> Iterator[dict[str, Any]]:
+    for kind, plugins in BUILT_IN.items():
+        for name, target in plugins.items():
+            module, _, class_name = target.partition(":")
+            file = _PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py")
+            (cls,) = (cls for cls in _classes(file) if cls.name == class_name)
+            yield _outline(kind, name, "navfw", cls)
+
+
+def _outlines_of_behaviors() -> Iterator[dict[str, Any]]:
+    for file in plugin_files(shipped_folder() / "behaviors"):
+        for cls in _classes(file):
+            for node in cls.body:
+                match node:
+                    case ast.AnnAssign(target=ast.Name(id="name"), value=ast.Constant(str(name))):
+                        is_composite = ast.unparse(cls.bases[0]).endswith("Composite")
+                        kind = "composite" if is_composite else "behavior"
+                        yield _outline(kind, name, shown_path(file), cls)
+
+
+def _outline(kind: str, name: str, source: str, cls: ast.ClassDef) -> dict[str, Any]:
+    summary = summary_of(ast.get_docstring(cls))
+    return {"name": name, "kind": kind, "source": source, "summary": summary, "error": None}
+
+
+def _classes(file: Path) -> list[ast.ClassDef]:
+    tree = ast.parse(read_input(file, _MAX_SOURCE), str(file))
+    return [node for node in tree.body if isinstance(node, ast.ClassDef)]

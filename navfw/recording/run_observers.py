@@ -1,0 +1,141 @@
+"""What takes in a run while it goes on: its recording as MCAP, and its live server."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Protocol
+
+from navfw.config.extras import extra_imports
+from navfw.errors import InputError
+from navfw.recording import channel_list as topics
+from navfw.recording.channel_list import SeenRun
+from navfw.signals import Pose, SensorReading, Twist
+
+_CHUNK = 1 << 18
+"""Size of a chunk before compression [byte]: a second or two, which a cut file loses at most."""
+_HOST = "127.0.0.1"
+
+
+class RunObserver(Protocol):
+    """Takes in every control tick of a run, after the stack; it must change nothing in it."""
+
+    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
+        """Take in one control tick: reading, the stack's command for it, and the true pose."""
+        ...
+
+    def close(self) -> None:
+        """End: the run is over."""
+        ...
+
+
+class RunRecorder:
+    """Collects a run in memory until ``save``: its readings, and what is ``seen`` of it.
+
+    At most ``max_bytes`` of images, and of the file: ``complete`` is false once that limit has been
+    reached, and what follows is left out.
+    """
+
+    def __init__(
+        self,
+        metadata: Mapping[str, str] | None = None,
+        seen: SeenRun | None = None,
+        max_bytes: int = topics.MAX_BYTES,
+    ) -> None:
+        with extra_imports("record"):
+            from foxglove import Context, open_mcap
+            from foxglove.mcap import MCAPWriteOptions
+
+        from navfw.recording.run_channels import RunChannels
+
+        context = Context()
+        self.complete = True
+        self._max_bytes = max_bytes
+        self._unpacked = 0
+        self._file = io.BytesIO()
+        options = MCAPWriteOptions(
+            profile=f"{topics.PROFILE}{topics.FORMAT_VERSION}",
+            chunk_size=_CHUNK,
+            compression_level=1,
+            compression_threads=0,
+        )
+        self._writer = open_mcap(self._file, context=context, writer_options=options)
+        self._writer.write_metadata(topics.RUN, dict(metadata or {}))
+        self._channels = RunChannels(context, seen)
+        self._closed = False
+
+    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
+        """Add one control tick: the reading, the stack's command for it, and the true pose."""
+        frames = [frame for frame in (reading.frame, reading.landmark_frame) if frame is not None]
+        images = [image for frame in frames for image in (frame.image, *frame.sides)]
+        self._unpacked += 96 + sum(image.nbytes for image in images)
+        if max(self._unpacked, self._file.tell()) > self._max_bytes:
+            self.complete = False
+        if self.complete:
+            self._channels.observe(reading, twist, pose)
+
+    def close(self) -> None:
+        """End the recording: nothing can be added afterwards."""
+        if self._closed:
+            return
+        self._closed = True
+        self._channels.close()
+        if self.complete:
+            # metadata without an entry are not written
+            self._writer.write_metadata(topics.END, {"complete": "yes"})
+        self._writer.close()
+
+    def save(self, path: Path) -> None:
+        """Write the recording to ``path``, ended if it was not."""
+        self.close()
+        path.write_bytes(self._file.getbuffer())
+
+
+class LiveServer:
+    """Serves what is ``seen`` of a run, until ``close``; ``port`` 0 takes a free one.
+
+    Foxglove and Lichtblick show it, by Foxglove's websocket protocol. The server listens on the
+    loopback interface alone, takes no messages from its clients, computes nothing that none has
+    subscribed to, and drops messages that a slow client does not fetch: the run never waits.
+
+    Raises:
+        InputError: the port is in use, or must not be used.
+
+    """
+
+    def __init__(self, seen: SeenRun, port: int) -> None:
+        with extra_imports("record"):
+            from foxglove import Context, start_server
+            from foxglove.websocket import Capability
+
+        from navfw.recording.run_channels import RunChannels
+
+        context = Context()
+        self._channels = RunChannels(context, seen)
+        try:
+            self._server = start_server(
+                name="navfw",
+                host=_HOST,
+                port=port,
+                capabilities=[Capability.Time],
+                context=context,
+            )
+        except RuntimeError as error:
+            reason = str(error).rpartition("Failed to bind port: ")[2]
+            raise InputError(
+                f"port {port} cannot be served ({reason}); choose another, or 0 for any free one",
+                key="--port",
+            ) from None
+        self.url = f"ws://{_HOST}:{self._server.port}"
+
+    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
+        """Send one control tick: reading, the stack's command for it, and the true pose."""
+        self._channels.observe(reading, twist, pose)
+        if reading.frame is not None:
+            self._server.broadcast_time(topics.nanoseconds(reading.time))
+
+    def close(self) -> None:
+        """Send what still waits, and end the server."""
+        self._channels.close()
+        self._server.stop()
