@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.egomotion import Egomotion, EgomotionPrior, MotionKind, PointMotion, estimate_egomotion
-from navfw.egomotion.flow_egomotion import DIRECTIONS, _hemisphere
+from navfw.egomotion.flow_egomotion import _DIRECTIONS, _hemisphere
 from navfw.numerics import Array
 
 FOCAL = 100.0
@@ -156,8 +156,8 @@ def test_a_heading_known_before_pulls_only_where_the_points_leave_it_open(toward
 
 
 def test_the_directions_searched_are_spread_evenly() -> None:
-    directions = _hemisphere(DIRECTIONS)
-    apart = directions @ directions.T - 2.0 * np.eye(DIRECTIONS)
+    directions = _hemisphere(_DIRECTIONS)
+    apart = directions @ directions.T - 2.0 * np.eye(_DIRECTIONS)
     nearest = np.degrees(np.arccos(apart.max(axis=1)))
     assert nearest.min() > 11.0
     assert nearest.max() < 12.5

@@ -26,9 +26,7 @@ START = Pose(0.0, 0.0, 0.0)
 def pair(now: Pose, camera: CameraModel = CAMERA) -> FramePair:
     robot = ROBOT.model_copy(update={"camera": camera})
     motion = camera_motion(robot, START, now, 0.2)
-    before, after = (
-        Frame(t, board_image(camera, pose)) for t, pose in ((0.0, START), (0.2, now))
-    )
+    before, after = (Frame(t, board_image(camera, pose)) for t, pose in ((0.0, START), (0.2, now)))
     return FramePair(before, after, motion)
 
 

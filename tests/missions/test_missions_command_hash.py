@@ -10,8 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from hash_table import measured_hashes, stored_hashes
-from hash_table import WITH_AVX2, WITH_AVX512, Settings, threads
+from hash_table import WITH_AVX2, WITH_AVX512, Settings, measured_hashes, stored_hashes, threads
 
 from navfw.missions import prepare
 from navfw.suite import SuiteFolder
