@@ -12,8 +12,7 @@ from navfw.signals import Frame
 def reduce_frame(frame: Frame, factor: int) -> Frame:
     """``frame`` with the mean grey value of ``factor`` x ``factor`` pixels in place of each pixel.
 
-    A factor of 1 gives ``frame`` itself. Less noise, and image motion in the range of the flow's
-    search: its windows and ranges are given in pixels.
+    A factor of 1 gives ``frame`` itself. The flow's windows and search ranges are in pixels.
     """
     if factor == 1:
         return frame
