@@ -144,7 +144,7 @@ def perception(
     with quiet_stdout():
         from navfw.bench import perception_benchmark as bench
         from navfw.bench.perception_accuracy import HELD_OUT_SEED
-        from navfw.recording.provenance import usable_cores
+        from navfw.process.process_resources import usable_cores
 
         recorded = None if data is None else bench.find_data(data)
         folder = None if out is None else bench.page_folder(out)

@@ -18,7 +18,7 @@ import numpy as np
 
 from navfw.missions.runner import MissionLoop
 from navfw.missions.session import Session
-from navfw.process.process_memory import peak_memory_mb
+from navfw.process.process_resources import peak_memory_mb
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.recording.run_log import RunLog
 from navfw.signals import Pose

@@ -13,7 +13,7 @@ from .kernel_compilation import compile_kernels as compile_kernels
 from .kernel_compilation import groups_of as groups_of
 from .kernel_compilation import listed_kernels as listed_kernels
 from .kernel_compilation import parse_types as parse_types
-from .process_memory import peak_memory_mb as peak_memory_mb
+from .process_resources import peak_memory_mb as peak_memory_mb
 from .target_lock import TargetInUseError as TargetInUseError
 from .target_lock import TargetLock as TargetLock
 from .target_lock import sweep as sweep

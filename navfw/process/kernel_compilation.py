@@ -29,6 +29,7 @@ import numba
 from numba.extending import is_jitted
 
 from navfw.process.interruption import check_interrupted
+from navfw.process.process_resources import usable_cores
 from navfw.process.target_lock import TargetInUseError, TargetLock
 
 PERIOD = 0.5
@@ -235,7 +236,7 @@ def _compile_groups(groups: Sequence[Sequence[Kernel]], show: Report) -> None:
 
     If one of the processes dies, the rest is compiled when it is called.
     """
-    workers, total, done = min(_cores(), len(groups)), sum(map(len, groups)), 0
+    workers, total, done = min(usable_cores(), len(groups)), sum(map(len, groups)), 0
     context = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(workers, context, _begin_worker, (groups,)) as pool:
         futures = {}
@@ -256,13 +257,6 @@ def _compile_groups(groups: Sequence[Sequence[Kernel]], show: Report) -> None:
                 process.terminate()
             raise
     show(CompilationState(done, total, ""))
-
-
-def _cores() -> int:
-    """The number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 # --- in a worker process --------------------------------------------------------------------------

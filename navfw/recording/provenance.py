@@ -22,6 +22,7 @@ from typing import Any, Self
 from navfw.config.input_file import read_input
 from navfw.config.lookup import own_folders, owned_by_user, project_folder, shipped_folder
 from navfw.errors import ConfigError
+from navfw.process.process_resources import usable_cores
 
 _SHIPPED = ("worlds", "maps", "behaviors")
 """The folders that ship with navfw beside its code."""
@@ -100,13 +101,6 @@ def machine_kind() -> dict[str, Any]:
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
     }
-
-
-def usable_cores() -> int:
-    """Number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def fingerprint(value: Any) -> str:

@@ -16,7 +16,7 @@ from navfw.errors import InputError, SimulationError
 from navfw.missions.outcome import Outcome
 from navfw.missions.session import MissionResult
 from navfw.process.atomic import atomic_file
-from navfw.process.process_memory import peak_memory_mb, return_freed_memory
+from navfw.process.process_resources import peak_memory_mb, return_freed_memory
 from navfw.recording.run_folder import RunFolder
 from navfw.suite.case import RECORDINGS, Case, Job, KeptRuns
 from navfw.suite.failure_causes import Cause, classify

@@ -26,7 +26,7 @@ from typing import Any, Generic, Self, TypeVar
 
 from navfw.errors import SimulationError
 from navfw.process.interruption import check_interrupted, interruptible
-from navfw.process.process_memory import peak_memory_mb
+from navfw.process.process_resources import peak_memory_mb
 from navfw.process.watchdog import HEARTBEAT_SIZE, HeartbeatMonitor, set_memory
 from navfw.suite.failure_causes import Cause
 

@@ -103,7 +103,7 @@ def test_leaving_the_pool_skips_the_remaining_jobs() -> None:
 
 FRAGMENTS = """
 from pathlib import Path
-from navfw.process.process_memory import return_freed_memory
+from navfw.process.process_resources import return_freed_memory
 
 def resident():
     lines = Path("/proc/self/status").read_text().splitlines()
