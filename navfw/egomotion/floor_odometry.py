@@ -136,7 +136,7 @@ class FloorOdometry:
             return
         self._registered_last = used = self._measure(self._key.image, image)
         pose = self._key.pose.compose(Pose(*self._state[:3].tolist()))
-        self._shift = _between(pose, raw.pose)
+        self._shift = pose.frame_of(raw.pose)
         distance = math.hypot(*self._state[:2])
         beyond = distance > _KEY_DISTANCE or abs(self._state[2]) > _KEY_TURN
         if beyond and (used or distance > _LOST_DISTANCE or abs(self._state[2]) > 2.0 * _KEY_TURN):
@@ -245,10 +245,3 @@ class FloorOdometry:
         keep[:, :3] -= gain
         noise = product(gain, step.covariance, gain.T)
         self._covariance = product(keep, self._covariance, keep.T) + noise
-
-
-def _between(corrected: Pose, raw: Pose) -> Pose:
-    """The transform that turns ``raw`` into ``corrected``."""
-    yaw = wrap_angle(corrected.yaw - raw.yaw)
-    turned = Pose(0.0, 0.0, yaw).compose(raw)
-    return Pose(corrected.x - turned.x, corrected.y - turned.y, yaw)
