@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,7 +22,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from typer.testing import CliRunner
-from virtual_display import virtual_display
 
 from navfw.cli import app
 from navfw.errors import InputError
@@ -274,6 +276,50 @@ def test_the_overlay_has_the_path_the_way_and_the_local_goal() -> None:
     low, high = window.lines["local goal post"][0]
     assert low == goal
     assert low[2] < high[2]
+
+
+_FIELDS = 25
+"""Number of fields of the header of an X window dump, of four bytes each."""
+_COLOR_BYTES = 12
+"""Size of an entry of its table of colours."""
+
+
+@dataclass(frozen=True, slots=True)
+class VirtualDisplay:
+    """The display ``name``, for ``DISPLAY``; its picture is in ``file``, an X window dump."""
+
+    name: str
+    file: Path
+
+    def picture(self) -> npt.NDArray[np.uint8]:
+        """What is shown now: (height, width, 3), red, green, blue."""
+        content = self.file.read_bytes()
+        header = np.frombuffer(content, dtype=">u4", count=_FIELDS).astype(int)
+        size, width, height, line, colors = header[[0, 4, 5, 12, 19]].tolist()
+        pixels = np.frombuffer(content, dtype=np.uint8, offset=size + _COLOR_BYTES * colors)
+        rows = pixels[: height * line].reshape(height, line // 4, 4)
+        return rows[:, :width, 2::-1].copy()
+
+
+@contextmanager
+def virtual_display(folder: Path) -> Iterator[VirtualDisplay]:
+    """A display of 1024 x 768 whose picture is kept in ``folder``; skips without Xvfb."""
+    server = shutil.which("Xvfb")
+    if server is None:
+        pytest.skip("no Xvfb; install the package xvfb")
+    reading, writing = os.pipe()
+    options = ["-displayfd", str(writing), "-screen", "0", "1024x768x24", "-nolisten", "tcp"]
+    process = subprocess.Popen(  # noqa: S603 - the server of this machine
+        [server, *options, "-fbdir", str(folder)], pass_fds=(writing,), stderr=subprocess.DEVNULL
+    )
+    os.close(writing)
+    try:
+        with os.fdopen(reading) as number:
+            name = f":{number.readline().strip()}"
+        yield VirtualDisplay(name, folder / "Xvfb_screen0")
+    finally:
+        process.terminate()
+        process.wait(20)
 
 
 @pytest.mark.slow
