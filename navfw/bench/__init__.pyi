@@ -33,13 +33,11 @@ from .random_worlds import random_world as random_world
 from .real_benchmark import RECORDINGS as RECORDINGS
 from .real_benchmark import bench_real as bench_real
 from .real_labels import FrameLabel as FrameLabel
-from .real_labels import SentenceVerdict as SentenceVerdict
 from .real_labels import judge as judge
 from .real_labels import load_labels as load_labels
 from .recorded_approach import bench_approach as bench_approach
 from .recorded_pairs import FR1_DISTORTION as FR1_DISTORTION
 from .recorded_pairs import FR1_MATRIX as FR1_MATRIX
-from .recorded_pairs import PosedImage as PosedImage
 from .recorded_pairs import frame_pairs as frame_pairs
 from .recorded_pairs import tum_frames as tum_frames
 from .recording_truth import camera_way as camera_way

@@ -1,7 +1,5 @@
 from .compiled_fis import CompiledFis as CompiledFis
-from .compiled_fis import FiredRule as FiredRule
 from .compiled_fis import Inference as Inference
-from .compiled_fis import explain as explain
 from .coverage import uncovered_region as uncovered_region
 from .fis_benchmark import compare as compare
 from .fis_benchmark import random_inputs as random_inputs
@@ -20,7 +18,6 @@ from .membership import hedged as hedged
 from .membership import make_shape as make_shape
 from .membership import sample_universe as sample_universe
 from .reference_fis import ReferenceFis as ReferenceFis
-from .rulebase import Rule as Rule
 from .rulebase import RuleBase as RuleBase
 from .rulebase import Variable as Variable
 from .rulefile import TermCorners as TermCorners

@@ -7,7 +7,6 @@ from .plugin_guard import MAX_SUSPENSION as MAX_SUSPENSION
 from .plugin_guard import SUSPENSION as SUSPENSION
 from .plugin_guard import FailingStage as FailingStage
 from .plugin_guard import PluginCallError as PluginCallError
-from .plugin_guard import PluginFault as PluginFault
 from .plugin_guard import PluginGuard as PluginGuard
 from .plugin_guard import error_text as error_text
 from .plugin_guard import label_of as label_of

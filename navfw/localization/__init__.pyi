@@ -30,7 +30,6 @@ from .passage_walls import corridor_fix as corridor_fix
 from .passage_walls import door_fix as door_fix
 from .passage_walls import passage_axes as passage_axes
 from .place_posterior import PlacePosterior as PlacePosterior
-from .place_posterior import known_start as known_start
 from .place_posterior import likeliest_places as likeliest_places
 from .plan_field import PlanField as PlanField
 from .plan_scan import PlanScan as PlanScan

@@ -4,7 +4,6 @@ from .edge_costs import CostParams as CostParams
 from .edge_costs import EdgeCosts as EdgeCosts
 from .edge_costs import inputs_of as inputs_of
 from .papfis import Papfis as Papfis
-from .route_plan import RoutePlan as RoutePlan
 from .route_plan import parse_endpoint as parse_endpoint
 from .route_plan import parse_passage as parse_passage
 from .route_plan import plan_route as plan_route

@@ -1,8 +1,6 @@
 from .camera_models import AutoExposure as AutoExposure
 from .camera_models import CameraEffects as CameraEffects
 from .camera_models import CameraModel as CameraModel
-from .camera_models import LandmarkCamera as LandmarkCamera
-from .camera_models import SideCamera as SideCamera
 from .camera_models import SideViews as SideViews
 from .robot_model import DrivenUrdf as DrivenUrdf
 from .robot_model import Footprint as Footprint
