@@ -12,6 +12,7 @@ from navfw.config import find
 from navfw.context import Context
 from navfw.interfaces import Behavior, FeatureRecognizer, Localizer, Planner
 from navfw.numerics import Image
+from navfw.offis import Offis
 from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
 from navfw.signals import (
@@ -20,6 +21,7 @@ from navfw.signals import (
     Frame,
     Inertial,
     LandmarkDetection,
+    MovingObject,
     Odometry,
     PassageQuery,
     PassageReport,
@@ -31,6 +33,7 @@ from navfw.signals import (
     Waypoint,
 )
 from navfw.stack import Choice, Stack, View, Vision, load_stack
+from navfw.testing.behavior_scenes import wall_flow
 from navfw.testing.fakes import FakeSimulator
 from navfw.topomap import Passage, Place, TopoMap
 
@@ -47,7 +50,20 @@ LINE = TopoMap(
 )
 """A map of two places: the start at the origin, and a goal 3 m ahead."""
 
+OFFIS = Offis(ROBOT)
 Script = Callable[[Frame, Odometry], View]
+
+
+def wall_view(time: float = 0.0) -> View:
+    """Flow and percept of a wall 2 m ahead."""
+    flow = wall_flow(ROBOT, time, 2.0, 20.0, 20.0)
+    return View(flows=(flow,), percepts=(OFFIS.perceive(flow, Twist(0.3, 0.0)),))
+
+
+def person_ahead(frame: Frame, odometry: Odometry) -> View:
+    """A standing person straight ahead, 0.7 m from the camera."""
+    person = MovingObject(frame.time, 0.0, 0.3, 0.7, np.zeros((2, 2)), np.zeros(2))
+    return View(moving_objects=(person,))
 
 
 @cache
@@ -177,6 +193,12 @@ def sample_stack(
     built.vision = ScriptedVision(script)
     built.start(START, [GOAL])
     return built
+
+
+def context_of(stack: Stack) -> Context:
+    """The context of the stack's last decision."""
+    assert stack.mofis.context is not None
+    return stack.mofis.context
 
 
 def drive(stack: Stack, seconds: float, simulator: FakeSimulator | None = None) -> FakeSimulator:

@@ -9,14 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 from architecture_sources import ROOT, imports, tree_of
-from stack_samples import GOAL, ROBOT, START, drive, sample_stack
+from stack_samples import (
+    GOAL,
+    OFFIS,
+    ROBOT,
+    START,
+    context_of,
+    drive,
+    sample_stack,
+    wall_view,
+)
 
 from navfw.camera_geometry import rotational_flow
-from navfw.context import Context
 from navfw.egomotion import FloorOdometry, Odometer
 from navfw.guard import GuardedFlow, GuardedPerception, PluginGuard
 from navfw.interfaces import FlowProcessor
-from navfw.offis import Offis
 from navfw.signals import (
     CameraMotion,
     FlowField,
@@ -31,26 +38,18 @@ from navfw.stack import TIMED, StackSettings, View, Vision
 from navfw.testing.behavior_scenes import wall_flow
 from navfw.testing.fakes import FakeSimulator
 
-OFFIS = Offis(ROBOT)
-
-
-def wall_view(frame: Frame) -> View:
-    """Flow and percept of a wall 2 m ahead."""
-    flow = wall_flow(ROBOT, frame.time, 2.0, 20.0, 20.0)
-    return View(flows=(flow,), percepts=(OFFIS.perceive(flow, Twist(0.3, 0.0)),))
-
 
 def test_behaviours_get_the_newest_flow_and_percept() -> None:
     shown = [False, True, False, True]
-    stack = sample_stack(
-        script=lambda frame, odometry: wall_view(frame) if shown[round(10 * frame.time)] else View()
-    )
-    contexts: list[Context] = []
+
+    def script(frame: Frame, odometry: Odometry) -> View:
+        return wall_view(frame.time) if shown[round(10 * frame.time)] else View()
+
+    stack, contexts = sample_stack(script=script), []
     simulator: FakeSimulator | None = None
     for _ in shown:
         simulator = drive(stack, 0.1, simulator)
-        assert stack.mofis.context is not None
-        contexts.append(stack.mofis.context)
+        contexts.append(context_of(stack))
     none, first, same, second = contexts
     assert (none.flow, none.percept) == (None, None)
     assert first.flow is not None
@@ -65,8 +64,7 @@ def test_behaviours_get_the_newest_flow_and_percept() -> None:
     shown[0] = False
     stack.start(START, [GOAL])
     drive(stack, 0.1)
-    assert stack.mofis.context is not None
-    assert (stack.mofis.context.flow, stack.mofis.context.percept) == (None, None)
+    assert (context_of(stack).flow, context_of(stack).percept) == (None, None)
 
 
 # --- yaw corrections -----------------------------------------------------------------------------
@@ -188,5 +186,4 @@ def test_of_several_flows_of_a_view_behaviours_get_the_newest() -> None:
     flows = tuple(wall_flow(ROBOT, time, 2.0, 20.0, 20.0) for time in (0.0, 0.1))
     stack = sample_stack(script=lambda frame, odometry: View(flows=flows))
     drive(stack, 0.1)
-    assert stack.mofis.context is not None
-    assert stack.mofis.context.flow is flows[1]
+    assert context_of(stack).flow is flows[1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,16 +19,18 @@ from stack_samples import (
     RecordingPlanner,
     Rig,
     ScriptedVision,
+    context_of,
     drive,
+    person_ahead,
     registry,
     sample_stack,
+    wall_view,
 )
 
 from navfw.config import find
 from navfw.context import Context
 from navfw.errors import ConfigError, InputError
 from navfw.interfaces import Behavior
-from navfw.offis import Offis
 from navfw.plugins import inject_faults
 from navfw.signals import (
     Belief,
@@ -41,26 +44,26 @@ from navfw.signals import (
     Waypoint,
 )
 from navfw.stack import Stack, View, load_stack
-from navfw.testing.behavior_scenes import wall_flow
+
+SEEN = LandmarkDetection(0.0, "a", 0.1, 1.0, np.eye(2))
+LEG = PassageQuery(("start", "goal"), (0.0, 0.0), (2.0, 0.0), 1.0)
 
 
 def test_the_stages_get_what_the_frame_shows() -> None:
-    flow = wall_flow(ROBOT, 0.0, 2.0, 20.0, 20.0)
-    view = View(flows=(flow,), percepts=(Offis(ROBOT).perceive(flow, Twist(0.3, 0.0)),))
+    view = wall_view()
     rig = Rig(sample_stack(Idle, script=lambda frame, odometry: view))
-    seen = LandmarkDetection(0.0, "a", 0.1, 1.0, np.eye(2))
-    rig.features.detections = (seen,)
+    rig.features.detections = (SEEN,)
     rig.step(0.0)
     state = rig.stack.state
     assert rig.localizer.starts == [(LINE, START, state.odometry)]
     [(odometry, percept, detections)] = rig.localizer.updates
     assert (odometry, percept) == (state.odometry, view.percept)
-    assert [detection.identity for detection in detections] == [seen.identity]
+    assert [detection.identity for detection in detections] == [SEEN.identity]
     assert rig.planner.beliefs == [state.belief]
     assert (state.waypoint, state.path) == (GOAL, (GOAL,))
     assert state.flows is view.flows
     assert state.percept is view.percept
-    assert [detection.identity for detection in state.landmark_detections] == [seen.identity]
+    assert [detection.identity for detection in state.landmark_detections] == [SEEN.identity]
     assert state.command is not None
     assert state.time == 0.0
     # the next frame shows no percept: the state keeps the last, the localiser gets none
@@ -91,7 +94,7 @@ def test_an_invalid_frame_is_not_perceived() -> None:
     rig = Rig()
     vision = rig.stack.vision
     assert isinstance(vision, ScriptedVision)
-    rig.features.detections = (LandmarkDetection(0.0, "a", 0.1, 1.0, np.eye(2)),)
+    rig.features.detections = (SEEN,)
     rig.step(0.0)
     rig.step(0.1, np.zeros(SHAPE, np.uint8))
     assert [frame.time for frame in vision.frames] == [0.0]
@@ -139,8 +142,8 @@ def test_landmarks_are_recognised_in_landmark_frames_where_the_plugin_needs_them
 
 def test_detections_are_counted_by_identity() -> None:
     rig = Rig()
-    a, b = (LandmarkDetection(0.0, name, 0.1, 1.0, np.eye(2)) for name in "ab")
-    for time, detections in ((0.0, ()), (0.1, (a, b)), (0.2, (a,)), (0.3, ())):
+    other = replace(SEEN, identity="b")
+    for time, detections in ((0.0, ()), (0.1, (SEEN, other)), (0.2, (SEEN,)), (0.3, ())):
         rig.features.detections = detections
         rig.step(time)
         assert rig.stack.state.landmark_detections == detections
@@ -167,14 +170,13 @@ def test_the_robot_stands_for_the_warm_up() -> None:
 def test_a_lost_robot_decides_without_a_waypoint() -> None:
     rig = Rig()
     rig.localizer.lost = True
-    rig.planner.legs = (PassageQuery(("start", "goal"), (0.0, 0.0), (2.0, 0.0), 1.0),)
+    rig.planner.legs = (LEG,)
     rig.step(0.0)
     assert rig.planner.beliefs == []
     state = rig.stack.state
     assert (state.waypoint, state.finished) == (None, False)
     assert state.command is not None
-    assert rig.stack.mofis.context is not None
-    assert rig.stack.mofis.context.local_goal is None
+    assert context_of(rig.stack).local_goal is None
     # no passage is checked from a pose that is not valid
     rig.localizer.lost = False
     rig.step(0.1)
@@ -184,30 +186,26 @@ def test_a_lost_robot_decides_without_a_waypoint() -> None:
 
 def test_after_the_last_goal_the_robot_stops() -> None:
     rig = Rig(sample_stack(Ahead))
-    twist = Twist(0.0, 0.0)
-    for k in range(5):
-        twist = rig.step(0.1 * k)
-    assert twist.v > 0.0
+    twists = [rig.step(0.1 * k) for k in range(5)]
+    assert twists[-1].v > 0.0
     rig.planner.waypoint = None
     rig.step(0.5)
     assert rig.stack.state.finished
     assert rig.stack.state.command is None
     assert rig.stack.state.path == ()
-    for k in range(6, 12):
-        twist = rig.step(0.1 * k)
-    assert twist == Twist(0.0, 0.0)
+    twists = [rig.step(0.1 * k) for k in range(6, 12)]
+    assert twists[-1] == Twist(0.0, 0.0)
 
 
 def test_passage_reports_reach_the_planner_at_the_next_frame_once() -> None:
     rig = Rig()
-    leg = PassageQuery(("start", "goal"), (0.0, 0.0), (2.0, 0.0), 1.0)
-    rig.planner.legs = (leg,)
+    rig.planner.legs = (LEG,)
     rig.step(0.0)
     assert rig.planner.reports == []
     rig.step(0.1)
     (report,) = rig.planner.reports
     assert report.time == 0.0
-    assert report.passages == ((leg, "unknown"),)
+    assert report.passages == ((LEG, "unknown"),)
     for k in range(2, 6):  # the next check is half a second after the first
         rig.step(0.1 * k)
     assert len(rig.planner.reports) == 1
@@ -251,22 +249,6 @@ class Failing(Careful):
         raise RuntimeError("no proposal")
 
 
-def person_ahead(frame: Frame, odometry: Odometry) -> View:
-    """A standing person straight ahead, 0.7 m from the camera."""
-    person = MovingObject(frame.time, 0.0, 0.3, 0.7, np.zeros((2, 2)), np.zeros(2))
-    return View(moving_objects=(person,))
-
-
-def context_before_a_person(*behaviors: type[Behavior], fault_in: str | None = None) -> Context:
-    """The context after three detections of a person ahead, before any percept."""
-    stack = sample_stack(*behaviors, script=person_ahead)
-    if fault_in is not None:
-        inject_faults(stack.mofis.behaviors, fault_in)
-    drive(stack, 0.25)
-    assert stack.mofis.context is not None
-    return stack.mofis.context
-
-
 @pytest.mark.parametrize(
     ("behaviors", "fault_in", "barred"),
     [
@@ -279,7 +261,11 @@ def context_before_a_person(*behaviors: type[Behavior], fault_in: str | None = N
 def test_tracks_bar_arcs_unless_a_behaviour_handles_them(
     behaviors: tuple[type[Behavior], ...], fault_in: str | None, barred: bool
 ) -> None:
-    context = context_before_a_person(*behaviors, fault_in=fault_in)
+    stack = sample_stack(*behaviors, script=person_ahead)
+    if fault_in is not None:
+        inject_faults(stack.mofis.behaviors, fault_in)
+    drive(stack, 0.25)  # three detections of the person, before any percept
+    context = context_of(stack)
     straight = context.commands.nearest(Twist(0.3, 0.0))
     assert (context.arcs.free[straight] < 0.8) == barred
     # either way the conflict is known, and the local goal leads past
@@ -297,7 +283,6 @@ class RefusingPlanner(RecordingPlanner):
     name = "refusing_planner"
 
     def update(self, belief: Belief) -> Waypoint | None:
-        """Never gives a waypoint."""
         raise InputError("no way")
 
 
@@ -309,13 +294,9 @@ def test_parameters_that_do_not_suit_the_robot_are_an_error_in_the_stack_file() 
 
 
 def test_a_plugin_may_refuse_in_the_first_step_and_fails_in_those_after_it() -> None:
-    stack = sample_stack()
-    stack.planner.plugin = RefusingPlanner(ROBOT)
-    stack.start(START, [GOAL])
     with pytest.raises(InputError, match="no way"):
-        drive(stack, 0.02)
-    stack.planner.plugin = RecordingPlanner(ROBOT)
-    stack.start(START, [GOAL])
+        Rig(planner=RefusingPlanner(ROBOT)).step(0.0)
+    stack = Rig().stack
     simulator = drive(stack, 0.02)
     stack.planner.plugin = RefusingPlanner(ROBOT)
     drive(stack, 0.2, simulator)

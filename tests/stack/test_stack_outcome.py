@@ -6,29 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stack_samples import GOAL, ROBOT, START, Ahead, Idle, Rig, ScriptedVision, drive, sample_stack
+from stack_samples import (
+    GOAL,
+    START,
+    Ahead,
+    Idle,
+    Rig,
+    ScriptedVision,
+    drive,
+    person_ahead,
+    sample_stack,
+    wall_view,
+)
 
-from navfw.offis import Offis
 from navfw.safety import PersistentFailure
-from navfw.signals import (
-    Belief,
-    Encoders,
-    Inertial,
-    MovingObject,
-    Pose,
-    Stixels,
-    Twist,
-    Waypoint,
-)
-from navfw.stack import (
-    NO_ROUTE_AFTER,
-    STUCK_AFTER,
-    TIMED,
-    ProgressWatch,
-    StackState,
-    View,
-)
-from navfw.testing.behavior_scenes import wall_flow
+from navfw.signals import Belief, Encoders, Inertial, Pose, Stixels, Twist, Waypoint
+from navfw.stack import NO_ROUTE_AFTER, STUCK_AFTER, TIMED, ProgressWatch, StackState
 
 # --- giving up -----------------------------------------------------------------------------------
 
@@ -62,8 +55,7 @@ def test_the_stack_gives_up_without_progress_unless_it_is_lost(
 ) -> None:
     rig = Rig()
     rig.localizer.lost = lost
-    rig.step(0.0)
-    for time in np.arange(1.0, STUCK_AFTER + 0.1, 1.0):
+    for time in np.arange(0.0, STUCK_AFTER + 0.1, 1.0):
         rig.step(float(time))
         assert rig.stack.state.stuck is None
     rig.planner.reason = reason
@@ -123,11 +115,10 @@ def test_stage_times_are_accounted_for() -> None:
 
 
 def test_a_decision_can_be_explained() -> None:
-    flow = wall_flow(ROBOT, 0.0, 2.0, 20.0, 20.0)
-    percept = Offis(ROBOT).perceive(flow, Twist(0.3, 0.0))
     one = np.ones(1)
     stixels = Stixels(0.0, 0.1 * one, one, 0.1 * one, one)
-    view = View(flows=(flow,), percepts=(percept,), stixels=stixels)
+    view = replace(wall_view(), stixels=stixels)
+    (percept,) = view.percepts
     rig = Rig(sample_stack(Ahead, script=lambda frame, odometry: view))
     assert rig.stack.explain() == {}
     rig.step(0.0)
@@ -146,11 +137,7 @@ def test_a_decision_can_be_explained() -> None:
 
 
 def test_start_returns_every_part_to_the_start_of_a_run() -> None:
-    person = MovingObject(0.0, 0.0, 0.3, 0.7, np.zeros((2, 2)), np.zeros(2))
-    stack = sample_stack(
-        Ahead,
-        script=lambda frame, odometry: View(moving_objects=(replace(person, time=frame.time),)),
-    )
+    stack = sample_stack(Ahead, script=person_ahead)
     drive(stack, 0.5)
     vision = stack.vision
     assert isinstance(vision, ScriptedVision)
@@ -224,10 +211,9 @@ def test_it_gives_up_and_says_why() -> None:
     assert watched((0.0, 0.0), LAB, late).give_up_reason == "no progress toward lab for 61 s"
     doubt = watched((2.0, 1.0), LAB, late).give_up_reason
     assert doubt == "perhaps at lab: the position estimate has a sigma of 0.70 m"
-    assert watched((0.0, 0.0), LAB, 0.0, "the door is closed").give_up_reason == (
-        "the door is closed"
-    )
-    assert watched((0.0, 0.0), None, late, "the door is closed").give_up_reason is None
+    closed = "the door is closed"
+    assert watched((0.0, 0.0), LAB, 0.0, closed).give_up_reason == closed
+    assert watched((0.0, 0.0), None, late, closed).give_up_reason is None
 
 
 @pytest.mark.parametrize(("waypoint", "no_route"), [(LAB, None), (None, "the door is closed")])
