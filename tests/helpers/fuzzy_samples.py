@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
 from navfw.fuzzy import And, Clause, Is, Not, Or, RuleBase, atoms, rule_base_from_mapping
 
+SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
+BOUNDED = settings(max_examples=20, suppress_health_check=SLOW)
 SMALL = {
     "name": "turn",
     "inputs": {
@@ -47,6 +50,12 @@ SMALL = {
 def small(**changes: Any) -> dict[str, Any]:
     """A valid rule base as a mapping, some keys changed; do not write into its parts."""
     return {**SMALL, **changes}
+
+
+def with_default(default: float, rules: list[str]) -> dict[str, Any]:
+    """The valid rule base with other rules, and a default of its output."""
+    turn = {**small()["outputs"]["turn"], "default": default}
+    return small(rules=rules, outputs={"turn": turn})
 
 
 def _number(low: float, high: float) -> st.SearchStrategy[float]:
