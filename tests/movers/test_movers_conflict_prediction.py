@@ -18,6 +18,7 @@ ROBOT = RobotModel()
 COMMANDS = CommandGrid(ROBOT)
 CERTAIN = ConflictParams(uncertainty=0.0)
 STANDING = Twist(0.0, 0.0)
+ORIGIN = Pose(0.0, 0.0, 0.0)
 RADIUS = 0.25
 TOUCH = RADIUS + ROBOT.radius
 """Distance [m] of the centres at contact."""
@@ -29,10 +30,15 @@ def track(x: float, y: float, vx: float, vy: float) -> Track:
 
 
 def conflicts(
-    *tracks: Track, twist: Twist = STANDING, time: float = 0.0, params: ConflictParams = CERTAIN
+    *tracks: Track,
+    twist: Twist = STANDING,
+    time: float = 0.0,
+    params: ConflictParams = CERTAIN,
+    pose: Pose = ORIGIN,
+    robot: RobotModel = ROBOT,
 ) -> Conflicts:
-    odometry = Odometry(time, Pose(0, 0, 0), twist, 0.0, still=False)
-    predicted = ConflictPredictor(ROBOT, params).predict(tracks, odometry, COMMANDS.v, COMMANDS.w)
+    odometry = Odometry(time, pose, twist, 0.0, still=False)
+    predicted = ConflictPredictor(robot, params).predict(tracks, odometry, COMMANDS.v, COMMANDS.w)
     assert predicted is not None
     return predicted
 
@@ -44,7 +50,7 @@ def closest(predicted: Conflicts, v: float, w: float) -> tuple[float, float]:
 
 
 def test_without_tracks_there_are_no_conflicts() -> None:
-    odometry = Odometry(0.0, Pose(0, 0, 0), STANDING, 0.0, still=False)
+    odometry = Odometry(0.0, ORIGIN, STANDING, 0.0, still=False)
     predictor = ConflictPredictor(ROBOT, CERTAIN)
     assert predictor.predict((), odometry, COMMANDS.v, COMMANDS.w) is None
 
@@ -202,9 +208,7 @@ def test_the_prediction_is_the_same_wherever_odoms_origin_is(frame: Pose, twist:
         ahead = Pose(0.0, 0.0, frame.yaw).to_parent(vx, vy)
         there.append(track(*frame.to_parent(x, y), *ahead))
     expected = conflicts(*here, twist=twist)
-    odometry = Odometry(0.0, frame, twist, 0.0, still=False)
-    found = ConflictPredictor(ROBOT, CERTAIN).predict(there, odometry, COMMANDS.v, COMMANDS.w)
-    assert found is not None
+    found = conflicts(*there, twist=twist, pose=frame)
     np.testing.assert_allclose(found.distance, expected.distance, atol=1e-9)
     np.testing.assert_allclose(found.approach, expected.approach, atol=1e-9)
     assert found.nearest == pytest.approx(expected.nearest)
@@ -241,8 +245,6 @@ def test_the_way_of_a_command_is_that_of_its_drive(seed: int) -> None:
 def test_contact_is_at_the_time_of_the_first_touch() -> None:
     # numbers whose sums are exact: a distance is zero, not nearly so
     robot = RobotModel(radius=0.25)
-    predictor = ConflictPredictor(robot, CERTAIN)
-    odometry = Odometry(0.0, Pose(0, 0, 0), STANDING, 0.0, still=True)
     index = COMMANDS.nearest(STANDING)
     for x, vx, time in (
         (0.5, -0.25, 0.0),  # touches, and comes closer
@@ -251,8 +253,7 @@ def test_contact_is_at_the_time_of_the_first_touch() -> None:
         (1.0, 0.0, 0.0),  # stands: as close at once as later
         (1.0, -0.25, 2.0),
     ):
-        predicted = predictor.predict([track(x, 0, vx, 0)], odometry, COMMANDS.v, COMMANDS.w)
-        assert predicted is not None
+        predicted = conflicts(track(x, 0, vx, 0), robot=robot)
         assert predicted.time[index] == pytest.approx(time, abs=1e-9), (x, vx)
 
 
@@ -267,10 +268,5 @@ def test_distances_shrink_with_time_by_the_uncertainty() -> None:
 def test_parameters_are_within_their_ranges() -> None:
     check_ranges(
         ConflictParams,
-        {
-            "horizon": "(0, 10]",
-            "turn_time": "[0, 10]",
-            "onward_speed": "[0, 2]",
-            "uncertainty": "[0, 1]",
-        },
+        "horizon (0, 10], turn_time [0, 10], onward_speed [0, 2], uncertainty [0, 1]",
     )

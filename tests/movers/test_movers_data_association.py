@@ -1,4 +1,4 @@
-"""Data association: the track that a detection corrects, or begins, and tracks of one object."""
+"""Detections that are one object: of a track, of tracks that merge, and of adjacent views."""
 
 from __future__ import annotations
 
@@ -6,9 +6,13 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from movers_detections import AHEAD, ROBOT, START, cross, detection
 
-from navfw.movers import Track, Tracker, TrackerParams
+from navfw.movers import Track, Tracker, TrackerParams, merge_views
+from navfw.robot import RobotModel, SideViews
+from navfw.signals import MovingObject
 
 
 def test_a_second_track_of_the_same_object_is_dropped() -> None:
@@ -151,3 +155,72 @@ def test_two_detections_are_never_one_track_nor_merged() -> None:
     tracker.update([near, nearer], START)
     assert [track.hits for track in tracker.tracks] == [6, 1]
     assert tracker.tracks[0].state[1] < 0.0, "the nearer detection is associated"
+
+
+# --- parts of one object in adjacent views are joined, other detections are not -------------------
+
+WIDE = RobotModel(side_views=SideViews())
+CAMERAS = (WIDE.camera, *WIDE.side_cameras)
+HALF = 0.5 * WIDE.camera.hfov
+
+
+def part(right: float, left: float, distance: float = 1.0) -> MovingObject:
+    """A detection between two bearings [rad] of an object that moves ahead."""
+    middle, width = 0.5 * (left + right), 0.5 * (left - right)
+    return detection(1.0, middle, distance, width=width, velocity=(0.3, 0.0), certainty=100.0)
+
+
+@given(
+    middle=st.floats(HALF - 0.05, HALF + 0.05),
+    width=st.floats(0.15, 0.3),
+    distance=st.floats(0.3, 2.0),
+    side=st.sampled_from([1, -1]),
+)
+def test_parts_at_the_border_of_two_views_are_one(
+    middle: float, width: float, distance: float, side: int
+) -> None:
+    # flow ends a little before the border of either image
+    inner = part(middle - width, HALF - 0.05, distance)
+    outer = part(HALF - 0.02, middle + width, 1.2 * distance)
+    if side < 0:
+        inner, outer = (
+            part(-m.bearing - m.width, -m.bearing + m.width, m.distance) for m in (inner, outer)
+        )
+    views = [[inner], [outer], []] if side > 0 else [[inner], [], [outer]]
+    (joined,) = merge_views(views, CAMERAS)
+    assert joined.bearing == pytest.approx(side * middle, abs=1e-9)
+    assert joined.width == pytest.approx(width, abs=1e-9)
+    assert distance <= joined.distance <= 1.2 * distance
+    assert joined.velocity()[0] == pytest.approx(0.3, rel=0.1)
+    assert np.allclose(joined.information, 200.0 * np.eye(2))
+
+
+def test_an_object_across_all_three_views_is_one() -> None:
+    views = [
+        [part(-HALF + 0.03, HALF - 0.03, 0.3)],
+        [part(HALF - 0.05, 1.0, 0.3)],
+        [part(-1.0, -HALF + 0.05, 0.3)],
+    ]
+    (joined,) = merge_views(views, CAMERAS)
+    assert joined.width == pytest.approx(1.0)
+
+
+def test_detections_far_from_the_border_stay_apart() -> None:
+    views = [
+        [part(0.1, 0.4)],
+        [part(0.7, 0.9), part(1.2, 1.4)],
+        [part(-1.2, -1.0)],
+    ]
+    joined = merge_views(views, CAMERAS)
+    assert [round(m.bearing, 2) for m in joined] == [1.3, 0.8, 0.25, -1.1]
+
+
+def test_parts_at_different_distances_are_two_objects() -> None:
+    views = [[part(0.5, HALF - 0.05, 2.0)], [part(HALF - 0.05, 1.0, 0.6)], []]
+    assert len(merge_views(views, CAMERAS)) == 2
+
+
+def test_a_single_view_is_left_as_it_is() -> None:
+    ahead = [part(0.5, HALF), part(-0.2, 0.1)]
+    assert merge_views([ahead], CAMERAS[:1]) == tuple(ahead)
+    assert math.isclose(ahead[0].distance, 1.0)

@@ -28,12 +28,10 @@ def frame_at(
     robot: RobotModel, time: float, twist: Twist, boards: tuple[Board, ...]
 ) -> tuple[Frame, Odometry]:
     """Frame and odometry at ``time`` [s] of a robot that drives ``twist`` from the origin."""
-    pose = Pose(0.0, 0.0, 0.0)
+    pose = Pose(twist.v * time, 0.0, 0.0)
     if twist.w:
         turn, radius = twist.w * time, twist.v / twist.w
         pose = Pose(radius * float(np.sin(turn)), radius * float(1.0 - np.cos(turn)), turn)
-    else:
-        pose = Pose(twist.v * time, 0.0, 0.0)
     ahead, *sides = (
         board_image(camera, pose, time, boards) for camera in (robot.camera, *robot.side_cameras)
     )

@@ -16,20 +16,15 @@ from navfw.localmap import OccupancyGrid
 from navfw.movers import Track, Tracker, TrackerParams
 from navfw.signals import OccupiedDisc, Pose
 
+POSES = st.builds(Pose, st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.1, 3.1))
+
 
 @settings(max_examples=50, deadline=None)
-@given(
-    st.floats(-3, 3),
-    st.floats(-3, 3),
-    st.floats(-3.1, 3.1),
-    st.floats(-0.7, 0.7),
-    st.floats(0.5, 2.5),
-    st.floats(0.02, 0.4),
-)
+@given(POSES, st.floats(-0.7, 0.7), st.floats(0.5, 2.5), st.floats(0.02, 0.4))
 def test_an_object_is_centred_behind_its_visible_front(
-    x: float, y: float, yaw: float, bearing: float, distance: float, width: float
+    pose: Pose, bearing: float, distance: float, width: float
 ) -> None:
-    tracker, pose = Tracker(ROBOT), Pose(x, y, yaw)
+    tracker = Tracker(ROBOT)
     tracker.update([detection(0.0, bearing, distance, width=width)], pose)
     assert tracker.occupied_discs(0.0) == ()  # one detection confirms nothing
     tracker.update([detection(0.1, bearing, distance, width=width)], pose)
@@ -271,19 +266,9 @@ def test_reset_drops_all_tracks() -> None:
 
 
 def test_parameters_are_within_their_ranges() -> None:
-    positive = "(0, 100]"
     check_ranges(
         TrackerParams,
-        {
-            "max_age_in_view": "(0, 30]",
-            "max_age_out_of_view": "(0, 30]",
-            "gate": positive,
-            "bearing_sigma": positive,
-            "distance_sigma": positive,
-            "speed_sigma": positive,
-            "acceleration_sigma": positive,
-            "min_hits": "[1, 50]",
-            "max_speed": positive,
-            "path_time": "[0, 5]",
-        },
+        "max_age_in_view (0, 30], max_age_out_of_view (0, 30], gate (0, 100], "
+        "bearing_sigma (0, 100], distance_sigma (0, 100], speed_sigma (0, 100], "
+        "acceleration_sigma (0, 100], min_hits [1, 50], max_speed (0, 100], path_time [0, 5]",
     )
