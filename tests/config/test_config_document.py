@@ -1,16 +1,33 @@
+"""YAML files: what is read with which lines, what is refused, and quick composition."""
+
 from __future__ import annotations
 
 import contextlib
 import math
+import string
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode
 
-from navfw.config import MAX_DEPTH, KeyPath, key_text, load_yaml, parse_yaml
+from navfw.config import (
+    MAX_DEPTH,
+    MAX_NESTING,
+    KeyPath,
+    compose_quickly,
+    key_text,
+    load_yaml,
+    parse_yaml,
+)
 from navfw.errors import ConfigError
+
+
+def ruamel() -> YAML:
+    return YAML(typ="safe", pure=True)
 
 
 def load(folder: Path, text: str | bytes, name: str = "world.yaml") -> ConfigError:
@@ -166,7 +183,7 @@ def test_parts_by_path_and_the_text_of_a_path() -> None:
     assert key_text((0, "a")) == "[0].a"
 
 
-plain = st.recursive(
+values = st.recursive(
     st.none()
     | st.booleans()
     | st.integers(-(10**12), 10**12)
@@ -182,18 +199,18 @@ plain = st.recursive(
 )
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(plain)
+@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+@given(values)
 def test_reads_what_ruamel_writes(tmp_path_factory: pytest.TempPathFactory, data: object) -> None:
     path = tmp_path_factory.mktemp("plain") / "a.yaml"
     with path.open("w", encoding="utf-8") as stream:
-        YAML(typ="safe", pure=True).dump({"data": data}, stream)
+        ruamel().dump({"data": data}, stream)
     document = load_yaml(path)
     assert document.data == {"data": data}
     assert (document.line_of(("data",)) or 0) >= 1
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.text("ab:-[]{}#&*!|>'\"%@`,?\n \t0.<~\\\0é", max_size=25))
 @example("%YAML 9.9\n---\na: 1")
 @example("%TAG ! x\n---\na: !b")
@@ -208,3 +225,76 @@ def test_reads_what_ruamel_writes(tmp_path_factory: pytest.TempPathFactory, data
 def test_any_text_is_read_or_raises_config_error(text: str) -> None:
     with contextlib.suppress(ConfigError):
         parse_yaml(text, "a.yaml")
+
+
+# --- composed quickly: texts composed from libyaml's events are those that ruamel.yaml composes ---
+
+ROOT = Path(__file__).parents[2]
+FILES = sorted(
+    path
+    for folder in ("worlds", "maps", "behaviors", "navfw")
+    for path in (ROOT / folder).rglob("*.yaml")
+)
+PLAIN_WORDS = """
+    yes no on null ~ true False 0o17 017 1:30 1_000 0x1F +1 1. -.inf .nan 1e3 2020-01-01 << *a | >-
+    '' 'a''b' "\\u00e9" [ ] { } , --- ...
+"""
+WORDS = [
+    *PLAIN_WORDS.split(),
+    *("!!str 1", "&a b", "? ", "- ", ": ", "# c", "\n", "\n  ", "\r\n"),
+    *("\t", "\x85", "\u2028", "%YAML 1.1\n", "\ufeff"),
+]
+
+
+def plain(node: Node) -> object:
+    """Tags, texts and lines of a node and all within it; what is empty has no line."""
+    line = node.start_mark.line if node.value != "" else None
+    if isinstance(node, ScalarNode):
+        return str(node.tag), node.value, line
+    if isinstance(node, MappingNode):
+        return str(node.tag), [(plain(key), plain(value)) for key, value in node.value], line
+    return str(node.tag), [plain(item) for item in node.value], line
+
+
+def test_shipped_files_are_composed_quickly_and_alike() -> None:
+    for path in FILES:
+        text = path.read_text(encoding="utf-8")
+        quick, slow = compose_quickly(text, 100_000), ruamel().compose(text)
+        assert quick is not None, path
+        assert slow is not None, path
+        assert plain(quick) == plain(slow), path
+
+
+@settings(max_examples=300)
+@given(
+    st.lists(st.sampled_from([*WORDS, *string.ascii_lowercase[:3], " ", "a: ", "b"]), max_size=12)
+)
+def test_any_text_is_composed_alike_or_left_to_ruamel(parts: list[str]) -> None:
+    text = "".join(parts)
+    quick = compose_quickly(text, 1000)
+    if quick is None:
+        return
+    try:
+        slow = ruamel().compose(text)
+    except YAMLError as error:
+        raise AssertionError(f"ruamel.yaml refuses {text!r}") from error
+    assert slow is not None
+    assert plain(quick) == plain(slow)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "a: b: c",
+        "a: [1",
+        "a\tb: 1",
+        "x: !!int 3",
+        "x: &a: 1",
+        "--- 1",
+        "[1, 2, 3, 4, 5]",
+        "[" * (MAX_NESTING + 2) + "]" * (MAX_NESTING + 2),
+    ],
+)
+def test_what_is_not_ordinary_is_left_to_ruamel(text: str) -> None:
+    assert compose_quickly(text, 5) is None

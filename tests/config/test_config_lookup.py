@@ -1,11 +1,18 @@
+"""Files found by kind and name, shipped and of a project; projects; kinds of files."""
+
 from __future__ import annotations
 
+import json
 import os
+import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
+from cli_calls import invoke, put_files
 
-from navfw.config import lookup
+from navfw.cli.options import completer_of
+from navfw.config import FILE_KINDS, FileKind, StrictModel, load_yaml, lookup, validate
 from navfw.errors import ConfigError, UnknownNameError, did_you_mean
 
 HOME = Path(lookup.__file__).parents[2]
@@ -15,12 +22,10 @@ HOME = Path(lookup.__file__).parents[2]
 def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A shipped folder of the test's own, and a working folder outside of any project."""
     folder = tmp_path / "shipped"
-    for world, missions in {"office": ["to-lab", "patrol"], "empty": ["ahead"]}.items():
-        write(folder / "worlds" / world / "world.yaml")
-        for mission in missions:
-            write(folder / "worlds" / world / "missions" / f"{mission}.yaml")
-    write(folder / "worlds" / "suites" / "all.yaml")
-    write(folder / "maps" / "office.yaml")
+    missions = ("office/missions/to-lab", "office/missions/patrol", "empty/missions/ahead")
+    for name in ("office/world", "empty/world", *missions, "suites/all"):
+        write(folder / "worlds" / f"{name}.yaml")
+    write(folder / "maps/office.yaml")
     (folder / "behaviors").mkdir()
     work = tmp_path / "work"
     work.mkdir()
@@ -122,11 +127,9 @@ def test_plugins_of_the_project_come_after_the_shipped_ones(shipped: Path, proje
     assert lookup.plugin_folders()[2:] == [project / "plugins"]
 
 
-def test_the_checkout_is_not_its_own_second_project(
-    shipped: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_checkout_is_not_its_own_second_project(shipped: Path) -> None:
     write(shipped / "navfw.toml", "")
-    monkeypatch.chdir(shipped)
+    os.chdir(shipped)  # the fixture returns to where it was
     assert lookup.plugin_folders() == [shipped / "behaviors"]
     assert names(lookup.list_files("world")) == ["empty (shipped)", "office (shipped)"]
 
@@ -236,3 +239,64 @@ def test_an_installed_package_contains_the_shipped_files(
     (tmp_path / "navfw" / "shipped").mkdir(parents=True)
     monkeypatch.setattr(lookup, "_PACKAGE", tmp_path / "navfw")
     assert lookup.shipped_folder() == tmp_path / "navfw" / "shipped"
+
+
+# --- a kind of file is one entry of the table: all that names, lists or checks files knows it -----
+
+
+class NoteSpec(StrictModel):
+    text: str
+
+
+def load_note(path: str) -> NoteSpec:
+    return validate(load_yaml(path), NoteSpec)
+
+
+@pytest.fixture
+def notes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A project with files of a kind that navfw does not have."""
+    module = ModuleType("notes_of_a_test")
+    vars(module).update(NoteSpec=NoteSpec, load_note=load_note)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    kind = FileKind(
+        name="note",
+        plural="notes",
+        pattern="notes/*.yaml",
+        key="text",
+        model="notes_of_a_test:NoteSpec",
+        load="notes_of_a_test:load_note",
+    )
+    monkeypatch.setitem(FILE_KINDS, "note", kind)
+    put_files(tmp_path, {"navfw.toml": "", "notes/a.yaml": "text: x\n", "b.yaml": "text: 1\n"})
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_further_kind_is_found_completed_checked_and_described(notes: Path) -> None:
+    assert [file.name for file in lookup.list_files("note")] == ["a"]
+    assert lookup.find("note", "a") == notes / "notes/a.yaml"
+    with pytest.raises(UnknownNameError, match="unknown note 'b': known: a"):
+        lookup.find("note", "b")
+    assert completer_of("note")(None, "") == ["a"]  # type: ignore[arg-type]
+    checked = json.loads(invoke("check", "--json", "b.yaml", ".").stdout)
+    assert [(row["kind"], row["error"]) for row in checked] == [
+        ("note", "b.yaml:1: text: expected text, got 1; quote it to make it text"),
+        ("note", None),
+    ]
+    schema = json.loads(invoke("schema", "note").stdout)
+    assert list(schema["properties"]) == ["text"]
+    counted = json.loads(invoke("list", "--json").stdout)
+    assert {"name": "notes", "count": 1} in counted
+
+
+def test_a_kind_says_what_is_wrong_in_its_file(notes: Path) -> None:
+    (notes / "notes/a.yaml").write_text("txt: x\n")
+    with pytest.raises(ConfigError, match=r"notes/a.yaml:1: txt: unknown key"):
+        FILE_KINDS["note"].check_file(Path("notes/a.yaml"), None)
+
+
+@pytest.mark.parametrize("kind", FILE_KINDS.values(), ids=lambda kind: kind.name)
+def test_every_kind_has_files_and_what_it_names(kind: FileKind) -> None:
+    assert lookup.list_files(kind.name)
+    assert bool(kind.load) != bool(kind.check)
+    assert kind.schema()["type"] == "object"

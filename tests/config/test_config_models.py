@@ -91,104 +91,67 @@ def error(text: str, *overrides: str) -> str:
     return str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("ligth: dim", "w.yaml:2: ligth: unknown key; did you mean 'light'?"),
-        (
-            "shapes: [{kind: box, size: [1, 2], sice: 3}]",
-            "shapes[0].sice: unknown key; did you mean 'size'?",
-        ),
-        (
-            "places:\n  lab: {nam: x, name: y}",
-            "w.yaml:3: places.lab.nam: unknown key; did you mean 'name'?",
-        ),
-        (
-            "shapes: [{kind: boks, size: [1, 2]}]",
-            "shapes[0].kind: unknown kind 'boks': did you mean 'box'?",
-        ),
-        ("shapes: [{size: [1, 2]}]", "shapes[0]: missing 'kind'; expected one of box, cylinder"),
-        ("shapes: [7]", "shapes[0]: expected a mapping, got 7"),
-        (
-            "one: {kind: cylinder, radius: 0}",
-            "one.radius: expected a number > 0 (of the body [m]), got 0",
-        ),
-        ("one: {kind: cylinder, radios: 1}", "one.radius: missing; expected a number > 0"),
-        ("shapes: [{kind: box, size: [1]}]", "shapes[0].size[1]: missing; expected a number"),
-        (
-            "shapes: [{kind: box, size: [1, 2, 3]}]",
-            "shapes[0].size: expected a list of 2 numbers, got 3 items",
-        ),
-        (
-            "shapes: [{kind: box, size: [1, wide]}]",
-            "size[1]: expected a number, got the text 'wide'",
-        ),
-        (
-            "floor: tile",
-            "floor: expected one of carpet, tiles, got the text 'tile'; did you mean 'tiles'?",
-        ),
-        (
-            "light: bride",
-            "light: expected one of dim, bright, got the text 'bride'; did you mean 'bright'?",
-        ),
-        ("light: 3", "light: expected one of dim, bright, got 3"),
-        ("open: yes", "open: expected true or false, got the text 'yes'"),
-        ("open: 1", "open: expected true or false, got 1"),
-        ("height: '3'", "height: expected a number or null, got the text '3'"),
-        ("height: true", "height: expected a number or null, got true"),
-        ("height: .inf", "height: expected a number or null, got inf"),
-        ("height: .nan", "height: expected a number or null, got nan"),
-        ("height: -1", "height: a room is not upside down"),
-        ("either: {a: 1}", "either.a: unknown key; known: kind, size"),
-        (
-            "either: {kind: box, size: [1, x]}",
-            "either.size[1]: expected a number, got the text 'x'",
-        ),
-        ("either: [1, x]", "either[1]: expected a number, got the text 'x'"),
-        (
-            "either: wide",
-            "either: expected a whole number or a list of numbers or a mapping, got the text",
-        ),
-        ("title: 3", "title: expected text with length >= 1, got 3; quote it to make it text"),
-        ("title: ''", "title: expected text with length >= 1, got the text ''"),
-        ("from: [a]", "from: expected text, got the list ['a']"),
-        ("form: a", "form: unknown key; did you mean 'from'?"),
-        ("places: [a]", "places: expected a mapping to mappings, got the list ['a']"),
-        ("places: {a: 3}", "places.a: expected a mapping, got 3"),
-        ("low: 3", "w.yaml:1: low 3 is above high 1"),
-    ],
-)
+def rows(table: str) -> list[list[str]]:
+    r"""The rows of a table of texts (with \n between lines) and messages."""
+    return [row.replace(r"\n", "\n").split(" | ") for row in table.strip().splitlines()]
+
+
+ERRORS = r"""
+ligth: dim | w.yaml:2: ligth: unknown key; did you mean 'light'?
+shapes: [{kind: box, size: [1, 2], sice: 3}] | shapes[0].sice: unknown key; did you mean 'size'?
+places:\n  lab: {nam: x, name: y} | w.yaml:3: places.lab.nam: unknown key; did you mean 'name'?
+shapes: [{kind: boks, size: [1, 2]}] | shapes[0].kind: unknown kind 'boks': did you mean 'box'?
+shapes: [{size: [1, 2]}] | shapes[0]: missing 'kind'; expected one of box, cylinder
+shapes: [7] | shapes[0]: expected a mapping, got 7
+one: {kind: cylinder, radius: 0} | one.radius: expected a number > 0 (of the body [m]), got 0
+one: {kind: cylinder, radios: 1} | one.radius: missing; expected a number > 0
+shapes: [{kind: box, size: [1]}] | shapes[0].size[1]: missing; expected a number
+shapes: [{kind: box, size: [1, 2, 3]}] | shapes[0].size: expected a list of 2 numbers, got 3 items
+shapes: [{kind: box, size: [1, wide]}] | size[1]: expected a number, got the text 'wide'
+floor: tile | floor: expected one of carpet, tiles, got the text 'tile'; did you mean 'tiles'?
+light: bride | light: expected one of dim, bright, got the text 'bride'; did you mean 'bright'?
+light: 3 | light: expected one of dim, bright, got 3
+open: yes | open: expected true or false, got the text 'yes'
+open: 1 | open: expected true or false, got 1
+height: '3' | height: expected a number or null, got the text '3'
+height: true | height: expected a number or null, got true
+height: .inf | height: expected a number or null, got inf
+height: .nan | height: expected a number or null, got nan
+height: -1 | height: a room is not upside down
+either: {a: 1} | either.a: unknown key; known: kind, size
+either: {kind: box, size: [1, x]} | either.size[1]: expected a number, got the text 'x'
+either: [1, x] | either[1]: expected a number, got the text 'x'
+either: wide | either: expected a whole number or a list of numbers or a mapping, got the text
+title: 3 | title: expected text with length >= 1, got 3; quote it to make it text
+title: '' | title: expected text with length >= 1, got the text ''
+from: [a] | from: expected text, got the list ['a']
+form: a | form: unknown key; did you mean 'from'?
+places: [a] | places: expected a mapping to mappings, got the list ['a']
+places: {a: 3} | places.a: expected a mapping, got 3
+low: 3 | w.yaml:1: low 3 is above high 1
+"""
+
+
+@pytest.mark.parametrize(("text", "message"), rows(ERRORS))
 def test_errors_name_key_expected_and_actual_value(text: str, message: str) -> None:
     assert message in error(GOOD + text)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("rooms: []", "w.yaml:1: rooms: expected a list of mappings with length >= 1, got 0 items"),
-        ("rooms:\n- nam: lobby", "w.yaml:2: rooms[0].name: missing; expected text"),
-        ("rooms:\n- name: 101", "rooms[0].name: expected text, got 101; quote it to make it text"),
-        (
-            "rooms: [{name: a, doors: 5}]",
-            "rooms[0].doors: expected a whole number >= 0 and <= 4, got 5",
-        ),
-        (
-            "rooms: [{name: a, doors: 1.5}]",
-            "rooms[0].doors: expected a whole number >= 0 and <= 4, got 1.5",
-        ),
-        (
-            "rooms: [{name: a, tags: []}]",
-            "rooms[0].tags: expected a list of texts with length >= 1",
-        ),
-        (
-            "rooms: [{name: a, wall: {kind: box, size: x}}]",
-            "rooms[0].wall.size: expected a list of 2 numbers",
-        ),
-        ("rooms: [{name: a, wall: 3}]", "rooms[0].wall: expected a mapping or text, got 3"),
-        ("rooms: [null]", "rooms[0]: expected a mapping, got nothing"),
-        ("{}", "w.yaml:1: rooms: missing; expected a list of mappings"),
-    ],
-)
+ERRORS_IN_LISTS = r"""
+rooms: [] | w.yaml:1: rooms: expected a list of mappings with length >= 1, got 0 items
+rooms:\n- nam: lobby | w.yaml:2: rooms[0].name: missing; expected text
+rooms:\n- name: 101 | rooms[0].name: expected text, got 101; quote it to make it text
+rooms: [{name: a, doors: 5}] | rooms[0].doors: expected a whole number >= 0 and <= 4, got 5
+rooms: [{name: a, doors: 1.5}] | rooms[0].doors: expected a whole number >= 0 and <= 4, got 1.5
+rooms: [{name: a, tags: []}] | rooms[0].tags: expected a list of texts with length >= 1
+rooms: [{name: a, wall: {kind: box, size: x}}] | rooms[0].wall.size: expected a list of 2 numbers
+rooms: [{name: a, wall: 3}] | rooms[0].wall: expected a mapping or text, got 3
+rooms: [null] | rooms[0]: expected a mapping, got nothing
+{} | w.yaml:1: rooms: missing; expected a list of mappings
+"""
+
+
+@pytest.mark.parametrize(("text", "message"), rows(ERRORS_IN_LISTS))
 def test_errors_in_lists_name_the_item(text: str, message: str) -> None:
     assert message in error(text)
 
@@ -255,35 +218,26 @@ def test_overrides_change_add_and_index(tmp_path: Path) -> None:
     assert (world.height, world.places["lab"].name, world.from_) == (2.5, "7", "a=b")
 
 
-@pytest.mark.parametrize(
-    ("override", "message"),
-    [
-        ("high=x", "--set high=x: expected a number, got the text 'x'"),
-        ("rooms.0.doors=9", "--set rooms.0.doors=9: rooms[0].doors: expected a whole number >= 0"),
-        ("hihg=2", "--set hihg=2: unknown key; did you mean 'high'?"),
-        ("places.lab.nam=x", "--set places.lab.nam=x: unknown key; did you mean 'name'?"),
-        ("one.kind=boks", "--set one.kind=boks: unknown kind 'boks': did you mean 'box'?"),
-        (
-            "one={kind: box, size: [1, x]}",
-            "--set one={kind: box, size: [1, x]}: one.size[1]: expected a number",
-        ),
-        ("foo.bar.baz=1", "--set foo.bar.baz=1: foo: unknown key; did you mean"),
-        ("rooms.3.name=x", "--set rooms.3.name=x: rooms has 1 items, counted from 0"),
-        (
-            "rooms.loby.doors=1",
-            "rooms is a list: expected an index or a name, got 'loby'; did you mean 'lobby'?",
-        ),
-        (
-            "rooms.0.name.x=1",
-            "--set rooms.0.name.x=1: rooms[0].name is 'lobby' and contains no 'x'",
-        ),
-        ("high", "--set high: expected key=value"),
-        ("=3", "--set =3: expected key=value"),
-        ("a..b=3", "--set a..b=3: expected key=value"),
-        ("high=[1", "--set high=[1: expected a YAML value after '='"),
-        ("low=5", "w.yaml:1: low 5 is above high 1 (with --set low=5)"),
-    ],
-)
+ERRORS_OF_OVERRIDES = r"""
+high=x | --set high=x: expected a number, got the text 'x'
+rooms.0.doors=9 | --set rooms.0.doors=9: rooms[0].doors: expected a whole number >= 0
+hihg=2 | --set hihg=2: unknown key; did you mean 'high'?
+places.lab.nam=x | --set places.lab.nam=x: unknown key; did you mean 'name'?
+one.kind=boks | --set one.kind=boks: unknown kind 'boks': did you mean 'box'?
+one={kind: box, size: [1, x]} | --set one={kind: box, size: [1, x]}: one.size[1]: expected a number
+foo.bar.baz=1 | --set foo.bar.baz=1: foo: unknown key; did you mean
+rooms.3.name=x | --set rooms.3.name=x: rooms has 1 items, counted from 0
+rooms.loby.doors=1 | rooms is a list: expected an index or a name, got 'loby'; did you mean 'lobby'?
+rooms.0.name.x=1 | --set rooms.0.name.x=1: rooms[0].name is 'lobby' and contains no 'x'
+high | --set high: expected key=value
+=3 | --set =3: expected key=value
+a..b=3 | --set a..b=3: expected key=value
+high=[1 | --set high=[1: expected a YAML value after '='
+low=5 | w.yaml:1: low 5 is above high 1 (with --set low=5)
+"""
+
+
+@pytest.mark.parametrize(("override", "message"), rows(ERRORS_OF_OVERRIDES))
 def test_errors_name_the_override(override: str, message: str) -> None:
     assert message in error(GOOD, override)
 
