@@ -1,10 +1,13 @@
-"""Occupancy grids with boxes, for tests of the local map."""
+"""Occupancy grids with boxes, and percepts by their numbers, for tests of the local map."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from navfw.localmap import OccupancyGrid
+from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.signals import Pose
+from navfw.signals import Label, Percept, Pose
 
 ROBOT = RobotModel()
 ORIGIN = Pose(0, 0, 0)
@@ -26,3 +29,31 @@ def grid_with(*boxes: tuple[float, float, float, float], observed: bool = True) 
         r1, c1 = occupancy.index(x1, y1)
         occupancy.log_odds[r0 : r1 + 1, c0 : c1 + 1] = 3.0
     return occupancy
+
+
+def metric_percept(
+    time: float,
+    points: Array,
+    nearness: Array | float,
+    sigma: Array | float,
+    label: Label,
+    height: float = 0.0,
+) -> Percept:
+    """A percept of ``points`` (rows, columns, 2), sure of them, without a fuzzy part."""
+    every = np.ones(points.shape[:2])
+    return Percept(
+        time=time,
+        points=points,
+        nearness=nearness * every,
+        sigma=sigma * every,
+        confidence=every,
+        height=height * every,
+        label=np.full(every.shape, label, np.int8),
+        obstacles={},
+        quadrants={},
+        planes={},
+        slopes={},
+        situations={},
+        floor_in_front=0.0,
+        sentence="",
+    )

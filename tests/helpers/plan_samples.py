@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from localization_drives import step
+from localmap_samples import metric_percept
 
 from navfw.numerics import Array
 from navfw.robot import RobotModel
@@ -71,23 +72,9 @@ def wall_percept(
     if shared > 0.0:
         depth *= 1.0 + shared * rng.standard_normal()
     x = -camera.focal * np.tan(BEARINGS)
-    shape = (1, len(BEARINGS))
-    return Percept(
-        time=time,
-        points=np.stack([x, np.zeros_like(x)], axis=-1)[None],
-        nearness=(1.0 / depth)[None],
-        sigma=(0.03 / depth)[None],
-        confidence=np.ones(shape),
-        height=np.full(shape, camera.mount_height),
-        label=np.full(shape, Label.OBSTACLE, np.int8),
-        obstacles={},
-        quadrants={},
-        planes={},
-        slopes={},
-        situations={},
-        floor_in_front=0.0,
-        sentence="",
-    )
+    points = np.stack([x, np.zeros_like(x)], axis=-1)[None]
+    nearness, sigma = (1.0 / depth)[None], (0.03 / depth)[None]
+    return metric_percept(time, points, nearness, sigma, Label.OBSTACLE, camera.mount_height)
 
 
 def arcs(

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from localmap_samples import ORIGIN, ROBOT, metric_percept
 from param_ranges import check_ranges
 
 from navfw.localmap import (
@@ -26,11 +27,9 @@ from navfw.localmap import (
 )
 from navfw.offis import Offis
 from navfw.robot import RobotModel
-from navfw.signals import Belief, Label, Odometry, Percept, Pose, Twist
+from navfw.signals import Belief, Label, Odometry, PassageReport, Percept, Pose, Twist
 from navfw.testing.behavior_scenes import wall_flow
 
-ROBOT = RobotModel()
-ORIGIN = Pose(0.0, 0.0, 0.0)
 TARGET = (3.0, 1.0)
 AHEAD = Twist(0.3, 0.0)
 
@@ -92,13 +91,23 @@ def all_free() -> LocalMap:
     return chosen
 
 
+def passage_report(chosen: LocalMap, at: Pose = ORIGIN, time: float = 0.0) -> PassageReport | None:
+    """The report without queries of a robot at the origin of odom, and at ``at`` in the map."""
+    belief = Belief(0.0, at, np.diag([0.01, 0.01, 0.01]))
+    return chosen.passage_report([], Odometry(time, ORIGIN, AHEAD, 0.0, still=False), belief)
+
+
 @pytest.mark.parametrize("twist", [AHEAD, Twist(-0.1, 0.2), Twist(0.0, 1.0)])
-def test_there_is_no_room_before_the_first_update_and_after_a_reset(twist: Twist) -> None:
-    assert LocalMap(ROBOT).free_distance(ORIGIN, twist) == (0.0, 0.0)
+def test_nothing_is_known_before_the_first_update_and_after_a_reset(twist: Twist) -> None:
+    chosen = LocalMap(ROBOT)
+    assert chosen.free_distance(ORIGIN, twist) == (0.0, 0.0)
+    assert passage_report(chosen) is None
     chosen = all_free()
     assert chosen.free_distance(ORIGIN, twist) == (1.0, 1.0)
+    assert passage_report(chosen) is not None
     chosen.reset()
     assert chosen.free_distance(ORIGIN, twist) == (0.0, 0.0)
+    assert passage_report(chosen) is None
 
 
 @pytest.mark.parametrize("side", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
@@ -111,19 +120,6 @@ def test_there_is_no_room_outside_the_grid(side: tuple[float, float]) -> None:
         assert chosen.free_distance(pose, AHEAD).contact == (1.0 if inside else 0.0)
 
 
-def belief(pose: Pose) -> Belief:
-    return Belief(0.0, pose, np.diag([0.01, 0.01, 0.01]))
-
-
-def test_there_is_no_passage_report_before_the_first_update() -> None:
-    chosen = LocalMap(ROBOT)
-    odometry = Odometry(0.0, ORIGIN, AHEAD, 0.0, still=False)
-    assert chosen.passage_report([], odometry, belief(ORIGIN)) is None
-    assert update(chosen, 0.0, None).passage_report([], odometry, belief(ORIGIN)) is not None
-    chosen.reset()
-    assert chosen.passage_report([], odometry, belief(ORIGIN)) is None
-
-
 # --- drops ----------------------------------------------------------------------------------------
 
 
@@ -132,23 +128,7 @@ def floor_percept(
 ) -> Percept:
     """One cell whose ray meets the floor ``depth`` [m] before the camera."""
     row = ROBOT.camera.mount_height / depth * ROBOT.camera.focal
-    one = np.ones((1, 1))
-    return Percept(
-        time=time,
-        points=np.array([[[0.0, row]]]),
-        nearness=nearness * one,
-        sigma=sigma * one,
-        confidence=one,
-        height=0.0 * one,
-        label=np.full((1, 1), label, np.int8),
-        obstacles={},
-        quadrants={},
-        planes={},
-        slopes={},
-        situations={},
-        floor_in_front=0.0,
-        sentence="",
-    )
+    return metric_percept(time, np.array([[[0.0, row]]]), nearness, sigma, label)
 
 
 def with_drop(**params: object) -> LocalMap:
@@ -172,10 +152,7 @@ def test_missing_floor_is_occupied_unless_there_is_no_memory() -> None:
 
 
 def test_a_passage_report_gives_missing_floor_in_the_map_frame() -> None:
-    chosen = with_drop()
-    in_map = Pose(2.0, -1.0, 0.5 * math.pi)
-    odometry = Odometry(0.2, ORIGIN, AHEAD, 0.0, still=False)
-    report = chosen.passage_report([], odometry, belief(in_map))
+    report = passage_report(with_drop(), Pose(2.0, -1.0, 0.5 * math.pi), 0.2)
     assert report is not None
     assert report.time == 0.2
     ((x, y),) = report.drops
@@ -323,49 +300,22 @@ def test_floor_votes_against_a_drop_and_obstacles_do_not_vote(label: Label) -> N
 
 
 def test_parameters_are_within_their_ranges() -> None:
-    metres = "[0, 5]"
-    check_ranges(LocalMapParams, {"margin": "[0, 0.3]"})
+    check_ranges(LocalMapParams, "margin [0, 0.3]")
     check_ranges(
         OccupancyParams,
-        {
-            "extent": "(0, 30]",
-            "cell": "[0.02, 0.2]",
-            "hit": "(0, 100]",
-            "miss": "(0, 100]",
-            "clamp_min": "[-100, 0)",
-            "clamp_max": "(0, 100]",
-            "occupied": "(0, 100]",
-            "observed_free": "[-100, 0)",
-            "range": "(0, 100]",
-            "hit_width": "(0, 3]",
-            "decay": "(0, 100]",
-            "view_decay": "(0, 100]",
-            "min_confidence": "[0, 1]",
-            "over_weight": "[0, 1]",
-            "drop_weight": "[0, 1]",
-            "max_height": "(0, 100]",
-        },
+        "extent (0, 30], cell [0.02, 0.2], hit (0, 100], miss (0, 100], clamp_min [-100, 0), "
+        "clamp_max (0, 100], occupied (0, 100], observed_free [-100, 0), range (0, 100], "
+        "hit_width (0, 3], decay (0, 100], view_decay (0, 100], min_confidence [0, 1], "
+        "over_weight [0, 1], drop_weight [0, 1], max_height (0, 100]",
     )
     check_ranges(
         LocalPlannerParams,
-        {
-            "distance": "(0.1, 3]",
-            "clear": "[0, 1]",
-            "narrow_price": "[0, 50]",
-            "unobserved_price": "[0, 20]",
-            "turn_price": "[0, 2]",
-            "margin": "[0, 0.3]",
-        },
+        "distance (0.1, 3], clear [0, 1], narrow_price [0, 50], unobserved_price [0, 20], "
+        "turn_price [0, 2], margin [0, 0.3]",
     )
     check_ranges(
         TraversabilityParams,
-        {
-            "range": "(0.3, 10]",
-            "slack": metres,
-            "max_sigma": metres,
-            "max_half_width": metres,
-            "interval": "[0, 60]",
-        },
+        "range (0.3, 10], slack [0, 5], max_sigma [0, 5], max_half_width [0, 5], interval [0, 60]",
     )
 
 

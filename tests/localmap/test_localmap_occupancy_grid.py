@@ -9,43 +9,26 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from localmap_samples import ORIGIN, ROBOT, metric_percept
 
 from navfw.localmap import OccupancyGrid, OccupancyParams
-from navfw.robot import RobotModel
 from navfw.signals import Label, OccupiedDisc, Percept, Pose, Stixels
 
-ROBOT = RobotModel()
 CAMERA_AHEAD = ROBOT.camera.mount_forward
-START = Pose(0, 0, 0)
+POSES = st.builds(Pose, st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.1, 3.1))
 
 
 def percept_of(
     column_px: float, depth: float, label: Label, row_px: float = 0.0, sigma: float = 0.02
 ) -> Percept:
     """A percept of one cell: a point of ``label`` at ``depth`` [m] in one image column."""
-    camera = ROBOT.camera
-    height = camera.mount_height - row_px / camera.focal * depth
-    one = np.ones((1, 1))
-    return Percept(
-        time=0.0,
-        points=np.array([[[column_px, row_px]]]),
-        nearness=one / depth,
-        sigma=one * sigma,
-        confidence=one,
-        height=one * height,
-        label=np.full((1, 1), label, np.int8),
-        obstacles={},
-        quadrants={},
-        planes={},
-        slopes={},
-        situations={},
-        floor_in_front=0.0,
-        sentence="",
-    )
+    height = ROBOT.camera.mount_height - row_px / ROBOT.camera.focal * depth
+    point = np.array([[[column_px, row_px]]])
+    return metric_percept(0.0, point, 1.0 / depth, sigma, label, height)
 
 
 def integrated(
-    percepts: list[Percept], pose: Pose, occupancy: OccupancyGrid | None = None
+    percepts: list[Percept], pose: Pose = ORIGIN, occupancy: OccupancyGrid | None = None
 ) -> OccupancyGrid:
     """The grid after one of ``percepts`` every 0.1 s from ``pose``."""
     occupancy = occupancy or OccupancyGrid(ROBOT)
@@ -56,17 +39,8 @@ def integrated(
 
 
 @settings(max_examples=40, deadline=None)
-@given(
-    st.floats(-3, 3),
-    st.floats(-3, 3),
-    st.floats(-3.1, 3.1),
-    st.floats(-60, 60),
-    st.floats(0.6, 2.5),
-)
-def test_an_obstacle_appears_where_it_stands(
-    x: float, y: float, yaw: float, column: float, depth: float
-) -> None:
-    pose = Pose(x, y, yaw)
+@given(POSES, st.floats(-60, 60), st.floats(0.6, 2.5))
+def test_an_obstacle_appears_where_it_stands(pose: Pose, column: float, depth: float) -> None:
     occupancy = integrated([percept_of(column, depth, Label.OBSTACLE)] * 6, pose)
     ahead = CAMERA_AHEAD + depth
     left = -column / ROBOT.camera.focal * depth
@@ -79,34 +53,33 @@ def test_an_obstacle_appears_where_it_stands(
 
 
 def test_one_observation_is_not_enough() -> None:
-    once = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)], START)
+    once = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)])
     assert not once.occupied.any()
-    often = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4, START)
+    often = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4)
     assert often.occupied.any()
 
 
 def test_rays_that_pass_clear_a_false_obstacle() -> None:
-    occupancy = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4, START)
+    occupancy = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4)
     spot = occupancy.index(CAMERA_AHEAD + 1.0, 0.0)
     assert occupancy.occupied[spot]
     row_px = 20.0  # this ray meets the floor at 1.4 m
-    floor = percept_of(
-        0.0, ROBOT.camera.mount_height * ROBOT.camera.focal / row_px, Label.FLOOR, row_px
-    )
-    occupancy = integrated([floor] * 12, START, occupancy)
+    depth = ROBOT.camera.mount_height * ROBOT.camera.focal / row_px
+    floor = percept_of(0.0, depth, Label.FLOOR, row_px)
+    occupancy = integrated([floor] * 12, occupancy=occupancy)
     assert not occupancy.occupied[spot]
 
 
 def test_a_ray_above_a_low_obstacle_is_little_evidence() -> None:
-    low, over = (integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4, START) for _ in range(2))
-    low.integrate(percept_of(0.0, 1.6, Label.OBSTACLE, 12.0), START)
-    over.integrate(percept_of(0.0, 1.6, Label.OBSTACLE, -1.0), START)
+    low, over = (integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4) for _ in range(2))
+    low.integrate(percept_of(0.0, 1.6, Label.OBSTACLE, 12.0), ORIGIN)
+    over.integrate(percept_of(0.0, 1.6, Label.OBSTACLE, -1.0), ORIGIN)
     cell = low.index(CAMERA_AHEAD + 1.0, 0.0)
     assert low.log_odds[cell] < over.log_odds[cell]
 
 
 def test_a_point_of_unknown_height_is_no_hit_but_its_ray_is_free() -> None:
-    occupancy = integrated([percept_of(0.0, 1.0, Label.UNKNOWN)] * 5, START)
+    occupancy = integrated([percept_of(0.0, 1.0, Label.UNKNOWN)] * 5)
     assert not occupancy.occupied.any()
     assert occupancy.log_odds[occupancy.index(CAMERA_AHEAD + 0.6, 0.0)] < 0.0
     assert occupancy.log_odds[occupancy.index(CAMERA_AHEAD + 1.3, 0.0)] == 0.0
@@ -114,8 +87,8 @@ def test_a_point_of_unknown_height_is_no_hit_but_its_ray_is_free() -> None:
 
 def observed_weakly(occupancy: OccupancyGrid, label: Label, weak: bool = True) -> None:
     """Update ``occupancy`` by a percept of one point of ``label`` 1 m ahead."""
-    occupancy.update(START, 0.0)
-    occupancy.integrate(percept_of(0.0, 1.0, label), START, weak=weak)
+    occupancy.update(ORIGIN, 0.0)
+    occupancy.integrate(percept_of(0.0, 1.0, label), ORIGIN, weak=weak)
 
 
 @pytest.mark.parametrize("label", list(Label))
@@ -128,7 +101,7 @@ def test_with_weak_sight_only_rays_to_floor_and_obstacles_are_free(label: Label)
 
 def test_with_weak_sight_little_evidence_makes_a_cell_occupied() -> None:
     occupancy = OccupancyGrid(ROBOT)
-    occupancy.update(START, 0.0)
+    occupancy.update(ORIGIN, 0.0)
     cell = occupancy.index(1.5, 0.0)
     for weak, evidence, occupied in ((False, 0.6, False), (True, 0.6, True), (True, 0.2, False)):
         observed_weakly(occupancy, Label.FLOOR, weak)
@@ -152,26 +125,26 @@ def test_with_weak_sight_the_floor_is_observed_under_the_whole_body(aside: float
 def test_points_of_low_confidence_are_no_evidence() -> None:
     point = percept_of(0.0, 1.0, Label.OBSTACLE)
     unsure = dataclasses.replace(point, confidence=np.full((1, 1), 0.05))
-    occupancy = integrated([unsure] * 5, START)
+    occupancy = integrated([unsure] * 5)
     body = occupancy.log_odds == occupancy.params.clamp_min
     assert np.all(occupancy.log_odds[~body] == 0.0)
 
 
 def test_uncertain_observations_are_spread_and_weigh_less() -> None:
-    sharp = integrated([percept_of(0.0, 1.5, Label.OBSTACLE, sigma=0.01)], START)
-    vague = integrated([percept_of(0.0, 1.5, Label.OBSTACLE, sigma=0.08)], START)
+    sharp = integrated([percept_of(0.0, 1.5, Label.OBSTACLE, sigma=0.01)])
+    vague = integrated([percept_of(0.0, 1.5, Label.OBSTACLE, sigma=0.08)])
     assert 0.0 < vague.log_odds.max() < 0.6 * sharp.log_odds.max()
     assert (vague.log_odds > 0).sum() > (sharp.log_odds > 0).sum()
 
 
 def test_a_reading_spread_over_many_cells_is_a_hit_in_none() -> None:
-    vague = integrated([percept_of(0.0, 1.5, Label.OBSTACLE, sigma=0.4)] * 10, START)
+    vague = integrated([percept_of(0.0, 1.5, Label.OBSTACLE, sigma=0.4)] * 10)
     assert vague.log_odds.max() <= 0.0
     assert vague.log_odds[vague.index(CAMERA_AHEAD + 0.6, 0.0)] < 0.0  # nearer it would have shown
 
 
 def test_evidence_moves_with_the_robot_and_decays() -> None:
-    occupancy = integrated([percept_of(0.0, 1.2, Label.OBSTACLE)] * 6, START)
+    occupancy = integrated([percept_of(0.0, 1.2, Label.OBSTACLE)] * 6)
     place = (CAMERA_AHEAD + 1.2, 0.0)
     before = occupancy.log_odds[occupancy.index(*place)]
     occupancy.update(Pose(0.7, 0.9, 1.0), 0.6)
@@ -184,7 +157,7 @@ def test_evidence_moves_with_the_robot_and_decays() -> None:
 @given(st.floats(-5, 5), st.floats(-5, 5))
 def test_all_evidence_keeps_its_place_when_the_grid_follows_the_robot(dx: float, dy: float) -> None:
     occupancy = OccupancyGrid(ROBOT, OccupancyParams(extent=4.0))
-    occupancy.update(START, 0.0)
+    occupancy.update(ORIGIN, 0.0)
     n, cell = occupancy.size, occupancy.params.cell
     evidence = np.arange(1.0, n * n + 1.0).reshape(n, n)
     occupancy.log_odds[:] = evidence
@@ -208,23 +181,22 @@ def test_all_evidence_keeps_its_place_when_the_grid_follows_the_robot(dx: float,
 def test_points_high_above_the_floor_are_no_evidence(height: float, counts: bool) -> None:
     point = percept_of(0.0, 1.0, Label.OBSTACLE)
     high = dataclasses.replace(point, height=np.full((1, 1), height))
-    assert integrated([high] * 4, START).occupied.any() == counts
+    assert integrated([high] * 4).occupied.any() == counts
 
 
 def test_clearance_is_the_distance_to_the_nearest_occupied_cell() -> None:
-    occupancy = integrated([percept_of(0.0, 1.2, Label.OBSTACLE, sigma=0.005)] * 6, START)
+    occupancy = integrated([percept_of(0.0, 1.2, Label.OBSTACLE, sigma=0.005)] * 6)
     spots = np.argwhere(occupancy.occupied)
     rows, columns = np.indices(occupancy.log_odds.shape)
-    brute = (
-        np.min([np.hypot(rows - r, columns - c) for r, c in spots], axis=0) * occupancy.params.cell
-    )
+    cells = np.min([np.hypot(rows - r, columns - c) for r, c in spots], axis=0)
+    brute = cells * occupancy.params.cell
     # OpenCV's 5x5 mask approximates the Euclidean distance to within 2 %
     assert np.allclose(occupancy.clearance, brute, rtol=0.025, atol=0.005)
 
 
 def test_blind_clearance_is_kept_until_evidence_obstacles_or_walls_change() -> None:
     seen = [percept_of(0.0, 1.2, Label.OBSTACLE, sigma=0.005)]
-    occupancy = integrated(seen * 6, START)
+    occupancy = integrated(seen * 6)
     hidden = occupancy.index(1.3, 0.1)  # not observed, behind what is seen of the wall
     assert not occupancy.occupied[hidden]
     assert occupancy.blind_clearance[hidden] == 0.0 < occupancy.clearance[hidden]
@@ -241,13 +213,13 @@ def test_blind_clearance_is_kept_until_evidence_obstacles_or_walls_change() -> N
     assert occupancy.blind_clearance[occupancy.index(0.6, 0.0)] > 0.0, "it is observed free"
     occupancy.set_walls(np.empty((0, 2)))
     for _ in range(6):
-        occupancy.integrate(percept_of(60.0, 1.0, Label.OBSTACLE, sigma=0.005), START)
+        occupancy.integrate(percept_of(60.0, 1.0, Label.OBSTACLE, sigma=0.005), ORIGIN)
     integrated_more = occupancy.blind_clearance
     assert not np.array_equal(integrated_more, before)
-    occupancy.update(START, 60.0)  # the evidence decays
+    occupancy.update(ORIGIN, 60.0)  # the evidence decays
     assert not np.array_equal(occupancy.blind_clearance, integrated_more)
     occupancy.reset()
-    occupancy.update(START, 0.0)
+    occupancy.update(ORIGIN, 0.0)
     assert (occupancy.blind_clearance == occupancy.params.extent).all()
 
 
@@ -257,23 +229,22 @@ def test_the_grid_has_no_position_before_the_first_update() -> None:
 
 
 def test_free_floor_within_view_has_to_be_observed_again() -> None:
-    occupancy = integrated([percept_of(0.0, 2.5, Label.OBSTACLE)] * 8, START)
+    occupancy = integrated([percept_of(0.0, 2.5, Label.OBSTACLE)] * 8)
     ahead, aside = occupancy.index(1.5, 0.0), occupancy.index(0.0, 1.5)
     occupancy.log_odds[aside] = -1.0  # observed before, out of view now
     was = float(occupancy.log_odds[ahead])
     assert was < occupancy.params.observed_free
+    elsewhere = percept_of(70.0, 2.5, Label.OBSTACLE)
     for k in range(1, 31):  # observations elsewhere in the view show nothing ahead
-        occupancy.update(START, 0.8 + 0.1 * k)
-        occupancy.integrate(
-            dataclasses.replace(percept_of(70.0, 2.5, Label.OBSTACLE), time=0.1 * k), START
-        )
+        occupancy.update(ORIGIN, 0.8 + 0.1 * k)
+        occupancy.integrate(dataclasses.replace(elsewhere, time=0.1 * k), ORIGIN)
     assert occupancy.log_odds[ahead] > 0.2 * was
     assert occupancy.log_odds[aside] < -0.8
 
 
 def test_the_footprint_is_observed_where_the_floor_beside_it_is() -> None:
     occupancy = OccupancyGrid(ROBOT)
-    occupancy.update(START, 0.0)
+    occupancy.update(ORIGIN, 0.0)
     occupancy.log_odds[:] = 0.0
     row, column = occupancy.index(1.0, 0.0)
     occupancy.log_odds[row - 6 : row + 7, column - 10 : column + 11] = -1.0
@@ -285,9 +256,9 @@ def test_the_footprint_is_observed_where_the_floor_beside_it_is() -> None:
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.1, 3.1), st.floats(-0.8, 0.8))
-def test_a_stixel_appears_where_it_stands(x: float, y: float, yaw: float, slope: float) -> None:
-    pose, ahead = Pose(x, y, yaw), 0.8
+@given(POSES, st.floats(-0.8, 0.8))
+def test_a_stixel_appears_where_it_stands(pose: Pose, slope: float) -> None:
+    ahead = 0.8
     column = np.array([slope, slope])
     near = np.full(2, 1.0 / ahead)
     # the second column has no confidence
