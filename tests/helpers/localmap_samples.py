@@ -15,12 +15,14 @@ WALL_AHEAD = (1.0, 1.2, -3.0, 3.0)
 """A wall across the way (x from, x to, y from, y to) [m]."""
 
 
-def grid_with(*boxes: tuple[float, float, float, float], observed: bool = True) -> OccupancyGrid:
+def grid_with(
+    *boxes: tuple[float, float, float, float], observed: bool = True, robot: RobotModel = ROBOT
+) -> OccupancyGrid:
     """A grid around the origin with occupied ``boxes`` (x from, x to, y from, y to) [m].
 
     All other cells are observed free, or unobserved but for the footprint of the robot.
     """
-    occupancy = OccupancyGrid(ROBOT)
+    occupancy = OccupancyGrid(robot)
     occupancy.update(ORIGIN, 0.0)
     if observed:
         occupancy.log_odds[:] = -1.0

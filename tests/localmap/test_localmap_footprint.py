@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from localmap_samples import ORIGIN
+from localmap_samples import ORIGIN, grid_with
 
 from navfw.context import CommandGrid
 from navfw.localmap import LocalMap, OccupancyGrid, arcs_of, free_distance, free_turn, ranges_around
@@ -19,17 +20,7 @@ from navfw.signals import Pose, Twist
 CART = RobotModel(footprint=Footprint(front=0.5, rear=0.1, width=0.3), track=0.2)
 COMMANDS = CommandGrid(CART)
 AHEAD = Twist(0.3, 0.0)
-
-
-def occupancy_with(*walls: tuple[float, float, float, float]) -> OccupancyGrid:
-    """Floor observed free with walls (x0, x1, y0, y1) [m] around a robot at ``ORIGIN``."""
-    occupancy = OccupancyGrid(CART)
-    occupancy.update(ORIGIN, 0.0)
-    occupancy.log_odds[:] = -3.0
-    for x0, x1, y0, y1 in walls:
-        (row0, column0), (row1, column1) = occupancy.index(x0, y0), occupancy.index(x1, y1)
-        occupancy.log_odds[row0 : row1 + 1, column0 : column1 + 1] = 3.0
-    return occupancy
+occupancy_with = partial(grid_with, robot=CART)
 
 
 @given(st.floats(0.05, 1.0), st.floats(0.05, 1.0), st.floats(0.1, 1.0), st.floats(0, 1))
@@ -77,13 +68,12 @@ def test_a_turn_keeps_out_of_the_far_side_of_a_wall() -> None:
     occupancy = occupancy_with((-1.0, 1.0, 0.6, 0.6))
     slanting = Pose(0.0, 0.0, 1.0)
     assert free_turn(occupancy, slanting, 1.0) == math.inf
+    ahead = free_distance(occupancy, slanting, AHEAD).contact
     (first, _), (last, _) = occupancy.index(0.0, 0.4), occupancy.index(0.0, 0.55)
     occupancy = occupancy_with((-1.0, 1.0, 0.6, 0.6))
     occupancy.log_odds[first : last + 1] = 0.0  # between the body and what is seen of the wall
     assert free_turn(occupancy, slanting, 1.0) < 0.4
-    assert free_distance(occupancy, slanting, AHEAD).contact == pytest.approx(
-        free_distance(occupancy_with((-1.0, 1.0, 0.6, 0.6)), slanting, AHEAD).contact
-    )
+    assert free_distance(occupancy, slanting, AHEAD).contact == pytest.approx(ahead)
 
 
 def test_known_walls_count_where_the_camera_does_not_look() -> None:
