@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import importlib
-import subprocess
 import sys
 
 import pytest
@@ -21,6 +20,7 @@ from architecture_sources import (
     stack_modules,
     tree_of,
 )
+from processes import run
 
 import navfw
 
@@ -166,12 +166,7 @@ def test_every_module_can_be_the_first_to_be_imported() -> None:
         name = module_name(path)
         if name.endswith("__main__"):
             continue
-        done = subprocess.run(  # noqa: S603 - this Python, fixed arguments
-            [sys.executable, "-W", "error", "-c", f"import {name}"],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = run([sys.executable, "-W", "error", "-c", f"import {name}"])
         if done.returncode:
             broken.append(f"{name}: {done.stderr.strip().splitlines()[-1]}")
     assert broken == []

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from cli_calls import navfw
+from processes import run
 
 from navfw.config import list_files
 
@@ -55,20 +55,13 @@ def test_bash_completes_by_the_installed_script(tmp_path: Path) -> None:
     program = tmp_path / "navfw"
     program.write_text(f"#!{sys.executable}\nfrom navfw.cli import main\nmain()\n")
     program.chmod(0o755)
-    environment = os.environ | {"HOME": str(tmp_path), "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    path = f"{tmp_path}:{os.environ['PATH']}"
     script = """
     navfw --show-completion bash > script && source script
     COMP_WORDS=(navfw run office lobby) COMP_CWORD=3
     $(complete -p navfw | sed 's/.*-F \\([^ ]*\\).*/\\1/') navfw lobby office
     printf '%s\\n' "${COMPREPLY[@]}"
     """
-    environment.pop("_NAVFW_COMPLETE", None)
-    done = subprocess.run(  # noqa: S603 - bash, a fixed script
-        [bash, "-ec", script],
-        env=environment,
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    environment = {"HOME": str(tmp_path), "PATH": path, "_NAVFW_COMPLETE": None}
+    done = run([bash, "-ec", script], env=environment, cwd=tmp_path)
     assert done.stdout.split() == ["lobby-to-lab"], done.stderr

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
 import typer.main
 from cli_calls import invoke
+from processes import printed
 
 from navfw.cli import PANELS, app
 
@@ -97,10 +96,7 @@ print(json.dumps(sorted(sys.modules)))
 
 def imported_by(command: str) -> set[str]:
     """The modules that a process has imported after ``command``."""
-    done = subprocess.run(  # noqa: S603 - the interpreter of this test
-        [sys.executable, "-c", COMMAND, command], capture_output=True, text=True, check=True
-    )
-    return set(json.loads(done.stdout.splitlines()[-1]))
+    return set(json.loads(printed(COMMAND, command).splitlines()[-1]))
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import json
 import os
 import re
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import pytest
 import yaml
 from cli_calls import invoke
 from docs_pages import ROOT, blocks_of
+from processes import run
 
 import navfw
 from navfw.plugins import default_registry
@@ -108,19 +108,13 @@ def test_five_commands_lead_to_an_edited_behaviour_that_passes(folder: Path) -> 
     (block,) = (b for b in blocks_of(ROOT / "README.md") if "navfw new project" in b.text)
     lines = re.findall(r"^\$ (.*)$", block.text, re.MULTILINE)
     assert len(lines) == 5
-    environment = {key: value for key, value in os.environ.items() if key != "NAVFW_TRUST"}
-    environment |= {
+    environment = {
+        "NAVFW_TRUST": None,
         "HOME": str(folder),
         "XDG_CONFIG_HOME": str(folder / "config"),
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
     }
-    done = subprocess.run(  # noqa: S603 - commands of our own page
-        ["/bin/sh", "-ec", "\n".join(lines)],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run(["/bin/sh", "-ec", "\n".join(lines)], env=environment)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "IF ahead IS very little" in (folder / "my-robot/behaviors/cautious.yaml").read_text()
     assert "2 passed" in done.stdout
@@ -271,12 +265,5 @@ def test_the_next_command_and_the_test_of_a_part_succeed(kind: str, project: Pat
     command = f"{python} -c 'from navfw.cli import main; main()' "
     then = lines[-1].removeprefix("next: ").replace("navfw ", command)
     pytest_ = f" && {python} -m pytest -q -p no:cacheprovider {' '.join(tests)}" if tests else ""
-    done = subprocess.run(  # noqa: S603 - commands of our own
-        ["/bin/sh", "-ec", then + pytest_],
-        cwd=project,
-        env=os.environ | {"NAVFW_TRUST": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run(["/bin/sh", "-ec", then + pytest_], cwd=project, env={"NAVFW_TRUST": "1"})
     assert done.returncode == 0, done.stdout + done.stderr

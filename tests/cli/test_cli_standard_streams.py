@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from processes import Done, run
 
 NAVFW = [sys.executable, "-m", "navfw", "--version"]
 
 full = pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
 
 
-def shell(redirection: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(  # noqa: S603
-        ["/bin/sh", "-c", f'"$@" {redirection}', "sh", *NAVFW],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+def shell(redirection: str) -> Done:
+    return run(["/bin/sh", "-c", f'"$@" {redirection}', "sh", *NAVFW])
 
 
 @full

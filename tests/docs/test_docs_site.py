@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import re
-import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ from typing import Any
 
 import pytest
 from docs_pages import ROOT, load_module
+from processes import run
 
 DOCS = ROOT / "docs"
 
@@ -72,9 +72,7 @@ def test_the_options_of_every_command_are_on_the_site(assembled: Path) -> None:
 def test_the_site_is_built_without_a_warning(builder: ModuleType, tmp_path: Path) -> None:
     pytest.importorskip("zensical", reason="needs the group docs: uv sync --group docs")
     command = [sys.executable, str(DOCS / "build_site.py"), "--out", str(tmp_path / "site")]
-    done = subprocess.run(  # noqa: S603 - this Python, words of our own
-        command, capture_output=True, text=True, timeout=300, check=False
-    )
+    done = run(command)
     assert done.returncode == 0, done.stdout + done.stderr
     api = (tmp_path / "site" / "api.html").read_text(encoding="utf-8")
     anchors = set(re.findall(r'<h3 id="[\w.]+\.(\w+)"', api))

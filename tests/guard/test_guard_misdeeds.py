@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from processes import python
 
 MISDEEDS = {
     "raises": "raise ValueError('on purpose')",
@@ -184,17 +182,9 @@ PAIRS = [
 
 def drive(folder: Path) -> dict[str, Any]:
     """The result of a short mission with the stack ``wrong`` of a project, as a process."""
-    command = [sys.executable, "-c", SHORT_LIMITS, "run", "paper-room", "through-the-door"]
-    command += ["--json", "--stack", "wrong", "--set", "mission.timeout=8", "--out", "result"]
-    done = subprocess.run(  # noqa: S603 - this Python, fixed arguments
-        command,
-        cwd=folder,
-        env={**os.environ, "NAVFW_TRUST": "1"},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    words = ["run", "paper-room", "through-the-door", "--json", "--stack", "wrong"]
+    words += ["--set", "mission.timeout=8", "--out", "result"]
+    done = python(SHORT_LIMITS, *words, cwd=folder, env={"NAVFW_TRUST": "1"}, timeout=120)
     assert done.returncode == 1, done.stderr
     assert "Traceback" not in done.stderr
     result: dict[str, Any] = json.loads(done.stdout)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
+import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+from processes import Done, python
 from typer.testing import CliRunner, Result
 
 from navfw.cli import app
@@ -20,16 +20,23 @@ def invoke(*words: object) -> Result:
     return CliRunner().invoke(app, [str(word) for word in words])
 
 
-def navfw(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:
+def answer(*words: object) -> Any:
+    """What ``navfw`` answers to ``words`` with ``--json``."""
+    result = invoke(*words, "--json")
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+def refusal(*words: object) -> str:
+    """What ``navfw`` says when it refuses ``words``."""
+    result = invoke(*words)
+    assert result.exit_code == 2, result.output
+    return result.stderr
+
+
+def navfw(*words: str, **environment: str) -> Done:
     """The result of ``navfw`` with ``words`` in a process of its own."""
-    return subprocess.run(  # noqa: S603 - this Python, words of our own
-        [sys.executable, "-c", PROGRAM, *words],
-        env=os.environ | environment,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
+    return python(PROGRAM, *words, env=environment)
 
 
 def put_files(folder: Path, texts: Mapping[str, str]) -> None:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import importlib
 import json
-import os
-import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from processes import run
 
 Settings = dict[str, str]
 
@@ -76,14 +76,8 @@ def stored_hashes() -> Hashes:
 def measured_hashes(folder: Path, settings: Mapping[str, str]) -> Hashes:
     """What the suite drives now, in processes with ``settings`` in their environment."""
     words = ["suite", str(SUITE), "--seeds", "0:2", "--workers", "2", "--out", "table", "--quiet"]
-    done = subprocess.run(  # noqa: S603 - this Python, words of our own
-        [*NAVFW, *words, "--json"],
-        cwd=folder,
-        env={**os.environ, **settings},
-        capture_output=True,
-        timeout=3000,
-        check=True,  # it fails where a plugin has failed
-    )
+    # it fails where a plugin has failed
+    done = run([*NAVFW, *words, "--json"], cwd=folder, env=settings, timeout=3000, check=True)
     runs = json.loads(done.stdout)["runs"]
     return {f"{run['entry']}, seed {run['seed']}": run["command_hash"] for run in runs}
 

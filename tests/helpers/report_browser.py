@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from processes import run
 
 
 class SeenPage(NamedTuple):
@@ -32,13 +32,7 @@ def seen_in_browser(page: Path, probe: str, profile: Path) -> SeenPage:
     page.write_text(text.replace("<main>", script + "<main>", 1), encoding="utf-8")
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr"]
     options += ["--virtual-time-budget=12000", f"--user-data-dir={profile}"]
-    done = subprocess.run(  # noqa: S603 - the browser of this machine
-        [browser, *options, "--dump-dom", page.as_uri()],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120,
-    )
+    done = run([browser, *options, "--dump-dom", page.as_uri()], check=True)
     body = re.search(r"<body[^>]*>", done.stdout)
     assert body is not None, done.stdout
     return SeenPage(body[0], [line for line in done.stderr.splitlines() if "CONSOLE" in line])

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 from hash_table import WITH_AVX2, WITH_AVX512, Settings, measured_hashes, stored_hashes, threads
+from processes import python
 
 from navfw.missions import prepare
 from navfw.suite import SuiteFolder
@@ -62,15 +60,8 @@ def hash_of(
     folder: Path, settings: Settings, words: Sequence[str] = RUN, program: str = NAVFW
 ) -> str:
     """The hash that ``navfw run --json`` prints in a new process in ``folder``."""
-    done = subprocess.run(  # noqa: S603 - this Python, words of our own
-        [sys.executable, "-c", program, "run", *words, "--json", "--quiet"],
-        cwd=folder,
-        env={**os.environ, **settings},
-        capture_output=True,
-        text=True,
-        timeout=900,
-        check=False,
-    )
+    command = ["run", *words, "--json", "--quiet"]
+    done = python(program, *command, cwd=folder, env=settings, timeout=900)
     assert done.returncode == 1, done.stderr  # the time is too short: a run that fails
     return str(json.loads(done.stdout)["command_hash"])
 
@@ -104,13 +95,7 @@ def test_the_commands_of_the_stack_floor_plan_are_the_same_in_every_process(tmp_
 def test_the_commands_of_a_suite_s_workers_are_the_same(expected: str, tmp_path: Path) -> None:
     (tmp_path / "short.yaml").write_text(SUITE)
     words = ["suite", "short.yaml", "--seeds", f"{SEED}:{SEED + 1}", "--set", TIMEOUT]
-    subprocess.run(  # noqa: S603 - this Python, words of our own
-        [sys.executable, "-c", NAVFW, *words, "--workers", "2", "--out", "table"],
-        cwd=tmp_path,
-        capture_output=True,
-        timeout=300,
-        check=False,
-    )
+    python(NAVFW, *words, "--workers", "2", "--out", "table", cwd=tmp_path)
     (row,) = SuiteFolder(tmp_path / "table").rows()
     assert row.command_hash == expected
 

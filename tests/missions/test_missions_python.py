@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from processes import printed
 
 import navfw
 from navfw.errors import InputError, MissingExtraError
@@ -31,10 +30,7 @@ def test_importing_navfw_imports_nothing_heavy() -> None:
     code = (
         "import sys, navfw; navfw.__all__; print({'numpy', 'pydantic', 'cv2'} & set(sys.modules))"
     )
-    done = subprocess.run(  # noqa: S603 - this Python, fixed arguments
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "set()"
+    assert printed(code) == "set()"
 
 
 def test_a_run_is_that_of_the_command(result: navfw.MissionResult) -> None:

@@ -12,7 +12,9 @@ import tarfile
 import tomllib
 from pathlib import Path
 
+import processes
 import pytest
+from processes import Done
 
 ROOT = Path(__file__).parents[2]
 PYTHONS = ("3.11", "3.12", "3.13")
@@ -51,17 +53,9 @@ def installed(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(command: list[str], folder: Path, **more: str) -> subprocess.CompletedProcess[str]:
-    own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    return subprocess.run(  # noqa: S603 - uv, Pythons, words of our own
-        command,
-        cwd=folder,
-        env=own | more,
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
+def run(command: list[str], folder: Path, path: str | None = None) -> Done:
+    """The ended process of a command with ``path`` as that of Python's modules."""
+    return processes.run(command, cwd=folder, env={"PYTHONPATH": path}, timeout=600)
 
 
 def navfw(installed: Path, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -70,7 +64,7 @@ def navfw(installed: Path, folder: Path, *words: str) -> subprocess.CompletedPro
         "assert navfw.__file__.startswith(os.environ['PYTHONPATH']), navfw.__file__\n"
         "from navfw.cli import main; main()"
     )
-    return run([sys.executable, "-c", code, *words], folder, PYTHONPATH=str(installed))
+    return run([sys.executable, "-c", code, *words], folder, str(installed))
 
 
 def test_the_sdist_has_the_sources_and_nothing_local(dist: Path) -> None:

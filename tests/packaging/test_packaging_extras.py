@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import pytest
+from processes import Done, python
 
 from navfw.config import extra_imports, require_extra
 from navfw.errors import MissingExtraError
@@ -46,17 +45,10 @@ NAMES = {
 CORE = ("Stack", "SensorReading", "Frame", "RobotModel", "load_map", "RuledBehavior", "Planner")
 
 
-def without_extras(code: str, folder: Path) -> subprocess.CompletedProcess[str]:
+def without_extras(code: str, folder: Path) -> Done:
     """What ``code`` prints in a fresh process in which no module of an extra can be imported."""
     blocked = f"import sys; sys.modules.update(dict.fromkeys({OPTIONAL.split()!r}))\n"
-    return subprocess.run(  # noqa: S603 - this Python, code of our own
-        [sys.executable, "-c", blocked + code],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    return python(blocked + code, cwd=folder)
 
 
 def test_every_extra_is_among_all() -> None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from plugins_samples import put
+from processes import printed
 
 from navfw.cli.listings import overview
 from navfw.interfaces import KINDS
@@ -45,10 +44,7 @@ def test_a_new_registry_imports_neither_simulator_nor_built_in_plugins() -> None
         "unwanted = {'pybullet', 'cv2', 'numba', 'navfw.flow.dense_flow'}\n"
         "print([m for m in sys.modules if m in unwanted])"
     )
-    done = subprocess.run(  # noqa: S603 - our own interpreter
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "[]"
+    assert printed(code) == "[]"
 
 
 def test_extra_folders_and_those_of_a_project_are_verified(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 import textwrap
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import pytest
+from processes import run
 from pydantic import Field
 
 from navfw.errors import PluginError
@@ -241,7 +241,5 @@ def test_docstrings_are_not_asked_for_where_python_removes_them() -> None:
         "from navfw.locom.unicycle import Unicycle; from navfw.plugins.verification import verify;"
         " print(Unicycle.__doc__); verify(Unicycle)"
     )
-    done = subprocess.run(  # noqa: S603
-        [sys.executable, "-OO", "-c", code], capture_output=True, text=True, check=False
-    )
+    done = run([sys.executable, "-OO", "-c", code])
     assert (done.stdout, done.stderr) == ("None\n", "")

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from kernel_recording import listed_calls
+from processes import printed
 
 from navfw.process import groups_of, listed_kernels, parse_types
 
@@ -147,11 +148,8 @@ def test_a_drive_calls_listed_kernels_with_listed_types_alone() -> None:
         "print(json.dumps(calls_of_drives(['default'], 2.0)))"
     )
     helpers = Path(__file__).parents[1] / "helpers"
-    environment = {**os.environ, "PYTHONPATH": str(helpers)}
-    done = subprocess.run(  # noqa: S603 - the interpreter of this test
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
-    )
-    called, listed = json.loads(done.stdout.splitlines()[-1]), listed_calls()
+    shown = printed(code, env={"PYTHONPATH": str(helpers)})
+    called, listed = json.loads(shown.splitlines()[-1]), listed_calls()
     missing = [
         f"{module}.{name}: {signature}"
         for module, functions in called.items()

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from processes import run
 
 from navfw.config import lookup
 from navfw.recording import GitCheckout, code_revision, git_revision, machine_kind
@@ -17,14 +17,7 @@ def git(folder: Path, *words: str, check: bool = True) -> str:
     """What git prints when called in ``folder``, as an author of its own."""
     who = ["-c", "user.name=test", "-c", "user.email=test@example.org"]
     files = ["-c", "protocol.file.allow=always"]
-    done = subprocess.run(  # noqa: S603 - words of our own
-        ["git", "-C", str(folder), *who, *files, *words],  # noqa: S607
-        capture_output=True,
-        text=True,
-        check=check,
-        timeout=30,
-    )
-    return done.stdout.strip()
+    return run(["git", "-C", folder, *who, *files, *words], check=check).stdout.strip()
 
 
 def commit(folder: Path, *options: str) -> Path:

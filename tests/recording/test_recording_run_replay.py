@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
@@ -15,6 +13,7 @@ import pytest
 from cli_calls import invoke
 from foxglove.messages import CompressedImage
 from mcap_rewriting import rewrite
+from processes import python
 
 from navfw.errors import ConfigError, InputError
 from navfw.missions import MissionResult, prepare, write_run
@@ -63,13 +62,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
 @pytest.mark.thorough
 def test_the_stack_without_simulator_gives_the_same_commands(driven: Driven) -> None:
     result, folder = driven
-    done = subprocess.run(  # noqa: S603 - this Python, words of our own
-        [sys.executable, "-c", ALONE, str(folder)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    done = python(ALONE, folder)
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
     assert answer["command_hash"] == result.run.log.command_hash

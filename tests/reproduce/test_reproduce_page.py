@@ -6,7 +6,6 @@ import hashlib
 import json
 import re
 import shutil
-import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from perceive_images import label, save_approach
+from processes import run
 from typer.testing import CliRunner
 
 from navfw.bench import RECORDINGS, real_benchmark
@@ -164,17 +164,9 @@ def test_a_browser_shows_every_picture_within_the_window(
         pytest.skip("needs Chromium (apt-get install chromium)")
     probed = written.page.replace("default-src 'none';", "script-src 'unsafe-inline';")
     (tmp_path / "page.html").write_text(probed.replace("</head>", PROBE), encoding="utf-8")
-    done = subprocess.run(  # noqa: S603 - a browser, fixed arguments
-        [
-            *(browser, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"),
-            *(f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width},900"),
-            (tmp_path / "page.html").as_uri(),
-        ],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    words = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"]
+    words += [f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width},900"]
+    done = run([*words, (tmp_path / "page.html").as_uri()])
     found = re.search(r'data-found="(\d+) (\d+) (\w+)"', done.stdout)
     assert found is not None, done.stderr
     pictures = 1 + len(written.result["table2"]) + len(written.result["table3"]) + 1

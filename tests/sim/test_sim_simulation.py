@@ -8,13 +8,12 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import sim_worlds
+from processes import python
 from sim_worlds import PERFECT, TICK, drive
 
 from navfw.config import find
@@ -171,9 +170,7 @@ def test_same_seed_same_bytes_in_a_fresh_process() -> None:
         f"import sys; sys.path[:0] = {folders}; "
         "from test_sim_simulation import record; print(record(7))"
     )
-    fresh = subprocess.run(  # noqa: S603
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    )
+    fresh = python(code)
     # nothing else on stdout: PyBullet's banner is suppressed
     assert fresh.stdout.strip() == record(7)
     assert fresh.stderr == ""

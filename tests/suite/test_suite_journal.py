@@ -6,8 +6,6 @@ import csv
 import json
 import math
 import sqlite3
-import subprocess
-import sys
 from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
@@ -17,6 +15,7 @@ import pytest
 import suite_samples as samples
 from hypothesis import given
 from hypothesis import strategies as st
+from processes import printed
 from suite_samples import row
 
 from navfw.errors import InputError
@@ -132,7 +131,7 @@ def test_what_a_kill_left_unfinished_is_rolled_back(out: SuiteFolder) -> None:
     wanted = plan()
     run(wanted, out)
     before = out.rows()
-    subprocess.run([sys.executable, "-c", KILLED_WHILE_WRITING, out.journal.file], check=True)  # noqa: S603 - this Python
+    printed(KILLED_WHILE_WRITING, out.journal.file)
     assert (out.path / "journal.sqlite-journal").exists()
     assert out.rows() == before
     assert run(wanted, out, "resume")[1] == []

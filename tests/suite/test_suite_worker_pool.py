@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -12,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import suite_samples as samples
+from processes import printed
 
 from navfw.errors import SimulationError
 from navfw.process import peak_memory_mb
@@ -126,8 +126,5 @@ def test_the_peak_is_no_less_than_what_was_held() -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="glibc has malloc_trim")
 def test_freed_memory_is_given_back() -> None:
-    done = subprocess.run(  # noqa: S603 - our own text
-        [sys.executable, "-c", FRAGMENTS], capture_output=True, text=True, check=True
-    )
-    before, after = map(float, done.stdout.split())
+    before, after = map(float, printed(FRAGMENTS).split())
     assert after < before - 50.0, "a piece at the end of the heap keeps 100 MB before it"

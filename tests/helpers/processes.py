@@ -1,0 +1,51 @@
+"""Processes that tests start and wait for, with what they print as text."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+Done = subprocess.CompletedProcess[str]
+
+
+def run(
+    words: Sequence[object],
+    *,
+    cwd: Path | None = None,
+    env: Mapping[str, str | None] | None = None,
+    timeout: float = 300.0,
+    check: bool = False,
+) -> Done:
+    """The ended process of a command; ``env`` is set in the environment beside what is there.
+
+    A variable that is None in ``env`` is removed. ``check`` raises where the process fails.
+    """
+    environment = {**os.environ, **(env or {})}
+    return subprocess.run(  # noqa: S603 - the tests' own words
+        [str(word) for word in words],
+        cwd=cwd,
+        env={name: value for name, value in environment.items() if value is not None},
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        check=check,
+    )
+
+
+def python(
+    code: str,
+    *words: object,
+    cwd: Path | None = None,
+    env: Mapping[str, str | None] | None = None,
+    timeout: float = 300.0,
+) -> Done:
+    """The ended process of this Python with ``code``, which reads ``words``."""
+    return run([sys.executable, "-c", code, *words], cwd=cwd, env=env, timeout=timeout)
+
+
+def printed(code: str, *words: object, env: Mapping[str, str | None] | None = None) -> str:
+    """What ``code`` prints in a process of its own, without the space around; it must succeed."""
+    return run([sys.executable, "-c", code, *words], env=env, check=True).stdout.strip()
