@@ -4,37 +4,24 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any
 
+import cli_calls
 import cv2
 import numpy as np
 import pytest
-from perceive_images import HEIGHT, WIDTH, assert_ahead, save, texture, wall_at
-from typer.testing import CliRunner, Result
+from perceive_calls import APPROACH, DISTANCES, PICTURE, perceive
+from perceive_images import HEIGHT, WIDTH, assert_ahead, save, wall_at
 
-from navfw.cli import app, progress_bar
+from navfw.cli import progress_bar
 from navfw.cli.output import print_json_list
 from navfw.numerics import Image
 
-PICTURE = texture()
-DISTANCES = (2.0, 1.95, 1.90, 1.85)
-APPROACH = [wall_at(d, PICTURE) for d in DISTANCES]
+invoke = partial(cli_calls.invoke, "perceive")
 FOCAL = 0.5 * WIDTH / np.tan(np.radians(32.5))
 MATRIX = np.array([[FOCAL, 0, 0.5 * WIDTH], [0, FOCAL, 0.5 * HEIGHT], [0, 0, 1.0]])
 BARREL = np.array([-0.35, 0.1, 0.0, 0.0, 0.0])
-
-
-def invoke(*arguments: str | Path) -> Result:
-    return CliRunner().invoke(app, ["perceive", *map(str, arguments)])
-
-
-def perceive(*arguments: str | Path) -> list[dict[str, Any]]:
-    done = invoke(*arguments, "--json")
-    assert done.exit_code == 0, done.output
-    result = json.loads(done.stdout)
-    assert isinstance(result, list)
-    return result
 
 
 @pytest.fixture(scope="module")
@@ -142,12 +129,8 @@ def test_poses_give_rotation_and_speed(tmp_path: Path) -> None:
 def test_what_is_assumed_is_said(approach: Path, tmp_path: Path) -> None:
     (view,) = perceive(approach / "image_1.png", approach / "image_2.png")
     assert view["estimated"]["focal_px"] is None, "a few images without turns"
-    assert view["assumed"] == {
-        "hfov_deg": 65.0,
-        "distortion": "none",
-        "pitch_deg": 0.0,
-        "fps": 10.0,
-    }
+    usual = {"hfov_deg": 65.0, "distortion": "none", "pitch_deg": 0.0, "fps": 10.0}
+    assert view["assumed"] == usual
     done = invoke(approach, "--hfov", "60", "--pitch", "0", "--fps", "10")
     first = done.stdout.splitlines()[0]
     assert first == "assumed: lens distortion none (--calibration)"
@@ -180,8 +163,8 @@ def test_progress_is_told_on_stderr(approach: Path, monkeypatch: pytest.MonkeyPa
     lens = "perceive: estimating the lens"
     assert told[0] == lens
     counted = [line.partition(",")[0] for line in told if line != lens]
-    assert counted == [f"perceive: images: {k} of 4" for k in (2, 3, 4)]
-    assert len(json.loads(done.stdout)) == 3
+    assert counted == [f"perceive: images: {k} of 5" for k in (2, 3, 4, 5)]
+    assert len(json.loads(done.stdout)) == 4
     assert "perceive: " not in invoke(approach, "--quiet").stderr
 
 
@@ -199,7 +182,7 @@ def test_list_is_printed_item_by_item(capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_broken_image_and_gap_in_a_sequence(tmp_path: Path) -> None:
-    folder = save(tmp_path, [*APPROACH, *APPROACH])
+    folder = save(tmp_path, APPROACH[:4] * 2)
     (folder / "image_2.png").write_bytes(b"")
     done = invoke(folder, "--fps", "10", "--json", "--stride", "1")
     assert done.exit_code == 0
@@ -214,8 +197,5 @@ def test_broken_image_and_gap_in_a_sequence(tmp_path: Path) -> None:
     for name, stamp in zip(sorted(folder.iterdir()), stamped, strict=True):
         cv2.imwrite(str(folder / f"{stamp}.png"), APPROACH[int(stamp[-1]) % 2])
         name.unlink()
-    views = perceive(folder)
-    assert [view["frames"] for view in views] == [
-        ["0.10.png", "0.20.png"],
-        ["1.00.png", "1.10.png"],
-    ]
+    pairs = [" ".join(view["frames"]) for view in perceive(folder)]
+    assert pairs == ["0.10.png 0.20.png", "1.00.png 1.10.png"]

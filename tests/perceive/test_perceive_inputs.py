@@ -10,12 +10,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from perceive_images import save, texture
+from perceive_images import HEIGHT, WIDTH, save, texture, wall_at
 from PIL import Image as PillowImage
 
 from navfw.errors import InputError
 from navfw.numerics import Image
-from navfw.perceive import ImageSource, natural_key, open_source
+from navfw.perceive import (
+    ImageSource,
+    lens_estimate,
+    lens_pairs,
+    natural_key,
+    open_source,
+    open_with_lens,
+)
 
 PICTURE = texture()[:48, :64]
 UPRIGHT_MATRIX = struct.pack(">9i", 0, 65536, 0, -65536, 0, 0, 0, 0, 1 << 30)
@@ -87,10 +94,9 @@ def test_heic_says_what_to_do(tmp_path: Path) -> None:
         names(open_source([tmp_path]))
     with pytest.raises(InputError, match=r"IMG_2\.jpg: is a HEIC image"):
         names(open_source([tmp_path / "IMG_2.jpg", tmp_path / "IMG_2.jpg"]))
-    cv2.imwrite(str(tmp_path / "IMG_3.png"), PICTURE)
-    cv2.imwrite(str(tmp_path / "IMG_4.png"), PICTURE)
+    save(tmp_path, [PICTURE] * 2)
     source = open_source([tmp_path])
-    assert names(source) == ["IMG_3.png", "IMG_4.png"]
+    assert names(source) == ["image_1.png", "image_2.png"]
     assert source.notes[-1].startswith("2 of 4 images left out: ")
 
 
@@ -124,14 +130,9 @@ def test_images_across_a_gap_are_not_compared(tmp_path: Path) -> None:
         (tmp_path / f"image_{k}.png").write_bytes(b"")
     source = open_source([tmp_path], 10.0)
     assert [item.name for item in source if item.after_gap] == ["image_9.png"]
-    assert source.notes[0] == (
-        "5 of 12 images left out: "
-        + "; ".join(
-            f"{tmp_path / f'image_{k}.png'}: is not a readable image; give a PNG or JPEG file"
-            for k in (4, 5, 6)
-        )
-        + "; and 2 more"
-    )
+    what = "is not a readable image; give a PNG or JPEG file"
+    named = "; ".join(f"{tmp_path / f'image_{k}.png'}: {what}" for k in (4, 5, 6))
+    assert source.notes[0] == f"5 of 12 images left out: {named}; and 2 more"
     assert source.notes[1] == "not compared across gaps in time: 0.60 s before image_9.png"
     # an image every second: two missing ones are no gap
     for k in (4, 5, 6):
@@ -213,14 +214,8 @@ def test_video_that_ends_early(tmp_path: Path) -> None:
 
 def test_video_of_16_bits(tmp_path: Path) -> None:
     depth = [cv2.VIDEOWRITER_PROP_DEPTH, cv2.CV_16U, cv2.VIDEOWRITER_PROP_IS_COLOR, 0]
-    writer = cv2.VideoWriter(
-        str(tmp_path / "deep.mkv"),
-        cv2.CAP_FFMPEG,
-        cv2.VideoWriter.fourcc(*"FFV1"),
-        25.0,
-        (64, 48),
-        depth,
-    )
+    codec, file = cv2.VideoWriter.fourcc(*"FFV1"), str(tmp_path / "deep.mkv")
+    writer = cv2.VideoWriter(file, cv2.CAP_FFMPEG, codec, 25.0, (64, 48), depth)
     for _ in range(2):
         writer.write(PICTURE.astype(np.uint16) * 257)
     writer.release()
@@ -343,3 +338,25 @@ def test_mixtures_are_refused(tmp_path: Path) -> None:
         open_source([tmp_path / "a" / "image_1.png", tmp_path / "film.mp4"])
     with pytest.raises(InputError, match="there is no such file"):
         open_source([tmp_path / "nowhere"])
+
+
+def test_images_are_paired_until_one_is_bad(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    picture = texture()
+    folder = save(tmp_path, [wall_at(2.0 - 0.06 * k, picture) for k in range(12)])
+    pairs, size = lens_pairs(open_source([folder], 10.0), lambda: None)
+    assert size == (WIDTH, HEIGHT)
+    assert 4 < len(pairs) < 12
+    assert min(len(pair.now) for pair in pairs) >= 60
+    with monkeypatch.context() as patch:  # images are read until six are exceeded
+        patch.setattr(lens_estimate, "MAX_PIXELS", 6 * WIDTH * HEIGHT)
+        ticks: list[int] = []
+        part, _ = lens_pairs(open_source([folder], 10.0), lambda: ticks.append(1))
+        assert len(ticks) == 7
+        assert 0 < len(part) < len(pairs)
+    assert cv2.imwrite(str(folder / "image_7.png"), np.zeros((90, 90, 3), np.uint8))
+    fewer, _ = lens_pairs(open_source([folder], 10.0), lambda: None)
+    assert 0 < len(fewer) < len(pairs)
+    images, hfov, lens = open_with_lens(lambda camera: open_source([folder], 10.0, camera), 65.0)
+    assert (hfov, lens.shape, images.hfov) == (65.0, None, None)

@@ -111,9 +111,8 @@ def test_gaps_and_missing_numbers(tmp_path: Path) -> None:
     assert gyro.notes == ("41 of 1000 gyro samples are not numbers",)
     assert gyro.rotation_between(2.9, 3.1) is None
     assert gyro.rotation_between(3.1, 3.2) is None
-    assert gyro.rotation_between(6.95, 7.05) == pytest.approx(
-        [0.0, 0.0, 0.02]
-    )  # one sample is no gap
+    # one sample is no gap
+    assert gyro.rotation_between(6.95, 7.05) == pytest.approx([0.0, 0.0, 0.02])
     assert gyro.rotation_between(9.5, 10.5) is None
     assert gyro.rotation_between(-1.0, 0.5) is None
 
@@ -310,10 +309,7 @@ def test_lists_of_all_forms(tmp_path: Path, text: str) -> None:
         ("0\n0.2\n0.1\n", r"times\.csv:3: time 0\.1\d* s does not come after 0\.2\d* s; sort the"),
         ("0\n0.1\nlater\n", r"times\.csv:3: time: 'later' is not a time in seconds"),
         ("0\nnan\n1\n", r"times\.csv:2: time: 'nan' is not a time in seconds"),
-        (
-            "frame,speed\n1,2\n",
-            r"times\.csv:1: has no column 'time'; name the one that holds it so",
-        ),
+        ("frame,v\n1,2\n", r"times\.csv:1: has no column 'time'; name the one that holds it so"),
         ("time,file\n0,image_1.png\n1\n", r"times\.csv:3: has 1 values, not 2 \(time, file\)"),
         (
             "0 image_2.png\n1 image_1.png\n2 image_3.png\n",
@@ -329,8 +325,6 @@ def test_what_is_wrong_with_times_is_said(tmp_path: Path, text: str, message: st
 
 def test_a_video_has_its_own_times(tmp_path: Path) -> None:
     (tmp_path / "film.mp4").write_bytes(b"x")
+    listed = load_image_times(written(tmp_path, "0\n1\n", "times.csv"))
     with pytest.raises(InputError, match="--times: is for image files; a video has its own times"):
-        open_source(
-            [tmp_path / "film.mp4"],
-            listed=load_image_times(written(tmp_path, "0\n1\n", "times.csv")),
-        )
+        open_source([tmp_path / "film.mp4"], listed=listed)

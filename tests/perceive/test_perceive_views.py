@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 import shutil
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from cli_calls import invoke
+from perceive_calls import APPROACH, DISTANCES, PICTURE, perceive
 from perceive_images import HEIGHT, WIDTH, assert_ahead, save, texture, total, wall_at
-from typer.testing import CliRunner
 
-from navfw.cli import app
 from navfw.egomotion import Egomotion, MotionKind
 from navfw.numerics import Image
 from navfw.offis import Offis
@@ -38,20 +36,9 @@ from navfw.robot import RobotModel
 from navfw.signals import Twist
 from navfw.testing.behavior_scenes import wall_flow
 
-PICTURE = texture()
-APPROACH = [wall_at(d, PICTURE) for d in (2.0, 1.95, 1.90, 1.85, 1.80)]
-
-
-def perceive(*arguments: str | Path) -> list[dict[str, Any]]:
-    done = CliRunner().invoke(app, ["perceive", *map(str, arguments), "--json"])
-    assert done.exit_code == 0, done.output
-    result = json.loads(done.stdout)
-    assert isinstance(result, list)
-    return result
-
 
 def refused(*arguments: str | Path) -> str:
-    done = CliRunner().invoke(app, ["perceive", *map(str, arguments)])
+    done = invoke("perceive", *arguments)
     assert done.exit_code == 2, done.output
     lines = [line for line in done.stderr.splitlines() if not line.startswith("perceive: ")]
     assert len(lines) == 1
@@ -67,7 +54,7 @@ def approach(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_wall_that_comes_nearer(approach: Path) -> None:
     views = perceive(approach, "--fps", "10", "--speed", "0.5")
     assert [view["frames"][1] for view in views] == [f"image_{n}.png" for n in range(2, 6)]
-    for view, distance in zip(views, (1.95, 1.90, 1.85, 1.80), strict=True):
+    for view, distance in zip(views, DISTANCES[1:], strict=True):
         # 0.05 of the distance's unit in 0.1 s: contact in distance / 0.5 seconds
         assert view["ttc_s"] == pytest.approx(distance / 0.5, rel=0.1)
         assert view["situation"] == "wall"

@@ -1,0 +1,23 @@
+"""Calls of the command perceive in this process, and the images of a wall that comes nearer."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from cli_calls import invoke
+from perceive_images import texture, wall_at
+
+PICTURE = texture()
+DISTANCES = (2.0, 1.95, 1.90, 1.85, 1.80)
+APPROACH = [wall_at(d, PICTURE) for d in DISTANCES]
+"""The wall at each of these distances: 0.05 nearer in each image."""
+
+
+def perceive(*words: object) -> list[dict[str, Any]]:
+    """What ``navfw perceive`` with ``words`` says of each pair of images."""
+    done = invoke("perceive", *words, "--json")
+    assert done.exit_code == 0, done.output
+    result = json.loads(done.stdout)
+    assert isinstance(result, list)
+    return result
