@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw import flow
+from navfw.flow import grid_points
 from navfw.numerics import Array
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, FlowField
@@ -79,10 +79,6 @@ def box(x: float, y: float, size: float, height: float) -> tuple[Wall, ...]:
     r = size / 2
     corners = [(x - r, y - r), (x - r, y + r), (x + r, y + r), (x + r, y - r)]
     return tuple(Wall(corners[i], corners[(i + 1) % 4], 0.0, height) for i in range(4))
-
-
-def grid_points(camera: CameraModel, rows: int = 12, cols: int = 16) -> Array:
-    return flow.grid_points(camera, rows, cols)
 
 
 def motion(

@@ -1,4 +1,4 @@
-"""Cells of the image: nearness from flow, height above the floor, labels."""
+"""Cells of the image: nearness from flow, height above the floor, labels; regions of cells."""
 
 from __future__ import annotations
 
@@ -10,10 +10,19 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from offis_scenes import Scene, box, grid_points, ideal_flow, motion, wall_ahead
+from offis_scenes import Scene, box, ideal_flow, motion, wall_ahead
 
+from navfw.flow import grid_points
 from navfw.numerics import Array
-from navfw.offis import FloorModel, Nearness, floor_nearness, triangulate
+from navfw.offis import (
+    Channels,
+    FloorModel,
+    Nearness,
+    Pyramid,
+    floor_nearness,
+    position,
+    triangulate,
+)
 from navfw.offis.percept_kernels import SIGMA_LIMIT
 from navfw.robot import CameraModel
 from navfw.signals import Label
@@ -21,6 +30,7 @@ from navfw.signals import Label
 CAMERA = CameraModel()
 FOCAL = CAMERA.focal
 TOP = 0.45
+ONES = np.ones((12, 16))
 
 
 @given(
@@ -118,8 +128,7 @@ def test_inconsistent_vectors_are_rejected() -> None:
 
 def test_without_translation_nothing_is_known() -> None:
     flow, _ = ideal_flow(Scene((wall_ahead(1.0),)), moved=motion(0.0))
-    seen = triangulate(flow, FOCAL)
-    assert (seen.confidence == 0.0).all()
+    assert (triangulate(flow, FOCAL).confidence == 0.0).all()
 
 
 def test_flow_with_rotation_is_refused() -> None:
@@ -191,22 +200,116 @@ def test_a_hole_in_the_floor_is_a_drop() -> None:
 
 
 def test_without_confidence_everything_is_unknown() -> None:
-    points = grid_points(CAMERA)
-    nothing = Nearness(np.ones((12, 16)), np.full((12, 16), 0.01), np.zeros((12, 16)))
-    _, label = FloorModel(CAMERA, TOP).classify(points, nothing)
+    nothing = Nearness(ONES, 0.01 * ONES, 0.0 * ONES)
+    _, label = FloorModel(CAMERA, TOP).classify(grid_points(CAMERA, 12, 16), nothing)
     assert (label == Label.UNKNOWN).all()
 
 
 def test_all_rays_upward_of_a_camera_above_the_top_pass_over() -> None:
-    points = grid_points(CAMERA)
-    seen = Nearness(np.ones((12, 16)), np.full((12, 16), 0.01), np.ones((12, 16)))
-    _, label = FloorModel(CAMERA, top=0.2).classify(points, seen)
+    seen = Nearness(ONES, 0.01 * ONES, ONES)
+    _, label = FloorModel(CAMERA, top=0.2).classify(grid_points(CAMERA, 12, 16), seen)
     assert (label[:6] == Label.ABOVE).all()
 
 
 def test_floor_nearness_is_what_an_empty_floor_shows() -> None:
     camera = CameraModel(pitch=0.2)
-    points = grid_points(camera)
+    points = grid_points(camera, 12, 16)
     depth = Scene().depth(points, camera)
     np.testing.assert_allclose(floor_nearness(points, camera), 1.0 / depth, atol=1e-12)
     assert floor_nearness(points, camera).max() == pytest.approx(1.0 / depth.min())
+
+
+# --- the pyramid of regions ---
+
+
+def regions(pyramid: Pyramid) -> dict[str, list[int]]:
+    return dict(zip(pyramid.names, pyramid.rectangles.tolist(), strict=True))
+
+
+def sizes(pyramid: Pyramid, prefix: str) -> set[tuple[int, int]]:
+    found = [r for name, r in regions(pyramid).items() if name.startswith(prefix)]
+    return {(bottom - top, right - left) for top, bottom, left, right in found}
+
+
+def test_the_papers_grids_split_as_in_the_paper() -> None:
+    even, odd = Pyramid((12, 16), 2), Pyramid((10, 15), 2)
+    assert sizes(even, "P") == {(6, 8)}
+    assert sizes(even, "sP") == {(3, 4)}
+    assert sizes(odd, "P") == {(5, 8)}
+    assert sizes(odd, "sP") == {(3, 4)}
+
+
+def test_odd_sides_share_the_middle_row_and_column() -> None:
+    region = regions(Pyramid((10, 15), 2))
+    assert region["P2"] == [0, 5, 0, 8]
+    assert region["P1"] == [0, 5, 7, 15]
+    assert region["sP22"] == [0, 3, 0, 4]
+    assert region["sP24"] == [2, 5, 4, 8]
+
+
+def test_names_and_positions_follow_the_quadrants() -> None:
+    region = regions(Pyramid((12, 16), 3))
+    assert region["P1"] == [0, 6, 8, 16]
+    assert region["P3"] == [6, 12, 0, 8]
+    assert region["sP41"] == [6, 9, 12, 16]
+    assert region["sP413"][2:] == [12, 14]
+    assert position("P1") == "upper right"
+    assert position("sP23") == "upper left"
+    assert position("sP341") == "lower left"
+
+
+def test_children_are_named_after_their_parent() -> None:
+    pyramid = Pyramid((12, 16), 3)
+    for index, name in enumerate(pyramid.names[:20]):
+        first = pyramid.first_child(index)
+        assert first is not None
+        assert [pyramid.names[first + i][-2:] for i in range(4)] == [
+            name[-1] + digit for digit in "1234"
+        ]
+    assert pyramid.first_child(20) is None
+
+
+def test_a_grid_too_small_for_its_layers_is_refused() -> None:
+    with pytest.raises(ValueError, match="3 x 16"):
+        Pyramid((3, 16), 2)
+
+
+@given(st.integers(0, 2**31), st.sampled_from([(12, 16), (10, 15), (5, 7)]))
+@settings(max_examples=25, deadline=None)
+def test_statistics_are_those_of_numpy(seed: int, shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(seed)
+    values = rng.normal(1.0, 0.3, (3, *shape))
+    weights = rng.uniform(0.1, 1.0, (3, *shape)) * (rng.random((3, *shape)) < 0.8)
+    known = (rng.random(shape) < 0.7).astype(float)
+    pyramid = Pyramid(shape, 2)
+    got = pyramid.statistics(Channels(values, weights, known))
+    for i, (top, bottom, left, right) in enumerate(pyramid.rectangles):
+        part = np.s_[top:bottom, left:right]
+        assert got.known[i] == pytest.approx(known[part].mean())
+        assert got.objects[i] == pytest.approx((weights[0][part] > 0).mean())
+        for channel, (mean, variance) in enumerate(
+            [(got.mean, got.variance), (got.mu_u, got.var_u), (got.mu_v, got.var_v)]
+        ):
+            x, w = values[channel][part], weights[channel][part]
+            if w.sum() == 0.0:
+                continue
+            expected = np.average(x, weights=w)
+            assert mean[i] == pytest.approx(expected)
+            assert variance[i] == pytest.approx(np.average((x - expected) ** 2, weights=w))
+
+
+def test_nearest_is_the_mean_of_the_nearest_eighth() -> None:
+    values = np.full((3, 12, 16), 0.5)
+    values[0, 0, :6] = [3.0, 2.0, 2.0, 2.0, 2.0, 1.0]  # six of the 48 cells of P2
+    got = Pyramid((12, 16), 1).statistics(Channels(values, np.ones_like(values), ONES))
+    assert got.nearest[1] == pytest.approx(12.0 / 6.0)
+    assert got.nearest[0] == pytest.approx(0.5)
+
+
+def test_a_lone_cell_weighs_less_than_a_patch() -> None:
+    values = np.zeros((3, 12, 16))
+    values[0, 1, 1] = 2.0
+    weights = np.zeros((3, 12, 16))
+    weights[:, 1, 1] = 1.0
+    got = Pyramid((12, 16), 1).statistics(Channels(values, weights, ONES))
+    assert 0.0 < got.nearest[1] < 1.0

@@ -17,13 +17,13 @@ from offis_scenes import (
     corner,
     corridor,
     door,
-    grid_points,
     ideal_flow,
     motion,
     wall_ahead,
 )
 from pydantic import ValidationError
 
+from navfw.flow import grid_points
 from navfw.offis import ELEMENTARY, TABLE, Offis
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Label, Percept, Twist
@@ -51,43 +51,22 @@ def term(percept: Percept, quadrant: str) -> str:
     return max(degrees, key=degrees.__getitem__)
 
 
+DOOR = {"door or corridor", "door or corner"}
+CORNER = {"door or corner", "corner"}
+LEFT, RIGHT = "left slope wall", "right slope wall"
+SLANT = math.radians(35)
 ROOM = {
     "wall": ([wall_ahead(1.5)], {"wall"}, "wall", ("[1 1]", "[1 1]")),
     "far wall": ([wall_ahead(3.5)], {"wall"}, "wall", ("[1 1]", "[1 1]")),
-    "left slope wall": (
-        [wall_ahead(1.5, math.radians(35))],
-        {"left slope wall or unknown"},
-        "left slope wall",
-        ("[2 1]", "[2 1]"),
-    ),
-    "right slope wall": (
-        [wall_ahead(1.5, math.radians(-35))],
-        {"right slope wall or unknown"},
-        "right slope wall",
-        ("[1 2]", "[1 2]"),
-    ),
+    LEFT: ([wall_ahead(1.5, SLANT)], {f"{LEFT} or unknown"}, LEFT, ("[2 1]", "[2 1]")),
+    RIGHT: ([wall_ahead(1.5, -SLANT)], {f"{RIGHT} or unknown"}, RIGHT, ("[1 2]", "[1 2]")),
     "corridor": (corridor(), {"door or corridor"}, "corridor", ("[3 1]", "[1 3]")),
-    "corridor off centre": (
-        corridor(shift=0.3),
-        {"door or corridor"},
-        "corridor",
-        ("[3 1]", "[1 3]"),
-    ),
-    "corner": (corner(1.8), {"door or corner", "corner"}, "corner", ("[2 1]", "[1 2]")),
-    "turned corner": (
-        corner(1.8, math.radians(38)),
-        {"door or corner", "corner"},
-        "corner",
-        ("[2 1]", "[1 2]"),
-    ),
-    "door": (door(1.2), {"door or corridor", "door or corner"}, "door", None),
-    "door farther": (door(2.2), {"door or corridor", "door or corner"}, "door", None),
-    "door aslant": (
-        door(1.4, angle=0.2),
-        {"door or corridor", "door or corner"},
-        "door",
-        None,
-    ),
+    "off centre": (corridor(shift=0.3), {"door or corridor"}, "corridor", ("[3 1]", "[1 3]")),
+    "corner": (corner(1.8), CORNER, "corner", ("[2 1]", "[1 2]")),
+    "turned corner": (corner(1.8, math.radians(38)), CORNER, "corner", ("[2 1]", "[1 2]")),
+    "door": (door(1.2), DOOR, "door", None),
+    "door farther": (door(2.2), DOOR, "door", None),
+    "door aslant": (door(1.4, angle=0.2), DOOR, "door", None),
 }
 
 
@@ -228,7 +207,7 @@ def test_sentences_are_the_papers() -> None:
 
 
 def test_a_black_image_is_unknown() -> None:
-    points = grid_points(ROBOT.camera)
+    points = grid_points(ROBOT.camera, 12, 16)
     zeros = np.zeros((12, 16))
     black = FlowField(
         0.0, points, np.zeros((12, 16, 2)), zeros, zeros + 9.0, motion(), derotated=True
@@ -320,14 +299,10 @@ def test_the_explanation_is_plain_data_with_rules_and_numbers() -> None:
 
 def test_only_what_all_alternatives_show_is_named_as_nearest() -> None:
     offis = Offis(ROBOT)
+    one, other = box(1.2, 0.5, 0.4, 2.0), box(1.2, -0.5, 0.4, 2.0)
     both, left, right, none = (
         ideal_flow(Scene((*walls, wall_ahead(11.0))))[0]
-        for walls in (
-            (*box(1.2, 0.5, 0.4, 2.0), *box(1.2, -0.5, 0.4, 2.0)),
-            box(1.2, 0.5, 0.4, 2.0),
-            box(1.2, -0.5, 0.4, 2.0),
-            (),
-        )
+        for walls in ((*one, *other), one, other, ())
     )
     unknown = replace(both, confidence=np.zeros(both.shape))
 
