@@ -1,3 +1,5 @@
+"""Accuracy of flow on rendered pairs, and times of planning on large maps."""
+
 from __future__ import annotations
 
 import json
@@ -11,6 +13,8 @@ from navfw.bench import (
     MOTIONS,
     all_processors,
     bench_flow,
+    bench_planning,
+    large_map,
     load_worlds,
     match_template_ratio,
     plot,
@@ -116,3 +120,22 @@ def test_the_reference_loop_finds_the_same_peaks() -> None:
         "block_matching_peak_ms",
         "block_matching_ratio",
     }
+
+
+# --- planning ---
+
+
+def test_the_map_is_as_large_as_asked_for_and_in_one_part() -> None:
+    topo_map = large_map(900, np.random.default_rng(3))
+    assert 850 <= len(topo_map.places) <= 900
+    assert len(topo_map.parts) == 1
+    again = large_map(900, np.random.default_rng(3))
+    assert (again.places, again.passages) == (topo_map.places, topo_map.passages)
+
+
+def test_plans_are_timed_and_as_cheap_as_those_of_networkx() -> None:
+    result = bench_planning(places=400, repeats=3, seed=1)  # compares every cost
+    for key in ("costs_ms", "first_plan_ms", "replan_ms", "networkx_ms"):
+        assert 0.0 < result[key]["min"] <= result[key]["median"] <= result[key]["max"]
+    ratio = result["first_plan_ms"]["median"] / result["networkx_ms"]["median"]
+    assert result["first_plan_over_networkx"] == ratio

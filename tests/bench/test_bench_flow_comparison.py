@@ -12,8 +12,8 @@ from typing import Any, ClassVar
 import cv2
 import numpy as np
 import pytest
+from cli_calls import answer, invoke, refusal
 from flow_scene import room, turn_about
-from typer.testing import CliRunner
 
 from navfw.bench import (
     PARTS,
@@ -30,7 +30,6 @@ from navfw.bench import (
     true_flow,
     with_recording_error,
 )
-from navfw.cli import app
 from navfw.errors import ConfigError
 from navfw.flow import BlockMatching, MatchedFlow, grid_points
 from navfw.interfaces import FlowProcessor
@@ -223,18 +222,13 @@ def test_the_default_flow_is_not_beaten_and_its_sigma_is_true() -> None:
         assert own["epe"] < 0.8 * found["processors"][name]["epe_at_first"]
 
 
-def bench(*arguments: str) -> Any:
-    return CliRunner().invoke(app, ["bench", "flow", *arguments])
-
-
 def test_the_command(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(flow_comparison, "_every_processor", few)
-    done = bench("--data", str(data), "--places", "0", "--part", "odd", "--json")
-    assert done.exit_code == 0, done.output
-    result = json.loads(done.stdout)
+    words = ("bench", "flow", "--data", data, "--places", "0")
+    result = answer(*words, "--part", "odd")
     assert result["sets"]["hololens_office"]["pairs"] == 3
     assert result["provenance"]["command"].startswith("navfw bench flow")
-    done = bench("--data", str(data), "--places", "0")
+    done = invoke(*words)
     assert done.exit_code == 0, done.output
     assert "hololens_office: 5 pairs of " in done.stdout
     assert "cv_lk_15" in done.stdout
@@ -246,9 +240,7 @@ def test_bad_input(data: Path, tmp_path: Path) -> None:
         (("--part", "third"), "--part: must be one of all, odd, even, got 'third'"),
         (("--places", "0"), "--places: must be at least 1 without --data"),
     ):
-        done = bench(*arguments)
-        assert done.exit_code == 2
-        assert said in done.stderr
+        assert said in refusal("bench", "flow", *arguments)
 
 
 @pytest.mark.parametrize(

@@ -7,24 +7,15 @@ import zlib
 from pathlib import Path
 
 import numpy as np
-from typer.testing import CliRunner, Result
 
-from navfw.cli import app
 from navfw.config import find
 from navfw.signals import Frame, Pose, SensorReading
 from navfw.sim import SceneGeometry, SensorParams, Simulation, WorldSpec, load_world
 from navfw.worldgen import FAMILIES, generate
 
-__all__ = ["PERFECT", "TICK", "drive", "frames", "free_poses", "loaded", "run", "world_of"]
-
 PERFECT = SensorParams.preset("perfect")
 TICK = 1.0 / 60.0
 """One control period [s]."""
-
-
-def run(*words: str | Path) -> Result:
-    """What ``navfw`` answers to these words."""
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 def drive(

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sim_worlds import run
+from cli_calls import answer, invoke, refusal
 
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.missions import prepare
@@ -151,9 +151,7 @@ def test_invalid_files_are_errors(tmp_path: Path, text: str, message: str) -> No
     assert "bad.world:1" in str(caught.value)
 
 
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="there is no such file"):
-        read_sdf(tmp_path / "none.world")
+def test_a_file_that_is_too_large_is_refused(tmp_path: Path) -> None:
     large = tmp_path / "large.world"
     with large.open("wb") as stream:
         stream.truncate(MAX_BYTES + 1)
@@ -277,23 +275,18 @@ def test_real_barn_worlds() -> None:
 
 def test_import_command(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    answer = run("world", "import", barn(tmp_path), "--out", out, "--json")
-    assert answer.exit_code == 0, answer.stderr
-    data = json.loads(answer.stdout)
+    data = answer("world", "import", barn(tmp_path), "--out", out)
     assert (data["cylinders"], data["boxes"], data["skipped"], data["barn"]) == (31, 0, [], True)
     assert load_world(out / "world.yaml").name == "hall"
     path = sdf(tmp_path, UNSUPPORTED["sphere"])
     words = ("world", "import", path, "--out", out, "--start", "-1,0,0.5", "--goal", "2,-3")
-    answer = run(*words)
-    assert answer.exit_code == 2
-    assert "'ball'" in answer.stderr
-    answer = run(*words, "--skip-unsupported")
-    assert answer.exit_code == 0, answer.stderr
-    assert "left out: line" in answer.stderr
+    assert "'ball'" in refusal(*words)
+    done = invoke(*words, "--skip-unsupported")
+    assert done.exit_code == 0, done.stderr
+    assert "left out: line" in done.stderr
     for bad in ("1,2,3", "a,b", "1", "nan,1"):
-        answer = run(*words, "--goal", bad)
-        assert answer.exit_code == 2
-        assert answer.stderr == f"navfw: --goal: expected X,Y, got {bad!r}\n"
+        said = refusal(*words, "--goal", bad)
+        assert said == f"navfw: --goal: expected X,Y, got {bad!r}\n"
 
 
 def test_several_files_are_imported_and_a_damaged_one_costs_itself_alone(tmp_path: Path) -> None:
@@ -302,14 +295,14 @@ def test_several_files_are_imported_and_a_damaged_one_costs_itself_alone(tmp_pat
     broken.write_text("<sdf><world>")
     out = tmp_path / "out"
     words = ("world", "import", files[0], broken, files[1], "--out", out)
-    answer = run(*words, "--json")
-    assert answer.exit_code == 2
-    folders = [made["folder"] for made in json.loads(answer.stdout)]
+    done = invoke(*words, "--json")
+    assert done.exit_code == 2
+    folders = [made["folder"] for made in json.loads(done.stdout)]
     assert folders == [str(out / "world_2"), str(out / "world_1")]
     assert sorted(path.name for path in out.iterdir()) == ["world_1", "world_2"]
-    assert answer.stderr.splitlines()[-1].startswith(f"navfw: {broken}:1: expected an SDF world")
-    assert "import: 3 of 3 files" in answer.stderr
-    again = run(*words, "--quiet")
+    assert done.stderr.splitlines()[-1].startswith(f"navfw: {broken}:1: expected an SDF world")
+    assert "import: 3 of 3 files" in done.stderr
+    again = invoke(*words, "--quiet")
     assert len(again.stderr.splitlines()) == 1
     assert again.stdout.count("navfw run ") == 2
 
@@ -319,21 +312,19 @@ def test_two_files_of_one_name_are_refused_before_anything_is_written(tmp_path: 
     (tmp_path / "other").mkdir()
     twin = tmp_path / "other" / file.name
     twin.write_bytes(file.read_bytes())
-    answer = run("world", "import", file, twin, "--out", out)
-    assert (answer.exit_code, answer.stdout) == (2, "")
-    assert f"{twin}: a second file called '{file.stem}'" in answer.stderr
+    done = invoke("world", "import", file, twin, "--out", out)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert f"{twin}: a second file called '{file.stem}'" in done.stderr
     assert not out.exists()
 
 
 def test_generate_command(tmp_path: Path) -> None:
     out = tmp_path / "out"
     words = ("world", "new", "clutter", "--seed", "4", "--difficulty", "0.25", "--out", out)
-    answer = run(*words, "--json")
-    assert answer.exit_code == 0, answer.stderr
-    data = json.loads(answer.stdout)
+    data = answer(*words)
     assert (data["family"], data["seed"], data["map"]) == ("clutter", 4, False)
     assert prepare(out, data["mission"]).shortest == pytest.approx(data["shortest_path_m"])
-    assert "navfw run" in run(*words).stdout
+    assert "navfw run" in invoke(*words).stdout
 
 
 @pytest.mark.parametrize(
@@ -346,7 +337,5 @@ def test_generate_command(tmp_path: Path) -> None:
     ],
 )
 def test_generate_reports_invalid_arguments(words: list[str], message: str, tmp_path: Path) -> None:
-    answer = run("world", "new", *words, "--out", tmp_path / "out")
-    assert answer.exit_code == 2
-    assert message in answer.stderr
+    assert message in refusal("world", "new", *words, "--out", tmp_path / "out")
     assert not (tmp_path / "out").exists()

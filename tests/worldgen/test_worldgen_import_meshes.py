@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import astuple
 from itertools import pairwise
@@ -11,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from sim_worlds import run
+from cli_calls import answer, refusal
 
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.meshes import MeshLimits
@@ -189,6 +188,7 @@ def obj(path: Path, triangles: Array) -> Path:
 
 
 def sdf(folder: Path, uri: str, more: str = "", pose: str = "0 0 0 0 0 0") -> Path:
+    folder.mkdir(exist_ok=True)
     path = folder / "hall.world"
     path.write_text(
         "<?xml version='1.0'?>\n<sdf version='1.6'><world name='w'>\n"
@@ -249,7 +249,6 @@ def test_the_unit_of_a_collada_file_counts(tmp_path: Path) -> None:
 
 def test_models_are_looked_up_in_folders(tmp_path: Path) -> None:
     world = tmp_path / "world"
-    world.mkdir()
     path = sdf(world, "model://hut/meshes/b.obj")
     with pytest.raises(InputError, match=r"line 4: the mesh 'model://hut/meshes/b.obj' .*--models"):
         imported(path)
@@ -289,14 +288,8 @@ def test_meshes_have_a_bounded_size(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 def test_command(tmp_path: Path) -> None:
     obj(tmp_path / "models" / "hut" / "b.obj", HOUSE)
-    world, out = tmp_path / "world", tmp_path / "out"
-    world.mkdir()
-    path = sdf(world, "model://hut/b.obj")
+    path, out = sdf(tmp_path / "world", "model://hut/b.obj"), tmp_path / "out"
     words = f"world import {path} --out {out} --start 2,-2,1.57 --goal 2,2".split()
-    answer = run(*words)
-    assert answer.exit_code == 2
-    assert "line 4" in answer.stderr
-    answer = run(*words, "--models", tmp_path / "models", "--json")
-    assert answer.exit_code == 0, answer.stderr
-    assert json.loads(answer.stdout)["meshes"] == 1
+    assert "line 4" in refusal(*words)
+    assert answer(*words, "--models", tmp_path / "models")["meshes"] == 1
     assert prepare(out, "cross").shortest == pytest.approx(4.0, abs=0.01)
