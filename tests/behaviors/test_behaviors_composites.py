@@ -8,29 +8,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from behavior_samples import behavior_of, composite_of, desired_twist
+from behavior_samples import behavior_of, composite_of, desired_twist, scene
 
 from navfw.context import Context
 from navfw.errors import InputError
 from navfw.interfaces import Composite
 from navfw.localmap import LocalGoal
-from navfw.plugins import Registry, default_registry
+from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Twist, Waypoint
 from navfw.stack import load_stack
-from navfw.testing import contexts_of
-from navfw.testing.behavior_scenes import BehaviorScene
 
 ROBOT = RobotModel()
-
-
-def scene(ticks: int = 20, **walls: float) -> Context:
-    """The last context of a drive between ``walls`` (ahead, left, right) [m]."""
-    drive = BehaviorScene("drive", Twist(0.3, 0.0), ticks=ticks)
-    return contexts_of(replace(drive, **walls))[-1]  # type: ignore[arg-type]
-
-
-OPEN, CORRIDOR, WALL = scene(), scene(left=0.7, right=0.7), scene(ticks=8, ahead=0.9)
+OPEN, CORRIDOR = scene(ticks=20), scene(ticks=20, left=0.7, right=0.7)
+WALL = scene(ticks=8, ahead=0.9)
 DOOR = Waypoint(OPEN.pose.x + 0.7, 0.0, 0.25, "door", "door", final=False, width=0.9)
 
 
@@ -42,7 +33,7 @@ def test_patrol_cruises_and_is_cautious_at_doors_and_beside_obstacles() -> None:
     in_the_open = patrol.weigh(OPEN)
     assert in_the_open["cruise"] == pytest.approx(0.3)
     assert patrol.weigh(replace(OPEN, waypoint=DOOR))["cruise"] == 1.0
-    assert patrol.weigh(scene(left=0.45))["cruise"] > 0.9
+    assert patrol.weigh(scene(ticks=20, left=0.45))["cruise"] > 0.9
     assert patrol.weigh(CORRIDOR)["centre_corridor"] > 0.9
     assert "IF" in str(patrol.explain()[0]["rule"])
 
@@ -296,10 +287,8 @@ def test_a_composite_by_rules_needs_its_inputs_and_a_rule_file(tmp_path: Path) -
     wary = cls(ROBOT)
     assert wary.explain() == ()
     near = replace(OPEN, ranges=replace(OPEN.ranges, free=np.full_like(OPEN.ranges.free, 0.5)))
-    assert [dict(wary.weigh(context)) for context in (OPEN, near)] == [
-        {"go_to_xy": 1.0},
-        {"go_to_xy": 0.0},
-    ]
+    weights = [wary.weigh(context)["go_to_xy"] for context in (OPEN, near)]
+    assert weights == [1.0, 0.0]
     assert [rule["rule"] for rule in wary.explain()] == ["IF room IS no THEN go_to_xy IS low"]
     wary.reset()
     assert wary.explain() == ()
@@ -321,10 +310,9 @@ def test_a_composite_by_rules_without_inputs_is_refused_at_once(
 
 
 def test_a_broken_composite_is_listed_and_others_still_load(tmp_path: Path) -> None:
-    (tmp_path / "timid.py").write_text(
-        TIMID.replace("def weigh(self, context", "def weigh(self, it")
-    )
-    registry: Registry = default_registry([tmp_path])
+    text = TIMID.replace("def weigh(self, context", "def weigh(self, it")
+    (tmp_path / "timid.py").write_text(text)
+    registry = default_registry([tmp_path])
     (broken,) = (entry for entry in registry.listing("composite") if entry["status"] == "broken")
     assert "weigh" in broken["error"]
     assert "context" in broken["error"]

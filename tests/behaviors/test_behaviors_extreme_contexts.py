@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from behavior_samples import REGISTRY, behavior_of, composite_of
+from behavior_samples import REGISTRY, behavior_of, composite_of, scene
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -23,14 +23,12 @@ from navfw.signals import (
     Command,
     Conflicts,
     FlowField,
-    Percept,
     Pose,
     Proposal,
     Twist,
     Waypoint,
 )
-from navfw.testing import contexts_of
-from navfw.testing.behavior_scenes import BehaviorScene, wall_flow
+from navfw.testing.behavior_scenes import wall_flow
 
 ROBOT = RobotModel()
 COMMANDS = CommandGrid(ROBOT)
@@ -85,6 +83,18 @@ def flows(draw: st.DrawFn, time: float) -> FlowField:
     )
 
 
+POSES = st.builds(Pose, COORDINATE, COORDINATE, YAW)
+
+
+@st.composite
+def beliefs(draw: st.DrawFn, time: float) -> Belief:
+    """A position estimate of any certainty, at any place."""
+    sigma = draw(st.floats(0.0, 30.0))
+    covariance = np.diag([sigma**2, sigma**2, 1.0])
+    confidence, lost = draw(st.floats(0.0, 1.0)), draw(st.booleans())
+    return Belief(time, draw(POSES), covariance, confidence=confidence, lost=lost)
+
+
 @st.composite
 def waypoints(draw: st.DrawFn) -> Waypoint:
     """A waypoint of any kind, at any place."""
@@ -116,7 +126,6 @@ def local_goals(draw: st.DrawFn) -> LocalGoal:
 @st.composite
 def contexts(draw: st.DrawFn, time: float = 1.0) -> Context:
     """A context at ``time`` [s] in which any of the optional parts may be missing."""
-    pose = Pose(draw(COORDINATE), draw(COORDINATE), draw(YAW))
     twist = Twist(draw(st.floats(-0.15, 0.5)), draw(st.floats(-1.6, 1.6)))
     seen = draw(st.one_of(st.none(), flows(time - draw(st.sampled_from((0.0, 0.5))))))
     waypoint = draw(st.none() | waypoints())
@@ -126,9 +135,9 @@ def contexts(draw: st.DrawFn, time: float = 1.0) -> Context:
         robot=ROBOT,
         commands=COMMANDS,
         twist=twist,
-        pose=pose,
-        belief=_belief(draw, time),
-        percept=_percept(seen, twist),
+        pose=draw(POSES),
+        belief=draw(beliefs(time)),
+        percept=None if seen is None else OFFIS.perceive(seen, twist),
         arcs=Arcs(
             draw(layers(COMMANDS.shape, 0.0, reach)),
             draw(layers(COMMANDS.shape, 0.0, reach)),
@@ -159,24 +168,9 @@ def drives(draw: st.DrawFn, most: int = 4) -> list[Context]:
     return [draw(contexts(time)) for time in times.tolist()]
 
 
-def _belief(draw: st.DrawFn, time: float) -> Belief:
-    sigma = draw(st.floats(0.0, 30.0))
-    return Belief(
-        time,
-        Pose(draw(COORDINATE), draw(COORDINATE), draw(YAW)),
-        np.diag([sigma**2, sigma**2, 1.0]),
-        confidence=draw(st.floats(0.0, 1.0)),
-        lost=draw(st.booleans()),
-    )
-
-
-def _percept(flow: FlowField | None, twist: Twist) -> Percept | None:
-    return None if flow is None else OFFIS.perceive(flow, twist)
-
-
 BASELINES = {"navground"}
 """Behaviours that need the simulator's truth and another package."""
-PLAIN = contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0)))[-1]
+PLAIN = scene()
 MANY = settings(suppress_health_check=[HealthCheck.too_slow])
 
 

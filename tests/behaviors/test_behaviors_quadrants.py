@@ -7,28 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from behavior_samples import behavior_of, desired_twist
+from behavior_samples import behavior_of, desired_twist, scene
 
 from navfw.context import Context, QuadrantDistances, quadrant_distances
-from navfw.signals import Percept, Pose, Proposal, Twist
-from navfw.testing import contexts_of
-from navfw.testing.behavior_scenes import BehaviorScene
-
-
-def last(scene: BehaviorScene) -> Context:
-    return contexts_of(scene)[-1]
-
-
-def beside(side: str, distance: float, v: float = 0.3) -> Context:
-    """The last context of a drive with a wall on one side, ``distance`` [m] away."""
-    scene = BehaviorScene("beside", Twist(v, 0.0))
-    return last(replace(scene, **{side: distance}))  # type: ignore[arg-type]
+from navfw.signals import Percept, Pose, Proposal
 
 
 def percept_of(**walls: float) -> Percept:
     """The newest percept between ``walls`` (ahead, left, right) at these distances [m]."""
-    scene = BehaviorScene("walls", Twist(0.3, 0.0))
-    percept = last(replace(scene, **walls)).percept  # type: ignore[arg-type]
+    percept = scene(**walls).percept
     assert percept is not None
     return percept
 
@@ -38,11 +25,11 @@ def distances(**walls: float) -> QuadrantDistances:
     return quadrant_distances(percept, percept.time)
 
 
-def turned(context: Context, angle: float, seconds: float) -> Context:
-    """``context`` after a turn [rad] and a time [s] without a new percept."""
-    pose = context.pose
-    turned = Pose(pose.x, pose.y, pose.yaw + angle)
-    return replace(context, pose=turned, time=context.time + seconds)
+def moved(context: Context, ahead: float = 0.0, turn: float = 0.0, seconds: float = 0.5) -> Context:
+    """``context`` after a time [s], farther ahead [m] and turned [rad], without a new percept."""
+    x, y = context.pose.to_parent(ahead, 0.0)
+    pose = Pose(x, y, context.pose.yaw + turn)
+    return replace(context, pose=pose, time=context.time + seconds)
 
 
 def test_quadrant_distances_are_near_on_the_side_of_a_wall_and_far_elsewhere() -> None:
@@ -72,7 +59,7 @@ def test_with_one_layer_ahead_is_the_farther_half() -> None:
 
 @pytest.mark.parametrize(("side", "sign"), [("left", -1.0), ("right", 1.0)])
 def test_it_turns_away_from_the_nearer_half(side: str, sign: float) -> None:
-    context = beside(side, 0.5)
+    context = scene(**{side: 0.5})
     proposal = behavior_of("avoid_quadrants").propose(context)
     assert proposal.applicability > 0.8
     assert desired_twist(context, proposal).w * sign > 0.3
@@ -82,7 +69,7 @@ def test_it_turns_away_from_the_nearer_half(side: str, sign: float) -> None:
 def test_before_a_wall_it_turns_hard_to_the_waypoints_side_and_not_fast(
     goal: tuple[float, float], sign: float
 ) -> None:
-    context = last(BehaviorScene("wall", Twist(0.3, 0.0), waypoint=goal, ahead=0.9))
+    context = scene(waypoint=goal, ahead=0.9)
     proposal = behavior_of("avoid_quadrants").propose(context)
     twist = desired_twist(context, proposal)
     assert twist.w * sign > 0.7
@@ -92,7 +79,7 @@ def test_before_a_wall_it_turns_hard_to_the_waypoints_side_and_not_fast(
 
 
 def test_old_percepts_are_ignored() -> None:
-    context = last(BehaviorScene("wall", Twist(0.3, 0.0), ahead=0.9))
+    context = scene(ahead=0.9)
     late = replace(context, time=context.time + 1.0)
     for name in ("avoid_quadrants", "follow_wall_quadrants"):
         assert behavior_of(name).propose(late).applicability == 0.0
@@ -101,7 +88,7 @@ def test_old_percepts_are_ignored() -> None:
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
 def test_following_a_wall_keeps_it_between_near_and_middle(side: str, sign: float) -> None:
     def turn(distance: float) -> float:
-        context, behavior = beside(side, distance, 0.2), behavior_of("follow_wall_quadrants")
+        context, behavior = scene(0.2, **{side: distance}), behavior_of("follow_wall_quadrants")
         return desired_twist(context, behavior.propose(context)).w * sign
 
     assert turn(0.4) < -0.1
@@ -110,8 +97,7 @@ def test_following_a_wall_keeps_it_between_near_and_middle(side: str, sign: floa
 
 def test_an_emergency_turns_on_the_spot_to_its_end() -> None:
     behavior = behavior_of("emergency_quadrants")
-    drive = contexts_of(BehaviorScene("late", Twist(0.3, 0.0), waypoint=(3.0, 2.0), ahead=0.6))
-    context = drive[-1]
+    context = scene(waypoint=(3.0, 2.0), ahead=0.6)
     assert context.quadrant_distances is not None and context.quadrant_distances.floor < 0.2
     proposal = behavior.propose(context)
     assert proposal.applicability == 1.0
@@ -121,16 +107,15 @@ def test_an_emergency_turns_on_the_spot_to_its_end() -> None:
     angle = 0.0
     while behavior.propose(context).applicability:
         angle += 0.1
-        context = turned(context, 0.1, 0.2)  # there is no percept while turning: the last one ages
+        # there is no percept while turning: the last one ages
+        context = moved(context, turn=0.1, seconds=0.2)
         assert angle < 2.0
     assert 0.8 < angle < 1.2
-    open_floor = last(BehaviorScene("open", Twist(0.3, 0.0)))
-    assert behavior_of("emergency_quadrants").propose(open_floor).applicability == 0.0
+    assert behavior_of("emergency_quadrants").propose(scene()).applicability == 0.0
 
 
 def test_the_view_moves_on_while_no_percept_is_recent() -> None:
-    context = last(BehaviorScene("open", Twist(0.3, 0.0)))
-    behavior = behavior_of("look_again")
+    context, behavior = scene(), behavior_of("look_again")
     assert behavior.propose(context).applicability == 0.0, "the percept is recent"
     for late in (replace(context, time=context.time + 1.0), replace(context, percept=None)):
         proposal = behavior.propose(late)
@@ -143,14 +128,13 @@ def test_the_view_moves_on_while_no_percept_is_recent() -> None:
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_the_view_turns_away_from_an_old_near_object_before_it_moves_on(sign: float) -> None:
     # the object fills both halves: the waypoint's side decides
-    scene = BehaviorScene("wall", Twist(0.3, 0.0), waypoint=(2.0, 1.5 * sign), ahead=0.9)
-    context = last(scene)
+    context = scene(waypoint=(2.0, 1.5 * sign), ahead=0.9)
     context = replace(context, time=context.time + 1.0)
     behavior = behavior_of("look_again")
     twist = desired_twist(context, behavior.propose(context))
     assert twist.v == pytest.approx(0.0, abs=0.02)
     assert twist.w * sign > 0.3
-    onward = turned(context, sign * 0.8, 1.0)
+    onward = moved(context, turn=sign * 0.8, seconds=1.0)
     proposal = behavior.propose(onward)
     twist = desired_twist(onward, proposal)
     assert twist.v > 0.1
@@ -162,7 +146,7 @@ def test_the_view_turns_away_from_an_old_near_object_before_it_moves_on(sign: fl
 
 def test_what_was_near_and_left_the_view_is_not_turned_into_until_it_is_passed() -> None:
     behavior = behavior_of("avoid_quadrants")
-    context, gone = beside("left", 0.5), percept_of()
+    context, gone = scene(left=0.5), percept_of()
     behavior.propose(context)
     commands = context.commands
 
@@ -183,13 +167,13 @@ def test_what_was_near_and_left_the_view_is_not_turned_into_until_it_is_passed()
 
 def test_a_wall_that_has_left_the_view_is_not_circled() -> None:
     behavior = behavior_of("follow_wall_quadrants")
-    context = replace(beside("left", 0.5, 0.2), idle=12.0)
+    context = replace(scene(0.2, left=0.5), idle=12.0)
     assert behavior.propose(context).applicability > 0.5
     context = replace(context, percept=replace(percept_of(), time=context.time))
     angle = 0.0
     while behavior.propose(context).applicability > 0.0:
         angle += 0.2
-        context = turned(context, 0.2, 0.0)
+        context = moved(context, turn=0.2, seconds=0.0)
         assert angle < 3.0
     assert angle > 1.0
 
@@ -204,17 +188,10 @@ def barred(context: Context, proposal: Proposal, turn: float) -> bool:
     return bool((layer > 0.5).all())
 
 
-def moved(context: Context, ahead: float = 0.0, turn: float = 0.0) -> Context:
-    """``context`` a moment later, farther ahead [m] and turned [rad], without a new percept."""
-    x, y = context.pose.to_parent(ahead, 0.0)
-    pose = Pose(x, y, context.pose.yaw + turn)
-    return replace(context, pose=pose, time=context.time + 0.5)
-
-
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_it_does_not_drive_into_what_it_has_turned_to(side: float) -> None:
     behavior = behavior_of("keep_clear")
-    context = beside("left" if side > 0.0 else "right", 0.33)
+    context = scene(**{"left" if side > 0.0 else "right": 0.33})
     passing = behavior.propose(context)
     assert passing.applicability == 0.0
     assert not barred(context, passing, 0.0), "past it"
@@ -233,8 +210,7 @@ def test_it_does_not_drive_into_what_it_has_turned_to(side: float) -> None:
 
 
 def test_it_drives_on_past_the_object_before_it_may_turn_back() -> None:
-    behavior = behavior_of("keep_clear")
-    context = beside("left", 0.33)
+    behavior, context = behavior_of("keep_clear"), scene(left=0.33)
     behavior.propose(context)
     context = moved(context, ahead=0.4, turn=1.2)
     way = math.copysign(1.0, desired_twist(context, behavior.propose(context)).w)
@@ -251,7 +227,7 @@ def test_it_drives_on_past_the_object_before_it_may_turn_back() -> None:
 
 def test_what_is_passed_or_old_is_forgotten() -> None:
     behavior = behavior_of("keep_clear")
-    context = last(BehaviorScene("wall", Twist(0.2, 0.0), ahead=0.75))
+    context = scene(0.2, ahead=0.75)
     behavior.propose(context)
     assert barred(context, behavior.propose(moved(context, ahead=0.3)), 0.0)
     late = replace(moved(context, ahead=0.3), time=context.time + 20.0)
@@ -268,7 +244,7 @@ def test_a_percept_denies_what_it_shows_again_but_nothing_too_near_for_flow(
     distance: float, *, denied: bool
 ) -> None:
     behavior = behavior_of("keep_clear")
-    context = last(BehaviorScene("wall", Twist(0.1, 0.0), ahead=distance))
+    context = scene(0.1, ahead=distance)
     behavior.propose(context)
     later = moved(context)
     behavior.propose(replace(later, percept=replace(percept_of(), time=later.time)))

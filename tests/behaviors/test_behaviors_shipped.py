@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from behavior_samples import behavior_of, composite_of, desired_twist
+from behavior_samples import behavior_of, composite_of, desired_twist, scene
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,54 +22,42 @@ from navfw.testing import check_behavior, contexts_of
 from navfw.testing.behavior_scenes import BehaviorScene, wall_flow
 
 ROBOT = RobotModel()
-SHIPPED = (
-    "avoid",
-    "centre_corridor",
-    "emergency",
-    "escape",
-    "follow_wall",
-    "give_way",
-    "go_to_xy",
-    "peek",
-    "traverse_door",
-)
+SHIPPED = """
+    avoid centre_corridor emergency escape follow_wall give_way go_to_xy peek traverse_door
+"""
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", SHIPPED.split())
 def test_keeps_the_contract(name: str) -> None:
     check_behavior(type(behavior_of(name)))
 
 
-def propose(name: str, scene: BehaviorScene) -> tuple[Context, Proposal]:
-    """The context and the behaviour's proposal at the end of a scene."""
+def propose(name: str, v: float = 0.3, **scene: Any) -> tuple[Context, Proposal]:
+    """The context and the behaviour's proposal at the end of a drive straight on [m/s]."""
     behavior = behavior_of(name)
-    proposals = [(context, behavior.propose(context)) for context in contexts_of(scene)]
-    return proposals[-1]
+    drive = contexts_of(BehaviorScene("drive", Twist(v, 0.0), **scene))
+    return [(context, behavior.propose(context)) for context in drive][-1]
 
 
 @pytest.mark.parametrize(
     ("waypoint", "sign"), [((1.0, 2.0), 1.0), ((1.0, -2.0), -1.0), ((-2.0, 0.3), 1.0)]
 )
 def test_go_to_xy_turns_toward_the_waypoint(waypoint: tuple[float, float], sign: float) -> None:
-    scene = BehaviorScene("goal aside", Twist(0.1, 0.0), waypoint=waypoint, ticks=2)
-    context, proposal = propose("go_to_xy", scene)
-    assert desired_twist(context, proposal).w * sign > 0.15
+    twist = desired_twist(*propose("go_to_xy", 0.1, waypoint=waypoint, ticks=2))
+    assert twist.w * sign > 0.15
 
 
 def test_go_to_xy_drives_fast_straight_on_and_slowly_at_the_goal() -> None:
-    away = BehaviorScene("far", Twist(0.3, 0.0), waypoint=(4.0, 0.0), ticks=25)
-    close = BehaviorScene("near", Twist(0.1, 0.0), waypoint=(0.25, 0.0))
-    far, near = (desired_twist(*propose("go_to_xy", scene)) for scene in (away, close))
+    far = desired_twist(*propose("go_to_xy", waypoint=(4.0, 0.0), ticks=25))
+    near = desired_twist(*propose("go_to_xy", 0.1, waypoint=(0.25, 0.0)))
     assert far.v > 0.3
     assert near.v < 0.6 * far.v
     assert abs(far.w) < 0.05
-    nowhere = BehaviorScene("nowhere", Twist(0.1, 0.0), waypoint=None)
-    assert propose("go_to_xy", nowhere)[1].applicability == 0.0
+    assert propose("go_to_xy", 0.1, waypoint=None)[1].applicability == 0.0
 
 
 def test_avoid_prohibits_commands_that_cannot_stop_before_the_wall() -> None:
-    wall = BehaviorScene("wall", Twist(0.2, 0.0), ahead=0.75, ticks=14)
-    context, proposal = propose("avoid", wall)
+    context, proposal = propose("avoid", 0.2, ahead=0.75, ticks=14)
     straight = context.commands.w.size // 2
     assert context.ranges.front < 0.4
     assert proposal.prohibition[-1, straight] > 0.5
@@ -79,7 +68,7 @@ def test_avoid_prohibits_commands_that_cannot_stop_before_the_wall() -> None:
 
 
 def test_avoid_prohibits_turns_without_room_to_stop_them() -> None:
-    context, _ = propose("avoid", BehaviorScene("open", Twist(0.0, 0.0), ticks=14))
+    context = scene(0.0, ticks=14)
     turn = np.where(context.commands.w > 0.0, 0.1, math.inf)  # something is to the left
     beside = replace(context, arcs=replace(context.arcs, turn=turn))
     standing = int(np.flatnonzero(context.commands.v == 0.0)[0])
@@ -90,64 +79,55 @@ def test_avoid_prohibits_turns_without_room_to_stop_them() -> None:
 
 
 def test_avoid_allows_observed_open_floor_and_discourages_speed_into_unobserved_space() -> None:
-    context, proposal = propose("avoid", BehaviorScene("open", Twist(0.3, 0.0), ticks=14))
+    context, proposal = propose("avoid", ticks=14)
     straight = context.commands.w.size // 2
     assert proposal.prohibition[-1, straight] < 0.5
-    blind = BehaviorScene("blind", Twist(0.0, 0.0), perceives=False, ticks=2)
-    context, proposal = propose("avoid", blind)
+    context, proposal = propose("avoid", 0.0, perceives=False, ticks=2)
     slow = int(np.searchsorted(context.commands.v, 0.05))
     assert proposal.prohibition[-1, straight] > 1.5 * proposal.prohibition[slow, straight]
 
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
 def test_follow_wall_keeps_its_distance(side: str, sign: float) -> None:
-    def beside(distance: float) -> BehaviorScene:
-        scene = BehaviorScene("beside a wall", Twist(0.2, 0.0), ticks=16)
-        return replace(scene, left=distance) if side == "left" else replace(scene, right=distance)
-
-    near, far = beside(0.32), beside(0.8)
-    assert desired_twist(*propose("follow_wall", near)).w * sign < -0.05
-    assert desired_twist(*propose("follow_wall", far)).w * sign > 0.05
-
-
-def weigh(scene: BehaviorScene, **changes: object) -> dict[str, float]:
-    """The weights that ``travel`` gives its primitives at the end of a scene."""
-    context = replace(contexts_of(scene)[-1], **changes)  # type: ignore[arg-type]
-    return dict(composite_of("travel").weigh(context))
+    near, far = (
+        desired_twist(*propose("follow_wall", 0.2, ticks=16, **{side: distance})).w * sign
+        for distance in (0.32, 0.8)
+    )
+    assert near < -0.05
+    assert far > 0.05
 
 
 def test_travel_follows_walls_only_without_progress() -> None:
-    scene = BehaviorScene("moving", Twist(0.2, 0.0), left=0.5, ticks=10)
-    moving = weigh(scene)
+    travel, context = composite_of("travel"), scene(0.2, left=0.5, ticks=10)
+    moving = travel.weigh(context)
     assert moving["follow_wall"] == 0.0
     assert moving["go_to_xy"] == 1.0
     barred = LocalGoal(0.8, 0.0, np.inf, False, np.inf)
-    caught = weigh(scene, idle=20.0, local_goal=barred)
+    caught = travel.weigh(replace(context, idle=20.0, local_goal=barred))
     assert caught["follow_wall"] == 1.0
     assert caught["go_to_xy"] < 0.5
 
 
 def test_travel_centres_in_corridors_and_not_in_doors() -> None:
-    corridor = BehaviorScene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7, ticks=20)
-    assert weigh(corridor)["centre_corridor"] > 0.9
-    assert weigh(BehaviorScene("open", Twist(0.3, 0.0)))["centre_corridor"] == 0.0
+    travel, corridor = composite_of("travel"), scene(left=0.7, right=0.7, ticks=20)
+    assert travel.weigh(corridor)["centre_corridor"] > 0.9
+    assert travel.weigh(scene())["centre_corridor"] == 0.0
     door = Waypoint(0.9, 0.0, 0.25, "door", "door", final=False, width=0.9)
-    at_door = weigh(corridor, waypoint=door)
+    at_door = travel.weigh(replace(corridor, waypoint=door))
     assert at_door["centre_corridor"] == 0.0
     assert at_door["traverse_door"] == 1.0
 
 
 @pytest.mark.parametrize(("nearer", "sign"), [("left", -1.0), ("right", 1.0)])
 def test_centre_corridor_turns_away_from_the_nearer_wall(nearer: str, sign: float) -> None:
-    scene = BehaviorScene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7, ticks=20)
-    scene = replace(scene, left=0.45) if nearer == "left" else replace(scene, right=0.45)
-    context, proposal = propose("centre_corridor", scene)
+    walls = {"left": 0.7, "right": 0.7, nearer: 0.45}
+    context, proposal = propose("centre_corridor", ticks=20, **walls)
     assert proposal.applicability > 0.2
     assert desired_twist(context, proposal).w * sign > 0.05
 
 
 def test_traverse_door_only_at_doors_and_slowly_in_narrow_ones() -> None:
-    context = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), ticks=20))[-1]
+    context = scene(ticks=20)
     assert behavior_of("traverse_door").propose(context).applicability == 0.0
 
     def through(width: float) -> Twist:
@@ -160,11 +140,10 @@ def test_traverse_door_only_at_doors_and_slowly_in_narrow_ones() -> None:
 
 
 def test_peek_creeps_into_unobserved_space_only() -> None:
-    blind = BehaviorScene("blind", Twist(0.0, 0.0), perceives=False, ticks=2)
-    context, proposal = propose("peek", blind)
+    context, proposal = propose("peek", 0.0, perceives=False, ticks=2)
     assert proposal.applicability > 0.4
     assert 0.0 < desired_twist(context, proposal).v < 0.4 * context.commands.max_v
-    _, seeing = propose("peek", BehaviorScene("open", Twist(0.3, 0.0), ticks=20))
+    _, seeing = propose("peek", ticks=20)
     assert seeing.applicability < 0.05
 
 
@@ -191,17 +170,15 @@ def test_escape_backs_out_and_then_turns() -> None:
 
 
 def test_emergency_stops_before_near_walls_and_if_wheels_do_not_turn_and_else_not_at_all() -> None:
-    context, proposal = propose("emergency", BehaviorScene("open", Twist(0.3, 0.0), ticks=10))
+    context, proposal = propose("emergency", ticks=10)
     assert proposal.applicability == 0.0
     assert not proposal.prohibition.any()
     assert context.stalled == 0.0
-    held = BehaviorScene("held", Twist(0.3, 0.0), moves=False, ticks=30)
-    context, proposal = propose("emergency", held)
+    context, proposal = propose("emergency", moves=False, ticks=30)
     assert proposal.applicability == 1.0
     assert np.all(proposal.prohibition[context.commands.v > 0.0] == 1.0)
     assert desired_twist(context, proposal).v <= 0.0
-    late = BehaviorScene("late", Twist(0.5, 0.0), ahead=0.95, ticks=12)
-    assert propose("emergency", late)[1].applicability == 1.0
+    assert propose("emergency", 0.5, ahead=0.95, ticks=12)[1].applicability == 1.0
 
 
 def with_conflicts(context: Context, *tracks: Track, twist: Twist) -> Context:
@@ -222,7 +199,7 @@ COMMANDS = CommandGrid(ROBOT)
 
 
 def give_way_proposal(*tracks: tuple[float, float, float, float], v: float) -> Proposal:
-    context = contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0)))[-1]
+    context = scene()
     people = [person(context, *track) for track in tracks]
     return behavior_of("give_way").propose(with_conflicts(context, *people, twist=Twist(v, 0.0)))
 
@@ -259,7 +236,7 @@ def test_give_way_does_not_drive_toward_a_close_obstacle() -> None:
 
 def test_the_best_duration_of_a_turn_counts() -> None:
     # toward a standing robot: a quarter turn before driving off is better than half a turn
-    context = contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0)))[-1]
+    context = scene()
     context = with_conflicts(context, person(context, 1.6, 0.0, -0.4, 0.0), twist=Twist(0.0, 0.0))
     assert context.conflicts is not None
     distance, commands = context.conflicts.distance, context.commands
@@ -277,7 +254,7 @@ def test_give_way_allows_the_least_bad_command() -> None:
 # --- behaviours that use the flow alone -----------------------------------------------------------
 
 
-OPEN = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), waypoint=(9.0, 0.0), ticks=3))[-1]
+OPEN = scene(waypoint=(9.0, 0.0), ticks=3)
 
 
 def with_walls(ahead: float = 20.0, left: float = 20.0, right: float = 20.0) -> Context:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import cast
+from typing import Any, cast
 
 from navfw.context import Context
 from navfw.interfaces import Behavior, Composite
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Proposal, Twist
+from navfw.testing import contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene
 
 ROBOT = RobotModel()
 REGISTRY = default_registry()
@@ -26,6 +28,11 @@ def composite_of(name: str) -> Composite:
     composite = cast(Composite, REGISTRY.get("composite", name)(ROBOT))
     composite.reset()
     return composite
+
+
+def scene(v: float = 0.3, **scene: Any) -> Context:
+    """The last context of a drive straight on [m/s] in a ``BehaviorScene``."""
+    return contexts_of(BehaviorScene("drive", Twist(v, 0.0), **scene))[-1]
 
 
 def desired_twist(context: Context, proposal: Proposal) -> Twist:
