@@ -9,15 +9,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
+from cli_calls import invoke, put_files
 from suite_samples import row
-from typer.testing import CliRunner
 
-from navfw.cli import app
 from navfw.missions import prepare
-from navfw.suite import RunJournal, RunRow, SuiteFolder, columns_of
+from navfw.plugins import default_registry
+from navfw.suite import RunJournal, RunRow, SuiteFolder, columns_of, load_suite, plan_runs
 
 TINY = """
 entries:
@@ -34,13 +33,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def navfw(*words: str) -> Any:
-    return CliRunner().invoke(app, list(words))
-
-
 @pytest.mark.thorough
 def test_a_suite_runs_and_its_runs_are_those_of_navfw_run(folder: Path) -> None:
-    done = navfw("suite", "tiny.yaml", "--seeds", "4:6", "--workers", "2", "--json")
+    done = invoke("suite", "tiny.yaml", "--seeds", "4:6", "--workers", "2", "--json")
     assert done.exit_code == 0, done.output
     answer = json.loads(done.stdout)
     summary, runs = answer["summary"], answer["runs"]
@@ -122,18 +117,13 @@ def processes_in(group: int) -> bool:
         (["suite", "mine/wall.yaml", "--seeds", "0:1"], "mine/wall.yaml:2: entries[0]:"),
         (["report", "--text", "a", "tiny.yaml"], "a: there is no such folder; expected"),
         (["report", "--text", "a", "b", "--fail-if-worse", "much"], "such as 1% or 0.01"),
-        (
-            ["report", "--text", "tiny.yaml", "tiny.yaml"],
-            "tiny.yaml: is a file; expected",
-        ),
+        (["report", "--text", "tiny.yaml", "tiny.yaml"], "tiny.yaml: is a file; expected"),
         (["report", "--text", "mine", "mine"], "mine: has no journal.sqlite"),
     ],
 )
 def test_bad_input_gives_one_message_and_leaves_no_files(
     words: list[str], message: str, folder: Path
 ) -> None:
-    mine = folder / "mine"
-    mine.mkdir()
     start = "set: {mission.start: [50, 0, 0]}"
     texts = {
         "world": "entries:\n  - world: empty\n  - world: ofice\n",
@@ -141,10 +131,9 @@ def test_bad_input_gives_one_message_and_leaves_no_files(
         "folder": "entries:\n  - {worlds: ../nowhere}\n",
         "wall": f"entries:\n  - {{world: empty, missions: [straight], {start}}}\n",
     }
-    for name, text in texts.items():
-        (mine / f"{name}.yaml").write_text(text)
+    put_files(folder, {f"mine/{name}.yaml": text for name, text in texts.items()})
     before = sorted(folder.rglob("*"))
-    done = navfw(*words)
+    done = invoke(*words)
     assert done.exit_code == 2, done.output
     assert message in " ".join(done.stderr.replace("│", " ").split())
     assert "Traceback" not in done.output
@@ -153,20 +142,14 @@ def test_bad_input_gives_one_message_and_leaves_no_files(
 
 
 def test_a_folder_of_worlds_gives_each_world_with_its_missions(folder: Path) -> None:
-    from navfw.plugins import default_registry
-    from navfw.suite import load_suite, plan_runs
-
     for name in ("world-10", "world-2"):
-        (folder / "imported" / name / "missions").mkdir(parents=True)
         world = f"name: {name}\nx: [-3, 3]\ny: [-3, 3]\n"
-        (folder / "imported" / name / "world.yaml").write_text(world)
         mission = "start: [0, 0, 0]\ngoals: [{x: 1, y: 1}]\n"
-        (folder / "imported" / name / "missions" / "cross.yaml").write_text(mission)
+        files = {"world.yaml": world, "missions/cross.yaml": mission}
+        put_files(folder / "imported" / name, files)
     (folder / "barn.yaml").write_text("entries: [{worlds: nowhere, name: barn}]")
-    suite = load_suite("barn.yaml")
-    plan = plan_runs(
-        suite, range(2), default_registry(), worlds=Path("imported"), stacks=["default"]
-    )
+    suite, options = load_suite("barn.yaml"), {"worlds": Path("imported"), "stacks": ["default"]}
+    plan = plan_runs(suite, range(2), default_registry(), **options)
     assert [case.key[:5] for case in plan.cases] == [
         ("barn", name, "cross", seed, "default")
         for name in ("world-2", "world-10")
@@ -186,11 +169,11 @@ def test_compare_prints_the_paired_numbers(folder: Path) -> None:
     write_suite(folder / "a", *(row(s, "stuck" if s < 6 else "reached") for s in range(9)))
     write_suite(folder / "b", *(row(seed) for seed in range(9)))
     (folder / "b" / "table.md").touch()
-    done = navfw("report", "--text", "a", "b", "--json")
+    done = invoke("report", "--text", "a", "b", "--json")
     assert done.exit_code == 0, done.output
     answer = json.loads(done.stdout)
     assert (answer["pairs"], answer["success_b"], answer["p"]) == (9, 1.0, 0.03125)
-    shown = navfw("report", "--text", "a", "b").stdout
+    shown = invoke("report", "--text", "a", "b").stdout
     assert "33.3 % -> 100.0 %" in shown
     assert "p = 0.0312" in shown
     assert "reports    a, b/table.md" in shown
@@ -200,7 +183,7 @@ def test_compare_prints_the_paired_numbers(folder: Path) -> None:
 def test_compare_fails_if_b_is_worse(margin: str, code: int, folder: Path) -> None:
     write_suite(folder / "a", *(row(seed) for seed in range(8)))
     write_suite(folder / "b", *(row(s, "stuck" if s < 2 else "reached") for s in range(8)))
-    done = navfw("report", "--text", "a", "b", "--fail-if-worse", margin)
+    done = invoke("report", "--text", "a", "b", "--fail-if-worse", margin)
     assert done.exit_code == code
     assert ("success fell by 25.0 %" in done.stderr) == bool(code)
-    assert navfw("report", "--text", "b", "a", "--fail-if-worse", margin).exit_code == 0
+    assert invoke("report", "--text", "b", "a", "--fail-if-worse", margin).exit_code == 0

@@ -16,9 +16,8 @@ from typing import Any
 
 import pytest
 import suite_samples as samples
-from typer.testing import CliRunner, Result
+from cli_calls import invoke
 
-from navfw.cli import app
 from navfw.errors import InputError
 from navfw.suite import (
     DaskEngine,
@@ -34,11 +33,9 @@ from navfw.suite import (
 
 pytest.importorskip("distributed", reason="needs the extra dask: uv sync --extra dask")
 
+from navfw.suite import PackageOnWorker
+
 HELPERS = Path(samples.__file__).parent
-
-
-def invoke(*words: str) -> Result:
-    return CliRunner().invoke(app, [*words])
 
 
 def start(folder: Path, *words: str) -> subprocess.Popen[bytes]:
@@ -129,13 +126,10 @@ def test_scheduler_and_engine_belong_together(command: str) -> None:
     assert (nowhere.exit_code, "tcp://HOST:PORT" in nowhere.stderr) == (2, True)
 
 
-def test_a_worker_of_another_version_is_refused() -> None:
+def test_a_worker_of_another_version_or_without_a_plugin_is_refused() -> None:
     ours = {**worker_identity(), "navfw": "9.9 (abc)"}
     with pytest.raises(InputError, match=r"has navfw .*, here it is 9\.9 \(abc\); install"):
         dask_engine._compare("tcp://a", worker_identity(), ours)
-
-
-def test_a_plugin_that_workers_lack_is_named() -> None:
     ours = {**worker_identity(), "plugins": "flow mine, fusion yours"}
     theirs = {**ours, "plugins": "fusion yours"}
     with pytest.raises(InputError, match="lacks the plugin flow mine; install its package"):
@@ -150,8 +144,6 @@ def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_a_worker_is_not_profiled_while_it_has_a_suite(tmp_path: Path) -> None:
-    from navfw.suite import PackageOnWorker
-
     log: list[str] = []
     profile = SimpleNamespace(stop=lambda: log.append("stop"), start=lambda: log.append("start"))
     worker: Any = SimpleNamespace(
@@ -166,8 +158,6 @@ def test_a_worker_is_not_profiled_while_it_has_a_suite(tmp_path: Path) -> None:
 
 
 def test_a_worker_itself_imports_no_simulator(tmp_path: Path) -> None:
-    from navfw.suite import PackageOnWorker
-
     work = "navfw.suite.case_worker:run_job"
     plugin = PackageOnWorker(JobPackage.of([samples.case(1)]), work, 10.0, 1000.0)
     (tmp_path / "plugin").write_bytes(pickle.dumps(plugin))

@@ -56,20 +56,17 @@ def test_collisions(symptoms: CollisionSymptoms, cause: Cause) -> None:
     assert classify(FailureSymptoms(Outcome.COLLIDED, collision=symptoms)) is cause
 
 
-def test_lost_is_an_estimate_error_or_a_missed_goal() -> None:
-    off = FailureSymptoms(Outcome.LOST, estimate_error_max=0.4, slack=0.1)
-    assert classify(off) is Cause.ESTIMATE_ERROR
-    known = FailureSymptoms(Outcome.LOST, estimate_error_max=0.02, slack=0.1)
-    assert classify(known) is Cause.GOAL_MISSED
+def motion(driven: float, gained: float, lately: float, turned: float) -> MotionSymptoms:
+    """Ways [m] and progress [m] in all; way [m] and turns [rad] in the last 30 s."""
+    return MotionSymptoms(driven, gained, recent=30.0, recent_driven=lately, recent_turned=turned)
 
 
-DRIVES = MotionSymptoms(driven=20.0, gained=18.0, recent=30.0, recent_driven=9.0, recent_turned=2.0)
-CIRCLES = MotionSymptoms(
-    driven=20.0, gained=4.0, recent=30.0, recent_driven=9.0, recent_turned=30.0
-)
-TURNS = MotionSymptoms(driven=6.0, gained=5.0, recent=30.0, recent_driven=0.1, recent_turned=40.0)
-STANDS = MotionSymptoms(driven=6.0, gained=5.0, recent=30.0, recent_driven=0.1, recent_turned=0.3)
+DRIVES = motion(20.0, 18.0, 9.0, 2.0)
+CIRCLES = motion(20.0, 4.0, 9.0, 30.0)
+TURNS = motion(6.0, 5.0, 0.1, 40.0)
+STANDS = motion(6.0, 5.0, 0.1, 0.3)
 PATH = PathSymptoms(cost=5.0, without_phantoms=4.5, sharpened=4.0)
+PHANTOMS = PathSymptoms(cost=math.inf, without_phantoms=4.0, sharpened=4.0)
 
 
 @pytest.mark.parametrize("outcome", [Outcome.STUCK, Outcome.TIMEOUT])
@@ -77,7 +74,7 @@ PATH = PathSymptoms(cost=5.0, without_phantoms=4.5, sharpened=4.0)
     ("symptoms", "cause"),
     [
         ({"estimate_error": 0.8, "motion": STANDS}, Cause.ESTIMATE_ERROR),
-        ({"path": PathSymptoms(math.inf, 4.0, 4.0), "motion": STANDS}, Cause.PHANTOM_OBSTACLES),
+        ({"path": PHANTOMS, "motion": STANDS}, Cause.PHANTOM_OBSTACLES),
         ({"path": PathSymptoms(9.0, 4.0, 4.0), "motion": CIRCLES}, Cause.PHANTOM_OBSTACLES),
         ({"path": PathSymptoms(math.inf, math.inf, 5.0), "motion": STANDS}, Cause.BLURRED_MAP),
         ({"path": PathSymptoms(9.0, 8.0, 5.0), "motion": CIRCLES}, Cause.BLURRED_MAP),
@@ -99,11 +96,7 @@ def test_stuck_and_timeout(outcome: Outcome, symptoms: dict[str, Any], cause: Ca
     [
         ({"path": PATH, "motion": TURNS}, Cause.NOTHING_SEEN, Cause.LITTLE_SEEN),
         ({"path": PATH, "motion": STANDS}, Cause.NOTHING_SEEN, Cause.LITTLE_SEEN),
-        (
-            {"path": PathSymptoms(math.inf, 4.0, 4.0), "motion": TURNS},
-            Cause.NOTHING_SEEN,
-            Cause.PHANTOM_OBSTACLES,
-        ),
+        ({"path": PHANTOMS, "motion": TURNS}, Cause.NOTHING_SEEN, Cause.PHANTOM_OBSTACLES),
         ({"estimate_error": 0.8, "motion": TURNS}, Cause.ESTIMATE_ERROR, Cause.ESTIMATE_ERROR),
     ],
 )
@@ -114,25 +107,20 @@ def test_a_robot_that_sees_too_little_to_go_on(
     assert classify(FailureSymptoms(outcome, sight=Sight.LITTLE, **symptoms)) is little
 
 
-def test_a_timeout_of_an_approaching_robot_that_sees_little_is_slow() -> None:
-    symptoms = FailureSymptoms(Outcome.TIMEOUT, motion=DRIVES, sight=Sight.LITTLE)
-    assert classify(symptoms) is Cause.SLOW
-
-
-def test_slow_is_a_cause_of_timeouts_only() -> None:
-    assert classify(FailureSymptoms(Outcome.TIMEOUT, motion=DRIVES)) is Cause.SLOW
-    assert classify(FailureSymptoms(Outcome.STUCK, motion=DRIVES)) is Cause.OSCILLATING
-
-
-@pytest.mark.parametrize("kind", list(FaultKind))
-def test_every_kind_of_fault_is_a_cause_of_that_name(kind: FaultKind) -> None:
-    cause = classify(FailureSymptoms(Outcome.FAULT, fault=kind))
-    assert cause is not None
-    assert cause.value == kind.value
-
-
-def test_a_fault_of_no_kind_is_of_unknown_cause() -> None:
-    assert classify(FailureSymptoms(Outcome.FAULT)) is Cause.UNKNOWN
+@pytest.mark.parametrize(
+    ("outcome", "symptoms", "cause"),
+    [
+        (Outcome.LOST, {"estimate_error_max": 0.4, "slack": 0.1}, Cause.ESTIMATE_ERROR),
+        (Outcome.LOST, {"estimate_error_max": 0.02, "slack": 0.1}, Cause.GOAL_MISSED),
+        (Outcome.TIMEOUT, {"motion": DRIVES}, Cause.SLOW),
+        (Outcome.TIMEOUT, {"motion": DRIVES, "sight": Sight.LITTLE}, Cause.SLOW),
+        (Outcome.STUCK, {"motion": DRIVES}, Cause.OSCILLATING),
+        *((Outcome.FAULT, {"fault": kind}, Cause(kind.value)) for kind in FaultKind),
+        (Outcome.FAULT, {}, Cause.UNKNOWN),
+    ],
+)
+def test_causes_of_one_outcome(outcome: Outcome, symptoms: dict[str, Any], cause: Cause) -> None:
+    assert classify(FailureSymptoms(outcome, **symptoms)) is cause
 
 
 @pytest.mark.parametrize("outcome", list(Outcome))
@@ -224,13 +212,8 @@ def test_a_collision_while_reversing(empty: Session) -> None:
 
 def test_a_collision_with_a_mover_is_at_its_position_at_that_time(empty: Session) -> None:
     """It moves past the robot's left side and is touched there, 0.43 m from its centre."""
-    time = np.array([0.0, 4.0])
-    movers = WalkerTrack(
-        names=("walker",),
-        radii=np.array([0.25]),
-        time=time,
-        points=np.array([[[0.0, 2.0]], [[0.0, 0.43]]]),
-    )
+    points = np.array([[[0.0, 2.0]], [[0.0, 0.43]]])
+    movers = WalkerTrack(("walker",), np.array([0.25]), np.array([0.0, 4.0]), points)
     for cause, expected in (("mover", Cause.MOVER), ("robot", Cause.TURNED_INTO)):
         ended = result_of(empty, Outcome.COLLIDED, log_to(0, 0, 0, "walker"), [(0.0, 0.18)])
         symptoms = collect_symptoms(replace(ended, movers=movers, collision_cause=cause))
