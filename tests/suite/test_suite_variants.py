@@ -1,22 +1,26 @@
-"""Variants of a suite: every run with each variant, in one table, compared with the first."""
+"""Variants of a suite: all runs in one table; which stack and robot a run has."""
 
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 import suite_samples as samples
+from cli_calls import put_files
+from suite_plans import planned
 from suite_samples import row
 
+from navfw.config import list_missions, shipped_folder
 from navfw.errors import InputError, MissingExtraError, UnknownNameError
 from navfw.mofis import navground
 from navfw.plugins import default_registry
 from navfw.suite import (
+    Case,
     RunRow,
     SuiteFolder,
-    SuitePlan,
     compare_tables,
     load_suite,
     markdown_summary,
@@ -36,32 +40,23 @@ variants:
 """
 
 
-def plan_of(text: str, folder: Path, **options: Any) -> SuitePlan:
-    file = folder / "mine.yaml"
-    file.write_text(text)
-    return plan_runs(load_suite(file), range(2), default_registry(), **options)
-
-
 def test_every_run_is_made_with_every_variant(tmp_path: Path) -> None:
-    plan = plan_of(SUITE, tmp_path)
+    plan = planned(tmp_path, SUITE, range(2))
     assert [(case.variant, case.stack_name, case.seed) for case in plan.cases] == [
         (variant, stack, seed)
         for variant, stack in (("default", "default"), ("paper", "paper"), ("no-memory", "default"))
         for seed in (0, 1)
     ]
     last = plan.cases[-1]
-    assert last.overrides == (
-        "mission.timeout=9",
-        "local_map.memory=false",
-        "occupancy.hit=1.5",
-    )
+    changes = ("mission.timeout=9", "local_map.memory=false", "occupancy.hit=1.5")
+    assert last.overrides == changes
     session = last.session(default_registry())
     assert session.stack.resolved.settings.local_map.memory is False
     assert len({case.key for case in plan.cases}) == 6
 
 
 def test_only_chosen_variants_are_run(tmp_path: Path) -> None:
-    plan = plan_of(SUITE, tmp_path, variants=["no-memory", "default"])
+    plan = planned(tmp_path, SUITE, range(2), variants=["no-memory", "default"])
     assert list(dict.fromkeys(case.variant for case in plan.cases)) == ["default", "no-memory"]
 
 
@@ -69,11 +64,7 @@ def test_only_chosen_variants_are_run(tmp_path: Path) -> None:
     ("change", "options", "message"),
     [
         (("stack: paper", "stack: papre"), {}, r"mine\.yaml:5: variants\.paper\.stack: .*'paper'"),
-        (
-            ("local_map.memory", "local_map.memry"),
-            {},
-            r"mine\.yaml:6: variants\.no-memory: .*'memory'",
-        ),
+        (("map.memory", "map.memry"), {}, r"mine\.yaml:6: variants\.no-memory: .*'memory'"),
         (("missions: [straight]", "missions: [nowhere]"), {}, r"mine\.yaml:2: entries\[0\]"),
         (("stack: paper", "stak: paper"), {}, r"mine\.yaml:5: variants\.paper\.stak"),
         (("", ""), {"variants": ["papre"]}, "--variant: unknown variant .* did you mean 'paper'"),
@@ -84,7 +75,7 @@ def test_an_error_is_located_at_the_variant_that_causes_it(
     tmp_path: Path, change: tuple[str, str], options: dict[str, object], message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
-        plan_of(SUITE.replace(*change), tmp_path, **options)
+        planned(tmp_path, SUITE.replace(*change), range(2), **options)
 
 
 def test_a_variant_without_its_package_is_skipped_and_listed(
@@ -95,11 +86,11 @@ def test_a_variant_without_its_package_is_skipped_and_listed(
 
     monkeypatch.setattr(navground, "_navground", missing)
     text = SUITE + "  navground: {stack: navground}\n"
-    plan = plan_of(text, tmp_path)
+    plan = planned(tmp_path, text, range(2))
     assert "navground" not in {case.variant for case in plan.cases}
     assert "pip install 'navfw[navground]'" in plan.skipped["navground"]
     with pytest.raises(InputError, match="nothing is left to run"):
-        plan_of(text, tmp_path, variants=["navground"])
+        planned(tmp_path, text, range(2), variants=["navground"])
 
 
 def rows() -> list[RunRow]:
@@ -141,10 +132,8 @@ def test_variants_are_compared_with_each_other() -> None:
     assert len(found["lost"]) == 6
     both = compare_tables(table, table)
     assert both["pairs"] == 16
-    assert {name: part["success_b"] for name, part in both["by_configuration"].items()} == {
-        "default": 1.0,
-        "paper": 0.25,
-    }
+    shares = {name: part["success_b"] for name, part in both["by_configuration"].items()}
+    assert shares == {"default": 1.0, "paper": 0.25}
     assert "by_configuration" not in found
     with pytest.raises(UnknownNameError, match="did you mean 'paper'"):
         of_variant(table, "papre")
@@ -152,7 +141,7 @@ def test_variants_are_compared_with_each_other() -> None:
 
 def test_a_suite_writes_the_table_of_variants(tmp_path: Path) -> None:
     out = SuiteFolder(tmp_path / "out")
-    plan = plan_of(SUITE, tmp_path)
+    plan = planned(tmp_path, SUITE, range(2))
     have = out.open(plan, "abc")
     done = run_suite(plan, out, have=have, work=samples.fake_run, keep="none")
     assert done.complete
@@ -171,3 +160,118 @@ def test_all_variants_of_the_shipped_ablations_are_valid() -> None:
     assert {"default", "oracle", "paper", "balance", "divergence", "navground"} <= set(
         suite.spec.variants
     )
+
+
+# --- precedence of stacks and robots: option, variant, entry, mission, ``default`` ----------------
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> Path:
+    """A world with a mission that names the stack ``search``, and one without a stack."""
+    folder = tmp_path / "field"
+    shutil.copytree(shipped_folder() / "worlds" / "empty", folder)
+    shutil.rmtree(folder / "missions")
+    plain = "start: [1, 1, 0]\ngoals: [{x: 3, y: 1}]\ntimeout: 9\n"
+    put_files(folder / "missions", {"plain.yaml": plain, "seek.yaml": plain + "stack: search\n"})
+    return folder
+
+
+def cases_of(folder: Path, entry: str, variants: str = "", **options: Any) -> tuple[Case, ...]:
+    """The runs of a suite with one entry."""
+    return planned(folder, f"entries:\n  - {{{entry}}}\n{variants}", **options).cases
+
+
+def stacks(world: Path, entry: str, variants: str = "", **options: Any) -> dict[str, str]:
+    """The stack of each mission (and variant)."""
+    found = {}
+    entry = f"world: {world / 'world.yaml'}{entry}"
+    for case in cases_of(world.parent, entry, variants, **options):
+        session = case.session(default_registry())
+        assert case.stack_name == session.stack_file.stem
+        found[f"{case.mission_name} {case.variant}".strip()] = case.stack_name
+    return found
+
+
+@pytest.mark.parametrize(
+    ("entry", "options", "plain", "seek"),
+    [
+        ("", [], "default", "search"),
+        (", stack: paper", [], "paper", "paper"),
+        (", set: {mission.stack: patrol}", [], "patrol", "patrol"),
+        (", stack: paper", ["patrol"], "patrol", "patrol"),
+    ],
+    ids=["mission", "entry", "set", "option"],
+)
+def test_the_last_choice_of_a_stack_counts(
+    world: Path, entry: str, options: list[str], plain: str, seek: str
+) -> None:
+    assert stacks(world, entry, stacks=options) == {"plain": plain, "seek": seek}
+
+
+@pytest.mark.parametrize("entry", ["", ", stack: paper"])
+def test_the_stack_of_a_variant_takes_precedence_over_both(world: Path, entry: str) -> None:
+    variants = "variants: {own: {}, set: {set: {mission.timeout: 5}}, other: {stack: patrol}}\n"
+    own = "paper" if entry else "search"
+    expected = {"seek own": own, "seek set": own, "seek other": "patrol"}
+    assert stacks(world, f", missions: [seek]{entry}", variants) == expected
+
+
+def test_an_unknown_stack_of_a_mission_is_refused_with_its_line(world: Path) -> None:
+    seek = world / "missions" / "seek.yaml"
+    seek.write_text(seek.read_text().replace("search", "serach"))
+    with pytest.raises(InputError, match=r"mine\.yaml:2: entries\[0\]") as caught:
+        stacks(world, "")
+    assert "seek.yaml:4: stack: unknown stack 'serach': did you mean 'search'" in str(caught.value)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", ["office", "hospital"])
+def test_long_missions_of_shipped_suites_use_landmarks(name: str) -> None:
+    plan = plan_runs(load_suite(name), range(1), default_registry())
+    used = {case.mission_name: case.stack_name for case in plan.cases}
+    assert set(used.values()) == {"floor_plan", "landmarks"}
+    assert used["patrol"] == "landmarks"
+    left_out = {mission.name for mission in list_missions(name)} - used.keys()
+    assert left_out <= {"patrol-1km"}
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A project with robots of different radii."""
+    robots = {"a": 0.21, "b": 0.22, "c": 0.23}
+    put_files(tmp_path, {f"robots/{name}.yaml": f"radius: {r}\n" for name, r in robots.items()})
+    (tmp_path / "navfw.toml").touch()
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def radii(folder: Path, entry: str, variants: str = "", *options: str) -> list[float]:
+    """The robot's radius in each run."""
+    straight = f"world: empty, missions: [straight]{entry}"
+    cases = cases_of(folder, straight, variants, overrides=options)
+    return [case.session(default_registry()).mission.spec.robot.radius for case in cases]
+
+
+def test_the_last_choice_counts(project: Path) -> None:
+    variants = "variants: {own: {}, other: {robot: b}, changed: {robot: b, set: {robot.radius: 1}}}"
+    assert radii(project, "") == [0.18]
+    assert radii(project, ", robot: a") == [0.21]
+    assert radii(project, ", robot: a, set: {robot.radius: 0.3}") == [0.3]
+    assert radii(project, ", robot: a", variants) == [0.21, 0.22, 1.0]
+    assert radii(project, ", robot: a", variants, "robot=c") == [0.23, 0.23, 0.23]
+
+
+def test_an_unknown_robot_has_the_line_of_its_entry(project: Path) -> None:
+    with pytest.raises(InputError, match=r"mine.yaml:2: .*unknown robot 'd'"):
+        radii(project, ", robot: d")
+
+
+def test_a_table_is_not_resumed_with_another_robot(project: Path) -> None:
+    def fingerprint() -> str:
+        (case,) = cases_of(project, "world: empty, missions: [straight], robot: a")
+        return case.content
+
+    before = fingerprint()
+    assert fingerprint() == before
+    (project / "robots" / "a.yaml").write_text("radius: 0.24\n")
+    assert fingerprint() != before
