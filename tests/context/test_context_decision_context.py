@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from behavior_samples import scene
 from hypothesis import given
 from hypothesis import strategies as st
 from param_ranges import check_ranges
@@ -14,9 +15,7 @@ from pydantic import ValidationError
 
 from navfw.context import CommandGrid, CommandGridParams, peak
 from navfw.robot import RobotModel
-from navfw.signals import Pose, Twist, Waypoint
-from navfw.testing import contexts_of
-from navfw.testing.behavior_scenes import BehaviorScene
+from navfw.signals import Pose, Waypoint
 
 GRID = CommandGrid(RobotModel())
 SPEED = st.floats(float(GRID.relative_v[0]), 1.0)
@@ -67,15 +66,8 @@ def test_forward_is_all_that_drives_forward() -> None:
 
 
 def test_parameters_are_within_their_ranges() -> None:
-    check_ranges(
-        CommandGridParams,
-        {
-            "reverse": "[0, 10]",
-            "turns": "[5, 81]",
-            "cruise": "(0, 2]",
-            "turn_rate": "(0, 4]",
-        },
-    )
+    ranges = "reverse [0, 10], turns [5, 81], cruise (0, 2], turn_rate (0, 4]"
+    check_ranges(CommandGridParams, ranges)
 
 
 @given(st.floats(0.1, 2.0))
@@ -92,7 +84,7 @@ def test_fast_robots_have_more_speeds_so_that_the_lowest_stays_low(cruise: float
 
 # --- what a behaviour knows ----------------------------------------------------------------------
 
-OPEN = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), ticks=8))[-1]
+OPEN = scene()
 
 
 def test_only_a_door_that_is_the_waypoint_has_a_distance() -> None:

@@ -57,6 +57,14 @@ def noisy(image: Image, rng: np.random.Generator) -> Frame:
     return Frame(1.5, grey.astype(np.uint8))
 
 
+def with_square(picture: Image, side: int) -> Image:
+    """A grey image of the landmark camera with ``picture``, scaled to ``side`` [px], in it."""
+    image = np.full((96, 480), 110, np.uint8)
+    square = image[2 : 2 + side, 200 : 200 + side]
+    square[:] = cv2.resize(picture, (side, side), interpolation=cv2.INTER_AREA)
+    return image
+
+
 def of_posters(*ids: int) -> TopoMap:
     marks = [Landmark(f"p{i}", "poster", i, 0.0, 0.0, 0.0, size=0.5) for i in ids]
     return TopoMap("m", [Place("here", 0.0, 0.0)], [], None, marks)
@@ -130,11 +138,7 @@ def test_large_markers_are_not_lost_to_their_rims() -> None:
     recognizer, rng = Aruco(ROBOT), np.random.default_rng(2)
     plate = landmark_kind("aruco").plate_image(7)
     for side in (32, 48, 64, 80, 90):
-        image = np.full((96, 480), 110, np.uint8)
-        image[2 : 2 + side, 200 : 200 + side] = cv2.resize(
-            plate, (side, side), interpolation=cv2.INTER_AREA
-        )
-        (seen,) = recognizer.recognize(noisy(image, rng))
+        (seen,) = recognizer.recognize(noisy(with_square(plate, side), rng))
         assert seen.identity == "aruco-7"
         # the black square is six eighths of the plate
         height = 0.25 * ROBOT.landmark_view.focal / (0.75 * side)
@@ -142,12 +146,8 @@ def test_large_markers_are_not_lost_to_their_rims() -> None:
 
 
 def test_markers_that_are_not_upright_are_rejected() -> None:
-    image = np.full((96, 480), 110, np.uint8)
-    plate = cv2.resize(
-        landmark_kind("aruco").plate_image(7), (60, 60), interpolation=cv2.INTER_AREA
-    )
-    image[10:70, 100:160] = np.rot90(plate)
-    assert Aruco(ROBOT).recognize(Frame(0.0, image)) == ()
+    plate = np.asarray(np.rot90(landmark_kind("aruco").plate_image(7)), np.uint8)
+    assert Aruco(ROBOT).recognize(Frame(0.0, with_square(plate, 60))) == ()
 
 
 def test_posters_are_detected_without_confusions(hall: Simulation) -> None:
@@ -183,10 +183,8 @@ def test_a_poster_can_be_any_picture(tmp_path: Path) -> None:
     picture = cv2.GaussianBlur(poster_image(99), (0, 0), 1.0)
     file = tmp_path / "photo.png"
     cv2.imwrite(str(file), picture)
-    image = np.full((96, 480), 110, np.uint8)
-    image[8:88, 200:280] = cv2.resize(picture, (80, 80), interpolation=cv2.INTER_AREA)
     recognizer = Posters(ROBOT, Posters.Params(images={5: str(file)}))
-    (seen,) = recognizer.recognize(Frame(0.0, image))
+    (seen,) = recognizer.recognize(Frame(0.0, with_square(picture, 80)))
     assert seen.identity == "poster-5"
 
 

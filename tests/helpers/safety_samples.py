@@ -7,7 +7,7 @@ import numpy as np
 from navfw.localmap import FreeDistance, LocalMap
 from navfw.numerics import Image
 from navfw.robot import RobotModel
-from navfw.safety import SafetyMonitor
+from navfw.safety import SafetyMonitor, SafetyParams
 from navfw.signals import Encoders, Frame, Inertial, Odometry, Pose, SensorReading, Twist
 
 ROBOT = RobotModel()
@@ -48,15 +48,21 @@ def odometry(
 class FixedDistances(LocalMap):
     """A local map with the same free distances [m] for every pose and twist."""
 
-    def __init__(self, contact: float = 10.0, unobserved: float = 10.0) -> None:
+    def __init__(self, contact: float, unobserved: float) -> None:
         super().__init__(ROBOT)
         self.distances = FreeDistance(contact, unobserved)
 
     def free_distance(self, pose: Pose, twist: Twist) -> FreeDistance:
-        """The fixed distances."""
         return self.distances
 
 
-def monitor_with(contact: float = 10.0, unobserved: float = 10.0) -> SafetyMonitor:
-    """A monitor with these free distances [m]."""
-    return SafetyMonitor(ROBOT, FixedDistances(contact, unobserved))
+def monitor_with(contact: float = 10.0, unobserved: float = 10.0, **params: float) -> SafetyMonitor:
+    """A monitor with these free distances [m] and parameters."""
+    return SafetyMonitor(ROBOT, FixedDistances(contact, unobserved), SafetyParams(**params))
+
+
+def started(**params: float) -> SafetyMonitor:
+    """A monitor with these parameters after a valid reading at time 0."""
+    monitor = monitor_with(**params)
+    monitor.update(reading(0.0, picture()), odometry(0.0))
+    return monitor

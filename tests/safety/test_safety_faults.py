@@ -6,11 +6,11 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from safety_samples import ORIGIN, ROBOT, FixedDistances, monitor_with, odometry, picture, reading
+from safety_samples import ORIGIN, monitor_with, odometry, picture, reading, started
 
 from navfw.guard import FailingStage
 from navfw.numerics import Image
-from navfw.safety import SafetyMonitor, SafetyParams
+from navfw.safety import SafetyMonitor
 from navfw.signals import Twist
 
 RATE = 60.0
@@ -119,16 +119,10 @@ def driving(
     return driven
 
 
-@pytest.mark.parametrize(
-    ("wanted", "v", "stalls"),
-    [
-        (0.3, 0.05, True),
-        (0.3, 0.07, False),
-        (0.07, 0.0, False),
-        (0.09, 0.0, True),
-        (-0.1, 0.0, False),
-    ],
-)
+STALLS = [(0.3, 0.05, True), (0.3, 0.07, False), (0.07, 0.0, False), (0.09, 0.0, True)]
+
+
+@pytest.mark.parametrize(("wanted", "v", "stalls"), [*STALLS, (-0.1, 0.0, False)])
 def test_wheels_stall_below_a_fifth_of_the_commanded_speed(
     wanted: float, v: float, stalls: bool
 ) -> None:
@@ -188,10 +182,7 @@ def test_reverse_without_frames_is_limited_in_distance() -> None:
 
 
 def test_probes_of_silent_encoders_are_short_and_slow() -> None:
-    monitor = monitor_with()
-    monitor.update(reading(0.0, picture()), odometry(0.0))
-    forward: list[float] = []
-    backward: list[float] = []
+    monitor, forward, backward = started(), list[float](), list[float]()
     for tick in range(1, 60 * 7):
         time = tick / 60.0
         monitor.update(reading(time, picture()), odometry(time, silent=True))
@@ -225,8 +216,7 @@ def test_probes_of_silent_encoders_are_short_and_slow() -> None:
 def test_a_sensor_that_fails_for_long_ends_the_run(
     image: Image | None, encoder_age: float, silent: bool, text: str
 ) -> None:
-    monitor = monitor_with()
-    monitor.update(reading(0.0, picture()), odometry(0.0))
+    monitor = started()
     for time, failed in ((10.0, False), (19.9, False), (20.6, True)):
         now = reading(time, image, encoder_age=encoder_age * time)
         monitor.update(now, odometry(time, silent=silent))
@@ -272,28 +262,22 @@ def test_only_what_is_older_than_the_threshold_counts(
     threshold: str, sensor: str, speed: float
 ) -> None:
     patient = {"camera_slow": 9.0, "camera_stop": 9.0, "gyro_slow": 9.0, "encoder_stop": 9.0}
-    params = SafetyParams(**{**patient, threshold: AGE})
     for age, expected in ((AGE, 0.4), (LATER, speed)):
-        monitor = SafetyMonitor(ROBOT, FixedDistances(10.0, 10.0), params)
-        monitor.update(reading(0.0, picture()), odometry(0.0))
+        monitor = started(**{**patient, threshold: AGE})
         monitor.update(reading(2.0, picture(), **{sensor: age}), odometry(2.0, 0.3))
         assert monitor.limit(Twist(0.4, 0.0), 2.0, ORIGIN).twist.v == expected
 
 
 def test_without_blind_reverse_the_robot_reverses_only_by_sight() -> None:
-    params = SafetyParams(blind_reverse=0.0)
-    monitor = SafetyMonitor(ROBOT, FixedDistances(10.0, 10.0), params)
-    back = Twist(-0.1, 0.0)
+    monitor, back = monitor_with(blind_reverse=0.0), Twist(-0.1, 0.0)
     for time, image, speed in ((0.0, picture(), -0.1), (2.0, None, 0.0), (2.1, picture(), -0.1)):
         monitor.update(reading(time, image), odometry(time, v=-0.1))
         assert monitor.limit(back, time, ORIGIN).twist.v == speed
 
 
 def test_of_a_silent_camera_and_a_failing_stage_the_longer_failure_is_given() -> None:
-    params = SafetyParams(camera_slow=0.1, camera_stop=9.0)
     for since, why in ((1.9, "the camera is late"), (0.5, "flow mine fails")):
-        monitor = SafetyMonitor(ROBOT, FixedDistances(10.0, 10.0), params)
-        monitor.update(reading(0.0, picture()), odometry(0.0))
+        monitor = started(camera_slow=0.1, camera_stop=9.0)
         stage = FailingStage("flow mine", since, "broken")
         monitor.update(reading(2.0, picture(), frame_age=1.0), odometry(2.0, 0.3), (stage,))
         assert monitor.limit(Twist(0.4, 0.0), 2.0, ORIGIN).reason == why

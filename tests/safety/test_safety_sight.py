@@ -7,14 +7,13 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from behavior_samples import scene
 from safety_samples import ROBOT, monitor_with, odometry, picture, reading
 
 from navfw.localmap import PathSight
 from navfw.numerics import Array, Image
 from navfw.safety import MOVED, MOVED_SLIGHTLY, SafetyMonitor, Senses
 from navfw.signals import Percept, Twist
-from navfw.testing import contexts_of
-from navfw.testing.behavior_scenes import BehaviorScene
 
 RATE = 60.0
 AHEAD = Twist(0.15, 0.0)
@@ -22,7 +21,7 @@ AHEAD = Twist(0.15, 0.0)
 
 def percept(known: float = 1.0, low: bool = True) -> Percept:
     """Of open floor; a share of the lower half is known, or of the upper one, all else unknown."""
-    made = contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0)))[-1].percept
+    made = scene().percept
     assert made is not None
     rows, cols = made.confidence.shape
     confidence = np.zeros((rows, cols))
@@ -101,10 +100,15 @@ def test_the_cells_of_the_path_decide(known: float, low: bool, weak: bool, none:
     assert bool(sight.judgement.trouble) is weak
 
 
-def test_single_percepts_do_not_change_the_judgement() -> None:
+def seen_by(*percepts: Percept) -> PathSight:
     sight = PathSight(ROBOT)
-    sight.observe(percept())
-    sight.observe(percept(0.0))
+    for percept in percepts:
+        sight.observe(percept)
+    return sight
+
+
+def test_single_percepts_do_not_change_the_judgement() -> None:
+    sight = seen_by(percept(), percept(0.0))
     assert not sight.weak
     for _ in range(20):
         sight.observe(percept(0.0))
@@ -128,8 +132,7 @@ def textured(contrast: float, seed: int = 0, blur: float = 1.0) -> Image:
 
 @pytest.mark.parametrize(("contrast", "weak"), [(2.0, True), (6.0, True), (9.0, False)])
 def test_floor_of_little_contrast_is_seen_weakly(contrast: float, weak: bool) -> None:
-    sight = PathSight(ROBOT)
-    sight.observe(percept())
+    sight = seen_by(percept())
     sight.observe_image(textured(contrast))
     assert sight.contrast == pytest.approx(contrast, rel=0.1)
     assert sight.weak is weak
@@ -138,8 +141,7 @@ def test_floor_of_little_contrast_is_seen_weakly(contrast: float, weak: bool) ->
 
 @pytest.mark.parametrize("level", [1.0, 2.0, 4.0])
 def test_noise_alone_shows_nothing_however_strong_it_is(level: float) -> None:
-    sight = PathSight(ROBOT)
-    sight.observe(percept(0.4))
+    sight = seen_by(percept(0.4))
     assert "little is seen" in sight.judgement.trouble
     for seed in range(20):
         sight.observe_image(textured(level, seed, blur=0.0))
