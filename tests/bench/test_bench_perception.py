@@ -37,15 +37,10 @@ from navfw.signals import Percept, Pose
 from navfw.sim import BoxSpec, OpeningSpec, Simulation, WallSpec, WorldSpec, check_world
 
 ROBOT = RobotModel()
-SHARES = (
-    "nearest_quadrant_accuracy",
-    "nearest_quadrant_exact",
-    "distance_accuracy",
-    "far_for_near",
-    "one_term_too_far",
-    "situation_contains_truth",
-    "situation_top1",
-)
+SHARES = """
+    nearest_quadrant_accuracy nearest_quadrant_exact distance_accuracy far_for_near
+    one_term_too_far situation_contains_truth situation_top1
+"""
 ROOM = WorldSpec(
     name="room",
     x=(0.0, 12.0),
@@ -168,7 +163,7 @@ def test_a_small_run_has_all_figures_and_repeats() -> None:
     again = run(poses=5, seed=12)
     assert json.loads(json.dumps(result)) == json.loads(json.dumps(again))
     assert result["poses"] == 5
-    for key in SHARES:
+    for key in SHARES.split():
         assert 0.0 <= result[key] <= 1.0
         assert 0.0 <= result["ideal"][key] <= 1.0
     assert sum(sum(row.values()) for row in result["confusion"]["distance"].values()) == 5

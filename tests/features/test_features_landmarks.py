@@ -180,7 +180,7 @@ def test_both_kinds_are_detected_with_unmapped_ids_too(hall: Simulation) -> None
 
 
 def test_a_poster_can_be_any_picture(tmp_path: Path) -> None:
-    picture = cv2.GaussianBlur(poster_image(99), (0, 0), 1.0)
+    picture = np.asarray(cv2.GaussianBlur(poster_image(99), (0, 0), 1.0), np.uint8)
     file = tmp_path / "photo.png"
     cv2.imwrite(str(file), picture)
     recognizer = Posters(ROBOT, Posters.Params(images={5: str(file)}))

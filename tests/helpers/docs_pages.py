@@ -9,6 +9,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
+from cli_calls import put_files
+
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
 PAGES += sorted((ROOT / "docs").rglob("*.md"))
@@ -29,10 +31,7 @@ def write_files(folder: Path) -> None:
     """Make ``folder`` a project with the files of all pages."""
     (folder / "navfw.toml").touch()
     for page in PAGES:
-        for name, text in files_of(page).items():
-            file = folder / name
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(text, encoding="utf-8")
+        put_files(folder, files_of(page))
 
 
 class DocBlock(NamedTuple):

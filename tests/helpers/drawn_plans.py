@@ -6,12 +6,11 @@ Each is drawn in metres with cells of 5 cm, occupied walls and furniture on free
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
 
 import cv2
 import numpy as np
 
+from navfw.numerics import Array
 from navfw.signals import Pose
 from navfw.topomap import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
@@ -35,10 +34,10 @@ class _Drawing:
         cv2.fillPoly(image, [corners], state)
         self.cells[:] = image
 
-    def ring(self, at: Point, radius: float, thickness: float) -> None:
+    def away(self, x: float, y: float) -> Array:
+        """The distance [m] of each cell from a point."""
         rows, columns = np.indices(self.cells.shape)
-        away = np.hypot((columns + 0.5) * CELL - at[0], (rows + 0.5) * CELL - at[1])
-        self.cells[np.abs(away - radius) < 0.5 * thickness] = OCCUPIED
+        return np.asarray(np.hypot((columns + 0.5) * CELL - x, (rows + 0.5) * CELL - y))
 
     def border(self, thickness: float) -> None:
         edge = round(thickness / CELL)
@@ -92,15 +91,13 @@ def _open_hall() -> OccupancyMap:
 def _curved_walls() -> OccupancyMap:
     """A round gallery around a round room, unknown ground outside."""
     drawn = _Drawing(16.0, 16.0, UNKNOWN)
-    rows, columns = np.indices(drawn.cells.shape)
-    away = np.hypot((columns + 0.5) * CELL - 8.0, (rows + 0.5) * CELL - 8.0)
+    away = drawn.away(8.0, 8.0)
     drawn.cells[away < 7.4] = FREE
-    drawn.ring((8.0, 8.0), 7.5, 0.2)
-    drawn.ring((8.0, 8.0), 4.2, 0.2)
+    for radius in (7.5, 4.2):
+        drawn.cells[np.abs(away - radius) < 0.1] = OCCUPIED
     for angle in (0.3, 2.4, 4.5):
         x, y = 8.0 + 4.2 * math.cos(angle), 8.0 + 4.2 * math.sin(angle)
-        near = np.hypot((columns + 0.5) * CELL - x, (rows + 0.5) * CELL - y) < 0.55
-        drawn.cells[near] = FREE
+        drawn.cells[drawn.away(x, y) < 0.55] = FREE
     return drawn.plan()
 
 
@@ -122,27 +119,21 @@ def _clutter() -> OccupancyMap:
     return drawn.plan()
 
 
-PLANS: Mapping[str, Callable[[], OccupancyMap]] = MappingProxyType(
-    {
-        "thick-walls": _thick_walls,
-        "long-corridors": _long_corridors,
-        "open-hall": _open_hall,
-        "curved-walls": _curved_walls,
-        "clutter": _clutter,
-    }
-)
-"""The plans by name."""
+PLANS = {
+    "thick-walls": _thick_walls,
+    "long-corridors": _long_corridors,
+    "open-hall": _open_hall,
+    "curved-walls": _curved_walls,
+    "clutter": _clutter,
+}
 
 
-def with_noise(plan: OccupancyMap, rng: np.random.Generator, share: float = 0.3) -> OccupancyMap:
-    """The plan as by SLAM: jagged walls, single wrong cells, gaps of a cell in walls.
-
-    ``share`` is that of the cells beside walls that change.
-    """
+def with_noise(plan: OccupancyMap, rng: np.random.Generator) -> OccupancyMap:
+    """The plan as by SLAM: jagged walls, single wrong cells, gaps of a cell in walls."""
     cells = plan.cells.copy()
     walls = plan.occupied.astype(np.uint8)
     beside = (cv2.dilate(walls, np.ones((3, 3), np.uint8)) > 0) & plan.free
-    cells[beside & (rng.random(cells.shape) < share)] = OCCUPIED
+    cells[beside & (rng.random(cells.shape) < 0.3)] = OCCUPIED
     cells[plan.free & (rng.random(cells.shape) < 0.001)] = OCCUPIED
     cells[plan.free & (rng.random(cells.shape) < 0.001)] = UNKNOWN
     return OccupancyMap(cells, plan.resolution, plan.origin)

@@ -30,9 +30,10 @@ class Mine(Behavior):
         del context
 
 
-def put(folder: Path, name: str, text: str | None = None, cls: str = "Thing") -> Path:
+def put(folder: Path, name: str, text: str | bytes | None = None, cls: str = "Thing") -> Path:
     file = folder / f"{name}.py"
-    file.write_text(GOOD.format(cls=cls, name=name) if text is None else text)
+    text = GOOD.format(cls=cls, name=name) if text is None else text
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
     return file
 
 

@@ -75,10 +75,7 @@ def test_broken_files_are_listed_and_do_not_affect_others(folder: Path) -> None:
     put(folder, "helper", GOOD.format(cls="Helper", name="helper"))
     put(folder, "zzz_good")
     for name, (text, _) in BROKEN.items():
-        if isinstance(text, bytes):
-            (folder / f"{name}.py").write_bytes(text)
-        else:
-            put(folder, name, text)
+        put(folder, name, text)
     registry = discovered(folder)
     sound = {"helper": "ok", "zzz_good": "ok"}
     assert statuses(registry) == dict.fromkeys(BROKEN, "broken") | sound
@@ -101,26 +98,11 @@ def test_an_invalid_class_does_not_affect_others_of_its_file(folder: Path) -> No
 
 
 def test_private_classes_and_bases_in_a_file_are_helpers(folder: Path) -> None:
-    put(
-        folder,
-        "file",
-        '''
-from navfw.interfaces import Behavior
-
-class _Hidden(Behavior): pass
-
-class Common(Behavior):
-    def propose(self, context): pass
-
-class Left(Common):
-    """Left."""
-    name = "left"
-
-class Right(Common):
-    """Right."""
-    name = "right"
-''',
-    )
+    text = "from navfw.interfaces import Behavior\nclass _Hidden(Behavior): pass\n"
+    text += "class Common(Behavior):\n    def propose(self, context): pass\n"
+    for name in ("Left", "Right"):
+        text += f"class {name}(Common):\n    'Text.'\n    name = {name.lower()!r}\n"
+    put(folder, "file", text)
     assert statuses(discovered(folder)) == {"left": "ok", "right": "ok"}
 
 

@@ -1,4 +1,4 @@
-"""Plugins registered in code or by installed packages, and names that are already taken."""
+"""Plugins that ship, or are registered in code or by installed packages; names that are taken."""
 
 from __future__ import annotations
 
@@ -10,45 +10,49 @@ from typing import Any
 
 import pytest
 from plugins_samples import GOOD, Mine, discovered, put, statuses
+from processes import printed
 
+from navfw.cli.listings import overview
 from navfw.errors import PluginError, UnknownNameError
 from navfw.features import NoFeatures
-from navfw.interfaces import KINDS, Behavior
-from navfw.plugins import GROUPS, Registry, default_registry, plugin, plugin_import
+from navfw.interfaces import KINDS, Behavior, Plugin
+from navfw.plugins import BUILT_IN, GROUPS, Registry, default_registry, plugin, plugin_import
+
+
+def registered(*plugins: type[Plugin]) -> Registry:
+    registry = Registry()
+    for cls in plugins:
+        registry.register(cls)
+    return registry
 
 
 def test_register_and_get() -> None:
-    registry = Registry()
-    registry.register(Mine)
+    registry = registered(Mine)
     registry.register(NoFeatures, source="a test")
     assert registry.get("behavior", "mine") is Mine
     assert registry.get("features", "none") is NoFeatures
     assert registry.names("behavior") == ["mine"]
     (row,) = registry.listing("features")
+    assert row.pop("parameters") == row.pop("notes") == []
     assert row == {
         "name": "none",
         "kind": "features",
         "status": "ok",
         "source": "a test",
         "summary": "Detects nothing.",
-        "parameters": [],
-        "notes": [],
         "error": None,
     }
 
 
 def test_a_class_may_be_registered_again_and_an_invalid_one_is_refused() -> None:
-    registry = Registry()
-    registry.register(Mine)
-    registry.register(Mine)
+    registry = registered(Mine, Mine)
     with pytest.raises(PluginError, match="not derived from a base class of plugins"):
         registry.register(int)  # type: ignore[arg-type]
     assert len(registry.listing()) == 1
 
 
 def test_unknown_names_get_the_nearest() -> None:
-    registry = Registry()
-    registry.register(Mine)
+    registry = registered(Mine)
     with pytest.raises(UnknownNameError, match="unknown behavior plugin 'mime': did you mean 'mi"):
         registry.get("behavior", "mime")
     with pytest.raises(UnknownNameError, match="kind of plugin 'behaviour': did you mean 'beha"):
@@ -148,12 +152,8 @@ def test_entry_points_are_loaded_on_first_use(
 )
 def test_a_broken_entry_point_is_named(package: str, value: str, message: str) -> None:
     registry = Registry()
-    registry.discover_entry_points(
-        [
-            point(value.format(package)),
-            point("navfw.features.no_features:NoFeatures", "none", "navfw.features"),
-        ]
-    )
+    sound = point("navfw.features.no_features:NoFeatures", "none", "navfw.features")
+    registry.discover_entry_points([point(value.format(package)), sound])
     with pytest.raises(PluginError, match=r"hover|Hover|elsewhere") as caught:
         registry.get("behavior", "hover")
     assert message in str(caught.value)
@@ -172,8 +172,7 @@ def test_an_entry_point_must_have_the_declared_kind_and_name(package: str) -> No
 
 
 def test_an_entry_point_with_a_taken_name(package: str) -> None:
-    registry = Registry()
-    registry.register(Mine)
+    registry = registered(Mine)
     registry.discover_entry_points([point(f"{package}:Hover", "mine")])
     assert registry.get("behavior", "mine") is Mine
     (row,) = registry.broken()
@@ -194,3 +193,65 @@ def test_installed_entry_points_are_discovered(monkeypatch: pytest.MonkeyPatch) 
     assert "hover" in registry.names("behavior")
     with pytest.raises(PluginError, match="nowhere"):
         registry.get("behavior", "hover")
+
+
+# --- the shipped plugins, and additions to them ---
+
+
+def test_all_shipped_plugins_work_and_the_overview_reads_the_same_of_their_source() -> None:
+    assert list(BUILT_IN) == list(KINDS)
+    registry = default_registry()
+    rows = overview()
+    assert rows == [{name: row[name] for name in rows[0]} for row in registry.listing()]
+    assert registry.names("flow") == sorted(BUILT_IN["flow"])
+    ours = ("navfw", "behaviors")
+    shipped = [row for row in registry.listing() if row["source"].startswith(ours)]
+    assert [(row["name"], row["error"]) for row in shipped if row["error"]] == []
+    assert [row["name"] for row in shipped if row["notes"]] == [], "they use no simulator"
+    assert {"avoid", "follow_wall", "emergency", "go_to_xy"} <= set(registry.names("behavior"))
+    assert {row["kind"] for row in shipped} == set(KINDS)
+    undescribed = [
+        (row["name"], parameter["name"])
+        for row in shipped
+        for parameter in row["parameters"]
+        if not parameter["description"]
+    ]
+    assert undescribed == []
+
+
+def test_a_new_registry_imports_neither_simulator_nor_built_in_plugins() -> None:
+    code = (
+        "import sys\nfrom navfw.plugins import Registry, BUILT_IN\nr = Registry()\n"
+        "for kind, plugins in BUILT_IN.items():\n"
+        "    for name, target in plugins.items():\n"
+        "        r.register_lazily(kind, name, target, 'navfw')\n"
+        "unwanted = {'pybullet', 'cv2', 'numba', 'navfw.flow.dense_flow'}\n"
+        "print([m for m in sys.modules if m in unwanted])"
+    )
+    assert printed(code) == "[]"
+
+
+def test_extra_folders_and_those_of_a_project_are_verified(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(folder, "one")
+    put(folder, "avoid")
+    registry = default_registry([folder])
+    assert "one" in registry.names("behavior")
+    assert [row["name"] for row in registry.broken()] == ["avoid"]
+    (folder.parent / "navfw.toml").touch()
+    monkeypatch.chdir(folder.parent)
+    rows = overview()
+    assert [row["name"] for row in rows if "parameters" in row] == ["avoid", "one"]
+    (broken,) = (row for row in rows if row["error"])
+    assert (broken["source"], "already taken" in broken["error"]) == ("behaviors/avoid.py", True)
+
+
+def test_the_overview_verifies_all_where_a_shipped_file_cannot_be_parsed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(folder, "bad", "def f(:\n")
+    monkeypatch.setattr("navfw.plugins.built_in.shipped_folder", lambda: folder.parent)
+    monkeypatch.setattr("navfw.config.lookup.shipped_folder", lambda: folder.parent)
+    (broken,) = (row for row in overview() if row["error"])
+    assert (broken["name"], "SyntaxError" in broken["error"]) == ("bad", True)

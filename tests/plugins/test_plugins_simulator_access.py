@@ -8,6 +8,7 @@ import os
 from pathlib import Path
 
 import pytest
+from plugins_samples import put
 
 from navfw.missions import MissionResult, plugins_of, prepare
 from navfw.plugins import SimulatorWatch, default_registry, source_findings
@@ -57,11 +58,11 @@ PLAIN = {
 
 def write(folder: Path, behaviors: dict[str, tuple[str, str]]) -> Path:
     """A folder of behaviours, with a stack file that has them all."""
-    (folder / "_engine.py").write_text(HELPER)
+    put(folder, "_engine", HELPER)
     for name, (top, inside) in behaviors.items():
         title = name.title().replace("_", "")
         text = BEHAVIOR.format(name=name, title=title, top=top, inside=inside)
-        (folder / f"{name}.py").write_text(text)
+        put(folder, name, text)
     stack = folder / "spying.yaml"
     named = "".join(f"  {name}:\n" for name in behaviors)
     stack.write_text(f"base: default\nbehaviors:\n  go_to_xy:\n{named}")
@@ -112,9 +113,7 @@ def test_imports_are_as_before_after_a_run(result: MissionResult) -> None:
     ],
 )
 def test_findings_in_a_source(tmp_path: Path, line: str, what: str, uses: bool) -> None:
-    file = tmp_path / "one.py"
-    file.write_text(line)
-    (finding,) = source_findings(file)
+    (finding,) = source_findings(put(tmp_path, "one", line))
     assert (finding.what, finding.uses) == (what, uses)
     assert finding.line == line.count("\n") + 1
 
@@ -131,17 +130,13 @@ def test_findings_in_a_source(tmp_path: Path, line: str, what: str, uses: bool) 
     ],
 )
 def test_other_sources_have_no_findings(tmp_path: Path, text: str) -> None:
-    file = tmp_path / "one.py"
-    file.write_text(text)
-    assert source_findings(file) == ()
+    assert source_findings(put(tmp_path, "one", text)) == ()
     assert source_findings(tmp_path / "missing.py") == ()
 
 
 def test_a_changed_source_is_read_again(tmp_path: Path) -> None:
-    file = tmp_path / "one.py"
-    file.write_text("import pybullet\n")
-    assert source_findings(file)
-    file.write_text("import numpy\n# other\n")
+    assert source_findings(put(tmp_path, "one", "import pybullet\n"))
+    file = put(tmp_path, "one", "import numpy\n# other\n")
     os.utime(file, ns=(1, 1))
     assert not source_findings(file)
 

@@ -100,9 +100,7 @@ def test_more_than_the_interface_is_allowed(thing: Any) -> None:
         (body(OK, name='name = ""'), "name '' must be an identifier"),
         (body(OK, "kind = 'flow'"), "kind is set to 'flow'; remove it, the base class sets"),
         (
-            build(
-                "class Thing(Behavior):\n    name = 'thing'\n    def propose(self, context): pass"
-            ),
+            build(f"class Thing(Behavior):\n    name = 'thing'\n    {OK}"),
             "no docstring; describe the plugin in a sentence",
         ),
         (body(), "missing propose(self, context); define it"),

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cli_calls import put_files
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
@@ -42,13 +43,10 @@ from navfw.worldgen import (
 
 Case = tuple[str, int, float]
 Made = dict[Case, GeneratedWorld]
+Point = tuple[float, float]
 
 ROBOT = RobotModel()
-CASES = [
-    (family, seed, difficulty)
-    for family in FAMILIES
-    for seed, difficulty in ((0, 0.0), (1, 0.5), (2, 1.0))
-]
+CASES = [(family, seed, 0.5 * seed) for family in FAMILIES for seed in range(3)]
 WITH_MAP = {"rooms", "corridors", "maze"}
 
 
@@ -69,21 +67,17 @@ def pose_of(world: GeneratedWorld) -> Pose:
     return Pose(*start)
 
 
-def start_of(world: GeneratedWorld) -> tuple[float, float]:
+def start_of(world: GeneratedWorld) -> Point:
     return pose_of(world).x, pose_of(world).y
 
 
-def goal_of(world: GeneratedWorld) -> tuple[float, float]:
+def goal_of(world: GeneratedWorld) -> Point:
     goal = world.mission.goals[0]
-    if isinstance(goal, str):
-        place = world.topo_map.places[goal]
-        return place.x, place.y
-    return goal.x, goal.y
+    place = world.topo_map.places[goal] if isinstance(goal, str) else goal
+    return place.x, place.y
 
 
-def connected(
-    plan: SceneGeometry, a: tuple[float, float], b: tuple[float, float], wide: float
-) -> bool:
+def connected(plan: SceneGeometry, a: Point, b: Point, wide: float) -> bool:
     """Whether a disc of radius ``wide`` can move from a to b, by flood fill of the grid."""
     grid = plan.configuration_space(wide, cell=0.03)
     labels = ndimage.label(~grid.occupied)[0]
@@ -320,14 +314,10 @@ def test_write_overwrites_generated_folders_only(tmp_path: Path) -> None:
     world = generate("moving", 0, 0.0)
     world.write(tmp_path / "a")
     world.write(tmp_path / "a")
-    (tmp_path / "b").mkdir()
-    (tmp_path / "b" / "thesis.txt").write_text("all of it", encoding="utf-8")
-    with pytest.raises(InputError, match="not made by navfw"):
-        world.write(tmp_path / "b")
-    (tmp_path / "c").mkdir()
-    (tmp_path / "c" / "world.yaml").write_text("name: mine\n", encoding="utf-8")
-    with pytest.raises(InputError, match="not made by navfw"):
-        world.write(tmp_path / "c")
+    put_files(tmp_path, {"b/thesis.txt": "all of it", "c/world.yaml": "name: mine\n"})
+    for folder in ("b", "c"):
+        with pytest.raises(InputError, match="not made by navfw"):
+            world.write(tmp_path / folder)
     with pytest.raises(InputError, match="is a file"):
         world.write(tmp_path / "b" / "thesis.txt")
     # a map of the previous world is removed
