@@ -6,10 +6,11 @@ import csv
 import json
 import math
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import suite_samples as samples
@@ -68,29 +69,31 @@ def out(tmp_path: Path) -> SuiteFolder:
     return SuiteFolder(tmp_path / "out")
 
 
+@pytest.fixture
+def journal(tmp_path: Path) -> RunJournal:
+    made = RunJournal(tmp_path / "journal.sqlite")
+    made.create()
+    return made
+
+
 def test_the_journal_has_every_run_as_it_ends(out: SuiteFolder) -> None:
     wanted, counts = plan(), []
-    have = out.open(wanted, "abc")
-    run_suite(
-        wanted,
-        out,
-        have=have,
-        work=samples.fake_run,
-        on_row=lambda case, row: counts.append(len(out.rows())),
-    )
+
+    def count(*_: object) -> None:
+        counts.append(len(out.rows()))
+
+    run_suite(wanted, out, have=out.open(wanted, "abc"), work=samples.fake_run, on_row=count)
     assert counts == [1, 2, 3, 4]
     assert [row.seed for row in out.rows()] == [0, 1, 2, 3]
 
 
-def test_a_row_replaces_an_earlier_one_of_the_same_run(tmp_path: Path) -> None:
-    journal = RunJournal(tmp_path / "journal.sqlite")
-    journal.create()
-    journal.add_death("aa", samples.row(1).key, "it died")
-    assert journal.deaths({"aa"})[samples.row(1).key] == 1
-    journal.add("aa", samples.row(1, "fault"))
-    journal.add("aa", samples.row(1))
-    journal.add("bb", samples.row(1, "stuck"))
-    assert journal.rows(["aa"]) == [samples.row(1)]
+def test_a_row_replaces_an_earlier_one_of_the_same_run(journal: RunJournal) -> None:
+    journal.add_death("aa", row(1).key, "it died")
+    assert journal.deaths({"aa"})[row(1).key] == 1
+    journal.add("aa", row(1, "fault"))
+    journal.add("aa", row(1))
+    journal.add("bb", row(1, "stuck"))
+    assert journal.rows(["aa"]) == [row(1)]
     assert [row.outcome for row in journal.rows(["bb", "aa"])] == ["stuck", "reached"]
     assert not journal.deaths({"aa"})
 
@@ -249,6 +252,7 @@ def test_suite_json_names_the_contents_of_now(out: SuiteFolder) -> None:
 
 numbers = st.none() | st.floats(allow_nan=False)
 texts = st.text(st.characters(codec="utf-8"), max_size=40)
+lines = texts.map(lambda text: " ".join(text.split()))
 
 
 def table_of(file: Path) -> list[dict[str, str]]:
@@ -256,25 +260,13 @@ def table_of(file: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-@pytest.fixture
-def journal(tmp_path: Path) -> RunJournal:
-    made = RunJournal(tmp_path / "journal.sqlite")
-    made.create()
-    return made
-
-
-@given(number=numbers, reason=texts, collisions=st.none() | st.integers(0, 99), world=texts)
+@given(spl=numbers, reason=lines, collisions=st.none() | st.integers(0, 99), world=lines)
 def test_rows_are_read_as_written(
-    tmp_path_factory: pytest.TempPathFactory,
-    number: float | None,
-    reason: str,
-    collisions: int | None,
-    world: str,
+    tmp_path_factory: pytest.TempPathFactory, **values: float | str | None
 ) -> None:
     journal = RunJournal(tmp_path_factory.mktemp("rows") / "journal.sqlite")
     journal.create()
-    world, reason = " ".join(world.split()), " ".join(reason.split())  # written as one line
-    rows = [row(1, world=world, spl=number, reason=reason, collisions=collisions), row(2)]
+    rows = [row(1, **values), row(2)]
     journal.add_all(("aa", one) for one in rows)
     assert journal.rows(["aa"]) == rows
 
@@ -317,6 +309,15 @@ def test_a_table_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
         write_table(tmp_path / "missing" / "table.csv", [])
 
 
+def rewrite(journal: RunJournal, change: Callable[[dict[str, Any]], object]) -> None:
+    """Change the cells of the only row; the checksum fits."""
+    with closing(sqlite3.connect(journal.file)) as database, database:
+        ((key, text),) = database.execute("SELECT key, cells FROM run")
+        cells = json.dumps(change(json.loads(text)))
+        values = (cells, _checksum("aa", key, cells))
+        database.execute("UPDATE run SET cells = ?, checksum = ?", values)
+
+
 @pytest.mark.parametrize(
     "change", [{"spl": "soon"}, {"outcome": "won"}, {"seed": ""}, {"collisions": "1.5"}, None]
 )
@@ -324,11 +325,7 @@ def test_wrong_cells_are_damage_whatever_their_checksum(
     journal: RunJournal, change: Mapping[str, str] | None
 ) -> None:
     journal.add("aa", row(1))
-    with closing(sqlite3.connect(journal.file)) as database, database:
-        ((key, cells),) = database.execute("SELECT key, cells FROM run")
-        cells = json.dumps(None if change is None else {**json.loads(cells), **change})
-        values = (cells, _checksum("aa", key, cells))
-        database.execute("UPDATE run SET cells = ?, checksum = ?", values)
+    rewrite(journal, lambda cells: None if change is None else {**cells, **change})
     with pytest.raises(JournalDamagedError, match="is damaged: a row has no valid cells"):
         journal.rows(["aa"])
     assert journal.intact() == []
@@ -337,11 +334,5 @@ def test_wrong_cells_are_damage_whatever_their_checksum(
 def test_a_row_of_fewer_columns_is_read(journal: RunJournal) -> None:
     journal.add("aa", row(1, plugin_faults=4))
     assert journal.rows(["aa"])[0].plugin_faults == 4
-    with closing(sqlite3.connect(journal.file)) as database, database:
-        ((key, text),) = database.execute("SELECT key, cells FROM run")
-        cells = json.loads(text)
-        del cells["plugin_faults"]
-        text = json.dumps(cells)
-        values = (text, _checksum("aa", key, text))
-        database.execute("UPDATE run SET cells = ?, checksum = ?", values)
+    rewrite(journal, lambda cells: {k: v for k, v in cells.items() if k != "plugin_faults"})
     assert journal.rows(["aa"])[0].plugin_faults is None

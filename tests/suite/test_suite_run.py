@@ -13,15 +13,7 @@ import suite_samples as samples
 
 from navfw.errors import InputError
 from navfw.recording import machine_kind
-from navfw.suite import (
-    Case,
-    RunRow,
-    StartMode,
-    SuiteFolder,
-    SuitePlan,
-    SuiteResult,
-    run_suite,
-)
+from navfw.suite import Case, RunRow, StartMode, SuiteFolder, SuitePlan, SuiteResult, run_suite
 
 CONTENT = {"entry rooms": "1234", "stack default of entry rooms": "5678"}
 
@@ -62,7 +54,6 @@ def test_the_table_is_complete_and_in_order(out: SuiteFolder) -> None:
 
 
 def test_ctrl_c_keeps_finished_runs_and_resume_makes_the_others(out: SuiteFolder) -> None:
-
     def press(case: Case, row: RunRow) -> None:
         if row.seed == 3:
             raise KeyboardInterrupt
@@ -97,8 +88,8 @@ def test_a_run_that_dies_once_is_driven_again_at_the_end(out: SuiteFolder) -> No
     assert [row.attempts for row in done.rows] == [2, 1, 1]
 
 
-def test_a_death_before_the_suite_was_killed_counts(tmp_path: Path) -> None:
-    out, wanted = SuiteFolder(tmp_path / "out"), plan(2, 3)
+def test_a_death_before_the_suite_was_killed_counts(out: SuiteFolder) -> None:
+    wanted = plan(2, 3)
     out.open(wanted, "abc")
     out.journal.add_death("", wanted.cases[1].key, "it died")
     done = run(wanted, out, begin="resume", work=samples.fake_run_that_dies_on_3_once_more)
@@ -177,13 +168,12 @@ def test_died_runs_are_no_success_and_are_driven_again(out: SuiteFolder) -> None
     assert [file.stem for file in out.pictures.iterdir()] == ["3"]
 
 
-def test_a_plugin_that_fails_uninvited_fails_the_suite(tmp_path: Path) -> None:
-    done = run(plan(2, 3), SuiteFolder(tmp_path / "out"), work=samples.fake_run_with_plugin_faults)
+def test_a_plugin_that_fails_uninvited_fails_the_suite(out: SuiteFolder) -> None:
+    done = run(plan(2, 3), out, work=samples.fake_run_with_plugin_faults)
     assert (done.complete, done.summary["plugin_faults"], done.exit_code) == (True, 4, 1)
 
 
 def test_a_table_that_cannot_be_written_is_in_the_result(out: SuiteFolder, tmp_path: Path) -> None:
-
     def lose_the_folder(case: Case, row: RunRow) -> None:
         if row.seed == 3:
             out.path.rename(tmp_path / "away")
@@ -206,15 +196,9 @@ def test_a_folder_that_another_suite_writes_is_refused(
             pass
     with SuiteFolder.claim(tmp_path / "out", plan(2), seeds) as out:
         assert out.open(plan(2), "abc", begin="resume") == []
-    assert sorted(file.name for file in out.path.iterdir()) == [
-        "journal.sqlite",
-        "pictures",
-        "suite.json",
-        "table.csv",
-    ]
+    files = sorted(file.name for file in out.path.iterdir())
+    assert files == ["journal.sqlite", "pictures", "suite.json", "table.csv"]
     (tmp_path / "link").symlink_to(tmp_path / "none")
-    with (
-        pytest.raises(InputError, match="is a link to"),
-        SuiteFolder.claim(tmp_path / "link", plan(2), seeds),
-    ):
+    link = SuiteFolder.claim(tmp_path / "link", plan(2), seeds)
+    with pytest.raises(InputError, match="is a link to"), link:
         pass
