@@ -22,6 +22,7 @@ from navfw.localization import (
     PlanScan,
     scan_of,
 )
+from navfw.numerics import Array
 from navfw.plugins import default_registry
 from navfw.robot import Footprint, RobotModel
 from navfw.signals import Belief, Odometry, Pose, Twist, wrap_angle
@@ -29,6 +30,8 @@ from navfw.stack import load_stack
 from navfw.topomap import FREE, OCCUPIED, OccupancyMap, TopoMap
 
 ROUND = [(2.0, 0.5, 0.3), (4.0, 0.5, 0.35), (3.0, 0.5, 0.5), (4.0, 0.5, 0.3), (4.0, 0.5, 0.6)]
+"""A round through the large room."""
+Report = list[tuple[Pose, Belief]]
 AT_REST = Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), 0.0, still=True)
 
 
@@ -41,28 +44,16 @@ def started(
     return localizer
 
 
-def drive(
-    known: bool,
+def follow(
+    localizer: FloorPlanLocalizer,
+    legs: list[tuple[float, float, float]] = ROUND,
     seen: OccupancyMap = PLAN,
     scale: float = 1.03,
     seed: int = 0,
     shared: float = 0.0,
-) -> list[tuple[Pose, Belief]]:
-    """True poses and beliefs on a round through the large room, whose walls are ``seen``."""
-    rng = np.random.default_rng(seed)
-    return follow(started(START if known else None), rng, ROUND, seen, scale, shared)
-
-
-def follow(
-    localizer: FloorPlanLocalizer,
-    rng: np.random.Generator,
-    legs: list[tuple[float, float, float]],
-    seen: OccupancyMap = PLAN,
-    scale: float = 1.0,
-    shared: float = 0.0,
-) -> list[tuple[Pose, Belief]]:
-    """True poses and beliefs along ``legs``, with a percept at every third step."""
-    report = []
+) -> Report:
+    """True poses and beliefs along ``legs``, with a percept of ``seen`` at every third step."""
+    report, rng = [], np.random.default_rng(seed)
     for step, (true, odometry) in enumerate(arcs(START, legs, scale)):
         percept = None if step % 3 else wall_percept(true, odometry.time, rng, seen, shared)
         report.append((true, localizer.update(odometry, percept, ())))
@@ -73,7 +64,7 @@ def error(true: Pose, belief: Belief) -> float:
     return math.dist((true.x, true.y), (belief.pose.x, belief.pose.y))
 
 
-def totals(report: list[tuple[Pose, Belief]]) -> tuple[float, float, float, int, int]:
+def totals(report: Report) -> tuple[float, float, float, int, int]:
     """Sums of errors, of variances while not lost, of confidences, of losses; and the updates."""
     beliefs = [belief for _, belief in report]
     variances = sum(float(np.trace(b.covariance)) for b in beliefs if not b.lost)
@@ -82,11 +73,14 @@ def totals(report: list[tuple[Pose, Belief]]) -> tuple[float, float, float, int,
     return errors, variances, confidences, losses, beliefs[-1].updates
 
 
+def off_by(true: Pose, pose: Pose) -> Array:
+    """The error (3,) of a pose."""
+    return np.array([pose.x - true.x, pose.y - true.y, wrap_angle(pose.yaw - true.yaw)])
+
+
 def nees(true: Pose, belief: Belief) -> float:
     """Normalised squared error of the pose, 3 on average for exact covariances."""
-    off = np.array(
-        [belief.pose.x - true.x, belief.pose.y - true.y, wrap_angle(belief.pose.yaw - true.yaw)]
-    )
+    off = off_by(true, belief.pose)
     return float(off @ np.linalg.solve(belief.covariance, off))
 
 
@@ -112,9 +106,7 @@ def test_a_scan_finds_the_pose_near_a_guess(yaw: float) -> None:
     guess = Pose(true.x + 0.1, true.y - 0.1, true.yaw + 0.04)
     known = np.linalg.inv(np.diag([0.15, 0.15, 0.06]) ** 2)
     match = PlanField(plan).match(scan, guess, known)
-    off = np.array(
-        [match.pose.x - true.x, match.pose.y - true.y, wrap_angle(match.pose.yaw - true.yaw)]
-    )
+    off = off_by(true, match.pose)
     assert off @ (match.information + known) @ off < 16.3  # 99.9 % of 3 degrees of freedom
     assert np.hypot(off[0], off[1]) < 0.08, "the guess is 0.14 m off"
     assert match.belonging > 0.5
@@ -143,19 +135,15 @@ def test_the_field_is_exact_to_the_last_bit() -> None:
 
 
 def test_walls_correct_wheels_that_report_too_much_way() -> None:
-    report = drive(known=True)
+    report = follow(started())
     errors = [error(*moment) for moment in report]
     assert np.percentile(errors, 95) < 0.10
     assert totals(report) == pytest.approx((7.1216763, 0.53110880, 170.0, 0, 33), rel=1e-5)
 
 
 def test_the_covariance_is_about_right() -> None:
-    values = [
-        nees(*moment)
-        for seed in range(3)
-        for moment in drive(True, scale=1.005, seed=seed, shared=0.05)
-    ]
-    assert 0.2 < np.mean(values) < 6.0
+    reports = [follow(started(), scale=1.005, seed=seed, shared=0.05) for seed in range(3)]
+    assert 0.2 < np.mean([nees(*moment) for report in reports for moment in report]) < 6.0
 
 
 def test_a_common_error_of_the_distances_is_no_error_of_the_pose() -> None:
@@ -176,14 +164,13 @@ def test_a_room_lined_with_furniture_does_not_draw_the_robot_to_its_walls() -> N
     cells[2:10, 2:130] = cells[-10:-2, 2:130] = OCCUPIED  # cupboards 0.4 m deep
     cells[:, 2:10] = cells[:, 122:130] = OCCUPIED
     seen = OccupancyMap(cells, PLAN.resolution, PLAN.origin)
-    report = drive(known=True, seen=seen, scale=1.0, seed=3, shared=0.05)
+    report = follow(started(), seen=seen, scale=1.0, seed=3, shared=0.05)
     assert max(error(*moment) for moment in report) < 0.03, "the odometry is exact"
 
 
 def test_a_skidding_turn_corrects_nothing() -> None:
     robot = ROBOT.model_copy(update={"skid": 0.08})
-    rng = np.random.default_rng(0)
-    report = follow(started(robot=robot), rng, [(2.0, 0.05, 0.8), (3.0, 0.4, 0.0)])
+    report = follow(started(robot=robot), [(2.0, 0.05, 0.8), (3.0, 0.4, 0.0)], scale=1.0)
     assert report[19][1].updates == 0
     assert report[-1][1].updates > 0
 
@@ -193,7 +180,7 @@ def test_furniture_and_missing_walls_do_not_mislead() -> None:
     cells[20:36, 60:76] = OCCUPIED  # a sofa that the plan does not know
     cells[140:156, 80:100] = OCCUPIED
     cells[:2, 20:60] = FREE  # a part of the outer wall that is not there
-    report = drive(known=True, seen=OccupancyMap(cells, PLAN.resolution, PLAN.origin))
+    report = follow(started(), seen=OccupancyMap(cells, PLAN.resolution, PLAN.origin))
     assert np.percentile([error(*moment) for moment in report], 95) < 0.20
 
 
@@ -203,14 +190,12 @@ def test_walls_that_are_not_there_are_seen_through() -> None:
     rows, columns = np.indices(cells.shape)
     centres = PLAN.centres(rows.ravel(), columns.ravel())
     for true in way[50::35]:  # across the way, 1.2 m wide
-        local = np.array(
-            [true.relative(Pose(x, y, 0.0)) for x, y in centres.tolist()], dtype=object
-        )
+        local = [true.relative(Pose(x, y, 0.0)) for x, y in centres.tolist()]
         across = [abs(at.x) < 0.05 and abs(at.y) < 0.6 for at in local]
         cells[np.reshape(across, cells.shape)] = OCCUPIED
     plan = OccupancyMap(cells, PLAN.resolution, PLAN.origin)
     wrong_map = TopoMap("b", list(MAP.places.values()), MAP.passages, floor_plan=plan)
-    report = follow(started(topo_map=wrong_map), np.random.default_rng(0), ROUND, PLAN, 1.03)
+    report = follow(started(topo_map=wrong_map))
     assert not any(belief.lost for _, belief in report)
     assert np.percentile([error(*moment) for moment in report], 95) < 0.15
 
@@ -222,14 +207,14 @@ def test_things_all_around_that_the_plan_does_not_show_lose_no_robot() -> None:
     way = np.array([(true.x, true.y) for true, _ in arcs(START, ROUND)])
     near = np.min(np.hypot(*(centres[:, None] - way[None, ::4]).transpose(2, 0, 1)), axis=1) < 0.7
     cells[~near.reshape(cells.shape)] = OCCUPIED  # boxes on both sides hide the walls
-    report = drive(known=True, seen=OccupancyMap(cells, PLAN.resolution, PLAN.origin), scale=1.0)
+    report = follow(started(), seen=OccupancyMap(cells, PLAN.resolution, PLAN.origin), scale=1.0)
     assert not any(belief.lost for _, belief in report)
     assert max(error(*moment) for moment in report) < 0.3
     assert min(belief.confidence for _, belief in report) < 0.5, "it knows that it may be wrong"
 
 
 def test_an_unknown_start_is_found_and_never_confidently_wrong() -> None:
-    report = drive(known=False, scale=1.005)
+    report = follow(started(None), scale=1.005)
     assert report[0][1].lost
     found = [k for k, (_, belief) in enumerate(report) if not belief.lost]
     assert found
@@ -239,18 +224,15 @@ def test_an_unknown_start_is_found_and_never_confidently_wrong() -> None:
 
 
 def test_a_robot_elsewhere_than_it_was_told_becomes_lost_and_finds_itself() -> None:
-    rng = np.random.default_rng(4)
-    moments = follow(started(Pose(7.5, 4.2, 1.9)), rng, ROUND * 3)
+    moments = follow(started(Pose(7.5, 4.2, 1.9)), ROUND * 3, scale=1.0, seed=4)
     assert any(belief.lost for _, belief in moments)
     assert not moments[-1][1].lost
     assert error(*moments[-1]) < 0.2
 
 
 def test_nothing_seen_is_no_evidence() -> None:
-    localizer = started()
-    sigmas = [
-        localizer.update(odometry, None, ()).sigma for _, odometry in arcs(START, [(4.0, 0.4, 0.0)])
-    ]
+    localizer, way = started(), arcs(START, [(4.0, 0.4, 0.0)])
+    sigmas = [localizer.update(odometry, None, ()).sigma for _, odometry in way]
     assert sigmas[-1] > sigmas[0]
 
 
