@@ -1,4 +1,8 @@
+"""Block matching, and the growth of the image in its flow."""
+
 from __future__ import annotations
+
+import math
 
 import cv2
 import numpy as np
@@ -7,12 +11,22 @@ from flow_scene import cell_truth, room, turn_about, wall
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+import navfw.flow.block_matching as module
 from navfw.errors import ConfigError
-from navfw.flow import BlockMatching, block_matching, judge_registration, ramp, uniqueness
+from navfw.flow import (
+    BlockMatching,
+    ContactFilter,
+    Expansion,
+    fit_expansion,
+    grid_points,
+    judge_registration,
+    ramp,
+    uniqueness,
+)
 from navfw.flow.correlation_kernels import correlate, find_peaks
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import CameraMotion, Frame, FramePair
+from navfw.signals import CameraMotion, FlowField, Frame, FramePair
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera
@@ -35,9 +49,8 @@ def exhaustive_scores(
     """matchTemplate of one window, and the displacement (dx, dy) of its first score."""
     x0, x1 = max(0, x[0] - search), min(past.shape[1], x[1] + search)
     y0, y1 = max(0, y[0] - search), min(past.shape[0], y[1] + search)
-    scores = cv2.matchTemplate(
-        past[y0:y1, x0:x1], now[y[0] : y[1], x[0] : x[1]], cv2.TM_CCOEFF_NORMED
-    )
+    window = now[y[0] : y[1], x[0] : x[1]]
+    scores = cv2.matchTemplate(past[y0:y1, x0:x1], window, cv2.TM_CCOEFF_NORMED)
     return np.asarray(scores, np.float64), (int(x[0] - x0), int(y[0] - y0))
 
 
@@ -59,9 +72,8 @@ def test_scores_and_peaks_equal_exhaustive_match_template(
     now = np.clip(now + rng.normal(0, 3, now.shape), 0, 255).astype(np.uint8)
     params = BlockMatching.Params(rows=grid[0], cols=grid[1], window=window, search=search)
     matcher = BlockMatching(ROBOT, params)
-    scores, _ = correlate(
-        now, past, matcher._x_windows, matcher._y_windows, search, (0, 160, 0, 120)
-    )
+    windows = matcher._x_windows, matcher._y_windows
+    scores, _ = correlate(now, past, *windows, search, (0, 160, 0, 120))
     peaks = find_peaks(scores)[0]
     for r, y in enumerate(matcher._y_windows):
         for c, x in enumerate(matcher._x_windows):
@@ -78,10 +90,10 @@ def test_scores_and_peaks_equal_exhaustive_match_template(
 
 def test_pure_noise_is_not_trusted() -> None:
     rng = np.random.default_rng(0)
-    past, now = (rng.integers(0, 256, (120, 160)).astype(np.uint8) for _ in range(2))
-    assert BlockMatching(ROBOT).compute(pair_of(past, now)).confidence.max() == 0.0
-    past, now = (np.abs(rng.normal(0, 1.5, (120, 160))).astype(np.uint8) for _ in range(2))
-    assert BlockMatching(ROBOT).compute(pair_of(past, now)).confidence.max() == 0.0
+    bright = [rng.integers(0, 256, (120, 160)).astype(np.uint8) for _ in range(2)]
+    dark = [np.abs(rng.normal(0, 1.5, (120, 160))).astype(np.uint8) for _ in range(2)]
+    for images in (bright, dark):
+        assert BlockMatching(ROBOT).compute(pair_of(*images)).confidence.max() == 0.0
 
 
 def faint_pair(contrast: float, noise: float) -> FramePair:
@@ -107,7 +119,7 @@ def test_texture_hardly_above_the_noise_is_matched_in_smoothed_images(
     error = np.linalg.norm(flow.vectors - (3.4, -1.3), axis=-1)[trusted]
     assert np.median(error) < 0.2
     assert error.max() < 1.0
-    monkeypatch.setattr(block_matching, "_WEAK_SHARE", 1.0)
+    monkeypatch.setattr(module, "_WEAK_SHARE", 1.0)
     assert (BlockMatching(ROBOT).compute(pair).confidence > 0.3).mean() < 0.2
 
 
@@ -150,9 +162,8 @@ def test_displacements_a_little_beyond_the_search_are_found() -> None:
     flow = BlockMatching(ROBOT).compute(pair_of(texture[:, :160], texture[:, 9:169]))
     trusted = flow.confidence > 0.3
     assert trusted[:, :-2].mean() > 0.9
-    np.testing.assert_allclose(
-        flow.vectors[trusted], np.tile([-9.0, 0.0], (trusted.sum(), 1)), atol=0.1
-    )
+    expected = np.tile([-9.0, 0.0], (trusted.sum(), 1))
+    np.testing.assert_allclose(flow.vectors[trusted], expected, atol=0.1)
 
 
 def test_points_are_grid_points_except_at_the_border() -> None:
@@ -208,20 +219,102 @@ def test_confidence_and_sigma_are_those_of_the_formulae() -> None:
     mixture, noise = _between(0.0, 2.5, 6), _between(0.0, 0.5, 7)
     shift, peak, unique = _between(-1.5, 1.5, 8, 2), _between(0.3, 1.0, 9), _between(0.0, 1.0, 10)
     noise[0, 0], score[0, 0] = np.inf, 0.0  # a window that was not registered
-    confidence, sigma = judge_registration(
-        score, share, mixture, noise, shift, peak, unique, LIMITS
-    )
-    expected = ramp(score, *LIMITS) * ramp(share, *block_matching._SAMPLES_INSIDE)
-    expected *= ramp(peak, *block_matching._PEAK_CORRELATION) * unique
-    expected *= 1.0 - ramp(np.linalg.norm(shift, axis=-1), *block_matching._REGISTRATION_SHIFT)
-    expected *= 1.0 - ramp(mixture, *block_matching._MIXTURE)
-    variance = (
-        block_matching._REGISTRATION_SCALE * noise
-    ) ** 2 + block_matching._REGISTRATION_FLOOR
-    variance += (block_matching._REGISTRATION_EXCESS * noise**2) ** 2
+    window = score, share, mixture, noise, shift, peak, unique
+    confidence, sigma = judge_registration(*window, LIMITS)
+    expected = ramp(score, *LIMITS) * ramp(share, *module._SAMPLES_INSIDE)
+    expected *= ramp(peak, *module._PEAK_CORRELATION) * unique
+    expected *= 1.0 - ramp(np.linalg.norm(shift, axis=-1), *module._REGISTRATION_SHIFT)
+    expected *= 1.0 - ramp(mixture, *module._MIXTURE)
+    variance = (module._REGISTRATION_SCALE * noise) ** 2 + module._REGISTRATION_FLOOR
+    variance += (module._REGISTRATION_EXCESS * noise**2) ** 2
     assert confidence.tobytes() == expected.tobytes()
     assert confidence[0, 0] == 0.0 < confidence.max()
     assert np.isinf(sigma[0, 0])
-    np.testing.assert_allclose(
-        sigma, np.sqrt(variance + (block_matching._MIXTURE_SHARE * mixture) ** 2), rtol=1e-15
-    )
+    variance += (module._MIXTURE_SHARE * mixture) ** 2
+    np.testing.assert_allclose(sigma, np.sqrt(variance), rtol=1e-15)
+
+
+# --- divergence: growth, focus, time to contact ---------------------------------------------------
+
+POINTS = grid_points(CAMERA, 12, 16)
+
+
+def field(vectors: Array, confidence: Array | None = None) -> FlowField:
+    sure = np.ones((12, 16)) if confidence is None else confidence
+    return FlowField(0.0, POINTS, vectors, sure, np.full((12, 16), 0.1), STILL)
+
+
+@given(
+    rate=st.floats(-0.3, 0.5).filter(lambda r: abs(r) > 0.01),
+    focus=st.tuples(st.floats(-60, 60), st.floats(-40, 40)),
+)
+def test_growth_and_focus_are_found_exactly(rate: float, focus: tuple[float, float]) -> None:
+    found = fit_expansion(field(rate * (POINTS - np.array(focus))))
+    assert found is not None
+    assert found.rate == pytest.approx(rate, abs=1e-9)
+    np.testing.assert_allclose(found.focus, focus, atol=1e-5)
+    assert found.support == 1.0
+    # depth now / depth past is 1 - rate: what is left, at a step of it in 0.1 s
+    assert found.time_to_contact(0.1) == pytest.approx(0.1 * (1 - rate) / rate)
+
+
+def test_a_quarter_of_wild_vectors_does_no_harm() -> None:
+    rng = np.random.default_rng(0)
+    vectors = 0.05 * POINTS + rng.normal(0, 0.1, POINTS.shape)
+    wild = rng.random((12, 16)) < 0.25
+    vectors[wild] = rng.uniform(-8, 8, (int(wild.sum()), 2))
+    found = fit_expansion(field(vectors))
+    assert found is not None
+    assert found.rate == pytest.approx(0.05, abs=0.003)
+    assert 0.6 < found.support < 0.9
+
+
+def test_its_sigma_covers_the_errors() -> None:
+    rng = np.random.default_rng(1)
+    ratios = []
+    for _ in range(60):
+        found = fit_expansion(field(0.04 * POINTS + rng.normal(0, 0.2, POINTS.shape)))
+        assert found is not None
+        ratios.append((found.rate - 0.04) / found.sigma)
+    # vectors of windows that overlap share errors; these do not: on the careful side
+    assert 0.3 < np.std(ratios) < 1.2
+
+
+def test_too_few_vectors_say_nothing() -> None:
+    confidence = np.zeros((12, 16))
+    confidence[3, :7] = 1.0
+    assert fit_expansion(field(0.1 * POINTS, confidence)) is None
+    confidence[:] = 0.0
+    assert fit_expansion(field(0.1 * POINTS, confidence)) is None
+
+
+def test_time_to_contact_of_a_wall() -> None:
+    motion = CameraMotion(np.eye(3), np.array([0.0, 0.0, 0.06]), 0.2)
+    pair, _ = wall(CAMERA, distance=1.5).pair(motion, noise=2.0)
+    found = fit_expansion(BlockMatching(ROBOT).compute(pair))
+    assert found is not None
+    assert found.time_to_contact(0.2) == pytest.approx(1.5 / 0.3, rel=0.03)
+
+
+def test_what_does_not_grow_is_never_reached() -> None:
+    assert Expansion(0.0, 0.01, np.zeros(2), 1.0).time_to_contact(0.1) == math.inf
+    smoother = ContactFilter()
+    smoother.update(0.1, Expansion(0.05, 0.002, np.zeros(2), 1.0), 0.1)
+    assert math.isfinite(smoother.time_to_contact)
+    assert smoother.update(0.1, Expansion(-0.05, 0.002, np.zeros(2), 1.0), 0.1) == math.inf
+
+
+def test_the_filter_runs_down_and_averages() -> None:
+    rng = np.random.default_rng(3)
+    smoother, raw, smooth = ContactFilter(change=0.05), [], []
+    for k in range(60):
+        true = 8.0 - 0.1 * k
+        rate = 0.1 / (true + 0.1) * (1 + 0.15 * rng.normal())
+        found = Expansion(rate, 0.15 * rate, np.zeros(2), 1.0)
+        raw.append(found.time_to_contact(0.1) - true)
+        smooth.append(smoother.update(0.1, found, 0.1) - true)
+    assert np.std(smooth[15:]) < 0.6 * np.std(raw[15:])
+    before = smoother.time_to_contact
+    assert smoother.update(0.3, None, 0.1) == pytest.approx(before - 0.3)
+    smoother.reset()
+    assert smoother.time_to_contact == math.inf

@@ -1,18 +1,20 @@
-"""What every honest flow processor must do, on synthetic motion with known truth."""
+"""What every honest flow processor must do, on motion with known truth."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
-from flow_scene import Scene, cell_truth, room, turn_about, wall
+from flow_scene import Scene, cell_truth, room, true_flow, turn_about, wall
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from navfw.camera_geometry import rotate_points
+from navfw.config import find
+from navfw.egomotion import camera_motion
 from navfw.errors import ConfigError
 from navfw.flow import (
     SIGMA_UNKNOWN,
@@ -26,10 +28,11 @@ from navfw.flow import (
     visible_in_past,
 )
 from navfw.interfaces import FlowProcessor
-from navfw.numerics import Image
+from navfw.numerics import Array, Image
 from navfw.plugins import default_registry
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import CameraMotion, Frame, FramePair
+from navfw.signals import CameraMotion, Frame, FramePair, Pose
+from navfw.sim import Simulation, load_world
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera
@@ -237,3 +240,51 @@ def test_visible_limits_are_those_of_the_past_image(axis: int, angle: float) -> 
     beyond = (np.abs(outside) > np.array([80.0, 60.0])) | (np.abs(wider) > np.array([80.0, 60.0]))
     assert beyond.any(axis=-1).all()
     assert align_past(seen, rotation, CAMERA).min() == 200
+
+
+# --- frames rendered by the simulator, against its depth ------------------------------------------
+
+HERE = Pose(1.6, 1.4, 0.5)
+
+
+@pytest.fixture(scope="module")
+def office() -> Iterator[Simulation]:
+    with Simulation(load_world(find("world", "office")), ROBOT, HERE, seed=1) as simulation:
+        yield simulation
+
+
+def rendered_pair(office: Simulation, step: Pose) -> tuple[FramePair, Array]:
+    """Frames before and after ``step`` that ends at HERE, and the true flow."""
+    past = HERE.compose(step.relative(Pose(0.0, 0.0, 0.0)))
+    before, _ = office.render_from(past)
+    after, depth = office.render_from(HERE)
+    motion = camera_motion(ROBOT, past, HERE, 0.2)
+    rays = Scene(CAMERA).rays() * CAMERA.focal
+    far = np.where(np.isfinite(depth), depth, 50.0).astype(np.float64)
+    flow = true_flow(rays, far, motion, CAMERA.focal)
+    return FramePair(Frame(0.0, before), Frame(0.2, after), motion), flow
+
+
+@pytest.mark.parametrize("processor", [BLOCK_MATCHING, DIS], ids=lambda p: p.name)
+@pytest.mark.parametrize(
+    ("step", "median"),
+    [
+        (Pose(0.0, 0.0, 0.06), 0.15),
+        (Pose(0.0, 0.0, -0.06), 0.15),
+        (Pose(0.05, 0.0, 0.0), 0.35),
+        (Pose(-0.05, 0.0, 0.0), 0.35),
+        (Pose(0.05, 0.001, 0.05), 0.35),
+    ],
+)
+def test_flow_agrees_with_rendered_depth_and_true_motion(
+    office: Simulation, processor: FlowProcessor, step: Pose, median: float
+) -> None:
+    pair, truth = rendered_pair(office, step)
+    flow = processor.compute(pair)
+    expected = cell_truth(truth, flow.points, CAMERA)
+    trusted = flow.confidence > 0.3
+    error = np.linalg.norm(flow.vectors - expected, axis=-1)[trusted]
+    assert trusted.mean() > 0.4
+    assert np.median(error) < median
+    # the same vectors with the opposite sign would be far off
+    assert np.median(np.linalg.norm(flow.vectors + expected, axis=-1)[trusted]) > 4 * median

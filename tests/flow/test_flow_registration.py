@@ -35,6 +35,7 @@ X = np.array([[20, 44], [60, 84], [100, 124]])
 Y = np.array([[20, 44], [70, 94]])
 WHOLE = (0, 160, 0, 120)
 ALL = np.ones((2, 3), bool)
+STILL = CameraMotion(np.eye(3), np.zeros(3), 0.2)
 
 
 def texture(seed: int) -> Image:
@@ -59,10 +60,8 @@ def truth(affine: Array, shift: Array) -> Array:
     return np.asarray(shift + centres @ affine.T)
 
 
-def register(
-    now: Image, past: Image, start: Array, stride: int = 3, width: float = 0.6
-) -> Registration:
-    return register_windows(now, past, X, Y, start, ALL, WHOLE, stride, width)
+def register(now: Image, past: Image, start: Array, stride: int = 3) -> Registration:
+    return register_windows(now, past, X, Y, start, ALL, WHOLE, stride, 0.6)
 
 
 @settings(max_examples=25)
@@ -73,10 +72,7 @@ def register(
     off=st.tuples(*[st.floats(-0.7, 0.7)] * 2),
 )
 def test_affine_motions_are_found(
-    seed: int,
-    shift: tuple[float, float],
-    affine: tuple[float, ...],
-    off: tuple[float, float],
+    seed: int, shift: tuple[float, ...], affine: tuple[float, ...], off: tuple[float, ...]
 ) -> None:
     past = texture(seed)
     matrix, by = np.array(affine).reshape(2, 2), np.array(shift)
@@ -209,10 +205,9 @@ def test_sensitivity_is_sigma_for_a_residual_of_one_grey_level() -> None:
     start = np.zeros((12, 16, 2))
     found = []
     for noise in (2.0, 6.0):
-        pair, _ = wall(CAMERA).pair(CameraMotion(np.eye(3), np.zeros(3), 0.1), noise)
-        found.append(
-            register_windows(pair.now.image, pair.past.image, x, y, start, EVERY, (0, 160, 0, 120))
-        )
+        pair, _ = wall(CAMERA).pair(STILL, noise)
+        images = pair.now.image, pair.past.image
+        found.append(register_windows(*images, x, y, start, EVERY, WHOLE))
     low, high = found
     assert np.median(high.sigma / low.sigma) == pytest.approx(3.0, rel=0.1)
     assert np.median(high.sensitivity / low.sensitivity) == pytest.approx(1.0, rel=0.1)
@@ -231,8 +226,7 @@ def within(flow: FlowField, truth: Array) -> tuple[float, float]:
 def shaken(noise: float, seed: int) -> tuple[FramePair, Array]:
     motion = CameraMotion(turn_about(1, 0.02), np.array([0.003, 0.0, 0.05]), 0.2)
     pair, truth = room(CAMERA, seed).pair(motion, noise)
-    still = CameraMotion(np.eye(3), np.zeros(3), 0.2)
-    return FramePair(pair.past, pair.now, still), truth
+    return FramePair(pair.past, pair.now, STILL), truth
 
 
 @pytest.mark.parametrize("noise", [2.0, 5.0, 9.0])
@@ -253,8 +247,7 @@ def test_a_displacement_beyond_the_reach_of_block_matching() -> None:
     """Nothing is known about the turn, which moves the image by 9 px and more."""
     motion = CameraMotion(turn_about(1, 0.115), np.zeros(3), 0.2)
     pair, truth = room(CAMERA).pair(motion, noise=2.0)
-    still = CameraMotion(np.eye(3), np.zeros(3), 0.2)
-    pair = FramePair(pair.past, pair.now, still)
+    pair = FramePair(pair.past, pair.now, STILL)
     assert np.abs(truth[..., 0]).min() > 9.0
     share, error = within(Registered(ROBOT).compute(pair), truth)
     assert error < 0.3
