@@ -7,6 +7,7 @@ from functools import cache
 
 import cv2
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from navfw.flow import grid_points
 from navfw.numerics import Array, Image
@@ -105,13 +106,8 @@ def true_flow(rays: Array, depth: Array, motion: CameraMotion, focal: float) -> 
 
 
 def _sample(texture: Array, u: Array, v: Array) -> Array:
-    x, y = u / TILE * TEXELS, v / TILE * TEXELS
-    x0, y0 = np.floor(x).astype(int), np.floor(y).astype(int)
-    fx, fy = x - x0, y - y0
-    x0, y0, x1, y1 = x0 % TEXELS, y0 % TEXELS, (x0 + 1) % TEXELS, (y0 + 1) % TEXELS
-    top = texture[y0, x0] * (1 - fx) + texture[y0, x1] * fx
-    bottom = texture[y1, x0] * (1 - fx) + texture[y1, x1] * fx
-    return np.asarray(top * (1 - fy) + bottom * fy)
+    places = np.stack([v, u]) / TILE * TEXELS
+    return np.asarray(map_coordinates(texture, places, order=1, mode="grid-wrap"))
 
 
 def cell_truth(flow: Array, points: Array, camera: CameraModel) -> Array:

@@ -46,13 +46,8 @@ def mutate_data(data: Any, random: Random) -> Any:
 
 
 def _places(data: Any, path: Path) -> Any:
-    items = (
-        data.items()
-        if isinstance(data, dict)
-        else enumerate(data[:200])
-        if isinstance(data, list)
-        else ()
-    )
+    listed = data[:200] if isinstance(data, list) else ()
+    items = data.items() if isinstance(data, dict) else enumerate(listed)
     for key, value in items:
         yield (*path, key)
         if len(path) < 12:

@@ -8,43 +8,32 @@ from typing import Any
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
+from navfw.config import parse_yaml
 from navfw.fuzzy import And, Clause, Is, Not, Or, RuleBase, atoms, rule_base_from_mapping
 
 SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
 BOUNDED = settings(max_examples=20, suppress_health_check=SLOW)
-SMALL = {
-    "name": "turn",
-    "inputs": {
-        "distance": {
-            "range": [0, 2],
-            "unit": "m",
-            "terms": {"near": {"trapezoid": [0, 0, 0.5, 1]}, "far": {"trapezoid": [0.5, 1, 2, 2]}},
-        },
-        "side": {
-            "range": [-1, 1],
-            "terms": {
-                "left": {"triangle": [-1, -1, 0]},
-                "middle": {"triangle": [-1, 0, 1]},
-                "right": {"triangle": [0, 1, 1]},
-            },
-        },
-    },
-    "outputs": {
-        "turn": {
-            "range": [-1, 1],
-            "terms": {
-                "right": {"triangle": [-1, -1, 0]},
-                "none": {"triangle": [-1, 0, 1]},
-                "left": {"triangle": [0, 1, 1]},
-            },
-        }
-    },
-    "rules": [
-        "IF distance IS near AND side IS left THEN turn IS right",
-        "IF distance IS near AND NOT side IS left THEN turn IS left",
-        "IF distance IS far THEN turn IS none",
-    ],
-}
+SMALL = parse_yaml("""
+name: turn
+inputs:
+  distance:
+    range: [0, 2]
+    unit: m
+    terms: {near: {trapezoid: [0, 0, 0.5, 1]}, far: {trapezoid: [0.5, 1, 2, 2]}}
+  side:
+    range: [-1, 1]
+    terms: {left: {triangle: [-1, -1, 0]}, middle: {triangle: [-1, 0, 1]},
+      right: {triangle: [0, 1, 1]}}
+outputs:
+  turn:
+    range: [-1, 1]
+    terms: {right: {triangle: [-1, -1, 0]}, none: {triangle: [-1, 0, 1]},
+      left: {triangle: [0, 1, 1]}}
+rules:
+  - IF distance IS near AND side IS left THEN turn IS right
+  - IF distance IS near AND NOT side IS left THEN turn IS left
+  - IF distance IS far THEN turn IS none
+""").data
 
 
 def small(**changes: Any) -> dict[str, Any]:

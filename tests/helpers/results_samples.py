@@ -13,6 +13,7 @@ from navfw.suite import Expect, RunRow, SuiteFolder, SuitePlan, summarize
 
 REVISION = "0123456789abcdef0123456789abcdef01234567"
 MACHINE = Machine(processor="Kettle 3000", cores=2, python="3.11.7", system="Linux x86_64")
+ORIGIN: dict[str, Any] = {"revision": REVISION, "machine": MACHINE}
 
 
 def suite_folder(
@@ -51,33 +52,16 @@ def suite_result(name: str = "rooms-0-4", **changes: Any) -> StoredSuiteResult:
         estimate_error_max_m=0.2,
         causes={"collided: slow": 1},
     )
-    given: dict[str, Any] = {
-        "name": name,
-        "command": "navfw suite rooms --seeds 0:4",
-        "revision": REVISION,
-        "seeds": "0:4",
-        "stacks": ("default",),
-        "machine": MACHINE,
-        "suite": "rooms",
-        "suite_hash": "5eed",
-        "figures": figures,
-        "parts": {},
-    }
-    return StoredSuiteResult(**{**given, **changes})
+    given = ORIGIN | {"command": "navfw suite rooms --seeds 0:4", "seeds": "0:4"}
+    suite = {"stacks": ("default",), "suite": "rooms", "suite_hash": "5eed", "parts": {}}
+    return StoredSuiteResult(**{"name": name, "figures": figures, **given, **suite, **changes})
 
 
 def bench_result(name: str = "bench-loop", **changes: Any) -> StoredValues:
     """What ``navfw bench loop`` gave."""
-    given: dict[str, Any] = {
-        "name": name,
-        "command": "navfw bench loop --seed 0",
-        "revision": REVISION,
-        "seeds": "0",
-        "machine": MACHINE,
-        "kind": "bench",
-        "values": {"loop_over_render": 1.234, "spread": {"loop_over_render": [1.1, 1.3]}},
-    }
-    return StoredValues(**{**given, **changes})
+    given = ORIGIN | {"command": "navfw bench loop --seed 0", "seeds": "0", "kind": "bench"}
+    values = {"loop_over_render": 1.234, "spread": {"loop_over_render": [1.1, 1.3]}}
+    return StoredValues(**{"name": name, "values": values, **given, **changes})
 
 
 def mixed_rows() -> list[RunRow]:

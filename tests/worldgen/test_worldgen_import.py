@@ -231,11 +231,8 @@ def test_the_reference_path_runs_from_the_start_over_its_cells_to_the_goal(tmp_p
     ends = np.hypot(0.075, 5.075 - 3.0) + np.hypot(0.075, 13.0 - 9.425)
     expected = pytest.approx(ends + 29 * 0.15, abs=1e-3)
     assert reference_length(tmp_path / "world_7.world") == expected
-
-
-def test_worlds_without_a_reference_path_have_none(tmp_path: Path) -> None:
-    assert reference_length(tmp_path / "world_7.world") is None
-    assert reference_length(tmp_path / "depot.world") is None
+    for without in ("world_8", "depot"):
+        assert reference_length(tmp_path / f"{without}.world") is None
 
 
 @pytest.mark.parametrize(
