@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import cv2
 import numpy as np
@@ -21,6 +20,7 @@ from navfw.signals import CameraMotion, Frame, Odometry, Pose, Twist, YawCorrect
 ROBOT = RobotModel()
 METRE = 100.0
 """Pixels of the texture per metre."""
+ORIGIN = Pose(0.0, 0.0, 0.0)
 KNOWN = np.diag([3e-3, 1e-3, 2e-3]) ** 2
 
 
@@ -76,7 +76,7 @@ class PaintedFloor:
 )
 def test_motion_over_the_floor_is_measured_in_metres(true: Pose) -> None:
     floor, registration = PaintedFloor(), FloorRegistration(ROBOT)
-    past = registration.prepare(floor.view(Pose(0.0, 0.0, 0.0)))
+    past = registration.prepare(floor.view(ORIGIN))
     now = registration.prepare(floor.view(true))
     guess = Pose(true.x + 0.003, true.y - 0.0005, true.yaw + 0.002)
     found = registration.register(past, now, guess, KNOWN)
@@ -168,7 +168,7 @@ def test_the_registration_converges_to_its_robust_normal_equations() -> None:
 
 def test_a_change_of_light_is_no_motion() -> None:
     floor, registration = PaintedFloor(), FloorRegistration(ROBOT)
-    past = registration.prepare(floor.view(Pose(0.0, 0.0, 0.0)))
+    past = registration.prepare(floor.view(ORIGIN))
     now = registration.prepare(floor.view(Pose(0.1, 0.0, 0.0), light=0.85))
     found = registration.register(past, now, Pose(0.098, 0.0, 0.0), KNOWN)
     assert found is not None
@@ -183,11 +183,14 @@ def test_a_bare_floor_tells_nothing_of_the_way() -> None:
     assert found is None or found.covariance[0, 0] > 0.003**2
 
 
+Moments = Iterator[tuple[Pose, Odometry]]
+
+
 def drive(
-    seconds: float, speed: float, turning: float, scale: float, bias: float
-) -> Iterator[tuple[Pose, Odometry]]:
+    seconds: float, speed: float, turning: float, scale: float = 1.0, bias: float = 0.0
+) -> Moments:
     """True poses and odometry, ten a second, of wheels and a gyro with these errors."""
-    true = raw = Pose(0.0, 0.0, 0.0)
+    true = raw = ORIGIN
     dt = 0.1
     for k in range(round(seconds / dt)):
         yield true, Odometry(k * dt, raw, Twist(scale * speed, turning + bias), 0.0, still=False)
@@ -199,12 +202,16 @@ def _arc(way: float, turn: float) -> Pose:
     return Pose(way * math.cos(0.5 * turn), way * math.sin(0.5 * turn), turn)
 
 
-def test_wheels_and_gyro_are_calibrated_by_the_floor() -> None:
-    floor, odometry = PaintedFloor(seed=3), FloorOdometry(ROBOT)
-    true, raw = Pose(0.0, 0.0, 0.0), None
-    for true, raw in drive(12.0, 0.4, 0.15, scale=1.01, bias=0.004):
+def observed(odometry: FloorOdometry, floor: PaintedFloor, moments: Moments) -> Moments:
+    """The moments of a drive, after ``odometry`` has seen the floor at each."""
+    for true, raw in moments:
         odometry.observe(Frame(raw.time, floor.view(true)), raw)
-    assert raw is not None
+        yield true, raw
+
+
+def test_wheels_and_gyro_are_calibrated_by_the_floor() -> None:
+    odometry = FloorOdometry(ROBOT)
+    *_, (true, raw) = observed(odometry, PaintedFloor(seed=3), drive(12.0, 0.4, 0.15, 1.01, 0.004))
     corrected = odometry.corrected(raw)
     error = math.dist((corrected.pose.x, corrected.pose.y), (true.x, true.y))
     assert error < 0.003 * 0.4 * 12.0 < math.dist((raw.pose.x, raw.pose.y), (true.x, true.y))
@@ -224,22 +231,17 @@ def test_a_wall_right_in_front_is_not_taken_for_floor(camera: CameraModel, wall:
     """In the end neither camera sees any floor: the high one from a distance of 1.5 m on."""
     floor = PaintedFloor(wall=wall, camera=camera)
     odometry = FloorOdometry(ROBOT.model_copy(update={"camera": camera}))
-    true, raw = Pose(0.0, 0.0, 0.0), None
-    for true, raw in drive(4.5, 0.2, 0.0, scale=1.0, bias=0.0):
-        odometry.observe(Frame(raw.time, floor.view(true)), raw)
-    assert raw is not None
+    *_, (true, raw) = observed(odometry, floor, drive(4.5, 0.2, 0.0))
     assert odometry.corrected(raw).pose.x == pytest.approx(true.x, abs=0.015)
     assert not odometry.slipping
     assert not odometry.corrected(raw).by_floor
 
 
 def test_slipping_wheels_are_noticed_and_corrected() -> None:
-    floor, odometry = PaintedFloor(seed=5), FloorOdometry(ROBOT)
-    true, raw, noticed = Pose(0.0, 0.0, 0.0), None, False
-    for true, raw in drive(5.0, 0.4, 0.0, scale=1.25, bias=0.0):
-        odometry.observe(Frame(raw.time, floor.view(true)), raw)
+    odometry, noticed = FloorOdometry(ROBOT), False
+    for moment in observed(odometry, PaintedFloor(seed=5), drive(5.0, 0.4, 0.0, scale=1.25)):
         noticed |= odometry.slipping
-    assert raw is not None
+    true, raw = moment
     assert noticed
     assert odometry.corrected(raw).pose.x == pytest.approx(true.x, abs=0.06)
     assert raw.pose.x - true.x > 0.4
@@ -249,10 +251,8 @@ def test_a_turn_on_skidding_wheels_is_seen_to_move_the_robot_aside() -> None:
     """The turning point lies 6 cm before base_link: a turn by 2 rad moves that by 10 cm."""
     errors = []
     for skid in (0.0, 0.08):
-        floor, odometry = (
-            PaintedFloor(seed=4),
-            FloorOdometry(ROBOT.model_copy(update={"skid": skid})),
-        )
+        floor = PaintedFloor(seed=4)
+        odometry = FloorOdometry(ROBOT.model_copy(update={"skid": skid}))
         for time, yaw in ((0.1 * k, 0.02 * k) for k in range(101)):
             true = Pose(0.06 * (1.0 - math.cos(yaw)), -0.06 * math.sin(yaw), yaw)
             raw = Odometry(time, Pose(0.0, 0.0, yaw), Twist(0.0, 0.2), 0.0, still=False)
@@ -372,8 +372,8 @@ def test_slip_a_stop_and_a_jump_of_the_bias_leave_these_numbers() -> None:
     assert np.sqrt(odometry._covariance.diagonal()) == pytest.approx(sigmas, rel=1e-3)
     found = odometry.corrected(raw)
     pose, twist = (1.39336, 0.58785, 0.79605), (0.40318, 0.21913)
-    assert dataclasses.astuple(found.pose) == pytest.approx(pose, abs=1e-4)
-    assert dataclasses.astuple(found.twist) == pytest.approx(twist, abs=1e-4)
+    assert astuple(found.pose) == pytest.approx(pose, abs=1e-4)
+    assert astuple(found.twist) == pytest.approx(twist, abs=1e-4)
 
 
 def test_a_reset_forgets_all() -> None:

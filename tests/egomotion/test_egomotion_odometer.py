@@ -54,8 +54,7 @@ class Drive:
 
 @given(v=st.floats(-0.4, 0.5), w=st.floats(-1.5, 1.5))
 def test_arcs_end_where_geometry_says(v: float, w: float) -> None:
-    drive = Drive()
-    pose = drive.go(3.0, v, w).pose
+    pose = Drive().go(3.0, v, w).pose
     if abs(v) < 0.02:
         return
     turn = 3.0 * w
@@ -104,8 +103,7 @@ def test_bias_is_not_learnt_while_moving_or_just_stopped() -> None:
 
 
 def test_slow_driving_is_no_standstill() -> None:
-    drive = Drive(bias=0.01)
-    assert not drive.go(2.0, 0.005, 0.0).still
+    assert not Drive(bias=0.01).go(2.0, 0.005, 0.0).still
 
 
 def test_an_external_turn_at_standstill_is_not_learnt_as_bias() -> None:
@@ -174,15 +172,12 @@ def test_silent_encoders_are_no_standstill() -> None:
 
 
 def test_one_wheel_without_gyro_is_not_enough() -> None:
-    drive = Drive()
-    drive.go(1.0, 0.4, dead="left", gyro=False)
-    assert drive.odometry.silent
+    assert Drive().go(1.0, 0.4, dead="left", gyro=False).silent
 
 
 def test_the_encoder_of_a_wheel_at_rest_is_not_silent() -> None:
-    drive = Drive()
-    assert not drive.go(3.0, 0.0, dead="both").silent
-    assert drive.odometry.still
+    rest = Drive().go(3.0, 0.0, dead="both")
+    assert (rest.silent, rest.still) == (False, True)
 
 
 def test_a_stale_gyro_is_replaced_by_the_wheels() -> None:
@@ -201,8 +196,7 @@ def motion(w: float, dt: float = 0.2) -> CameraMotion:
 
 
 def test_a_bias_with_a_lasting_gyro_residual_is_corrected_while_driving() -> None:
-    drive = Drive()
-    bias = math.radians(1.0)
+    drive, bias = Drive(), math.radians(1.0)
     drive.go(1.0, 0.0)
     drive.bias = bias
     for _ in range(100):

@@ -1,3 +1,5 @@
+"""Pairs of frames, and the motion of the camera between them."""
+
 from __future__ import annotations
 
 import math
@@ -9,8 +11,9 @@ from hypothesis import strategies as st
 from param_ranges import check_ranges
 from pydantic import ValidationError
 
-from navfw.egomotion import FrameBuffer, PairingParams, seeing_speed
-from navfw.robot import RobotModel
+from navfw.egomotion import FrameBuffer, PairingParams, camera_motion, seeing_speed, yaw_rotation
+from navfw.numerics import Array
+from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Frame, FramePair, Odometry, Pose, Twist
 
 ROBOT = RobotModel()
@@ -74,13 +77,9 @@ def test_a_short_pair_comes_too_when_asked_for() -> None:
     assert len(drive(0.2, 0.0)[-1]) == 1
 
 
-def test_turning_alone_gives_no_pair() -> None:
-    assert not any(drive(0.0, 1.0))
-    assert not any(drive(0.0, 0.0))
-
-
-def test_a_fast_turn_gives_no_pair() -> None:
-    assert not any(drive(0.2, 1.2))
+@pytest.mark.parametrize(("v", "w"), [(0.0, 1.0), (0.0, 0.0), (0.2, 1.2)])
+def test_turning_alone_or_fast_and_standing_give_no_pair(v: float, w: float) -> None:
+    assert not any(drive(v, w))
 
 
 @pytest.mark.parametrize("rate", [5.0, 6.0, 10.0])
@@ -141,3 +140,62 @@ def test_parameters_are_bounded_and_a_short_baseline_is_below_the_desired_one() 
     for wrong in (0.08, 0.019):
         with pytest.raises(ValidationError, match="short_baseline"):
             PairingParams(short=True, short_baseline=wrong)
+
+
+# --- the motion of the camera between two poses of the robot --------------------------------------
+
+ORIGIN = Pose(0.0, 0.0, 0.0)
+poses = st.builds(Pose, st.floats(-5, 5), st.floats(-5, 5), st.floats(-math.pi, math.pi))
+
+
+def in_camera(robot: RobotModel, pose: Pose, point: Array) -> Array:
+    """A point of the world in the axes of the camera of a robot at ``pose``."""
+    camera = robot.camera
+    base = yaw_rotation(-pose.yaw) @ (point - np.array([pose.x, pose.y, 0.0]))
+    mount = np.array([camera.mount_forward, 0.0, camera.mount_height])
+    return np.asarray(camera.base_from_camera.T @ (base - mount))
+
+
+@given(
+    past=poses,
+    now=poses,
+    pitch=st.floats(-0.9, 0.9),
+    forward=st.floats(-0.3, 0.3),
+    point=st.tuples(*[st.floats(-10, 10)] * 3),
+)
+def test_static_points_move_as_the_motion_says(
+    past: Pose, now: Pose, pitch: float, forward: float, point: tuple[float, ...]
+) -> None:
+    robot = RobotModel(camera=CameraModel(pitch=pitch, mount_forward=forward))
+    motion = camera_motion(robot, past, now, 0.1)
+    before = in_camera(robot, past, np.array(point))
+    after = in_camera(robot, now, np.array(point))
+    np.testing.assert_allclose(motion.rotation @ before - motion.translation, after, atol=1e-9)
+    np.testing.assert_allclose(motion.rotation @ motion.rotation.T, np.eye(3), atol=1e-12)
+
+
+def test_a_camera_ahead_of_the_axle_swings_left_in_a_left_turn() -> None:
+    robot = RobotModel(camera=CameraModel(mount_forward=0.1))
+    motion = camera_motion(robot, ORIGIN, Pose(0, 0, 0.02), 0.1)
+    assert motion.translation[0] == pytest.approx(-0.1 * math.sin(0.02))
+    assert motion.baseline == pytest.approx(0.002, rel=1e-3)
+
+
+def test_nose_down_pitch_looks_at_forward_motion_from_above() -> None:
+    robot = RobotModel(camera=CameraModel(pitch=0.3))
+    motion = camera_motion(robot, ORIGIN, Pose(0.1, 0, 0), 0.1)
+    # METHOD 2.2: T = (0, -sin a, cos a)
+    expected = [0.0, -0.1 * math.sin(0.3), 0.1 * math.cos(0.3)]
+    np.testing.assert_allclose(motion.translation, expected, atol=1e-12)
+
+
+def test_sigmas_grow_with_time_way_and_turn() -> None:
+    skidding = RobotModel(skid=0.02)
+    usual = camera_motion(ROBOT, ORIGIN, Pose(0.05, 0, 0), 0.1)
+    assert usual.yaw_sigma == pytest.approx(0.0003)
+    assert usual.translation_sigma == pytest.approx(math.hypot(5e-4, 0.03 * 0.05))
+    long = camera_motion(skidding, ORIGIN, Pose(0.1, 0, 0.2), -0.3, yaw_rate_sigma=0.01, slip=0.04)
+    assert long.yaw_sigma == pytest.approx(0.003)
+    assert long.skid_sigma == pytest.approx(0.02 * 0.2)
+    expected = math.hypot(5e-4, 0.04 * long.baseline, 0.02 * 0.2)
+    assert long.translation_sigma == pytest.approx(expected)

@@ -55,10 +55,8 @@ def test_a_residual_is_a_distance_and_its_slopes_are_derivatives(
         ends = []
         for angle in (-1e-6, 1e-6):
             px, py = turn_point(x - u, y - v, rotation_matrix(angle * UNIT[axis]), FOCAL)
-            vector = x - px, y - py
-            ends.append(
-                epipolar_residual((x, y), vector, FOCAL, translation, 4.0, UNIT, np.zeros(3))
-            )
+            rest = (x - px, y - py), FOCAL, translation, 4.0, UNIT, np.zeros(3)
+            ends.append(epipolar_residual((x, y), *rest))
         assert row[axis] == pytest.approx((ends[1] - ends[0]) / 2e-6, abs=1e-3)
 
 
@@ -84,10 +82,8 @@ def test_the_fit_is_weighted_least_squares_with_a_prior(count: int) -> None:
 
 def epipolar_distance(point: Array, vector: Array, direction: Array) -> float:
     """``epipolar_residual`` of any length of ``direction``, without its derivatives."""
-    unit = direction / np.linalg.norm(direction)
-    return float(
-        epipolar_residual(tuple(point), tuple(vector), FOCAL, unit, 4.0, UNIT, np.zeros(3))
-    )
+    rest = FOCAL, direction / np.linalg.norm(direction), 4.0, UNIT, np.zeros(3)
+    return float(epipolar_residual(tuple(point), tuple(vector), *rest))
 
 
 @pytest.mark.parametrize("pulled", [0.0, 4e3])
@@ -109,13 +105,8 @@ def test_a_step_of_the_full_fit_solves_its_normal_equations(pulled: float) -> No
     def residuals(moved: Array) -> Array:
         turn = rotation_matrix(moved[:3]) @ start
         ends = [turn_point(x, y, turn, FOCAL) for x, y in past]
-        towards_foe = direction + moved[3:] @ basis
-        return np.array(
-            [
-                epipolar_distance(point, point - end, towards_foe)
-                for point, end in zip(points, ends, strict=True)
-            ]
-        )
+        towards_foe, pairs = direction + moved[3:] @ basis, zip(points, ends, strict=True)
+        return np.array([epipolar_distance(now, now - end, towards_foe) for now, end in pairs])
 
     off, small = residuals(np.zeros(5)), 1e-6
     steps = small * np.eye(5)
@@ -183,22 +174,15 @@ def test_the_refinement_is_the_fit_of_all_with_the_rest_known() -> None:
     axes = np.stack([-camera.base_from_camera[2], UNIT[0], camera.base_from_camera[0]])
     known: Array = axes.T @ np.diag([0.01**-2, 0.01**-2, 1e12]) @ axes
     direction = np.array(flow.motion.translation) / flow.motion.baseline
+    past, start = points - flow.vectors.reshape(-1, 2), np.array(flow.motion.rotation)
+    weights = np.array(flow.sigma.ravel()), np.array(flow.confidence.ravel())
+    priors = (start, known), (direction, UNIT * 1e14)
     rotation, found, matrix, _ = fit_motion(
-        points,
-        points - flow.vectors.reshape(-1, 2),
-        np.array(flow.sigma.ravel()),
-        np.array(flow.confidence.ravel()),
-        camera.focal,
-        (np.array(flow.motion.rotation), direction),
-        (np.array(flow.motion.rotation), known),
-        (direction, UNIT * 1e14),
-        12,
+        points, past, *weights, camera.focal, (start, direction), *priors, 12
     )
     assert found == pytest.approx(direction, abs=1e-6)
     assert rotation == pytest.approx(loop.motion.rotation, abs=2e-6)
-    assert (
-        np.abs(rotation - true.rotation).max() < 0.3 * np.abs(rotation - flow.motion.rotation).max()
-    )
+    assert np.abs(rotation - true.rotation).max() < 0.3 * np.abs(rotation - start).max()
     turns = np.linalg.inv(axes @ matrix[:3, :3] @ axes.T)
     assert math.sqrt(turns[0, 0]) == pytest.approx(loop.yaw_sigma, rel=0.02)
     assert math.sqrt(turns[1, 1]) == pytest.approx(loop.pitch_sigma, rel=0.02)
@@ -294,11 +278,8 @@ def test_measured_flow_mends_a_wrong_gyro() -> None:
     camera = ROBOT.camera
     true = camera_motion(ROBOT, Pose(0, 0, 0), Pose(0.06, 0.001, 0.03), 0.2)
     pair, truth = room(camera).pair(true, noise=2.0)
-    wrong = dataclasses.replace(
-        true,
-        rotation=rotation_matrix(0.004 * camera.base_from_camera[2]) @ true.rotation,
-        yaw_sigma=0.004,
-    )
+    rotation = rotation_matrix(0.004 * camera.base_from_camera[2]) @ true.rotation
+    wrong = dataclasses.replace(true, rotation=rotation, yaw_sigma=0.004)
     flow = Dis(ROBOT).compute(dataclasses.replace(pair, motion=wrong))
     result = refine(flow, camera)
     assert result.yaw == pytest.approx(0.004, abs=0.001)
