@@ -211,6 +211,14 @@ def test_what_lies_between_terms_is_named_in_numbers(
     assert f"where distance is {where} (none of its terms)\n" in message
 
 
+def test_of_two_regions_at_the_ends_of_a_range_one_is_named() -> None:
+    inputs = with_near({"triangle": [0.3, 0.5, 1]})
+    distance = inputs["distance"]
+    terms = {**distance["terms"], "far": {"triangle": [0.5, 1, 1.5]}}
+    message = error_of(inputs={**inputs, "distance": {**distance, "terms": terms}})
+    assert "where distance is in [0, 0.3] m (none of its terms)\n" in message
+
+
 def test_a_negated_term_does_not_fire_where_the_term_is_one() -> None:
     rules = ["IF NOT distance IS near THEN turn IS none"]
     rules += ["IF side IS middle AND distance IS near THEN turn IS left"]

@@ -27,6 +27,7 @@ from navfw.topomap import (
     thinned,
 )
 from navfw.topomap.map_regions import _across
+from navfw.topomap.shortcuts import _COMFORT, _corners
 
 ROOT = Path(__file__).parents[2]
 
@@ -192,3 +193,11 @@ def test_the_skeleton_of_a_corridor_is_its_centre_line() -> None:
     assert len(lines) == 1
     assert np.abs(lines[0][5:-5, 1] - 0.8).max() < 0.06
     assert math.dist(lines[0][0], lines[0][-1]) > 6.0
+
+
+def test_shortcuts_turn_at_the_corners_of_obstacles_but_not_in_those_of_the_room() -> None:
+    box = np.array([(3.0, 1.5), (4.0, 1.5), (4.0, 2.5), (3.0, 2.5)])
+    points = _corners(ground((3.0, 1.5, 4.0, 2.5)))
+    away = np.hypot(*(points[:, None] - box).transpose(2, 0, 1))
+    assert away.min(axis=1) == pytest.approx(_COMFORT, abs=0.1)
+    assert np.bincount(away.argmin(axis=1), minlength=4).tolist() == [2, 2, 2, 2]

@@ -204,7 +204,7 @@ GRAPHML = """\
 <key id="d0" for="node" attr.name="x" attr.type="double"/>
 <key id="d1" for="node" attr.name="y" attr.type="double"/>
 <key id="d2" for="edge" attr.name="length" attr.type="double"/>
-<graph id="g" edgedefault="undirected">
+<graph id="d0" edgedefault="undirected">
 <node id="a"><data key="d0">0</data><data key="d1">0</data></node>
 <node id="b"><data key="d0">2</data><data key="d1">0</data></node>
 <edge source="a" target="b"><data key="d2">2</data></edge>

@@ -104,6 +104,7 @@ def test_colours_and_16_bits(tmp_path: Path) -> None:
         ({"origin": "[0, 0, .inf]"}, "origin"),
         ({"origin": "[1e9, 0, 0]"}, "origin"),
         ({"negate": 2}, "negate"),
+        ({"free_thresh": -0.1}, ">= 0 and <= 1"),
         ({"free_thresh": 0.7}, "must be below occupied_thresh"),
     ],
 )
