@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -21,7 +21,7 @@ _HALO = 0.11
 """Width of the halo around letters, relative to their size."""
 
 
-@lru_cache(maxsize=16)
+@cache
 def _font(size: float, bold: bool) -> ImageFont.FreeTypeFont:
     """DejaVu Sans, which comes with matplotlib; matplotlib itself is not loaded."""
     require_extra("report", "matplotlib")

@@ -23,6 +23,7 @@ from navfw.camera_geometry import (
 from navfw.camera_geometry import (
     FISHEYE as EQUIDISTANT,
 )
+from navfw.egomotion import PointMotion
 from navfw.errors import InputError
 from navfw.numerics import Array, Image
 from navfw.perceive import (
@@ -30,12 +31,15 @@ from navfw.perceive import (
     LensEstimate,
     LensFit,
     TrackedPair,
+    TrackImage,
     Undistortion,
+    WorkingSize,
     estimate_lens,
     estimate_line,
     lens_estimate,
     load_calibration,
 )
+from navfw.perceive.lens_fit import _MIN_STRETCH, _pair_residuals
 
 MATRIX = np.array([[210.0, 0.0, 155.0], [0.0, 205.0, 124.0], [0.0, 0.0, 1.0]])
 PLUMB_BOB = np.array([-0.28, 0.07, 0.001, -0.002, 0.01])
@@ -283,6 +287,36 @@ def estimated(
     """The estimate by ``pairs`` in place of tracked images."""
     monkeypatch.setattr(lens_estimate, "lens_pairs", lambda *_: (pairs, (WIDTH, HEIGHT)))
     return estimate_lens(ImageSource(10.0, 0, (), None), hfov)
+
+
+def test_straightening_shrinks_no_standard_deviation_beyond_a_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pinhole = LensShape(200.0, 0.0)
+    (pair,) = drive(pinhole, 0.02, count=1)
+
+    def residuals(stretch: float) -> Array:
+        slopes = np.tile(stretch * np.eye(2), (len(pair.now), 1, 1))
+        monkeypatch.setattr(LensShape, "slopes", lambda *_: slopes)
+        return _pair_residuals(pair, pinhole, (np.eye(3), np.array([0.1, 0.0, 0.99])))
+
+    assert residuals(0.1) == pytest.approx(residuals(_MIN_STRETCH))
+    assert not np.allclose(residuals(0.1), residuals(2.0 * _MIN_STRETCH))
+
+
+@pytest.mark.parametrize(
+    ("share", "apart", "following"), [(0.3, 1, 1), (0.1, 4, 4), (0.025, 3, 6), (0.01, 12, 15)]
+)
+def test_pairs_are_taken_so_far_apart_that_the_flow_is_right(
+    monkeypatch: pytest.MonkeyPatch, share: float, apart: int, following: int
+) -> None:
+    past = np.random.default_rng(0).uniform(-100.0, 100.0, (100, 2))
+    pair = TrackedPair(past + np.array([share * WIDTH, 0.0]), past)
+    image = TrackImage.of(np.zeros((HEIGHT, WIDTH, 3), np.uint8))
+    tracked = PointMotion(pair.now, pair.past, np.ones(100), np.ones(100))
+    monkeypatch.setattr(lens_estimate, "track_points", lambda *_: tracked)
+    size = WorkingSize(WIDTH, HEIGHT, 1.0, WIDTH, HEIGHT)
+    assert lens_estimate._add_pair([], [image] * 15, image, size, apart) == following
 
 
 @pytest.mark.parametrize("curvature", [-0.5, -1e-8, 0.0, 1e-4, 0.3, 1.0, 1.5])

@@ -54,6 +54,16 @@ def test_linear_rates_are_integrated_exactly(
 
 
 @pytest.mark.parametrize(
+    ("begin", "end", "known"),
+    [(-0.04, 0.1, True), (-0.06, 0.1, False), (0.8, 1.04, True), (0.8, 1.06, False)],
+)
+def test_the_ends_of_a_record_may_be_off_by_one_gap(begin: float, end: float, known: bool) -> None:
+    times = np.linspace(0.0, 1.0, 21)
+    record = GyroRecord(times=times, rates=np.ones((21, 3)), longest_gap=0.051)
+    assert (record.rotation_between(begin, end) is not None) is known
+
+
+@pytest.mark.parametrize(
     ("text", "seconds", "expected", "measured"),
     [
         (
