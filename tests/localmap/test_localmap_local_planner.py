@@ -19,6 +19,7 @@ from navfw.localmap import (
     TraversabilityCheck,
 )
 from navfw.localmap.cost_kernels import cost_to_go, descend, first_leg
+from navfw.localmap.traversability import _gate
 from navfw.numerics import Array
 from navfw.signals import Belief, OccupiedDisc, Odometry, PassageQuery, Pose, Twist
 
@@ -278,6 +279,18 @@ def statuses(
     judged = TraversabilityCheck().check(occupancy, queries, ORIGIN, belief(ORIGIN, sigma), 1.0)
     assert [query for query, _ in judged] == queries[: len(judged)]
     return [status for _, status in judged]
+
+
+def test_the_gate_of_a_leg_lies_across_its_end() -> None:
+    occupancy = OccupancyGrid(ROBOT)
+    occupancy.update(ORIGIN, 0.0)
+    everywhere = np.ones((occupancy.size, occupancy.size), np.uint8)
+    gate = _gate(occupancy, everywhere, (1.0, 0.5), (1.0, 1.5), 0.3)
+    rows, columns = np.divmod(gate, occupancy.size)
+    x, y = (occupancy.origin[k] + occupancy.params.cell * (columns, rows)[k] for k in (0, 1))
+    cell = 1.01 * occupancy.params.cell
+    assert (x.min(), x.max()) == pytest.approx((0.7, 1.3), abs=cell)
+    assert (y.min(), y.max()) == pytest.approx((1.5 - 0.5 * cell, 1.5 + 1.5 * cell), abs=cell)
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ ROOT = Path(__file__).parents[2]
 ROOMS = {
     "stack": ("navfw/stack/stack.py", "tests/stack tests/missions/test_missions_runner.py"),
     "safety": ("navfw/safety", "tests/safety"),
-    "localmap": ("navfw/localmap", "tests/localmap"),
+    "localmap": ("navfw/localmap", "tests/localmap tests/safety/test_safety_sight.py"),
     "movers": ("navfw/movers", "tests/movers"),
     "papfis": ("navfw/papfis", "tests/papfis"),
     "locom": ("navfw/locom", "tests/locom"),
