@@ -1,10 +1,13 @@
-"""Rules of the architecture beyond those of linters: imports, calls and random numbers."""
+"""Rules of the source that are checked on its syntax trees; unique names; budgets of lines."""
 
 from __future__ import annotations
 
 import ast
 import importlib
+import re
 import sys
+from collections import defaultdict
+from collections.abc import Iterator
 
 import pytest
 from architecture_sources import (
@@ -20,6 +23,7 @@ from architecture_sources import (
     stack_modules,
     tree_of,
 )
+from line_budget import exceeded, sizes
 from processes import run
 
 import navfw
@@ -170,3 +174,84 @@ def test_every_module_can_be_the_first_to_be_imported() -> None:
         if done.returncode:
             broken.append(f"{name}: {done.stderr.strip().splitlines()[-1]}")
     assert broken == []
+
+
+# --- names ---------------------------------------------------------------------------------------
+
+
+SUPERLATIVES = (
+    "BIGGEST|CLOSEST|COARSEST|DEEPEST|FARTHEST|FASTEST|FEWEST|FINEST|GREATEST|HIGHEST|LARGEST|LEAST"
+    "|LONGEST|LOWEST|MOST|NARROWEST|NEAREST|OLDEST|SHORTEST|SLOWEST|SMALLEST|STEEPEST|STRONGEST"
+    "|THINNEST|WEAKEST|WIDEST"
+)
+VAGUE = "helpers kernels misc model reference scenes situations tools utils"
+
+
+def classes(node: ast.AST) -> Iterator[ast.ClassDef]:
+    """Every class below ``node``, except a plugin's nested ``Params``."""
+    for child in ast.iter_child_nodes(node):
+        nested = isinstance(node, ast.ClassDef)
+        if isinstance(child, ast.ClassDef) and not (nested and child.name == "Params"):
+            yield child
+        yield from classes(child)
+
+
+def repeated(places: dict[str, list[str]]) -> dict[str, list[str]]:
+    return {name: where for name, where in sorted(places.items()) if len(where) > 1}
+
+
+def test_params_is_left_out_only_where_it_is_nested() -> None:
+    tree = ast.parse("class Params: ...\nclass A:\n class Params: ...\n class _B: ...")
+    assert [cls.name for cls in classes(tree)] == ["Params", "A", "_B"]
+
+
+def test_no_two_classes_have_the_same_name() -> None:
+    places: defaultdict[str, list[str]] = defaultdict(list)
+    for path in [*MODULES, *BEHAVIORS]:
+        for cls in classes(tree_of(path)):
+            places[cls.name.lstrip("_")].append(f"{shown(path)}:{cls.lineno}")
+    assert repeated(places) == {}
+
+
+def test_no_two_modules_have_the_same_file_name() -> None:
+    places: defaultdict[str, list[str]] = defaultdict(list)
+    for path in MODULES:
+        if path.name != "__init__.py":
+            places[path.name].append(shown(path))
+    assert repeated(places) == {}
+
+
+def test_no_module_has_a_name_that_tells_nothing() -> None:
+    assert [shown(path) for path in MODULES if path.stem in VAGUE.split()] == []
+
+
+def test_bounds_are_named_min_and_max() -> None:
+    superlative = re.compile(rf"(^|_)({SUPERLATIVES})(_|$)")
+    superlatives = [
+        f"{shown(path)}: {node.id}"
+        for path in [*MODULES, *BEHAVIORS]
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.Name) and superlative.search(node.id)
+    ]
+    assert superlatives == []
+
+
+# --- the budgets of lines ------------------------------------------------------------------------
+
+
+def test_a_folder_above_its_budget_and_one_without_are_named() -> None:
+    counts = {"navfw/flow": 101, "navfw/new": 1, "navfw, files": 3, "tests": 7}
+    budgets = {"navfw/flow": 100, "navfw, files": 3}
+    assert exceeded(counts, budgets) == [
+        "navfw/flow: 101, budget 100",
+        "navfw/new: 1, budget missing",
+    ]
+
+
+def test_every_measure_counts_something() -> None:
+    counts = sizes()
+    assert min(counts.values()) > 0
+    assert counts["navfw, all lines"] == sum(
+        lines for name, lines in counts.items() if name == "navfw" or name.startswith("navfw/")
+    )
+    assert {"docs, words", "README.md, words", "navfw/flow", "navfw, entries"} < set(counts)

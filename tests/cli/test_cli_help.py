@@ -1,17 +1,22 @@
-"""Help of every command, proposals for unknown ones, and the libraries that commands import."""
+"""Help, completion and standard output of every command, and the libraries that it imports."""
 
 from __future__ import annotations
 
 import json
+import os
+import shutil
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 import typer.main
-from cli_calls import invoke
-from processes import printed
+from cli_calls import invoke, navfw
+from processes import Done, printed, run
 
 from navfw.cli import PANELS, app
+from navfw.config import list_files
 
 
 def commands(group: Any, words: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
@@ -116,3 +121,94 @@ def imported_by(command: str) -> set[str]:
 )
 def test_a_command_imports_none_of_the_libraries(command: str, libraries: set[str]) -> None:
     assert imported_by(command) & libraries == set()
+
+
+# --- completion in bash --------------------------------------------------------------------------
+
+
+def completed(line: str) -> list[str]:
+    """The completions of the last word of ``line``, as navfw gives them to bash."""
+    last = str(len(line.split(" ")) - 1)
+    done = navfw(_NAVFW_COMPLETE="complete_bash", COMP_WORDS=line, COMP_CWORD=last)
+    assert done.stderr == ""
+    return done.stdout.split()
+
+
+LINES = {
+    "navfw run of": ["office"],
+    "navfw run office lobby": ["lobby-to-lab"],
+    "navfw run nowhere lo": [],
+    "navfw run office patrol --stack land": ["landmarks"],
+    "navfw run office patrol --robot hus": ["husky"],
+    "navfw run office patrol --set avo": ["avoid.", "avoid_quadrants."],
+    "navfw suite bod": ["bodies"],
+    "navfw map show pap": ["paper-room"],
+}
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_names_are_completed(line: str) -> None:
+    assert completed(line) == LINES[line]
+
+
+def test_every_name_is_offered() -> None:
+    for line, kind in {
+        "navfw run ": "world",
+        "navfw run office patrol --stack ": "stack",
+        "navfw suite rooms --robot ": "robot",
+    }.items():
+        assert completed(line) == [file.name for file in list_files(kind)]
+
+
+def test_bash_completes_by_the_installed_script(tmp_path: Path) -> None:
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("bash is not installed")
+    program = tmp_path / "navfw"
+    program.write_text(f"#!{sys.executable}\nfrom navfw.cli import main\nmain()\n")
+    program.chmod(0o755)
+    path = f"{tmp_path}:{os.environ['PATH']}"
+    script = """
+    navfw --show-completion bash > script && source script
+    COMP_WORDS=(navfw run office lobby) COMP_CWORD=3
+    $(complete -p navfw | sed 's/.*-F \\([^ ]*\\).*/\\1/') navfw lobby office
+    printf '%s\\n' "${COMPREPLY[@]}"
+    """
+    environment = {"HOME": str(tmp_path), "PATH": path, "_NAVFW_COMPLETE": None}
+    done = run([bash, "-ec", script], env=environment, cwd=tmp_path)
+    assert done.stdout.split() == ["lobby-to-lab"], done.stderr
+
+
+# --- standard output that is full, closed, or read by nobody -------------------------------------
+
+
+NAVFW = [sys.executable, "-m", "navfw", "--version"]
+
+full = pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+
+
+def shell(redirection: str) -> Done:
+    return run(["/bin/sh", "-c", f'"$@" {redirection}', "sh", *NAVFW])
+
+
+@full
+def test_a_full_device_is_told() -> None:
+    done = shell("> /dev/full")
+    assert done.returncode == 1
+    assert done.stderr == "navfw: cannot write the output: No space left on device\n"
+
+
+@full
+def test_a_full_device_for_both_streams_ends_with_1() -> None:
+    assert shell("> /dev/full 2> /dev/full").returncode == 1
+
+
+def test_a_reader_that_has_seen_enough_gets_no_message() -> None:
+    done = shell("| head -c 0")
+    assert done.stderr == ""
+
+
+def test_closed_streams_are_no_error() -> None:
+    done = shell(">&-")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert shell(">&- 2>&-").returncode == 0

@@ -1,3 +1,5 @@
+"""``navfw list`` and ``navfw schema``."""
+
 from __future__ import annotations
 
 import json
@@ -6,6 +8,8 @@ from typing import Any
 
 import pytest
 from cli_calls import invoke, navfw, put_files
+
+from navfw.config import FILE_KINDS, load_yaml, shipped_folder
 
 BEHAVIOR = '''
 print("hello from a plugin")
@@ -234,3 +238,37 @@ def test_run_without_a_mission_lists_those_of_the_world() -> None:
     result = invoke("run", "barn")
     assert result.exit_code == 2
     assert "navfw: give one of the missions of barn: bad, cross" in result.stderr
+
+
+# --- schemas -------------------------------------------------------------------------------------
+
+
+ROOT = shipped_folder()
+EXAMPLES = {
+    "map": ROOT / "maps/office.yaml",
+    "mission": ROOT / "worlds/office/missions/lobby-to-lab.yaml",
+    "robot": ROOT / "navfw/robot/robots/default.yaml",
+    "rules": ROOT / "behaviors/avoid.yaml",
+    "stack": ROOT / "navfw/stack/stacks/default.yaml",
+    "suite": next(iter(sorted((ROOT / "worlds").rglob("suites/*.yaml")))),
+    "world": ROOT / "worlds/office/world.yaml",
+}
+
+
+@pytest.mark.parametrize("kind", FILE_KINDS)
+def test_the_schema_knows_every_key_of_a_shipped_file(kind: str) -> None:
+    done = invoke("schema", kind)
+    assert done.exit_code == 0, done.output
+    schema = json.loads(done.stdout)
+    assert schema["$schema"].endswith("2020-12/schema")
+    assert schema["additionalProperties"] is False
+    example: Path = EXAMPLES[kind]
+    keys = load_yaml(example, 8_000_000, 300_000).data
+    assert isinstance(keys, dict)
+    assert set(keys) - set(schema["properties"]) == set()
+
+
+def test_an_unknown_kind_gives_the_nearest() -> None:
+    done = invoke("schema", "mision")
+    assert done.exit_code == 2
+    assert "unknown kind of file 'mision': did you mean 'mission'?" in done.output

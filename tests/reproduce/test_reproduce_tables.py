@@ -1,9 +1,10 @@
-"""Tables 2 and 3: what the paper reports must come out again, its false conclusion included."""
+"""The tables that are reproduced, and their summary."""
 
 from __future__ import annotations
 
 import math
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,18 +21,22 @@ from navfw.reproduce import (
     WaypointRow,
     as_data,
     checks,
+    compare_metrics,
     draw_map,
     drive,
     hand_held,
     length,
     scene_picture,
+    summary,
     table2,
     table3,
     true_flow,
     waypoint_picture,
 )
+from navfw.reproduce.metric_comparison import _claims, _discriminate, _features
 from navfw.robot import RobotModel
 from navfw.sim import SceneGeometry, load_world
+from navfw.testing.behavior_scenes import wall_flow
 
 
 @pytest.fixture(scope="module")
@@ -162,3 +167,156 @@ def test_pictures(waypoints: list[WaypointRow], scenes: list[SceneRow]) -> None:
     red, blue = plan[..., 2] - plan[..., 0], plan[..., 0] - plan[..., 2]
     assert (red > 150).sum() > 500, "waypoints"
     assert (blue > 100).sum() > 500, "the way"
+
+
+# --- the summary ---------------------------------------------------------------------------------
+
+
+def claim(what: str, two: int, one: int, differ: int, p: float) -> dict[str, Any]:
+    return {
+        "by": "the metrics alone",
+        "flow": "ideal",
+        "what": what,
+        "views": 50,
+        "two_layers_right": two,
+        "one_layer_right": one,
+        "differ": differ,
+        "p": p,
+        "confirmed": two >= one,
+    }
+
+
+def reading(verdict: str, rotation: str) -> dict[str, str]:
+    return {"flow": "ideal", "mode": "normalised", "rotation": rotation, "verdict": verdict}
+
+
+def place(number: int, removed: str, left: str, why: str | None) -> dict[str, Any]:
+    readings = [reading(removed, "removed"), reading(left, "left in")]
+    return {"waypoint": number, "truth": {"no_situation": why}, "readings": readings}
+
+
+def summarised(**changed: Any) -> dict[str, list[str]]:
+    claims = [
+        claim("quadrant", 40, 48, 10, 0.022),
+        claim("situation", 30, 29, 9, 1.0),
+        claim("distance", 44, 44, 0, 1.0),
+        claim("quadrant", 40, 41, 3, 1.0),
+    ]
+    result = {
+        "table2": [
+            place(3, "right", "wrong", None),
+            place(2, "partly", "right", "furniture hides 50% of the walls in the left half"),
+        ],
+        "table3": [],
+        "real": None,
+        "metrics": {"claims": claims},
+    }
+    return summary({**result, **changed})
+
+
+def test_the_claim_of_section_4_3_is_told_with_its_figures() -> None:
+    whole, *missed = summarised()["Section 4.3"]
+    assert "is confirmed in 2 of 4 comparisons: better by more than chance (p < 0.05) in 0" in whole
+    assert "alike on every view in 1. It is not confirmed in 2: worse by more than chance in 1" in (
+        whole
+    )
+    assert missed == [
+        "Not confirmed: nearest quadrant by the metrics alone, ideal flow: 40 against 48 of 50"
+        " right (answers that differ: 10, p = 0.022).",
+        "Not confirmed: nearest quadrant by the metrics alone, ideal flow: 40 against 41 of 50"
+        " right (answers that differ: 3, p = 1).",
+    ]
+
+
+def test_a_claim_that_holds_everywhere_is_confirmed_everywhere() -> None:
+    held = {"claims": [claim("quadrant", 48, 40, 10, 0.02)]}
+    (whole,) = summarised(metrics=held)["Section 4.3"]
+    assert "is confirmed in 1 of 1 comparisons: better by more than chance (p < 0.05) in 1" in whole
+    assert "not confirmed in 0" in whole
+
+
+def test_places_are_counted_by_verdict() -> None:
+    found = summarised()["Table 2"]
+    assert found[0] == "All 2 places are judged."
+    assert (
+        "Ideal flow, normalised: 1 right, 1 partly with the rotation removed;"
+        " 1 right, 1 wrong with the rotation left in." in found
+    )
+    assert (
+        "Waypoint 3, where the paper's conclusion is false, normalised: ideal flow, rotation"
+        " removed: right; ideal flow, rotation left in: wrong." in found
+    )
+    assert "At 1 places (waypoints 2) the geometry forms none" in found[-1]
+
+
+def test_photographs_are_counted_or_said_to_be_missing() -> None:
+    assert "no recordings were given (--data DIR)" in summarised()["Table 3, photographs"][0]
+    total = {"right": 3, "partly": 2, "wrong": 1, "silent": 0}
+    single = {"single": True, "verdicts": {"right": 0, "silent": 7}}
+    real = {"total": total, "recordings": [{"single": False}, {"single": False}, single]}
+    assert summarised(real=real)["Table 3, photographs"] == [
+        "6 labelled frames of 2 recordings: 3 right, 2 partly, 1 wrong.",
+        "7 single photographs, about which nothing should be said: 7 silent.",
+    ]
+
+
+def test_discriminant_separates_separable_classes_only() -> None:
+    rng = np.random.default_rng(0)
+    labels = ["left", "right"] * 100
+    shift = np.array([[-1.0, 0.0], [1.0, 0.0]] * 100)
+    table = shift + 0.3 * rng.standard_normal((200, 2))
+    answers = _discriminate(table[:150], labels[:150], table[150:])
+    assert np.mean([a == b for a, b in zip(answers, labels[150:], strict=True)]) > 0.97
+    blind = _discriminate(rng.standard_normal((150, 2)), labels[:150], table[150:])
+    assert set(blind) <= {"left", "right"}
+
+
+def test_features_are_the_regions_metrics() -> None:
+    flow = wall_flow(RobotModel(), 0.0, ahead=1.0, left=20.0, right=20.0)
+    assert _features(flow, 2, False).shape == (32,)
+    assert _features(flow, 1, True).shape == (16,)
+    means = np.exp(_features(flow, 1, False)) - 0.05
+    part = np.abs(flow.vectors[:6, 8:, 0])  # P1: upper right
+    assert np.isclose(means[0], part.mean())
+
+
+@pytest.fixture(scope="module")
+def result() -> dict[str, Any]:
+    return compare_metrics(14, seed=3)
+
+
+def test_comparison_on_a_few_views(result: dict[str, Any]) -> None:
+    assert result["views"] == 14
+    for found in result["offis"].values():
+        for shares in found.values():
+            assert all(share is None or 0.0 <= share <= 1.0 for share in shares.values())
+    normalised = result["offis"]["normalised, L=2, nearest eighth"]["ideal"]
+    assert normalised["quadrant"] > 0.8
+    assert set(result["numbers"]) == {"L=2, means", "L=1, means and variances", "L=1, means"}
+
+
+def test_the_claim_is_judged_on_the_same_views(result: dict[str, Any]) -> None:
+    assert len(result["claims"]) == 16
+    for claim in result["claims"]:
+        two, one = claim["two_layers_right"], claim["one_layer_right"]
+        assert claim["confirmed"] == (two >= one)
+        assert abs(two - one) <= claim["differ"] <= claim["views"] <= 14
+        if claim["by"] == "the metrics alone":
+            found = result["numbers"]["L=2, means"][claim["flow"]][claim["what"]]
+        elif claim["by"] == "OFFIS, raw means":
+            found = result["offis"]["L=2, means"][claim["flow"]][claim["what"]]
+        else:
+            found = result["offis"]["normalised, L=2, means"][claim["flow"]][claim["what"]]
+        assert found == two / claim["views"]
+
+
+def test_a_claim_counts_views_on_which_the_answers_differ() -> None:
+    two = {"ideal": {"quadrant": [True, True, False, None, False]}}
+    one = {"ideal": {"quadrant": [False, True, True, None, True]}}
+    (claim,) = _claims("OFFIS", two, one)
+    assert (claim["views"], claim["two_layers_right"], claim["one_layer_right"]) == (4, 2, 3)
+    assert claim["differ"] == 3
+    assert not claim["confirmed"]
+    assert claim["p"] == 1.0
+    (turned,) = _claims("OFFIS", one, two)
+    assert turned["confirmed"]
