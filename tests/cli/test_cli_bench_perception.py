@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from cli_calls import invoke
 
 from navfw.bench import (
     TARGETS,
@@ -21,7 +21,6 @@ from navfw.bench import (
     recorded_approach,
     true_pairs,
 )
-from navfw.cli import app
 from navfw.flow import Farneback
 from navfw.interfaces import FlowProcessor
 from navfw.robot import RobotModel
@@ -94,7 +93,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 
 def bench(*arguments: str) -> Any:
-    return CliRunner().invoke(app, ["bench", "perception", *arguments])
+    return invoke("bench", "perception", *arguments)
 
 
 def test_json_has_the_headlines_first(measured: dict[str, Any]) -> None:

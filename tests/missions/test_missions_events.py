@@ -8,9 +8,8 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from cli_calls import invoke
 
-from navfw.cli import app
 from navfw.config import find
 from navfw.errors import InputError
 from navfw.missions import Event, EventClock, MissionResult, Outcome, Session, prepare, write_run
@@ -121,9 +120,7 @@ def test_an_obstacle_beside_a_drop_needs_another_name(tmp_path: Path) -> None:
 def test_a_wrong_event_is_bad_input_on_the_command_line(tmp_path: Path) -> None:
     out = tmp_path / "out"
     event = "mission.events=[{at: 1, camera: blak}]"
-    done = CliRunner().invoke(
-        app, ["run", "paper-room", "through-the-door", "--set", event, "--out", str(out)]
-    )
+    done = invoke("run", "paper-room", "through-the-door", "--set", event, "--out", out)
     assert done.exit_code == 2 or isinstance(done.exception, InputError)
     assert not out.exists()
 

@@ -20,10 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cli_calls import invoke
 from killing import Ended, Started, moments
-from typer.testing import CliRunner
 
-from navfw.cli import app
 from navfw.missions import MissionResult, Session
 from navfw.process import scratch_folder
 from navfw.recording import FILES, RunFolder, read_result
@@ -179,7 +178,7 @@ def test_a_run_killed_at_many_moments_leaves_a_result_or_nothing(
 
 def navfw_run(out: Path, *options: str) -> Any:
     words = ["run", "empty", "straight", "--set", "mission.timeout=1", "--record", "--quiet"]
-    return CliRunner().invoke(app, [*words, "--out", str(out), *options])
+    return invoke(*words, "--out", out, *options)
 
 
 @pytest.fixture

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from cli_calls import invoke
 
 from navfw.bench import learn_situations, place_accuracy
-from navfw.cli import app
 from navfw.config import find
 from navfw.errors import InputError, MapError
 from navfw.features import Aruco
@@ -73,20 +72,8 @@ def test_a_stack_without_landmarks_renders_no_landmark_frames(tmp_path: Path) ->
 @pytest.mark.slow
 def test_landmarks_are_learnt_on_a_drive(tmp_path: Path) -> None:
     file = tmp_path / "learnt.yaml"
-    done = CliRunner().invoke(
-        app,
-        [
-            "map",
-            "learn-landmarks",
-            "office",
-            "lobby-to-lab",
-            "--out",
-            str(file),
-            "--least",
-            "2",
-            "--json",
-        ],
-    )
+    words = ("learn-landmarks", "office", "lobby-to-lab", "--least", "2", "--json")
+    done = invoke("map", *words, "--out", file)
     assert done.exit_code == 0, done.output
     answer = json.loads(done.stdout)
     assert answer["learnt"] == len(answer["landmarks"]) >= 5
@@ -101,7 +88,7 @@ def test_a_world_without_landmarks_is_an_error() -> None:
 
 
 def test_bench_landmarks_prints_its_table() -> None:
-    done = CliRunner().invoke(app, ["bench", "landmarks", "--views", "1", "--json"])
+    done = invoke("bench", "landmarks", "--views", "1", "--json")
     assert done.exit_code == 0, done.output
     answer = json.loads(done.stdout)
     assert set(answer["kinds"]) == {"aruco", "poster"}
@@ -203,9 +190,7 @@ def test_odometry_from_a_known_start_gives_the_place(drive: SituationDrive) -> N
 def test_the_command_writes_a_table_that_localisers_load(tmp_path: Path) -> None:
     suite, out = tmp_path / "tiny.yaml", tmp_path / "tables" / "mine.yaml"
     suite.write_text(SUITE)
-    done = CliRunner().invoke(
-        app, ["map", "learn-situations", str(suite), "--seeds", "3:4", "--out", str(out), "--json"]
-    )
+    done = invoke("map", "learn-situations", suite, "--seeds", "3:4", "--out", out, "--json")
     assert done.exit_code == 0, done.output
     answer = json.loads(done.stdout)
     assert answer["drives"] == 2
@@ -223,7 +208,7 @@ def test_the_command_writes_a_table_that_localisers_load(tmp_path: Path) -> None
 
 
 def test_a_folder_is_no_file_to_write(tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["map", "learn-situations", "--out", str(tmp_path)])
+    done = invoke("map", "learn-situations", "--out", tmp_path)
     assert done.exit_code == 2
     assert "got a folder" in done.output
 

@@ -6,9 +6,8 @@ import math
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from cli_calls import invoke
 
-from navfw.cli import app
 from navfw.errors import InputError, UnknownNameError
 from navfw.missions import load_mission, prepare, split_overrides
 from navfw.robot import RobotModel, load_robot, read_urdf
@@ -134,7 +133,7 @@ def test_an_unknown_robot_of_an_option(project: Path) -> None:
     with pytest.raises(UnknownNameError, match="--set robot=tal: unknown robot 'tal'"):
         robot_of(project, "", "robot=tal")
     for command in (["run", "empty", "straight"], ["suite", "rooms", "--seeds", "0:1"]):
-        result = CliRunner().invoke(app, [*command, "--robot", "tal"])
+        result = invoke(*command, "--robot", "tal")
         assert result.exit_code == 2
         assert "--robot: unknown robot 'tal': did you mean 'tall'" in result.output
 
@@ -235,8 +234,7 @@ def test_a_run_is_refused_before_it_begins(
     path = project / "robots" / file
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new))
-    words = ["run", "office", "lobby-to-lab", "--robot", "own"]
-    answer = CliRunner().invoke(app, words)
+    answer = invoke("run", "office", "lobby-to-lab", "--robot", "own")
     assert answer.exit_code == 2
     assert message in answer.stderr
     assert answer.stdout == ""

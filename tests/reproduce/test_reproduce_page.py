@@ -15,12 +15,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cli_calls import invoke
 from perceive_images import label, save_approach
 from processes import run
-from typer.testing import CliRunner
 
 from navfw.bench import RECORDINGS, real_benchmark
-from navfw.cli import app
 from navfw.plugins import default_registry
 from navfw.process import silent
 from navfw.recording import plain_json
@@ -201,7 +200,7 @@ def test_the_middle_frame_of_each_front_is_chosen_of_the_test_split_where_there_
 @pytest.mark.usefixtures("quick")
 def test_reproduce_without_recordings(tmp_path: Path) -> None:
     out = tmp_path / "page"
-    done = CliRunner().invoke(app, ["reproduce", "--out", str(out), "--json"])
+    done = invoke("reproduce", "--out", out, "--json")
     assert done.exit_code == 0, done.output
     result = json.loads(done.stdout)
     assert all(result["checks"].values())
@@ -218,7 +217,7 @@ def test_reproduce_without_recordings(tmp_path: Path) -> None:
 
 def test_reproduce_leaves_other_folders_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("work")
-    done = CliRunner().invoke(app, ["reproduce", "--out", str(tmp_path)])
+    done = invoke("reproduce", "--out", tmp_path)
     assert done.exit_code == 2
     assert "contains 'thesis.txt', so it is not replaced; choose another --out" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
@@ -248,7 +247,7 @@ def test_a_folder_without_the_recordings_costs_one_message(
     else:
         for path in (data / "approach").iterdir():
             path.write_bytes(b"no image")
-    done = CliRunner().invoke(app, ["reproduce", "--out", str(out), "--data", str(data)])
+    done = invoke("reproduce", "--out", out, "--data", data)
     assert done.exit_code == 2, done.output
     assert message in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["data"]

@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cli_calls import invoke
 from results_samples import REVISION, mixed_rows, suite_folder
 from suite_samples import row
-from typer.testing import CliRunner
 
-from navfw.cli import app
 from navfw.errors import InputError
 from navfw.missions import prepare, write_run
 from navfw.recording import RunFolder, machine_kind
@@ -159,8 +158,7 @@ def test_a_run_is_kept_from_its_folder_or_from_what_it_printed(tmp_path: Path) -
 
 
 def test_a_benchmark_is_kept_without_its_raw_data(tmp_path: Path) -> None:
-    words = ["bench", "planning", "--places", "200", "--repeats", "3", "--json"]
-    done = CliRunner().invoke(app, words)
+    done = invoke("bench", "planning", "--places", "200", "--repeats", "3", "--json")
     file = tmp_path / "planning.json"
     file.write_text(done.stdout)
     edited(file, raw=list(range(99)), pair=[1, 2], deep={"a": {"b": {"c": 1}, "d": 2}})
@@ -184,12 +182,12 @@ def test_the_command_keeps_results_and_tells_of_a_changed_tree(tmp_path: Path) -
     folder.mkdir()
     runs = suite_folder(tmp_path / "runs", mixed_rows(), revision=f"{REVISION}-dirty").path
     words = ["results", "add", str(runs), "--folder", str(folder)]
-    done = CliRunner().invoke(app, words)
+    done = invoke(*words)
     assert done.exit_code == 0, done.output
     assert "rooms-0-4.json: navfw suite rooms --seeds 0:4" in done.stdout
     assert "rooms-0-4: the code had uncommitted changes" in done.stderr
     (result,) = load_results(folder)
     assert result.dirty
-    missing = CliRunner().invoke(app, [*words[:-1], str(tmp_path / "nowhere")])
+    missing = invoke(*words[:-1], tmp_path / "nowhere")
     assert missing.exit_code == 2
     assert "name the folder of results with --folder" in missing.stderr

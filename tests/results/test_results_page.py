@@ -7,10 +7,9 @@ import re
 from pathlib import Path
 
 import pytest
+from cli_calls import invoke
 from results_samples import MACHINE, REVISION, bench_result, suite_result
-from typer.testing import CliRunner
 
-from navfw.cli import app
 from navfw.errors import ConfigError, InputError, UnknownNameError
 from navfw.results import (
     SENTENCES,
@@ -233,7 +232,7 @@ def test_a_page_out_of_date_is_told_and_renewed(tmp_path: Path) -> None:
     words = ["results", "write", "--folder", str(folder)]
 
     def navfw(*more: str) -> tuple[int, str]:
-        done = CliRunner().invoke(app, [*words, *more])
+        done = invoke(*words, *more)
         return done.exit_code, done.stdout
 
     code, text = navfw("--check")
@@ -251,7 +250,7 @@ def test_a_page_out_of_date_is_told_and_renewed(tmp_path: Path) -> None:
     navfw()
     assert readme.read_text() == f"- Rooms: {place.format('not measured')}.\n"
     sentences.write_text(place.format("\n{{value rooms won}}"))
-    done = CliRunner().invoke(app, words)
+    done = invoke(*words)
     assert done.exit_code == 2
     assert "readme.md:2: unknown value 'won'" in done.stderr
     (folder / TEMPLATE).unlink()
