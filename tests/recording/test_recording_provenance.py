@@ -47,24 +47,22 @@ def monitor(repository: Path, program: Path) -> None:
     git(repository, "config", "core.fsmonitor", str(program))
 
 
-def included(repository: Path, program: Path) -> None:
+def included(repository: Path, program: Path, key: str = "include.path") -> None:
     (repository / "more").write_text(f"[core]\n\tfsmonitor = {program}\n")
-    git(repository, "config", "include.path", "../more")
+    git(repository, "config", key, "../more")
 
 
 def included_by_folder(repository: Path, program: Path) -> None:
-    (repository / "more").write_text(f"[core]\n\tfsmonitor = {program}\n")
-    git(repository, "config", "includeIf.gitdir:**.path", "../more")
+    included(repository, program, "includeIf.gitdir:**.path")
 
 
-def clean_filter(repository: Path, program: Path) -> None:
-    git(repository, "config", "filter.evil.clean", str(program))
+def clean_filter(repository: Path, program: Path, key: str = "filter.evil.clean") -> None:
+    git(repository, "config", key, str(program))
     (repository / ".gitattributes").write_text("*.txt filter=evil\n")
 
 
 def filter_process(repository: Path, program: Path) -> None:
-    git(repository, "config", "filter.evil.process", str(program))
-    (repository / ".gitattributes").write_text("*.txt filter=evil\n")
+    clean_filter(repository, program, "filter.evil.process")
 
 
 def hook(repository: Path, program: Path) -> None:
@@ -101,33 +99,18 @@ def other_programs(repository: Path, program: Path) -> None:
     """Settings that only other commands of git obey."""
     for key in ("alias.status", "alias.ls-files"):
         git(repository, "config", key, f"!{program}")
-    for key in (
-        "diff.external",
-        "diff.evil.textconv",
-        "diff.evil.command",
-        "gpg.program",
-        "credential.helper",
-        "core.pager",
-        "core.editor",
-        "core.gitProxy",
-        "uploadpack.packObjectsHook",
-    ):
+    keys = """
+        diff.external diff.evil.textconv diff.evil.command gpg.program credential.helper
+        core.pager core.editor core.gitProxy uploadpack.packObjectsHook
+    """
+    for key in keys.split():
         git(repository, "config", key, str(program))
     (repository / ".gitattributes").write_text("*.txt diff=evil\n")
 
 
 Trap = Callable[[Path, Path], None]
-SPRUNG_BY_STATUS: list[Trap] = [
-    monitor,
-    included,
-    included_by_folder,
-    clean_filter,
-    filter_process,
-    hook,
-    hooks_path,
-    ssh_command,
-    submodule,
-]
+SPRUNG_BY_STATUS: list[Trap] = [monitor, included, included_by_folder, clean_filter]
+SPRUNG_BY_STATUS += [filter_process, hook, hooks_path, ssh_command, submodule]
 
 
 @pytest.mark.parametrize("trap", [*SPRUNG_BY_STATUS, other_programs], ids=lambda t: t.__name__)
