@@ -1,3 +1,5 @@
+"""The costs of passages, by a rule base."""
+
 from __future__ import annotations
 
 import math
@@ -15,22 +17,14 @@ from navfw.topomap import Passage, Place, TopoMap
 ROBOT = RobotModel()
 FIS = CompiledFis(load_rule_base(RULE_BASE))
 shares = st.floats(0.0, 1.0)
-qualities = st.fixed_dictionaries(
-    {
-        "width": st.floats(0.37, 5.0),
-        "danger": shares,
-        "doorness": shares,
-        "uncertainty": shares,
-    }
-)
+SHARES = ("danger", "doorness", "uncertainty")
+qualities = st.fixed_dictionaries({"width": st.floats(0.37, 5.0), **dict.fromkeys(SHARES, shares)})
 
 
 def costs_of(*qualities: dict[str, float], params: CostParams | None = None) -> EdgeCosts:
     """Passages of 2 m that differ in ``qualities`` only."""
     places = [Place(f"p{i}", 2.0 * i, 0.0) for i in range(len(qualities) + 1)]
-    passages = [
-        Passage(f"p{i}", f"p{i + 1}", 2.0, **quality) for i, quality in enumerate(qualities)
-    ]
+    passages = [Passage(f"p{i}", f"p{i + 1}", 2.0, **each) for i, each in enumerate(qualities)]
     return EdgeCosts(TopoMap("m", places, passages), ROBOT, params)
 
 
@@ -40,11 +34,7 @@ def penalty_by_hand(quality: dict[str, float]) -> float:
     The rule table as nested lists over danger none/some/high, clearance narrow/fair/wide, doorness
     open/door, uncertainty low/high.
     """
-    none = [
-        [[0.5, 0.75], [0.5, 0.75]],
-        [[0.25, 0.5], [0.25, 0.5]],
-        [[0.0, 0.25], [0.25, 0.5]],
-    ]
+    none = [[[0.5, 0.75]] * 2, [[0.25, 0.5]] * 2, [[0.0, 0.25], [0.25, 0.5]]]
     some = [[[0.75, 0.75]] * 2, [[0.5, 0.75]] * 2, [[0.5, 0.75]] * 2]
     table = np.array([none, some, np.ones((3, 2, 2))])
     clearance = 0.5 * quality["width"] - ROBOT.radius
@@ -66,7 +56,7 @@ def test_the_penalty_is_the_sugeno_mean_of_the_rules(quality: dict[str, float]) 
     assert costs.values[0] == pytest.approx(expected, abs=1e-9)
 
 
-@given(qualities, st.sampled_from(["width", "danger", "doorness", "uncertainty"]), st.floats(0, 5))
+@given(qualities, st.sampled_from(["width", *SHARES]), st.floats(0, 5))
 def test_costs_are_monotone_in_every_input(
     quality: dict[str, float], which: str, value: float
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import get_args
@@ -28,7 +29,7 @@ PASSING = PassingTolerances(open=0.7, door=0.2, beside_door=0.4)
 
 
 def waypoints(
-    kinds: tuple[PlaceKind, ...],
+    kinds: Sequence[PlaceKind],
     widths: tuple[float, ...] = (),
     *,
     start: float = -3.0,
@@ -96,7 +97,7 @@ def test_a_place_has_the_width_on_its_way_and_a_door_that_of_its_narrower_passag
 def test_tolerances_are_smaller_at_and_beside_doors_alone(kind: PlaceKind, at: int) -> None:
     kinds: list[PlaceKind] = ["room"] * 6
     kinds[at] = kind
-    way = waypoints(tuple(kinds), end=goal(21.0, 0.0))
+    way = waypoints(kinds, end=goal(21.0, 0.0))
     away = {0: 0.2, 1: 0.4} if kind == "door" else {}
     assert [w.tolerance for w in way[:-1]] == [away.get(abs(k - at), 0.7) for k in range(6)]
 
