@@ -8,12 +8,13 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import sim_worlds
-from processes import python
+from processes import run
 from sim_worlds import PERFECT, TICK, drive
 
 from navfw.config import find
@@ -170,7 +171,7 @@ def test_same_seed_same_bytes_in_a_fresh_process() -> None:
         f"import sys; sys.path[:0] = {folders}; "
         "from test_sim_simulation import record; print(record(7))"
     )
-    fresh = python(code)
+    fresh = run([sys.executable, "-c", code], check=True)
     # nothing else on stdout: PyBullet's banner is suppressed
     assert fresh.stdout.strip() == record(7)
     assert fresh.stderr == ""
