@@ -92,8 +92,8 @@ def test_pure_noise_is_not_trusted() -> None:
     rng = np.random.default_rng(0)
     bright = [rng.integers(0, 256, (120, 160)).astype(np.uint8) for _ in range(2)]
     dark = [np.abs(rng.normal(0, 1.5, (120, 160))).astype(np.uint8) for _ in range(2)]
-    for images in (bright, dark):
-        assert BlockMatching(ROBOT).compute(pair_of(*images)).confidence.max() == 0.0
+    for past, now in (bright, dark):
+        assert BlockMatching(ROBOT).compute(pair_of(past, now)).confidence.max() == 0.0
 
 
 def faint_pair(contrast: float, noise: float) -> FramePair:

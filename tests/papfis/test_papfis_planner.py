@@ -189,7 +189,7 @@ def test_just_before_and_after_doors_the_tolerance_is_smaller() -> None:
 
 def test_the_corner_before_a_goal_is_cut_like_any() -> None:
     a, b, c = Place("a", 0, 0), Place("b", 2, 0), Place("c", 2, 4)
-    papfis = planner(TopoMap("m", [a, b, c], line(a, b, c)), goal(2, 4, "c"), passing=0.9)
+    papfis = planner(TopoMap("m", [a, b, c], line(a, b, c)), goal(2, 4, "c"), passing=0.5)
     assert next_waypoint(papfis, 0.0, 0.0).place == "b"
     assert next_waypoint(papfis, 1.5, 0.7).place == "c"
 

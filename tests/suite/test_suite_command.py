@@ -148,8 +148,8 @@ def test_a_folder_of_worlds_gives_each_world_with_its_missions(folder: Path) -> 
         files = {"world.yaml": world, "missions/cross.yaml": mission}
         put_files(folder / "imported" / name, files)
     (folder / "barn.yaml").write_text("entries: [{worlds: nowhere, name: barn}]")
-    suite, options = load_suite("barn.yaml"), {"worlds": Path("imported"), "stacks": ["default"]}
-    plan = plan_runs(suite, range(2), default_registry(), **options)
+    suite, registry, imported = load_suite("barn.yaml"), default_registry(), Path("imported")
+    plan = plan_runs(suite, range(2), registry, worlds=imported, stacks=["default"])
     assert [case.key[:5] for case in plan.cases] == [
         ("barn", name, "cross", seed, "default")
         for name in ("world-2", "world-10")

@@ -261,9 +261,7 @@ def table_of(file: Path) -> list[dict[str, str]]:
 
 
 @given(spl=numbers, reason=lines, collisions=st.none() | st.integers(0, 99), world=lines)
-def test_rows_are_read_as_written(
-    tmp_path_factory: pytest.TempPathFactory, **values: float | str | None
-) -> None:
+def test_rows_are_read_as_written(tmp_path_factory: pytest.TempPathFactory, **values: Any) -> None:
     journal = RunJournal(tmp_path_factory.mktemp("rows") / "journal.sqlite")
     journal.create()
     rows = [row(1, **values), row(2)]
