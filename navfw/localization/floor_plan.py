@@ -48,6 +48,10 @@ _CLEARLY_BETTER = 0.5
 to take its place. Things that the plan does not show cost the tracked pose less; a wrong pose fits
 worse by 1 and more."""
 
+_DRIFT_XY, _DRIFT_YAW = 0.1, 0.02
+"""Standard deviations [m, rad] that are added to the pose's from scan to scan while the plan
+contradicts it."""
+
 _TRUSTED_SHARE, _TRUSTED_XY = 0.5, 0.15
 """Share of the points that belong to the plan, and standard deviation [m] of the position, with
 which a wall that was seen through is not there."""
@@ -62,10 +66,11 @@ class FloorPlanLocalizer(PlaceLocalizer):
     Scans are taken some way apart, since neighbouring ones share their errors. The running mean of
     their ``fit`` to the plan tells whether the robot is where it believes: the share of points that
     belong to the plan, less the share of rays that a wall would have blocked. Below ``doubt_below``
-    the whole plan is searched for a clearly better pose. Below ``lost_below`` the robot is lost;
-    points without a wall alone do not lose it, as they may be of things that the plan does not
-    show: it goes on by its odometry, with less confidence. A wall that the camera sees through from
-    a well known pose is taken out of the plan. Landmarks are not used.
+    the whole plan is searched for a clearly better pose, which takes the place of the tracked one.
+    Below ``contradicted_below`` the plan contradicts the tracked pose: either may be wrong, so the
+    pose goes on by odometry with growing covariance, and only scans that fit correct it. The robot
+    is lost once its confidence is below ``lost_below``. A wall that the camera sees through from a
+    well known pose is taken out of the plan. Landmarks are not used.
     """
 
     name: ClassVar[str] = "floor_plan"
@@ -83,10 +88,13 @@ class FloorPlanLocalizer(PlaceLocalizer):
             float,
             Field(ge=0.0, lt=1.0, description="mean fit of the scans: in doubt below"),
         ] = 0.42
-        lost_below: Annotated[
+        contradicted_below: Annotated[
             float,
-            Field(ge=-1.0, lt=1.0, description="mean fit of the scans: lost below"),
+            Field(ge=-2.0, lt=1.0, description="mean fit of the scans: contradicted below"),
         ] = -0.1
+        lost_below: Annotated[
+            float, Field(ge=0.0, lt=1.0, description="confidence below which the belief is lost")
+        ] = 0.4
 
     params: Params
 
@@ -152,24 +160,32 @@ class FloorPlanLocalizer(PlaceLocalizer):
         return self.robot.skid * abs(twist.w) > _MAX_SKID * way
 
     def _correct(self, scan: PlanScan) -> None:
-        covariance, pose = self.filter.pose_covariance, self.filter.pose
+        p, covariance, pose = self.params, self.filter.pose_covariance, self.filter.pose
         information: Array = np.asarray(inverse(covariance), dtype=np.float64)
         match = self._field.match(scan, pose, information)
         at = np.array([[match.pose.x, match.pose.y, match.pose.yaw]])
         blocked = float(self._field.blocked(scan, at)[0])
         fit = match.belonging - _BLOCKED_COST * blocked
+        doubted = self._contradicted
         self.fit += (fit - self.fit) / self.params.memory
+        if self._contradicted:
+            self.filter.diffuse(_DRIFT_XY, _DRIFT_YAW)
+            if not doubted:  # the robot may have been moved: scans from before say nothing then
+                self._search.forget(self._driven - self.params.memory * self.params.every)
         off = np.array([match.pose.x - pose.x, match.pose.y - pose.y, 0.0])
         off[2] = wrap_angle(match.pose.yaw - pose.yaw)
         if float(product(off, solve(covariance, off))) > GATE:
-            self.filter.inflate(INFLATION)
-        elif match.belonging >= MIN_SHARE:
+            self.filter.inflate(1.0 if self._contradicted else INFLATION)
+        elif match.belonging >= MIN_SHARE and (not self._contradicted or fit > p.doubt_below):
             self.filter.adopt(match.pose, match.information)
             certain = covariance[0, 0] + covariance[1, 1] <= _TRUSTED_XY**2
             if match.belonging >= _TRUSTED_SHARE and certain:
                 self._field.see_through(scan, match.pose)
-        if self.fit < self.params.lost_below:
-            self.tracking = False
+
+    @property
+    def _contradicted(self) -> bool:
+        """Whether the plan contradicts the tracked pose."""
+        return self.fit < self.params.contradicted_below
 
     def _find(self, odometry: Odometry) -> None:
         """Search the plan for the pose; track it once it is found, unless it is tracked already."""
@@ -178,7 +194,8 @@ class FloorPlanLocalizer(PlaceLocalizer):
             return
         if self.tracking:
             tracked = self.filter.pose
-            if are_close(pose, tracked) or self._search.advantage(pose, tracked) < _CLEARLY_BETTER:
+            needed = 0.0 if self._lost else _CLEARLY_BETTER
+            if are_close(pose, tracked) or self._search.advantage(pose, tracked) < needed:
                 return
         self._track(pose, _SEARCH_XY, _SEARCH_YAW, odometry)
 
@@ -186,6 +203,13 @@ class FloorPlanLocalizer(PlaceLocalizer):
         self.tracking = True
         self.fit = max(self.params.doubt_below, 0.5)
         self.filter.initialize(pose, np.diag([xy**2, xy**2, yaw**2]), odometry)
+
+    @property
+    def _lost(self) -> bool:
+        """Whether the pose is unknown, or as good as that."""
+        if not self.tracking:
+            return True
+        return probability_within(self.filter.pose_covariance) < self.params.lost_below
 
     def _belief(self, posterior: PlacePosterior, odometry: Odometry) -> Belief:
         if not self.tracking:
@@ -199,5 +223,6 @@ class FloorPlanLocalizer(PlaceLocalizer):
             covariance,
             posterior.at(pose, covariance),
             probability_within(covariance) * trust,
+            self._lost,
             updates=self.filter.updates,
         )

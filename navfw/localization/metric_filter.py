@@ -167,6 +167,10 @@ class MetricFilter:
         self.covariance[:3, :] *= math.sqrt(factor)
         self.covariance[:, :3] *= math.sqrt(factor)
 
+    def diffuse(self, xy: float, yaw: float) -> None:
+        """Add standard deviations ``xy`` [m] and ``yaw`` [rad] to the pose's."""
+        self.covariance[:3, :3] += np.diag([xy**2, xy**2, yaw**2])
+
     def _correct(self, step: Array, reduction: Array) -> None:
         """Add ``step`` (4,) to the state, subtract ``reduction`` (4, 4) from the covariance."""
         self.state = self.state + step

@@ -77,7 +77,11 @@ class ScanMemory:
     def add(self, driven: float, odom: Pose, scan: PlanScan) -> None:
         """Add a scan that was seen from ``odom`` after ``driven`` [m]."""
         self._scans.append((driven, odom, scan))
-        while driven - self._scans[0][0] > self._length:
+        self.forget(driven - self._length)
+
+    def forget(self, before: float) -> None:
+        """Drop the scans from before that way [m]; the newest one is kept."""
+        while len(self._scans) > 1 and self._scans[0][0] < before:
             self._scans.popleft()
 
     @property

@@ -93,6 +93,10 @@ class PlanSearch:
         """Add a scan that was seen from ``odom`` after ``driven`` [m]."""
         self._scans.add(driven, odom, scan)
 
+    def forget(self, before: float) -> None:
+        """Drop the scans that were seen less than ``before`` [m] after the start."""
+        self._scans.forget(before)
+
     def find(self) -> Pose | None:
         """The pose in ``map`` at the newest scan; None while it is not known."""
         if len(self._scans) < _MIN_SCANS:

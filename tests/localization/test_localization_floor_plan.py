@@ -223,11 +223,34 @@ def test_an_unknown_start_is_found_and_never_confidently_wrong() -> None:
     assert totals(report) == pytest.approx((277.347974, 0.72894578, 62.0, 108, 13), rel=1e-5)
 
 
-def test_a_robot_elsewhere_than_it_was_told_becomes_lost_and_finds_itself() -> None:
-    moments = follow(started(Pose(7.5, 4.2, 1.9)), ROUND * 3, scale=1.0, seed=4)
-    assert any(belief.lost for _, belief in moments)
-    assert not moments[-1][1].lost
-    assert error(*moments[-1]) < 0.2
+@pytest.mark.parametrize("told", [(7.5, 4.2, 1.9), (2.0, 2.0, 0.0), (3.0, 4.0, -1.5)], ids=str)
+def test_a_robot_elsewhere_than_it_was_told_doubts_and_finds_itself(
+    told: tuple[float, float, float],
+) -> None:
+    moments = follow(started(Pose(*told)), ROUND * 2, scale=1.0, seed=4)
+    replaced = next(k for k, moment in enumerate(moments) if error(*moment) < 0.2)
+    assert 2.0 < 0.05 * replaced < 11.0, "after some way, not by one scan"
+    assert min(belief.confidence for _, belief in moments[:replaced]) == 0.0
+    assert max(error(*moment) for moment in moments[replaced + 50 :]) < 0.1
+
+
+def test_a_plan_that_contradicts_costs_no_right_pose() -> None:
+    """It goes on by odometry, ever less sure, until it is lost; never from another place."""
+    cells = PLAN.cells.copy()
+    cells[:, ::16] = OCCUPIED  # a wall every 0.8 m that is not there
+    plan = OccupancyMap(cells, PLAN.resolution, PLAN.origin)
+    wrong_map = TopoMap("b", list(MAP.places.values()), MAP.passages, floor_plan=plan)
+    localizer = started(topo_map=wrong_map)
+    moments = follow(localizer, ROUND, scale=1.0, seed=0)
+    beliefs = [belief for _, belief in moments]
+    assert max(error(*moment) for moment in moments) < 0.2, "the odometry is exact"
+    assert np.mean([belief.confidence for belief in beliefs[80:]]) < 0.1
+    assert beliefs[-1].sigma > 4.0 * beliefs[60].sigma
+    assert not any(belief.lost for belief in beliefs)
+    localizer.filter.diffuse(2.0, 0.0)
+    gone = localizer.update(replace(AT_REST, time=99.0, pose=Pose(1.0, 0.0, 0.0)), None, ())
+    assert gone.lost
+    assert math.hypot(gone.pose.x, gone.pose.y) > 0.5, "it keeps its guess"
 
 
 def test_nothing_seen_is_no_evidence() -> None:
