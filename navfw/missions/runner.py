@@ -263,6 +263,7 @@ class MissionLoop:
             emergency=command is not None and (command.emergency or self.leader == _EMERGENCY),
             belief=state.belief,
             sight=state.sight,
+            vetoed=bool(state.veto),
         )
         for observer in self.observers:
             observer.observe(reading, twist, pose)

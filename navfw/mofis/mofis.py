@@ -25,6 +25,7 @@ from navfw.signals import (
     Odometry,
     Percept,
     Proposal,
+    Twist,
     Waypoint,
 )
 
@@ -54,13 +55,16 @@ class ProgressMonitor:
     def update(
         self,
         odometry: Odometry,
-        previous: Command | None,
+        driven: Twist | None,
         waypoint: Waypoint | None,
         local_goal: LocalGoal | None,
     ) -> tuple[float, float]:
-        """(stalled, idle) [s]: since when wheels do not follow, and no progress was made."""
-        time = odometry.time
-        wanted = 0.0 if previous is None else previous.twist.v
+        """(stalled, idle) [s]: since when wheels do not follow, and no progress was made.
+
+        ``driven`` is what the wheels were last told to do: wheels that are not to turn are not
+        blocked.
+        """
+        time, wanted = odometry.time, 0.0 if driven is None else driven.v
         if abs(wanted) > MOVING and abs(odometry.twist.v) < _FOLLOWING * abs(wanted):
             self._stalled_since = time if self._stalled_since is None else self._stalled_since
         else:
@@ -82,7 +86,8 @@ class DecisionInputs:
 
     ``percept`` and ``flow`` are the newest with any depth, None before the robot has moved.
     ``conflicts`` are those of all commands with moving obstacles, None without any;
-    ``moving_obstacles`` the discs that bar the way to the local goal.
+    ``moving_obstacles`` the discs that bar the way to the local goal. ``driven`` is the last twist
+    that the safety monitor let through, None if that was the last command.
     """
 
     odometry: Odometry
@@ -92,6 +97,7 @@ class DecisionInputs:
     flow: FlowField | None = None
     conflicts: Conflicts | None = None
     moving_obstacles: tuple[OccupiedDisc, ...] = ()
+    driven: Twist | None = None
 
 
 class Mofis:
@@ -178,7 +184,9 @@ class Mofis:
         if waypoint is not None:
             target = belief.pose.to_local(waypoint.x, waypoint.y)
             local_goal = self.local_map.local_goal(pose, target, inputs.moving_obstacles)
-        stalled, idle = self.progress.update(odometry, self._previous, waypoint, local_goal)
+        previous = None if self._previous is None else self._previous.twist
+        driven = previous if inputs.driven is None else inputs.driven
+        stalled, idle = self.progress.update(odometry, driven, waypoint, local_goal)
         return Context(
             time=odometry.time,
             robot=self.robot,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pandas
 
 
-_COLUMNS = 13
+_COLUMNS = 14
 """Columns of the rows that ``RunLogger`` collects."""
 
 
@@ -54,7 +54,8 @@ class RunLog:
     of the leading behaviours. ``emergency`` (n,) marks ticks with an emergency command.
     ``waypoints`` are the planner's, in order. ``confidence`` (n,) in [0, 1] is that of the belief,
     0 while it is lost (None: not recorded). ``sight`` (n,) has the values of ``signals.Sight``.
-    ``updates`` is the number of landmark detections that the localiser used.
+    ``vetoed`` (n,) marks ticks in which the safety monitor held the robot. ``updates`` is the
+    number of landmark detections that the localiser used.
     """
 
     time: Array
@@ -64,6 +65,7 @@ class RunLog:
     leader: npt.NDArray[np.int16]
     emergency: npt.NDArray[np.bool_]
     sight: npt.NDArray[np.int8]
+    vetoed: npt.NDArray[np.bool_]
     leaders: tuple[str, ...]
     contacts: tuple[Contact, ...] = ()
     waypoints: tuple[Waypoint, ...] = ()
@@ -92,7 +94,8 @@ class RunLog:
         for pose, rows in (("true", self.true), ("estimate", self.estimate)):
             columns |= {f"{pose}_{axis}": rows[:, at] for at, axis in enumerate(("x", "y", "yaw"))}
         columns |= {"v": self.commands[:, 0], "w": self.commands[:, 1]}
-        columns |= {"leader": names[self.leader], "emergency": self.emergency, "sight": self.sight}
+        columns |= {"leader": names[self.leader], "emergency": self.emergency}
+        columns |= {"sight": self.sight, "vetoed": self.vetoed}
         return columns if self.confidence is None else columns | {"confidence": self.confidence}
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -141,6 +144,7 @@ class RunLogger:
         emergency: bool,
         belief: Belief | None = None,
         sight: Sight = Sight.ENOUGH,
+        vetoed: bool = False,
     ) -> None:
         """Add one control tick; ``belief``, if given, has the confidence of ``estimate``."""
         lost = belief is not None and belief.lost
@@ -148,7 +152,8 @@ class RunLogger:
         self._updates = self._updates if belief is None else belief.updates
         number = self._leaders.setdefault(leader, len(self._leaders))
         poses = true.x, true.y, true.yaw, estimate.x, estimate.y, estimate.yaw
-        self._rows.extend((time, *poses, twist.v, twist.w, number, emergency, sight, confidence))
+        marks = number, emergency, sight, confidence, vetoed
+        self._rows.extend((time, *poses, twist.v, twist.w, *marks))
 
     def add_waypoints(self, waypoints: tuple[Waypoint, ...]) -> None:
         """Add the planner's waypoints ahead; waypoints already in the log are not repeated."""
@@ -170,5 +175,6 @@ class RunLogger:
             contacts=tuple(self.contacts),
             waypoints=tuple(self._waypoints.values()),
             confidence=rows[:, 12],
+            vetoed=rows[:, 13].astype(np.bool_),
             updates=self._updates,
         )

@@ -134,6 +134,10 @@ class SafetyParams(StrictModel):
         float,
         Field(gt=0.0, le=0.5, description="speed into unobserved space; 0 with weak sight [m/s]"),
     ] = 0.15
+    start_creep: Annotated[
+        float,
+        Field(ge=0.0, le=1.0, description="way from the start on which it creeps all the same [m]"),
+    ] = 0.3
     camera_slow: Annotated[
         Seconds,
         Field(description="age of the last valid frame, or time that a stage fails: slow [s]"),
@@ -213,6 +217,7 @@ class SafetyMonitor:
         self._stalled_since: float | None = None
         self._rest_until = -math.inf
         self._last_time: float | None = None
+        self._driven = 0.0
         self._blind_reverse = 0.0
         self._blind_advance = 0.0
         self._sightless_since: float | None = None
@@ -229,7 +234,7 @@ class SafetyMonitor:
         self._watch_sight(odometry)
         self._failing = min(failing, key=lambda stage: stage.since, default=None)
         self._watch_wheels(odometry)
-        self._watch_reverse(odometry)
+        self._watch_way(odometry)
 
     def limit(self, twist: Twist, time: float, pose: Pose) -> SafetyVerdict:
         """``twist`` as far as it is safe at ``time`` [s] from odom ``pose``."""
@@ -252,7 +257,9 @@ class SafetyMonitor:
                 v, reason = cap, why
         if v > 0.0:
             free, observed = self.local_map.free_distance(pose, Twist(v, w))
-            creep = 0.0 if self.local_map.sight.weak else self.params.creep
+            # a camera that has not moved yet sees nothing: it must move to see
+            starting = self._driven < self.params.start_creep
+            creep = self.params.creep if starting or not self.local_map.sight.weak else 0.0
             for allowed, why in (
                 (self._braking_speed(free), "no room to stop"),
                 (max(self._braking_speed(observed), creep), "unobserved space ahead"),
@@ -347,10 +354,11 @@ class SafetyMonitor:
         else:
             self._stalled_since = None
 
-    def _watch_reverse(self, odometry: Odometry) -> None:
-        """Add up the reverse driven since the last valid frame."""
+    def _watch_way(self, odometry: Odometry) -> None:
+        """Add up the way driven, and the reverse since the last valid frame."""
         since = 0.0 if self._last_time is None else odometry.time - self._last_time
         self._last_time = odometry.time
+        self._driven += abs(odometry.twist.v) * since
         blind = self.senses.camera_age > self.params.camera_stop
         reverse = max(-odometry.twist.v, 0.0) * since
         self._blind_reverse = self._blind_reverse + reverse if blind else 0.0

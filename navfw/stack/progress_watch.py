@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 
 from navfw.signals import Belief, Waypoint
 
@@ -24,6 +25,7 @@ class ProgressWatch:
         self.give_up_reason: str | None = None
         self._unsure_of: Waypoint | None = None
         self._no_route_since: float | None = None
+        self._vetoes: Counter[str] = Counter()
 
     @property
     def unsure(self) -> bool:
@@ -37,8 +39,15 @@ class ProgressWatch:
         waypoint: Waypoint | None,
         idle: float,
         no_route_reason: str | None,
+        veto: str = "",
     ) -> None:
-        """Take in a frame at ``now`` [s]; ``idle`` [s] is the time without progress."""
+        """Take in a frame at ``now`` [s]; ``idle`` [s] is the time without progress.
+
+        ``veto`` is why the safety monitor holds the robot, empty if it does not.
+        """
+        if idle == 0.0:
+            self._vetoes.clear()
+        self._vetoes[veto] += 1
         if _is_at(belief, waypoint):
             self._unsure_of = waypoint
         elif waypoint != self._unsure_of:
@@ -57,7 +66,13 @@ class ProgressWatch:
             else:
                 because = "" if no_route_reason is None else f"; {no_route_reason}"
                 what = f"no progress toward {waypoint.label} for {idle:.0f} s"
-                self.give_up_reason = f"{what}{because}"
+                self.give_up_reason = f"{what}{because}{self._held()}"
+
+    def _held(self) -> str:
+        """The veto of the safety monitor in most frames without progress, in words."""
+        veto, frames = self._vetoes.most_common(1)[0]
+        held = bool(veto) and 2 * frames > self._vetoes.total()
+        return f"; held by the safety monitor: {veto}" if held else ""
 
 
 def _is_at(belief: Belief, waypoint: Waypoint | None) -> bool:

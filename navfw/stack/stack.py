@@ -262,7 +262,9 @@ class Stack:
                 command = self.mofis.decide(inputs)
             idle = self.mofis.idle
             self._check_passages(odometry, belief)
-        self._progress.update(reading.time, belief, waypoint, idle, self.planner.no_route_reason)
+        veto = self.verdict.reason if self.verdict.stopped else ""
+        no_route = self.planner.no_route_reason
+        self._progress.update(reading.time, belief, waypoint, idle, no_route, veto)
         counts = Counter(self.state.detection_counts)
         counts.update(detection.identity for detection in detections)
         self.state = StackState(
@@ -280,6 +282,7 @@ class Stack:
             finished=finished,
             unsure=self._progress.unsure,
             stuck=self._progress.give_up_reason,
+            veto=veto,
             sight=self.local_map.sight.judgement,
             faults=tuple(str(fault) for fault in self.guard.faults),
             landmark_detections=detections,
@@ -376,7 +379,14 @@ class Stack:
                 self.tracker.confirmed, odometry, self.mofis.commands.v, self.mofis.commands.w
             )
         return DecisionInputs(
-            odometry, belief, waypoint, self._percept, self._flow, conflicts, moving_obstacles
+            odometry,
+            belief,
+            waypoint,
+            self._percept,
+            self._flow,
+            conflicts,
+            moving_obstacles,
+            self.verdict.twist,
         )
 
     def _check_passages(self, odometry: Odometry, belief: Belief) -> None:

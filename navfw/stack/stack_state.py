@@ -25,11 +25,11 @@ from navfw.signals import (
 class StackState:
     """State and decision of the stack at its last step; read only, for displays and records.
 
-    ``flows`` are the newest derotated flow fields; ``stuck`` is why the stack gave up, ``fault``
-    which sensor has failed for good, or None. ``unsure`` is whether the robot is at its goal by an
-    estimate that is too uncertain to say so. ``sight`` is how well the camera shows the path ahead.
-    ``landmark_detections`` are those of the last frame, known to the map or not;
-    ``detection_counts`` counts all so far, by identity.
+    ``flows`` are the newest derotated flow fields; ``stuck`` is why the stack gave up, ``veto`` why
+    the safety monitor stops the robot, ``fault`` which sensor has failed for good, or None.
+    ``unsure`` is whether the robot is at its goal by an estimate that is too uncertain to say so.
+    ``sight`` is how well the camera shows the path ahead. ``landmark_detections`` are those of the
+    last frame, known to the map or not; ``detection_counts`` counts all so far, by identity.
     """
 
     time: float
@@ -45,6 +45,7 @@ class StackState:
     command: Command | None = None
     finished: bool = False
     stuck: str | None = None
+    veto: str = ""
     unsure: bool = False
     sight: Sight = Sight.ENOUGH
     fault: PersistentFailure | None = None

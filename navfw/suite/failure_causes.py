@@ -60,6 +60,8 @@ class Cause(StrEnum):
     ahead, so that it drives only over floor observed as such"""
     OSCILLATING = "oscillating"
     """stuck, timeout: the robot drives or turns without approaching the goal"""
+    VETOED = "vetoed"
+    """stuck, timeout: the safety monitor held the robot, although the local map has a path"""
     STANDSTILL = "standstill"
     """stuck, timeout: the robot stands still, although the local map has a path"""
     SLOW = "slow"
@@ -118,7 +120,8 @@ class PathSymptoms:
 class MotionSymptoms:
     """Distance ``driven`` [m], and decrease ``gained`` [m] of the shortest path to the last goal.
 
-    ``recent_driven`` [m] and ``recent_turned`` [rad] are over the last ``recent`` [s].
+    ``recent_driven`` [m] and ``recent_turned`` [rad] are over the last ``recent`` [s], and
+    ``vetoed`` the share of it in which the safety monitor held the robot.
     """
 
     driven: float
@@ -126,6 +129,7 @@ class MotionSymptoms:
     recent: float
     recent_driven: float
     recent_turned: float
+    vetoed: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,6 +220,8 @@ def _of_motion(symptoms: FailureSymptoms) -> Cause:
     approaching = moved and motion.gained > 0.5 * motion.driven
     if symptoms.outcome is Outcome.TIMEOUT and approaching:
         return Cause.SLOW
+    if motion.vetoed > 0.5:
+        return Cause.VETOED
     if symptoms.sight is Sight.LITTLE:
         return Cause.LITTLE_SEEN
     turned = motion.recent_turned >= _MEAN_RATE * motion.recent

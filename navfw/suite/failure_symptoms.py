@@ -216,6 +216,7 @@ def _motion(result: MissionResult) -> MotionSymptoms:
         recent=float(time[-1] - time[late][0]),
         recent_driven=path_length(recent),
         recent_turned=float(turned),
+        vetoed=float(log.vetoed[log.time >= time[-1] - _RECENT].mean()),
     )
 
 

@@ -52,7 +52,10 @@ _RUN_FILE, _LOG_FILE = "run.json", "log.npz"
 FILES = (_RUN_FILE, _LOG_FILE)
 """The files of a stored run: plain data, and the arrays of the log of its ticks."""
 
-_COLUMNS = ("time", "true", "estimate", "commands", "leader", "emergency", "sight", "confidence")
+_COLUMNS = (
+    *("time", "true", "estimate", "commands", "leader", "emergency", "sight", "vetoed"),
+    "confidence",
+)
 
 _MAX_FILE = 64_000_000
 """Largest size of one file of a stored run [byte]: the log of a run of 2 h has 45 MB."""

@@ -156,6 +156,7 @@ def log_to(x: float, y: float, yaw: float, contact: str = "", speed: float = 0.4
         leader=np.zeros(len(time), dtype=np.int16),
         emergency=np.zeros(len(time), dtype=np.bool_),
         sight=np.full(len(time), Sight.ENOUGH, dtype=np.int8),
+        vetoed=np.zeros(len(time), dtype=np.bool_),
         leaders=("go_to_xy",),
         contacts=contacts,
     )
