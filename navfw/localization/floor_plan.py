@@ -164,23 +164,31 @@ class FloorPlanLocalizer(PlaceLocalizer):
         information: Array = np.asarray(inverse(covariance), dtype=np.float64)
         match = self._field.match(scan, pose, information)
         at = np.array([[match.pose.x, match.pose.y, match.pose.yaw]])
-        blocked = float(self._field.blocked(scan, at)[0])
-        fit = match.belonging - _BLOCKED_COST * blocked
+        fit = match.belonging - _BLOCKED_COST * float(self._field.blocked(scan, at)[0])
+        self._judge(fit)
+        weight = min(max(fit / p.doubt_below, 0.0), 1.0)
+        if match.belonging < MIN_SHARE or weight == 0.0:
+            return
+        if weight < 1.0:  # where little fits, walls are mistaken for others
+            match = self._field.match(scan, pose, information / weight)
+        off = np.array([match.pose.x - pose.x, match.pose.y - pose.y, 0.0])
+        off[2] = wrap_angle(match.pose.yaw - pose.yaw)
+        if float(product(off, solve(covariance, off))) > GATE:
+            self.filter.inflate(INFLATION)
+            return
+        self.filter.adopt(match.pose, weight * match.information)
+        certain = covariance[0, 0] + covariance[1, 1] <= _TRUSTED_XY**2
+        if match.belonging >= _TRUSTED_SHARE and certain:
+            self._field.see_through(scan, match.pose)
+
+    def _judge(self, fit: float) -> None:
+        """Take the fit of a scan into the running mean."""
         doubted = self._contradicted
         self.fit += (fit - self.fit) / self.params.memory
         if self._contradicted:
             self.filter.diffuse(_DRIFT_XY, _DRIFT_YAW)
             if not doubted:  # the robot may have been moved: scans from before say nothing then
                 self._search.forget(self._driven - self.params.memory * self.params.every)
-        off = np.array([match.pose.x - pose.x, match.pose.y - pose.y, 0.0])
-        off[2] = wrap_angle(match.pose.yaw - pose.yaw)
-        if float(product(off, solve(covariance, off))) > GATE:
-            self.filter.inflate(1.0 if self._contradicted else INFLATION)
-        elif match.belonging >= MIN_SHARE and (not self._contradicted or fit > p.doubt_below):
-            self.filter.adopt(match.pose, match.information)
-            certain = covariance[0, 0] + covariance[1, 1] <= _TRUSTED_XY**2
-            if match.belonging >= _TRUSTED_SHARE and certain:
-                self._field.see_through(scan, match.pose)
 
     @property
     def _contradicted(self) -> bool:

@@ -89,7 +89,7 @@ class Stack:
         by_floor = robot.skid > 0.0 if by_floor is None else by_floor
         self.floor_odometry = FloorOdometry(robot) if by_floor else None
         self.history = OdometryHistory()
-        self.timings: dict[str, float] = dict.fromkeys(TIMED, 0.0)
+        self.timings: dict[str, float] = {}
         self.vision = Vision(
             robot,
             settings,
