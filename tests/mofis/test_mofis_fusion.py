@@ -160,6 +160,19 @@ def mofis_with(behaviors: dict[str, Behavior], composite: Composite | None = Non
     return Mofis(ROBOT, behaviors, FuzzyFusion(ROBOT), GRID, local_map, composite)
 
 
+@pytest.mark.parametrize(
+    ("driven", "stalled"), [(None, True), (Twist(0.4, 0.0), True), (Twist(0.0, 0.0), False)]
+)
+def test_wheels_that_the_safety_monitor_holds_are_not_blocked(
+    driven: Twist | None, stalled: bool
+) -> None:
+    mofis = mofis_with({"steady": Steady(ROBOT)})
+    for time in (1.0, 2.0, 3.0):
+        mofis.decide(replace(INPUTS, odometry=replace(INPUTS.odometry, time=time), driven=driven))
+    assert mofis.context is not None
+    assert (mofis.context.stalled > 0.0) is stalled
+
+
 @pytest.mark.parametrize("defect", ["raise", "nan", "shape", "range", "applicability", "type"])
 def test_a_broken_behavior_loses_the_tick_and_the_others_decide(defect: str) -> None:
     broken = Broken(ROBOT)

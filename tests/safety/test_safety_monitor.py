@@ -130,8 +130,9 @@ def test_commands_beyond_the_drive_are_clipped_and_those_that_are_not_finite_sto
 def test_parameters_are_within_their_ranges() -> None:
     check_ranges(
         SafetyParams,
-        "latency [0, 1], gap [0, 0.3], slow (0, 1], creep (0, 0.5], camera_slow (0, 60], "
-        "camera_stop (0, 60], blind_reverse [0, 2], blind_advance [0, 2], weak_sight (0, 1], "
+        "latency [0, 1], gap [0, 0.3], slow (0, 1], creep (0, 0.5], "
+        "start_creep [0, 1], camera_slow (0, 60], camera_stop (0, 60], blind_reverse [0, 2], "
+        "blind_advance [0, 2], weak_sight (0, 1], "
         "gyro_slow (0, 60], encoder_stop (0, 60], stall (0, 60], stall_rest (0, 60], "
         "probe (0, 0.5], give_up [1, 60]",
     )

@@ -76,10 +76,25 @@ def test_reverse_and_turns_are_no_advance_and_sight_ends_the_standstill() -> Non
 def test_weak_sight_limits_the_speed_and_allows_no_creeping_into_the_unobserved(
     known: float, unobserved: float, speed: float, reason: str
 ) -> None:
-    monitor = monitor_with(unobserved=unobserved)
+    monitor = monitor_with(unobserved=unobserved, start_creep=0.0)
     monitor.local_map.sight.observe(percept(known))
     verdict = monitor.limit(Twist(0.4, 0.3), 0.0, odometry(0.0, 0.0).pose)
     assert (verdict.twist, verdict.reason) == (Twist(speed, 0.3), reason)
+
+
+@pytest.mark.parametrize("way", [0.1, 0.3])
+def test_on_the_first_way_it_creeps_with_weak_sight_all_the_same(way: float) -> None:
+    monitor, driven = monitor_with(unobserved=0.0, start_creep=way), 0.0
+    monitor.local_map.sight.observe(percept(0.4))
+    for tick in range(200):
+        time = tick / RATE
+        twist = monitor.limit(AHEAD, time, odometry(0.0).pose).twist
+        driven += twist.v / RATE
+        shown = picture() if tick % 6 == 0 else None
+        monitor.update(reading(time, shown), odometry(time, driven, v=twist.v))
+    assert driven == pytest.approx(way, abs=0.01)
+    monitor.reset()
+    assert monitor.limit(AHEAD, 0.0, odometry(0.0).pose).twist.v == monitor.params.creep
 
 
 @pytest.mark.parametrize(

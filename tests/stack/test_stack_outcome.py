@@ -211,6 +211,14 @@ def test_it_gives_up_and_says_why() -> None:
     assert watched((0.0, 0.0), LAB, late).give_up_reason == "no progress toward lab for 61 s"
     doubt = watched((2.0, 1.0), LAB, late).give_up_reason
     assert doubt == "perhaps at lab: the position estimate has a sigma of 0.70 m"
+    watch = ProgressWatch()
+    for held in (False, True, True):
+        veto = "unobserved space ahead" if held else ""
+        watch.update(late, belief(0.0, 0.0), LAB, late, None, veto)
+    held_by = "no progress toward lab for 61 s; held by the safety monitor: unobserved space ahead"
+    assert watch.give_up_reason == held_by
+    watch.update(late, belief(0.0, 0.0), LAB, late, None)
+    assert watch.give_up_reason == "no progress toward lab for 61 s", "in half of the time"
     closed = "the door is closed"
     assert watched((0.0, 0.0), LAB, 0.0, closed).give_up_reason == closed
     assert watched((0.0, 0.0), None, late, closed).give_up_reason is None

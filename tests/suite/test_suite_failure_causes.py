@@ -80,6 +80,7 @@ PHANTOMS = PathSymptoms(cost=math.inf, without_phantoms=4.0, sharpened=4.0)
         ({"path": PathSymptoms(9.0, 8.0, 5.0), "motion": CIRCLES}, Cause.BLURRED_MAP),
         ({"path": PathSymptoms(math.inf, math.inf, math.inf)}, Cause.LOCAL_GOAL_UNREACHABLE),
         ({"path": PATH, "motion": STANDS}, Cause.STANDSTILL),
+        ({"path": PATH, "motion": replace(STANDS, vetoed=0.6)}, Cause.VETOED),
         ({"path": PATH, "motion": CIRCLES}, Cause.OSCILLATING),
         ({"path": PATH, "motion": TURNS}, Cause.OSCILLATING),
         ({"motion": STANDS}, Cause.STANDSTILL),

@@ -24,6 +24,7 @@ from navfw.suite import (
     draw_difficulty,
     load_suite,
     parse_seeds,
+    plan_runs,
     run_job,
     summarize,
 )
@@ -339,3 +340,10 @@ def test_an_exception_in_a_run_is_a_fault_with_its_source_line(
     place = "test_suite_suitefile.py:"
     assert row.reason.startswith(f"ZeroDivisionError: of the generator ({place}")
     assert "Traceback" in capsys.readouterr().err
+
+
+def test_every_shipped_mission_is_in_the_suite_shipped() -> None:
+    plan = plan_runs(load_suite("shipped"), range(1), default_registry())
+    files = (Path(__file__).parents[2] / "worlds").glob("*/missions/*.yaml")
+    shipped = {(file.parts[-3], file.stem) for file in files}
+    assert {(case.world_name, case.mission_name) for case in plan.cases} == shipped
