@@ -207,6 +207,15 @@ def test_dead_or_blocked_wheels_are_not_driven_harder() -> None:
     assert drive.trim.shares == (1.0, 1.0)
 
 
+def test_a_reading_from_before_changes_no_share() -> None:
+    drive = Drive(0.8, 1.0)
+    drive.go(3.0, Twist(0.3, 0.0))
+    before = drive.trim.shares
+    left, right = (round(a / (2 * math.pi) * ROBOT.ticks_per_turn) for a in drive.turned)
+    drive.trim.update(Encoders((drive.tick - 4) * TICK, left, right))
+    assert drive.trim.shares == before
+
+
 # --- against a reference --------------------------------------------------------------------------
 
 FINE = RobotModel(ticks_per_turn=10**6)
