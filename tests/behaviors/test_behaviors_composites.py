@@ -287,8 +287,8 @@ def test_a_composite_by_rules_needs_its_inputs_and_a_rule_file(tmp_path: Path) -
     wary = cls(ROBOT)
     assert wary.explain() == ()
     near = replace(OPEN, ranges=replace(OPEN.ranges, free=np.full_like(OPEN.ranges.free, 0.5)))
-    weights = [wary.weigh(context)["go_to_xy"] for context in (OPEN, near)]
-    assert weights == [1.0, 0.0]
+    weights = [dict(wary.weigh(context)) for context in (OPEN, near)]
+    assert weights == [{"go_to_xy": 1.0}, {"go_to_xy": 0.0}]
     assert [rule["rule"] for rule in wary.explain()] == ["IF room IS no THEN go_to_xy IS low"]
     wary.reset()
     assert wary.explain() == ()

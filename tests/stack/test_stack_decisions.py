@@ -294,9 +294,11 @@ def test_parameters_that_do_not_suit_the_robot_are_an_error_in_the_stack_file() 
 
 
 def test_a_plugin_may_refuse_in_the_first_step_and_fails_in_those_after_it() -> None:
+    stack = Rig(planner=RefusingPlanner(ROBOT)).stack
     with pytest.raises(InputError, match="no way"):
-        Rig(planner=RefusingPlanner(ROBOT)).step(0.0)
-    stack = Rig().stack
+        drive(stack, 0.02)
+    stack.planner.plugin = RecordingPlanner(ROBOT)
+    stack.start(START, [GOAL])
     simulator = drive(stack, 0.02)
     stack.planner.plugin = RefusingPlanner(ROBOT)
     drive(stack, 0.2, simulator)
