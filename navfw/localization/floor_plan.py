@@ -52,6 +52,9 @@ _DRIFT_XY, _DRIFT_YAW = 0.1, 0.02
 """Standard deviations [m, rad] that are added to the pose's from scan to scan while the plan
 contradicts it."""
 
+_LEAST_TRUST = 0.02
+"""Factor on the confidence in a pose that the plan contradicts."""
+
 _TRUSTED_SHARE, _TRUSTED_XY = 0.5, 0.15
 """Share of the points that belong to the plan, and standard deviation [m] of the position, with
 which a wall that was seen through is not there."""
@@ -224,7 +227,7 @@ class FloorPlanLocalizer(PlaceLocalizer):
             unknown: Array = np.diag([1e4, 1e4, 10.0])
             return Belief(odometry.time, Pose(0.0, 0.0, 0.0), unknown, confidence=0.0, lost=True)
         pose, covariance = self.filter.pose, self.filter.pose_covariance
-        trust = min(max(self.fit / max(self.params.doubt_below, 1e-6), 0.0), 1.0)
+        trust = min(max(self.fit / max(self.params.doubt_below, 1e-6), _LEAST_TRUST), 1.0)
         return Belief(
             odometry.time,
             pose,

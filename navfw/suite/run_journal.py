@@ -66,7 +66,8 @@ class RunRow:
     ``plugin_faults`` is the number of kinds of plugin faults beside the injected ones. ``attempts``
     is the number of processes that the run took: 2 if the first one died. ``cpu_time_s`` is the
     processor time of the whole run, with its world, checks and picture, ``memory_mb`` the largest
-    resident memory [MB] of the process since its start.
+    resident memory [MB] of the process since its start. Those of the localisation are explained at
+    ``navfw.missions.run_metrics.LocalizationMetrics``.
     """
 
     entry: str
@@ -94,6 +95,9 @@ class RunRow:
     collision_cause: str = ""
     distance_to_goal_m: float | None = None
     estimate_error_m: float | None = None
+    localized_after_m: float | None = None
+    lost_s: float | None = None
+    confidently_wrong_s: float | None = None
     emergencies: int | None = None
     plugin_faults: int | None = None
     barn_score: float | None = None

@@ -116,6 +116,9 @@ def _numbers(rows: Sequence[RunRow]) -> dict[str, Any]:
         "mean_time_s": _mean(_given(row.sim_time_s for row in arrived)),
         "min_clearance_m": min(_given(row.min_clearance_m for row in rows), default=None),
         "estimate_error_m": _median(_given(row.estimate_error_m for row in rows)),
+        "localized_after_m": _median(_given(row.localized_after_m for row in rows)),
+        "lost_s": _mean(_given(row.lost_s for row in rows)),
+        "confidently_wrong_s": _mean(_given(row.confidently_wrong_s for row in rows)),
         "barn_score": _mean(row.barn_score or 0.0 for row in rows),
         "cpu_time_s": _mean(_given(row.cpu_time_s for row in rows)),
         "memory_mb": max(_given(row.memory_mb for row in rows), default=None),
@@ -157,6 +160,8 @@ def _columns(digits: int) -> list[Column]:
         Column("BARN", "barn_score", ".3f", missing=""),
         Column("time", "mean_time_s", f".{digits}f", "s", missing=""),
         Column("clearance", "min_clearance_m", ".2f", "m", missing=""),
+        Column("lost", "lost_s", f".{digits}f", "s", missing=""),
+        Column("wrong", "confidently_wrong_s", f".{digits}f", "s", missing=""),
         Column("faults", "plugin_faults", missing=""),
     ]
 

@@ -201,7 +201,7 @@ def test_evidence_for_a_landmark_is_bounded_and_weighted() -> None:
             "aside [0, 10], yaw_by_turning [0, 10], margin [1, 10], start_xy [0, 10], "
             "start_yaw [0, 10], map_sigma [0, 10], prior (0, 1), least_xy [0, 10], "
             "least_yaw [0, 10], every [0.02, 2], memory [1, 100], doubt_below [0, 1), "
-            "lost_below [-1, 1)",
+            "contradicted_below [-2, 1), lost_below [0, 1)",
         ),
         (
             DeadReckoning.Params,
