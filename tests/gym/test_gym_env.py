@@ -136,7 +136,11 @@ def test_the_local_map_is_turned_into_the_robots_axes(env: MissionEnv) -> None:
 
 def test_a_vector_of_environments_steps_together() -> None:
     made = gymnasium.make_vec(
-        "navfw/Mission-v0", num_envs=2, vectorization_mode="sync", observation="percept", **STRAIGHT
+        "navfw/Mission-v0",
+        num_envs=2,
+        vectorization_mode="sync",
+        observation="percept",
+        **STRAIGHT,
     )
     first, _ = made.reset(seed=0)
     for _ in range(10):

@@ -44,7 +44,9 @@ SHAPE = (ROBOT.camera.height, ROBOT.camera.width)
 RNG = np.random.default_rng(0)
 GOAL = Waypoint(3.0, 0.0, 0.3, "goal", "goal", final=True)
 LINE = TopoMap(
-    "line", [Place("start", 0.0, 0.0), Place("goal", 3.0, 0.0)], [Passage("start", "goal", 3.0)]
+    "line",
+    [Place("start", 0.0, 0.0), Place("goal", 3.0, 0.0)],
+    [Passage("start", "goal", 3.0)],
 )
 """A map of two places: the start at the origin, and a goal 3 m ahead."""
 

@@ -9,7 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 from architecture_sources import ROOT, imports, tree_of
-from stack_samples import GOAL, OFFIS, ROBOT, START, context_of, drive, sample_stack, wall_view
+from stack_samples import (
+    GOAL,
+    OFFIS,
+    ROBOT,
+    START,
+    context_of,
+    drive,
+    sample_stack,
+    wall_view,
+)
 
 from navfw.camera_geometry import rotational_flow
 from navfw.egomotion import FloorOdometry, Odometer
