@@ -23,7 +23,7 @@ _TAG = "tag:yaml.org,2002:"
 _LOADER: Any = getattr(yaml, "CSafeLoader", None)
 """None where PyYAML has been built without libyaml."""
 
-_READ_DIFFERENTLY = re.compile("[\t\x85\u2028\u2029]|[&*][\\w-]*[^\\s\\w,}\\]-]")
+_READ_DIFFERENTLY = re.compile("[\t\x85\u2028\u2029\ufeff]|[&*][\\w-]*[^\\s\\w,}\\]-]")
 """What YAML 1.1, and so libyaml, reads otherwise than YAML 1.2: characters, ends of anchors."""
 
 

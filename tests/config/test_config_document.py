@@ -265,6 +265,7 @@ def test_shipped_files_are_composed_quickly_and_alike() -> None:
         assert plain(quick) == plain(slow), path
 
 
+@example(parts=["\ufeff", "\ufeff", "yes"])
 @settings(max_examples=300)
 @given(
     st.lists(st.sampled_from([*WORDS, *string.ascii_lowercase[:3], " ", "a: ", "b"]), max_size=12)
