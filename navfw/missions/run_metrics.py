@@ -124,6 +124,7 @@ class RunMetrics:
     estimate_error_max_m: float
     mean_speed: float
     emergencies: int
+    route_changes: int
     localization: LocalizationMetrics
     stage_ms: Mapping[str, float] = field(default_factory=dict)
 
@@ -211,6 +212,7 @@ def measure(
         estimate_error_max_m=float(error.max()),
         mean_speed=driven / duration if duration > 0.0 else 0.0,
         emergencies=len(started),
+        route_changes=log.route_changes,
         localization=measure_localization(log, sampled),
         stage_ms=dict(stage_ms or {}),
     )

@@ -360,6 +360,7 @@ class MissionResult:
             **asdict(metrics.localization),
             "mean_speed_m_s": metrics.mean_speed,
             "emergencies": metrics.emergencies,
+            "route_changes": metrics.route_changes,
             "command_hash": run.log.command_hash,
             "oracle": self.session.stack.resolved.settings.oracle or bool(self.oracle_plugins),
             "oracle_plugins": list(self.oracle_plugins),

@@ -55,7 +55,8 @@ class RunLog:
     ``waypoints`` are the planner's, in order. ``confidence`` (n,) in [0, 1] is that of the belief,
     0 while it is lost (None: not recorded). ``sight`` (n,) has the values of ``signals.Sight``.
     ``vetoed`` (n,) marks ticks in which the safety monitor held the robot. ``updates`` is the
-    number of landmark detections that the localiser used.
+    number of landmark detections that the localiser used, ``route_changes`` how often the places
+    ahead were not those that were left of the route before.
     """
 
     time: Array
@@ -71,6 +72,7 @@ class RunLog:
     waypoints: tuple[Waypoint, ...] = ()
     confidence: Array | None = None
     updates: int = 0
+    route_changes: int = 0
 
     @property
     def ticks(self) -> int:
@@ -127,6 +129,8 @@ class RunLogger:
     _rows: array[float] = field(init=False, default_factory=lambda: array("d"))
     _leaders: dict[str, int] = field(init=False, default_factory=dict)
     _updates: int = field(init=False, default=0)
+    _ahead: tuple[str, ...] = field(init=False, default=())
+    _route_changes: int = field(init=False, default=0)
     _waypoints: dict[tuple[float, float, str], Waypoint] = field(init=False, default_factory=dict)
 
     @property
@@ -157,6 +161,10 @@ class RunLogger:
 
     def add_waypoints(self, waypoints: tuple[Waypoint, ...]) -> None:
         """Add the planner's waypoints ahead; waypoints already in the log are not repeated."""
+        ahead = tuple(waypoint.place for waypoint in waypoints)
+        left = self._ahead[len(self._ahead) - len(ahead) :]
+        self._route_changes += bool(self._ahead) and ahead != left
+        self._ahead = ahead
         for waypoint in waypoints:
             self._waypoints.setdefault((waypoint.x, waypoint.y, waypoint.place), waypoint)
 
@@ -177,4 +185,5 @@ class RunLogger:
             confidence=rows[:, 12],
             vetoed=rows[:, 13].astype(np.bool_),
             updates=self._updates,
+            route_changes=self._route_changes,
         )

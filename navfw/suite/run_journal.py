@@ -99,6 +99,7 @@ class RunRow:
     lost_s: float | None = None
     confidently_wrong_s: float | None = None
     emergencies: int | None = None
+    route_changes: int | None = None
     plugin_faults: int | None = None
     barn_score: float | None = None
     command_hash: str = ""

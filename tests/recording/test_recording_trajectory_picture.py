@@ -59,6 +59,24 @@ def curved_log(ticks: int = 300) -> RunLog:
     return recorder.log()
 
 
+@pytest.mark.parametrize(
+    ("routes", "changes"),
+    [
+        (["abc", "abc", "bc", "c", ""], 0),
+        (["abc", "adc", "dc"], 1),
+        (["abc", "bc", "abc", "c"], 1),
+        (["abc", "bd", "ec"], 2),
+    ],
+)
+def test_a_route_changes_where_it_is_not_what_was_left_of_it(
+    routes: list[str], changes: int
+) -> None:
+    logger = RunLogger()
+    for route in routes:
+        logger.add_waypoints(tuple(Waypoint(0.0, 0.0, 0.3, name, "room", False) for name in route))
+    assert logger.log().route_changes == changes
+
+
 def test_a_log_keeps_what_was_added() -> None:
     log = curved_log()
     assert log.ticks == 300
