@@ -52,7 +52,7 @@ _DRIFT_XY, _DRIFT_YAW = 0.1, 0.02
 """Standard deviations [m, rad] that are added to the pose's from scan to scan while the plan
 contradicts it."""
 
-_LEAST_TRUST = 0.02
+_MIN_TRUST = 0.02
 """Factor on the confidence in a pose that the plan contradicts."""
 
 _TRUSTED_SHARE, _TRUSTED_XY = 0.5, 0.15
@@ -227,7 +227,7 @@ class FloorPlanLocalizer(PlaceLocalizer):
             unknown: Array = np.diag([1e4, 1e4, 10.0])
             return Belief(odometry.time, Pose(0.0, 0.0, 0.0), unknown, confidence=0.0, lost=True)
         pose, covariance = self.filter.pose, self.filter.pose_covariance
-        trust = min(max(self.fit / max(self.params.doubt_below, 1e-6), _LEAST_TRUST), 1.0)
+        trust = min(max(self.fit / max(self.params.doubt_below, 1e-6), _MIN_TRUST), 1.0)
         return Belief(
             odometry.time,
             pose,
