@@ -163,13 +163,13 @@ class FloorPlanLocalizer(PlaceLocalizer):
         return self.robot.skid * abs(twist.w) > _MAX_SKID * way
 
     def _correct(self, scan: PlanScan) -> None:
-        p, covariance, pose = self.params, self.filter.pose_covariance, self.filter.pose
+        covariance, pose = self.filter.pose_covariance, self.filter.pose
         information: Array = np.asarray(inverse(covariance), dtype=np.float64)
         match = self._field.match(scan, pose, information)
         at = np.array([[match.pose.x, match.pose.y, match.pose.yaw]])
         fit = match.belonging - _BLOCKED_COST * float(self._field.blocked(scan, at)[0])
         self._judge(fit)
-        weight = min(max(fit / p.doubt_below, 0.0), 1.0)
+        weight = self._trust(fit)
         if match.belonging < MIN_SHARE or weight == 0.0:
             return
         if weight < 1.0:  # where little fits, walls are mistaken for others
@@ -193,6 +193,10 @@ class FloorPlanLocalizer(PlaceLocalizer):
             if not doubted:  # the robot may have been moved: scans from before say nothing then
                 self._search.forget(self._driven - self.params.memory * self.params.every)
 
+    def _trust(self, fit: float) -> float:
+        """How far a fit is trusted: 1 from ``doubt_below`` on, 0 where nothing fits."""
+        return min(max(fit / max(self.params.doubt_below, 1e-6), 0.0), 1.0)
+
     @property
     def _contradicted(self) -> bool:
         """Whether the plan contradicts the tracked pose."""
@@ -205,7 +209,8 @@ class FloorPlanLocalizer(PlaceLocalizer):
             return
         if self.tracking:
             tracked = self.filter.pose
-            needed = 0.0 if self._lost else _CLEARLY_BETTER
+            within = probability_within(self.filter.pose_covariance)
+            needed = 0.0 if within < self.params.lost_below else _CLEARLY_BETTER
             if are_close(pose, tracked) or self._search.advantage(pose, tracked) < needed:
                 return
         self._track(pose, _SEARCH_XY, _SEARCH_YAW, odometry)
@@ -215,25 +220,18 @@ class FloorPlanLocalizer(PlaceLocalizer):
         self.fit = max(self.params.doubt_below, 0.5)
         self.filter.initialize(pose, np.diag([xy**2, xy**2, yaw**2]), odometry)
 
-    @property
-    def _lost(self) -> bool:
-        """Whether the pose is unknown, or as good as that."""
-        if not self.tracking:
-            return True
-        return probability_within(self.filter.pose_covariance) < self.params.lost_below
-
     def _belief(self, posterior: PlacePosterior, odometry: Odometry) -> Belief:
         if not self.tracking:
             unknown: Array = np.diag([1e4, 1e4, 10.0])
             return Belief(odometry.time, Pose(0.0, 0.0, 0.0), unknown, confidence=0.0, lost=True)
         pose, covariance = self.filter.pose, self.filter.pose_covariance
-        trust = min(max(self.fit / max(self.params.doubt_below, 1e-6), _MIN_TRUST), 1.0)
+        within = probability_within(covariance)
         return Belief(
             odometry.time,
             pose,
             covariance,
             posterior.at(pose, covariance),
-            probability_within(covariance) * trust,
-            self._lost,
+            within * max(self._trust(self.fit), _MIN_TRUST),
+            within < self.params.lost_below,
             updates=self.filter.updates,
         )

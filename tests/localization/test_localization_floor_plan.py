@@ -253,6 +253,13 @@ def test_a_plan_that_contradicts_costs_no_right_pose() -> None:
     assert math.hypot(gone.pose.x, gone.pose.y) > 0.5, "it keeps its guess"
 
 
+def test_a_localiser_that_never_doubts_tracks_all_the_same() -> None:
+    localizer = FloorPlanLocalizer(ROBOT, FloorPlanLocalizer.Params(doubt_below=0.0))
+    localizer.reset()
+    localizer.start(MAP, START, AT_REST)
+    assert error(*follow(localizer)[-1]) < 0.1
+
+
 def test_nothing_seen_is_no_evidence() -> None:
     localizer, way = started(), arcs(START, [(4.0, 0.4, 0.0)])
     sigmas = [localizer.update(odometry, None, ()).sigma for _, odometry in way]
