@@ -16,7 +16,7 @@ from navfw.localmap import LocalMap
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.missions.run_metrics import path_length
 from navfw.missions.session import MissionResult
-from navfw.numerics import Array
+from navfw.numerics import Array, Mask
 from navfw.recording.run_log import Contact, RunLog
 from navfw.signals import Odometry, Pose, Sight, wrap_angle
 from navfw.sim.scene_geometry import NamedShape, SceneGeometry
@@ -216,14 +216,19 @@ def _motion(result: MissionResult) -> MotionSymptoms:
         recent=float(time[-1] - time[late][0]),
         recent_driven=path_length(recent),
         recent_turned=float(turned),
-        vetoed=float(log.vetoed[log.time >= time[-1] - _RECENT].mean()),
+        vetoed=float(log.vetoed[_late(log)].mean()),
     )
 
 
 def _sight(log: RunLog) -> Sight:
     """Median sight of the path ahead over the end of the run."""
-    late = log.time >= log.time[-1] - _RECENT
-    return Sight(int(np.median(log.sight[late])))
+    return Sight(int(np.median(log.sight[_late(log)])))
+
+
+def _late(log: RunLog) -> Mask:
+    """Which ticks (n,) belong to the end of the run."""
+    late: Mask = log.time >= log.time[-1] - _RECENT
+    return late
 
 
 def _remaining(

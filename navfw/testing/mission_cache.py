@@ -53,7 +53,14 @@ FILES = (_RUN_FILE, _LOG_FILE)
 """The files of a stored run: plain data, and the arrays of the log of its ticks."""
 
 _COLUMNS = (
-    *("time", "true", "estimate", "commands", "leader", "emergency", "sight", "vetoed"),
+    "time",
+    "true",
+    "estimate",
+    "commands",
+    "leader",
+    "emergency",
+    "sight",
+    "vetoed",
     "confidence",
 )
 
