@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
-from cli_calls import invoke
+from cli_calls import answer
 from perceive_images import texture, wall_at
 
 PICTURE = texture()
@@ -16,8 +15,6 @@ APPROACH = [wall_at(d, PICTURE) for d in DISTANCES]
 
 def perceive(*words: object) -> list[dict[str, Any]]:
     """What ``navfw perceive`` with ``words`` says of each pair of images."""
-    done = invoke("perceive", *words, "--json")
-    assert done.exit_code == 0, done.output
-    result = json.loads(done.stdout)
+    result = answer("perceive", *words)
     assert isinstance(result, list)
     return result

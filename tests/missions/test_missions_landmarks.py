@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_calls import invoke
+from cli_calls import answer, refusal
 
 from navfw.bench import learn_situations, place_accuracy
 from navfw.config import find
@@ -72,12 +71,10 @@ def test_a_stack_without_landmarks_renders_no_landmark_frames(tmp_path: Path) ->
 @pytest.mark.slow
 def test_landmarks_are_learnt_on_a_drive(tmp_path: Path) -> None:
     file = tmp_path / "learnt.yaml"
-    words = ("learn-landmarks", "office", "lobby-to-lab", "--least", "2", "--json")
-    done = invoke("map", *words, "--out", file)
-    assert done.exit_code == 0, done.output
-    answer = json.loads(done.stdout)
-    assert answer["learnt"] == len(answer["landmarks"]) >= 5
-    assert all(row["error_m"] < 0.4 for row in answer["landmarks"])
+    words = ("learn-landmarks", "office", "lobby-to-lab", "--least", "2", "--out", file)
+    done = answer("map", *words)
+    assert done["learnt"] == len(done["landmarks"]) >= 5
+    assert all(row["error_m"] < 0.4 for row in done["landmarks"])
     assert load_map(file).landmarks
 
 
@@ -88,11 +85,9 @@ def test_a_world_without_landmarks_is_an_error() -> None:
 
 
 def test_bench_landmarks_prints_its_table() -> None:
-    done = invoke("bench", "landmarks", "--views", "1", "--json")
-    assert done.exit_code == 0, done.output
-    answer = json.loads(done.stdout)
-    assert set(answer["kinds"]) == {"aruco", "poster"}
-    near = [row for row in answer["kinds"]["aruco"]["rows"] if row["distance_m"] <= 2.0]
+    done = answer("bench", "landmarks", "--views", "1")
+    assert set(done["kinds"]) == {"aruco", "poster"}
+    near = [row for row in done["kinds"]["aruco"]["rows"] if row["distance_m"] <= 2.0]
     assert sum(row["detected"] for row in near) >= 0.8 * len(near)
 
 
@@ -190,16 +185,14 @@ def test_odometry_from_a_known_start_gives_the_place(drive: SituationDrive) -> N
 def test_the_command_writes_a_table_that_localisers_load(tmp_path: Path) -> None:
     suite, out = tmp_path / "tiny.yaml", tmp_path / "tables" / "mine.yaml"
     suite.write_text(SUITE)
-    done = invoke("map", "learn-situations", suite, "--seeds", "3:4", "--out", out, "--json")
-    assert done.exit_code == 0, done.output
-    answer = json.loads(done.stdout)
-    assert answer["drives"] == 2
-    assert set(answer["accuracy"]) == {"paper-room", "office"}
-    assert all(0.0 <= share <= 1.0 for share in answer["seen_at"]["room"].values())
-    assert answer["accuracy"]["office"]["known_right_with"] > 0.5
+    done = answer("map", "learn-situations", suite, "--seeds", "3:4", "--out", out)
+    assert done["drives"] == 2
+    assert set(done["accuracy"]) == {"paper-room", "office"}
+    assert all(0.0 <= share <= 1.0 for share in done["seen_at"]["room"].values())
+    assert done["accuracy"]["office"]["known_right_with"] > 0.5
     table = load_table(out)
     assert table.seen_at["room"].tolist() == pytest.approx(
-        list(answer["seen_at"]["room"].values()), abs=1e-3
+        list(done["seen_at"]["room"].values()), abs=1e-3
     )
     stack = tmp_path / "heard.yaml"
     stack.write_text(f"base: default\nlocalizer: {{bayes: {{situations: {out}}}}}\n")
@@ -208,9 +201,7 @@ def test_the_command_writes_a_table_that_localisers_load(tmp_path: Path) -> None
 
 
 def test_a_folder_is_no_file_to_write(tmp_path: Path) -> None:
-    done = invoke("map", "learn-situations", "--out", tmp_path)
-    assert done.exit_code == 2
-    assert "got a folder" in done.output
+    assert "got a folder" in refusal("map", "learn-situations", "--out", tmp_path)
 
 
 def test_drives_without_situations_are_an_error(tmp_path: Path) -> None:
