@@ -184,6 +184,7 @@ SUPERLATIVES = (
     "|LONGEST|LOWEST|MOST|NARROWEST|NEAREST|OLDEST|SHORTEST|SLOWEST|SMALLEST|STEEPEST|STRONGEST"
     "|THINNEST|WEAKEST|WIDEST"
 )
+VAGUE_LOCALS = {"each", "found", "given", "here", "there"}
 VAGUE = "helpers kernels misc model reference scenes situations tools utils"
 
 
@@ -234,6 +235,17 @@ def test_bounds_are_named_min_and_max() -> None:
         if isinstance(node, ast.Name) and superlative.search(node.id)
     ]
     assert superlatives == []
+
+
+def test_no_local_name_tells_nothing() -> None:
+    vague = [
+        f"{shown(path)}:{node.lineno}: {node.id}"
+        for path in SOURCES
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+        if node.id in VAGUE_LOCALS
+    ]
+    assert vague == []
 
 
 # --- the budgets of lines ------------------------------------------------------------------------
