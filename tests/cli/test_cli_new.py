@@ -1,4 +1,7 @@
-"""``navfw new``: projects and parts are sound, nothing is overwritten or half-written."""
+"""``navfw new``: projects and parts are sound, nothing is overwritten or half-written.
+
+``navfw check``: all errors of a project at once, each with its place and remedy.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from cli_calls import invoke
+from cli_calls import invoke, output, put_file, put_files, refusal
 from docs_pages import ROOT, blocks_of
 from processes import run
 
@@ -43,14 +46,12 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_new_project_is_sound(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    done = invoke("new", "project", "mine")
-    assert done.exit_code == 0, done.output
+    listed = output("new", "project", "mine").splitlines()[1:-1]
     written = {str(p.relative_to("mine")) for p in Path("mine").rglob("*") if p.is_file()}
-    assert {line.strip() for line in done.stdout.splitlines()[1:-1]} == written
+    assert {line.strip() for line in listed} == written
     assert {"navfw.toml", ".gitignore", "behaviors/cautious.py", "README.md"} <= written
     monkeypatch.chdir(folder / "mine")
-    checked = invoke("check")
-    assert (checked.exit_code, checked.stdout) == (0, "5 checked, 0 wrong\n")
+    assert output("check") == "5 checked, 0 wrong\n"
 
 
 def test_every_file_of_a_new_project_has_its_schema_in_the_editor(folder: Path) -> None:
@@ -69,37 +70,27 @@ def test_every_file_of_a_new_project_has_its_schema_in_the_editor(folder: Path) 
 
 def test_an_empty_folder_is_taken_and_another_is_not(folder: Path) -> None:
     (folder / "empty").mkdir()
-    assert invoke("new", "project", "empty").exit_code == 0
-    (folder / "mine").mkdir()
-    (folder / "mine/notes.txt").write_text("keep")
-    done = invoke("new", "project", "mine")
-    assert done.exit_code == 2
-    assert "mine: contains 'notes.txt', so it is not replaced; choose another DIR" in done.output
+    output("new", "project", "empty")
+    put_file(folder, "mine/notes.txt", "keep")
+    said = refusal("new", "project", "mine")
+    assert "mine: contains 'notes.txt', so it is not replaced; choose another DIR" in said
     assert [path.name for path in (folder / "mine").iterdir()] == ["notes.txt"]
 
 
 def test_no_project_within_a_project(folder: Path) -> None:
     invoke("new", "project", "mine")
     for inside in ("mine/second", "mine/a/b"):
-        done = invoke("new", "project", inside)
-        assert done.exit_code == 2
-        assert "is within the project mine; choose a folder outside of it" in done.output
+        said = refusal("new", "project", inside)
+        assert "is within the project mine; choose a folder outside of it" in said
         assert not (folder / "mine" / inside).exists()
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("file/mine", "file/mine: cannot be written"),
-        ("file", "expected a folder, got a file"),
-    ],
-)
-def test_a_place_that_cannot_be_written(name: str, message: str, folder: Path) -> None:
-    (folder / "file").write_text("keep")
-    done = invoke("new", "project", name)
-    assert (done.exit_code, message in done.output) == (2, True)
-    assert [path.name for path in folder.iterdir()] == ["file"]
-    assert (folder / "file").read_text() == "keep"
+def test_a_place_that_cannot_be_written(folder: Path) -> None:
+    file = put_file(folder, "file", "keep")
+    assert "file/mine: cannot be written" in refusal("new", "project", "file/mine")
+    assert "expected a folder, got a file" in refusal("new", "project", "file")
+    assert list(folder.iterdir()) == [file]
+    assert file.read_text() == "keep"
 
 
 @pytest.mark.slow
@@ -123,7 +114,7 @@ def test_five_commands_lead_to_an_edited_behaviour_that_passes(folder: Path) -> 
 @pytest.fixture
 def project(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A new project: the working folder, and trusted."""
-    assert invoke("new", "project", "mine").exit_code == 0
+    output("new", "project", "mine")
     monkeypatch.chdir(folder / "mine")
     return folder / "mine"
 
@@ -136,21 +127,19 @@ def test_the_parts_of_all_kinds_are_sound_together(
     listed: set[str] = set()
     monkeypatch.chdir(project / "tests")
     for kind, name in NAMES.items():
-        done = invoke("new", kind, name)
-        assert done.exit_code == 0, done.output
-        assert done.stdout.splitlines()[-1].startswith("next: navfw check && navfw ")
-        listed |= {line.strip() for line in done.stdout.splitlines()[1:-1]}
+        _, *lines, last = output("new", kind, name).splitlines()
+        assert last.startswith("next: navfw check && navfw ")
+        listed |= {line.strip() for line in lines}
     monkeypatch.chdir(project)
     written = {path for path in project.rglob("*") if path.is_file()} - before
     assert {str(path.relative_to(project)) for path in written} == listed
     texts = {path: path.read_text() for path in written}
     assert [path for path, text in texts.items() if "part_" in text or "PartName" in text] == []
-    checked = invoke("check")
-    assert (checked.exit_code, checked.stdout) == (0, "19 checked, 0 wrong\n")
+    assert output("check") == "19 checked, 0 wrong\n"
 
 
 def test_a_new_behavior_keeps_the_contract(project: Path) -> None:
-    assert invoke("new", "behavior", "slow_down").exit_code == 0
+    output("new", "behavior", "slow_down")
     assert "class SlowDown(RuledBehavior):" in (project / "behaviors/slow_down.py").read_text()
     behavior = default_registry().get("behavior", "slow_down")
     assert issubclass(behavior, navfw.Behavior)
@@ -161,7 +150,7 @@ def test_a_new_behavior_keeps_the_contract(project: Path) -> None:
 @pytest.mark.parametrize("kind", STAGES)
 def test_a_new_stage_drives_as_soon_as_it_is_written(kind: str) -> None:
     name = NAMES[kind]
-    assert invoke("new", kind, name).exit_code == 0
+    output("new", kind, name)
     with navfw.open_session("paper-room", "through-the-door", stack=name) as session:
         assert session.session.stack.resolved.stages[kind].name == name
         ticks = [tick for _, tick in zip(range(150), session, strict=False)]
@@ -174,7 +163,7 @@ def test_a_new_stage_drives_as_soon_as_it_is_written(kind: str) -> None:
 
 
 def test_a_new_world_has_no_stack_of_the_project(project: Path) -> None:
-    assert invoke("new", "world", "east-wing").exit_code == 0
+    output("new", "world", "east-wing")
     made = [path for path in project.rglob("*east?wing*") if path.is_file()]
     made += list((project / "worlds/east-wing").rglob("*.yaml"))
     assert len(made) == 4
@@ -185,8 +174,7 @@ def test_a_new_world_has_no_stack_of_the_project(project: Path) -> None:
 def test_a_new_mission_begins_as_another_one_of_its_world(
     project: Path, world: str, model: str
 ) -> None:
-    done = invoke("new", "mission", f"{world}/evening")
-    assert done.exit_code == 0, done.output
+    output("new", "mission", f"{world}/evening")
     text = (project / "worlds" / world / "missions" / "evening.yaml").read_text()
     assert text.startswith(f"description: as {model}; set start and goals\n")
     with navfw.open_session(world, "evening") as session:
@@ -197,7 +185,7 @@ def test_a_new_mission_begins_as_another_one_of_its_world(
 
 @pytest.mark.thorough
 def test_a_new_suite_drives_generated_worlds_and_those_of_the_project(project: Path) -> None:
-    assert invoke("new", "suite", "nightly").exit_code == 0
+    output("new", "suite", "nightly")
     plan = plan_runs(load_suite("nightly"), range(2), default_registry())
     assert len(plan.cases) == 8
     file = project / "worlds/suites/nightly.yaml"
@@ -230,17 +218,14 @@ WRONG = {
 @pytest.mark.parametrize(("part", "message"), WRONG.items(), ids=map(" ".join, WRONG))
 def test_a_wrong_name_is_refused(part: tuple[str, str], message: str, project: Path) -> None:
     before = sorted(project.rglob("*"))
-    done = invoke("new", *part)
-    assert done.exit_code == 2, done.output
-    assert message in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+    (said,) = refusal("new", *part).strip().splitlines()
+    assert message in said
     assert sorted(project.rglob("*")) == before
 
 
 @pytest.mark.parametrize("kind", NAMES)
 def test_no_part_outside_of_a_project(kind: str, folder: Path) -> None:
-    done = invoke("new", kind, NAMES[kind])
-    assert (done.exit_code, "is in no project; change into one" in done.stderr) == (2, True)
+    assert "is in no project; change into one" in refusal("new", kind, NAMES[kind])
     assert list(folder.iterdir()) == []
 
 
@@ -250,9 +235,8 @@ def test_a_part_that_cannot_be_written_whole_is_not_written(project: Path) -> No
     (project / "stacks").rmdir()
     (project / "stacks").write_text("in the way")
     before = sorted(project.rglob("*"))
-    done = invoke("new", "flow", "tracked_points")
-    assert done.exit_code == 2
-    assert "stacks/tracked_points.yaml: cannot be written" in done.stderr
+    said = refusal("new", "flow", "tracked_points")
+    assert "stacks/tracked_points.yaml: cannot be written" in said
     assert sorted(project.rglob("*")) == before
 
 
@@ -267,3 +251,126 @@ def test_the_next_command_and_the_test_of_a_part_succeed(kind: str, project: Pat
     pytest_ = f" && {python} -m pytest -q -p no:cacheprovider {' '.join(tests)}" if tests else ""
     done = run(["/bin/sh", "-ec", then + pytest_], cwd=project, env={"NAVFW_TRUST": "1"})
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+# --- check ---------------------------------------------------------------------------------------
+
+BEHAVIOR = '''
+from typing import ClassVar
+from navfw import Context, Proposal, RuledBehavior
+
+class {cls}(RuledBehavior):
+    """Keeps its position."""
+    name: ClassVar[str] = "{name}"
+
+    def propose(self, context: Context) -> Proposal:
+        raise NotImplementedError
+'''
+
+RULES = """
+name: {name}
+inputs:
+  ahead:
+    range: [0, 3]
+    terms:
+      little: {{trapezoid: [0, 0, 0.5, 1.5]}}
+      plenty: {{trapezoid: [0.5, 1.5, 3, 3]}}
+outputs:
+  speed:
+    range: [0, 1]
+    terms:
+      slow: {{triangle: [0, 0.3, 0.6]}}
+rules:
+  - IF ahead IS little THEN speed IS slow
+"""
+
+COVERING = RULES + "  - IF ahead IS plenty THEN speed IS slow\n"
+
+GOOD = {
+    "navfw.toml": "",
+    "behaviors/sound.py": BEHAVIOR.format(cls="Sound", name="sound"),
+    "behaviors/sound.yaml": COVERING.format(name="sound"),
+    "stacks/mine.yaml": "base: default\nbehaviors: {sound: }\n",
+    "worlds/empty/missions/own.yaml": (
+        "map: empty\nstart: [0, 0, 0]\ngoals: [east]\nstack: mine\ntimeout: 30\n"
+    ),
+    "robots/slow.yaml": "max_v: 0.2\n",
+}
+
+BAD = {
+    "behaviors/lonely.py": BEHAVIOR.format(cls="Lonely", name="lonely"),
+    "behaviors/open.py": BEHAVIOR.format(cls="Open", name="open"),
+    "behaviors/open.yaml": RULES.format(name="open"),
+    "behaviors/typo.py": BEHAVIOR.format(cls="Typo", name="typo"),
+    "behaviors/typos.yaml": COVERING.format(name="typo"),
+    "behaviors/_helper.yaml": "",
+    "stacks/wrong.yaml": "base: default\nbehaviors: {sound: {wait: 1}}\n",
+    "robots/torn.yaml": "radius: wide\n",
+    "worlds/suites/torn.yaml": "entries: []\n",
+    "worlds/empty/missions/far.yaml": (
+        "map: empty\nstart: [0, 0, 0]\ngoals: [centr]\nstack: mine\ntimeout: 30\n"
+    ),
+}
+
+SIMULATES = GOOD["behaviors/sound.py"] + "\nimport pybullet\n"
+
+
+@pytest.fixture
+def sound(folder: Path) -> Path:
+    """A sound project, trusted, in the working folder."""
+    put_files(folder, GOOD)
+    return folder
+
+
+def test_a_sound_project_passes(sound: Path) -> None:
+    assert output("check") == "4 checked, 0 wrong\n"
+
+
+def test_every_error_is_told_at_once(sound: Path) -> None:
+    put_files(sound, BAD)
+    done = invoke("check")
+    assert done.exit_code == 2
+    for words in (
+        "behaviors/lonely.yaml: there is no such file",
+        "behaviors/open.yaml",
+        "no rule",
+        "behaviors/typo.yaml: there is no such file; did you mean 'typos.yaml'?",
+        "stacks/wrong.yaml:2: behaviors.sound.wait: unknown key",
+        "robots/torn.yaml:1: radius",
+        "worlds/suites/torn.yaml:1: entries",
+        "worlds/empty/missions/far.yaml:3: goals[0]: unknown place 'centr'",
+        "did you mean 'centre'?",
+        "12 checked, 7 wrong",
+    ):
+        assert words in done.stdout
+
+
+def test_plugins_lists_a_behaviour_without_covering_rules_as_broken(sound: Path) -> None:
+    put_files(sound, BAD)
+    done = invoke("list", "plugins", "--kind", "behavior", "--json")
+    status = {row["name"]: row["status"] for row in json.loads(done.stdout)}
+    assert done.exit_code == 2
+    assert {name for name in status if status[name] == "broken"} == {"lonely", "open", "typo"}
+
+
+def test_single_files_are_checked_by_their_folder_or_keys(sound: Path) -> None:
+    put_files(sound, BAD | {"elsewhere.yaml": RULES.format(name="open"), "other.yaml": "x: 1\n"})
+    done = invoke("check", "--json", "elsewhere.yaml", "other.yaml", "behaviors/sound.py", "robots")
+    rows = {row["source"]: row for row in json.loads(done.stdout)}
+    kinds = [row["kind"] for row in rows.values()]
+    assert kinds == ["behavior", "rule base", None, "robot", "robot"]
+    assert rows["robots/slow.yaml"]["error"] is None
+    assert "no file of navfw" in rows["other.yaml"]["error"]
+    assert done.exit_code == 2
+
+
+def test_use_of_the_simulator_is_noted(sound: Path) -> None:
+    put_files(sound, {"behaviors/sound.py": SIMULATES})
+    assert "note: behaviors/sound.py:12: imports pybullet" in output("check", "behaviors")
+
+
+@pytest.mark.usefixtures("folder")
+def test_outside_a_project_files_must_be_named() -> None:
+    assert "no project here" in refusal("check")
+    missing = invoke("check", "nothing.yaml")
+    assert (missing.exit_code, "there is no such file" in missing.output) == (2, True)

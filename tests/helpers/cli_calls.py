@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from processes import Done, python
+from typer.main import get_command
 from typer.testing import CliRunner, Result
 
 from navfw.cli import app
@@ -34,13 +35,42 @@ def refusal(*words: object) -> str:
     return result.stderr
 
 
+def output(*words: object) -> str:
+    """What ``navfw`` prints with ``words``, which must succeed."""
+    result = invoke(*words)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def sole_refusal(*words: object) -> str:
+    """The ``refusal`` of ``words`` that print nothing on stdout."""
+    result = invoke(*words)
+    assert (result.exit_code, result.stdout) == (2, "")
+    return result.stderr
+
+
+def commands(group: Any = None, words: tuple[str, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Every command and group, after the words that call it."""
+    group = group or get_command(app)
+    yield words, group
+    for name, command in getattr(group, "commands", {}).items():
+        yield from commands(command, (*words, name))
+
+
 def navfw(*words: str, **environment: str) -> Done:
     """The result of ``navfw`` with ``words`` in a process of its own."""
     return python(PROGRAM, *words, env=environment)
 
 
+def put_file(folder: Path, name: str, content: str | bytes) -> Path:
+    """Write ``content`` to the file ``name`` below ``folder``, and its folders; the file."""
+    file = folder / name
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_bytes(content.encode() if isinstance(content, str) else content)
+    return file
+
+
 def put_files(folder: Path, texts: Mapping[str, str]) -> None:
     """Write the ``texts`` to ``folder``, each to the file that its key names."""
     for name, text in texts.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(text, encoding="utf-8")
+        put_file(folder, name, text)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, ClassVar
 
+from cli_calls import put_file
+
 from navfw.interfaces import Behavior
 from navfw.plugins import Registry
 
@@ -31,10 +33,8 @@ class Mine(Behavior):
 
 
 def put(folder: Path, name: str, text: str | bytes | None = None, cls: str = "Thing") -> Path:
-    file = folder / f"{name}.py"
     text = GOOD.format(cls=cls, name=name) if text is None else text
-    file.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return file
+    return put_file(folder, f"{name}.py", text)
 
 
 def discovered(folder: Path) -> Registry:
