@@ -11,6 +11,7 @@ import cli_calls
 import cv2
 import numpy as np
 import pytest
+from cli_calls import put_file, put_files, sole_refusal
 from perceive_calls import APPROACH, DISTANCES, PICTURE, perceive
 from perceive_images import HEIGHT, WIDTH, assert_ahead, save, wall_at
 
@@ -41,13 +42,12 @@ def through_barrel_lens(distance: float) -> Image:
 
 
 def calibration(folder: Path, width: int = WIDTH, height: int = HEIGHT) -> Path:
-    path = folder / "camera.yaml"
-    path.write_text(
+    text = (
         f"image_width: {width}\nimage_height: {height}\n"
         f"camera_matrix: {{rows: 3, cols: 3, data: {MATRIX.ravel().tolist()}}}\n"
         f"dist_coeffs: {BARREL.tolist()}\n"
     )
-    return path
+    return put_file(folder, "camera.yaml", text)
 
 
 def test_images_of_a_calibrated_camera(tmp_path: Path) -> None:
@@ -100,14 +100,12 @@ def test_what_is_wrong_costs_one_message(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     calibration(tmp_path, 640, 360).rename("wide.yaml")
-    Path("gyro.csv").write_text("0,90\n1,90\n")
-    Path("poses.txt").write_text("100 0 0 0 0 0 0 1\n101 0 0 0 0 0 0 1\n")
-    done = invoke(approach, *arguments, "--quiet")
-    assert done.exit_code == 2
-    assert done.stdout == ""
-    assert done.stderr.startswith("navfw: ")
-    assert message in done.stderr
-    assert done.stderr.count("\n") == 1
+    poses = "100 0 0 0 0 0 0 1\n101 0 0 0 0 0 0 1\n"
+    put_files(tmp_path, {"gyro.csv": "0,90\n1,90\n", "poses.txt": poses})
+    said = sole_refusal("perceive", approach, *arguments, "--quiet")
+    assert said.startswith("navfw: ")
+    assert message in said
+    assert said.count("\n") == 1
 
 
 def test_poses_give_rotation_and_speed(tmp_path: Path) -> None:
@@ -117,8 +115,7 @@ def test_poses_give_rotation_and_speed(tmp_path: Path) -> None:
     for k, image in enumerate(APPROACH):
         cv2.imwrite(str(folder / f"{start + 0.1 * k:.6f}.png"), image)
     lines = [f"{start + 0.05 * k:.4f} 1 2 {0.025 * k:.4f} 0 0 0 1" for k in range(20)]
-    (tmp_path / "poses.txt").write_text("\n".join(lines))
-    views = perceive(folder, "--poses", tmp_path / "poses.txt")
+    views = perceive(folder, "--poses", put_file(tmp_path, "poses.txt", "\n".join(lines)))
     for view, distance in zip(views, DISTANCES[1:], strict=True):
         assert view["rotation_deg"]["source"] == "poses"
         assert view["scale"]["speed_m_s"] == pytest.approx(0.5, abs=1e-3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -223,44 +224,28 @@ def test_video_of_16_bits(tmp_path: Path) -> None:
         assert np.abs(item.image.astype(int) - PICTURE[..., None]).max() <= 1
 
 
-class FilmOfATelephone:
+def film_of_a_telephone(_name: str) -> Mock:
     """Stands for OpenCV's reader: frames at irregular times, and some without a time."""
+    width, height, rate = cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FPS
+    facts = {width: 64.0, height: 48.0, rate: 25.0}
+    stamps = [40.0, 73.0, 140.0, 140.0, 0.0, 240.0]
 
-    stamps = (40.0, 73.0, 140.0, 140.0, 0.0, 240.0)
+    def read() -> tuple[bool, Image]:
+        shown = bool(stamps)
+        if shown:
+            facts[cv2.CAP_PROP_POS_MSEC] = stamps.pop(0)
+        return shown, np.zeros((48, 64, 3), np.uint8)
 
-    def __init__(self, _name: str) -> None:
-        self._next = 0
-
-    def get(self, what: int) -> float:
-        return {
-            cv2.CAP_PROP_FRAME_WIDTH: 64.0,
-            cv2.CAP_PROP_FRAME_HEIGHT: 48.0,
-            cv2.CAP_PROP_FPS: 25.0,
-            cv2.CAP_PROP_POS_MSEC: self.stamps[max(self._next, 1) - 1],
-        }.get(what, 0.0)
-
-    def read(self) -> tuple[bool, Image]:
-        self._next += 1
-        return self._next <= len(self.stamps), np.zeros((48, 64, 3), np.uint8)
-
-    def isOpened(self) -> bool:
-        return True
-
-    def set(self, _what: int, _value: float) -> None: ...
-
-    def release(self) -> None: ...
+    return Mock(read=read, get=lambda what: facts.get(what, 0.0))
 
 
 def test_frames_at_their_own_times(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "film.mp4").write_bytes(b"x")
-    monkeypatch.setattr(cv2, "VideoCapture", FilmOfATelephone)
+    monkeypatch.setattr(cv2, "VideoCapture", film_of_a_telephone)
     times = [item.time for item in open_source([tmp_path / "film.mp4"])]
     assert times == pytest.approx([0.0, 0.033, 0.1, 0.14, 0.18, 0.2])
     times = [item.time for item in open_source([tmp_path / "film.mp4"], 10.0)]
     assert times == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
-
-
-# --- folders, files, videos ----------------------------------------------------------------------
 
 
 @given(st.lists(st.integers(0, 10_000), unique=True, min_size=1))

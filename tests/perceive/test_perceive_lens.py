@@ -9,19 +9,18 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from cli_calls import put_file
 from perceive_images import HEIGHT, WIDTH, texture
 
 from navfw.camera_geometry import (
     ARCTAN,
+    FISHEYE,
     CameraCalibration,
     LensShape,
     distort,
     focal_for,
     rotation_matrix,
     straighten,
-)
-from navfw.camera_geometry import (
-    FISHEYE as EQUIDISTANT,
 )
 from navfw.egomotion import PointMotion
 from navfw.errors import InputError
@@ -44,7 +43,7 @@ from navfw.perceive.lens_fit import _MIN_STRETCH, _pair_residuals
 MATRIX = np.array([[210.0, 0.0, 155.0], [0.0, 205.0, 124.0], [0.0, 0.0, 1.0]])
 PLUMB_BOB = np.array([-0.28, 0.07, 0.001, -0.002, 0.01])
 RATIONAL = np.array([-0.2, 0.05, 0.001, 0.001, 0.01, 0.05, 0.01, 0.002])
-FISHEYE = np.array([0.02, -0.01, 0.003, -0.001])
+EQUIDISTANT = np.array([0.02, -0.01, 0.003, -0.001])
 
 ROS = """image_width: 320
 image_height: 240
@@ -65,24 +64,21 @@ rectification_matrix:
 """
 
 
-def written(tmp_path: Path, text: str) -> Path:
-    path = tmp_path / "camera.yaml"
-    path.write_text(text)
-    return path
+def loaded(folder: Path, text: str) -> CameraCalibration:
+    return load_calibration(put_file(folder, "camera.yaml", text))
 
 
 def lens(
     coefficients: Array = PLUMB_BOB,
     model: str = "plumb_bob",
     size: tuple[int, int] | None = (320, 240),
+    focal: float | None = None,
 ) -> CameraCalibration:
-    return CameraCalibration("camera.yaml", MATRIX, coefficients, model, size)
-
-
-def centred(focal: float, coefficients: Array, model: str) -> CameraCalibration:
-    """A lens in the middle of images of 320 x 240 px."""
-    matrix = np.array([[focal, 0.0, 159.5], [0.0, focal, 119.5], [0.0, 0.0, 1.0]])
-    return CameraCalibration("camera.yaml", matrix, coefficients, model, (320, 240))
+    """A lens with ``MATRIX``, or with ``focal`` [px] in the middle of images of 320 x 240 px."""
+    matrix = (
+        MATRIX if focal is None else np.array([[focal, 0, 159.5], [0, focal, 119.5], [0, 0, 1]])
+    )
+    return CameraCalibration("camera.yaml", matrix, coefficients, model, size)
 
 
 def opencv_file(tmp_path: Path, **entries: Any) -> Path:
@@ -109,7 +105,7 @@ def test_file_written_by_opencv(tmp_path: Path, name: str, directive: str) -> No
 
 
 def test_fisheye_file_written_by_opencv(tmp_path: Path) -> None:
-    entries = {"camera_matrix": MATRIX, "distortion_coefficients": FISHEYE}
+    entries = {"camera_matrix": MATRIX, "distortion_coefficients": EQUIDISTANT}
     assert load_calibration(opencv_file(tmp_path, **entries)).model == "plumb_bob"
     read = load_calibration(opencv_file(tmp_path, fisheye_model=1, **entries))
     assert (read.model, read.size) == ("equidistant", None)
@@ -130,7 +126,7 @@ def test_fisheye_file_written_by_opencv(tmp_path: Path) -> None:
 def test_camera_info_of_ros(tmp_path: Path, model: str, numbers: int, read_as: str) -> None:
     text = ROS.replace("plumb_bob", model)
     text = text.replace("[-0.28, 0.07, 0.001, -0.002, 0.01]", str([0.01] * numbers))
-    read = load_calibration(written(tmp_path, text))
+    read = loaded(tmp_path, text)
     assert (read.model, read.size) == (read_as, (320, 240))
     assert read.matrix.tolist() == MATRIX.tolist()
     assert read.coefficients.tolist() == [0.01] * numbers
@@ -139,7 +135,7 @@ def test_camera_info_of_ros(tmp_path: Path, model: str, numbers: int, read_as: s
 def test_message_of_ros(tmp_path: Path) -> None:
     text = "width: 320\nheight: 240\nK: [210, 0, 155, 0, 205, 124, 0, 0, 1]\nD: []\n"
     for printed in (text, text + "---\n", text.replace("K:", "k:").replace("D:", "d:")):
-        read = load_calibration(written(tmp_path, printed))
+        read = loaded(tmp_path, printed)
         assert read.matrix.tolist() == MATRIX.tolist()
         assert read.coefficients.size == 0
 
@@ -168,7 +164,7 @@ def test_message_of_ros(tmp_path: Path) -> None:
 def test_what_is_wrong_is_said(tmp_path: Path, old: str, new: str, message: str) -> None:
     assert old in ROS
     with pytest.raises(InputError, match=message):
-        load_calibration(written(tmp_path, ROS.replace(old, new, 1)))
+        loaded(tmp_path, ROS.replace(old, new, 1))
 
 
 def pattern(rays: Array) -> Array:
@@ -180,10 +176,8 @@ def pattern(rays: Array) -> Array:
 def photograph(calibration: CameraCalibration) -> Image:
     """What the calibrated camera sees of ``pattern``: (HEIGHT, WIDTH, 3)."""
     pixels = np.stack(np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT)), axis=-1)
-    undistort: Any = cv2.undistortPoints
-    if calibration.model == "equidistant":
-        undistort = cv2.fisheye.undistortPoints
-    rays = undistort(pixels.reshape(-1, 1, 2) + 0.0, MATRIX, calibration.coefficients)
+    opencv: Any = cv2.fisheye if calibration.model == "equidistant" else cv2
+    rays = opencv.undistortPoints(pixels.reshape(-1, 1, 2) + 0.0, MATRIX, calibration.coefficients)
     rays = rays.reshape(HEIGHT, WIDTH, 2)
     return np.repeat(np.rint(pattern(rays))[..., None], 3, axis=2).astype(np.uint8)
 
@@ -193,7 +187,7 @@ def photograph(calibration: CameraCalibration) -> Image:
     [
         lens(),
         lens(RATIONAL, "rational_polynomial"),
-        lens(FISHEYE, "equidistant"),
+        lens(EQUIDISTANT, "equidistant"),
         lens(np.array([0.15, -0.03, 0.0, 0.0]), "plumb_bob"),
     ],
     ids=["barrel", "rational", "fisheye", "pincushion"],
@@ -208,19 +202,17 @@ def test_result_is_that_of_a_pinhole_camera(calibration: CameraCalibration) -> N
     assert error.max() < 4.0
     assert 0.7 < straighten.hfov < 1.7
     # no wider view is without a margin that the lens does not show
-    wider = Undistortion.__new__(Undistortion)
-    wider.__dict__.update(straighten.__dict__)
-    assert not wider._shown(0.99 * focal)
+    assert not straighten._shown(0.99 * focal)
 
 
 def test_lens_without_distortion_keeps_its_focal_length() -> None:
-    straighten = Undistortion(centred(200.0, np.zeros(0), "plumb_bob"), 320, 240)
+    straighten = Undistortion(lens(np.zeros(0), focal=200.0), 320, 240)
     assert straighten.hfov == pytest.approx(2.0 * math.atan(160.0 / 200.0), abs=1e-6)
     assert straighten.notes == ["calibration applied: images then show 77.3 degrees across"]
 
 
 def test_very_wide_lens_is_cut_to_what_a_pinhole_image_shows() -> None:
-    straighten = Undistortion(centred(100.0, FISHEYE, "equidistant"), 320, 240)
+    straighten = Undistortion(lens(EQUIDISTANT, "equidistant", focal=100.0), 320, 240)
     assert math.degrees(straighten.hfov) <= 120.0 + 1e-6
     picture = straighten.apply(np.full((240, 320, 3), 200, np.uint8))
     assert picture.min() == 200
@@ -258,7 +250,9 @@ def test_coefficients_that_nothing_can_invert() -> None:
 
 HALF = 0.5 * WIDTH
 FISH = LensShape(150.0, 1.0)
+BENT = LensShape(focal_for(HALF, math.radians(50.0), 0.5), 0.5)
 PINHOLE = LensShape(260.0, 0.0)
+FIGURES = ("focal_px", "focal_sigma_px", "hfov_deg", "curvature", "curvature_sigma")
 
 
 def shown(shape: LensShape, points: Array) -> Array:
@@ -331,8 +325,8 @@ def test_curvature_1_is_the_equidistant_fisheye() -> None:
     grey = texture()[:HEIGHT, :WIDTH, None]
     image = np.asarray(np.repeat(grey, 3, axis=2), dtype=np.uint8)
     views = []
-    for model, coefficients in ((EQUIDISTANT, np.zeros(4)), (ARCTAN, np.ones(1))):
-        straight = Undistortion(centred(150.0, coefficients, model), WIDTH, HEIGHT)
+    for model, coefficients in ((FISHEYE, np.zeros(4)), (ARCTAN, np.ones(1))):
+        straight = Undistortion(lens(coefficients, model, focal=150.0), WIDTH, HEIGHT)
         views.append((straight.hfov, straight.apply(image).astype(np.int16)))
     assert views[0][0] == pytest.approx(views[1][0], abs=1e-6)
     assert np.abs(views[0][1] - views[1][1]).max() <= 2
@@ -340,13 +334,9 @@ def test_curvature_1_is_the_equidistant_fisheye() -> None:
 
 
 def test_the_fit_finds_focal_length_and_curvature() -> None:
-    shape = LensShape(200.0, 0.45)
-    fit = LensFit(drive(shape, 0.08), HALF)
-    found = fit.refined(fit.start())
-    assert found.focal == pytest.approx(shape.focal, rel=0.03)
-    assert found.curvature == pytest.approx(shape.curvature, abs=0.05)
-    assert fit.bend(found) == pytest.approx(0.057 * HALF**2 / shape.focal, rel=0.2)
-    numbers = (found.focal, found.curvature, fit.bend(found))
+    fit = LensFit(drive(LensShape(200.0, 0.45), 0.08), HALF)
+    fitted = fit.refined(fit.start())
+    numbers = (fitted.focal, fitted.curvature, fit.bend(fitted))
     assert numbers == pytest.approx((198.510298, 0.451028591, 6.57172482), rel=1e-5)
 
 
@@ -361,35 +351,29 @@ def test_wrong_tracks_do_not_move_the_fit() -> None:
     assert fitted.curvature == pytest.approx(shape.curvature, abs=0.08)
 
 
-def test_a_fisheye_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = estimated(monkeypatch, drive(FISH, 0.08))
-    assert found.calibration is not None
-    assert found.calibration.model == ARCTAN
-    data = found.as_data()
-    assert data["curvature"] == 1.0
-    assert data["focal_px"] == pytest.approx(150.0, rel=0.03)
-    assert data["hfov_deg"] == pytest.approx(math.degrees(WIDTH / 150.0), abs=4.0)
-    assert "distortion arctan 1.0 +- 0.0" in estimate_line(found)
-    assert (data["focal_px"], data["focal_sigma_px"]) == (149.47, 7.49)
-    assert (data["hfov_deg"], data["curvature_sigma"]) == (122.7, 0.052)
-
-
-def test_a_lens_without_distortion_gets_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = estimated(monkeypatch, drive(PINHOLE, 0.08))
-    assert found.calibration is None
-    assert found.shape is not None
-    assert found.shape.curvature == 0.0
-    data = found.as_data()
-    assert (data["focal_px"], data["focal_sigma_px"]) == (259.01, 13.03)
-    assert (data["hfov_deg"], data["curvature_sigma"]) == (63.4, 0.051)
-    assert "no distortion" in estimate_line(found)
-
-
-def test_without_turns_no_focal_length_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = estimated(monkeypatch, drive(PINHOLE, 0.001))
-    assert found.shape is None
-    assert found.as_data()["focal_px"] is None
-    assert estimate_line(found).startswith("estimated: nothing about the lens, by 16 pairs")
+@pytest.mark.parametrize(
+    ("drawn", "hfov", "figures", "line"),
+    [
+        ((FISH, 0.08), None, (149.47, 7.49, 122.7, 1.0, 0.052), "distortion arctan 1.0 +- 0.0"),
+        ((PINHOLE, 0.08), None, (259.01, 13.03, 63.4, 0.0, 0.051), "no distortion"),
+        ((BENT, 0.03), 100.0, (None, None, None, 0.506, 0.056), "distortion arctan 0.506 +- 0.0"),
+        ((PINHOLE, 0.001), None, (None,) * 5, "nothing about the lens, by 16 pairs"),
+    ],
+    ids=["fisheye", "no distortion", "known view leaves the curvature", "no turns"],
+)
+def test_what_the_tracks_determine_is_told_and_used(
+    monkeypatch: pytest.MonkeyPatch,
+    drawn: tuple[LensShape, float],
+    hfov: float | None,
+    figures: tuple[float | None, ...],
+    line: str,
+) -> None:
+    estimate = estimated(monkeypatch, drive(*drawn), hfov)
+    assert estimate.as_data() == {"pairs": 16, **dict(zip(FIGURES, figures, strict=True))}
+    assert estimate_line(estimate).startswith(f"estimated: {line}")
+    assert (estimate.shape is None) == (figures[3] is None)
+    assert estimate.calibration is None or estimate.calibration.model == ARCTAN
+    assert hfov is None or estimate.hfov == pytest.approx(hfov)
 
 
 @pytest.mark.parametrize(("bend", "known"), [(0.01, False), (0.02, True)])
@@ -401,15 +385,6 @@ def test_a_focal_length_needs_a_bent_flow(
     monkeypatch.setattr(LensFit, "refined", lambda *_: PINHOLE)
     monkeypatch.setattr(LensFit, "bend", lambda *_: bend * WIDTH)
     assert (estimated(monkeypatch, drive(PINHOLE, 0.0)).shape == PINHOLE) == known
-
-
-def test_a_known_view_leaves_the_curvature(monkeypatch: pytest.MonkeyPatch) -> None:
-    shape = LensShape(focal_for(HALF, math.radians(50.0), 0.5), 0.5)
-    found = estimated(monkeypatch, drive(shape, 0.03), hfov=100.0)
-    assert found.hfov == pytest.approx(100.0)
-    data = found.as_data()
-    assert (data["focal_px"], data["hfov_deg"]) == (None, None)
-    assert (data["curvature"], data["curvature_sigma"]) == (0.506, 0.056)
 
 
 def test_few_pairs_tell_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -158,9 +158,6 @@ def test_scale_from_what_is_known() -> None:
     assert not nothing.floor
 
 
-# --- working images ------------------------------------------------------------------------------
-
-
 @given(SIDES, SIDES, st.sampled_from([(12, 16), (10, 15), (24, 32), (6, 8)]))
 def test_any_size_becomes_one_that_the_grid_divides(
     width: int, height: int, grid: tuple[int, int]

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from cli_calls import put_file
 from hypothesis import given
 from hypothesis import strategies as st
 from perceive_images import save
@@ -17,6 +21,7 @@ from navfw.errors import InputError
 from navfw.numerics import Array
 from navfw.perceive import (
     GyroRecord,
+    ImageSource,
     MotionRecord,
     PerceiverOptions,
     load_gyro_record,
@@ -29,13 +34,15 @@ START = 1305031449.0
 LINE = "0 0 0 0 0 0 0 1\n"
 
 
-def written(tmp_path: Path, text: str, name: str = "gyro.csv") -> Path:
-    path = tmp_path / name
-    path.write_text(text)
-    return path
-
-
 # --- rates of a gyro -----------------------------------------------------------------------------
+
+
+def gyro_of(folder: Path, text: str) -> GyroRecord:
+    return load_gyro_record(put_file(folder, "gyro.csv", text))
+
+
+def poses_of(folder: Path, text: str) -> MotionRecord:
+    return load_pose_record(put_file(folder, "poses.txt", text))
 
 
 @given(st.floats(0.0, 8.0), st.floats(0.01, 2.0), st.floats(-3, 3), st.floats(-1, 1))
@@ -45,12 +52,10 @@ def test_linear_rates_are_integrated_exactly(
     times = np.linspace(0.0, 10.0, 501)
     rates = np.zeros((501, 3))
     rates[:, 2] = rate + rise * times
-    rotation_vector = GyroRecord(times=times, rates=rates, longest_gap=0.05).rotation_between(
-        begin, begin + length
-    )
-    assert rotation_vector is not None
-    expected = rate * length + rise * ((begin + length) ** 2 - begin**2) / 2
-    assert rotation_vector == pytest.approx([0.0, 0.0, expected], abs=1e-9)
+    end = begin + length
+    turned = GyroRecord(times=times, rates=rates, longest_gap=0.05).rotation_between(begin, end)
+    expected = rate * length + rise * (end**2 - begin**2) / 2
+    assert turned == pytest.approx([0.0, 0.0, expected], abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -87,14 +92,14 @@ def test_the_ends_of_a_record_may_be_off_by_one_gap(begin: float, end: float, kn
 def test_columns_by_name_or_position_and_units_by_the_header(
     tmp_path: Path, text: str, seconds: float, expected: list[float], measured: set[str]
 ) -> None:
-    gyro = load_gyro_record(written(tmp_path, text))
+    gyro = gyro_of(tmp_path, text)
     assert gyro.measured == measured
     assert gyro.rotation_between(0.0, seconds) == pytest.approx(expected)
 
 
 def test_units_and_other_columns_by_the_header(tmp_path: Path) -> None:
     header = "frame,time_ms,accel_x,gyro_x_deg_s,gyro_y_mdps,angular_velocity.z [mrad/s]\n"
-    gyro = load_gyro_record(written(tmp_path, header + "0,0,9,2,3000,40\n1,100,9,2,3000,40\n"))
+    gyro = gyro_of(tmp_path, header + "0,0,9,2,3000,40\n1,100,9,2,3000,40\n")
     expected = 0.1 * np.array([np.radians(2.0), np.radians(3.0), 0.04])
     assert gyro.rotation_between(0.0, 0.1) == pytest.approx(expected)
     assert gyro.notes == (
@@ -107,7 +112,7 @@ def test_offset_of_pitch_rate_is_told_from_pitching(tmp_path: Path) -> None:
     times = np.arange(0.0, 30.0, 0.05)
     pitching = 0.3 * np.sin(2.0 * times)
     rows = [f"{t:.2f},0.2,{0.07 + p:.6f}" for t, p in zip(times, pitching, strict=True)]
-    gyro = load_gyro_record(written(tmp_path, "time,yaw_rate,pitch_rate\n" + "\n".join(rows)))
+    gyro = gyro_of(tmp_path, "time,yaw_rate,pitch_rate\n" + "\n".join(rows))
     assert gyro.notes[0].startswith("the gyro's pitch rate has an offset of 0.07")
     assert gyro.rates[:, 1] == pytest.approx(pitching, abs=0.01)
     # a turn to the left is not taken for an offset
@@ -117,34 +122,27 @@ def test_offset_of_pitch_rate_is_told_from_pitching(tmp_path: Path) -> None:
 def test_gaps_and_missing_numbers(tmp_path: Path) -> None:
     lines = [f"{0.01 * k:.2f},{'nan' if 300 <= k < 340 else 0.2}" for k in range(1000)]
     lines[700] = "7.00,"
-    gyro = load_gyro_record(written(tmp_path, "\n".join(lines)))
+    gyro = gyro_of(tmp_path, "\n".join(lines))
     assert gyro.notes == ("41 of 1000 gyro samples are not numbers",)
-    assert gyro.rotation_between(2.9, 3.1) is None
-    assert gyro.rotation_between(3.1, 3.2) is None
+    for begin, end in ((2.9, 3.1), (3.1, 3.2), (9.5, 10.5), (-1.0, 0.5)):
+        assert gyro.rotation_between(begin, end) is None
     # one sample is no gap
     assert gyro.rotation_between(6.95, 7.05) == pytest.approx([0.0, 0.0, 0.02])
-    assert gyro.rotation_between(9.5, 10.5) is None
-    assert gyro.rotation_between(-1.0, 0.5) is None
 
 
 def test_files_that_are_none(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no such file"):
         load_gyro_record(tmp_path / "nowhere.csv")
-    (tmp_path / "gyro.csv").write_bytes(bytes(range(128, 256)))
     with pytest.raises(InputError, match="expected UTF-8 text"):
-        load_gyro_record(tmp_path / "gyro.csv")
+        load_gyro_record(put_file(tmp_path, "gyro.csv", bytes(range(128, 256))))
 
 
 # --- poses of the camera -------------------------------------------------------------------------
 
 
-class Images:
+def images_from(start: float | None, duration: float = 5.0, rate_known: bool = True) -> Any:
     """Stands for a source of images: their times alone."""
-
-    def __init__(self, start: float | None, duration: float, rate_known: bool = True) -> None:
-        self.start = start
-        self.duration = duration
-        self.rate_known = rate_known
+    return SimpleNamespace(start=start, duration=duration, rate_known=rate_known)
 
 
 def trajectory(
@@ -162,7 +160,7 @@ def trajectory(
         t = 0.05 * k
         numbers = [*first.apply(velocity * t), *(first * Rotation.from_rotvec(rates * t)).as_quat()]
         lines.append(" ".join(f"{number:.9f}" for number in (start + t, *numbers)))
-    return written(tmp_path, "\n".join(lines), "poses.txt")
+    return put_file(tmp_path, "poses.txt", "\n".join(lines))
 
 
 @pytest.mark.parametrize(
@@ -177,8 +175,7 @@ def test_rotation_about_the_axes_of_base_link(
     tmp_path: Path, axis: list[float], expected: list[float]
 ) -> None:
     record = load_pose_record(trajectory(tmp_path, np.array(axis), np.zeros(3)))
-    found = record.rotation_between(2.013, 3.013)
-    assert found == pytest.approx(expected, abs=1e-6)
+    assert record.rotation_between(2.013, 3.013) == pytest.approx(expected, abs=1e-6)
 
 
 def test_pitch_of_the_camera_is_taken_into_account(tmp_path: Path) -> None:
@@ -194,22 +191,22 @@ def test_pitch_of_the_camera_is_taken_into_account(tmp_path: Path) -> None:
 
 def test_speed_of_the_poses_unless_one_is_given(tmp_path: Path) -> None:
     path = trajectory(tmp_path, np.array([0.0, 0.1, 0.0]), np.array([0.3, 0.0, 0.4]))
-    record = load_pose_record(path)
-    assert PerceiverOptions(gyro=record).speed_between(1.0, 1.1) == pytest.approx(0.5, rel=1e-4)
-    assert PerceiverOptions(gyro=record, speed=0.8).speed_between(1.0, 1.1) == 0.8
-    assert PerceiverOptions(gyro=record).speed_between(20.0, 20.1) is None
+    options = PerceiverOptions(gyro=load_pose_record(path))
+    assert options.speed_between(1.0, 1.1) == pytest.approx(0.5, rel=1e-4)
+    assert replace(options, speed=0.8).speed_between(1.0, 1.1) == 0.8
+    assert options.speed_between(20.0, 20.1) is None
     assert PerceiverOptions().speed_between(1.0, 1.1) is None
 
 
 def test_names_of_the_columns_and_commas(tmp_path: Path) -> None:
     text = "time,tx,ty,tz,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,2,0,0,0,1\n"
-    record = load_pose_record(written(tmp_path, text, "poses.txt"))
-    assert record.translation_between(0.0, 0.5) == pytest.approx([1.0, 0.0, 0.0])
+    moved = poses_of(tmp_path, text).translation_between(0.0, 0.5)
+    assert moved == pytest.approx([1.0, 0.0, 0.0])
 
 
 def test_a_jump_is_no_speed(tmp_path: Path) -> None:
     text = "".join(f"{k} 0 0 {z} 0 0 0 1\n" for k, z in enumerate((0, 50, 100, 550)))
-    options = PerceiverOptions(gyro=load_pose_record(written(tmp_path, text, "poses.txt")))
+    options = PerceiverOptions(gyro=poses_of(tmp_path, text))
     assert options.speed_between(0.1, 0.2) == pytest.approx(50.0)
     assert options.speed_between(2.1, 2.2) is None
 
@@ -230,64 +227,56 @@ def test_gaps_and_ends(tmp_path: Path) -> None:
 def test_times_of_the_images_names_or_since_the_first_one(tmp_path: Path) -> None:
     turn = np.array([0.0, -0.1, 0.0])
     stamped: MotionRecord = load_pose_record(trajectory(tmp_path, turn, turn, start=START))
-    images = Images(START + 2.0, 5.0)
-    found = stamped.on_clock_of(images)  # type: ignore[arg-type]
-    assert float(found.times[0]) == pytest.approx(-2.0)
-    assert found.rotation_between(0.0, 1.0) == pytest.approx([0.0, 0.0, 0.1], abs=1e-5)
+    images = images_from(START + 2.0)
+    moved = stamped.on_clock_of(images)
+    assert float(moved.times[0]) == pytest.approx(-2.0)
+    assert moved.rotation_between(0.0, 1.0) == pytest.approx([0.0, 0.0, 0.1], abs=1e-5)
     relative: MotionRecord = load_pose_record(trajectory(tmp_path, turn, turn))
-    assert relative.on_clock_of(images) is relative  # type: ignore[arg-type]
-    for others in (Images(None, 5.0), Images(START + 100.0, 5.0), Images(None, math.inf)):
+    assert relative.on_clock_of(images) is relative
+    for others in (images_from(None), images_from(START + 100.0), images_from(None, math.inf)):
         with pytest.raises(InputError, match=r"poses\.txt: --poses: expected readings within the"):
-            stamped.on_clock_of(others)  # type: ignore[arg-type]
+            stamped.on_clock_of(others)
     with pytest.raises(InputError, match=r"times of the images are not known.* give --fps or --ti"):
-        relative.on_clock_of(Images(None, 5.0, rate_known=False))  # type: ignore[arg-type]
+        relative.on_clock_of(images_from(None, rate_known=False))
 
 
 _GYRO_ERRORS = [
-    ("0,0\n1,0\n0.5,0\n", r"table\.csv:3: time 0\.500000 s does not come after 1\.0"),
-    ("time,yaw\n0,0\n1,abc\n", r"table\.csv:3: yaw_rate: 'abc' is not a number"),
-    ("time,yow_rate\n", r"table\.csv:1: unknown column 'yow_rate': did you mean 'yaw_rate'"),
-    ("time,pitch\n0,0\n", r"table\.csv:1: has no column 'yaw_rate'"),
+    ("0,0\n1,0\n0.5,0\n", r"gyro\.csv:3: time 0\.500000 s does not come after 1\.0"),
+    ("time,yaw\n0,0\n1,abc\n", r"gyro\.csv:3: yaw_rate: 'abc' is not a number"),
+    ("time,yow_rate\n", r"gyro\.csv:1: unknown column 'yow_rate': did you mean 'yaw_rate'"),
+    ("time,pitch\n0,0\n", r"gyro\.csv:1: has no column 'yaw_rate'"),
     ("0,90\n1,90\n", "are these degrees per second"),
-    ("0,0\n1\n", r"table\.csv:2: has 1 values, not 2"),
+    ("0,0\n1\n", r"gyro\.csv:2: has 1 values, not 2"),
     ("0\n1\n", "has 1 columns and no header"),
-    ("time,gyro_z,yaw\n0,0,0\n", r"table\.csv:1: has several columns of 'yaw_rate'"),
-    ("time,yaw_rate [turns]\n0,0\n", r"table\.csv:1: unknown unit in 'yaw_rate \[turns\]'; kn"),
+    ("time,gyro_z,yaw\n0,0,0\n", r"gyro\.csv:1: has several columns of 'yaw_rate'"),
+    ("time,yaw_rate [turns]\n0,0\n", r"gyro\.csv:1: unknown unit in 'yaw_rate \[turns\]'; kn"),
     ("0,0\n5,0\n10,0\n", "samples are 5 s apart; .* name it in the header: time_ms"),
     ("", "has no usable gyro sample"),
     ("0,nan\n1,nan\n", "has no usable gyro sample"),
 ]
 _POSE_ERRORS = [
-    (LINE, r"table\.csv: has 1 usable pose; at least two rows of time, tx, ty, tz"),
+    (LINE, r"poses\.txt: has 1 usable pose; at least two rows of time, tx, ty, tz"),
     ("", "has no usable pose"),
-    (LINE + "1 0 0 0 0 0 1\n", r"table\.csv:2: has 7 values, not 8 \(time, tx, ty, tz,"),
-    (LINE + "1 0 0 0 0 0 0 one\n", r"table\.csv:2: qw: 'one' is not a number"),
-    (LINE + "1 0 0 nan 0 0 0 1\n", r"table\.csv:2: expected finite numbers, positions in met"),
-    (LINE + "1 0 0 1e30 0 0 0 1\n", r"table\.csv:2: expected finite numbers"),
-    (LINE + "1 0 0 0 1 0 0 1\n", r"table\.csv:2: qx qy qz qw have the norm 1\.41, not 1"),
-    (LINE + LINE, r"table\.csv:2: time 0\.000000 s does not come after .*; sort the rows"),
+    (LINE + "1 0 0 0 0 0 1\n", r"poses\.txt:2: has 7 values, not 8 \(time, tx, ty, tz,"),
+    (LINE + "1 0 0 0 0 0 0 one\n", r"poses\.txt:2: qw: 'one' is not a number"),
+    (LINE + "1 0 0 nan 0 0 0 1\n", r"poses\.txt:2: expected finite numbers, positions in met"),
+    (LINE + "1 0 0 1e30 0 0 0 1\n", r"poses\.txt:2: expected finite numbers"),
+    (LINE + "1 0 0 0 1 0 0 1\n", r"poses\.txt:2: qx qy qz qw have the norm 1\.41, not 1"),
+    (LINE + LINE, r"poses\.txt:2: time 0\.000000 s does not come after .*; sort the rows"),
     (LINE + "0.1 0 0 50 0 0 0 1\n", "moves at 500 m/s; expected positions in metres, not mill"),
     (LINE + LINE.replace("0", "500", 1), "poses are 500 s apart; expected times in seconds"),
 ]
 
 
-@pytest.mark.parametrize(
-    ("load", "text", "message"),
-    [
-        *((load_gyro_record, *row) for row in _GYRO_ERRORS),
-        *((load_pose_record, *row) for row in _POSE_ERRORS),
-    ],
-)
-def test_what_is_wrong_with_a_record_is_said_with_its_line(
-    tmp_path: Path, load: Callable[[Path], MotionRecord], text: str, message: str
-) -> None:
-    with pytest.raises(InputError, match=message):
-        load(written(tmp_path, text, "table.csv"))
-
-
 # --- times of images -----------------------------------------------------------------------------
 
 GREY = np.full((48, 64), 90, np.uint8)
+
+
+def three_images(folder: Path, times: str) -> ImageSource:
+    """Three images, at the times of a file with this text."""
+    listed = load_image_times(put_file(folder, "times.csv", times))
+    return open_source([save(folder / "images", [GREY] * 3)], listed=listed)
 
 
 @pytest.mark.parametrize(
@@ -302,39 +291,45 @@ GREY = np.full((48, 64), 90, np.uint8)
     ids=["times", "tum", "with others", "table", "named"],
 )
 def test_lists_of_all_forms(tmp_path: Path, text: str) -> None:
-    folder = save(tmp_path / "images", [GREY] * 3)
-    source = open_source([folder], listed=load_image_times(written(tmp_path, text, "times.csv")))
+    source = three_images(tmp_path, text)
     assert [item.time for item in source] == pytest.approx([0.0, 0.1, 0.3])
     assert source.start == pytest.approx(5.0)
     assert source.rate == pytest.approx(1.0 / 0.15)
     assert source.notes == []
 
 
+_TIME_ERRORS = [
+    ("", r"times\.csv: has no times of images"),
+    ("0\n0.1\n", r"times\.csv: --times: has 2 times for 3 images; add a column 'file'"),
+    ("0 a.png\n1 b.png\n2 c.png\n", "has no time of 3 of 3 images, such as image_1.png"),
+    ("0\n0.2\n0.1\n", r"times\.csv:3: time 0\.1\d* s does not come after 0\.2\d* s; sort the"),
+    ("0\n0.1\nlater\n", r"times\.csv:3: time: 'later' is not a time in seconds"),
+    ("0\nnan\n1\n", r"times\.csv:2: time: 'nan' is not a time in seconds"),
+    ("frame,v\n1,2\n", r"times\.csv:1: has no column 'time'; name the one that holds it so"),
+    ("time,file\n0,image_1.png\n1\n", r"times\.csv:3: has 1 values, not 2 \(time, file\)"),
+    (
+        "0 image_2.png\n1 image_1.png\n2 image_3.png\n",
+        r"image_2\.png was not taken after image_1\.png; give the images in the order of time",
+    ),
+]
+
+
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("read", "text", "message"),
     [
-        ("", r"times\.csv: has no times of images"),
-        ("0\n0.1\n", r"times\.csv: --times: has 2 times for 3 images; add a column 'file'"),
-        ("0 a.png\n1 b.png\n2 c.png\n", "has no time of 3 of 3 images, such as image_1.png"),
-        ("0\n0.2\n0.1\n", r"times\.csv:3: time 0\.1\d* s does not come after 0\.2\d* s; sort the"),
-        ("0\n0.1\nlater\n", r"times\.csv:3: time: 'later' is not a time in seconds"),
-        ("0\nnan\n1\n", r"times\.csv:2: time: 'nan' is not a time in seconds"),
-        ("frame,v\n1,2\n", r"times\.csv:1: has no column 'time'; name the one that holds it so"),
-        ("time,file\n0,image_1.png\n1\n", r"times\.csv:3: has 1 values, not 2 \(time, file\)"),
-        (
-            "0 image_2.png\n1 image_1.png\n2 image_3.png\n",
-            r"image_2\.png was not taken after image_1\.png; give the images in the order of time",
-        ),
+        *((gyro_of, *row) for row in _GYRO_ERRORS),
+        *((poses_of, *row) for row in _POSE_ERRORS),
+        *((three_images, *row) for row in _TIME_ERRORS),
     ],
 )
-def test_what_is_wrong_with_times_is_said(tmp_path: Path, text: str, message: str) -> None:
-    folder = save(tmp_path / "images", [GREY] * 3)
+def test_what_is_wrong_is_said_with_its_line(
+    tmp_path: Path, read: Callable[[Path, str], object], text: str, message: str
+) -> None:
     with pytest.raises(InputError, match=message):
-        open_source([folder], listed=load_image_times(written(tmp_path, text, "times.csv")))
+        read(tmp_path, text)
 
 
 def test_a_video_has_its_own_times(tmp_path: Path) -> None:
-    (tmp_path / "film.mp4").write_bytes(b"x")
-    listed = load_image_times(written(tmp_path, "0\n1\n", "times.csv"))
+    listed = load_image_times(put_file(tmp_path, "times.csv", "0\n1\n"))
     with pytest.raises(InputError, match="--times: is for image files; a video has its own times"):
-        open_source([tmp_path / "film.mp4"], listed=listed)
+        open_source([put_file(tmp_path, "film.mp4", "x")], listed=listed)
