@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import os
 import socket
 from collections.abc import Callable
@@ -12,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from architecture_sources import MODULES, dotted, shown, tree_of
+from cli_calls import put_file
 
 from navfw.config import (
     find,
@@ -98,6 +100,10 @@ def test_every_exception_is_still_used() -> None:
         assert set(calls) <= opening_calls(by_name[name]), name
 
 
+def to_zero(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
 Read = Callable[[Path], object]
 
 INPUTS: dict[str, tuple[str, Read]] = {
@@ -130,18 +136,9 @@ def test_a_pipe_device_socket_or_folder_is_refused_at_once(kind: str, tmp_path: 
         assert raised.value.file is not None
 
 
-def to_zero(path: Path) -> None:
-    path.symlink_to("/dev/zero")
-
-
 def listen(path: Path) -> None:
-    here = Path.cwd()
-    os.chdir(path.parent)  # names of sockets are short
-    try:
-        with socket.socket(socket.AF_UNIX) as server:
-            server.bind(path.name)
-    finally:
-        os.chdir(here)
+    with contextlib.chdir(path.parent), socket.socket(socket.AF_UNIX) as server:
+        server.bind(path.name)  # names of sockets are short
 
 
 @pytest.mark.parametrize("kind", [kind for kind in INPUTS if kind != "result"])
@@ -155,21 +152,16 @@ def test_a_name_that_no_file_has_is_refused(kind: str, name: str, tmp_path: Path
 
 
 def test_a_file_is_read_up_to_its_bound_and_through_a_link(tmp_path: Path) -> None:
-    (tmp_path / "file").write_bytes(b"12345")
-    (tmp_path / "link").symlink_to("file")
-    assert read_input(tmp_path / "link", 5) == b"12345"
-    with pytest.raises(ConfigError, match="too large: at most 4 bytes"):
-        read_input(tmp_path / "link", 4)
-
-
-def test_a_file_whose_size_is_unknown_is_bounded_as_well() -> None:
-    with pytest.raises(ConfigError, match="too large"):
-        read_input("/proc/self/maps", 10)
+    link = tmp_path / "link"
+    link.symlink_to(put_file(tmp_path, "file", b"12345").name)
+    assert read_input(link, 5) == b"12345"
+    for file, bound in ((link, 4), ("/proc/self/maps", 10)):  # the latter's size is unknown
+        with pytest.raises(ConfigError, match=f"too large: at most {bound} bytes"):
+            read_input(file, bound)
 
 
 def test_text_is_utf_8_with_or_without_a_mark(tmp_path: Path) -> None:
-    file = tmp_path / "a.txt"
-    file.write_bytes(b"\xef\xbb\xbfone\ntwo")
+    file = put_file(tmp_path, "a.txt", b"\xef\xbb\xbfone\ntwo")
     assert read_input_text(file, 100) == "one\ntwo"
     file.write_bytes(b"\xef\xbb\xbfone\nt\xffwo")
     with pytest.raises(ConfigError, match=r"a\.txt:2: expected UTF-8 text, got byte 0xff"):
@@ -180,7 +172,7 @@ def test_text_is_utf_8_with_or_without_a_mark(tmp_path: Path) -> None:
     "text", ["[tool.navfw]\na = " + "[" * 3000, "[tool.navfw]\na = " + "9" * 5000, "[tool.navfw"]
 )
 def test_a_damaged_project_file_is_named(text: str, tmp_path: Path) -> None:
-    (tmp_path / "pyproject.toml").write_text(f"# tool.navfw\n{text}\n")
+    put_file(tmp_path, "pyproject.toml", f"# tool.navfw\n{text}\n")
     with pytest.raises(ConfigError, match=r"pyproject\.toml: not valid TOML"):
         project_folder(tmp_path)
 
@@ -202,7 +194,5 @@ def test_a_picture_with_a_damaged_chunk_is_refused_before_it_is_decoded(tmp_path
 
 
 def test_a_picture_of_many_pixels_is_refused_before_it_is_decoded(tmp_path: Path) -> None:
-    file = tmp_path / "bomb.pgm"
-    file.write_bytes(b"P5 9000 9000 255\n" + b"\0" * 100)
     with pytest.raises(ConfigError, match="too large: 9000 x 9000"):
-        read_image(file)
+        read_image(put_file(tmp_path, "bomb.pgm", b"P5 9000 9000 255\n" + b"\0" * 100))

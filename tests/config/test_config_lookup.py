@@ -9,7 +9,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from cli_calls import invoke, put_files
+from cli_calls import answer, invoke, output, put_file, put_files
 
 from navfw.cli.options import completer_of
 from navfw.config import FILE_KINDS, FileKind, StrictModel, load_yaml, lookup, validate
@@ -26,10 +26,9 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name in ("office/world", "empty/world", *missions, "suites/all"):
         write(folder / "worlds" / f"{name}.yaml")
     write(folder / "maps/office.yaml")
-    (folder / "behaviors").mkdir()
-    work = tmp_path / "work"
-    work.mkdir()
-    monkeypatch.chdir(work)
+    for path in (folder / "behaviors", tmp_path / "work"):
+        path.mkdir()
+    monkeypatch.chdir(tmp_path / "work")
     monkeypatch.setattr(lookup, "shipped_folder", lambda: folder)
     return folder
 
@@ -45,9 +44,7 @@ def project(shipped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> P
 
 
 def write(path: Path, text: str = "description: a thing\n") -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text)
-    return path
+    return put_file(path.parent, path.name, text)
 
 
 def names(files: list[lookup.NamedFile]) -> list[str]:
@@ -103,8 +100,7 @@ def test_a_project_adds_files_and_takes_precedence(shipped: Path, project: Path)
     worlds = ["barn (project)", "empty (shipped)", "office (project)"]
     assert names(lookup.list_files("world")) == worlds
     assert lookup.find("world", "office") == own
-    assert "mine (project)" in names(lookup.list_files("stack"))
-    assert "default (shipped)" in names(lookup.list_files("stack"))
+    assert {"mine (project)", "default (shipped)"} <= set(names(lookup.list_files("stack")))
     robot = write(project / "robots/default.yaml")
     assert "default (project)" in names(lookup.list_files("robot"))
     assert lookup.find("robot", "default") == robot
@@ -128,8 +124,7 @@ def test_plugins_of_the_project_come_after_the_shipped_ones(shipped: Path, proje
 
 
 def test_the_checkout_is_not_its_own_second_project(shipped: Path) -> None:
-    write(shipped / "navfw.toml", "")
-    os.chdir(shipped)  # the fixture returns to where it was
+    os.chdir(write(shipped / "navfw.toml", "").parent)  # the fixture returns to where it was
     assert lookup.plugin_folders() == [shipped / "behaviors"]
     assert names(lookup.list_files("world")) == ["empty (shipped)", "office (shipped)"]
 
@@ -283,14 +278,12 @@ def test_a_further_kind_is_found_completed_checked_and_described(notes: Path) ->
         ("note", "b.yaml:1: text: expected text, got 1; quote it to make it text"),
         ("note", None),
     ]
-    schema = json.loads(invoke("schema", "note").stdout)
-    assert list(schema["properties"]) == ["text"]
-    counted = json.loads(invoke("list", "--json").stdout)
-    assert {"name": "notes", "count": 1} in counted
+    assert list(json.loads(output("schema", "note"))["properties"]) == ["text"]
+    assert {"name": "notes", "count": 1} in answer("list")
 
 
 def test_a_kind_says_what_is_wrong_in_its_file(notes: Path) -> None:
-    (notes / "notes/a.yaml").write_text("txt: x\n")
+    write(notes / "notes/a.yaml", "txt: x\n")
     with pytest.raises(ConfigError, match=r"notes/a.yaml:1: txt: unknown key"):
         FILE_KINDS["note"].check_file(Path("notes/a.yaml"), None)
 

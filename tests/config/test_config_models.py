@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import pytest
+from cli_calls import put_file
 from pydantic import BaseModel, ConfigDict, Field, RootModel, field_validator, model_validator
 
 from navfw.config import (
@@ -158,13 +159,9 @@ def test_errors_in_lists_name_the_item(text: str, message: str) -> None:
 
 def test_problems_are_listed_in_the_order_of_the_file() -> None:
     lines = error("low: x\nrooms:\n- {name: a, doors: 9}\n- {}\nfloor: mud\nhigh: y\n").splitlines()
-    assert [line.split(": ")[:2] for line in lines] == [
-        ["w.yaml:1", "low"],
-        ["w.yaml:3", "rooms[0].doors"],
-        ["w.yaml:4", "rooms[1].name"],
-        ["w.yaml:5", "floor"],
-        ["w.yaml:6", "high"],
-    ]
+    keys = {1: "low", 3: "rooms[0].doors", 4: "rooms[1].name", 5: "floor", 6: "high"}
+    places = [f"w.yaml:{line}: {key}" for line, key in keys.items()]
+    assert [": ".join(line.split(": ")[:2]) for line in lines] == places
 
 
 def test_a_union_and_an_invalid_item_of_a_short_list_are_one_problem() -> None:
@@ -175,9 +172,8 @@ def test_a_union_and_an_invalid_item_of_a_short_list_are_one_problem() -> None:
 
 
 def test_a_valid_file_becomes_the_model(tmp_path: Path) -> None:
-    path = tmp_path / "w.yaml"
-    path.write_text(GOOD + "one: {kind: box, size: [1, 2]}\nlight: dim\nheight: 3\nfrom: a\n")
-    world = load_model(path, World)
+    text = GOOD + "one: {kind: box, size: [1, 2]}\nlight: dim\nheight: 3\nfrom: a\n"
+    world = load_model(put_file(tmp_path, "w.yaml", text), World)
     assert world.one == Box(kind="box", size=(1.0, 2.0))
     assert (world.light, world.height, world.from_) == (Light.DIM, 3.0, "a")
 
@@ -200,8 +196,7 @@ def test_check_returns_the_problems() -> None:
 
 
 def test_overrides_change_add_and_index(tmp_path: Path) -> None:
-    path = tmp_path / "w.yaml"
-    path.write_text(GOOD + "shapes:\n- {kind: box, size: [1, 2]}\n")
+    path = put_file(tmp_path, "w.yaml", GOOD + "shapes:\n- {kind: box, size: [1, 2]}\n")
     overrides = (
         "rooms.0.name=lab",
         "rooms.lab.doors=3",
@@ -263,22 +258,22 @@ def test_parameters_of_a_model() -> None:
         box: Box = Box(kind="box", size=(1, 2))
 
     rows = {p.name: p._asdict() for p in parameters_of(Params)}
-    assert rows["rows"] == {
-        "name": "rows",
-        "type": "int",
-        "default": 12,
-        "required": False,
-        "bounds": ">= 2 and <= 120",
-        "description": "rows of the grid",
+    expected: dict[str, dict[str, Any]] = {
+        "rows": {
+            "name": "rows",
+            "type": "int",
+            "default": 12,
+            "required": False,
+            "bounds": ">= 2 and <= 120",
+            "description": "rows of the grid",
+        },
+        "gain": {"required": True, "default": None, "bounds": "> 0"},
+        "mode": {"type": "fast | good"},
+        "window": {"type": "tuple[float, float] | None", "default": [1.0, 2.0]},
+        "names": {"type": "list[str]", "default": [], "bounds": "with length <= 3"},
+        "box": {"default": {"kind": "box", "size": [1.0, 2.0]}},
     }
-    assert rows["gain"]["required"] and rows["gain"]["default"] is None
-    assert rows["gain"]["bounds"] == "> 0"
-    assert rows["mode"]["type"] == "fast | good"
-    window, names = rows["window"], rows["names"]
-    assert (window["type"], window["default"]) == ("tuple[float, float] | None", [1.0, 2.0])
-    assert (names["type"], names["default"]) == ("list[str]", [])
-    assert names["bounds"] == "with length <= 3"
-    assert rows["box"]["default"] == {"kind": "box", "size": [1.0, 2.0]}
+    assert {name: rows[name] | part for name, part in expected.items()} == rows
 
 
 def test_thousands_of_problems_are_told_up_to_a_bound() -> None:

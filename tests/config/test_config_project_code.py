@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from pathlib import Path
 
 import pytest
+from cli_calls import put_files
 
 from navfw.config import (
     MAX_NAMED,
@@ -29,9 +31,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.delenv(TRUST_VARIABLE)
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     folder = tmp_path / "my-robot"
-    (folder / "behaviors").mkdir(parents=True)
-    (folder / "navfw.toml").touch()
-    (folder / "behaviors" / "hover.py").touch()
+    put_files(folder, {"navfw.toml": "", "behaviors/hover.py": ""})
     monkeypatch.chdir(folder)
     return folder
 
@@ -41,20 +41,18 @@ def trust(folder: Path) -> None:
 
 
 def is_refused() -> bool:
-    try:
+    with contextlib.suppress(UntrustedCodeError):
         require_trust()
-    except UntrustedCodeError:
-        return True
-    return False
+        return False
+    return True
 
 
 def test_a_project_with_plugins_is_refused_with_the_remedy(project: Path) -> None:
     with pytest.raises(UntrustedCodeError) as refused:
         require_trust()
-    text = str(refused.value)
-    for part in (str(project), "behaviors/hover.py", f"navfw trust {project}", "--trust"):
-        assert part in text
-    assert f"{TRUST_VARIABLE}=1" in text
+    remedies = (f"navfw trust {project}", "--trust", f"{TRUST_VARIABLE}=1")
+    for part in (str(project), "behaviors/hover.py", *remedies):
+        assert part in str(refused.value)
     assert not TrustFile().path.exists()
 
 
@@ -63,10 +61,9 @@ def test_without_project_or_plugins_no_trust_is_needed(project: Path) -> None:
     require_trust()
     (project / "navfw.toml").touch()
     (project / "behaviors" / "hover.py").rename(project / "behaviors" / "_helper.py")
-    (project / "plugins").mkdir()
-    (project / "plugins" / "rules.yaml").touch()
+    put_files(project, {"plugins/rules.yaml": ""})
     require_trust()
-    (project / "plugins" / "flow.py").touch()
+    put_files(project, {"plugins/flow.py": ""})
     with pytest.raises(UntrustedCodeError, match=r"plugins/flow\.py"):
         require_trust()
 
@@ -80,10 +77,8 @@ def test_trust_is_remembered_by_real_path_and_owner(
     link.symlink_to(project)
     monkeypatch.chdir(link)
     require_trust()
-    owner = project.stat().st_uid
-    assert json.loads(TrustFile().path.read_text()) == {
-        "trusted": [{"path": str(project), "owner": owner}]
-    }
+    entries = [{"path": str(project), "owner": project.stat().st_uid}]
+    assert json.loads(TrustFile().path.read_text()) == {"trusted": entries}
     assert TrustFile().path.stat().st_mode & 0o777 == 0o600
     moved = project.with_name("moved")
     project.rename(moved)
@@ -186,9 +181,9 @@ def test_many_files_are_counted_and_unprintable_characters_are_not_shown(project
     (project / "behaviors" / "a\x1b[2K\r\u202e.py").touch()
     code = ProjectCode.around()
     assert code is not None
-    assert code.names()[0] == "behaviors/a?[2K??.py"
-    assert code.names()[-1] == "and 7 more"
-    assert len(code.names()) == MAX_NAMED + 1
+    first, *others, last = code.names()
+    assert (first, last) == ("behaviors/a?[2K??.py", "and 7 more")
+    assert len(others) == MAX_NAMED - 1
 
 
 @pytest.mark.parametrize(
