@@ -1,19 +1,29 @@
-"""Every fenced block of the README and the docs is run, checked, or listed with the reason."""
+"""Every fenced block of the README and the docs is run, checked, or listed with the reason.
+
+Examples, pages and templates import public names alone; the cells of the notebook run.
+"""
 
 from __future__ import annotations
 
+import ast
+import importlib
+import json
 import shutil
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import trimesh
 import yaml
-from docs_pages import PAGES, ROOT, DocBlock, blocks_of
+from architecture_sources import imports
+from cli_calls import put_file
+from docs_pages import PAGES, ROOT, DocBlock, blocks_of, execute
 
 from navfw.context import CommandGrid, CommandGridParams
 from navfw.fuzzy import parse_rule
@@ -43,25 +53,18 @@ PROSE = {
 """Blocks of text that are neither run nor checked, by page, with what they are."""
 
 
-# --- data ------------------------------------------------------------------------------------
-
-
 def check_mission(text: str) -> None:
     file = Path("worlds/den/missions/next-room.yaml")
-    again = file.with_name("of-the-page.yaml")
-    again.write_text(file.read_text() + text)
-    load_mission(again)
+    load_mission(put_file(file.parent, "of-the-page.yaml", file.read_text() + text))
 
 
 def check_stack(text: str) -> None:
-    file = Path("stacks/of-the-page.yaml")
-    file.write_text(text if text.startswith("base: ") else f"base: default\n{text}")
-    load_stack(file, default_registry())
+    whole = text if text.startswith("base: ") else f"base: default\n{text}"
+    load_stack(put_file(Path("stacks"), "of-the-page.yaml", whole), default_registry())
 
 
 def check_mast(text: str) -> None:
-    file = Path("robots/mast.yaml")
-    file.write_text(text)
+    put_file(Path("robots"), "mast.yaml", text)
     assert load_robot("mast").camera.mount_height == 0.8
 
 
@@ -78,14 +81,11 @@ def check_world(text: str) -> None:
     picture = np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8)
     cv2.imwrite(str(folder / "pictures/mural.jpg"), picture)
     plain = Path("worlds/hall/world.yaml").read_text()
-    (folder / "world.yaml").write_text(plain + text)
-    load_world(folder / "world.yaml")
+    load_world(put_file(folder, "world.yaml", plain + text))
 
 
 def check_lens(text: str) -> None:
-    file = Path("lens.yaml")
-    file.write_text(text)
-    load_calibration(file)
+    load_calibration(put_file(Path(), "lens.yaml", text))
 
 
 def check_ci(text: str) -> None:
@@ -126,9 +126,6 @@ def test_the_data_of_a_page_are_read(block: DocBlock) -> None:
     DATA[block.first](block.text)
 
 
-# --- rules and code --------------------------------------------------------------------------
-
-
 def test_the_sentences_of_the_rule_language_are_parsed() -> None:
     (block,) = (b for b in BLOCKS if b.page == "rules.md" and b.language == "text")
     inputs = {"ahead": {"little"}, "gap": {"too_far"}, "side": {"left", "middle"}}
@@ -157,41 +154,20 @@ rules: [IF reserve IS any THEN desire IS much]
 """
 
 
-class RulesHolder:
-    """What ``self`` is in a behaviour, as far as rules need it."""
-
-    def __init__(self, text: str) -> None:
-        self.rules = BehaviorRules.parse(text)
-
-
-class ArcsOfPage:
-    """What ``arcs`` is in a behaviour, as far as the page needs it."""
-
-    def __init__(self, commands: CommandGrid) -> None:
-        self.free = commands.zeros() + 0.7
-
-
 def test_the_code_on_rules_runs() -> None:
-    robot = RobotModel()
-    commands = CommandGrid(robot, CommandGridParams())
-    names: dict[str, Any] = {"commands": commands, "arcs": ArcsOfPage(commands)}
-    first, second = (b for b in BLOCKS if b.page == "rules.md" and b.language == "python")
-    run(first, names | {"self": RulesHolder(RULES)})
-    ended = run(second, names | {"self": RulesHolder(RESERVE)})
+    commands = CommandGrid(RobotModel(), CommandGridParams())
+    first, second = (b.text for b in BLOCKS if b.page == "rules.md" and b.language == "python")
+    for code, rules in ((first, RULES), (second, RESERVE)):
+        self = SimpleNamespace(rules=BehaviorRules.parse(rules))
+        # of arcs the page needs no more
+        arcs = SimpleNamespace(free=commands.zeros() + 0.7)
+        names = {"commands": commands, "arcs": arcs, "self": self}
+        ended = execute(code, "rules.md", **names)
     assert ended["verdict"].values("desire").shape == commands.shape
 
 
-def run(block: DocBlock, names: dict[str, Any]) -> dict[str, Any]:
-    """``names`` after the code of a page was executed with them."""
-    exec(compile(block.text, block.page, "exec"), names)  # noqa: S102 - our own page
-    return names
-
-
-# --- all of them -----------------------------------------------------------------------------
-
-
 def test_every_block_is_known() -> None:
-    """Data and code by the tests above, files by the project, commands by test_docs_console."""
+    """Data and code by the tests above, files by the project, commands by test_docs_commands."""
     for page in PAGES:
         fences = [line for line in page.read_text().splitlines() if line.startswith("```")]
         assert len(fences) == 2 * len(blocks_of(page)), page.name
@@ -200,8 +176,6 @@ def test_every_block_is_known() -> None:
             assert block.language in {"console", "python", "text", "toml", "yaml"}, block
         if block.language == "python" and block.file is None:
             assert block.page in {*ELSEWHERE, "rules.md"}, block
-        if block.language == "text":
-            assert block.page in {*PROSE, "rules.md"}, block
 
 
 def test_the_lists_of_blocks_have_nothing_superfluous() -> None:
@@ -210,3 +184,90 @@ def test_the_lists_of_blocks_have_nothing_superfluous() -> None:
         assert [b for b in BLOCKS if b.page == page and b.language == "python" and not b.file]
     assert {b.page for b in BLOCKS if b.language == "text"} == {*PROSE, "rules.md"}
     assert {b.first for b in BLOCKS} >= set(DATA)
+
+
+# --- public names ------------------------------------------------------------------------------
+
+PUBLIC = ("navfw", "navfw.gym", "navfw.testing")
+"""The modules that others import; all else in navfw is inner (docs/decisions/0138)."""
+
+TEMPLATES = ROOT / "navfw" / "scaffold" / "templates"
+NOTEBOOK = json.loads((ROOT / "docs" / "python.ipynb").read_text(encoding="utf-8"))["cells"]
+CELLS = ["".join(cell["source"]) for cell in NOTEBOOK if cell["cell_type"] == "code"]
+
+
+def sources() -> Iterator[tuple[str, str]]:
+    """Code that a user reads, runs or gets as a beginning: where it stands, and its text."""
+    scripts = [*(ROOT / "examples").glob("*.py"), *(ROOT / "behaviors").glob("*.py")]
+    for path in [*scripts, *TEMPLATES.rglob("*.py.template")]:
+        yield path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
+    for page in PAGES:
+        for number, block in enumerate(blocks_of(page)):
+            if block.language == "python":
+                yield f"{page.relative_to(ROOT).as_posix()}, block {number}", block.text
+    for cell in CELLS:
+        yield "docs/python.ipynb", cell
+
+
+def wrong_imports(text: str) -> Iterator[str]:
+    for module, name in imports(ast.parse(text)):
+        if module.partition(".")[0] != "navfw":
+            continue
+        if module not in PUBLIC:
+            yield f"{module} is an inner module"
+        elif name is not None and name not in vars(importlib.import_module(module))["__all__"]:
+            yield f"{module} has no public name {name}"
+
+
+def test_no_inner_module_is_imported() -> None:
+    texts = list(sources())
+    assert len(texts) > 40
+    wrong = [f"{where}: {what}" for where, text in texts for what in wrong_imports(text)]
+    assert wrong == []
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("from navfw.stack import Stack", "navfw.stack is an inner module"),
+        ("import navfw.signals", "navfw.signals is an inner module"),
+        ("def f():\n    from navfw import Stuck", "navfw has no public name Stuck"),
+    ],
+)
+def test_an_inner_import_is_found(text: str, message: str) -> None:
+    assert list(wrong_imports(text)) == [message]
+    assert list(wrong_imports("import navfw.gym\nfrom navfw import Stack\nimport numpy")) == []
+
+
+def test_the_public_names_are_those_of_the_stubs() -> None:
+    for module in PUBLIC:
+        stub = Path(importlib.import_module(module).__file__ or "").with_suffix(".pyi")
+        listed = [
+            alias
+            for node in ast.parse(stub.read_text(encoding="utf-8")).body
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+        ]
+        assert all(alias.name == alias.asname for alias in listed), module
+        names = [alias.name for alias in listed]
+        assert sorted(set(names)) == sorted(names)
+        assert all(getattr(importlib.import_module(module), name) is not None for name in names)
+
+
+def test_the_cells_of_the_notebook_run(capsys: pytest.CaptureFixture[str]) -> None:
+    assert [cell for cell in NOTEBOOK if cell.get("outputs")] == [], "clear all outputs"
+    names: dict[str, Any] = {}
+    plt.switch_backend("agg")
+    try:
+        for number, cell in enumerate(CELLS):
+            names = execute(cell, f"python.ipynb, cell {number}", **names)
+        titles = [axes.get_title() for n in plt.get_fignums() for axes in plt.figure(n).axes]
+        assert len(plt.get_fignums()) == 3
+        assert "camera and flow" in titles
+    finally:
+        plt.close("all")
+    printed = capsys.readouterr().out
+    assert names["tick"].percept.sentence in printed
+    paths = [run.run.log.true for run in names["runs"].values()]
+    assert all(len(path) > 100 for path in paths)
+    assert names["runs"]["default"].run.log.command_hash != names["result"].run.log.command_hash

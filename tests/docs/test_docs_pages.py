@@ -128,9 +128,6 @@ def _models_below(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
         waiting += get_args(annotation)
 
 
-# --- glossary ------------------------------------------------------------------------------------
-
-
 def test_the_glossary_is_in_order_and_complete_in_every_line() -> None:
     rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in _glossary()]
     assert {len(row) for row in rows} == {4}
@@ -160,9 +157,6 @@ def _definitions() -> set[str]:
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
         if isinstance(node, ast.ClassDef | ast.FunctionDef)
     }
-
-
-# --- decisions -----------------------------------------------------------------------------------
 
 
 def test_every_decision_is_in_the_index_by_its_title() -> None:

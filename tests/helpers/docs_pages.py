@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from cli_calls import put_files
 
@@ -83,6 +83,12 @@ def anchors(page: Path) -> Iterator[str]:
         if line.startswith("#"):
             words = re.sub(r"[^\w\s-]", "", line.lstrip("#").strip().lower())
             yield re.sub(r"\s", "-", words)
+
+
+def execute(code: str, page: str, /, **names: Any) -> dict[str, Any]:
+    """``names`` after the ``code`` of a page was executed with them."""
+    exec(compile(code, page, "exec"), names)  # noqa: S102 - our own page
+    return names
 
 
 def load_module(file: Path) -> ModuleType:
