@@ -1,4 +1,7 @@
-"""Sdist and wheel contain everything that a run needs, and nothing else."""
+"""Sdist and wheel contain everything that a run needs, and nothing else.
+
+Without its extras navfw imports, and each command, option and name says which one it needs.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +9,19 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import sys
 import tarfile
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import processes
 import pytest
-from processes import Done
+from cli_calls import put_file
+from processes import Done, python
+
+from navfw.config import extra_imports, require_extra
+from navfw.errors import MissingExtraError
 
 ROOT = Path(__file__).parents[2]
 PYTHONS = ("3.11", "3.12", "3.13")
@@ -58,41 +65,41 @@ def run(command: list[str], folder: Path, path: str | None = None) -> Done:
     return processes.run(command, cwd=folder, env={"PYTHONPATH": path}, timeout=600)
 
 
-def navfw(installed: Path, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+def listed(installed: Path, folder: Path, kind: str) -> list[dict[str, Any]]:
+    """What ``navfw list`` of that installation gives."""
     code = (
         "import os, sys, navfw; sys.argv[0] = 'navfw'\n"
         "assert navfw.__file__.startswith(os.environ['PYTHONPATH']), navfw.__file__\n"
         "from navfw.cli import main; main()"
     )
-    return run([sys.executable, "-c", code, *words], folder, str(installed))
+    done = run([sys.executable, "-c", code, "list", kind, "--json"], folder, str(installed))
+    assert done.returncode == 0, done.stderr
+    rows: list[dict[str, Any]] = json.loads(done.stdout)
+    return rows
 
 
 def test_the_sdist_has_the_sources_and_nothing_local(dist: Path) -> None:
     (sdist,) = dist.glob("*.tar.gz")
     with tarfile.open(sdist) as archive:
-        paths = [
-            Path(name).relative_to(sdist.name.removesuffix(".tar.gz"))
-            for name in archive.getnames()
-        ]
+        top = sdist.name.removesuffix(".tar.gz")
+        paths = [Path(name).relative_to(top) for name in archive.getnames()]
     assert [str(path) for path in paths if LOCAL & set(path.parts)] == []
     tops = {path.parts[0] for path in paths}
     assert {"navfw", "behaviors", "maps", "worlds", "tests", "docs", "pyproject.toml"} <= tops
 
 
 def test_the_wheel_contains_every_data_file(installed: Path) -> None:
+    def below(folder: Path, pattern: str) -> set[Path]:
+        return {path.relative_to(folder) for path in folder.rglob(pattern)}
+
     package = installed / "navfw"
     for folder, patterns in SHIPPED.items():
         for pattern in patterns:
-            wanted = {path.relative_to(ROOT) for path in (ROOT / folder).rglob(pattern)}
-            got = {
-                path.relative_to(package / "shipped")
-                for path in (package / "shipped" / folder).rglob(pattern)
-            }
-            assert wanted == got != set()
+            wanted = below(ROOT / folder, pattern)
+            assert wanted == below(package / "shipped" / folder, pattern) != set()
     for pattern in ("*.yaml", "*.csv", "*.html", "*.py", "*.pyi", "py.typed"):
-        wanted = {path.relative_to(ROOT / "navfw") for path in (ROOT / "navfw").rglob(pattern)}
-        got = {path.relative_to(package) for path in package.rglob(pattern)}
-        assert wanted == {path for path in got if path.parts[0] != "shipped"} != set()
+        got = {path for path in below(package, pattern) if path.parts[0] != "shipped"}
+        assert below(ROOT / "navfw", pattern) == got != set()
     assert sorted(path.name.split("-")[0] for path in installed.iterdir()) == ["navfw", "navfw"]
 
 
@@ -100,14 +107,10 @@ def test_the_wheel_contains_every_data_file(installed: Path) -> None:
 def test_an_installed_navfw_lists_its_files_from_any_folder(
     installed: Path, tmp_path: Path
 ) -> None:
-    done = navfw(installed, tmp_path, "list", "worlds", "--json")
-    assert done.returncode == 0, done.stderr
-    rows = json.loads(done.stdout)
+    rows = listed(installed, tmp_path, "worlds")
     assert {"office", "paper-room", "empty"} <= {row["name"] for row in rows}
     assert {(row["source"], row["status"]) for row in rows} == {("shipped", "ok")}
-    done = navfw(installed, tmp_path, "list", "plugins", "--json")
-    assert done.returncode == 0, done.stderr
-    plugins = json.loads(done.stdout)
+    plugins = listed(installed, tmp_path, "plugins")
     assert {"avoid", "go_to_xy", "travel"} <= {row["name"] for row in plugins}
     assert [row["error"] for row in plugins if row["status"] != "ok"] == []
     assert list(tmp_path.iterdir()) == []
@@ -153,7 +156,7 @@ class Environment:
             done = run([uv(), *words, "--quiet"], folder)
             assert done.returncode == 0, done.stderr
 
-    def navfw(self, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    def navfw(self, folder: Path, *words: str) -> Done:
         return run([str(self.python.with_name("navfw")), *words], folder)
 
 
@@ -202,3 +205,99 @@ def test_the_wheel_drives_in_an_empty_environment(
     assert (tmp_path / answer["run_folder"] / "trajectory.png").is_file()
     result = json.loads((recorded / "result.json").read_text(encoding="utf-8"))
     assert answer["command_hash"] == result["command_hash"]
+
+
+# --- extras --------------------------------------------------------------------------------------
+
+OPTIONAL = """
+    pybullet pybullet_data matplotlib bokeh jinja2 foxglove mcap mcap_protobuf trimesh collada
+    gymnasium optuna distributed av pandas navground skfuzzy
+"""
+"""The modules of all extras."""
+
+COMMANDS = {
+    "run empty straight": "sim",
+    "suite rooms --seeds 0:1": "sim",
+    "reproduce": "sim",
+    "bench loop": "sim",
+    "tune rooms --stack default --trials 1": "tune",
+    "replay RUN": "record",
+    "explain RUN --at 1": "record",
+    "report RUN": "record",
+    "map show empty": "report",
+    "replay RUN --video out.mp4": "record",
+}
+"""Commands, and the first extra that each of them lacks."""
+
+NAMES = {
+    "navfw.run": "sim",
+    "navfw.open_simulation": "sim",
+    "navfw.open_run": "record",
+    "navfw.gym": "gym",
+}
+"""Names of Python, likewise."""
+
+CORE = ("Stack", "SensorReading", "Frame", "RobotModel", "load_map", "RuledBehavior", "Planner")
+
+
+def without_extras(code: str, folder: Path) -> Done:
+    """What ``code`` prints in a fresh process in which no module of an extra can be imported."""
+    blocked = f"import sys; sys.modules.update(dict.fromkeys({OPTIONAL.split()!r}))\n"
+    return python(blocked + code, cwd=folder)
+
+
+def test_every_extra_is_among_all() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    (everything,) = project["optional-dependencies"].pop("all")[:1]
+    named = re.fullmatch(r"navfw\[(.+)\]", everything)
+    assert named is not None
+    assert sorted(named[1].split(",")) == sorted(project["optional-dependencies"])
+
+
+def test_the_message_names_module_extra_and_remedy() -> None:
+    with pytest.raises(MissingExtraError) as caught, extra_imports("report", key="--plot"):
+        import no_such_module  # type: ignore[import-not-found]  # noqa: F401
+    assert caught.value.extra == "report"
+    assert str(caught.value) == (
+        "--plot: needs no_such_module, which is not installed: pip install 'navfw[report]', or in"
+        " a clone uv sync --extra report"
+    )
+    with pytest.raises(MissingExtraError, match=r"navfw tune: needs no_such_module, .*\[tune\]"):
+        require_extra("tune", "no_such_module", key="navfw tune")
+    require_extra("sim", "math")
+
+
+def test_an_error_of_another_kind_is_not_taken_for_a_missing_extra() -> None:
+    with pytest.raises(ZeroDivisionError), extra_imports("sim"):
+        _ = 1 // 0
+
+
+def test_the_robots_half_needs_no_extra(tmp_path: Path) -> None:
+    code = f"import navfw; print([getattr(navfw, name).__name__ for name in {CORE!r}])"
+    done = without_extras(code, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == str(list(CORE))
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("words", "extra"), COMMANDS.items())
+def test_a_command_says_which_extra_it_needs(words: str, extra: str, tmp_path: Path) -> None:
+    run = put_file(tmp_path, "run/result.json", "{}").parent
+    argv = [str(run) if word == "RUN" else word for word in words.split()]
+    code = f"sys.argv = ['navfw', *{argv!r}]\nfrom navfw.cli import main; main()"
+    done = without_extras(code, tmp_path)
+    assert done.returncode == 2, done.stdout + done.stderr
+    (line,) = done.stderr.strip().splitlines()
+    assert line.startswith("navfw: ")
+    assert f"pip install 'navfw[{extra}]'" in line
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+@pytest.mark.parametrize(("name", "extra"), NAMES.items())
+def test_a_name_says_which_extra_it_needs(name: str, extra: str, tmp_path: Path) -> None:
+    module, _, attribute = name.partition(".")
+    code = f"from {module} import {attribute}" if attribute != "gym" else "import navfw.gym"
+    done = without_extras(code, tmp_path)
+    last = done.stderr.strip().splitlines()[-1]
+    assert last.startswith("navfw.errors.MissingExtraError: ")
+    assert f"pip install 'navfw[{extra}]'" in last

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from cli_calls import put_file
 from hypothesis import given
 from hypothesis import strategies as st
 from plugins_samples import GOOD, discovered, put, statuses
@@ -24,13 +26,13 @@ def test_a_folder_is_discovered(folder: Path) -> None:
     put(folder, "one")
     put(folder, "two", GOOD.format(cls="A", name="a") + GOOD.format(cls="B", name="b"))
     put(folder, "_helper", "raise RuntimeError")
-    (folder / "notes.txt").write_text("not python")
+    put_file(folder, "notes.txt", "not python")
     registry = discovered(folder)
     assert statuses(registry) == {"one": "ok", "a": "ok", "b": "ok"}
-    cls = registry.get("behavior", "one")
-    assert isinstance(cls(RobotModel()), Behavior)
-    assert registry.listing()[2]["summary"] == "Thing does a thing."
-    assert registry.listing()[2]["source"].endswith("behaviors/one.py")
+    assert isinstance(registry.get("behavior", "one")(RobotModel()), Behavior)
+    row = registry.listing()[2]
+    assert row["summary"] == "Thing does a thing."
+    assert row["source"].endswith("behaviors/one.py")
 
 
 BROKEN: dict[str, tuple[str | bytes, str]] = {
@@ -127,7 +129,7 @@ def test_plugins_of_other_kinds_and_imported_ones(folder: Path) -> None:
 
 def test_files_may_import_their_helpers_and_find_their_data(folder: Path) -> None:
     put(folder, "_shared", "WORD = 'word'\n")
-    (folder / "data.txt").write_text("data")
+    put_file(folder, "data.txt", "data")
     text = "from ._shared import WORD\nfrom pathlib import Path\n"
     text += "DATA = Path(__file__).with_name('data.txt').read_text()\n"
     put(folder, "user", text + GOOD.format(cls="User", name="user"))
@@ -139,7 +141,6 @@ def test_files_may_import_their_helpers_and_find_their_data(folder: Path) -> Non
 def test_files_of_the_same_name_in_two_folders_do_not_collide(tmp_path: Path) -> None:
     registry = Registry()
     for name in ("left", "right"):
-        (tmp_path / name).mkdir()
         put(tmp_path / name, "_shared", f"SIDE = {name!r}\n")
         text = f"from ._shared import SIDE\nassert SIDE == {name!r}\n"
         put(tmp_path / name, "same", text + GOOD.format(cls="Same", name=name))
@@ -192,13 +193,8 @@ def test_a_missing_folder(tmp_path: Path) -> None:
 REGISTRY = default_registry()
 
 
-def shipped(name: str) -> dict[str, object]:
+def shipped(name: str) -> dict[str, Any]:
     return load_stack(find("stack", name), REGISTRY).as_data()
-
-
-def differing(name: str) -> set[str]:
-    default, other = shipped("default"), shipped(name)
-    return {key for key in default if default[key] != other[key]}
 
 
 @pytest.mark.parametrize("name", [file.name for file in list_files("stack")])
@@ -207,14 +203,17 @@ def test_every_shipped_stack_loads(name: str) -> None:
 
 
 def test_variations_of_the_default_stack_differ_in_few_keys() -> None:
-    assert differing("oracle") == {"flow", "oracle"}
-    assert differing("poles") == {"stixels", "warmup", "commands"}
-    assert differing("pedestrians") == {"commands"}
-    assert differing("patrol") == {"composite", "behaviors"}
-    assert differing("search") == {"composite", "behaviors", "planner"}
-    assert list(shipped("default")["flow"]) == ["block_matching"]  # type: ignore[call-overload]
-    behaviors = shipped("default")["behaviors"]
-    assert shipped("patrol")["behaviors"] == {**behaviors, "cruise": {"weight": 0.5}}  # type: ignore[dict-item]
+    default = shipped("default")
+    for name, keys in {
+        "oracle": {"flow", "oracle"},
+        "poles": {"stixels", "warmup", "commands"},
+        "pedestrians": {"commands"},
+        "patrol": {"composite", "behaviors"},
+        "search": {"composite", "behaviors", "planner"},
+    }.items():
+        assert {key for key, value in shipped(name).items() if default[key] != value} == keys
+    assert list(default["flow"]) == ["block_matching"]
+    assert shipped("patrol")["behaviors"] == {**default["behaviors"], "cruise": {"weight": 0.5}}
 
 
 def test_only_two_shipped_stacks_use_the_simulators_truth() -> None:
@@ -223,12 +222,10 @@ def test_only_two_shipped_stacks_use_the_simulators_truth() -> None:
 
 
 def test_stages_are_replaced_and_settings_and_behaviours_joined(tmp_path: Path) -> None:
-    (tmp_path / "one.yaml").write_text(
-        "base: default\nflow: {dis: }\nbehaviors: {avoid: {weight: 0.3}, cruise: }\n"
-        "local_map: {margin: 0.1}\n"
-    )
-    (tmp_path / "two.yaml").write_text("base: ./one.yaml\nlocal_map: {occupancy: {decay: 9}}\n")
-    stack = load_stack(tmp_path / "two.yaml", REGISTRY)
+    one = "base: default\nflow: {dis: }\nbehaviors: {avoid: {weight: 0.3}, cruise: }\n"
+    put_file(tmp_path, "one.yaml", f"{one}local_map: {{margin: 0.1}}\n")
+    two = "base: ./one.yaml\nlocal_map: {occupancy: {decay: 9}}\n"
+    stack = load_stack(put_file(tmp_path, "two.yaml", two), REGISTRY)
     assert stack.stages["flow"].name == "dis"
     assert stack.behaviors["avoid"].params.model_dump()["weight"] == 0.3
     assert {"go_to_xy", "cruise"} <= set(stack.behaviors)
@@ -252,18 +249,16 @@ def test_stages_are_replaced_and_settings_and_behaviours_joined(tmp_path: Path) 
 def test_errors_name_the_file_and_line_of_the_upper_stack(
     tmp_path: Path, text: str, says: str
 ) -> None:
-    (tmp_path / "mine.yaml").write_text(text)
     with pytest.raises(InputError, match=says):
-        load_stack(tmp_path / "mine.yaml", REGISTRY)
+        load_stack(put_file(tmp_path, "mine.yaml", text), REGISTRY)
 
 
 def test_errors_in_the_base_name_the_line_of_the_base(tmp_path: Path) -> None:
     base = find("stack", "default").read_text().replace("go_to_xy:", "go_to_xi:")
-    (tmp_path / "mine.yaml").write_text("base: ./below.yaml\n")
-    (tmp_path / "below.yaml").write_text(base)
+    put_file(tmp_path, "below.yaml", base)
     line = base.splitlines().index("  go_to_xi:") + 1
     with pytest.raises(InputError, match=rf"below\.yaml:{line}: .*'go_to_xy'"):
-        load_stack(tmp_path / "mine.yaml", REGISTRY)
+        load_stack(put_file(tmp_path, "mine.yaml", "base: ./below.yaml\n"), REGISTRY)
 
 
 @pytest.mark.parametrize(
@@ -288,10 +283,8 @@ def test_errors_in_the_base_name_the_line_of_the_base(tmp_path: Path) -> None:
 def test_errors_name_the_wrong_choice(old: str, new: str, says: str, tmp_path: Path) -> None:
     text = find("stack", "default").read_text(encoding="utf-8")
     assert old in text
-    file = tmp_path / "mine.yaml"
-    file.write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(InputError, match=rf"mine\.yaml:.*{re.escape(says)}"):
-        load_stack(file, REGISTRY)
+        load_stack(put_file(tmp_path, "mine.yaml", text.replace(old, new, 1)), REGISTRY)
 
 
 LEAVES = st.integers(0, 9)

@@ -6,7 +6,7 @@ import contextlib
 import enum
 import inspect
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, is_dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType, MemberDescriptorType
@@ -18,7 +18,7 @@ from pydantic import BaseModel
 
 from navfw.context import Context
 from navfw.interfaces import KINDS, Plugin
-from navfw.missions import Blackout, Session, prepare
+from navfw.missions import Blackout, plugins_of, prepare
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Conflicts, FlowField, Sealed, freeze, immutable, read_only
@@ -79,20 +79,15 @@ def _attributes(value: object) -> list[str]:
     """The public attributes of an instance: fields, variables, slots and properties."""
     if isinstance(value, _WITHOUT_ATTRIBUTES):
         return []
-    cls = type(value)
-    names: dict[str, None] = {}
-    if is_dataclass(value):
-        names.update(dict.fromkeys(field.name for field in fields(value)))
-    if isinstance(value, BaseModel):
-        names.update(dict.fromkeys(cls.model_fields))  # type: ignore[attr-defined]
-    names.update(dict.fromkeys(getattr(value, "__dict__", {})))
-    for base in cls.__mro__:
-        if base in (object, BaseModel):
-            continue
-        for name, member in vars(base).items():
-            if isinstance(member, property | cached_property | MemberDescriptorType):
-                names[name] = None
-    return [name for name in names if not name.startswith(("_", "model_"))]
+    described = (property, cached_property, MemberDescriptorType)
+    own = {
+        name
+        for base in set(type(value).__mro__) - {object, BaseModel}
+        for name, member in vars(base).items()
+        if isinstance(member, described)
+    }
+    own.update(getattr(value, "__dict__", {}))
+    return sorted(name for name in own if not name.startswith(("_", "model_")))
 
 
 def _set(value: object, name: str) -> None:
@@ -160,27 +155,13 @@ def arguments() -> dict[str, object]:
         patch.setattr(Blackout, "actions", noting)
         overrides = ["mission.timeout=4", EVENT]
         session = prepare("office", "lobby-to-lab", stack="landmarks", overrides=overrides)
-    for plugin in _plugins(session):
+    assert session.stack.mofis.composite is not None
+    for plugin in plugins_of(session.stack).values():
         noted.watch(plugin)
     session.run()
     noted.last["topo_map"] = session.mission.topo_map
     noted.last["robot"] = session.stack.robot
     return noted.last
-
-
-def _plugins(session: Session) -> list[Plugin]:
-    stack = session.stack
-    vision, mofis = stack.vision, stack.mofis
-    assert mofis.composite is not None
-    stages = (stack.features, stack.localizer, stack.planner, stack.controller)
-    return [
-        vision.flow.plugin,
-        vision.perception.plugin,
-        *(stage.plugin for stage in stages),
-        mofis.composite,
-        mofis.behaviors["go_to_xy"],
-        mofis.fusion,
-    ]
 
 
 def test_nothing_that_a_plugin_is_given_can_be_changed(arguments: dict[str, object]) -> None:

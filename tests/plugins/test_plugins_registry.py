@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,11 @@ from navfw.interfaces import KINDS, Behavior, Plugin
 from navfw.plugins import BUILT_IN, GROUPS, Registry, default_registry, plugin, plugin_import
 
 
-def registered(*plugins: type[Plugin]) -> Registry:
+def registered(*plugins: type[Plugin], points: Iterable[EntryPoint] = ()) -> Registry:
     registry = Registry()
     for cls in plugins:
         registry.register(cls)
+    registry.discover_entry_points(points)
     return registry
 
 
@@ -81,7 +82,6 @@ def test_the_decorator_raises_for_an_invalid_class() -> None:
 def test_of_two_plugins_of_one_name_the_later_is_broken(tmp_path: Path) -> None:
     registry = Registry()
     for name in ("first", "second"):
-        (tmp_path / name).mkdir()
         put(tmp_path / name, "turn", cls=name.capitalize())
         registry.discover_folder(tmp_path / name)
     assert registry.get("behavior", "turn").__name__ == "First"
@@ -109,15 +109,11 @@ def test_a_working_plugin_replaces_a_broken_one(folder: Path) -> None:
     assert len(registry.broken()) == 1
 
 
-# --- installed packages ---------------------------------------------------------------------------
-
-
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """An importable module that records its import."""
-    file = tmp_path / "elsewhere_plugins.py"
     text = "print('imported')\nclass Deep: pass\n"
-    file.write_text(text + GOOD.format(cls="Hover", name="hover"))
+    put(tmp_path, "elsewhere_plugins", text + GOOD.format(cls="Hover", name="hover"))
     with monkeypatch.context() as patch:
         patch.syspath_prepend(str(tmp_path))
         yield "elsewhere_plugins"
@@ -131,8 +127,7 @@ def point(value: str, name: str = "hover", group: str = "navfw.behaviors") -> En
 def test_entry_points_are_loaded_on_first_use(
     package: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    registry = Registry()
-    registry.discover_entry_points([point(f"{package}:Hover")])
+    registry = registered(points=[point(f"{package}:Hover")])
     assert registry.names("behavior") == ["hover"]
     assert package not in sys.modules
     for _ in range(2):
@@ -151,9 +146,8 @@ def test_entry_points_are_loaded_on_first_use(
     ],
 )
 def test_a_broken_entry_point_is_named(package: str, value: str, message: str) -> None:
-    registry = Registry()
     sound = point("navfw.features.no_features:NoFeatures", "none", "navfw.features")
-    registry.discover_entry_points([point(value.format(package)), sound])
+    registry = registered(points=[point(value.format(package)), sound])
     with pytest.raises(PluginError, match=r"hover|Hover|elsewhere") as caught:
         registry.get("behavior", "hover")
     assert message in str(caught.value)
@@ -162,9 +156,8 @@ def test_a_broken_entry_point_is_named(package: str, value: str, message: str) -
 
 
 def test_an_entry_point_must_have_the_declared_kind_and_name(package: str) -> None:
-    registry = Registry()
-    registry.discover_entry_points([point(f"{package}:Hover", "fly")])
-    registry.discover_entry_points([point(f"{package}:Hover", "hover", "navfw.flows")])
+    target = f"{package}:Hover"
+    registry = registered(points=[point(target, "fly"), point(target, "hover", "navfw.flows")])
     for kind, name in (("behavior", "fly"), ("flow", "hover")):
         message = f"registered as {kind} '{name}', but the class is behavior 'hover'"
         with pytest.raises(PluginError, match=message):
@@ -172,18 +165,16 @@ def test_an_entry_point_must_have_the_declared_kind_and_name(package: str) -> No
 
 
 def test_an_entry_point_with_a_taken_name(package: str) -> None:
-    registry = registered(Mine)
-    registry.discover_entry_points([point(f"{package}:Hover", "mine")])
+    registry = registered(Mine, points=[point(f"{package}:Hover", "mine")])
     assert registry.get("behavior", "mine") is Mine
     (row,) = registry.broken()
     assert "entry point navfw.behaviors: the behavior name 'mine' is already taken" in row["error"]
 
 
 def test_installed_entry_points_are_discovered(monkeypatch: pytest.MonkeyPatch) -> None:
-    others = EntryPoint("other", "nowhere:Other", "console_scripts")
-    installed = EntryPoints(
-        [others, point("nowhere:Hover"), point("nowhere:Flow", "lucid", "navfw.flows")]
-    )
+    others = point("nowhere:Other", "other", "console_scripts")
+    flow = point("nowhere:Flow", "lucid", "navfw.flows")
+    installed = EntryPoints([others, point("nowhere:Hover"), flow])
     monkeypatch.setattr("navfw.plugins.built_in.entry_points", lambda: installed)
     assert sorted(GROUPS.values()) == sorted(KINDS)
     assert {"navfw.behaviors", "navfw.flows", "navfw.features"} <= set(GROUPS)
@@ -193,9 +184,6 @@ def test_installed_entry_points_are_discovered(monkeypatch: pytest.MonkeyPatch) 
     assert "hover" in registry.names("behavior")
     with pytest.raises(PluginError, match="nowhere"):
         registry.get("behavior", "hover")
-
-
-# --- the shipped plugins, and additions to them ---
 
 
 def test_all_shipped_plugins_work_and_the_overview_reads_the_same_of_their_source() -> None:

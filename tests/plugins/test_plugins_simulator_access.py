@@ -8,6 +8,7 @@ import os
 from pathlib import Path
 
 import pytest
+from cli_calls import put_file
 from plugins_samples import put
 
 from navfw.missions import MissionResult, plugins_of, prepare
@@ -61,12 +62,9 @@ def write(folder: Path, behaviors: dict[str, tuple[str, str]]) -> Path:
     put(folder, "_engine", HELPER)
     for name, (top, inside) in behaviors.items():
         title = name.title().replace("_", "")
-        text = BEHAVIOR.format(name=name, title=title, top=top, inside=inside)
-        put(folder, name, text)
-    stack = folder / "spying.yaml"
-    named = "".join(f"  {name}:\n" for name in behaviors)
-    stack.write_text(f"base: default\nbehaviors:\n  go_to_xy:\n{named}")
-    return stack
+        put(folder, name, BEHAVIOR.format(name=name, title=title, top=top, inside=inside))
+    named = "".join(f"  {name}:\n" for name in ("go_to_xy", *behaviors))
+    return put_file(folder, "spying.yaml", f"base: default\nbehaviors:\n{named}")
 
 
 @pytest.fixture(scope="module")
