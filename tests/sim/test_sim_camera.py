@@ -157,8 +157,6 @@ def test_image_noise_has_the_specified_standard_deviation_and_is_uncorrelated() 
     assert abs(np.corrcoef(noise[0], noise[1])[0, 1]) < 0.05
 
 
-# --- side views -----------------------------------------------------------------------------------
-
 CRATES = WorldSpec(
     name="hall",
     x=(-6, 6),

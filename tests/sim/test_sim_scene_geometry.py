@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cli_calls import put_file
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sim_worlds import drive
+from sim_worlds import drive, loaded
 
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.meshes import boxes_around, furniture_mesh, furniture_outline
@@ -29,7 +30,6 @@ from navfw.sim import (
     WallSpec,
     WorldSpec,
     gap_between,
-    load_world,
     overlap_depth,
 )
 
@@ -96,6 +96,9 @@ def field(**solids: object) -> SceneGeometry:
     return SceneGeometry.from_world(WorldSpec.model_validate(data))
 
 
+COLUMN = field(cylinders=(CylinderSpec(name="column", at=(0, 0), radius=1.0),))
+
+
 def test_free_line_is_the_shortest_path() -> None:
     length, path = field().shortest_path((-4, -3), (4, 3), RADIUS)
     assert length == 10.0
@@ -104,24 +107,21 @@ def test_free_line_is_the_shortest_path() -> None:
 
 @pytest.mark.parametrize("radius", [0.18, 0.5])
 def test_shortest_path_around_a_column(radius: float) -> None:
-    plan = field(cylinders=(CylinderSpec(name="column", at=(0, 0), radius=1.0),))
-    length, path = plan.shortest_path((-3, 0), (3, 0), radius)
+    length, path = COLUMN.shortest_path((-3, 0), (3, 0), radius)
     wide = 1.0 + radius
     tangent = math.sqrt(9.0 - wide**2)
     exact = 2 * tangent + wide * (math.pi - 2 * math.acos(wide / 3.0))
     assert exact * 0.998 < length < exact * 1.01
-    assert plan.clearances(path).min() > radius - 0.002
+    assert COLUMN.clearances(path).min() > radius - 0.002
 
 
 def test_the_distance_field_has_the_lengths_of_the_shortest_paths() -> None:
-    plan = field(cylinders=(CylinderSpec(name="column", at=(0, 0), radius=1.0),))
-    distances = plan.distance_field((3.0, 0.0), RADIUS)
-    rng = np.random.default_rng(0)
-    places = rng.uniform(-4.5, 4.5, (40, 2))
-    free = [(x, y) for x, y in places.tolist() if plan.clearance(x, y) > RADIUS + 0.05]
+    distances = COLUMN.distance_field((3.0, 0.0), RADIUS)
+    ends = np.random.default_rng(0).uniform(-4.5, 4.5, (40, 2))
+    free = [(x, y) for x, y in ends.tolist() if COLUMN.clearance(x, y) > RADIUS + 0.05]
     assert len(free) > 25
     for at in free:
-        exact = plan.shortest_path(at, (3.0, 0.0), RADIUS)[0]
+        exact = COLUMN.shortest_path(at, (3.0, 0.0), RADIUS)[0]
         assert distances.at(*at) == pytest.approx(exact, rel=0.03, abs=0.06)
     # inside the column: as at the nearest place that the robot can take
     assert 1.8 <= distances.at(0.0, 0.0) <= distances.at(-1.25, 0.0)
@@ -193,21 +193,18 @@ WORLD = """\
 name: room
 x: [0, 6]
 y: [0, 6]
-boxes: [{name: crate, at: [5, 5], size: [0.4, 0.4, 0.4]}]
+boxes: [{name: crate, at: %s, size: [0.4, 0.4, 0.4]}]
 meshes:
   - {name: thing, file: %s, at: [3, 3]%s}
 """
 
 
-def room(folder: Path, file: str = "armchair.obj", more: str = "") -> Path:
-    """A world file with one thing in its middle."""
+def room(
+    folder: Path, more: str = "", file: str = "armchair.obj", crate: str = "[5, 5]"
+) -> WorldSpec:
+    """A world with one thing in its middle."""
     shutil.copytree(THINGS, folder, dirs_exist_ok=True)
-    path = folder / "world.yaml"
-    path.write_text(WORLD % (file, more))
-    return path
-
-
-# --- the outline ------------------------------------------------------------------------------
+    return loaded(folder, WORLD % (crate, file, more))
 
 
 def test_the_outline_of_boxes_is_exact_at_the_bounds_and_within_a_cell_inside() -> None:
@@ -246,11 +243,8 @@ def test_scale_and_axes_apply_to_outline_and_mesh() -> None:
     assert min(box.y[0] for box in boxes) == pytest.approx(-0.425)
 
 
-# --- plan, physics, picture -------------------------------------------------------------------
-
-
 def test_the_plan_knows_what_the_robot_touches(tmp_path: Path) -> None:
-    world = load_world(room(tmp_path, more=", yaw: 0.7854"))
+    world = room(tmp_path, ", yaw: 0.7854")
     plan = SceneGeometry.from_world(world)
     assert plan.clearance(3.0, 3.0) < 0.0
     # a corner of the seat points along x
@@ -264,7 +258,7 @@ def test_the_plan_knows_what_the_robot_touches(tmp_path: Path) -> None:
 
 
 def test_the_robot_drives_beneath_what_is_above_it(tmp_path: Path) -> None:
-    world = load_world(room(tmp_path, more=", base: 0.6"))
+    world = room(tmp_path, ", base: 0.6")
     assert SceneGeometry.from_world(world, 0.4).clearance(3.0, 3.0) > 1.0
     with Simulation(world, RobotModel(), Pose(2.0, 3.0, 0.0), 0) as sim:
         drive(sim, 4.0, 6.0, 6.0)
@@ -274,7 +268,7 @@ def test_the_robot_drives_beneath_what_is_above_it(tmp_path: Path) -> None:
 
 def test_the_picture_shows_the_mesh_where_it_is(tmp_path: Path) -> None:
     robot, pose = RobotModel(), Pose(1.0, 3.0, 0.0)
-    with Simulation(load_world(room(tmp_path, more=", yaw: 3.14159265")), robot, pose, 0) as sim:
+    with Simulation(room(tmp_path, ", yaw: 3.14159265"), robot, pose, 0) as sim:
         _, depth = sim.render_from(pose)
     eye = pose.x + robot.camera.mount_forward
     # the seat's front ahead, the back above it, 0.6 m behind the front
@@ -282,9 +276,6 @@ def test_the_picture_shows_the_mesh_where_it_is(tmp_path: Path) -> None:
     seen = depth[:, 80]
     back = seen[(seen > 3.19 - eye) & (seen < 3.21 - eye)]
     assert back.size > 3
-
-
-# --- bad input --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -301,16 +292,14 @@ def test_the_picture_shows_the_mesh_where_it_is(tmp_path: Path) -> None:
 )
 def test_bad_entries(tmp_path: Path, file: str, more: str, key: str, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
-        load_world(room(tmp_path, file, more))
+        room(tmp_path, more, file)
     assert caught.value.line == 6
     assert caught.value.key == f"meshes[0].{key}"
 
 
 def test_meshes_that_overlap_others_are_refused(tmp_path: Path) -> None:
-    path = room(tmp_path)
-    path.write_text(path.read_text().replace("[5, 5]", "[3.5, 3.3]"))
     with pytest.raises(InputError, match="'thing' overlaps 'crate'"):
-        load_world(path)
+        room(tmp_path, crate="[3.5, 3.3]")
 
 
 @pytest.mark.parametrize(
@@ -325,23 +314,21 @@ def test_meshes_that_overlap_others_are_refused(tmp_path: Path) -> None:
     ],
 )
 def test_bad_urdfs(tmp_path: Path, geometry: str, message: str) -> None:
-    path = room(tmp_path, "thing.urdf")
     shape = f"<collision><geometry>{geometry}</geometry></collision>"
-    text = f"<robot name='r'><link name='l'>{shape}</link></robot>"
-    (tmp_path / "thing.urdf").write_text(text)
+    put_file(tmp_path, "thing.urdf", f"<robot name='r'><link name='l'>{shape}</link></robot>")
     with pytest.raises(ConfigError, match=message):
-        load_world(path)
+        room(tmp_path, file="thing.urdf")
 
 
 def test_urdf_spheres_and_meshes_take_their_place(tmp_path: Path) -> None:
-    shutil.copytree(THINGS, tmp_path, dirs_exist_ok=True)
-    (tmp_path / "thing.urdf").write_text(
+    shutil.copy(ARMCHAIR, tmp_path)
+    text = (
         "<robot name='r'><link name='a'><collision><geometry><sphere radius='0.1'/></geometry>"
         "</collision></link><link name='b'><collision><origin xyz='0 0 1'/><geometry>"
         "<mesh filename='armchair.obj' scale='2 1 1'/></geometry></collision></link>"
         "<joint name='j' type='continuous'><parent link='a'/><child link='b'/>"
         "<origin xyz='3 0 0' rpy='0 0 1.57079632679'/></joint></robot>"
     )
-    low, high = furniture_mesh(str(tmp_path / "thing.urdf"), 1.0, "z").bounds
+    low, high = furniture_mesh(str(put_file(tmp_path, "thing.urdf", text)), 1.0, "z").bounds
     assert low == pytest.approx((-0.1, -0.8, -0.1), abs=1e-6)
     assert high == pytest.approx((3.4, 0.8, 1.85), abs=1e-6)

@@ -210,9 +210,6 @@ def test_misuse_raises() -> None:
     sim.close()
 
 
-# --- bodies shared by several solids --------------------------------------------------------------
-
-
 def test_shared_and_separate_bodies_look_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     def view() -> tuple[Image, DepthImage]:
         with Simulation(FIELD, ROBOT, Pose(-0.6, 2.3, 0.2), 0, PERFECT) as sim:

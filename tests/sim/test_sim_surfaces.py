@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import cv2
 import numpy as np
 import pytest
+from cli_calls import put_file
 
 from navfw.errors import ConfigError
+from navfw.numerics import Image
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim import (
@@ -102,15 +104,12 @@ def gallery(folder: Path, image: np.ndarray, size: str = "0.5") -> Path:
     """A world file whose wall shows ``image``."""
     (folder / "pictures").mkdir()
     cv2.imwrite(str(folder / "pictures" / "stripes.png"), image)
-    path = folder / "world.yaml"
-    path.write_text(WALL % size)
-    return path
+    return put_file(folder, "world.yaml", WALL % size)
 
 
-def written(folder: Path, image: np.ndarray) -> Path:
-    path = folder / "alone.png"
-    cv2.imwrite(str(path), image)
-    return path
+def texels_of(folder: Path, **keys: Any) -> Image:
+    """The texture of the picture of ``gallery``."""
+    return picture_texture(TextureSpec(picture=str(folder / "pictures" / "stripes.png"), **keys))
 
 
 def test_a_picture_repeats_at_its_size_across_the_patches_of_a_wall(tmp_path: Path) -> None:
@@ -132,14 +131,11 @@ def test_a_picture_repeats_at_its_size_across_the_patches_of_a_wall(tmp_path: Pa
 def test_a_picture_stands_upright_and_is_not_mirrored(tmp_path: Path) -> None:
     corner = np.full((100, 100, 3), 40, np.uint8)
     corner[:50, 50:] = 220  # bright at the upper right
-    picture = corner[..., ::-1]
-    texels = picture_texture(
-        TextureSpec(picture=str(written(tmp_path, picture)), size=1.0, finest=0.01)
-    )
+    world = load_world(gallery(tmp_path, corner[..., ::-1], "8"))
+    texels = texels_of(tmp_path, size=1.0, finest=0.01)
     middle = texels.shape[0] // 2
     assert texels[:middle, middle:].mean() > 200
     assert texels[middle:].mean() < 60
-    world = load_world(gallery(tmp_path, picture, "8"))
     with Simulation(world, RobotModel(), Pose(2.0, 4.0, 0.0), 0) as sim:
         image, _ = sim.render_from(Pose(2.0, 4.0, 0.0))
     # 8 m wide: of the wall from y = 1 to 7 the texture's right half shows y < 4, to the right, and
@@ -149,15 +145,16 @@ def test_a_picture_stands_upright_and_is_not_mirrored(tmp_path: Path) -> None:
 
 def test_detail_finer_than_the_camera_resolves_is_removed(tmp_path: Path) -> None:
     fine = (np.indices((256, 256)).sum(axis=0) % 2 * 255).astype(np.uint8)
-    path = str(written(tmp_path, np.repeat(fine[..., None], 3, axis=2)))
-    texels = picture_texture(TextureSpec(picture=path, size=2.0))
+    gallery(tmp_path, np.repeat(fine[..., None], 3, axis=2))
+    texels = texels_of(tmp_path, size=2.0)
     assert texels.std() < 2.0
     assert texels.mean() == pytest.approx(127, abs=3)
 
 
 def test_colours_are_those_of_the_file(tmp_path: Path) -> None:
     orange = np.full((30, 30, 3), (0, 128, 255), np.uint8)  # blue, green, red
-    texels = picture_texture(TextureSpec(picture=str(written(tmp_path, orange))))
+    gallery(tmp_path, orange)
+    texels = texels_of(tmp_path)
     assert texels.reshape(-1, 3).mean(axis=0) == pytest.approx((255, 128, 0), abs=1)
 
 
@@ -200,9 +197,6 @@ def test_pictures_that_cannot_be_used(
 def test_a_texture_is_a_pattern_or_a_picture(keys: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         TextureSpec.model_validate(keys)
-
-
-# --- meshes ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("sides", [12, 24])

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from sim_worlds import PERFECT, TICK, drive, loaded
 
-from navfw.config import find
+from navfw.config import find, parse_yaml, validate
 from navfw.errors import ConfigError, WorldError
 from navfw.features import landmark_kind
 from navfw.robot import RobotModel
@@ -160,12 +160,9 @@ def test_errors_name_the_file_relative_to_the_working_directory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    text = (
-        "name: a\nx: [0, 9]\ny: [0, 9]\nwalls: [{name: w, points: [[1, 1], [2, 2]], texture: t}]\n"
-    )
-    (tmp_path / "world.yaml").write_text(text)
+    wall = "{name: w, points: [[1, 1], [2, 2]], texture: t}"
     with pytest.raises(WorldError, match=r"^world\.yaml:4: walls\[0\]\.texture: unknown texture"):
-        load_world(tmp_path / "world.yaml")
+        loaded(Path(), f"name: a\nx: [0, 9]\ny: [0, 9]\nwalls: [{wall}]\n")
 
 
 # --- landmarks ----------------------------------------------------------------------------------
@@ -198,22 +195,16 @@ def test_landmarks_may_be_mounted_on_boxes_or_stand_free(tmp_path: Path) -> None
     assert len(room(tmp_path, on_box, free).landmarks) == 2
 
 
-@pytest.fixture(scope="module")
-def marked(tmp_path_factory: pytest.TempPathFactory) -> WorldSpec:
-    return room(tmp_path_factory.mktemp("marked"), ON_WALL)
-
-
-@pytest.fixture(scope="module")
-def bare(marked: WorldSpec) -> WorldSpec:
-    return marked.model_copy(update={"landmarks": ()})
+MARKED = validate(parse_yaml(f"{WALLED}  - {{{ON_WALL}}}\n"), WorldSpec)
+BARE = MARKED.model_copy(update={"landmarks": ()})
 
 
 def simulated(world: WorldSpec, landmark_frames: bool = False) -> Simulation:
     return Simulation(world, ROBOT, Pose(3.0, 2.5, 0.0), 1, landmark_frames=landmark_frames)
 
 
-def test_a_plate_changes_only_its_own_pixels(marked: WorldSpec, bare: WorldSpec) -> None:
-    with simulated(marked) as with_plate, simulated(bare) as without:
+def test_a_plate_changes_only_its_own_pixels() -> None:
+    with simulated(MARKED) as with_plate, simulated(BARE) as without:
         here = Pose(3.0, 2.5, 0.2)
         (image, depth), (plain, _) = with_plate.render_from(here), without.render_from(here)
         changed = image != plain
@@ -225,33 +216,28 @@ def test_a_plate_changes_only_its_own_pixels(marked: WorldSpec, bare: WorldSpec)
         assert depth[changed].max() < 2.0
         # from its back, and from behind the wall, nothing changes
         behind = Pose(7.0, 2.5, math.pi)
-        np.testing.assert_array_equal(
-            with_plate.render_from(behind)[0], without.render_from(behind)[0]
-        )
+        image, plain = (sim.render_from(behind)[0] for sim in (with_plate, without))
+        np.testing.assert_array_equal(image, plain)
 
 
-def test_a_plate_is_drawn_upright_and_not_mirrored(marked: WorldSpec) -> None:
+def test_a_plate_is_drawn_upright_and_not_mirrored() -> None:
     large = ROBOT.model_copy(update={"camera": ROBOT.landmark_view})
-    with Simulation(marked, large, Pose(3.0, 2.5, 0.0), 0, PERFECT) as simulation:
+    with Simulation(MARKED, large, Pose(3.0, 2.5, 0.0), 0, PERFECT) as simulation:
         image, _ = simulation.render_from(Pose(3.7, 2.5, 0.0))
-    side = round(
-        landmark_kind("aruco").plate_side(0.25) / (1.25 - 0.1 - 0.006) * large.camera.focal
-    )
-    plate = cv2.resize(
-        landmark_kind("aruco").plate_image(1), (side, side), interpolation=cv2.INTER_AREA
-    )
-    scores = [
-        float(cv2.matchTemplate(image, turned, cv2.TM_CCOEFF_NORMED).max())
-        for turned in (plate, plate[:, ::-1], plate[::-1], np.rot90(plate))
-        for turned in [np.ascontiguousarray(turned)]
-    ]
+    aruco, distance = landmark_kind("aruco"), 1.25 - 0.1 - 0.006
+    side = round(aruco.plate_side(0.25) / distance * large.camera.focal)
+    plate = cv2.resize(aruco.plate_image(1), (side, side), interpolation=cv2.INTER_AREA)
+    scores = []
+    for turned in (plate, plate[:, ::-1], plate[::-1], np.rot90(plate)):
+        found = cv2.matchTemplate(image, np.ascontiguousarray(turned), cv2.TM_CCOEFF_NORMED)
+        scores.append(float(found.max()))
     assert scores[0] > 0.9
     assert scores[0] > max(scores[1:]) + 0.1
 
 
-def test_a_plate_has_no_collision_shape(marked: WorldSpec, bare: WorldSpec) -> None:
+def test_a_plate_has_no_collision_shape() -> None:
     tracks = []
-    for world in (marked, bare):
+    for world in (MARKED, BARE):
         with simulated(world) as simulation:
             touched: list[tuple[float, tuple[str, ...]]] = []
             for _ in range(360):
@@ -263,15 +249,13 @@ def test_a_plate_has_no_collision_shape(marked: WorldSpec, bare: WorldSpec) -> N
 
 
 @pytest.fixture
-def with_landmark_frames(marked: WorldSpec) -> Iterator[Simulation]:
-    with simulated(marked, landmark_frames=True) as simulation:
+def with_landmark_frames() -> Iterator[Simulation]:
+    with simulated(MARKED, landmark_frames=True) as simulation:
         yield simulation
 
 
-def test_landmark_frames_are_captured_only_when_enabled(
-    marked: WorldSpec, with_landmark_frames: Simulation
-) -> None:
-    with simulated(marked) as usual:
+def test_landmark_frames_are_captured_only_when_enabled(with_landmark_frames: Simulation) -> None:
+    with simulated(MARKED) as usual:
         times = []
         for _ in range(150):
             one, other = with_landmark_frames.read(), usual.read()
