@@ -176,9 +176,6 @@ def test_every_module_can_be_the_first_to_be_imported() -> None:
     assert broken == []
 
 
-# --- names ---------------------------------------------------------------------------------------
-
-
 SUPERLATIVES = (
     "BIGGEST|CLOSEST|COARSEST|DEEPEST|FARTHEST|FASTEST|FEWEST|FINEST|GREATEST|HIGHEST|LARGEST|LEAST"
     "|LONGEST|LOWEST|MOST|NARROWEST|NEAREST|OLDEST|SHORTEST|SLOWEST|SMALLEST|STEEPEST|STRONGEST"
@@ -246,9 +243,6 @@ def test_no_local_name_tells_nothing() -> None:
         if node.id in VAGUE_LOCALS
     ]
     assert vague == []
-
-
-# --- the budgets of lines ------------------------------------------------------------------------
 
 
 def test_a_folder_above_its_budget_and_one_without_are_named() -> None:

@@ -11,8 +11,10 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from cli_calls import put_file
 from perceive_images import texture
 from scipy.io import savemat
+from scipy.spatial.transform import Rotation
 
 from navfw.bench import (
     FR1_DISTORTION,
@@ -63,8 +65,7 @@ def approach(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.thorough
 def test_time_to_contact_of_an_approach(approach: Path) -> None:
     result = json.loads(json.dumps(bench_approach(approach)))
-    assert result["frames"] == 24
-    assert result["values"] == 27
+    assert (result["frames"], result["values"]) == (24, 27)
     assert result["step_s"] == pytest.approx(0.1)
     assert result["ttc_median_rel_error"] < 0.03
     assert result["raw_median_rel_error"] < 0.03
@@ -88,23 +89,15 @@ def test_an_approach_that_lacks_something_is_refused(approach: Path, tmp_path: P
         bench_approach(broken)
 
 
-# --- TUM -----------------------------------------------------------------------------------------
-
 WALL = 2.0  # metres ahead of the first camera
-
-
-def quaternion(yaw: float) -> tuple[float, float, float, float]:
-    """About the camera's y axis (down)."""
-    return 0.0, float(np.sin(0.5 * yaw)), 0.0, float(np.cos(0.5 * yaw))
 
 
 @pytest.fixture(scope="module")
 def tum(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three views of a wall, moving right and ahead and turning, seen through fr1's lens."""
     folder = tmp_path_factory.mktemp("data") / "tum_fr1"
-    folder.mkdir()
-    (folder / "rgb").mkdir()
-    (folder / "depth").mkdir()
+    for name in ("rgb", "depth"):
+        (folder / name).mkdir(parents=True)
     paint = texture(size=512)
     y, x = np.mgrid[:480, :640].astype(np.float64)
     flat = np.stack([x.ravel(), y.ravel()], axis=-1)[:, None]
@@ -114,13 +107,12 @@ def tum(tmp_path_factory: pytest.TempPathFactory) -> Path:
     # depth is taken 10 ms later than colour, as by the real camera
     for tick in range(-1, 25):
         at = 0.01 * tick
-        place, yaw = np.array([0.3 * at, 0.0, 0.4 * at]), 0.2 * at
-        poses.append(f"{at:.4f} {' '.join(map(str, place))} {' '.join(map(str, quaternion(yaw)))}")
+        place = np.array([0.3 * at, 0.0, 0.4 * at])
+        turned = Rotation.from_euler("y", 0.2 * at)  # the camera's y axis is down
+        poses.append(" ".join(f"{number:.12g}" for number in (at, *place, *turned.as_quat())))
         if tick % 10 not in {0, 1} or tick < 0:
             continue
-        c, s = np.cos(yaw), np.sin(yaw)
-        axes = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-        ahead = rays @ axes.T
+        ahead = turned.apply(rays)
         far = (WALL - place[2]) / ahead[:, 2]
         if tick % 10 == 0:
             hit = place + ahead * far[:, None]
@@ -134,8 +126,7 @@ def tum(tmp_path_factory: pytest.TempPathFactory) -> Path:
             cv2.imwrite(str(folder / f"depth/{tick}.png"), grid)
             depths.append(f"{at:.4f} depth/{tick}.png")
     for name, lines in (("rgb", colour), ("depth", depths), ("groundtruth", poses)):
-        text = "# time and what\n" + "\n".join(lines) + "\n"
-        (folder / f"{name}.txt").write_text(text, encoding="utf-8")
+        put_file(folder, f"{name}.txt", "\n".join(["# time and what", *lines, ""]))
     return folder
 
 
@@ -175,7 +166,7 @@ def test_a_recording_that_lacks_something_is_refused(tum: Path, tmp_path: Path) 
         tum_pairs(tmp_path, (160, 120))
     copy = tmp_path / "copy"
     shutil.copytree(tum, copy)
-    (copy / "groundtruth.txt").write_text("0 1 2\nnonsense\n", encoding="utf-8")
+    put_file(copy, "groundtruth.txt", "0 1 2\nnonsense\n")
     with pytest.raises(InputError, match=r"groundtruth\.txt:1: has 3 columns .*expected time, tx"):
         tum_pairs(copy, (160, 120))
     shutil.rmtree(copy / "depth")
@@ -275,9 +266,6 @@ def test_the_reference_loop_finds_the_same_peaks() -> None:
     assert np.abs(flow.vectors - peaks)[sure].max() <= 0.5
     keys = "match_template_ms block_matching_ms block_matching_peak_ms block_matching_ratio"
     assert set(match_template_ratio(ROBOT, [pair])) == set(keys.split())
-
-
-# --- planning ---
 
 
 def test_the_map_is_as_large_as_asked_for_and_in_one_part() -> None:

@@ -40,6 +40,7 @@ from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair
 
 WIDE = CameraModel(width=352, height=248)
+STILL = CameraMotion(np.eye(3), np.zeros(3), 0.1)
 CUT = 16  # rows cut off at the top: the principal point is not in the middle
 
 
@@ -100,6 +101,11 @@ def test_parts_share_no_pair(data: Path) -> None:
     assert times == [pytest.approx([0.1, 0.3, 0.2]), pytest.approx([0.2, 0.3])]
 
 
+def black_pair(motion: CameraMotion) -> FramePair:
+    image = np.zeros((120, 160), np.uint8)
+    return FramePair(Frame(0.0, image), Frame(0.1, image), motion)
+
+
 def half_hidden() -> tuple[TruePair, CameraModel]:
     """A camera that has moved left: a near board, left of it a strip that was behind the board."""
     camera = CameraModel(width=160, height=120)
@@ -108,9 +114,7 @@ def half_hidden() -> tuple[TruePair, CameraModel]:
     depth[:, 80:], past[:, 60:] = 1.0, 1.0  # 0.25 m at 1 m are 20 px
     depth[:30, :30] = 0.0
     motion = CameraMotion(np.eye(3), np.array([-20.0 / camera.focal, 0.0, 0.0]), 0.1)
-    image = np.zeros((120, 160), np.uint8)
-    pair = FramePair(Frame(0.0, image), Frame(0.1, image), motion)
-    return TruePair("boards", "left", pair, motion, depth, past), camera
+    return TruePair("boards", "left", black_pair(motion), motion, depth, past), camera
 
 
 def test_what_is_hidden_or_without_depth_has_no_truth() -> None:
@@ -172,9 +176,7 @@ def figures(**processors: tuple[float, float]) -> dict[str, Any]:
     names = {"fast": "cv_lk_11", "slow": "cv_lk_21"}
     made = {names.get(k, k): Off(robot, *v) for k, v in processors.items()}
     # the images are alike, but nothing is measured as frozen: the motion is given away to none
-    still = CameraMotion(np.eye(3), np.zeros(3), 0.1)
-    pair = FramePair(true.pair.past, true.pair.now, still)
-    unaided = TruePair("boards", "left", pair, true.motion, true.depth, true.past_depth)
+    unaided = replace(true, pair=black_pair(STILL))
     found: dict[str, Any] = measure_set(TrueSet("boards", robot, [unaided] * 3), made)
     return dict(found["processors"])
 
@@ -192,10 +194,8 @@ def test_a_processor_is_beaten_by_what_costs_less_and_errs_less() -> None:
 def test_plain_dense_flow_is_sampled_at_the_centres_of_the_cells() -> None:
     robot = RobotModel(camera=CameraModel(width=160, height=120))
     y, x = np.mgrid[:120, :160].astype(np.float32)
-    image = np.zeros((120, 160), np.uint8)
     processor = PlainDense(robot, lambda _now, _past: np.stack([0.1 * x, 0.1 * y], axis=-1))
-    still = CameraMotion(np.eye(3), np.zeros(3), 0.1)
-    flow = processor.compute(FramePair(Frame(0.0, image), Frame(0.1, image), still))
+    flow = processor.compute(black_pair(STILL))
     pixels = flow.points + np.array([79.5, 59.5])
     np.testing.assert_allclose(flow.vectors, -0.1 * pixels, atol=0.01)
 

@@ -238,9 +238,6 @@ def test_the_reason_names_what_is_missing_with_its_figure() -> None:
     )
 
 
-# --- times ---------------------------------------------------------------------------------------
-
-
 def test_every_rule_base_of_offis_equals_scikit_fuzzy() -> None:
     compared = compare_rule_bases(12)
     assert {result["name"] for result in compared} == {path.stem for path in RULES.glob("*.yaml")}

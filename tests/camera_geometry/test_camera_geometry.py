@@ -82,9 +82,6 @@ def test_the_slope_is_the_derivative_of_the_turn(vector: np.ndarray, x: float, y
     assert turning_slope(x, y, vector, FOCAL) == pytest.approx(slope, abs=1e-3)
 
 
-# --- derotation ---
-
-
 @given(
     x=st.floats(-0.2, 0.2),
     y=st.floats(-0.05, 0.05),
@@ -145,9 +142,6 @@ def test_a_left_turn_moves_the_image_to_the_right() -> None:
     flow = rotational_flow(np.array([[0.0, 0.0]]), motion.rotation, CAMERA.focal)
     assert flow[0, 0] == pytest.approx(CAMERA.focal * np.tan(0.05))
     assert flow[0, 1] == pytest.approx(0.0)
-
-
-# --- reduced images ---
 
 
 @pytest.mark.parametrize(

@@ -82,8 +82,6 @@ def test_fast_robots_have_more_speeds_so_that_the_lowest_stays_low(cruise: float
     assert np.count_nonzero(four >= 0.0) == 4
 
 
-# --- what a behaviour knows ----------------------------------------------------------------------
-
 OPEN = scene()
 
 

@@ -173,10 +173,9 @@ def test_posters_are_detected_without_confusions(hall: Simulation) -> None:
 def test_both_kinds_are_detected_with_unmapped_ids_too(hall: Simulation) -> None:
     both = Landmarks(ROBOT)
     both.set_map(of_posters(3))  # marker 7 is in no map
-    image, _, _ = view_of(hall, MARKER, 2.0, 0.0, 0.0)
-    assert [seen.identity for seen in both.recognize(Frame(0.0, image))] == ["aruco-7"]
-    image, _, _ = view_of(hall, POSTER, 1.5, 0.0, 0.0)
-    assert [seen.identity for seen in both.recognize(Frame(0.0, image))] == ["poster-3"]
+    for plate, away, identity in ((MARKER, 2.0, "aruco-7"), (POSTER, 1.5, "poster-3")):
+        image, _, _ = view_of(hall, plate, away, 0.0, 0.0)
+        assert [seen.identity for seen in both.recognize(Frame(0.0, image))] == [identity]
 
 
 def test_a_poster_can_be_any_picture(tmp_path: Path) -> None:

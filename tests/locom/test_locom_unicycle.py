@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -22,8 +23,17 @@ def odometry(time: float) -> Odometry:
     return Odometry(time, Pose(0, 0, 0), Twist(0, 0), 0.0, still=False)
 
 
-def command(time: float, v: float, w: float, emergency: bool = False) -> Command:
-    return Command(time, Twist(v, w), "test", "test", emergency)
+def control(
+    locom: Unicycle,
+    v: float,
+    w: float,
+    time: float = 9.0,
+    age: float = 0.0,
+    emergency: bool = False,
+) -> Twist:
+    """The next twist for a command of (v, w) that was given ``age`` [s] before ``time``."""
+    command = Command(time - age, Twist(v, w), "test", "test", emergency)
+    return locom.control(command, odometry(time), DT)
 
 
 @settings(max_examples=60, deadline=None)
@@ -32,8 +42,7 @@ def test_limits_hold_for_any_commands(commands: list[tuple[float, float, bool]])
     locom = Unicycle(ROBOT)
     before = Twist(0.0, 0.0)
     for k, (v, w, emergency) in enumerate(commands):
-        time = k * DT
-        now = locom.control(command(time, v, w, emergency), odometry(time), DT)
+        now = control(locom, v, w, k * DT, emergency=emergency)
         assert math.isfinite(now.v) and math.isfinite(now.w)
         assert -ROBOT.max_reverse <= now.v <= ROBOT.max_v
         assert abs(now.w) <= ROBOT.max_w
@@ -48,47 +57,38 @@ def settled(v: float, w: float) -> Unicycle:
     """A controller that has reached the twist (v, w)."""
     locom = Unicycle(ROBOT)
     for k in range(120):
-        locom.control(command(k * DT, v, w), odometry(k * DT), DT)
+        control(locom, v, w, k * DT)
     return locom
 
 
 @pytest.mark.parametrize(
     ("before", "wanted", "change"),
     [
-        (0.0, 0.4, ROBOT.max_accel),
-        (0.2, 0.4, ROBOT.max_accel),
-        (0.0, -0.1, -ROBOT.max_accel),
-        (-0.05, -0.1, -ROBOT.max_accel),
-        (0.4, 0.2, -ROBOT.max_brake),
-        (0.4, 0.0, -ROBOT.max_brake),
-        (-0.1, 0.0, ROBOT.max_brake),
-        (0.4, -0.1, -ROBOT.max_brake),
-        (-0.1, 0.4, ROBOT.max_brake),
+        (0.0, 0.4, ROBOT.max_accel * DT),
+        (0.2, 0.4, ROBOT.max_accel * DT),
+        (0.0, -0.1, -ROBOT.max_accel * DT),
+        (-0.05, -0.1, -ROBOT.max_accel * DT),
+        (0.4, 0.2, -ROBOT.max_brake * DT),
+        (0.4, 0.0, -ROBOT.max_brake * DT),
+        (-0.1, 0.0, ROBOT.max_brake * DT),
+        (0.4, -0.1, -ROBOT.max_brake * DT),
+        (-0.1, 0.4, ROBOT.max_brake * DT),
+        # the other direction begins at standstill, and slowing down ends at the command
+        (0.001, -0.1, -0.001),
+        (-0.001, 0.4, 0.001),
+        (0.3, 0.299, -0.001),
     ],
 )
 def test_speeding_up_is_gentler_than_slowing_down(
     before: float, wanted: float, change: float
 ) -> None:
-    twist = settled(before, 0.0).control(command(9.0, wanted, 0.0), odometry(9.0), DT)
-    assert twist.v == pytest.approx(before + change * DT)
-
-
-@pytest.mark.parametrize(
-    ("before", "wanted", "reached"), [(0.001, -0.1, 0.0), (-0.001, 0.4, 0.0), (0.3, 0.299, 0.299)]
-)
-def test_the_other_direction_begins_at_standstill_and_slowing_down_ends_at_the_command(
-    before: float, wanted: float, reached: float
-) -> None:
-    twist = settled(before, 0.0).control(command(9.0, wanted, 0.0), odometry(9.0), DT)
-    assert twist.v == pytest.approx(reached, abs=1e-12)
+    assert control(settled(before, 0.0), wanted, 0.0).v == pytest.approx(before + change, abs=1e-12)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_turning_rates_change_by_the_largest_angular_acceleration(sign: float) -> None:
-    locom = Unicycle(ROBOT)
-    first = locom.control(command(0.0, 0.0, sign * 1.0), odometry(0.0), DT)
+    first, back = control(Unicycle(ROBOT), 0.0, sign), control(settled(0.0, sign), 0.0, 0.0)
     assert first.w == pytest.approx(sign * ROBOT.max_turn_accel * DT)
-    back = settled(0.0, sign * 1.0).control(command(9.0, 0.0, 0.0), odometry(9.0), DT)
     assert back.w == pytest.approx(sign * (1.0 - ROBOT.max_turn_accel * DT))
 
 
@@ -107,29 +107,25 @@ def test_turning_rates_change_by_the_largest_angular_acceleration(sign: float) -
     ],
 )
 def test_the_twist_reached_is_the_nearest_within_the_limits(wanted: Twist, reached: Twist) -> None:
-    locom = settled(wanted.v, wanted.w)
-    twist = locom.control(command(2.0, wanted.v, wanted.w), odometry(2.0), DT)
+    twist = control(settled(wanted.v, wanted.w), wanted.v, wanted.w, 2.0)
     assert (twist.v, twist.w) == pytest.approx((reached.v, reached.w))
 
 
 @pytest.mark.parametrize(("age", "v"), [(0.5, 0.3), (0.51, 0.3 - ROBOT.max_brake * DT)])
 def test_commands_are_void_from_the_age_of_the_parameter(age: float, v: float) -> None:
     locom = settled(0.3, 0.0)
-    twist = locom.control(command(9.0, 0.3, 0.0), odometry(9.0 + age), DT)
-    assert twist.v == pytest.approx(v)
+    assert control(locom, 0.3, 0.0, 9.0 + age, age).v == pytest.approx(v)
     assert locom.control(None, odometry(9.0), DT).v < 0.3
     for k in range(120):
-        twist = locom.control(command(9.0, 0.3, 0.0), odometry(10.0 + k * DT), DT)
+        twist = control(locom, 0.3, 0.0, 10.0 + k * DT, 1.0 + k * DT)
     assert twist == Twist(0.0, 0.0)
 
 
 def test_in_an_emergency_the_robot_brakes_turns_and_may_reverse() -> None:
-    locom = settled(0.3, 0.0)
-    twist = locom.control(command(9.0, 0.3, 1.0, emergency=True), odometry(9.0), DT)
+    twist = control(settled(0.3, 0.0), 0.3, 1.0, emergency=True)
     assert twist.v == pytest.approx(0.3 - ROBOT.max_brake * DT)
     assert twist.w > 0.0
-    locom = settled(-0.1, 0.0)
-    assert locom.control(command(9.0, -0.1, 0.0, emergency=True), odometry(9.0), DT).v == -0.1
+    assert control(settled(-0.1, 0.0), -0.1, 0.0, emergency=True).v == -0.1
 
 
 def test_reset_is_standstill() -> None:
@@ -216,8 +212,6 @@ def test_a_reading_from_before_changes_no_share() -> None:
     assert drive.trim.shares == before
 
 
-# --- against a reference --------------------------------------------------------------------------
-
 FINE = RobotModel(ticks_per_turn=10**6)
 """A robot whose encoders are exact."""
 STEP = 0.017
@@ -299,8 +293,6 @@ def test_weak_wheels_alone_are_driven_faster(
 ) -> None:
     trim = WheelTrim(ROBOT)
     trim._shares = list(shares)
-    left, right = ROBOT.wheel_speeds(trim.apply(Twist(v, w)))
-    wanted = ROBOT.wheel_speeds(Twist(v, w))
-    assert (left, right) == pytest.approx(
-        (factors[0] * wanted[0], factors[1] * wanted[1]), abs=1e-9
-    )
+    driven = np.array(ROBOT.wheel_speeds(trim.apply(Twist(v, w))))
+    wanted = np.array(factors) * ROBOT.wheel_speeds(Twist(v, w))
+    assert driven == pytest.approx(wanted, abs=1e-9)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from cli_calls import put_file
 
 from navfw.errors import ConfigError
 from navfw.meshes import FURNITURE_LIMITS, TriangleMesh, mesh_file, read_mesh
@@ -27,10 +28,8 @@ BOX = with_faces(*FACES)
 """A box of 3 x 1 x 2."""
 
 
-def written(folder: Path, content: str | bytes, name: str = "thing.obj") -> Path:
-    path = folder / name
-    path.write_bytes(content.encode() if isinstance(content, str) else content)
-    return path
+def mesh_of(folder: Path, content: str | bytes, name: str = "thing.obj") -> TriangleMesh:
+    return read_mesh(put_file(folder, name, content))
 
 
 def is_box(mesh: TriangleMesh) -> bool:
@@ -51,32 +50,24 @@ def is_box(mesh: TriangleMesh) -> bool:
     ids=["plain", "slashes", "negative", "with what is not read"],
 )
 def test_obj_polygons_become_triangles(tmp_path: Path, text: str) -> None:
-    assert is_box(read_mesh(written(tmp_path, text)))
+    assert is_box(mesh_of(tmp_path, text))
 
 
 def test_binary_and_ascii_stl_are_the_same_mesh(tmp_path: Path) -> None:
-    corners = read_mesh(written(tmp_path, BOX)).corners
+    corners = mesh_of(tmp_path, BOX).corners
     records = b"".join(struct.pack("<12fH", 0, 0, 0, *triangle.ravel(), 0) for triangle in corners)
     # many exporters begin the 80 bytes of a binary file's header with "solid"
     binary = b"solid box".ljust(80) + struct.pack("<I", len(corners)) + records
-    lines = [
-        f"facet normal 0 0 0\nouter loop\n{points}endloop\nendfacet\n"
-        for points in (
-            "".join(f"vertex {x:e} {y:e} {z:e}\n" for x, y, z in triangle) for triangle in corners
-        )
-    ]
-    text = "solid box\n" + "".join(lines) + "endsolid box\n"
+    text = "solid box\n"
+    for triangle in corners:
+        points = "".join(f"vertex {x:e} {y:e} {z:e}\n" for x, y, z in triangle)
+        text += f"facet normal 0 0 0\nouter loop\n{points}endloop\nendfacet\n"
+    text += "endsolid box\n"
     for name, content in (("b.stl", binary), ("a.STL", text.encode())):
-        assert is_box(read_mesh(written(tmp_path, content, name)))
+        assert is_box(mesh_of(tmp_path, content, name))
 
 
-CONCAVE = """\
-v 0 0 0
-v 4 0 0
-v 1 1 0
-v 0 4 0
-f 2 3 4 1
-"""
+CONCAVE = "v 0 0 0\nv 4 0 0\nv 1 1 0\nv 0 4 0\nf 2 3 4 1\n"
 
 
 @pytest.mark.parametrize(
@@ -105,7 +96,7 @@ def test_obj_files_that_cannot_be_used(
     tmp_path: Path, content: str, line: int | None, message: str
 ) -> None:
     with pytest.raises(ConfigError, match=message) as caught:
-        read_mesh(written(tmp_path, content))
+        mesh_of(tmp_path, content)
     assert str(caught.value.file).endswith("thing.obj")
     assert caught.value.line == line
 
@@ -131,11 +122,11 @@ def test_other_files_that_cannot_be_used(
     tmp_path: Path, name: str, content: bytes, message: str
 ) -> None:
     with pytest.raises(ConfigError, match=message):
-        read_mesh(written(tmp_path, content, name))
+        mesh_of(tmp_path, content, name)
 
 
 def test_a_format_is_one_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    corners = read_mesh(written(tmp_path, BOX)).corners
+    corners = mesh_of(tmp_path, BOX).corners
     faces = np.arange(3 * len(corners)).reshape(-1, 3)
     monkeypatch.setitem(mesh_file._READERS, ".ply", mesh_file._by_trimesh)
     for name in ("thing.ply", "thing.dae"):
