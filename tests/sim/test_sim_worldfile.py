@@ -182,20 +182,14 @@ landmarks:
 """
 
 
-def room(folder: Path, *marks: str) -> WorldSpec:
-    return loaded(folder, WALLED + "".join(f"  - {{{mark}}}\n" for mark in marks))
-
-
-ON_WALL = "name: a, id: 1, at: [4.95, 2.5], yaw: 3.1416"
-
-
 def test_landmarks_may_be_mounted_on_boxes_or_stand_free(tmp_path: Path) -> None:
-    on_box = "name: a, id: 1, at: [2, 4.5], z: 0.2, yaw: -1.5708, size: 0.2"
-    free = "name: b, id: 1, kind: poster, at: [3, 3], yaw: 1, free: true"
-    assert len(room(tmp_path, on_box, free).landmarks) == 2
+    on_box = "  - {name: a, id: 1, at: [2, 4.5], z: 0.2, yaw: -1.5708, size: 0.2}\n"
+    free = "  - {name: b, id: 1, kind: poster, at: [3, 3], yaw: 1, free: true}\n"
+    assert len(loaded(tmp_path, WALLED + on_box + free).landmarks) == 2
 
 
-MARKED = validate(parse_yaml(f"{WALLED}  - {{{ON_WALL}}}\n"), WorldSpec)
+ON_WALL = "  - {name: a, id: 1, at: [4.95, 2.5], yaw: 3.1416}\n"
+MARKED = validate(parse_yaml(WALLED + ON_WALL), WorldSpec)
 BARE = MARKED.model_copy(update={"landmarks": ()})
 
 
@@ -229,8 +223,8 @@ def test_a_plate_is_drawn_upright_and_not_mirrored() -> None:
     plate = cv2.resize(aruco.plate_image(1), (side, side), interpolation=cv2.INTER_AREA)
     scores = []
     for turned in (plate, plate[:, ::-1], plate[::-1], np.rot90(plate)):
-        found = cv2.matchTemplate(image, np.ascontiguousarray(turned), cv2.TM_CCOEFF_NORMED)
-        scores.append(float(found.max()))
+        match = cv2.matchTemplate(image, np.ascontiguousarray(turned), cv2.TM_CCOEFF_NORMED)
+        scores.append(float(match.max()))
     assert scores[0] > 0.9
     assert scores[0] > max(scores[1:]) + 0.1
 
