@@ -65,11 +65,9 @@ def test_any_motion_is_found_without_a_prior(
 
 
 def test_a_quarter_of_moving_objects_does_no_harm() -> None:
-    points, depth = scene(2)
-    shift = np.array([0.02, 0.0, 0.12])
-    rotation = rotation_of(np.array([0.0, 0.03, 0.01]))
-    motion = seen(points, depth, rotation, shift, noise=0.1)
-    moving = seen(points, depth, rotation, shift + np.array([0.4, 0.1, 0.0]), noise=0.1)
+    shift, rotation = np.array([0.02, 0.0, 0.12]), rotation_of(np.array([0.0, 0.03, 0.01]))
+    motion = seen(*scene(2), rotation, shift, noise=0.1)
+    moving = seen(*scene(2), rotation, shift + np.array([0.4, 0.1, 0.0]), noise=0.1)
     motion.past[:50] = moving.past[:50]
     found = estimate_egomotion(motion, FOCAL)
     assert found.kind is MotionKind.FORWARD

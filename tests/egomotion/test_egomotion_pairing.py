@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from localization_drives import odometry, step
 from param_ranges import check_ranges
 from pydantic import ValidationError
 
@@ -32,11 +33,9 @@ def drive(
     buffer = FrameBuffer(robot, params)
     pose, given = Pose(0.0, 0.0, 0.0), []
     for i in range(frames):
-        odometry = Odometry(i * dt, pose, Twist(v, w), 0.0, still=False)
-        buffer.add(Frame(i * dt, IMAGE), odometry)
+        buffer.add(Frame(i * dt, IMAGE), Odometry(i * dt, pose, Twist(v, w), 0.0, still=False))
         given.append(buffer.pairs())
-        half = 0.5 * w * dt
-        pose = pose.compose(Pose(v * dt * math.cos(half), v * dt * math.sin(half), w * dt))
+        pose = pose.compose(step(v, w, dt))
     return given
 
 
@@ -94,8 +93,7 @@ def test_up_to_the_seeing_speed_successive_frames_are_pairs(rate: float) -> None
 def added(buffer: FrameBuffer, *places: tuple[float, float], v: float = 0.4) -> int:
     """Number of pairs after frames at times [s] and places ahead [m], in order."""
     for time, x in places:
-        odometry = Odometry(time, Pose(x, 0.0, 0.0), Twist(v, 0.0), 0.0, still=False)
-        buffer.add(Frame(time, IMAGE), odometry)
+        buffer.add(Frame(time, IMAGE), odometry(Pose(x, 0.0, 0.0), time, v))
     return len(buffer.pairs())
 
 

@@ -87,6 +87,18 @@ def step(v: float, w: float, dt: float = 0.1) -> Pose:
     return Pose(v * dt * math.cos(0.5 * w * dt), v * dt * math.sin(0.5 * w * dt), w * dt)
 
 
+def odometry(pose: Pose, time: float = 0.0, v: float = 0.0, *, still: bool = False) -> Odometry:
+    """Odometry of a robot that drives straight on with ``v`` [m/s]."""
+    return Odometry(time, pose, Twist(v, 0.0), yaw_bias=0.0, still=still)
+
+
+def detection(mark: Landmark, at: Pose, time: float) -> LandmarkDetection:
+    """What a robot at the pose ``at`` detects of ``mark``: the truth, with sigmas."""
+    x, y = at.to_local(mark.x, mark.y)
+    noise = np.diag((0.01**2, 0.05**2))
+    return LandmarkDetection(time, mark.identity, math.atan2(y, x), math.hypot(x, y), noise)
+
+
 @dataclass
 class FakeRecognizer:
     """Detects landmarks within 4 m, in the field of view and from their front, with noise.

@@ -31,6 +31,11 @@ def line(*places: Place, **values: float) -> list[Passage]:
     return [joined(a, b, **values) for a, b in pairwise(places)]
 
 
+def row(*places: Place, **values: float) -> TopoMap:
+    """A map of places, each joined to the next."""
+    return TopoMap("row", places, line(*places, **values))
+
+
 def goal(x: float, y: float, place: str = "goal", tolerance: float = 0.3) -> Waypoint:
     """A final waypoint at (x, y) [m]."""
     return Waypoint(x, y, tolerance, place, "goal", final=True)

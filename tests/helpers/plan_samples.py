@@ -78,16 +78,19 @@ def wall_percept(
 
 
 def arcs(
-    start: Pose, legs: Sequence[tuple[float, float, float]], scale: float = 1.0
+    start: Pose,
+    legs: Sequence[tuple[float, float, float]],
+    scale: float = 1.0,
+    bias: float = 0.0,
 ) -> Iterator[tuple[Pose, Odometry]]:
     """True poses and odometry at 10 Hz along legs of (seconds, v [m/s], w [rad/s]).
 
-    The odometry's way is ``scale`` times the true one.
+    The odometry's way is ``scale`` times the true one, its gyro has a ``bias`` [rad/s].
     """
     true, raw, time = start, Pose(0.0, 0.0, 0.0), 0.0
     for seconds, v, w in legs:
         for _ in range(round(10.0 * seconds)):
-            yield true, Odometry(time, raw, Twist(v, w), 0.0, still=False)
+            yield true, Odometry(time, raw, Twist(scale * v, w + bias), 0.0, still=False)
             true = true.compose(step(v, w))
-            raw = raw.compose(step(scale * v, w))
+            raw = raw.compose(step(scale * v, w + bias))
             time += 0.1

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from localization_drives import detection, odometry
 
 from navfw.errors import ConfigError, InputError, UnknownNameError
 from navfw.localization import (
@@ -32,7 +33,7 @@ from navfw.localization import (
 )
 from navfw.offis import ELEMENTARY
 from navfw.robot import RobotModel
-from navfw.signals import LandmarkDetection, Odometry, Pose, Twist, wrap_angle
+from navfw.signals import Pose, wrap_angle
 from navfw.topomap import PLACE_KINDS, Landmark, Passage, Place, TopoMap, load_map
 
 PLACES = [
@@ -53,16 +54,6 @@ MARKS = [
 ]
 ORIGIN = Pose(0.0, 0.0, 0.0)
 MAP = TopoMap("tee", PLACES, PASSAGES, landmarks=MARKS)
-
-
-def odometry(pose: Pose, time: float = 0.0) -> Odometry:
-    return Odometry(time, pose, Twist(0.0, 0.0), yaw_bias=0.0, still=False)
-
-
-def detection(mark: Landmark, at: Pose, time: float) -> LandmarkDetection:
-    x, y = at.to_local(mark.x, mark.y)
-    noise = np.diag((0.01**2, 0.05**2))
-    return LandmarkDetection(time, mark.identity, math.atan2(y, x), math.hypot(x, y), noise)
 
 
 def initialized(pose: Pose | None, at: Pose = ORIGIN) -> DiscreteFilter:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,12 +37,32 @@ AT_REST = Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), 0.0, still=True)
 
 
 def started(
-    start: Pose | None = START, topo_map: TopoMap = MAP, robot: RobotModel = ROBOT
+    start: Pose | None = START,
+    plan: OccupancyMap | None = PLAN,
+    robot: RobotModel = ROBOT,
+    **params: float,
 ) -> FloorPlanLocalizer:
-    localizer = FloorPlanLocalizer(robot)
+    """A localiser whose map has that floor plan."""
+    localizer = FloorPlanLocalizer(robot, FloorPlanLocalizer.Params(**params))
     localizer.reset()
+    topo_map = TopoMap("b", list(MAP.places.values()), MAP.passages, floor_plan=plan)
     localizer.start(topo_map, start, AT_REST)
     return localizer
+
+
+def drawn(*areas: Any, missing: Any = ()) -> OccupancyMap:
+    """The plan with these areas of its cells occupied, and without the wall ``missing``."""
+    cells = PLAN.cells.copy()
+    for area in areas:
+        cells[area] = OCCUPIED
+    cells[missing or np.s_[:0]] = FREE
+    return OccupancyMap(cells, PLAN.resolution, PLAN.origin)
+
+
+def centres() -> Array:
+    """The centres (n, 2) [m, map] of the plan's cells, row by row."""
+    rows, columns = np.indices(PLAN.cells.shape)
+    return PLAN.centres(rows.ravel(), columns.ravel())
 
 
 def follow(
@@ -160,10 +181,8 @@ def test_a_common_error_of_the_distances_is_no_error_of_the_pose() -> None:
 
 
 def test_a_room_lined_with_furniture_does_not_draw_the_robot_to_its_walls() -> None:
-    cells = PLAN.cells.copy()
-    cells[2:10, 2:130] = cells[-10:-2, 2:130] = OCCUPIED  # cupboards 0.4 m deep
-    cells[:, 2:10] = cells[:, 122:130] = OCCUPIED
-    seen = OccupancyMap(cells, PLAN.resolution, PLAN.origin)
+    # cupboards 0.4 m deep
+    seen = drawn(np.s_[2:10, 2:130], np.s_[-10:-2, 2:130], np.s_[:, 2:10], np.s_[:, 122:130])
     report = follow(started(), seen=seen, scale=1.0, seed=3, shared=0.05)
     assert max(error(*moment) for moment in report) < 0.03, "the odometry is exact"
 
@@ -176,38 +195,25 @@ def test_a_skidding_turn_corrects_nothing() -> None:
 
 
 def test_furniture_and_missing_walls_do_not_mislead() -> None:
-    cells = PLAN.cells.copy()
-    cells[20:36, 60:76] = OCCUPIED  # a sofa that the plan does not know
-    cells[140:156, 80:100] = OCCUPIED
-    cells[:2, 20:60] = FREE  # a part of the outer wall that is not there
-    report = follow(started(), seen=OccupancyMap(cells, PLAN.resolution, PLAN.origin))
+    furniture, outer_wall = (np.s_[20:36, 60:76], np.s_[140:156, 80:100]), np.s_[:2, 20:60]
+    report = follow(started(), seen=drawn(*furniture, missing=outer_wall))
     assert np.percentile([error(*moment) for moment in report], 95) < 0.20
 
 
 def test_walls_that_are_not_there_are_seen_through() -> None:
     way = [true for true, _ in arcs(START, ROUND)]
-    cells = PLAN.cells.copy()
-    rows, columns = np.indices(cells.shape)
-    centres = PLAN.centres(rows.ravel(), columns.ravel())
-    for true in way[50::35]:  # across the way, 1.2 m wide
-        local = [true.relative(Pose(x, y, 0.0)) for x, y in centres.tolist()]
-        across = [abs(at.x) < 0.05 and abs(at.y) < 0.6 for at in local]
-        cells[np.reshape(across, cells.shape)] = OCCUPIED
-    plan = OccupancyMap(cells, PLAN.resolution, PLAN.origin)
-    wrong_map = TopoMap("b", list(MAP.places.values()), MAP.passages, floor_plan=plan)
-    report = follow(started(topo_map=wrong_map))
+    local = [true.points_to_local(centres()) for true in way[50::35]]
+    across = [(np.abs(at) < (0.05, 0.6)).all(axis=1) for at in local]  # the way, 1.2 m wide
+    report = follow(started(plan=drawn(*np.reshape(across, (-1, *PLAN.cells.shape)))))
     assert not any(belief.lost for _, belief in report)
     assert np.percentile([error(*moment) for moment in report], 95) < 0.15
 
 
 def test_things_all_around_that_the_plan_does_not_show_lose_no_robot() -> None:
-    rows, columns = np.indices(PLAN.cells.shape)
-    cells = PLAN.cells.copy()
-    centres = PLAN.centres(rows.ravel(), columns.ravel())
     way = np.array([(true.x, true.y) for true, _ in arcs(START, ROUND)])
-    near = np.min(np.hypot(*(centres[:, None] - way[None, ::4]).transpose(2, 0, 1)), axis=1) < 0.7
-    cells[~near.reshape(cells.shape)] = OCCUPIED  # boxes on both sides hide the walls
-    report = follow(started(), seen=OccupancyMap(cells, PLAN.resolution, PLAN.origin), scale=1.0)
+    away = np.hypot(*(centres()[:, None] - way[None, ::4]).transpose(2, 0, 1)).min(axis=1)
+    boxes = drawn(away.reshape(PLAN.cells.shape) >= 0.7)  # on both sides, hiding the walls
+    report = follow(started(), seen=boxes, scale=1.0)
     assert not any(belief.lost for _, belief in report)
     assert max(error(*moment) for moment in report) < 0.3
     assert min(belief.confidence for _, belief in report) < 0.5, "it knows that it may be wrong"
@@ -236,12 +242,8 @@ def test_a_robot_elsewhere_than_it_was_told_doubts_and_finds_itself(
 
 def test_a_plan_that_contradicts_costs_no_right_pose() -> None:
     """It goes on by odometry, ever less sure, until it is lost; never from another place."""
-    cells = PLAN.cells.copy()
-    cells[:, ::16] = OCCUPIED  # a wall every 0.8 m that is not there
-    plan = OccupancyMap(cells, PLAN.resolution, PLAN.origin)
-    wrong_map = TopoMap("b", list(MAP.places.values()), MAP.passages, floor_plan=plan)
-    localizer = started(topo_map=wrong_map)
-    moments = follow(localizer, ROUND, scale=1.0, seed=0)
+    localizer = started(plan=drawn(np.s_[:, ::16]))  # a wall every 0.8 m that is not there
+    moments = follow(localizer, scale=1.0)
     beliefs = [belief for _, belief in moments]
     assert max(error(*moment) for moment in moments) < 0.2, "the odometry is exact"
     assert np.mean([belief.confidence for belief in beliefs[80:]]) < 0.1
@@ -254,10 +256,7 @@ def test_a_plan_that_contradicts_costs_no_right_pose() -> None:
 
 
 def test_a_localiser_that_never_doubts_tracks_all_the_same() -> None:
-    localizer = FloorPlanLocalizer(ROBOT, FloorPlanLocalizer.Params(doubt_below=0.0))
-    localizer.reset()
-    localizer.start(MAP, START, AT_REST)
-    assert error(*follow(localizer)[-1]) < 0.1
+    assert error(*follow(started(doubt_below=0.0))[-1]) < 0.1
 
 
 def test_nothing_seen_is_no_evidence() -> None:
@@ -267,9 +266,8 @@ def test_nothing_seen_is_no_evidence() -> None:
 
 
 def test_a_map_without_a_plan_is_refused() -> None:
-    bare = TopoMap("bare", list(MAP.places.values()), MAP.passages)
-    with pytest.raises(MapError, match=r"'bare' has no floor plan.*'floor_plan'"):
-        started(topo_map=bare)
+    with pytest.raises(MapError, match=r"'b' has no floor plan.*'floor_plan'"):
+        started(plan=None)
 
 
 def test_a_stack_takes_it_by_its_name_alone() -> None:

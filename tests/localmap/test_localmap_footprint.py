@@ -113,8 +113,7 @@ def test_ranges_are_from_the_rim() -> None:
 
 
 def test_the_ground_under_the_body_is_free() -> None:
-    occupancy = OccupancyGrid(CART)
-    occupancy.update(ORIGIN, 0.0)
+    occupancy = occupancy_with(observed=False)
     free = occupancy.log_odds < 0.0
     assert free[occupancy.index(0.45, 0.1)]
     assert not free[occupancy.index(-0.3, 0.0)]

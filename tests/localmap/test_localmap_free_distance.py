@@ -316,12 +316,3 @@ def test_ranges_are_the_first_occupied_and_the_first_unobserved_cell(
         wide = [k for k in steps if not any(observed[j] for j in inside[k : k + 10])]
         assert first <= min(wide, default=math.inf) * 0.2 * CELL + CELL
         assert first <= range_ <= limit
-
-
-def test_ranges_in_an_empty_grid_are_the_limit() -> None:
-    ground = ground_of(np.full((SIZE, SIZE), 8.0), np.ones((SIZE, SIZE)))
-    free, seen = np.zeros((2, BEARINGS.size))
-    # beyond the grid's border nothing is known to be occupied, nor is anything unobserved
-    for limit in (1.1, 9.0):
-        cast_ranges(ground, (*CENTRE, 0.3), BEARINGS, limit, free, seen)
-        assert (free == limit).all() and (seen == limit).all()

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from localmap_samples import ORIGIN, ROBOT, metric_percept
+from localmap_samples import ORIGIN, ROBOT, grid_with, metric_percept
 from param_ranges import check_ranges
 
 from navfw.localmap import (
@@ -20,7 +20,6 @@ from navfw.localmap import (
     LocalMap,
     LocalMapParams,
     LocalPlannerParams,
-    OccupancyGrid,
     OccupancyParams,
     Ranges,
     TraversabilityParams,
@@ -124,11 +123,28 @@ def test_there_is_no_room_outside_the_grid(side: tuple[float, float]) -> None:
 
 
 def floor_percept(
-    time: float, label: Label, depth: float = 1.0, nearness: float = 1.0, sigma: float = 0.02
+    label: Label, depth: float = 1.0, nearness: float = 1.0, sigma: float = 0.02
 ) -> Percept:
     """One cell whose ray meets the floor ``depth`` [m] before the camera."""
     row = ROBOT.camera.mount_height / depth * ROBOT.camera.focal
-    return metric_percept(time, np.array([[[0.0, row]]]), nearness, sigma, label)
+    return metric_percept(0.0, np.array([[[0.0, row]]]), nearness, sigma, label)
+
+
+FLOOR, BELOW = floor_percept(Label.FLOOR), floor_percept(Label.DROP)
+CLEAR = floor_percept(Label.DROP, nearness=0.5)
+
+
+def drops_of(
+    *percepts: Percept,
+    pose: Pose = ORIGIN,
+    interval: float = INTERVAL,
+    robot: RobotModel = ROBOT,
+) -> DropMap:
+    """The drops after these percepts from ``pose``, one every ``interval`` [s]."""
+    drops = DropMap(robot)
+    for k, percept in enumerate(percepts):
+        drops.integrate(replace(percept, time=interval * k), pose)
+    return drops
 
 
 def with_drop(**params: object) -> LocalMap:
@@ -136,8 +152,7 @@ def with_drop(**params: object) -> LocalMap:
     chosen = local_map(**params)
     for k in range(3):
         odometry = Odometry(0.1 * k, ORIGIN, AHEAD, 0.0, still=False)
-        percept = floor_percept(0.1 * k, Label.DROP, nearness=0.5)
-        chosen.update(odometry, [percept], None, ORIGIN)
+        chosen.update(odometry, [replace(CLEAR, time=0.1 * k)], None, ORIGIN)
     return chosen
 
 
@@ -161,13 +176,9 @@ def test_a_passage_report_gives_missing_floor_in_the_map_frame() -> None:
 
 
 def test_many_points_below_the_floor_make_a_drop_where_the_rays_pass_it() -> None:
-    drops = DropMap(ROBOT)
     pose = Pose(1.0, 2.0, math.pi / 2)
-    for k in range(CERTAIN - 1):
-        drops.integrate(floor_percept(INTERVAL * k, Label.DROP), pose)
-    assert drops.points() == []
-    drops.integrate(floor_percept(INTERVAL * CERTAIN, Label.DROP), pose)
-    ((x, y),) = drops.points()
+    assert drops_of(*[BELOW] * (CERTAIN - 1), pose=pose).points() == []
+    ((x, y),) = drops_of(*[BELOW] * CERTAIN, pose=pose).points()
     assert math.dist((x, y), (1.0, 2.0 + ROBOT.camera.mount_forward + 1.0)) < 0.2
 
 
@@ -178,23 +189,17 @@ def test_a_drop_aside_is_where_its_rays_meet_the_floor(aside: float, pitch: floa
     camera, ahead = robot.camera, 1.4
     right, down, depth = camera.base_from_camera.T @ (ahead, aside, -camera.mount_height)
     point = np.array([[[right, down]]]) * camera.focal / depth
-    percept = replace(floor_percept(0.0, Label.DROP, nearness=0.5), points=point)
-    drops = DropMap(robot)
-    for k in range(CERTAIN):
-        drops.integrate(replace(percept, time=INTERVAL * k), ORIGIN)
-    ((x, y),) = drops.points()
+    ((x, y),) = drops_of(*[replace(CLEAR, points=point)] * CERTAIN, robot=robot).points()
     assert x == pytest.approx(camera.mount_forward + ahead, abs=0.51 * SPOT)
     assert y == pytest.approx(aside, abs=0.51 * SPOT)
 
 
 def test_clear_observations_make_a_drop_sooner_and_it_is_occupied() -> None:
-    drops = DropMap(ROBOT)
-    for k in range(CERTAIN // CLEAR_VOTES):
-        assert drops.discs() == ()
-        drops.integrate(floor_percept(INTERVAL * k, Label.DROP, nearness=0.5), ORIGIN)
+    enough = CERTAIN // CLEAR_VOTES
+    assert drops_of(*[CLEAR] * (enough - 1)).discs() == ()
+    drops = drops_of(*[CLEAR] * enough)
     ((x, y),) = drops.points()
-    occupancy = OccupancyGrid(ROBOT)
-    occupancy.update(ORIGIN, 0.0)
+    occupancy = grid_with(observed=False)
     before = occupancy.occupied.copy()
     occupancy.set_obstacles(drops.discs())
     row, column = occupancy.index(x, y)
@@ -222,11 +227,8 @@ def test_clear_observations_make_a_drop_sooner_and_it_is_occupied() -> None:
 def test_points_far_below_the_floor_are_clear(
     depth: float, share: float, sigma: float, clear: bool
 ) -> None:
-    drops = DropMap(ROBOT)
-    for k in range(CERTAIN // CLEAR_VOTES):
-        drops.integrate(
-            floor_percept(INTERVAL * k, Label.DROP, depth, share / depth, sigma), ORIGIN
-        )
+    percept = floor_percept(Label.DROP, depth, share / depth, sigma)
+    drops = drops_of(*[percept] * (CERTAIN // CLEAR_VOTES))
     assert bool(drops.points()) is clear
 
 
@@ -245,52 +247,35 @@ def test_points_far_below_the_floor_are_clear(
 def test_a_spot_follows_the_majority_of_its_confident_cells(
     cells: str, confidence: tuple[float, ...], observations: int | None
 ) -> None:
-    one = floor_percept(0.0, Label.DROP)
     shape = (1, len(cells))
     percept = replace(
-        one,
+        BELOW,
         # so near to each other that all of them meet the floor in one spot
-        points=np.array([[[0.01 * k, one.points[0, 0, 1]] for k in range(len(cells))]]),
+        points=np.array([[[0.01 * k, BELOW.points[0, 0, 1]] for k in range(len(cells))]]),
         label=np.array([[Label.FLOOR if c == "F" else Label.DROP for c in cells]], np.int8),
         nearness=np.array([[0.5 if c == "C" else 1.0 for c in cells]]),
         sigma=np.full(shape, 0.02),
         confidence=np.array([confidence]),
         height=np.zeros(shape),
     )
-    drops = DropMap(ROBOT)
-    needed = None
-    for k in range(3 * CERTAIN):
-        drops.integrate(replace(percept, time=INTERVAL * k), Pose(0.0, 0.05, 0.0))
-        if needed is None and drops.points():
-            needed = k + 1
-    assert needed == observations
+    pose, counts = Pose(0.0, 0.05, 0.0), range(1, 3 * CERTAIN + 1)
+    needed = (count for count in counts if drops_of(*[percept] * count, pose=pose).points())
+    assert next(needed, None) == observations
 
 
 def test_no_drop_is_found_far_away_above_the_horizon_or_twice_in_the_same_flow() -> None:
-    drops = DropMap(ROBOT)
-    for k in range(10 * CERTAIN):
-        drops.integrate(floor_percept(0.001 * k, Label.DROP), ORIGIN)
-    for k in range(1, 2 * CERTAIN):
-        drops.integrate(floor_percept(2 * k * INTERVAL, Label.DROP, depth=1.8), ORIGIN)
-        drops.integrate(floor_percept((2 * k + 1) * INTERVAL, Label.DROP, depth=-1.0), ORIGIN)
-    assert drops.points() == []
+    far, above = (floor_percept(Label.DROP, depth) for depth in (1.8, -1.0))
+    assert drops_of(*[far, above] * (2 * CERTAIN)).points() == []
+    assert drops_of(*[BELOW] * (10 * CERTAIN), interval=0.001).points() == []
 
 
 def test_floor_observed_for_long_delays_a_drop_little() -> None:
-    drops = DropMap(ROBOT)
-    for k in range(50):
-        drops.integrate(floor_percept(INTERVAL * k, Label.FLOOR), ORIGIN)
-    for k in range(3):
-        drops.integrate(floor_percept(INTERVAL * (50 + k), Label.DROP, nearness=0.5), ORIGIN)
-    assert drops.points()
+    assert drops_of(*[FLOOR] * 50, *[CLEAR] * 3).points()
 
 
 @pytest.mark.parametrize("label", [Label.FLOOR, Label.OBSTACLE])
 def test_floor_votes_against_a_drop_and_obstacles_do_not_vote(label: Label) -> None:
-    drops = DropMap(ROBOT)
-    for k in range(2 * CERTAIN):
-        drops.integrate(floor_percept(2 * k * INTERVAL, Label.DROP), ORIGIN)
-        drops.integrate(floor_percept((2 * k + 1) * INTERVAL, label), ORIGIN)
+    drops = drops_of(*[BELOW, floor_percept(label)] * (2 * CERTAIN))
     assert bool(drops.points()) is (label is Label.OBSTACLE)
     drops.reset()
     assert drops.points() == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -239,6 +240,7 @@ def test_the_first_leg_is_the_cheapest(
 # --- traversability of the legs ahead: open, closed, unknown --------------------------------------
 
 FREE, OCCUPIED = -1.0, 2.0
+Area = tuple[tuple[float, float], tuple[float, float]]
 
 
 def corridor(pose: Pose = ORIGIN, half: float = 0.5, ahead: float = 3.0) -> OccupancyGrid:
@@ -282,8 +284,7 @@ def statuses(
 
 
 def test_the_gate_of_a_leg_lies_across_its_end() -> None:
-    occupancy = OccupancyGrid(ROBOT)
-    occupancy.update(ORIGIN, 0.0)
+    occupancy = grid_with(observed=False)
     everywhere = np.ones((occupancy.size, occupancy.size), np.uint8)
     gate = _gate(occupancy, everywhere, (1.0, 0.5), (1.0, 1.5), 0.3)
     rows, columns = np.divmod(gate, occupancy.size)
@@ -293,44 +294,31 @@ def test_the_gate_of_a_leg_lies_across_its_end() -> None:
     assert (y.min(), y.max()) == pytest.approx((1.5 - 0.5 * cell, 1.5 + 1.5 * cell), abs=cell)
 
 
-@pytest.mark.parametrize(
-    ("half", "obstacle", "status"),
-    [
-        (0.5, None, "open"),
-        (0.5, ((1.2, 1.4), (-0.5, 0.5)), "closed"),
-        (0.8, ((1.2, 1.4), (-0.2, 0.8)), "open"),  # beside the way
-    ],
-)
-def test_a_corridor_is_open_unless_an_obstacle_is_across_it(
-    half: float, obstacle: tuple[tuple[float, float], tuple[float, float]] | None, status: str
+ACROSS = (-0.5, 0.5)
+JUDGED: Mapping[str, tuple[float, float, Area | None, tuple[float, ...], list[str]]] = {
+    "open": (0.5, 3.0, None, (0, 2), ["open"]),
+    "across the way": (0.5, 3.0, ((1.2, 1.4), ACROSS), (0, 2), ["closed"]),
+    "beside the way": (0.8, 3.0, ((1.2, 1.4), (-0.2, 0.8)), (0, 2), ["open"]),
+    "unobserved": (0.5, 1.0, None, (0, 2), ["unknown"]),
+    "half of a barrier": (0.5, 1.0, ((1.2, 1.4), (-0.5, 0.0)), (0, 2), ["unknown"]),
+    "closed is the last": (0.5, 3.0, ((1.6, 1.8), ACROSS), (0, 1, 2, 2.4), ["open", "closed"]),
+    "up to 2.5 m": (0.5, 3.0, ((2.8, 2.9), ACROSS), (0, 4), ["open"]),
+    "out of range": (0.5, 3.0, ((2.8, 2.9), ACROSS), (3, 4), []),
+}
+"""Half width and length [m] of a corridor, what is in it, ends of the legs, how they are judged."""
+
+
+@pytest.mark.parametrize("case", JUDGED)
+def test_legs_are_open_unless_an_obstacle_is_across_them_or_they_are_not_observed(
+    case: str,
 ) -> None:
-    occupancy = corridor(half=half)
-    legs = queries_along((0, 0), (2, 0), width=2.0 * half)
+    half, ahead, obstacle, ends, expected = JUDGED[case]
+    occupancy = corridor(half=half, ahead=ahead)
+    legs = queries_along(*((x, 0.0) for x in ends), width=2.0 * half)
     if obstacle is not None:
         paint(occupancy, ORIGIN, *obstacle, OCCUPIED)
-    assert statuses(occupancy, legs) == [status]
+    assert statuses(occupancy, legs) == expected
     assert statuses(occupancy, legs, sigma=0.5) == [], "nothing from an uncertain position"
-
-
-def test_an_unobserved_leg_is_unknown() -> None:
-    occupancy = corridor(ahead=1.0)
-    assert statuses(occupancy, queries_along((0, 0), (2, 0))) == ["unknown"]
-    paint(occupancy, ORIGIN, (1.2, 1.4), (-0.5, 0.0), OCCUPIED)  # half of a barrier
-    assert statuses(occupancy, queries_along((0, 0), (2, 0))) == ["unknown"]
-
-
-def test_the_closed_leg_is_the_last_one_judged() -> None:
-    occupancy = corridor()
-    paint(occupancy, ORIGIN, (1.6, 1.8), (-0.5, 0.5), OCCUPIED)
-    legs = queries_along((0, 0), (1, 0), (2, 0), (2.4, 0))
-    assert statuses(occupancy, legs) == ["open", "closed"]
-
-
-def test_legs_out_of_range_are_not_judged() -> None:
-    occupancy = corridor()
-    paint(occupancy, ORIGIN, (2.8, 2.9), (-0.5, 0.5), OCCUPIED)
-    assert statuses(occupancy, queries_along((0, 0), (4, 0))) == ["open"]  # as far as 2.5 m
-    assert statuses(occupancy, queries_along((3, 0), (4, 0))) == []
 
 
 @settings(max_examples=25, deadline=None)

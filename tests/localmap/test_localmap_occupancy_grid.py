@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from localmap_samples import ORIGIN, ROBOT, metric_percept
+from localmap_samples import ORIGIN, ROBOT, grid_with, metric_percept
 
 from navfw.localmap import OccupancyGrid, OccupancyParams
 from navfw.signals import Label, OccupiedDisc, Percept, Pose, Stixels
@@ -25,6 +25,9 @@ def percept_of(
     height = ROBOT.camera.mount_height - row_px / ROBOT.camera.focal * depth
     point = np.array([[[column_px, row_px]]])
     return metric_percept(0.0, point, 1.0 / depth, sigma, label, height)
+
+
+HIT = percept_of(0.0, 1.0, Label.OBSTACLE)
 
 
 def integrated(
@@ -53,14 +56,12 @@ def test_an_obstacle_appears_where_it_stands(pose: Pose, column: float, depth: f
 
 
 def test_one_observation_is_not_enough() -> None:
-    once = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)])
-    assert not once.occupied.any()
-    often = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4)
-    assert often.occupied.any()
+    assert not integrated([HIT]).occupied.any()
+    assert integrated([HIT] * 4).occupied.any()
 
 
 def test_rays_that_pass_clear_a_false_obstacle() -> None:
-    occupancy = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4)
+    occupancy = integrated([HIT] * 4)
     spot = occupancy.index(CAMERA_AHEAD + 1.0, 0.0)
     assert occupancy.occupied[spot]
     row_px = 20.0  # this ray meets the floor at 1.4 m
@@ -71,7 +72,7 @@ def test_rays_that_pass_clear_a_false_obstacle() -> None:
 
 
 def test_a_ray_above_a_low_obstacle_is_little_evidence() -> None:
-    low, over = (integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4) for _ in range(2))
+    low, over = (integrated([HIT] * 4) for _ in range(2))
     low.integrate(percept_of(0.0, 1.6, Label.OBSTACLE, 12.0), ORIGIN)
     over.integrate(percept_of(0.0, 1.6, Label.OBSTACLE, -1.0), ORIGIN)
     cell = low.index(CAMERA_AHEAD + 1.0, 0.0)
@@ -100,8 +101,7 @@ def test_with_weak_sight_only_rays_to_floor_and_obstacles_are_free(label: Label)
 
 
 def test_with_weak_sight_little_evidence_makes_a_cell_occupied() -> None:
-    occupancy = OccupancyGrid(ROBOT)
-    occupancy.update(ORIGIN, 0.0)
+    occupancy = grid_with(observed=False)
     cell = occupancy.index(1.5, 0.0)
     for weak, evidence, occupied in ((False, 0.6, False), (True, 0.6, True), (True, 0.2, False)):
         observed_weakly(occupancy, Label.FLOOR, weak)
@@ -123,9 +123,7 @@ def test_with_weak_sight_the_floor_is_observed_under_the_whole_body(aside: float
 
 
 def test_points_of_low_confidence_are_no_evidence() -> None:
-    point = percept_of(0.0, 1.0, Label.OBSTACLE)
-    unsure = dataclasses.replace(point, confidence=np.full((1, 1), 0.05))
-    occupancy = integrated([unsure] * 5)
+    occupancy = integrated([dataclasses.replace(HIT, confidence=np.full((1, 1), 0.05))] * 5)
     body = occupancy.log_odds == occupancy.params.clamp_min
     assert np.all(occupancy.log_odds[~body] == 0.0)
 
@@ -179,8 +177,7 @@ def test_all_evidence_keeps_its_place_when_the_grid_follows_the_robot(dx: float,
 
 @pytest.mark.parametrize(("height", "counts"), [(1.4, True), (1.6, False)])
 def test_points_high_above_the_floor_are_no_evidence(height: float, counts: bool) -> None:
-    point = percept_of(0.0, 1.0, Label.OBSTACLE)
-    high = dataclasses.replace(point, height=np.full((1, 1), height))
+    high = dataclasses.replace(HIT, height=np.full((1, 1), height))
     assert integrated([high] * 4).occupied.any() == counts
 
 
@@ -243,8 +240,7 @@ def test_free_floor_within_view_has_to_be_observed_again() -> None:
 
 
 def test_the_footprint_is_observed_where_the_floor_beside_it_is() -> None:
-    occupancy = OccupancyGrid(ROBOT)
-    occupancy.update(ORIGIN, 0.0)
+    occupancy = grid_with(observed=False)
     occupancy.log_odds[:] = 0.0
     row, column = occupancy.index(1.0, 0.0)
     occupancy.log_odds[row - 6 : row + 7, column - 10 : column + 11] = -1.0
