@@ -11,7 +11,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from papfis_maps import belief, goal, joined, line, next_waypoint, office
+from papfis_maps import belief, goal, joined, line, next_waypoint, office, row
 
 from navfw.errors import MapError
 from navfw.papfis import Papfis, Router
@@ -22,7 +22,7 @@ from navfw.topomap import Place, PlaceKind, TopoMap
 
 ROOT = Path(__file__).parents[2]
 ROBOT = RobotModel()
-OFFICE = load_world(ROOT / "worlds" / "office" / "world.yaml")
+PLAN = SceneGeometry.from_world(load_world(ROOT / "worlds" / "office" / "world.yaml"))
 LAB = goal(14.2, 7.8, "lab")
 Point = tuple[float, float]
 
@@ -58,19 +58,17 @@ def test_the_track_from_lobby_to_lab_is_free_and_crosses_two_doors() -> None:
     assert all((door.tolerance, door.width) == (0.25, 0.95) for door in doors)
     assert (waypoints[-1].kind, waypoints[-1].place, waypoints[-1].final) == ("goal", "lab", True)
     assert math.dist(track[-1], (LAB.x, LAB.y)) <= LAB.tolerance
-    plan = SceneGeometry.from_world(OFFICE)
-    assert float(plan.clearances(np.array(track)).min()) > ROBOT.radius
+    assert float(PLAN.clearances(np.array(track)).min()) > ROBOT.radius
     assert papfis.replans == 0
     assert papfis.path == []
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_no_track_crosses_a_wall(seed: int) -> None:
-    plan = SceneGeometry.from_world(OFFICE)
-    walls = SceneGeometry(plan.bounds, tuple(s for s in plan.solids if s.kind == "wall"))
+    walls = SceneGeometry(PLAN.bounds, tuple(s for s in PLAN.solids if s.kind == "wall"))
     rng = np.random.default_rng(seed)
     points = rng.uniform((0.3, 0.3), (15.7, 9.7), (200, 2))
-    points = points[plan.clearances(points) > 0.3][:20]
+    points = points[PLAN.clearances(points) > 0.3][:20]
     for start, end in zip(points[::2].tolist(), points[1::2].tolist(), strict=True):
         track, _ = walk(planner(office(), goal(*end)), tuple(start))
         assert float(walls.clearances(np.array(track)).min()) > 0.0, (start, end)
@@ -83,6 +81,10 @@ def test_the_path_has_the_waypoints_ahead_up_to_the_last_goal() -> None:
     assert ahead[0] == head
     assert [w.place for w in ahead if w.final] == ["kitchen", "lab"]
     assert ahead[-1].final
+    # the tolerance is smaller just before and after doors
+    tolerances = {w.place: w.tolerance for w in ahead}
+    assert tolerances["lobby-entrance"] == tolerances["corridor-lobby"] == 0.35
+    assert tolerances["corridor-meeting"] == 0.6
     before = len(ahead)
     papfis.update(belief(ahead[0].x, ahead[0].y))
     assert len(papfis.path) < before
@@ -127,9 +129,8 @@ def test_off_the_path_without_a_route_the_old_one_is_kept() -> None:
     a, b, c = Place("a", 0, 0), Place("b", 4, 0), Place("c", 4, 9)
     topo_map = TopoMap("m", [a, b, c], [joined(a, b), joined(b, c, width=0.3)])
     papfis = planner(topo_map, goal(0, 0, "a"))
-    assert next_waypoint(papfis, 4.0, 0.0).place == "a"
-    assert next_waypoint(papfis, 4.0, 8.0).place == "a"
-    assert next_waypoint(papfis, 4.0, 8.0).place == "a"
+    for at in ((4.0, 0.0), (4.0, 8.0), (4.0, 8.0)):
+        assert next_waypoint(papfis, *at).place == "a"
     assert papfis.replans == 1
 
 
@@ -137,9 +138,8 @@ def test_off_the_path_without_a_route_the_old_one_is_kept() -> None:
 def test_reaching_a_later_waypoint_passes_those_before_it_except_doors(kind: PlaceKind) -> None:
     a, b, c = Place("a", 0, 0), Place("b", 2, 1, kind), Place("c", 4, 0)
     d, e = Place("d", 6, 0, "door"), Place("e", 6.7, 0)
-    topo_map = TopoMap("m", [a, b, c, d, e], line(a, b, c, d, e, width=0.9))
     params = {"passing": 0.9, "beside_door_passing": 0.9, "replan_distance": 5.0}
-    papfis = planner(topo_map, goal(12, 0), **params)
+    papfis = planner(row(a, b, c, d, e, width=0.9), goal(12, 0), **params)
     assert next_waypoint(papfis, 0.0, 0.0).place == "b"
     assert next_waypoint(papfis, 3.5, -0.6).place == ("b" if kind == "door" else "d")
     papfis.update(belief(2.0, 1.0))
@@ -178,26 +178,16 @@ def test_goals_in_different_parts_or_far_off_the_map_are_an_error() -> None:
         planner(office(), goal(16, 30))
 
 
-def test_just_before_and_after_doors_the_tolerance_is_smaller() -> None:
-    papfis = planner(office(), LAB)
-    papfis.update(belief(1.2, 1.2))
-    tolerances = {w.place: w.tolerance for w in papfis.path}
-    assert tolerances["lobby-entrance"] == tolerances["corridor-lobby"] == 0.35
-    assert tolerances["corridor-meeting"] == 0.6
-    assert tolerances["lab-door"] == 0.25
-
-
 def test_the_corner_before_a_goal_is_cut_like_any() -> None:
-    a, b, c = Place("a", 0, 0), Place("b", 2, 0), Place("c", 2, 4)
-    papfis = planner(TopoMap("m", [a, b, c], line(a, b, c)), goal(2, 4, "c"), passing=0.5)
+    corner = row(Place("a", 0, 0), Place("b", 2, 0), Place("c", 2, 4))
+    papfis = planner(corner, goal(2, 4, "c"), passing=0.5)
     assert next_waypoint(papfis, 0.0, 0.0).place == "b"
     assert next_waypoint(papfis, 1.5, 0.7).place == "c"
 
 
 def test_a_goal_reached_before_its_last_waypoint_is_passed_like_any() -> None:
-    a, b, c = Place("a", 0, 0), Place("b", 2, 0), Place("c", 2.5, 0)
-    row = TopoMap("m", [a, b, c], line(a, b, c))
-    papfis = planner(row, goal(2.5, 0, "c"), goal(0, 0, "a"), passing=0.7)
+    straight = row(Place("a", 0, 0), Place("b", 2, 0), Place("c", 2.5, 0))
+    papfis = planner(straight, goal(2.5, 0, "c"), goal(0, 0, "a"), passing=0.7)
     assert next_waypoint(papfis, 0.9, 0.0).place == "b"
     assert next_waypoint(papfis, 2.4, 0.0).place in {"b", "a"}
     assert [waypoint.place for waypoint in papfis.path if waypoint.final] == ["a"]
@@ -208,16 +198,10 @@ def test_a_goal_reached_before_its_last_waypoint_is_passed_like_any() -> None:
 
 # start - near - far - end in a row, and a detour over north
 AT = {"start": (0, 0), "near": (3, 0), "far": (6, 0), "end": (9, 0), "north": (4.5, 4)}
-PLACES = {name: Place(name, *at) for name, at in AT.items()}
+PLACES = START, NEAR, FAR, END, NORTH = [Place(name, *at) for name, at in AT.items()]
+STRAIGHT = row(START, NEAR, FAR, END, width=1.5)
+RING = TopoMap("ring", PLACES, [*STRAIGHT.passages, *line(NEAR, NORTH, FAR, width=1.5)])
 NEAR_FAR = ("near", "far")
-
-
-def ring(detour: bool = True) -> TopoMap:
-    start, near, far, end, north = PLACES.values()
-    passages = line(start, near, far, end, width=1.5)
-    if detour:
-        passages += line(near, north, far, width=1.5)
-    return TopoMap("ring", PLACES.values(), passages)
 
 
 class Drive:
@@ -243,8 +227,8 @@ class Drive:
             queries = [q for q in self.papfis.queries if frozenset(q.passage) == frozenset(ends)]
             passages = tuple((query, status) for query in queries)
             self.papfis.observe(PassageReport(self.time, passages, drops))
-            ahead = self._update()
-        return ahead
+            self._update()
+        return self._update()
 
     def wait(self, seconds: float) -> Waypoint:
         self.time += seconds
@@ -278,7 +262,7 @@ def on_the_way(topo_map: TopoMap, **params: float) -> Drive:
 
 
 def test_the_planner_queries_the_legs_within_range() -> None:
-    drive = Drive(ring())
+    drive = Drive(RING)
     drive.go(0, 0)
     assert [query.passage for query in drive.papfis.queries] == [("start", "near")]
     drive.go(2.0, 0)
@@ -288,7 +272,7 @@ def test_the_planner_queries_the_legs_within_range() -> None:
 
 
 def test_three_votes_close_a_passage_and_change_the_route() -> None:
-    drive = on_the_way(ring())
+    drive = on_the_way(RING)
     assert drive.report("closed", 2).place == "far"
     assert drive.report("closed").place == "north"
     assert drive.ahead == ["north", "far", "end"]
@@ -298,7 +282,7 @@ def test_three_votes_close_a_passage_and_change_the_route() -> None:
 
 
 def test_votes_within_the_interval_count_once() -> None:
-    drive = on_the_way(ring(), vote_interval=10.0)
+    drive = on_the_way(RING, vote_interval=10.0)
     drive.report("closed", 20)  # of which two are ten seconds apart
     assert not drive.closed
     drive.report("closed")
@@ -306,7 +290,7 @@ def test_votes_within_the_interval_count_once() -> None:
 
 
 def test_open_and_closed_votes_cancel_and_unknown_has_no_effect() -> None:
-    drive = on_the_way(ring())
+    drive = on_the_way(RING)
     for _ in range(10):
         drive.report("closed", 2)
         drive.report("unknown", 5)
@@ -315,35 +299,32 @@ def test_open_and_closed_votes_cancel_and_unknown_has_no_effect() -> None:
 
 
 def test_a_closed_passage_is_open_again_later_at_a_higher_cost() -> None:
-    drive = on_the_way(ring(), closed_for=60.0)
-    before = drive.router.costs.of(ring().passage("near", "far"))
+    drive = on_the_way(RING, closed_for=60.0)
+    before = drive.router.costs.of(RING.passage("near", "far"))
     drive.report("closed", 3)
     drive.wait(59.0)
     assert drive.closed
     drive.wait(2.0)
     assert not drive.closed
     after = drive.router.costs
-    assert before < after.of(ring().passage("near", "far")) < 5.0 * before
-    assert after.explain(ring().passage("near", "far"))["inputs"]["uncertainty"] == 1.0
+    assert before < after.of(RING.passage("near", "far")) < 5.0 * before
+    assert after.explain(RING.passage("near", "far"))["inputs"]["uncertainty"] == 1.0
     assert drive.ahead == ["north", "far", "end"]  # the new route is kept
 
 
 def test_without_another_route_the_old_one_is_kept_and_the_passage_named() -> None:
-    drive = on_the_way(ring(detour=False))
-    assert drive.report("closed", 3).place == "far"
-    assert drive.papfis.no_route_reason == "the only route to end is closed: near - far"
-    drive.report("open", 3)
-    assert not drive.papfis.no_route_reason
-    assert not drive.closed
-    later = on_the_way(ring(detour=False))
-    later.report("closed", 3)
-    assert later.papfis.no_route_reason
-    assert later.wait(61.0).place == "far", "it is open again when the time is over"
-    assert not later.papfis.no_route_reason
+    drive = on_the_way(STRAIGHT)
+    for votes, seconds in ((3, 0.0), (0, 61.0)):  # by reports, or when the time is over
+        assert drive.report("closed", 3).place == "far"
+        assert drive.papfis.no_route_reason == "the only route to end is closed: near - far"
+        drive.report("open", votes)
+        assert drive.wait(seconds).place == "far"
+        assert not drive.papfis.no_route_reason
+        assert not drive.closed
 
 
 def test_a_free_leg_back_does_not_reopen_a_passage() -> None:
-    drive = on_the_way(ring())
+    drive = on_the_way(RING)
     drive.go(4.5, 0)
     drive.report("closed", 3)
     assert drive.ahead == ["near", "north", "far", "end"]
@@ -354,37 +335,37 @@ def test_a_free_leg_back_does_not_reopen_a_passage() -> None:
 
 def test_a_robot_in_a_closed_passage_leaves_it_by_the_end_behind_it() -> None:
     """At three quarters of the passage the far end is nearer, but behind the obstacle."""
-    drive = on_the_way(ring())
+    drive = on_the_way(RING)
     drive.go(5.2, 0)
     assert drive.report("closed", 3).place == "near"
     assert drive.ahead == ["near", "north", "far", "end"]
 
 
 def test_a_drop_in_a_passage_changes_the_route_and_one_beside_it_does_not() -> None:
-    drive = on_the_way(ring())
+    drive = on_the_way(RING)
     drive.report("open", drops=((4.5, -1.5),))
     assert drive.ahead == ["far", "end"]
     drive.report("open", drops=((4.5, 0.4),))
     assert drive.ahead == ["north", "far", "end"]
-    explained = drive.router.costs.explain(ring().passage("near", "far"))
+    explained = drive.router.costs.explain(RING.passage("near", "far"))
     assert (explained["avoided"], explained["inputs"]["danger"]) == (True, 1.0)
-    only = on_the_way(ring(detour=False))
+    only = on_the_way(STRAIGHT)
     only.report("open", drops=((4.5, 0.0),))
     assert (only.ahead, only.papfis.no_route_reason) == (["far", "end"], None)
 
 
 def test_reset_reopens_closed_passages() -> None:
-    drive = on_the_way(ring())
+    drive = on_the_way(RING)
     drive.report("closed", 3)
     drive.papfis.reset()
-    drive.papfis.start(ring(), [goal(9, 0, "end")])
+    drive.papfis.start(RING, [goal(9, 0, "end")])
     drive.go(2.9, 0)
     assert drive.ahead == ["far", "end"]
     assert not drive.closed
 
 
 def test_later_goals_are_planned_without_closed_passages() -> None:
-    drive = Drive(ring(detour=False), goal(3, 0, "near"))
+    drive = Drive(STRAIGHT, goal(3, 0, "near"))
     drive.go(0, 0)
     drive.go(1.0, 0)
     drive.router.close(drive.router.topo_map.passage("near", "far"))
@@ -394,8 +375,8 @@ def test_later_goals_are_planned_without_closed_passages() -> None:
 
 @pytest.mark.parametrize("closed", ["ab", "abc", "abcd", "abcde"])
 def test_at_most_three_closed_passages_are_named(closed: str) -> None:
-    row = [*(Place(name, 1.8 * k, 0) for k, name in enumerate("abcde")), PLACES["end"]]
-    drive = Drive(TopoMap("row", row, line(*row, width=1.5)))
+    places = (Place(name, 1.8 * k, 0) for k, name in enumerate("abcde"))
+    drive = Drive(row(*places, END, width=1.5))
     drive.go(0, 0)
     for ends in pairwise(closed[1:]):
         drive.router.close(drive.router.topo_map.passage(*ends))
@@ -407,7 +388,7 @@ def test_at_most_three_closed_passages_are_named(closed: str) -> None:
 
 @pytest.mark.parametrize("start", [(0.0, 0.0), (2.9, 0.0)])
 def test_an_empty_report_changes_nothing(start: tuple[float, float]) -> None:
-    drive = Drive(ring())
+    drive = Drive(RING)
     drive.go(*start)
     before = drive.ahead
     drive.papfis.observe(PassageReport(1.0))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from papfis_maps import joined, line, office, random_maps
+from papfis_maps import joined, line, office, random_maps, row
 
 from navfw.errors import MapError, UnknownNameError
 from navfw.numerics import Array
@@ -26,7 +26,7 @@ from navfw.papfis import (
 )
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.topomap import Passage, Place, TopoMap
+from navfw.topomap import Place, TopoMap
 
 ROBOT = RobotModel()
 coordinates = st.floats(-12.0, 12.0)
@@ -34,8 +34,7 @@ coordinates = st.floats(-12.0, 12.0)
 
 def narrow_pair() -> Router:
     """Two places whose passage is too narrow for the robot."""
-    a, b = Place("a", 0, 0), Place("b", 4, 0)
-    return Router(TopoMap("m", [a, b], [joined(a, b, width=0.3)]), ROBOT)
+    return Router(row(Place("a", 0, 0), Place("b", 4, 0), width=0.3), ROBOT)
 
 
 @given(random_maps(), coordinates, coordinates, coordinates, coordinates)
@@ -313,8 +312,8 @@ def test_within_a_passage_both_ends_are_reachable_even_through_a_door() -> None:
 
 
 def test_beside_a_passage_its_door_is_not_reachable() -> None:
-    hall, door, cell = Place("hall", 0, 0), Place("door", 2, 0, "door"), Place("cell", 4, 0)
-    router = Router(TopoMap("m", [hall, door, cell], line(hall, door, cell, width=0.9)), ROBOT)
+    door = Place("door", 2, 0, "door")
+    router = Router(row(Place("hall", 0, 0), door, Place("cell", 4, 0), width=0.9), ROBOT)
     assert leads_to(router, 1.7, 1.2) == {"hall"}
     assert leads_to(router, 2.3, 1.2) == {"cell"}
     assert leads_to(router, 1.7, 0.4) == {"hall", "door"}
@@ -346,8 +345,7 @@ def test_a_given_part_excludes_the_others() -> None:
 
 
 def test_an_infinite_width_hides_nothing() -> None:
-    a, b = Place("a", 0, 0), Place("b", 4, 0)
-    access = Router(TopoMap("m", [a, b], [Passage("a", "b", 4.0)]), ROBOT).access(Endpoint(1, 3))
+    access = Router(row(Place("a", 0, 0), Place("b", 4, 0)), ROBOT).access(Endpoint(1, 3))
     assert set(access.costs) == {"a", "b"}
     passage = access.passage_to("a")
     assert passage is not None
