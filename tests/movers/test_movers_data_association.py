@@ -47,9 +47,7 @@ def test_a_detection_far_from_the_predicted_place_begins_a_track() -> None:
     # long after: the covariance of so old a track admits detections from anywhere
     later = left.time + 3.5
     x, y = left.predict(later)
-    away = START.to_local(x, y)
-    bearing, distance = math.atan2(away[1], away[0]), math.hypot(*away)
-    tracker.update([detection(later, bearing + 1.2, distance)], START)
+    tracker.update([detection(later, math.atan2(y, x) + 1.2, math.hypot(x, y))], START)
     assert left in tracker.tracks
     assert len(tracker.tracks) == 2
     assert left.time < later
@@ -107,14 +105,14 @@ def placed(aside: float, velocity: float) -> Track:
 def test_association_weighs_place_against_velocity(
     swapped: bool, change: float, sigmas: float, other_change: float, keeps: bool
 ) -> None:
-    here = placed(0.0, 0.5 * change)
+    near = placed(0.0, 0.5 * change)
     other = placed(sigmas * ACROSS, -0.5 * change - math.copysign(other_change, change))
     # at the place of one track, with the velocity of the other but for ``other_change``
-    found = detection(0.0, 0.0, AWAY - 0.22, velocity=(0.0, -0.5 * change), certainty=1e6)
+    both = detection(0.0, 0.0, AWAY - 0.22, velocity=(0.0, -0.5 * change), certainty=1e6)
     tracker = Tracker(ROBOT)
-    tracker.tracks = [here, other] if swapped else [other, here]
-    tracker.update([found], START)
-    assert (here.hits, other.hits) == ((6, 5) if keeps else (5, 6))
+    tracker.tracks = [near, other] if swapped else [other, near]
+    tracker.update([both], START)
+    assert (near.hits, other.hits) == ((6, 5) if keeps else (5, 6))
 
 
 def test_swapped_places_do_not_swap_tracks_of_different_velocities() -> None:
@@ -206,12 +204,8 @@ def test_an_object_across_all_three_views_is_one() -> None:
 
 
 def test_detections_far_from_the_border_stay_apart() -> None:
-    views = [
-        [part(0.1, 0.4)],
-        [part(0.7, 0.9), part(1.2, 1.4)],
-        [part(-1.2, -1.0)],
-    ]
-    joined = merge_views(views, CAMERAS)
+    ahead, left, right = [part(0.1, 0.4)], [part(0.7, 0.9), part(1.2, 1.4)], [part(-1.2, -1.0)]
+    joined = merge_views([ahead, left, right], CAMERAS)
     assert [round(m.bearing, 2) for m in joined] == [1.3, 0.8, 0.25, -1.1]
 
 

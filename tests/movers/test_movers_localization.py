@@ -95,10 +95,9 @@ def scene(
 @pytest.mark.parametrize("way", [0.0, 0.04, 0.1, -0.03])
 @pytest.mark.parametrize("depth", [0.8, 1.5, 3.0])
 def test_nothing_is_detected_in_a_static_scene(way: float, depth: float) -> None:
-    assert locate_moving_objects(scene(way, (depth, 0.2, 0.5), (0.0, 0.0)), CAMERA) == ()
-    assert (
-        locate_moving_objects(scene(way, (depth, 0.2, 0.5), (0.0, 0.0), noise=0.15), CAMERA) == ()
-    )
+    for noise in (0.0, 0.15):
+        flow = scene(way, (depth, 0.2, 0.5), (0.0, 0.0), noise)
+        assert locate_moving_objects(flow, CAMERA) == ()
 
 
 @settings(max_examples=60, deadline=None)
@@ -112,9 +111,8 @@ def test_nothing_is_detected_in_a_static_scene(way: float, depth: float) -> None
 def test_a_crossing_object_is_located_with_its_velocity(
     way: float, depth: float, left: float, speed: float, toward: float
 ) -> None:
-    found = locate_moving_objects(scene(way, (depth, left, 0.5), (0.0, toward * speed)), CAMERA)
-    assert len(found) == 1
-    detection = found[0]
+    flow = scene(way, (depth, left, 0.5), (0.0, toward * speed))
+    (detection,) = locate_moving_objects(flow, CAMERA)
     assert detection.bearing == pytest.approx(math.atan2(left, depth), abs=0.12)
     assert detection.distance * math.cos(detection.bearing) == pytest.approx(depth, rel=0.15)
     ahead, aside = detection.velocity()
@@ -136,9 +134,8 @@ def test_four_cells_with_errors_of_half_a_pixel_tell_as_much_as_one_of_half_a_pi
 
 def test_an_object_at_constant_bearing_is_detected_by_flow_below_the_floors() -> None:
     # straight ahead of the robot, faster than it: no flow across epipolar lines, none outward
-    found = locate_moving_objects(scene(0.08, (1.2, 0.0, 0.5), (0.7, 0.0)), CAMERA)
-    assert len(found) == 1
-    assert found[0].velocity()[0] > 0.4
+    (detection,) = locate_moving_objects(scene(0.08, (1.2, 0.0, 0.5), (0.7, 0.0)), CAMERA)
+    assert detection.velocity()[0] > 0.4
 
 
 @pytest.mark.parametrize("side", [0, 1])
@@ -175,10 +172,9 @@ def test_quantiles_are_those_of_numpy(values: list[float], share: float) -> None
 
 def test_flow_with_rotation_is_refused() -> None:
     flow = dataclasses.replace(scene(0.05, (1.2, 0.0, 0.5), (0.0, 0.4)), derotated=False)
-    with pytest.raises(ValueError, match="derotated"):
-        locate_moving_objects(flow, CAMERA)
-    with pytest.raises(ValueError, match="derotated"):
-        find_stixels(flow, CAMERA)
+    for detect in (locate_moving_objects, find_stixels):
+        with pytest.raises(ValueError, match="derotated"):
+            detect(flow, CAMERA)
 
 
 @pytest.mark.parametrize(("depth", "speed"), [(0.9, 0.3), (0.9, 0.5), (1.3, 0.5)])
@@ -186,10 +182,9 @@ def test_an_approaching_object_seems_nearer_than_the_floor_at_its_foot(
     depth: float, speed: float
 ) -> None:
     # about as fast as the robot, a little aside: no flow across epipolar lines, more outward
-    found = locate_moving_objects(scene(0.09, (depth, 0.25, 0.5), (-speed, 0.0)), CAMERA)
-    assert len(found) == 1
-    assert found[0].distance == pytest.approx(depth, rel=0.3)
-    assert found[0].velocity()[0] < -0.1
+    (detection,) = locate_moving_objects(scene(0.09, (depth, 0.25, 0.5), (-speed, 0.0)), CAMERA)
+    assert detection.distance == pytest.approx(depth, rel=0.3)
+    assert detection.velocity()[0] < -0.1
 
 
 @given(depth=st.floats(0.5, 3.0), left=st.floats(-0.8, 0.8), way=st.floats(0.03, 0.12))

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 from flow_scene import Board, board_image
+from localization_drives import odometry
 from movers_detections import detection
 
 from navfw.egomotion import FrameBuffer, PairingParams
@@ -40,6 +41,7 @@ def frame_at(
 
 ROBOT = RobotModel()
 WIDE = RobotModel(side_views=SideViews())
+SIDEWAYS = ROBOT.with_camera(WIDE.side_cameras[0])
 PAIRING = PairingParams()
 PERSON = Board(1.5, -0.3, vy=0.5)
 """Crosses to the left, 1.4 m before the camera at the origin."""
@@ -66,11 +68,10 @@ def test_pairs_span_a_fixed_time_whatever_the_robot_does(
 
 
 def test_frames_far_apart_or_after_a_wide_turn_make_no_pair() -> None:
-    for times, turns in (((0.0, 0.6), (0.0, 0.0)), ((0.0, 0.2), (0.0, 0.5))):
+    for after, turned in ((0.6, 0.0), (0.2, 0.5)):
         frames = RecentFrames(ROBOT)
-        for time, turn in zip(times, turns, strict=True):
-            odometry = Odometry(time, Pose(0.0, 0.0, turn), Twist(0.0, 0.0), 0.0, False)
-            frames.add(Frame(time, IMAGE), odometry)
+        for time, yaw in ((0.0, 0.0), (after, turned)):
+            frames.add(Frame(time, IMAGE), odometry(Pose(0.0, 0.0, yaw), time))
         assert frames.pair() is None
 
 
@@ -200,22 +201,22 @@ def test_with_always_full_the_dense_flow_is_of_the_newest_frame() -> None:
     assert after_reset == [None, None], "no pair of frames yet"
 
 
-@pytest.mark.parametrize(("x", "interval"), [(0.8, 0.1), (1.5, 0.2)])
-def test_near_objects_are_searched_for_over_a_shorter_time(x: float, interval: float) -> None:
-    detector = MovingObjectDetector(ROBOT, PAIRING, always_full=True)
-    person = Board(x, -0.2, vy=0.4)
-    *_, found = detect(detector, (person,), Twist(0.0, 0.0), frames=4)
-    assert len(found) == 1
-    detect(detector, (person,), Twist(0.0, 0.0), frames=1, first=4)
-    assert detector.flow is not None
-    assert detector.flow.motion.dt == pytest.approx(interval)
-
-
-@pytest.mark.parametrize(("v", "interval"), [(0.2, 0.2), (0.4, 0.1)])
-def test_sideways_motion_is_searched_over_a_shorter_time(v: float, interval: float) -> None:
-    side = ROBOT.with_camera(WIDE.side_cameras[0])
-    detector = MovingObjectDetector(side, PAIRING, always_full=True)
-    detect(detector, (), Twist(v, 0.0), robot=side, frames=4)
+@pytest.mark.parametrize(
+    ("robot", "boards", "v", "interval"),
+    [
+        (ROBOT, (Board(0.8, -0.2, vy=0.4),), 0.0, 0.1),
+        (ROBOT, (Board(1.5, -0.2, vy=0.4),), 0.0, 0.2),
+        (SIDEWAYS, (), 0.2, 0.2),
+        (SIDEWAYS, (), 0.4, 0.1),
+    ],
+    ids=["near object", "far object", "slow sideways motion", "fast sideways motion"],
+)
+def test_near_objects_and_sideways_motion_are_searched_for_over_a_shorter_time(
+    robot: RobotModel, boards: tuple[Board, ...], v: float, interval: float
+) -> None:
+    detector = MovingObjectDetector(robot, PAIRING, always_full=True)
+    *_, last, _ = detect(detector, boards, Twist(v, 0.0), robot=robot)
+    assert len(last) == len(boards)
     assert detector.flow is not None
     assert detector.flow.motion.dt == pytest.approx(interval)
 
@@ -233,16 +234,17 @@ def test_a_camera_that_does_not_see_the_floor_detects_nothing() -> None:
 def test_side_views_detect_what_the_camera_does_not_see() -> None:
     # far to the left of the camera's view
     beside = Board(0.9, 1.4, width=0.8, vx=-0.4)
-    wide = MultiViewDetector(WIDE, PAIRING, moving_objects=True, stixels=False)
-    narrow = MultiViewDetector(ROBOT, PAIRING, moving_objects=True, stixels=False)
-    found: tuple[MovingObject, ...] = ()
+    wide, narrow = (
+        MultiViewDetector(robot, PAIRING, moving_objects=True, stixels=False)
+        for robot in (WIDE, ROBOT)
+    )
     for k in range(4):
         frame, odometry = frame_at(WIDE, 0.1 * k, Twist(0.0, 0.0), (beside,))
-        found = wide.detect(frame, odometry)
+        objects = wide.detect(frame, odometry)
         assert narrow.detect(frame, odometry) == ()
-    assert len(found) == 1
+    (seen,) = objects
     x, y = beside.at(0.3)
-    assert found[0].bearing == pytest.approx(math.atan2(y, x - 0.1), abs=0.25)
+    assert seen.bearing == pytest.approx(math.atan2(y, x - 0.1), abs=0.25)
     wide.reset()
     assert wide.detect(*frame_at(WIDE, 0.4, Twist(0.0, 0.0), (beside,))) == ()
 
@@ -264,28 +266,26 @@ def test_every_frame_is_searched_with_side_views_or_for_stixels(
     assert found == ([1, 1] if every else [1, 0])
 
 
-def stixels_of(
-    detector: MultiViewDetector, v: float, boards: tuple[Board, ...], frames: int = 5
-) -> Stixels | None:
+POLE = Board(0.8, 0.15, width=0.15)
+
+
+def stixels_of_pole(v: float, frames: int = 5) -> Stixels | None:
     """Stixels of the last of ``frames`` frames."""
+    detector = MultiViewDetector(ROBOT, PAIRING, moving_objects=False, stixels=True)
     buffer = FrameBuffer(ROBOT, PAIRING)
-    found = None
     for k in range(frames):
-        frame, odometry = frame_at(ROBOT, 0.1 * k, Twist(v, 0.0), boards)
+        frame, odometry = frame_at(ROBOT, 0.1 * k, Twist(v, 0.0), (POLE,))
         buffer.add(frame, odometry)
         detector.detect(frame, odometry)
-        found = detector.stixels(buffer.pairs(), odometry)
-    return found
-
-
-POLE = Board(0.8, 0.15, width=0.15)
+        stixels = detector.stixels(buffer.pairs(), odometry)
+    return stixels
 
 
 @pytest.mark.parametrize("v", [0.1, 0.3, 0.5])
 def test_a_pole_gives_stixels_at_its_distance(v: float) -> None:
+    # 2 cm in 0.2 s are too short; later the frame buffer's pair has a longer way
     frames = 12 if v < 0.2 else 5
-    detector = MultiViewDetector(ROBOT, PAIRING, moving_objects=False, stixels=True)
-    stixels = stixels_of(detector, v, (POLE,), frames)
+    stixels = stixels_of_pole(v, frames)
     assert stixels is not None
     distance = POLE.x - ROBOT.camera.mount_forward - v * 0.1 * (frames - 1)
     confident = stixels.confidence > 0.3
@@ -295,23 +295,17 @@ def test_a_pole_gives_stixels_at_its_distance(v: float) -> None:
     assert (abs(stixels.slope - POLE.y / distance)[confident] < 0.2).all()
 
 
-def test_a_short_baseline_takes_the_flow_of_the_longer_pair() -> None:
-    detector = MultiViewDetector(ROBOT, PAIRING, moving_objects=False, stixels=True)
-    # 2 cm in 0.2 s are too short; the frame buffer's pair has a longer way
-    stixels = stixels_of(detector, 0.1, (POLE,), 12)
-    assert stixels is not None
-    # a robot that stands knows nothing
-    standing = MultiViewDetector(ROBOT, PAIRING, moving_objects=False, stixels=True)
-    assert stixels_of(standing, 0.0, (POLE,)) is None
+def test_a_robot_that_stands_has_no_stixels() -> None:
+    assert stixels_of_pole(0.0) is None
 
 
 def test_only_what_is_wanted_is_detected() -> None:
-    boards = (PERSON,)
-    stixels_only = MultiViewDetector(ROBOT, PAIRING, moving_objects=False, stixels=True)
-    objects_only = MultiViewDetector(ROBOT, PAIRING, moving_objects=True, stixels=False)
-    neither = MultiViewDetector(ROBOT, PAIRING, moving_objects=False, stixels=False)
+    stixels_only, objects_only, neither = (
+        MultiViewDetector(ROBOT, PAIRING, moving_objects=objects, stixels=stixels)
+        for objects, stixels in ((False, True), (True, False), (False, False))
+    )
     for k in range(5):
-        frame, odometry = frame_at(ROBOT, 0.1 * k, Twist(0.3, 0.0), boards)
+        frame, odometry = frame_at(ROBOT, 0.1 * k, Twist(0.3, 0.0), (PERSON,))
         assert stixels_only.detect(frame, odometry) == ()
         found = objects_only.detect(frame, odometry)
         assert neither.detect(frame, odometry) == ()

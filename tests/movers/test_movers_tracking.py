@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from localmap_samples import grid_with
 from movers_detections import AHEAD, ROBOT, START, cross, detection
 from param_ranges import check_ranges
 
-from navfw.localmap import OccupancyGrid
 from navfw.movers import Track, Tracker, TrackerParams
 from navfw.signals import OccupiedDisc, Pose
 
@@ -96,8 +96,7 @@ def test_tracks_out_of_view_live_longer_than_tracks_in_view() -> None:
 
 
 def test_discs_are_occupied_until_the_next_ones_are_set() -> None:
-    occupancy = OccupancyGrid(ROBOT)
-    occupancy.update(Pose(0, 0, 0), 0.0)
+    occupancy = grid_with(observed=False)
     cell = occupancy.index(1.0, 0.2)
     before = occupancy.clearance[cell]
     occupancy.set_obstacles((OccupiedDisc(1.0, 0.2, 0.2),))
@@ -108,17 +107,6 @@ def test_discs_are_occupied_until_the_next_ones_are_set() -> None:
     assert occupancy.clearance_with(())[cell] == before
     assert not occupancy.occupied[cell]
     assert occupancy.clearance[cell] == before
-
-
-def test_an_old_track_that_overlaps_the_robot_is_dropped() -> None:
-    tracker = Tracker(ROBOT)
-    cross(tracker, 1.0, 0.5)
-    (track,) = tracker.tracks
-    here = Pose(*track.predict(track.time + 0.5), 0.0)
-    tracker.prune(track.time + 0.1, here)
-    assert tracker.tracks == [track], "just updated: the object may be beside the robot"
-    tracker.prune(track.time + 0.5, here)
-    assert tracker.tracks == []
 
 
 # --- the filter -----------------------------------------------------------------------------------
@@ -249,11 +237,13 @@ def test_tracks_are_in_view_where_they_should_be_detected(
 def test_tracks_that_overlap_the_robot_are_dropped_once_they_are_old(
     away: float, kept: bool
 ) -> None:
-    # rims of 0.18 m and 0.22 m that overlap by 3 cm
-    for age in (0.24, 0.26):
+    # rims of 0.18 m and 0.22 m that overlap by 3 cm, where the track is predicted to be
+    for age in (0.1, 0.24, 0.26, 0.5):
         tracker = Tracker(ROBOT)
-        tracker.tracks = [Track(np.array([away, 0.0, 0.0, 0.0]), np.eye(4), 0.22, 0.0, 5)]
+        state = np.array([away - 0.8 * age, 0.0, 0.8, 0.0])
+        tracker.tracks = [Track(state, np.eye(4), 0.22, 0.0, 5)]
         tracker.prune(age, START)
+        # one just updated may be beside the robot
         assert bool(tracker.tracks) == (kept or age < 0.25)
 
 
