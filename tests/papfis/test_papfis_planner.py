@@ -193,10 +193,8 @@ def test_a_goal_reached_before_its_last_waypoint_is_passed_like_any() -> None:
     assert [waypoint.place for waypoint in papfis.path if waypoint.final] == ["a"]
 
 
-# --- passage reports ------------------------------------------------------------------------------
+# --- passage reports, on a way start - near - far - end and a detour over north -------------------
 
-
-# start - near - far - end in a row, and a detour over north
 AT = {"start": (0, 0), "near": (3, 0), "far": (6, 0), "end": (9, 0), "north": (4.5, 4)}
 PLACES = START, NEAR, FAR, END, NORTH = [Place(name, *at) for name, at in AT.items()]
 STRAIGHT = row(START, NEAR, FAR, END, width=1.5)

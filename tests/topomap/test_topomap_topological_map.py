@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from papfis_maps import joined, row
 
 from navfw.errors import MapError, UnknownNameError
 from navfw.numerics import Array
@@ -23,17 +24,13 @@ coordinates = st.floats(-20.0, 20.0)
 points = st.tuples(coordinates, coordinates)
 
 
-def straight(a: Place, b: Place, **values: float) -> Passage:
-    return Passage(a.name, b.name, a.distance(b.x, b.y), **values)
-
-
 @st.composite
 def chains(draw: st.DrawFn) -> TopoMap:
     """A map whose places are distinct and joined one after the other."""
     spots = draw(st.lists(points, min_size=2, max_size=8, unique=True))
     places = [Place(f"p{i}", x, y) for i, (x, y) in enumerate(spots)]
     pairs = [(a, b) for a, b in pairwise(places) if a.distance(b.x, b.y) > 0]
-    return TopoMap("chain", places, [straight(a, b) for a, b in pairs])
+    return TopoMap("chain", places, [joined(a, b) for a, b in pairs])
 
 
 def closest_by_sampling(topo_map: TopoMap, passage: Passage, x: float, y: float) -> float:
@@ -84,7 +81,7 @@ HALL, DOOR, CELL = Place("hall", 0, 0), Place("door", 3, 0, "door"), Place("cell
 
 
 def test_accessors_return_the_elements_of_the_graph() -> None:
-    passage = straight(HALL, DOOR, width=0.9)
+    passage = joined(HALL, DOOR, width=0.9)
     topo_map = TopoMap("m", [HALL, DOOR, CELL], [passage])
     assert isinstance(topo_map.graph, nx.Graph)
     assert topo_map.graph.nodes["door"]["place"] is DOOR
@@ -98,7 +95,7 @@ def test_accessors_return_the_elements_of_the_graph() -> None:
 
 
 def test_unknown_names_come_with_the_nearest() -> None:
-    topo_map = TopoMap("m", [HALL, DOOR, CELL], [straight(HALL, DOOR)])
+    topo_map = TopoMap("m", [HALL, DOOR, CELL], [joined(HALL, DOOR)])
     with pytest.raises(UnknownNameError, match="unknown place 'hal': did you mean 'hall'"):
         topo_map.place("hal")
     with pytest.raises(MapError, match=r"no passage between 'hall' and 'cell'.*lead to: door"):
@@ -127,7 +124,7 @@ def test_duplicates_are_refused() -> None:
     with pytest.raises(MapError, match="a second place 'hall'"):
         TopoMap("m", [HALL, Place("hall", 1, 1)], [])
     with pytest.raises(MapError, match=r"door - hall is the same passage as edges\.0"):
-        TopoMap("m", [HALL, DOOR], [straight(HALL, DOOR), straight(DOOR, HALL)])
+        TopoMap("m", [HALL, DOOR], [joined(HALL, DOOR), joined(DOOR, HALL)])
     with pytest.raises(MapError, match="at least one place"):
         TopoMap("m", [], [])
     # but a length rounded to centimetres is no violation
@@ -136,7 +133,6 @@ def test_duplicates_are_refused() -> None:
 
 
 # --- problems of valid maps -----------------------------------------------------------------------
-
 
 ROOT = Path(__file__).parents[2]
 A, B, C = Place("a", 0, 0), Place("b", 4, 0), Place("c", 8, 0)
@@ -150,12 +146,6 @@ def wall(x: float) -> Callable[[Array], Array]:
         return np.asarray(np.hypot(points[:, 0] - x, beside))
 
     return clearances
-
-
-def problems_of(
-    topo_map: TopoMap, clearances: Callable[[Array], Array] | None = None
-) -> set[tuple[str, str]]:
-    return {(problem.kind, problem.where) for problem in check_map(topo_map, clearances)}
 
 
 @pytest.mark.parametrize("length", [90.0, 150.0, 1e4, 2e6])
@@ -175,40 +165,38 @@ def test_an_obstacle_is_found_on_a_passage_of_any_length(length: float) -> None:
     assert asked < 1_000_000
 
 
-def test_parts_without_a_passage_are_apart() -> None:
-    assert problems_of(TopoMap("m", [A, B, C], [Passage("a", "b", 4.0)])) == {("apart", "c")}
+NARROW = joined(B, C, width=2.0 * RobotModel().radius)
+WIDE, FAIR = (row(Place("low", 0, -1.5), Place("down", 4, -1.5), width=w) for w in (1.2, 1.0))
+PROBLEMS: Mapping[str, tuple[TopoMap, float | None, set[str]]] = {
+    "parts without a passage": (TopoMap("m", [A, B, C], [joined(A, B)]), None, {"apart c"}),
+    "a narrow passage and the place behind it": (
+        TopoMap("m", [A, B, C], [joined(A, B), NARROW]),
+        None,
+        {"narrow b - c", "unreachable c"},
+    ),
+    "places at one point": (row(A, B, Place("twin", 4.01, 0.0)), None, {"duplicate twin"}),
+    "a wall across a passage": (row(A, B, C), 2.0, {"blocked a - b"}),
+    "a wall near a place": (
+        row(A, B, C),
+        4.1,
+        {"in-wall b", "blocked a - b", "blocked b - c"},
+    ),
+    "a curved passage, of unknown way": (TopoMap("m", [A, B], [joined(A, B, 9.0)]), 2.0, set()),
+    "a width above the free width": (WIDE, 2.0, {"width low - down"}),
+    "the free width": (FAIR, 2.0, set()),
+}
+"""Maps, the x [m] of a wall if there is one, and the problems."""
 
 
-def test_narrow_passages_and_the_places_behind_them() -> None:
-    narrow = 2.0 * RobotModel().radius
-    passages = [Passage("a", "b", 4.0), Passage("b", "c", 4.0, width=narrow)]
-    problems = problems_of(TopoMap("m", [A, B, C], passages))
-    assert problems == {("narrow", "b - c"), ("unreachable", "c")}
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_problems_are_found_and_no_others(name: str) -> None:
+    topo_map, x, expected = PROBLEMS[name]
+    problems = check_map(topo_map, None if x is None else wall(x))
+    assert {f"{problem.kind} {problem.where}" for problem in problems} == expected
 
 
-def test_places_at_one_point() -> None:
-    twin = Place("twin", 4.01, 0.0)
-    passages = [Passage("a", "b", 4.0), Passage("b", "twin", 0.5)]
-    assert problems_of(TopoMap("m", [A, B, twin], passages)) == {("duplicate", "twin")}
-
-
-def test_walls_across_passages_and_near_places() -> None:
-    topo_map = TopoMap("m", [A, B, C], [Passage("a", "b", 4.0), Passage("b", "c", 4.0)])
-    assert problems_of(topo_map, wall(2.0)) == {("blocked", "a - b")}
-    at_b = {("in-wall", "b"), ("blocked", "a - b"), ("blocked", "b - c")}
-    assert problems_of(topo_map, wall(4.1)) == at_b
-
-
-def test_curved_passages_are_not_checked_for_clearance() -> None:
-    assert problems_of(TopoMap("m", [A, B], [Passage("a", "b", 9.0)]), wall(2.0)) == set()
-
-
-def test_widths_above_the_free_width() -> None:
-    low = Place("low", 0, -1.5), Place("down", 4, -1.5)
-    wide, fair = (TopoMap("m", low, [Passage("low", "down", 4.0, width=w)]) for w in (1.2, 1.0))
-    assert problems_of(wide, wall(2.0)) == {("width", "low - down")}
-    assert problems_of(fair, wall(2.0)) == set()
-    (problem,) = check_map(wide, wall(2.0))
+def test_a_width_above_the_free_width_is_told_with_its_place() -> None:
+    (problem,) = check_map(WIDE, wall(2.0))
     assert "1.2 m wide in the map, 1.00 m in the world at (1.99, -1.50)" in problem.message
 
 
