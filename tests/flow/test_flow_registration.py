@@ -164,7 +164,6 @@ def test_a_steep_change_that_both_neighbours_follow_is_no_mixture() -> None:
 
 # --- registered flow ---
 
-
 EVERY = np.ones((12, 16), bool)
 
 

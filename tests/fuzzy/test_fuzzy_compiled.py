@@ -15,10 +15,7 @@ from navfw.errors import RuleBaseError, UnknownNameError
 from navfw.fuzzy import CompiledFis, rule_base_from_mapping, uncovered_region
 from navfw.fuzzy.inference_kernels import FIRING_FLOOR
 
-
-@pytest.fixture(scope="module")
-def fis() -> CompiledFis:
-    return CompiledFis(rule_base_from_mapping(small()))
+FIS = CompiledFis(rule_base_from_mapping(small()))
 
 
 @BOUNDED
@@ -72,19 +69,18 @@ def test_a_sample_does_not_depend_on_others_and_is_the_same_alone(data: st.DataO
 @given(st.floats(0.0, 2.0), st.floats(0.0, 2.0), st.floats(-1.0, 1.0))
 def test_firing_is_monotone_in_an_input_whose_term_is(near: float, far: float, side: float) -> None:
     near, far = min(near, far), max(near, far)
-    fis = CompiledFis(rule_base_from_mapping(small()))
-    firing = fis.evaluate({"distance": [near, far], "side": side}).firing
+    firing = FIS.evaluate({"distance": [near, far], "side": side}).firing
     assert (firing[0, :2] >= firing[1, :2]).all()
     assert firing[0, 2] <= firing[1, 2]
 
 
-def test_worked_example_by_hand(fis: CompiledFis) -> None:
-    result = fis.evaluate({"distance": 0.75, "side": -0.5})
+def test_worked_example_by_hand() -> None:
+    result = FIS.evaluate({"distance": 0.75, "side": -0.5})
     np.testing.assert_allclose(result.firing, [[0.5, 0.5, 0.5]])
     degrees = {term: degree[0] for term, degree in result.degrees["turn"].items()}
     assert degrees == pytest.approx({"right": 0.5, "none": 0.5, "left": 0.5})
     assert result.outputs["turn"][0] == pytest.approx(0.0, abs=1e-12)
-    steep = fis.evaluate({"distance": 0.0, "side": -1.0})
+    steep = FIS.evaluate({"distance": 0.0, "side": -1.0})
     assert steep.outputs["turn"][0] == pytest.approx(-2 / 3)
 
 
@@ -99,77 +95,77 @@ def test_hedges_and_weights(hedge: str, expected: float) -> None:
     np.testing.assert_allclose(firing, [0.8 * expected, 0.5], atol=1e-3)
 
 
-def test_inputs_are_clipped_to_their_ranges(fis: CompiledFis) -> None:
-    outside = fis.evaluate({"distance": [-5.0, np.inf], "side": [-9.0, 9.0]})
-    inside = fis.evaluate({"distance": [0.0, 2.0], "side": [-1.0, 1.0]})
+def test_inputs_are_clipped_to_their_ranges() -> None:
+    outside = FIS.evaluate({"distance": [-5.0, np.inf], "side": [-9.0, 9.0]})
+    inside = FIS.evaluate({"distance": [0.0, 2.0], "side": [-1.0, 1.0]})
     np.testing.assert_array_equal(outside.firing, inside.firing)
 
 
-def test_scalars_apply_to_all_samples_and_there_may_be_none(fis: CompiledFis) -> None:
-    result = fis.evaluate({"distance": 0.2, "side": np.array([-1.0, 0.0, 1.0])})
+def test_scalars_apply_to_all_samples_and_there_may_be_none() -> None:
+    result = FIS.evaluate({"distance": 0.2, "side": np.array([-1.0, 0.0, 1.0])})
     assert result.outputs["turn"].shape == (3,)
     assert result.firing.shape == (3, 3)
-    empty = fis.evaluate({"distance": 0.2, "side": np.array([])})
+    empty = FIS.evaluate({"distance": 0.2, "side": np.array([])})
     assert empty.outputs["turn"].shape == (0,)
 
 
-def test_repeated_samples_give_the_same_as_single_ones(fis: CompiledFis) -> None:
+def test_repeated_samples_give_the_same_as_single_ones() -> None:
     rng = np.random.default_rng(5)
     rows = np.array(
         [
             rng.choice(rng.uniform(variable.low, variable.high, size=7), size=300)
-            for variable in fis.rule_base.inputs.values()
+            for variable in FIS.rule_base.inputs.values()
         ]
     )
-    together = fis.evaluate_rows(rows)
-    alone = [fis.evaluate_rows(rows[:, n : n + 1]) for n in range(rows.shape[1])]
+    together = FIS.evaluate_rows(rows)
+    alone = [FIS.evaluate_rows(rows[:, n : n + 1]) for n in range(rows.shape[1])]
     for name, values in together.outputs.items():
         expected = [result.outputs[name][0] for result in alone]
         np.testing.assert_array_equal(values, expected)
 
 
-def test_nan_makes_only_its_own_sample_unknown(fis: CompiledFis) -> None:
-    turn = fis.evaluate({"distance": [0.2, np.nan], "side": 0.5}).outputs["turn"]
+def test_nan_makes_only_its_own_sample_unknown() -> None:
+    turn = FIS.evaluate({"distance": [0.2, np.nan], "side": 0.5}).outputs["turn"]
     assert np.isfinite(turn[0])
     assert np.isnan(turn[1])
 
 
-def test_wrong_inputs_raise(fis: CompiledFis) -> None:
-    for evaluate in (fis.evaluate, fis.evaluate_one):
+def test_wrong_inputs_raise() -> None:
+    for evaluate in (FIS.evaluate, FIS.evaluate_one):
         with pytest.raises(UnknownNameError, match="did you mean 'side'"):
             evaluate({"distance": 1.0, "sid": 0.0})
         with pytest.raises(RuleBaseError, match="missing 'side'"):
             evaluate({"distance": 1.0})
     with pytest.raises(ValueError, match=r"input '(side|distance)'.*like the others"):
-        fis.evaluate({"distance": [1.0, 2.0], "side": [0.0, 1.0, 2.0]})
+        FIS.evaluate({"distance": [1.0, 2.0], "side": [0.0, 1.0, 2.0]})
     with pytest.raises(ValueError, match=r"shape \(2, N\)"):
-        fis.evaluate_rows(np.zeros((3, 4)))
+        FIS.evaluate_rows(np.zeros((3, 4)))
 
 
-def test_rows_are_the_inputs_in_order_whatever_their_memory_layout(fis: CompiledFis) -> None:
+def test_rows_are_the_inputs_in_order_whatever_their_memory_layout() -> None:
     rows = np.array([[0.2, 0.9], [0.5, -0.5]])
-    named = fis.evaluate(dict(zip(fis.input_names, rows, strict=True)))
+    named = FIS.evaluate(dict(zip(FIS.input_names, rows, strict=True)))
     others: list[Any] = [rows, np.asfortranarray(rows), rows.astype(np.float32)]
     for same in others:
-        turn = fis.evaluate_rows(same).outputs["turn"]
+        turn = FIS.evaluate_rows(same).outputs["turn"]
         np.testing.assert_allclose(turn, named.outputs["turn"], atol=1e-6)
 
 
-def test_fuzzify_gives_the_terms_of_an_input(fis: CompiledFis) -> None:
-    degrees = fis.fuzzify("distance", [0.25, 0.75, 9.0, np.nan])
+def test_fuzzify_gives_the_terms_of_an_input() -> None:
+    degrees = FIS.fuzzify("distance", [0.25, 0.75, 9.0, np.nan])
     np.testing.assert_allclose(degrees["near"], [1.0, 0.5, 0.0, np.nan])
     np.testing.assert_allclose(degrees["far"], [0.0, 0.5, 1.0, np.nan])
     with pytest.raises(UnknownNameError, match="did you mean 'distance'"):
-        fis.fuzzify("distanc", 1.0)
+        FIS.fuzzify("distanc", 1.0)
 
 
-def test_explanation_names_sentences_strongest_first(fis: CompiledFis) -> None:
-    result = fis.evaluate({"distance": [2.0, 0.6], "side": [0.0, -0.75]})
-    fired = fis.explain(result, index=1)
+def test_explanation_names_sentences_strongest_first() -> None:
+    result = FIS.evaluate({"distance": [2.0, 0.6], "side": [0.0, -0.75]})
+    fired = FIS.explain(result, index=1)
     assert [entry["rule"] for entry in fired] == small()["rules"]
     assert [entry["strength"] for entry in fired] == pytest.approx([0.75, 0.25, 0.2])
-    assert [e["rule"] for e in fis.explain(result, index=1, minimum=0.5)] == small()["rules"][:1]
-    assert [e["rule"] for e in fis.explain(result, index=0, minimum=0.0)] == small()["rules"][2:]
+    assert [e["rule"] for e in FIS.explain(result, index=1, minimum=0.5)] == small()["rules"][:1]
+    assert [e["rule"] for e in FIS.explain(result, index=0, minimum=0.0)] == small()["rules"][2:]
 
 
 # --- coverage: every uncovered region is found and described --------------------------------------
@@ -182,9 +178,10 @@ def error_of(**changes: Any) -> str:
     return str(caught.value)
 
 
-def with_near(shape: dict[str, list[float]]) -> dict[str, Any]:
+def with_terms(**shapes: dict[str, list[float]]) -> dict[str, Any]:
+    """The inputs of the valid rule base, with other terms of the distance."""
     distance = small()["inputs"]["distance"]
-    terms = {**distance["terms"], "near": shape}
+    terms = {**distance["terms"], **shapes}
     return {**small()["inputs"], "distance": {**distance, "terms": terms}}
 
 
@@ -207,15 +204,13 @@ def test_a_missing_rule_leaves_the_region_of_its_terms() -> None:
 def test_what_lies_between_terms_is_named_in_numbers(
     near: dict[str, list[float]], where: str
 ) -> None:
-    message = error_of(inputs=with_near(near))
+    message = error_of(inputs=with_terms(near=near))
     assert f"where distance is {where} (none of its terms)\n" in message
 
 
 def test_of_two_regions_at_the_ends_of_a_range_one_is_named() -> None:
-    inputs = with_near({"triangle": [0.3, 0.5, 1]})
-    distance = inputs["distance"]
-    terms = {**distance["terms"], "far": {"triangle": [0.5, 1, 1.5]}}
-    message = error_of(inputs={**inputs, "distance": {**distance, "terms": terms}})
+    terms = {"near": {"triangle": [0.3, 0.5, 1]}, "far": {"triangle": [0.5, 1, 1.5]}}
+    message = error_of(inputs=with_terms(**terms))
     assert "where distance is in [0, 0.3] m (none of its terms)\n" in message
 
 
@@ -246,8 +241,7 @@ def test_every_output_is_checked() -> None:
 @given(data=st.data())
 def test_the_result_agrees_with_the_firing_strengths(data: st.DataObject) -> None:
     rule_base = data.draw(rule_bases())
-    seed = data.draw(st.integers(0, 1000))
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
     fis = CompiledFis(rule_base)
     rows = np.array(
         [

@@ -263,9 +263,8 @@ def test_children_are_named_after_their_parent() -> None:
     for index, name in enumerate(pyramid.names[:20]):
         first = pyramid.first_child(index)
         assert first is not None
-        assert [pyramid.names[first + i][-2:] for i in range(4)] == [
-            name[-1] + digit for digit in "1234"
-        ]
+        children = [child[-2:] for child in pyramid.names[first : first + 4]]
+        assert children == [name[-1] + digit for digit in "1234"]
     assert pyramid.first_child(20) is None
 
 
@@ -307,9 +306,8 @@ def test_nearest_is_the_mean_of_the_nearest_eighth() -> None:
 
 
 def test_a_lone_cell_weighs_less_than_a_patch() -> None:
-    values = np.zeros((3, 12, 16))
+    values, weights = np.zeros((2, 3, 12, 16))
     values[0, 1, 1] = 2.0
-    weights = np.zeros((3, 12, 16))
     weights[:, 1, 1] = 1.0
     got = Pyramid((12, 16), 1).statistics(Channels(values, weights, ONES))
     assert 0.0 < got.nearest[1] < 1.0

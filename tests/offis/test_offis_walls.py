@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from flow_scene import turn_about
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from offis_scenes import Scene, Wall, corner, corridor, door, ideal_flow, wall_ahead
@@ -172,10 +173,8 @@ def test_one_blind_column_needs_fast_flow_beside_it() -> None:
 
 def test_what_the_past_camera_did_not_see_hides_nothing() -> None:
     flow, _ = ideal_flow(Scene((wall_ahead(2.0),)))
-    c, s = np.cos(0.2), np.sin(0.2)
-    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
     # the camera turned to the left: its left border was outside the past image
-    turned = replace(flow, motion=replace(flow.motion, rotation=turn))
+    turned = replace(flow, motion=replace(flow.motion, rotation=turn_about(1, 0.2)))
     assert hidden(blinded(turned, left=2))[1].max() == 0.0
     assert hidden(blinded(turned, right=2))[1].max() > 0.9
 
@@ -229,8 +228,8 @@ def texture(seed: int) -> Image:
 def test_black_white_and_textureless_images_are_unknown(
     level: float, noise: float, mode: Literal["nearness", "paper"]
 ) -> None:
-    params = Offis.Params(mode=mode)
-    percept = percept_of(flat(level, noise, 1), flat(level, noise, 2), params=params)
+    images = flat(level, noise, 1), flat(level, noise, 2)
+    percept = percept_of(*images, params=Offis.Params(mode=mode))
     assert (percept.label == Label.UNKNOWN).all()
     assert percept.confidence.max() < 0.15
     assert percept.situations["unknown"] > 0.9
@@ -265,7 +264,6 @@ def test_without_translation_a_textured_image_is_unknown() -> None:
 
 
 # --- Table 1 ---
-
 
 SLOPES = {"very slope": 2.0, "slope": 1.0, "orthogonal": 0.0, "unusual": -1.0}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 
@@ -42,7 +43,6 @@ from navfw.worldgen import (
 )
 
 Case = tuple[str, int, float]
-Made = dict[Case, GeneratedWorld]
 Point = tuple[float, float]
 
 ROBOT = RobotModel()
@@ -50,15 +50,12 @@ CASES = [(family, seed, 0.5 * seed) for family in FAMILIES for seed in range(3)]
 WITH_MAP = {"rooms", "corridors", "maze"}
 
 
-@pytest.fixture(scope="module")
-def made() -> Made:
-    """One world for each case, generated once."""
-    return {case: generate(*case) for case in CASES}
+made = cache(generate)
 
 
-def of_family(made: Made, name: str) -> list[tuple[float, GeneratedWorld]]:
+def of_family(name: str) -> list[tuple[float, GeneratedWorld]]:
     """The worlds of a family with their difficulties."""
-    return [(case[2], world) for case, world in made.items() if case[0] == name]
+    return [(case[2], made(*case)) for case in CASES if case[0] == name]
 
 
 def pose_of(world: GeneratedWorld) -> Pose:
@@ -86,8 +83,8 @@ def connected(plan: SceneGeometry, a: Point, b: Point, wide: float) -> bool:
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_world_is_traversable_in_time(made: Made, case: Case) -> None:
-    world = made[case]
+def test_world_is_traversable_in_time(case: Case) -> None:
+    world = made(*case)
     plan = SceneGeometry.from_world(world.world)
     assert connected(plan, start_of(world), goal_of(world), ROBOT.radius + 0.04)
     assert world.shortest >= 5.0
@@ -96,9 +93,9 @@ def test_world_is_traversable_in_time(made: Made, case: Case) -> None:
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_same_arguments_same_world(made: Made, family: str) -> None:
+def test_same_arguments_same_world(family: str) -> None:
     again, other = generate(family, 1, 0.5), generate(family, 2, 0.5)
-    world = made[(family, 1, 0.5)]
+    world = made(family, 1, 0.5)
     assert again.world == world.world
     assert again.mission == world.mission
     assert list(again.topo_map.places.values()) == list(world.topo_map.places.values())
@@ -124,15 +121,15 @@ def digest_of(*folders: Path) -> str:
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_worlds_are_those_of_their_seeds(made: Made, family: str, tmp_path: Path) -> None:
-    worlds = of_family(made, family)
+def test_worlds_are_those_of_their_seeds(family: str, tmp_path: Path) -> None:
+    worlds = of_family(family)
     folders = [world.write(tmp_path / f"{difficulty}") for difficulty, world in worlds]
     assert digest_of(*folders) == DIGESTS[family]
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_files_have_the_same_content(made: Made, case: Case, tmp_path: Path) -> None:
-    world = made[case]
+def test_files_have_the_same_content(case: Case, tmp_path: Path) -> None:
+    world = made(*case)
     folder = world.write(tmp_path / "made")
     assert load_world(folder / "world.yaml") == world.world
     mission = load_mission(folder / "missions" / "cross.yaml")
@@ -146,8 +143,8 @@ def test_files_have_the_same_content(made: Made, case: Case, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("case", [c for c in CASES if c[0] in WITH_MAP], ids=str)
-def test_passages_of_the_map_are_free(made: Made, case: Case) -> None:
-    world = made[case]
+def test_passages_of_the_map_are_free(case: Case) -> None:
+    world = made(*case)
     plan, topo_map = SceneGeometry.from_world(world.world), world.topo_map
     for passage in topo_map.passages:
         a, b = topo_map.places[passage.a], topo_map.places[passage.b]
@@ -178,8 +175,8 @@ def test_any_seed_gives_a_traversable_world(family: str, seed: int, difficulty: 
 # --- properties of each family ----------------------------------------------------------------
 
 
-def test_rooms(made: Made) -> None:
-    for _, world in of_family(made, "rooms"):
+def test_rooms() -> None:
+    for _, world in of_family("rooms"):
         spec = world.world
         doors = [opening for wall in spec.walls for opening in wall.openings]
         assert 2 <= len(spec.rooms) <= 6
@@ -211,9 +208,9 @@ def test_furniture_along_a_wall_stands_two_centimetres_from_it() -> None:
     assert min(gap for gap in gaps if gap >= 0.3) >= 0.6
 
 
-def test_clutter(made: Made) -> None:
+def test_clutter() -> None:
     counts = []
-    for difficulty, world in of_family(made, "clutter"):
+    for difficulty, world in of_family("clutter"):
         spec = world.world
         assert 8.0 <= spec.x[1] - spec.x[0] <= 12.0
         things = [s for s in solids_of(spec) if s.kind in ("box", "cylinder")]
@@ -224,8 +221,8 @@ def test_clutter(made: Made) -> None:
     assert counts[-1] > 1.5 * counts[0]
 
 
-def test_maze(made: Made) -> None:
-    for _, world in of_family(made, "maze"):
+def test_maze() -> None:
+    for _, world in of_family("maze"):
         plan = SceneGeometry.from_world(world.world)
         for place in world.topo_map.places.values():
             cell = 2 * plan.clearance(place.x, place.y) + 0.1
@@ -234,9 +231,9 @@ def test_maze(made: Made) -> None:
             assert cell < 1.6 + 0.002 or place.kind == "junction"
 
 
-def test_corridors(made: Made) -> None:
+def test_corridors() -> None:
     kinds = set()
-    for _, world in of_family(made, "corridors"):
+    for _, world in of_family("corridors"):
         plan = SceneGeometry.from_world(world.world)
         for place in world.topo_map.places.values():
             kinds.add(place.kind)
@@ -245,8 +242,8 @@ def test_corridors(made: Made) -> None:
     assert {"junction", "corner", "corridor"} <= kinds
 
 
-def test_poles(made: Made) -> None:
-    for difficulty, world in of_family(made, "poles"):
+def test_poles() -> None:
+    for difficulty, world in of_family("poles"):
         poles = world.world.cylinders
         assert all(0.05 <= pole.radius <= 0.1 for pole in poles)
         # BARN has 30 to 160 poles on 20 m^2 between its rows; this field is a fifth longer
@@ -255,9 +252,9 @@ def test_poles(made: Made) -> None:
             assert len(poles) > 90
 
 
-def test_moving(made: Made) -> None:
+def test_moving() -> None:
     movers: list[WalkerSpec] = []
-    for _, world in of_family(made, "moving"):
+    for _, world in of_family("moving"):
         start = np.array(start_of(world))
         assert world.mission.robot.seen_aside > math.radians(90.0)
         for mover in world.world.movers:
@@ -269,8 +266,8 @@ def test_moving(made: Made) -> None:
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_can_be_simulated_and_rendered(made: Made, family: str) -> None:
-    world = made[(family, 1, 0.5)]
+def test_can_be_simulated_and_rendered(family: str) -> None:
+    world = made(family, 1, 0.5)
     with Simulation(world.world, ROBOT, pose_of(world), 0) as sim:
         frame = sim.read().frame
         drive(sim, 0.1, 0.0, 0.0)
@@ -281,9 +278,9 @@ def test_can_be_simulated_and_rendered(made: Made, family: str) -> None:
 
 @pytest.mark.parametrize(("contrast", "least", "most"), [(0.0, 0.0, 0.7), (6.0, 3.0, 8.0)])
 def test_a_given_contrast_is_that_of_every_surface_and_all_else_is_the_same(
-    made: Made, contrast: float, least: float, most: float
+    contrast: float, least: float, most: float
 ) -> None:
-    usual, bare = made[("rooms", 1, 0.5)], generate("rooms", 1, 0.5, contrast)
+    usual, bare = made("rooms", 1, 0.5), generate("rooms", 1, 0.5, contrast)
     without = {"textures"}
     assert bare.world.model_dump(exclude=without) == usual.world.model_dump(exclude=without)
     assert bare.mission == usual.mission
@@ -328,7 +325,6 @@ def test_write_overwrites_generated_folders_only(tmp_path: Path) -> None:
 
 
 # --- looks ----------------------------------------------------------------------------------------
-
 
 SURFACES = {"textures", "skirting", "door_frames"}
 
