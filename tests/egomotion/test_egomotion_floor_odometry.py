@@ -44,9 +44,7 @@ class PaintedFloor:
         return np.asarray(np.clip(grey, 0, 255), dtype=np.uint8)
 
 
-def registered(
-    floor: PaintedFloor, true: Pose, guess: Pose, light: float = 1.0
-) -> FloorStep | None:
+def measured(floor: PaintedFloor, true: Pose, guess: Pose, light: float = 1.0) -> FloorStep | None:
     """The step from the origin to ``true``, where the light is another, by a ``guess``."""
     registration = FloorRegistration(ROBOT)
     past, now = (registration.prepare(v) for v in (floor.view(ORIGIN), floor.view(true, light)))
@@ -60,7 +58,7 @@ def registered(
 )
 def test_motion_over_the_floor_is_measured_in_metres(true: Pose) -> None:
     guess = Pose(true.x + 0.003, true.y - 0.0005, true.yaw + 0.002)
-    found = registered(PaintedFloor(), true, guess)
+    found = measured(PaintedFloor(), true, guess)
     assert found is not None
     off = np.array([found.pose.x - true.x, found.pose.y - true.y, found.pose.yaw - true.yaw])
     assert np.abs(off[0]) < 8e-4
@@ -148,14 +146,14 @@ def test_the_registration_converges_to_its_robust_normal_equations() -> None:
 
 
 def test_a_change_of_light_is_no_motion() -> None:
-    found = registered(PaintedFloor(), Pose(0.1, 0.0, 0.0), Pose(0.098, 0.0, 0.0), light=0.85)
+    found = measured(PaintedFloor(), Pose(0.1, 0.0, 0.0), Pose(0.098, 0.0, 0.0), light=0.85)
     assert found is not None
     assert found.pose.x == pytest.approx(0.1, abs=5e-4)
 
 
 def test_a_bare_floor_tells_nothing_of_the_way() -> None:
     bare = PaintedFloor(contrast=3e-4)
-    found = registered(bare, Pose(0.1, 0.0, 0.0), Pose(0.12, 0.0, 0.0))
+    found = measured(bare, Pose(0.1, 0.0, 0.0), Pose(0.12, 0.0, 0.0))
     assert found is None or found.covariance[0, 0] > 0.003**2
 
 

@@ -201,9 +201,7 @@ def test_a_missing_rule_leaves_the_region_of_its_terms() -> None:
     ],
     ids=["a gap", "terms that touch", "the end of the range, to which inputs are clipped"],
 )
-def test_what_lies_between_terms_is_named_in_numbers(
-    near: dict[str, list[float]], where: str
-) -> None:
+def test_gaps_between_terms_are_named_in_numbers(near: dict[str, list[float]], where: str) -> None:
     message = error_of(inputs=with_terms(near=near))
     assert f"where distance is {where} (none of its terms)\n" in message
 

@@ -46,9 +46,7 @@ def test_equal_to_scikit_fuzzys_generators(form: dict[str, list[float]]) -> None
 
 @settings(max_examples=100, derandomize=True)
 @given(st.lists(shapes(-1.0, 1.0), min_size=1, max_size=4), st.sampled_from([3, 11, 101]))
-def test_sampled_form_keeps_corners_and_edges(
-    forms: list[dict[str, list[float]]], points: int
-) -> None:
+def test_samples_keep_corners_and_edges(forms: list[dict[str, list[float]]], points: int) -> None:
     made = [(kind, make_shape(kind, p)) for form in forms for kind, p in form.items()]
     universe = sample_universe(-1.0, 1.0, points, [shape for _, shape in made])
     assert universe[0] == -1.0
@@ -66,9 +64,7 @@ def test_sampled_form_keeps_corners_and_edges(
 
 @pytest.mark.parametrize("width", [0.01, 1.0, 200.0])
 @pytest.mark.parametrize(("beside", "samples"), [(5e-7, 11), (-5e-7, 11), (2e-6, 12), (-2e-6, 12)])
-def test_even_samples_next_to_a_corner_are_left_out(
-    width: float, beside: float, samples: int
-) -> None:
+def test_even_samples_by_a_corner_are_left_out(width: float, beside: float, samples: int) -> None:
     # an even sample at 0.3 of the range, and a corner a millionth or so beside it
     corner = (0.3 + beside) * width
     triangle = make_shape("triangle", [0.0, corner, width])

@@ -109,9 +109,7 @@ def test_any_words_parse_or_raise_an_error_with_a_column(sentence: str) -> None:
         ("IF " + "NOT " * 60 + "distance IS near THEN turn IS left", "at most 50 levels", 204),
     ],
 )
-def test_errors_give_the_expected_token_and_the_column(
-    sentence: str, problem: str, column: int
-) -> None:
+def test_errors_give_expected_token_and_column(sentence: str, problem: str, column: int) -> None:
     with pytest.raises(SentenceError) as caught:
         parse(sentence)
     assert problem in caught.value.problem

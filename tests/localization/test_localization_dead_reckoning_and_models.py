@@ -89,9 +89,7 @@ def test_the_landmark_jacobian_is_the_derivative(state: Array, x: float, y: floa
 
 
 @given(factors, st.lists(st.floats(-2.0, 2.0), min_size=8, max_size=8))
-def test_the_joseph_form_stays_positive_for_any_gain(
-    factor: list[float], gain: list[float]
-) -> None:
+def test_the_joseph_form_is_positive_for_any_gain(factor: list[float], gain: list[float]) -> None:
     _, jacobian = expected_measurement(np.zeros(4), 2.0, 1.0)
     noise = np.diag((1e-4, 1e-2))
     updated = joseph(covariance_of(factor), np.array(gain).reshape(4, 2), jacobian, noise)
@@ -157,9 +155,7 @@ def test_the_noise_follows_from_the_data_sheets() -> None:
 
 
 @given(angles, moves, st.floats(0.01, 0.5))
-def test_process_noise_is_positive_and_turns_with_the_robot(
-    yaw: float, moved: Pose, dt: float
-) -> None:
+def test_the_noise_is_positive_and_turns_with_the_robot(yaw: float, moved: Pose, dt: float) -> None:
     sigma = motion_noise(MotionParams(), RobotModel())
     wheels = Odometry(1.0, moved, Twist(0.0, 0.0), 0.0, still=False)
     noise = process_noise(yaw, moved, dt, sigma, wheels)
@@ -225,9 +221,7 @@ def test_parameters_are_bounded(model: type[Params], ranges: str) -> None:
 
 
 @given(st.lists(st.floats(0.0, 1e6), max_size=40), st.floats(0.5, 0.95))
-def test_three_misses_lower_an_existence_probability_below_one_half(
-    likelihoods: list[float], prior: float
-) -> None:
+def test_three_misses_make_a_landmark_unlikely(likelihoods: list[float], prior: float) -> None:
     existence = LandmarkExistence(prior)
     assert existence.probability("aruco-1") == pytest.approx(prior)
     for likelihood in likelihoods:
@@ -258,9 +252,7 @@ def follow(
 
 
 @given(poses, st.lists(poses, min_size=1, max_size=5))
-def test_the_pose_is_the_start_composed_with_the_odometry_since(
-    start: Pose, track: list[Pose]
-) -> None:
+def test_the_pose_is_the_start_and_the_odometry_since(start: Pose, track: list[Pose]) -> None:
     beliefs = follow(start, track)
     for belief, at in zip(beliefs, track, strict=True):
         off = belief.pose.relative(start.compose(track[0].relative(at)))
@@ -351,9 +343,7 @@ def test_probabilities_are_computed_again_after_a_distance_in_any_direction(head
 
 
 @given(st.floats(0.0, 3.0), st.floats(0.0, 3.0), st.floats(-math.pi, math.pi))
-def test_the_position_sigma_is_the_largest_half_axis(
-    long: float, short: float, turn: float
-) -> None:
+def test_the_position_sigma_is_the_longer_half_axis(long: float, short: float, turn: float) -> None:
     c, s = math.cos(turn), math.sin(turn)
     axes = np.array([[c, -s], [s, c]])
     covariance = np.diag([0.0, 0.0, 5.0])

@@ -320,9 +320,7 @@ def test_only_bodies_that_are_not_round_need_them() -> None:
 
 
 @given(*[st.floats(-5.0, 5.0)] * 5)
-def test_points_and_poses_are_moved_alike(
-    x: float, y: float, yaw: float, a: float, b: float
-) -> None:
+def test_points_and_poses_move_alike(x: float, y: float, yaw: float, a: float, b: float) -> None:
     pose, points = Pose(x, y, yaw), np.array([[a, b], [b, a]])
     local = pose.points_to_local(points)
     assert np.allclose(local, [pose.to_local(*point) for point in points.tolist()])

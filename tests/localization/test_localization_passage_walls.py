@@ -104,9 +104,7 @@ def test_a_corridor_corrects_heading_and_lateral_position(
     ("offsets", "what"),
     [((0.75,), "one wall"), ((0.75, -0.45), "narrower"), ((0.95, -0.93), "wider")],
 )
-def test_the_middle_needs_two_walls_as_far_apart_as_the_map_has_them(
-    offsets: tuple[float, ...], what: str
-) -> None:
+def test_the_middle_needs_two_walls_as_in_the_map(offsets: tuple[float, ...], what: str) -> None:
     robot = on_axis(CORRIDOR, 1.5, 0.0, 0.0)
     fix = corridor_fix(CORRIDOR, robot, seen(CORRIDOR, robot, walls(*offsets)))
     assert fix is not None, what
@@ -152,9 +150,7 @@ def test_a_door_corrects_the_lateral_position(off: float, back: bool) -> None:
 
 
 @pytest.mark.parametrize(("width", "shift"), [(0.3, None), (0.65, 0.0), (0.8, 0.0), (1.3, None)])
-def test_a_door_may_look_narrower_but_a_gap_of_another_width_is_none(
-    width: float, shift: float | None
-) -> None:
+def test_doors_may_look_narrower_but_no_other_gap_is_one(width: float, shift: float | None) -> None:
     """Cells of the image reach over its edges."""
     robot = on_axis(DOOR, -1.4, 0.0, 0.0)
     fix = door_fix(DOOR, robot, seen(DOOR, robot, wall_with_a_gap(width), noise=0.005))

@@ -131,9 +131,7 @@ def one_near(bearing: float, at: float) -> float:
 @pytest.mark.parametrize(
     ("side", "low", "high"), [("front", -30, 30), ("left", 30, 120), ("right", -120, -30)]
 )
-def test_the_ranges_of_a_side_are_the_least_within_its_sector(
-    side: str, low: float, high: float
-) -> None:
+def test_the_range_of_a_side_is_the_least_of_its_sector(side: str, low: float, high: float) -> None:
     for bearing in np.arange(-172.5, 180.1, 7.5):
         near = functools.partial(one_near, at=float(bearing))
         ranges = ranges_of(near)
@@ -282,9 +280,7 @@ BEARINGS = np.linspace(-math.pi, math.pi, 25)[1:]
 
 @settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), limit=st.sampled_from([0.7, 3.0]))
-def test_ranges_are_the_first_occupied_and_the_first_unobserved_cell(
-    seed: int, limit: float
-) -> None:
+def test_ranges_are_the_first_occupied_and_unobserved_cells(seed: int, limit: float) -> None:
     rng = np.random.default_rng(seed)
     occupied = rng.random((SIZE, SIZE)) < rng.choice([0.0, 0.01])
     occupied |= np.roll(occupied, 1, 0) | np.roll(occupied, 1, 1)

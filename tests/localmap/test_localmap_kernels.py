@@ -99,9 +99,7 @@ def test_a_frame_is_merged_by_the_formula_and_leaves_empty_layers(seed: int) -> 
 
 @settings(max_examples=30)
 @given(SEEDS, st.floats(-3.2, 3.2), st.floats(-10, 40), st.floats(-10, 40))
-def test_free_evidence_decays_within_the_wedge_of_view_alone(
-    seed: int, yaw: float, row: float, column: float
-) -> None:
+def test_only_free_cells_in_view_decay(seed: int, yaw: float, row: float, column: float) -> None:
     rng = np.random.default_rng(seed)
     log_odds = rng.uniform(-1.5, 3.0, (31, 31))
     slope, reach = rng.uniform(0.2, 2.0), rng.uniform(2.0, 30.0)

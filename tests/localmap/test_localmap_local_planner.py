@@ -275,11 +275,9 @@ def belief(pose: Pose, sigma: float = 0.05) -> Belief:
     return Belief(0.0, pose, np.diag([sigma**2, sigma**2, 0.01]))
 
 
-def statuses(
-    occupancy: OccupancyGrid, queries: list[PassageQuery], sigma: float = 0.05
-) -> list[str]:
-    judged = TraversabilityCheck().check(occupancy, queries, ORIGIN, belief(ORIGIN, sigma), 1.0)
-    assert [query for query, _ in judged] == queries[: len(judged)]
+def statuses(occupancy: OccupancyGrid, legs: list[PassageQuery], sigma: float = 0.05) -> list[str]:
+    judged = TraversabilityCheck().check(occupancy, legs, ORIGIN, belief(ORIGIN, sigma), 1.0)
+    assert [query for query, _ in judged] == legs[: len(judged)]
     return [status for _, status in judged]
 
 

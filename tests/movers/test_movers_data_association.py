@@ -174,9 +174,7 @@ def part(right: float, left: float, distance: float = 1.0) -> MovingObject:
     distance=st.floats(0.3, 2.0),
     side=st.sampled_from([1, -1]),
 )
-def test_parts_at_the_border_of_two_views_are_one(
-    middle: float, width: float, distance: float, side: int
-) -> None:
+def test_parts_at_a_border_are_one(middle: float, width: float, distance: float, side: int) -> None:
     # flow ends a little before the border of either image
     inner = part(middle - width, HALF - 0.05, distance)
     outer = part(HALF - 0.02, middle + width, 1.2 * distance)

@@ -178,9 +178,7 @@ def test_flow_with_rotation_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("depth", "speed"), [(0.9, 0.3), (0.9, 0.5), (1.3, 0.5)])
-def test_an_approaching_object_seems_nearer_than_the_floor_at_its_foot(
-    depth: float, speed: float
-) -> None:
+def test_an_approaching_object_seems_nearer_than_its_foot(depth: float, speed: float) -> None:
     # about as fast as the robot, a little aside: no flow across epipolar lines, more outward
     (detection,) = locate_moving_objects(scene(0.09, (depth, 0.25, 0.5), (-speed, 0.0)), CAMERA)
     assert detection.distance == pytest.approx(depth, rel=0.3)
@@ -189,7 +187,7 @@ def test_an_approaching_object_seems_nearer_than_the_floor_at_its_foot(
 
 @given(depth=st.floats(0.5, 3.0), left=st.floats(-0.8, 0.8), way=st.floats(0.03, 0.12))
 @settings(max_examples=40, deadline=None)
-def test_static_objects_do_not_seem_nearer_than_the_floor_at_their_foot(
+def test_static_things_seem_no_nearer_than_their_foot(
     depth: float, left: float, way: float
 ) -> None:
     flow = scene(way, (depth, left, 0.5), (0.0, 0.0), noise=0.1)

@@ -52,9 +52,7 @@ IMAGE = np.zeros((ROBOT.camera.height, ROBOT.camera.width), dtype=np.uint8)
 
 @pytest.mark.parametrize(("v", "w"), [(0.0, 0.0), (0.3, 0.5), (0.0, 1.2)])
 @pytest.mark.parametrize(("near", "interval"), [(False, 0.2), (True, 0.1)])
-def test_pairs_span_a_fixed_time_whatever_the_robot_does(
-    v: float, w: float, near: bool, interval: float
-) -> None:
+def test_pairs_always_span_a_fixed_time(v: float, w: float, near: bool, interval: float) -> None:
     frames = RecentFrames(ROBOT)
     assert frames.pair() is None
     for i in range(8):
@@ -108,9 +106,7 @@ def test_with_always_full_every_frame_is_searched_fully() -> None:
 
 
 @pytest.mark.parametrize(("distance", "near"), [(0.9 * NEAR, True), (1.1 * NEAR, False)])
-def test_near_is_the_distance_of_the_nearest_of_the_last_search(
-    distance: float, near: bool
-) -> None:
+def test_near_is_by_the_nearest_of_the_last_search(distance: float, near: bool) -> None:
     schedule = DetectionSchedule()
     assert not schedule.near
     schedule.update((detection(0.0, 0.0, 3.0), detection(0.0, 0.0, distance)), 0.0)

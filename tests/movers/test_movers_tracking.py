@@ -196,9 +196,7 @@ def test_the_path_of_a_track_is_covered_by_discs() -> None:
 @pytest.mark.parametrize(
     ("hits", "min_hits", "confirmed"), [(1, 2, False), (2, 2, True), (2, 3, False), (1, 1, True)]
 )
-def test_tracks_are_confirmed_from_the_number_of_hits(
-    hits: int, min_hits: int, confirmed: bool
-) -> None:
+def test_tracks_are_confirmed_by_their_hits(hits: int, min_hits: int, confirmed: bool) -> None:
     tracker = Tracker(ROBOT, TrackerParams(min_hits=min_hits))
     tracker.tracks = [Track(np.array([1.0, 0.0, 0.0, 0.0]), np.eye(4), 0.22, 0.0, hits)]
     assert (len(tracker.confirmed) == 1) == confirmed
@@ -219,9 +217,7 @@ def test_tracks_are_confirmed_from_the_number_of_hits(
         (0.44, 0.0, False),
     ],
 )
-def test_tracks_are_in_view_where_they_should_be_detected(
-    away: float, bearing: float, in_view: bool
-) -> None:
+def test_where_tracks_are_in_view(away: float, bearing: float, in_view: bool) -> None:
     tracker, pose = Tracker(ROBOT), Pose(-1.0, 2.0, 2.0)
     x, y = pose.to_parent(AHEAD + away * math.cos(bearing), away * math.sin(bearing))
     # where the track is predicted to be counts, not where it was
@@ -234,9 +230,7 @@ def test_tracks_are_in_view_where_they_should_be_detected(
 
 
 @pytest.mark.parametrize(("away", "kept"), [(0.36, False), (0.38, True)])
-def test_tracks_that_overlap_the_robot_are_dropped_once_they_are_old(
-    away: float, kept: bool
-) -> None:
+def test_old_tracks_that_overlap_the_robot_are_dropped(away: float, kept: bool) -> None:
     # rims of 0.18 m and 0.22 m that overlap by 3 cm, where the track is predicted to be
     for age in (0.1, 0.24, 0.26, 0.5):
         tracker = Tracker(ROBOT)

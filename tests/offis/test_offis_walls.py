@@ -56,9 +56,7 @@ def walls_of_values(nearness: Array, weight: Array | None = None, sigma: float =
 
 @given(angle=st.floats(-0.7, 0.7), distance=st.floats(0.5, 4.0), pitch=st.floats(-0.25, 0.25))
 @settings(max_examples=40, deadline=None)
-def test_the_fit_finds_the_angle_and_distance_of_a_wall(
-    angle: float, distance: float, pitch: float
-) -> None:
+def test_the_fit_finds_angle_and_distance(angle: float, distance: float, pitch: float) -> None:
     endless = replace(wall_ahead(distance, angle, half=1e3), low=-99.0, high=99.0)
     walls = walls_of(Scene((endless,), floor=None), pitch)
     np.testing.assert_allclose(walls.incline, [angle, -angle], atol=1e-3)

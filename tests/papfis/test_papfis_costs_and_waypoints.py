@@ -75,9 +75,7 @@ def test_the_penalty_is_the_sugeno_mean_of_the_rules(quality: dict[str, float]) 
 
 
 @given(qualities, st.sampled_from(["width", *SHARES]), st.floats(0, 5))
-def test_costs_are_monotone_in_every_input(
-    quality: dict[str, float], which: str, value: float
-) -> None:
+def test_costs_are_monotone_in_inputs(quality: dict[str, float], which: str, value: float) -> None:
     other = quality | {which: max(value, 0.37) if which == "width" else min(value, 1.0)}
     first, second = costs_of(quality, other).values
     worse = other[which] < quality[which] if which == "width" else other[which] > quality[which]
@@ -162,9 +160,7 @@ def waypoints(
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("beyond", "within"), [(0.1, True), (0.29, True), (0.31, False)])
-def test_a_last_place_within_the_goals_tolerance_is_left_out_unless_it_is_a_door(
-    kind: PlaceKind, beyond: float, within: bool
-) -> None:
+def test_a_last_place_at_the_goal_is_left_out(kind: PlaceKind, beyond: float, within: bool) -> None:
     way = waypoints(("room", "room", kind), end=goal(6.0 + beyond, 0.0, tolerance=0.3))
     left_out = within and kind != "door"
     assert [w.place for w in way] == ["a", "b", *([] if left_out else ["c"]), "goal"]
@@ -176,9 +172,7 @@ def test_a_last_place_within_the_goals_tolerance_is_left_out_unless_it_is_a_door
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("away", "left_out"), [(0.9, True), (1.1, False)])
-def test_a_first_place_where_the_route_starts_is_left_out(
-    kind: PlaceKind, away: float, left_out: bool
-) -> None:
+def test_a_place_at_the_start_is_left_out(kind: PlaceKind, away: float, left_out: bool) -> None:
     way = waypoints((kind, "room", "room"), start=-away * AT_PLACE, end=goal(9.0, 0.0))
     assert [w.place for w in way] == [*([] if left_out else ["a"]), "b", "c", "goal"]
     # each waypoint has the passage that leads there
@@ -193,9 +187,7 @@ def test_one_place_at_start_and_goal_is_left_out_once() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("widths", [(1.4, 0.9), (0.9, 1.4)])
-def test_a_place_has_the_width_on_its_way_and_a_door_that_of_its_narrower_passage(
-    kind: PlaceKind, widths: tuple[float, float]
-) -> None:
+def test_doors_have_the_narrower_width_of_two(kind: PlaceKind, widths: tuple[float, float]) -> None:
     at_a, at_b, at_c, end = waypoints(("room", kind, "room"), widths, end=goal(9.0, 0.0))
     assert at_b.width == (min(widths) if kind == "door" else widths[0])
     assert (at_a.width, at_c.width, end.width) == (math.inf, widths[1], math.inf)
@@ -224,9 +216,7 @@ def test_a_goal_on_a_passage_has_the_width_of_that_passage() -> None:
     ("body", "width", "beside"),
     [(0.18, 0.95, 0.4), (0.34, 0.95, 0.2), (0.46, 0.95, 0.12), (0.6, 0.95, 0.4), (0.34, 1.4, 0.4)],
 )
-def test_a_wide_robot_passes_the_places_beside_a_door_more_closely(
-    body: float, width: float, beside: float
-) -> None:
+def test_wide_robots_pass_closely_beside_doors(body: float, width: float, beside: float) -> None:
     """But for one that cannot turn there, and could not comply."""
     kinds = ["room", "room", "door", "room", "room"]
     tolerances = replace(PASSING, body=body).tolerances(kinds, [3.0, 3.0, width, 3.0, 3.0])

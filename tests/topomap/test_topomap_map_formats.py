@@ -352,9 +352,7 @@ def test_unconnected_parts_are_no_error_and_a_map_without_places_is(tmp_path: Pa
 
 
 @given(texts, st.floats(1e-6, 1e6), shares, st.floats(-6.2, 6.2))
-def test_names_and_numbers_survive_the_file(
-    name: str, length: float, share: float, yaw: float
-) -> None:
+def test_names_and_numbers_are_kept(name: str, length: float, share: float, yaw: float) -> None:
     places = [Place(name, 0.0, 0.0), Place(name + "2", 0.0, 1e-7, "danger")]
     passage = Passage(name, name + "2", length, danger=share)
     mark = Landmark(name, "poster", 3, length, -length, yaw)

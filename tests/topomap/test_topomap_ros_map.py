@@ -108,9 +108,7 @@ def test_colours_and_16_bits(tmp_path: Path) -> None:
         ({"free_thresh": 0.7}, "must be below occupied_thresh"),
     ],
 )
-def test_what_the_yaml_file_must_not_say(
-    tmp_path: Path, keys: dict[str, Any], message: str
-) -> None:
+def test_what_the_yaml_file_may_not_say(tmp_path: Path, keys: dict[str, Any], message: str) -> None:
     file = write(tmp_path, **keys)
     with pytest.raises(ConfigError, match=message) as caught:
         load_ros_map(file)

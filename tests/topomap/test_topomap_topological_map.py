@@ -20,6 +20,7 @@ from navfw.robot import RobotModel
 from navfw.sim import SceneGeometry, load_world
 from navfw.topomap import Passage, Place, TopoMap, check_map, load_map
 
+Point = tuple[float, float]
 coordinates = st.floats(-20.0, 20.0)
 points = st.tuples(coordinates, coordinates)
 
@@ -40,9 +41,7 @@ def closest_by_sampling(topo_map: TopoMap, passage: Passage, x: float, y: float)
 
 
 @given(chains(), points)
-def test_projections_are_the_nearest_points_of_passages(
-    topo_map: TopoMap, point: tuple[float, float]
-) -> None:
+def test_projections_are_the_nearest_points_of_passages(topo_map: TopoMap, point: Point) -> None:
     footings = topo_map.project_onto_passages(*point, slack=1e9)
     assert len(footings) == len(topo_map.passages)
     assert [f.aside for f in footings] == sorted(f.aside for f in footings)
@@ -55,9 +54,7 @@ def test_projections_are_the_nearest_points_of_passages(
 
 
 @given(chains(), points, st.floats(0.0, 5.0))
-def test_projections_are_within_the_slack_and_the_choice(
-    topo_map: TopoMap, point: tuple[float, float], slack: float
-) -> None:
+def test_projections_keep_slack_and_choice(topo_map: TopoMap, point: Point, slack: float) -> None:
     everything = topo_map.project_onto_passages(*point, slack=1e9)
     near = topo_map.project_onto_passages(*point, slack=slack)
     assert near == [f for f in everything if f.aside <= everything[0].aside + slack]
@@ -69,9 +66,7 @@ def test_projections_are_within_the_slack_and_the_choice(
 
 
 @given(chains(), points)
-def test_nearest_place_is_no_farther_than_any(
-    topo_map: TopoMap, point: tuple[float, float]
-) -> None:
+def test_nearest_place_is_no_farther_than_any(topo_map: TopoMap, point: Point) -> None:
     distances = [place.distance(*point) for place in topo_map.places.values()]
     assert topo_map.nearest_place(*point).distance(*point) == pytest.approx(min(distances))
     assert np.allclose(topo_map.place_distances(*point), distances)

@@ -277,7 +277,7 @@ def test_can_be_simulated_and_rendered(family: str) -> None:
 
 
 @pytest.mark.parametrize(("contrast", "least", "most"), [(0.0, 0.0, 0.7), (6.0, 3.0, 8.0)])
-def test_a_given_contrast_is_that_of_every_surface_and_all_else_is_the_same(
+def test_a_contrast_is_that_of_all_surfaces_alone(
     contrast: float, least: float, most: float
 ) -> None:
     usual, bare = made("rooms", 1, 0.5), generate("rooms", 1, 0.5, contrast)
