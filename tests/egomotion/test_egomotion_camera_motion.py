@@ -13,6 +13,7 @@ from localization_drives import odometry, step
 from param_ranges import check_ranges
 from pydantic import ValidationError
 
+from navfw.camera_geometry import rotation_matrix
 from navfw.egomotion import (
     Egomotion,
     EgomotionPrior,
@@ -219,10 +220,6 @@ HALF = np.array([80.0, 60.0])
 ANGLE = st.floats(-0.06, 0.06)
 
 
-def rotation_of(vector: Array) -> Array:
-    return np.asarray(cv2.Rodrigues(vector)[0], dtype=np.float64)
-
-
 def scene(seed: int, count: int = 200) -> tuple[Array, Array]:
     """Image points (n, 2) [px] and their depths (n,) [m]: a room with things in it."""
     rng = np.random.default_rng(seed)
@@ -251,7 +248,7 @@ def angle_between(found: Egomotion, shift: Array) -> float:
 def test_any_motion_is_found_without_a_prior(
     x: float, y: float, z: float, bearing: float, elevation: float
 ) -> None:
-    rotation = rotation_of(np.array([x, y, z]))
+    rotation = rotation_matrix(np.array([x, y, z]))
     flat, up = math.cos(elevation), math.sin(elevation)
     shift = 0.15 * np.array([flat * math.sin(bearing), up, flat * math.cos(bearing)])
     found = estimate_egomotion(seen(*scene(1), rotation, shift), FOCAL)
@@ -265,7 +262,7 @@ def test_any_motion_is_found_without_a_prior(
 
 
 def test_a_quarter_of_moving_objects_does_no_harm() -> None:
-    shift, rotation = np.array([0.02, 0.0, 0.12]), rotation_of(np.array([0.0, 0.03, 0.01]))
+    shift, rotation = np.array([0.02, 0.0, 0.12]), rotation_matrix(np.array([0.0, 0.03, 0.01]))
     motion = seen(*scene(2), rotation, shift, noise=0.1)
     moving = seen(*scene(2), rotation, shift + np.array([0.4, 0.1, 0.0]), noise=0.1)
     motion.past[:50] = moving.past[:50]
@@ -275,7 +272,7 @@ def test_a_quarter_of_moving_objects_does_no_harm() -> None:
 
 
 def test_the_covariance_tells_the_truth() -> None:
-    shift, rotation = np.array([0.0, -0.02, 0.12]), rotation_of(np.array([0.01, -0.02, 0.0]))
+    shift, rotation = np.array([0.0, -0.02, 0.12]), rotation_matrix(np.array([0.01, -0.02, 0.0]))
     within, bearings = 0, []
     for seed in range(60):
         motion = seen(*scene(seed), rotation, shift, noise=0.25, seed=seed)
@@ -290,7 +287,7 @@ def test_the_covariance_tells_the_truth() -> None:
 
 def test_deviations_are_as_far_off_as_the_covariance_says() -> None:
     points, depth = scene(3)
-    turn, shift = rotation_of(np.array([0.0, 0.02, 0.0])), np.array([0.1, 0.0, 0.2])
+    turn, shift = rotation_matrix(np.array([0.0, 0.02, 0.0])), np.array([0.1, 0.0, 0.2])
     found = estimate_egomotion(seen(points, depth, turn, shift, 0.3), FOCAL)
     off = [
         [*cv2.Rodrigues(turn)[0].ravel(), math.acos(min(float(way @ found.direction), 1.0))]
@@ -305,7 +302,7 @@ def test_deviations_are_as_far_off_as_the_covariance_says() -> None:
 
 def test_rotation_stillness_and_too_few_points_are_told_apart() -> None:
     points, depth = scene(3)
-    turn = rotation_of(np.array([0.0, 0.05, 0.0]))
+    turn = rotation_matrix(np.array([0.0, 0.05, 0.0]))
     found = estimate_egomotion(seen(points, depth, turn, np.zeros(3), noise=0.05), FOCAL)
     assert found.kind is MotionKind.ROTATION
     assert np.abs(found.rotation @ turn.T - np.eye(3)).max() < 0.002
@@ -324,7 +321,7 @@ def test_points_that_move_at_random_show_no_motion() -> None:
 
 
 def test_a_gyro_sharpens_the_heading() -> None:
-    shift, turn = np.array([0.01, 0.0, 0.1]), rotation_of(np.array([0.0, 0.04, 0.0]))
+    shift, turn = np.array([0.01, 0.0, 0.1]), rotation_matrix(np.array([0.0, 0.04, 0.0]))
     motion = seen(*scene(5), turn, shift, noise=0.3)
     alone = estimate_egomotion(motion, FOCAL)
     helped = estimate_egomotion(motion, FOCAL, EgomotionPrior(turn, np.eye(3) * 0.0005**2))
@@ -365,7 +362,7 @@ def test_the_directions_searched_are_spread_evenly() -> None:
 def test_noisy_points_with_outliers_give_these_numbers(
     informed: bool, direction: list[float], sigmas: list[float]
 ) -> None:
-    turn, shift = rotation_of(np.array([0.01, 0.04, -0.02])), np.array([0.05, -0.02, 0.12])
+    turn, shift = rotation_matrix(np.array([0.01, 0.04, -0.02])), np.array([0.05, -0.02, 0.12])
     motion = seen(*scene(9, 60), turn, shift, noise=0.3)
     motion.past[:9] += 5.0
     motion.weight[9:20] = 0.4

@@ -120,7 +120,7 @@ def test_a_step_of_the_full_fit_solves_its_normal_equations(pulled: float) -> No
     expected = (slopes.T * w) @ slopes
     expected[:3, :3] += information
     expected[3:, 3:] += basis @ pull @ basis.T
-    wrong_turn = turn_vector(start @ mean.T)
+    wrong_turn = np.asarray(cv2.Rodrigues(start @ mean.T)[0].ravel())
     right = -(slopes.T * w) @ off
     right[:3] -= information @ wrong_turn
     right[3:] -= basis @ pull @ (direction - towards)
@@ -140,10 +140,6 @@ def test_a_step_of_the_full_fit_solves_its_normal_equations(pulled: float) -> No
     assert rotation == pytest.approx(rotation_matrix(move[:3]) @ start, abs=1e-7)
     gone = direction + move[3:] @ basis
     assert moved == pytest.approx(gone / np.linalg.norm(gone), abs=1e-6)
-
-
-def turn_vector(rotation: Array) -> Array:
-    return np.asarray(cv2.Rodrigues(rotation)[0].ravel())
 
 
 def measured(

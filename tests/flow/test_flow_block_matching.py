@@ -7,7 +7,7 @@ import math
 import cv2
 import numpy as np
 import pytest
-from flow_scene import cell_truth, room, turn_about, wall
+from flow_scene import STILL, blurred_noise, cell_truth, pair_of, room, turn_about, wall
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -26,21 +26,10 @@ from navfw.flow import (
 from navfw.flow.correlation_kernels import correlate, find_peaks
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import CameraMotion, FlowField, Frame, FramePair
+from navfw.signals import CameraMotion, FlowField, FramePair
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera
-STILL = CameraMotion(np.eye(3), np.zeros(3), 0.1)
-
-
-def pair_of(past: Image, now: Image, motion: CameraMotion = STILL) -> FramePair:
-    return FramePair(Frame(0.0, past), Frame(0.1, now), motion)
-
-
-def blurred_noise(seed: int, sigma: float, contrast: float, shape: tuple[int, int]) -> Image:
-    noise = np.random.default_rng(seed).normal(size=shape)
-    smooth = cv2.GaussianBlur(noise, (0, 0), sigma)
-    return np.asarray(np.clip(128 + contrast * smooth / smooth.std(), 0, 255), dtype=np.uint8)
 
 
 def exhaustive_scores(
@@ -168,7 +157,7 @@ def test_displacements_a_little_beyond_the_search_are_found() -> None:
 
 def test_points_are_grid_points_except_at_the_border() -> None:
     matcher = BlockMatching(ROBOT)
-    image = blurred_noise(0, 2.0, 40.0, (120, 160))
+    image = blurred_noise(0)
     points = matcher.compute(pair_of(image, image)).points
     np.testing.assert_allclose(points[5, 5], [-25.0, -5.0])
     assert np.abs(points[..., 0]).max() < 75.0

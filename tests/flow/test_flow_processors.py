@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flow_scene import Scene, cell_truth, room, true_flow, turn_about, wall
+from flow_scene import STILL, Scene, cell_truth, pair_of, room, true_flow, turn_about, wall
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -28,7 +28,7 @@ from navfw.flow import (
     visible_in_past,
 )
 from navfw.interfaces import FlowProcessor
-from navfw.numerics import Array, Image
+from navfw.numerics import Array
 from navfw.plugins import default_registry
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, Frame, FramePair, Pose
@@ -36,7 +36,6 @@ from navfw.sim import Simulation, load_world
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera
-STILL = CameraMotion(np.eye(3), np.zeros(3), 0.1)
 AHEAD = CameraMotion(np.eye(3), np.array([0.0, 0.0, 0.06]), 0.2)
 BLOCK_MATCHING, DIS = BlockMatching(ROBOT), Dis(ROBOT)
 PROCESSORS = [
@@ -50,10 +49,6 @@ PROCESSORS = [
     Farneback(ROBOT),
 ]
 every_processor = pytest.mark.parametrize("processor", PROCESSORS, ids=lambda p: p.name)
-
-
-def pair_of(past: Image, now: Image, motion: CameraMotion = STILL) -> FramePair:
-    return FramePair(Frame(0.0, past), Frame(0.2, now), motion)
 
 
 def test_all_that_ship_are_here() -> None:

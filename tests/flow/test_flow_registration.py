@@ -7,7 +7,7 @@ import math
 import cv2
 import numpy as np
 import pytest
-from flow_scene import cell_truth, room, turn_about, wall
+from flow_scene import STILL, blurred_noise, cell_truth, room, turn_about, wall
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -35,13 +35,6 @@ X = np.array([[20, 44], [60, 84], [100, 124]])
 Y = np.array([[20, 44], [70, 94]])
 WHOLE = (0, 160, 0, 120)
 ALL = np.ones((2, 3), bool)
-STILL = CameraMotion(np.eye(3), np.zeros(3), 0.2)
-
-
-def texture(seed: int) -> Image:
-    noise = np.random.default_rng(seed).normal(size=(120, 160))
-    smooth = cv2.GaussianBlur(noise, (0, 0), 2.0)
-    return np.asarray(np.clip(128 + 40 * smooth / smooth.std(), 0, 255), dtype=np.uint8)
 
 
 def moved(past: Image, affine: Array, shift: Array) -> Image:
@@ -74,7 +67,7 @@ def register(now: Image, past: Image, start: Array, stride: int = 3) -> Registra
 def test_affine_motions_are_found(
     seed: int, shift: tuple[float, ...], affine: tuple[float, ...], off: tuple[float, ...]
 ) -> None:
-    past = texture(seed)
+    past = blurred_noise(seed)
     matrix, by = np.array(affine).reshape(2, 2), np.array(shift)
     true = truth(matrix, by)
     found = register(moved(past, matrix, by), past, true + off)
@@ -84,7 +77,7 @@ def test_affine_motions_are_found(
 
 
 def test_brightness_may_differ_by_gain_and_offset() -> None:
-    past, by = texture(1), np.array([0.6, -0.4])
+    past, by = blurred_noise(1), np.array([0.6, -0.4])
     now = moved(past, np.zeros((2, 2)), by)
     darker = (0.7 * now.astype(np.float64) + 12).astype(np.uint8)
     found = register(darker, past, np.zeros((2, 3, 2)))
@@ -94,7 +87,7 @@ def test_brightness_may_differ_by_gain_and_offset() -> None:
 @pytest.mark.parametrize("stride", [1, 2, 3, 4])
 def test_a_finer_stride_is_surer(stride: int) -> None:
     rng = np.random.default_rng(0)
-    past = texture(2)
+    past = blurred_noise(2)
     now = moved(past, np.zeros((2, 2)), np.array([0.5, 0.3]))
     noisy = np.clip(now + rng.normal(0, 4, now.shape), 0, 255).astype(np.uint8)
     found = register(noisy, past, np.zeros((2, 3, 2)), stride=stride)
@@ -105,7 +98,7 @@ def test_a_finer_stride_is_surer(stride: int) -> None:
 
 
 def test_what_is_left_out_keeps_its_start_and_scores_nothing() -> None:
-    past = texture(3)
+    past = blurred_noise(3)
     active = ALL.copy()
     active[0, 1] = False
     start = np.full((2, 3, 2), 0.25)
@@ -118,14 +111,14 @@ def test_what_is_left_out_keeps_its_start_and_scores_nothing() -> None:
 
 
 def test_windows_without_texture_and_unlike_windows_score_little() -> None:
-    past, flat = texture(4), np.full((120, 160), 90, np.uint8)
+    past, flat = blurred_noise(4), np.full((120, 160), 90, np.uint8)
     assert not register(flat, past, np.zeros((2, 3, 2))).score.any()
     assert register(past, flat, np.zeros((2, 3, 2))).score.max() < 0.1
-    assert register(texture(5), past, np.zeros((2, 3, 2))).score.max() < 0.85
+    assert register(blurred_noise(5), past, np.zeros((2, 3, 2))).score.max() < 0.85
 
 
 def test_samples_outside_the_past_image_are_counted() -> None:
-    past = texture(6)
+    past = blurred_noise(6)
     limits = (30, 160, 0, 120)
     found = register_windows(past, past, X, Y, np.zeros((2, 3, 2)), ALL, limits)
     assert (found.share[:, 0] < 0.7).all()
@@ -151,7 +144,7 @@ def test_only_a_motion_that_neither_neighbour_has_is_a_mixture() -> None:
 
 def test_a_steep_change_that_both_neighbours_follow_is_no_mixture() -> None:
     affine = np.array([[0.15, 0.0], [0.0, 0.1]])
-    past = texture(9)
+    past = blurred_noise(9)
     columns = np.array([[k, k + 24] for k in range(38, 100, 10)])
     rows = np.array([[k, k + 24] for k in range(28, 70, 10)])
     cx, cy = (columns.sum(1) - 1) / 2 - 80, (rows.sum(1) - 1) / 2 - 60

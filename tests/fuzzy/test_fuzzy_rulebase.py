@@ -221,10 +221,8 @@ def test_one_error_lists_all_malformed_sentences() -> None:
 
 def test_what_no_rule_uses_is_an_error() -> None:
     idle = "  side:\n    range: [0, 1]\n    terms: {left: {triangle: [0, 0, 1]}}\n"
-    assert "'side' in its IF part" in str(error_of(TEXT.replace("inputs:\n", "inputs:\n" + idle)))
-    assert "'side' in its THEN part" in str(
-        error_of(TEXT.replace("outputs:\n", "outputs:\n" + idle))
-    )
+    for key, part in (("inputs:\n", "IF"), ("outputs:\n", "THEN")):
+        assert f"'side' in its {part} part" in str(error_of(TEXT.replace(key, key + idle)))
 
 
 def test_a_default_lies_in_the_range() -> None:

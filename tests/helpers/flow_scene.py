@@ -140,6 +140,22 @@ def room(camera: CameraModel, seed: int = 2) -> Scene:
     return Scene(camera, [Plane(np.array(n), d, smooth_texture(rng)) for n, d in walls])
 
 
+STILL = CameraMotion(np.eye(3), np.zeros(3), 0.2)
+
+
+def pair_of(past: Image, now: Image, motion: CameraMotion = STILL) -> FramePair:
+    return FramePair(Frame(0.0, past), Frame(0.2, now), motion)
+
+
+def blurred_noise(
+    seed: int, sigma: float = 2.0, contrast: float = 40.0, shape: tuple[int, int] = (120, 160)
+) -> Image:
+    """An image of that contrast [grey levels], smooth over ``sigma`` [px]."""
+    noise = np.random.default_rng(seed).normal(size=shape)
+    smooth = cv2.GaussianBlur(noise, (0, 0), sigma)
+    return np.asarray(np.clip(128 + contrast * smooth / smooth.std(), 0, 255), dtype=np.uint8)
+
+
 def turn_about(axis: int, angle: float) -> Array:
     """Rotation by ``angle`` [rad] about one of the axes."""
     vector = np.zeros(3)

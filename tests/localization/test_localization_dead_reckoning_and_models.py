@@ -281,10 +281,8 @@ def test_the_covariance_is_that_of_many_noisy_drives() -> None:
         step, turn = math.sqrt(move.x), math.sqrt(abs(move.yaw))
         ahead = move.x + noise["along"] * step * rng.standard_normal(4000)
         left = noise["aside"] * step * rng.standard_normal(4000)
-        x, y = (
-            x + np.cos(yaw) * ahead - np.sin(yaw) * left,
-            (y + np.sin(yaw) * ahead + np.cos(yaw) * left),
-        )
+        c, s = np.cos(yaw), np.sin(yaw)
+        x, y = x + c * ahead - s * left, y + s * ahead + c * left
         yaw = yaw + move.yaw + noise["yaw_by_distance"] * step * rng.standard_normal(4000)
         yaw = yaw + noise["yaw_by_turning"] * turn * rng.standard_normal(4000)
     params = DeadReckoning.Params.model_validate({"start_xy": 0.0, "start_yaw": 0.0, **noise})

@@ -199,11 +199,15 @@ def test_blind_clearance_is_kept_until_evidence_obstacles_or_walls_change() -> N
     assert occupancy.blind_clearance[hidden] == 0.0 < occupancy.clearance[hidden]
     assert occupancy.blind_clearance is occupancy.blind_clearance
 
-    cell = occupancy.index(-1.0, 0.5)
-    before = occupancy.blind_clearance
-    occupancy.set_obstacles((OccupiedDisc(-1.0, 0.5, 0.1),))
-    assert occupancy.blind_clearance[cell] == 0.0
+    cell, disc = occupancy.index(-1.0, 0.5), OccupiedDisc(-1.0, 0.5, 0.1)
+    before, clearance = occupancy.blind_clearance, occupancy.clearance
+    occupancy.set_obstacles((disc,))
+    assert occupancy.occupied[cell]
+    assert occupancy.blind_clearance[cell] == occupancy.clearance[cell] == 0.0
     occupancy.set_obstacles(())
+    assert occupancy.clearance_with((disc,))[cell] == 0.0
+    assert occupancy.clearance_with(())[cell] == occupancy.clearance[cell] == clearance[cell]
+    assert not occupancy.occupied[cell]
     assert np.array_equal(occupancy.blind_clearance, before)
     occupancy.set_walls(np.array([[-1.0, 0.5], [0.6, 0.0], [99.0, 0.0]]))
     assert occupancy.blind_clearance[cell] == 0.0 < occupancy.clearance[cell]

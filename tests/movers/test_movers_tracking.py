@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from localmap_samples import grid_with
 from movers_detections import AHEAD, ROBOT, START, cross, detection
 from param_ranges import check_ranges
 
 from navfw.movers import Track, Tracker, TrackerParams
-from navfw.signals import OccupiedDisc, Pose
+from navfw.signals import Pose
 
 POSES = st.builds(Pose, st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.1, 3.1))
 
@@ -95,20 +94,6 @@ def test_tracks_out_of_view_live_longer_than_tracks_in_view() -> None:
     assert tracker.tracks == []
 
 
-def test_discs_are_occupied_until_the_next_ones_are_set() -> None:
-    occupancy = grid_with(observed=False)
-    cell = occupancy.index(1.0, 0.2)
-    before = occupancy.clearance[cell]
-    occupancy.set_obstacles((OccupiedDisc(1.0, 0.2, 0.2),))
-    assert occupancy.occupied[cell]
-    assert occupancy.clearance[cell] == 0.0
-    occupancy.set_obstacles(())
-    assert occupancy.clearance_with((OccupiedDisc(1.0, 0.2, 0.2),))[cell] == 0.0
-    assert occupancy.clearance_with(())[cell] == before
-    assert not occupancy.occupied[cell]
-    assert occupancy.clearance[cell] == before
-
-
 # --- the filter -----------------------------------------------------------------------------------
 
 
@@ -128,20 +113,13 @@ def test_the_covariance_of_tracks_is_that_of_their_errors() -> None:
             away, bearing = math.hypot(*off), math.atan2(off[1], off[0]) - pose.yaw
             front = away - p.radius[0]
             noise = rng.normal(0.0, [math.hypot(p.distance_sigma * front, 0.06), 1.0, 1.0, 1.0])
+            bearing += math.hypot(p.bearing_sigma * away, 0.06) / away * noise[1]
             c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-            local = np.array([[c, s], [-s, c]]) @ velocity + 0.15 * noise[2:]
-            tracker.update(
-                [
-                    detection(
-                        k * dt,
-                        bearing + math.hypot(p.bearing_sigma * away, 0.06) / away * noise[1],
-                        front + noise[0],
-                        velocity=(local[0], local[1]),
-                        certainty=0.15**-2,
-                    )
-                ],
-                pose,
+            ahead, left = np.array([[c, s], [-s, c]]) @ velocity + 0.15 * noise[2:]
+            seen = detection(
+                k * dt, bearing, front + noise[0], velocity=(ahead, left), certainty=0.15**-2
             )
+            tracker.update([seen], pose)
             (track,) = tracker.tracks
             error = track.state - np.concatenate([place, velocity])
             squares.append(error @ np.linalg.solve(track.covariance, error))

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from flow_scene import turn_about
+from flow_scene import blurred_noise, pair_of, turn_about
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from offis_scenes import Scene, Wall, corner, corridor, door, ideal_flow, wall_ahead
@@ -32,7 +32,7 @@ from navfw.offis import (
     triangulate,
 )
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Label, Percept, Twist
+from navfw.signals import CameraMotion, FlowField, Label, Percept, Twist
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera
@@ -203,7 +203,7 @@ UNKNOWN = "Layer1: nearest object is unknown; Layer2: nearest object is unknown;
 def percept_of(
     past: Image, now: Image, motion: CameraMotion = AHEAD, params: Offis.Params | None = None
 ) -> Percept:
-    raw = BlockMatching(ROBOT).compute(FramePair(Frame(0.0, past), Frame(0.2, now), motion))
+    raw = BlockMatching(ROBOT).compute(pair_of(past, now, motion))
     flow = refine(raw, ROBOT.camera).apply(raw, ROBOT.camera)
     return Offis(ROBOT, params).perceive(flow, Twist(0.3, 0.0))
 
@@ -212,11 +212,6 @@ def flat(level: float, noise: float, seed: int) -> Image:
     rng = np.random.default_rng(seed)
     image = level + rng.normal(0.0, noise, (120, 160))
     return np.asarray(np.clip(np.rint(image), 0, 255), dtype=np.uint8)
-
-
-def texture(seed: int) -> Image:
-    cells = np.random.default_rng(seed).integers(60, 200, (30, 40))
-    return np.kron(cells, np.ones((4, 4))).astype(np.uint8)
 
 
 @pytest.mark.parametrize("mode", ["nearness", "paper"])
@@ -246,7 +241,7 @@ def test_a_frame_that_has_nothing_to_do_with_the_last_is_not_sure_of_floor_or_wa
 
 
 def test_an_image_that_stands_still_while_the_robot_drives_is_no_wall_ahead() -> None:
-    image = texture(5)
+    image = blurred_noise(5)
     percept = percept_of(image, image)
     # zero flow: everything is infinitely far, or the lens is covered
     assert percept.sentence.startswith(
@@ -256,7 +251,7 @@ def test_an_image_that_stands_still_while_the_robot_drives_is_no_wall_ahead() ->
 
 
 def test_without_translation_a_textured_image_is_unknown() -> None:
-    image = texture(6)
+    image = blurred_noise(6)
     still = CameraMotion(np.eye(3), np.zeros(3), 0.2, 0.001, 0.002)
     assert percept_of(image, image, still).sentence == UNKNOWN
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
@@ -164,8 +165,7 @@ def test_what_is_written_is_read_again(tmp_path: Path, plan: OccupancyMap, suffi
     again = load_ros_map(tmp_path / "p.yaml")
     assert np.array_equal(again.cells, plan.cells)
     assert again.resolution == plan.resolution
-    for name in ("x", "y", "yaw"):
-        assert getattr(again.origin, name) == pytest.approx(getattr(plan.origin, name), abs=1e-6)
+    assert astuple(again.origin) == pytest.approx(astuple(plan.origin), abs=1e-6)
 
 
 @settings(max_examples=40)

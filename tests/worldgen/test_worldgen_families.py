@@ -198,10 +198,8 @@ def test_rooms() -> None:
 def test_furniture_along_a_wall_stands_two_centimetres_from_it() -> None:
     draft = WorldDraft.empty(np.random.default_rng(0), 8.0, 6.0)
     furnish(draft, [("hall", (0.0, 8.0), (0.0, 6.0))], 0.3, 0.6)
-    gaps = []
-    for shape in draft.shapes:
-        x0, y0, x1, y1 = shape.bounds
-        gaps.append(min(x0, y0, 8.0 - x1, 6.0 - y1))
+    bounds = [shape.bounds for shape in draft.shapes]
+    gaps = [min(x0, y0, 8.0 - x1, 6.0 - y1) for x0, y0, x1, y1 in bounds]
     along = [gap for gap in gaps if gap < 0.3]
     assert len(along) >= 3
     assert along == pytest.approx([0.02] * len(along), abs=1e-6)

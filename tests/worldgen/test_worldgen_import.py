@@ -7,6 +7,7 @@ import math
 import os
 from dataclasses import astuple
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from cli_calls import answer, invoke, refusal
 
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.missions import prepare
+from navfw.signals import Pose
 from navfw.sim import Circle, Rectangle, SceneGeometry, load_world
 from navfw.worldgen import MAX_BYTES, POLE_HEIGHT, import_world, read_sdf, reference_length
 
@@ -81,13 +83,10 @@ def test_box_may_rest_on_any_face(tmp_path: Path) -> None:
     assert isinstance(plank.shape, Rectangle)
     assert sorted((plank.shape.half_x, plank.shape.half_y)) == pytest.approx([0.5, 1.5])
     world = import_world(path, start=(-5, 0, 0), goal=(5, 1)).world
-    x0, y0, x1, y1 = (-0.5, -1.5, 0.5, 1.5)
-    c, s = math.cos(0.3), math.sin(0.3)
-    corners = {
-        (round(c * x - s * y, 3), round(s * x + c * y, 3)) for x in (x0, x1) for y in (y0, y1)
-    }
-    (_, found) = next(SceneGeometry.from_world(world).rectangles())
-    assert {(round(x, 3), round(y, 3)) for x, y in found.tolist()} == corners
+    turned = Pose(0.0, 0.0, 0.3)
+    corners = sorted(turned.to_parent(x, y) for x in (-0.5, 0.5) for y in (-1.5, 1.5))
+    _, rectangle = next(SceneGeometry.from_world(world).rectangles())
+    np.testing.assert_allclose(sorted(rectangle.tolist()), corners, atol=1e-3)
 
 
 def test_saved_state_moves_models(tmp_path: Path) -> None:
@@ -182,20 +181,17 @@ def test_levels_and_overlaps(tmp_path: Path) -> None:
 
 def test_start_and_goal_must_be_given_and_free(tmp_path: Path) -> None:
     path = sdf(tmp_path, model("post", cylinder(1.0), "2 2 0.5 0 0 0"))
-    with pytest.raises(InputError, match="give --start and --goal"):
-        import_world(path)
-    with pytest.raises(InputError, match="give --goal"):
-        import_world(path, start=(0, 0, 0))
-    with pytest.raises(WorldError, match=r"the goal .* 'post'"):
-        import_world(path, start=(0, 0, 0), goal=(2, 2))
-    with pytest.raises(InputError, match="start"):
-        import_world(path, start=(0, 0, 99), goal=(0, 4))
-    fence = [
-        model(f"fence-{i}", box(size), f"{x} {y} 0.5 0 0 0")
-        for i, (x, y, size) in enumerate(
-            [(0, 2, "4.2 0.1 1"), (0, -2, "4.2 0.1 1"), (2, 0, "0.1 4.2 1"), (-2, 0, "0.1 4.2 1")]
-        )
+    ends: list[tuple[type[InputError], str, dict[str, Any]]] = [
+        (InputError, "give --start and --goal", {}),
+        (InputError, "give --goal", {"start": (0, 0, 0)}),
+        (WorldError, r"the goal .* 'post'", {"start": (0, 0, 0), "goal": (2, 2)}),
+        (InputError, "start", {"start": (0, 0, 99), "goal": (0, 4)}),
     ]
+    for error, message, chosen in ends:
+        with pytest.raises(error, match=message):
+            import_world(path, **chosen)
+    sides = [(0, 2, "4.2 0.1 1"), (0, -2, "4.2 0.1 1"), (2, 0, "0.1 4.2 1"), (-2, 0, "0.1 4.2 1")]
+    fence = [model(f"fence-{x}{y}", box(size), f"{x} {y} 0.5 0 0 0") for x, y, size in sides]
     with pytest.raises(WorldError, match="cannot be reached"):
         import_world(sdf(tmp_path, *fence), start=(0, 0, 0), goal=(5, 0))
 
