@@ -178,17 +178,12 @@ def test_the_filter_takes_walls_unless_they_contradict_it(moved: float, taken: b
     assert across @ after @ across < 0.1 * 0.2**2 < along @ after @ along
 
 
-def corridor_plan() -> OccupancyMap:
-    """Free cells of 5 cm along the corridor of ``map_with_a_door``, 1.5 m wide, with its door."""
-    cells = np.full((60, 180), OCCUPIED, dtype=np.int8)
-    cells[15:45, :] = FREE
-    cells[45:, 71:89] = FREE
-    return OccupancyMap(cells, 0.05, Pose(-1.0, -1.5, 0.0))
-
-
 def test_a_drifting_pose_stays_in_its_corridor() -> None:
     """Odometry turns by 2 degrees a metre; walls alone keep the believed pose on its way."""
-    plan, rng = corridor_plan(), np.random.default_rng(0)
+    cells, rng = np.full((60, 180), OCCUPIED, dtype=np.int8), np.random.default_rng(0)
+    cells[15:45, :] = FREE  # the corridor of the map, 1.5 m wide
+    cells[45:, 71:89] = FREE  # its door
+    plan = OccupancyMap(cells, 0.05, Pose(-1.0, -1.5, 0.0))
     observer = PassageObserver(map_with_a_door(), RobotModel())
     believed, odom, fixes = Pose(0.5, 0.1, 0.0), Pose(0.0, 0.0, 0.0), 0
     for step in range(60):

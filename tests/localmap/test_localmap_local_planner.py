@@ -307,9 +307,7 @@ JUDGED: Mapping[str, tuple[float, float, Area | None, tuple[float, ...], list[st
 
 
 @pytest.mark.parametrize("case", JUDGED)
-def test_legs_are_open_unless_an_obstacle_is_across_them_or_they_are_not_observed(
-    case: str,
-) -> None:
+def test_legs_are_open_unless_they_are_barred_or_not_observed(case: str) -> None:
     half, ahead, obstacle, ends, expected = JUDGED[case]
     occupancy = corridor(half=half, ahead=ahead)
     legs = queries_along(*((x, 0.0) for x in ends), width=2.0 * half)

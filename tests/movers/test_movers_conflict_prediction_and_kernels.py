@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -181,16 +182,11 @@ def test_turns_on_the_spot_of_each_duration_are_tried(
     best: float, w: float, moving: tuple[float, float, float, float]
 ) -> None:
     # driving off sooner or later than after ``best`` seconds leads nearer to the obstacle
-
-    def distance_after_turn(duration: float) -> float:
-        v = CERTAIN.onward_speed
-        return distance_on_way(moving, v, w, duration, v_turning=0.0, dt=0.002)
-
-    expected = distance_after_turn(best)
     durations = (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.2, 2.5)
-    others = [distance_after_turn(duration) for duration in durations]
-    assert sorted(others)[-1] == expected
-    assert sorted(others)[-2] < expected - 0.05
+    way = partial(distance_on_way, moving, CERTAIN.onward_speed, w, v_turning=0.0, dt=0.002)
+    *_, second, expected = sorted(map(way, durations))
+    assert expected == way(best)
+    assert second < expected - 0.05
     distance, _ = closest(conflicts(track(*moving)), 0.0, w)
     assert distance == pytest.approx(expected, abs=0.025)
 

@@ -55,15 +55,13 @@ def test_a_detection_far_from_the_predicted_place_begins_a_track() -> None:
 
 def test_objects_that_pass_each_other_keep_their_tracks() -> None:
     tracker = Tracker(ROBOT)
-    start, speed = 0.5, 0.5
+    speed = 0.5
     for k in range(21):
-        aside = start - speed * 0.1 * k
-        two = []
+        aside, two = 0.5 - speed * 0.1 * k, []
         for side, way in ((aside, -speed), (-aside, speed)):
-            bearing, distance = math.atan2(side, 1.2), math.hypot(1.2, side) - 0.22
-            there = detection(0.1 * k, bearing, distance, velocity=(0.0, way), certainty=200.0)
-            two.append(there)
-        tracker.update(sorted(two, key=lambda there: -there.bearing), START)
+            at = math.atan2(side, 1.2), math.hypot(1.2, side) - 0.22
+            two.append(detection(0.1 * k, *at, velocity=(0.0, way), certainty=200.0))
+        tracker.update(sorted(two, key=lambda one: -one.bearing), START)
     rightward, leftward = sorted(tracker.tracks, key=lambda track: track.velocity[1])
     assert rightward.hits == leftward.hits == 21
     assert rightward.velocity[1] == pytest.approx(-speed, abs=0.1)

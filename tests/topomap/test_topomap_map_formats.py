@@ -358,7 +358,4 @@ def test_names_and_numbers_are_kept(name: str, length: float, share: float, yaw:
     mark = Landmark(name, "poster", 3, length, -length, yaw)
     first = TopoMap(name, places, [passage], landmarks=[mark])
     again = read_map(parse_yaml(map_text(first), "m.yaml"))
-    assert again.name == name
-    assert list(again.places.values()) == places
-    assert again.passages == (passage,)
-    assert list(again.landmarks.values()) == [mark]
+    assert content(again) == (name, places, (passage,), [mark])

@@ -29,18 +29,20 @@ from navfw.worldgen import (
 POINT = tuple[float, float]
 
 
+def quad(*corners: tuple[float, float, float]) -> Array:
+    """The two triangles of a quadrangle."""
+    return np.array([[corners[i] for i in ids] for ids in ((0, 1, 2), (0, 2, 3))], float)
+
+
 def strip(outer: list[POINT], inner: list[POINT], low: float, high: float) -> Array:
     """Triangles of a closed wall between two lines of as many points, from ``low`` to ``high``."""
     pairs = list(zip(outer, inner, strict=True))
-    quads = []
+    quads, sides = [], [pairs[0], pairs[-1]]
     for (a, b), (c, d) in pairwise(pairs):
-        for level in (low, high):
-            quads.append([(*p, level) for p in (a, c, d, b)])
-        for p, q in ((a, c), (b, d)):
-            quads.append([(*p, low), (*q, low), (*q, high), (*p, high)])
-    for p, q in (pairs[0], pairs[-1]):
-        quads.append([(*p, low), (*q, low), (*q, high), (*p, high)])
-    return np.array([[q[i] for i in ids] for q in quads for ids in ((0, 1, 2), (0, 2, 3))])
+        quads += [quad(*((*p, level) for p in (a, c, d, b))) for level in (low, high)]
+        sides += [(a, c), (b, d)]
+    quads += [quad((*p, low), (*q, low), (*q, high), (*p, high)) for p, q in sides]
+    return np.concatenate(quads)
 
 
 def block(x: POINT, y: POINT, z: POINT) -> Array:
@@ -141,10 +143,8 @@ def test_a_house_keeps_its_door_and_lintel() -> None:
 
 
 def test_open_surfaces_are_thin() -> None:
-    sheet = np.array([[(0, 0, 0), (2, 0, 0), (2, 0, 1)], [(0, 0, 0), (2, 0, 1), (0, 0, 1)]], float)
-    top = np.array(
-        [[(0, 1, 0.7), (1, 1, 0.7), (1, 2, 0.7)], [(0, 1, 0.7), (1, 2, 0.7), (0, 2, 0.7)]]
-    )
+    sheet = quad((0, 0, 0), (2, 0, 0), (2, 0, 1), (0, 0, 1))
+    top = quad((0, 1, 0.7), (1, 1, 0.7), (1, 2, 0.7), (0, 2, 0.7))
     wall, plate = mesh_solids(np.concatenate([sheet, top]))
     assert isinstance(wall.shape, Rectangle)
     assert sorted((wall.shape.half_x, wall.shape.half_y)) == pytest.approx([0.01, 1.0], abs=1e-3)
@@ -217,7 +217,7 @@ def test_a_robot_drives_into_a_house(tmp_path: Path, kind: str) -> None:
 
 
 def test_sheets_of_all_heights_stay_in_the_world(tmp_path: Path) -> None:
-    level = np.array([[(5, 1, 0), (6, 1, 0), (6, 2, 0)], [(5, 1, 0), (6, 2, 0), (5, 2, 0)]])
+    level = quad((5, 1, 0), (6, 1, 0), (6, 2, 0), (5, 2, 0))
     heights = np.arange(0.1, 1.0, 0.1)
     sheets = [level + np.array([0.0, 1.5 * n, height]) for n, height in enumerate(heights)]
     obj(tmp_path / "tops.obj", np.concatenate(sheets))
