@@ -9,10 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -21,14 +18,16 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
-from cli_calls import invoke
+from cli_calls import PROGRAM, answer, invoke
+from killing import Started
+from picture_colors import share_of
+from processes import python
 
 from navfw.errors import InputError
 from navfw.missions import Lap, WindowOverlay, prepare, summarize
-from navfw.recording import palette
+from navfw.recording import palette, read_result
 from navfw.sim import Point3, SimulatorWindow, check_display
 
-NAVFW = [sys.executable, "-c", "from navfw.cli import main; main()"]
 SHORT = ["run", "paper-room", "through-the-door", "--seed", "5", "--set", "mission.timeout=3"]
 KEYS = """
     outcome reason world mission seed sim_time_s wall_time_s real_time_factor path_length_m
@@ -37,33 +36,23 @@ KEYS = """
 """
 
 
-def start(*words: str, folder: Path) -> subprocess.Popen[str]:
-    return subprocess.Popen(  # noqa: S603 - this Python, words of our own
-        [*NAVFW, *words], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-
-
-def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
-    out, err = process.communicate(timeout=300)
-    return process.returncode, out, err
+Answers = list[tuple[dict[str, Any], str, Path]]
 
 
 @pytest.fixture(scope="module")
-def twice(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[dict[str, Any], str, Path]]:
+def twice(tmp_path_factory: pytest.TempPathFactory) -> Answers:
     """The same run in two new processes: output, stderr and working folder of each."""
     folder = tmp_path_factory.mktemp("run")
     answers = []
     for _ in range(2):
-        code, out, err = finish(start(*SHORT, "--json", folder=folder))
-        assert code == 1, err  # 3 s are too short: a run that fails
-        answers.append((json.loads(out), err, folder))
+        done = python(PROGRAM, *SHORT, "--json", cwd=folder)
+        assert done.returncode == 1, done.stderr  # 3 s are too short: a run that fails
+        answers.append((json.loads(done.stdout), done.stderr, folder))
     return answers
 
 
 @pytest.mark.thorough
-def test_the_same_seed_gives_the_same_commands_in_fresh_processes(
-    twice: list[tuple[dict[str, Any], str, Path]],
-) -> None:
+def test_the_same_seed_gives_the_same_commands_in_fresh_processes(twice: Answers) -> None:
     (first, _, _), (second, _, _) = twice
     assert first["command_hash"] == second["command_hash"]
     assert len(first["command_hash"]) == 64
@@ -71,7 +60,7 @@ def test_the_same_seed_gives_the_same_commands_in_fresh_processes(
         assert first[key] == second[key]
 
 
-def test_the_answer_has_all_keys(twice: list[tuple[dict[str, Any], str, Path]]) -> None:
+def test_the_answer_has_all_keys(twice: Answers) -> None:
     answer, progress, _ = twice[0]
     assert [key for key in KEYS.split() if key not in answer] == []
     assert answer["outcome"] == "timeout"
@@ -82,18 +71,16 @@ def test_the_answer_has_all_keys(twice: list[tuple[dict[str, Any], str, Path]]) 
     assert "m to go" in progress
 
 
-def test_the_folders_are_numbered_and_complete(
-    twice: list[tuple[dict[str, Any], str, Path]],
-) -> None:
+def test_the_folders_are_numbered_and_complete(twice: Answers) -> None:
     folders = [folder / answer["run_folder"] for answer, _, folder in twice]
     assert [folder.name for folder in folders] == [
         "paper-room-through-the-door-5",
         "paper-room-through-the-door-5-2",
     ]
     assert sorted(p.name for p in folders[0].parent.iterdir()) == [f.name for f in folders]
-    for folder, (answer, _, _) in zip(folders, twice, strict=True):
+    for folder, (told, _, _) in zip(folders, twice, strict=True):
         result = json.loads((folder / "result.json").read_text())
-        assert result["command_hash"] == answer["command_hash"]
+        assert result["command_hash"] == told["command_hash"]
         assert result["config"]["mission"]["timeout"] == 3
         assert result["config"]["stack"]["behaviors"]
         assert result["versions"]["pybullet"]
@@ -103,17 +90,15 @@ def test_the_folders_are_numbered_and_complete(
 
 @pytest.mark.thorough
 def test_ctrl_c_ends_as_cancelled_with_the_folder_intact(tmp_path: Path) -> None:
-    words = ("run", "paper-room", "through-the-door", "--json", "--out", "mine")
-    process = start(*words, folder=tmp_path)
-    assert process.stderr is not None
-    while "m to go" not in process.stderr.readline():
-        assert process.poll() is None, "it ended before it began"
-    process.send_signal(signal.SIGINT)
-    code, out, _ = finish(process)
-    answer = json.loads(out)
-    assert (code, answer["outcome"]) == (1, "cancelled")
-    assert json.loads((tmp_path / "mine" / "result.json").read_text())["outcome"] == "cancelled"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["mine"]
+    words = ("run", "paper-room", "through-the-door", "--json", "--out", "new/mine")
+    started = Started(PROGRAM, words, tmp_path)
+    while "m to go" not in (tmp_path / "stderr").read_text():
+        assert started.after(0.02), "it ended before it began"
+    started.send(signal.SIGINT, group=False)
+    ended = started.ended()
+    assert (ended.code, json.loads(ended.stdout)["outcome"]) == (1, "cancelled")
+    assert read_result(tmp_path / "new" / "mine")["outcome"] == "cancelled"
+    assert [entry.name for entry in (tmp_path / "new").iterdir()] == ["mine"]
 
 
 @pytest.mark.parametrize(
@@ -155,29 +140,24 @@ def test_bad_input_gives_one_message_and_leaves_no_files(
 
 
 def test_bench_gives_ratio_speed_and_memory(capfd: pytest.CaptureFixture[str]) -> None:
-    words = ["bench", "loop", "--world", "empty", "--mission", "straight", "--json"]
-    done = invoke(*words, "--seconds", "2", "--repeats", "2")
-    assert done.exit_code == 0, done.output
-    answer = json.loads(done.stdout)
+    words = ["bench", "loop", "--world", "empty", "--mission", "straight"]
+    measured = answer(*words, "--seconds", "2", "--repeats", "2")
+    stages = measured["stage_ms"]
     # PyBullet's renderer alone may take longer than the loop with navfw's own
-    assert answer["loop_over_render"] > 0.0
-    assert answer["render_physics_wall_s"] > 0.0
-    assert answer["loop_wall_s"] > answer["own_render_physics_wall_s"] > 0.0
-    # 2 s at 10 frames a second
-    spent = answer["own_render_physics_wall_s"] - 1e-3 * 20 * answer["stage_ms"]["render"]
-    assert answer["render_physics_wall_s"] == pytest.approx(
-        spent + 1e-3 * 20 * answer["pybullet_render_ms"], rel=0.3
-    )
-    # PyBullet's renderer draws the same images more slowly
-    assert answer["pybullet_render_ms"] > answer["stage_ms"]["render"]
-    assert answer["real_time_factor"] == pytest.approx(
-        answer["sim_time_s"] / answer["loop_wall_s"], rel=0.5
-    )
+    assert measured["loop_over_render"] > 0.0
+    assert measured["loop_wall_s"] > measured["own_render_physics_wall_s"] > 0.0
+    # 2 s at 10 frames a second; PyBullet's renderer draws the same images more slowly
+    added = 1e-3 * 20 * (measured["pybullet_render_ms"] - stages["render"])
+    wall = measured["own_render_physics_wall_s"] + added
+    assert measured["render_physics_wall_s"] == pytest.approx(wall, rel=0.3)
+    assert added > 0.0
+    factor = measured["sim_time_s"] / measured["loop_wall_s"]
+    assert measured["real_time_factor"] == pytest.approx(factor, rel=0.5)
     for ratio in ("loop_over_render", "loop_over_own_render"):
-        low, high = answer["spread"][ratio]
-        assert low <= answer[ratio] <= high
-    assert 50 < answer["peak_memory_mb"] < 4000
-    assert {"render", "physics", "flow", "perception", "motion"} <= set(answer["stage_ms"])
+        low, high = measured["spread"][ratio]
+        assert low <= measured[ratio] <= high
+    assert 50 < measured["peak_memory_mb"] < 4000
+    assert {"render", "physics", "flow", "perception", "motion"} <= set(stages)
 
 
 def test_bench_reports_medians() -> None:
@@ -204,15 +184,6 @@ def test_bench_reports_medians() -> None:
     assert found["real_time_factor"] == pytest.approx(2.5)
     assert found["spread"]["loop_over_render"] == pytest.approx([2.0, 9.0])
     assert found["stage_ms"]["flow"] == pytest.approx(1e3 * 0.4 / 100)
-
-
-RUN = ("run", "empty", "straight")
-
-
-def pixels_of(picture: npt.NDArray[np.uint8], color: str) -> int:
-    """The number of pixels in nearly that colour."""
-    away = np.abs(picture.astype(int) - np.array(palette.rgb(color))).max(axis=2)
-    return int((away < 12).sum())
 
 
 class WindowOnPaper(SimulatorWindow):
@@ -266,62 +237,48 @@ _COLOR_BYTES = 12
 """Size of an entry of its table of colours."""
 
 
-@dataclass(frozen=True, slots=True)
-class VirtualDisplay:
-    """The display ``name``, for ``DISPLAY``; its picture is in ``file``, an X window dump."""
-
-    name: str
-    file: Path
-
-    def picture(self) -> npt.NDArray[np.uint8]:
-        """What is shown now: (height, width, 3), red, green, blue."""
-        content = self.file.read_bytes()
-        header = np.frombuffer(content, dtype=">u4", count=_FIELDS).astype(int)
-        size, width, height, line, colors = header[[0, 4, 5, 12, 19]].tolist()
-        pixels = np.frombuffer(content, dtype=np.uint8, offset=size + _COLOR_BYTES * colors)
-        rows = pixels[: height * line].reshape(height, line // 4, 4)
-        return rows[:, :width, 2::-1].copy()
+def picture_of(dump: Path) -> npt.NDArray[np.uint8]:
+    """What an X window dump shows now: (height, width, 3), red, green, blue."""
+    content = dump.read_bytes()
+    header = np.frombuffer(content, dtype=">u4", count=_FIELDS).astype(int)
+    size, width, height, line, colors = header[[0, 4, 5, 12, 19]].tolist()
+    pixels = np.frombuffer(content, dtype=np.uint8, offset=size + _COLOR_BYTES * colors)
+    rows = pixels[: height * line].reshape(height, line // 4, 4)
+    return rows[:, :width, 2::-1].copy()
 
 
-@contextmanager
-def virtual_display(folder: Path) -> Iterator[VirtualDisplay]:
-    """A display of 1024 x 768 whose picture is kept in ``folder``; skips without Xvfb."""
+@pytest.fixture
+def display(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The X window dump of the display of new processes, 1024 x 768; skips without Xvfb."""
     server = shutil.which("Xvfb")
     if server is None:
         pytest.skip("no Xvfb; install the package xvfb")
     reading, writing = os.pipe()
     options = ["-displayfd", str(writing), "-screen", "0", "1024x768x24", "-nolisten", "tcp"]
     process = subprocess.Popen(  # noqa: S603 - the server of this machine
-        [server, *options, "-fbdir", str(folder)], pass_fds=(writing,), stderr=subprocess.DEVNULL
+        [server, *options, "-fbdir", str(tmp_path)], pass_fds=(writing,), stderr=subprocess.DEVNULL
     )
     os.close(writing)
-    try:
-        with os.fdopen(reading) as number:
-            name = f":{number.readline().strip()}"
-        yield VirtualDisplay(name, folder / "Xvfb_screen0")
-    finally:
-        process.terminate()
-        process.wait(20)
+    with os.fdopen(reading) as number:
+        monkeypatch.setenv("DISPLAY", f":{number.readline().strip()}")
+    yield tmp_path / "Xvfb_screen0"
+    process.terminate()
+    process.wait(20)
 
 
 @pytest.mark.slow
-def test_the_window_shows_robot_path_and_way_and_changes_no_command(tmp_path: Path) -> None:
-    plain = invoke(*RUN, "--json", "--out", tmp_path / "plain")
-    path, way, goal = palette.behavior_color("go_to_xy"), palette.GOAL, palette.LOCAL_GOAL
+def test_the_window_shows_robot_path_and_way_and_changes_no_command(
+    display: Path, tmp_path: Path
+) -> None:
+    usual = prepare("empty", "straight").run().run.log.command_hash
+    colors = (palette.behavior_color("go_to_xy"), palette.GOAL, palette.LOCAL_GOAL)
     shown = []
-    command = [*NAVFW, *RUN, "--gui", "--json", "--out", str(tmp_path / "gui")]
-    with virtual_display(tmp_path) as display:
-        environment = {**os.environ, "DISPLAY": display.name}
-        process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)  # noqa: S603
-        with process:
-            while process.poll() is None:
-                time.sleep(0.05)
-                picture = display.picture()
-                if min(pixels_of(picture, color) for color in (path, way, goal)) > 10:
-                    shown.append(picture)
-            assert process.stdout is not None
-            answer = json.loads(process.stdout.read())
-    assert answer["command_hash"] == json.loads(plain.stdout)["command_hash"]
+    started = Started(PROGRAM, ("run", "empty", "straight", "--gui", "--json"), tmp_path)
+    while started.after(0.05):
+        picture = picture_of(display)
+        if min(share_of(picture, color) for color in colors) * picture[..., 0].size > 10.0:
+            shown.append(picture)
+    assert json.loads(started.ended().stdout)["command_hash"] == usual
     assert shown, "path, way ahead and local goal are seen"
     height, width, _ = shown[-1].shape
     # the camera follows: the robot's body is in the middle

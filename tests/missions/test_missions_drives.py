@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cli_calls import put_files
 
 from navfw.errors import InputError
 from navfw.missions import MissionResult, Outcome, prepare
@@ -38,12 +39,11 @@ def test_commands_keep_the_robot_s_limits(mission: MissionRun) -> None:
     assert np.abs(v * w).max() <= robot.max_lateral + 1e-6
 
 
+OTHERS = ["lab-to-lobby", "meeting-to-kitchen", "workshop-to-office-a", "kitchen-tour"]
+
+
 @pytest.mark.slow
-@pytest.mark.mission(
-    world="office",
-    mission=["lab-to-lobby", "meeting-to-kitchen", "workshop-to-office-a", "kitchen-tour"],
-    seeds=range(5),
-)
+@pytest.mark.mission(world="office", mission=OTHERS, seeds=range(5))
 def test_the_other_missions_of_the_office(mission: MissionRun) -> None:
     assert mission.outcome == "reached"
 
@@ -86,13 +86,8 @@ walls:
 
 
 def hall(folder: Path, drop: str = DROP) -> tuple[Path, Path]:
-    (folder / "world.yaml").write_text(HALL)
-    (folder / "mission.yaml").write_text(ACROSS % drop)
+    put_files(folder, {"world.yaml": HALL, "mission.yaml": ACROSS % drop})
     return folder / "world.yaml", folder / "mission.yaml"
-
-
-def in_office(mission: str, seed: int = 0) -> MissionResult:
-    return prepare("office", mission, seed=seed).run()
 
 
 def test_a_mission_s_drop_is_in_its_world_and_on_no_path(tmp_path: Path) -> None:
@@ -134,33 +129,27 @@ def test_a_drop_is_detected_at_its_position_and_avoided(tmp_path: Path, seed: in
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
-def test_unmapped_stairs_are_avoided(seed: int) -> None:
-    result = in_office("stairs", seed)
-    assert result.outcome is Outcome.REACHED, result.reason
+@pytest.mark.mission(world="office", mission=["stairs", "door-closes"], seeds=range(2))
+def test_unmapped_stairs_are_avoided_and_another_route_is_taken_when_a_door_closes(
+    mission: MissionRun,
+) -> None:
+    assert mission.outcome == "reached"
 
 
 @pytest.mark.slow
-def test_mapped_stairs_are_avoided_from_the_start() -> None:
-    result = in_office("stairs-mapped")
-    assert result.outcome is Outcome.REACHED, result.reason
-    rim = np.hypot(result.run.log.true[:, 0] - 11.0, result.run.log.true[:, 1] - 5.0)
-    assert rim.min() > 0.9
+@pytest.mark.mission(world="office", mission="stairs-mapped")
+def test_mapped_stairs_are_avoided_from_the_start(mission: MissionRun) -> None:
+    assert mission.outcome == "reached"
+    assert np.hypot(mission.path[:, 0] - 11.0, mission.path[:, 1] - 5.0).min() > 0.9
 
 
 @pytest.mark.slow
-def test_another_route_is_taken_when_a_door_closes() -> None:
-    result = in_office("door-closes")
-    assert result.outcome is Outcome.REACHED, result.reason
-
-
-@pytest.mark.slow
-def test_a_closed_only_door_ends_stuck_and_is_named() -> None:
-    result = in_office("only-door-closes")
-    assert result.outcome is Outcome.STUCK
-    assert "office-a-door - in_office-a-entrance" in result.reason
-    (event,) = result.run.events
-    assert result.run.log.time[-1] - event.began < 60.0 + 3.0
+@pytest.mark.mission(world="office", mission="only-door-closes")
+def test_a_closed_only_door_ends_stuck_and_is_named(mission: MissionRun) -> None:
+    assert mission.outcome == "stuck"
+    assert "office-a-door - office-a-entrance" in mission.reason
+    (event,) = mission.events
+    assert mission.log.time[-1] - event.began < 60.0 + 3.0
 
 
 PAIR = """\
@@ -213,9 +202,7 @@ def cross(folder: Path, monkeypatch: pytest.MonkeyPatch, *barred: float) -> Miss
         "maps/pair.yaml": PAIR_MAP,
         "barred.yaml": PAIR + "boxes:\n" + "".join(CRATE.format(name=f"c{y}", y=y) for y in barred),
     }
-    for name, text in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(text)
+    put_files(folder, files)
     monkeypatch.chdir(folder)
     session = prepare("pair", "cross", seed=1)
     # prepared with free gaps: an impossible mission is refused
@@ -257,20 +244,18 @@ UP = """\
 start: [0, 0, 1.5708]
 goals: [{x: 0, y: 5}]
 timeout: 20
-robot: {max_v: %s}
+robot: {max_v: 0.02}
 """
 
 
-def go_up(folder: Path, top_speed: float, world: str = WALKED) -> MissionResult:
-    (folder / "missions").mkdir()
-    (folder / "world.yaml").write_text(world, encoding="utf-8")
-    (folder / "missions" / "up.yaml").write_text(UP % top_speed, encoding="utf-8")
+def go_up(folder: Path, world: str = WALKED) -> MissionResult:
+    put_files(folder, {"world.yaml": world, "missions/up.yaml": UP})
     return prepare(folder, "up", overrides=["mission.timeout=3"]).run()
 
 
 def test_a_robot_hit_by_a_mover_is_not_the_cause(tmp_path: Path) -> None:
     # a robot that hardly moves, and a mover from its right
-    result = go_up(tmp_path, 0.02)
+    result = go_up(tmp_path)
     assert result.outcome is Outcome.COLLIDED
     assert result.collision_cause == "mover"
     assert result.summary()["collision_cause"] == "mover"
@@ -279,7 +264,7 @@ def test_a_robot_hit_by_a_mover_is_not_the_cause(tmp_path: Path) -> None:
 
 
 def test_without_collision_there_is_no_cause(tmp_path: Path) -> None:
-    result = go_up(tmp_path, 0.02, WALKED.replace("yields: false", "yields: true"))
+    result = go_up(tmp_path, WALKED.replace("yields: false", "yields: true"))
     assert result.outcome is Outcome.TIMEOUT
     assert result.collision_cause is None
     assert 0.5 < result.metrics.min_clearance_m < 0.7

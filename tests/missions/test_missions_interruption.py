@@ -8,6 +8,7 @@ import signal
 import threading
 import warnings
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -52,17 +53,13 @@ def test_handlers_are_restored_and_an_ignored_signal_stays_ignored() -> None:
 
 
 def test_a_thread_other_than_the_main_one_changes_no_handler() -> None:
-    before = signal.getsignal(signal.SIGINT)
-    found: list[object] = []
-
-    def work() -> None:
+    def work() -> object:
         with interruptible():
-            found.append(signal.getsignal(signal.SIGINT))
+            return signal.getsignal(signal.SIGINT)
 
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    assert found == [before]
+    before = signal.getsignal(signal.SIGINT)
+    with ThreadPoolExecutor(1) as threads:
+        assert threads.submit(work).result() is before
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -158,13 +155,11 @@ def test_a_change_is_told_and_set_back(tmp_path: Path, what: str) -> None:
 def test_threads_left_running_are_counted() -> None:
     before = ProcessState.capture()
     over = threading.Event()
-    threads = [threading.Thread(target=over.wait) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    assert before.changes() == ["2 threads left running"]
-    over.set()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(2) as threads:
+        for _ in range(2):
+            threads.submit(over.wait, 9.0)
+        assert before.changes() == ["2 threads left running"]
+        over.set()
     assert before.changes() == []
 
 

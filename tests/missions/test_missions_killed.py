@@ -36,7 +36,7 @@ PRINTED_BY_C = re.compile(
 )
 """Compiled code that imports prints an interruption where it cannot raise it."""
 
-WORDS = ("run", "empty", "straight", "--set", "mission.timeout=1", "--record", "--json", "--quiet")
+WORDS = ("run", "empty", "straight", "--set", "mission.timeout=1", "--record", "--quiet")
 
 MAIN = """
 from navfw.cli import main
@@ -62,7 +62,7 @@ def usual(tmp_path_factory: pytest.TempPathFactory) -> tuple[float, dict[str, An
     """Wall time [s] and result of an undisturbed run, the kernels compiled."""
     folder = tmp_path_factory.mktemp("usual")
     began = time.monotonic()
-    ended = Started(MAIN, (*WORDS, "--out", "o"), folder).ended()
+    ended = Started(MAIN, (*WORDS, "--json", "--out", "o"), folder).ended()
     assert ended.code == 1, ended.stderr
     return time.monotonic() - began, json.loads(ended.stdout)
 
@@ -87,10 +87,9 @@ def check_interrupted(ended: Ended, folder: Path, hash_of_all: str) -> None:
     assert printed["outcome"] in {"cancelled", "timeout"}
     assert printed["outcome"] == "cancelled" or printed["command_hash"] == hash_of_all
     assert ended.code == (3 if "is missing" in ended.stderr else 1)
+    del printed["run_folder"]
     result = read_result(folder / "o")
-    assert {key: result[key] for key in printed if key != "run_folder"} == {
-        key: value for key, value in printed.items() if key != "run_folder"
-    }
+    assert {key: result[key] for key in printed} == printed
 
 
 def check_killed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -106,7 +105,35 @@ def check_killed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert not hidden(folder / "tmp")
 
 
-def kill_runs(
+def kill(started: Started, index: int) -> None:
+    """Kill both processes of the run, the one that drives, and the one that waits, in turn."""
+    driving = started.children()
+    if index % 3 == 1 and driving:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(driving[0], signal.SIGKILL)
+    else:
+        started.send(signal.SIGKILL, group=index % 3 == 0)
+
+
+@pytest.mark.parametrize(("words", "code"), [(("list", "worlds"), 0), ((*WORDS, "--json"), 1)])
+def test_a_signal_after_the_end_changes_nothing(
+    words: tuple[str, ...], code: int, tmp_path: Path
+) -> None:
+    at_exit = "import atexit, os, signal\natexit.register(os.kill, os.getpid(), signal.SIGINT)\n"
+    ended = Started(at_exit + MAIN, words, tmp_path).ended()
+    assert ended.code == code
+    assert ended.stderr == ""
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize(
+    "count",
+    [
+        pytest.param(2, marks=pytest.mark.thorough, id="few"),
+        pytest.param(MANY, marks=pytest.mark.slow, id="many"),
+    ],
+)
+def test_a_killed_run_leaves_a_result_or_nothing(
     number: signal.Signals,
     count: int,
     usual: tuple[float, dict[str, Any]],
@@ -117,7 +144,7 @@ def kill_runs(
     for index, moment in enumerate(moments(number, count, longest)):
         folder = tmp_path / f"{index}"
         folder.mkdir()
-        started = Started(MARKED, (*WORDS, "--out", "o"), folder)
+        started = Started(MARKED, (*WORDS, "--json", "--out", "o"), folder)
         if started.after(moment):
             if number is signal.SIGKILL:
                 kill(started, index)
@@ -129,56 +156,6 @@ def kill_runs(
         else:
             check_interrupted(ended, folder, result["command_hash"])
         shutil.rmtree(folder)
-
-
-def kill(started: Started, index: int) -> None:
-    """Kill both processes of the run, the one that drives, and the one that waits, in turn."""
-    driving = started.children()
-    if index % 3 == 1 and driving:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(driving[0], signal.SIGKILL)
-    else:
-        started.send(signal.SIGKILL, group=index % 3 == 0)
-
-
-@pytest.mark.parametrize(("words", "code"), [(("list", "worlds"), 0), (WORDS, 1)])
-def test_a_signal_after_the_end_changes_nothing(
-    words: tuple[str, ...], code: int, tmp_path: Path
-) -> None:
-    at_exit = "import atexit, os, signal\natexit.register(os.kill, os.getpid(), signal.SIGINT)\n"
-    ended = Started(at_exit + MAIN, words, tmp_path).ended()
-    assert ended.code == code
-    assert ended.stderr == ""
-
-
-SIGNALS = [signal.SIGKILL, signal.SIGTERM, signal.SIGINT]
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("number", SIGNALS)
-def test_a_killed_run_leaves_a_result_or_nothing(
-    number: signal.Signals,
-    usual: tuple[float, dict[str, Any]],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    kill_runs(number, 2, usual, tmp_path, monkeypatch)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", SIGNALS)
-def test_a_run_killed_at_many_moments_leaves_a_result_or_nothing(
-    number: signal.Signals,
-    usual: tuple[float, dict[str, Any]],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    kill_runs(number, MANY, usual, tmp_path, monkeypatch)
-
-
-def navfw_run(out: Path, *options: str) -> Any:
-    words = ["run", "empty", "straight", "--set", "mission.timeout=1", "--record", "--quiet"]
-    return invoke(*words, "--out", out, *options)
 
 
 @pytest.fixture
@@ -200,7 +177,7 @@ def limited(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> 
 @pytest.mark.parametrize("limited", [100], indirect=True)
 @pytest.mark.usefixtures("limited")
 def test_a_result_that_cannot_be_written_is_printed(tmp_path: Path) -> None:
-    ended = navfw_run(tmp_path / "o", "--json")
+    ended = invoke(*WORDS, "--out", tmp_path / "o", "--json")
     assert ended.exit_code == 3, ended.output
     printed = json.loads(ended.stdout)
     assert (printed["outcome"], printed["run_folder"]) == ("timeout", None)
@@ -213,7 +190,7 @@ def test_a_result_that_cannot_be_written_is_printed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("limited", [20_000], indirect=True)
 @pytest.mark.usefixtures("limited")
 def test_a_file_size_limit_costs_picture_and_recording_only(tmp_path: Path) -> None:
-    ended = navfw_run(tmp_path / "o")
+    ended = invoke(*WORDS, "--out", tmp_path / "o")
     assert ended.exit_code == 3, ended.output
     assert ended.stdout.startswith("timeout after")
     assert ended.stderr.splitlines() == [
@@ -241,7 +218,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def test_a_full_disk_costs_picture_and_recording_first(small_disk: Path) -> None:
-    ended = navfw_run(small_disk / "o", "--json")
+    ended = invoke(*WORDS, "--out", small_disk / "o", "--json")
     assert ended.exit_code == 3, ended.output
     assert "run.mcap is missing: No space left on device" in ended.stderr
     printed = json.loads(ended.stdout)
@@ -252,7 +229,7 @@ def test_a_full_disk_costs_picture_and_recording_first(small_disk: Path) -> None
         while True:
             stream.write(bytes(resource.getpagesize()))
             stream.flush()
-    ended = navfw_run(small_disk / "full", "--json")
+    ended = invoke(*WORDS, "--out", small_disk / "full", "--json")
     assert ended.exit_code == 3, ended.output
     assert json.loads(ended.stdout)["command_hash"] == printed["command_hash"]
     assert "result.json cannot be written: No space left on device" in ended.stderr

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_calls import answer, refusal
+from sim_worlds import PERFECT, world_of
+from suite_plans import planned
 
 from navfw.bench import learn_situations, place_accuracy
 from navfw.config import find
@@ -16,6 +18,7 @@ from navfw.errors import InputError, MapError
 from navfw.features import Aruco
 from navfw.localization import learn_table, load_table, situation_table
 from navfw.missions import (
+    Session,
     SituationDrive,
     learn_landmarks,
     prepare,
@@ -27,24 +30,20 @@ from navfw.plugins import default_registry
 from navfw.recording import RunFolder, load_recording, replay
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Pose
-from navfw.sim import SensorParams, Simulation, load_world
-from navfw.suite import load_suite, plan_runs
+from navfw.sim import Simulation
 from navfw.topomap import Place, TopoMap, load_map
 
-SHORT = ["mission.timeout=9"]
+
+def in_office(folder: Path, stack: str, seconds: float) -> Session:
+    """A short drive with these parts in place of those of the default stack."""
+    file = folder / "mine.yaml"
+    file.write_text(f"base: default\n{stack}\n")
+    overrides = [f"mission.timeout={seconds}"]
+    return prepare("office", "lobby-to-lab", seed=2, stack=file, overrides=overrides)
 
 
-@pytest.fixture(scope="module")
-def stack(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("stacks") / "sees.yaml"
-    file.write_text(
-        "base: default\nfeatures: {landmarks: }\nlocalizer: {ekf: }\n", encoding="utf-8"
-    )
-    return file
-
-
-def test_a_replay_has_the_same_landmark_frames(stack: Path, tmp_path: Path) -> None:
-    session = prepare("office", "lobby-to-lab", seed=2, stack=stack, overrides=SHORT)
+def test_a_replay_has_the_same_landmark_frames(tmp_path: Path) -> None:
+    session = in_office(tmp_path, "features: {landmarks: }\nlocalizer: {ekf: }", 9.0)
     result = session.run(record=True)
     with RunFolder(tmp_path / "run") as folder:
         write_run(result, folder)
@@ -54,17 +53,13 @@ def test_a_replay_has_the_same_landmark_frames(stack: Path, tmp_path: Path) -> N
     wanted = session.mission.spec.robot.landmark_camera
     assert len(taken) == pytest.approx(result.run.sim_time * wanted.rate, abs=2)
     assert set(session.stack.state.detection_counts)  # the lobby has markers
-    again = replay(folder.final)
-    assert again.same
+    assert replay(folder.final).same
     assert result.timings["landmark_frames"] > 0.0
 
 
 def test_a_stack_without_landmarks_renders_no_landmark_frames(tmp_path: Path) -> None:
-    file = tmp_path / "blind.yaml"
-    file.write_text("base: default\nfeatures: {none: }\nlocalizer: {dead_reckoning: }\n")
-    session = prepare("office", "lobby-to-lab", seed=2, stack=file, overrides=["mission.timeout=3"])
-    result = session.run()
-    assert "landmark_frames" not in result.timings
+    session = in_office(tmp_path, "features: {none: }\nlocalizer: {dead_reckoning: }", 3.0)
+    assert "landmark_frames" not in session.run().timings
     assert session.stack.state.detection_counts == {}
 
 
@@ -91,7 +86,7 @@ def test_bench_landmarks_prints_its_table() -> None:
     assert sum(row["detected"] for row in near) >= 0.8 * len(near)
 
 
-VIEWS = 12
+ROBOT = RobotModel()
 
 
 @pytest.fixture(scope="module")
@@ -101,25 +96,22 @@ def hospital() -> TopoMap:
 
 @pytest.fixture(scope="module")
 def simulation(hospital: TopoMap) -> Iterator[Simulation]:
-    robot = RobotModel()
-    camera = robot.model_copy(update={"camera": robot.landmark_view})
+    camera = ROBOT.model_copy(update={"camera": ROBOT.landmark_view})
     start = hospital.places["lab"]
-    world = load_world(find("world", "hospital"))
-    perfect = SensorParams.preset("perfect")
-    with Simulation(world, camera, Pose(start.x, start.y, 0.0), 0, perfect) as running:
+    world = world_of("hospital", 0)
+    with Simulation(world, camera, Pose(start.x, start.y, 0.0), 0, PERFECT) as running:
         yield running
 
 
 def seen_around(simulation: Simulation, hospital: TopoMap, place: Place) -> set[str]:
     """The markers of the map that are detected in a full turn at ``place``."""
-    recognizer = Aruco(RobotModel())
+    recognizer = Aruco(ROBOT)
     recognizer.set_map(hospital)
-    found: set[str] = set()
-    for view in range(VIEWS):
-        yaw = view * 2.0 * math.pi / VIEWS
+    seen: set[str] = set()
+    for yaw in np.arange(12) * math.pi / 6.0:
         image, _ = simulation.render_from(Pose(place.x, place.y, yaw))
-        found |= {detection.identity for detection in recognizer.recognize(Frame(0.0, image))}
-    return found & hospital.landmarks_by_identity.keys()
+        seen |= {detection.identity for detection in recognizer.recognize(Frame(0.0, image))}
+    return seen & hospital.landmarks_by_identity.keys()
 
 
 @pytest.mark.parametrize(
@@ -194,9 +186,7 @@ def test_the_command_writes_a_table_that_localisers_load(tmp_path: Path) -> None
     assert table.seen_at["room"].tolist() == pytest.approx(
         list(done["seen_at"]["room"].values()), abs=1e-3
     )
-    stack = tmp_path / "heard.yaml"
-    stack.write_text(f"base: default\nlocalizer: {{bayes: {{situations: {out}}}}}\n")
-    session = prepare("office", "lobby-to-lab", stack=stack, overrides=["mission.timeout=2"])
+    session = in_office(tmp_path, f"localizer: {{bayes: {{situations: {out}}}}}", 2.0)
     assert session.run().outcome == "timeout"
 
 
@@ -205,8 +195,6 @@ def test_a_folder_is_no_file_to_write(tmp_path: Path) -> None:
 
 
 def test_drives_without_situations_are_an_error(tmp_path: Path) -> None:
-    suite = tmp_path / "still.yaml"
-    suite.write_text("entries: [{world: empty, missions: [straight], set: {mission.timeout: 0.5}}]")
-    plan = plan_runs(load_suite(suite), range(1), default_registry())
+    still = "entries: [{world: empty, missions: [straight], set: {mission.timeout: 0.5}}]"
     with pytest.raises(InputError, match="OFFIS reported no situation on 1 drives"):
-        learn_situations(plan, default_registry())
+        learn_situations(planned(tmp_path, still), default_registry())

@@ -24,12 +24,13 @@ from navfw.missions import (
 )
 from navfw.recording import RunLogger
 from navfw.robot import RobotModel
-from navfw.signals import Belief, Pose, SensorReading, Twist, Waypoint
+from navfw.signals import Belief, Pose, Twist, Waypoint
 from navfw.sim import PRESETS, SceneGeometry, SensorParams, load_world
 from navfw.stack import StackState
-from navfw.testing.fakes import FakeSimulator
+from navfw.testing.fakes import FakeSimulator, ScriptedPilot
 from navfw.topomap import Place
 
+HERE = Pose(0.0, 0.0, 0.0)
 GOOD = """\
 description: a test
 map: office
@@ -152,11 +153,11 @@ def test_what_is_impossible_in_the_world_is_named(
 def test_the_shortest_path_leads_through_all_goals_in_order(
     tmp_path: Path, office: SceneGeometry
 ) -> None:
-    there = mission(tmp_path, GOOD).check(office)
+    loaded = mission(tmp_path, GOOD)
+    length, (lab,) = loaded.check(office), loaded.goals
+    assert length > math.hypot(lab.x - 1.2, lab.y - 1.2)
     and_back = GOOD.replace("[lab]", "[lab, {x: 1.2, y: 1.2}]")
-    assert mission(tmp_path, and_back).check(office) == pytest.approx(2.0 * there, rel=0.01)
-    lab = mission(tmp_path, GOOD).goals[0]
-    assert there > math.hypot(lab.x - 1.2, lab.y - 1.2)
+    assert mission(tmp_path, and_back).check(office) == pytest.approx(2.0 * length, rel=0.01)
 
 
 SHIPPED = [
@@ -181,13 +182,15 @@ def test_the_main_mission_is_a_long_one() -> None:
     assert load_mission(file).check(plan) >= 15.0
 
 
+PLAIN = "start: [1, 1, 0]\ngoals: [{x: 2, y: 1}]\n"
+
+
 def test_a_mission_may_name_its_stack(tmp_path: Path) -> None:
-    file = tmp_path / "m.yaml"
-    file.write_text("stack: landmarcs\nstart: [1, 1, 0]\ngoals: [{x: 2, y: 1}]\n")
+    file = mission(tmp_path, f"stack: landmarcs\n{PLAIN}").file
     with pytest.raises(UnknownNameError, match="landmarks") as caught:
         prepare("empty", file)
     assert (caught.value.line, caught.value.key) == (1, "stack")
-    file.write_text("stack: oracle\nstart: [1, 1, 0]\ngoals: [{x: 2, y: 1}]\n")
+    mission(tmp_path, f"stack: oracle\n{PLAIN}")
     assert prepare("empty", file).stack_file.stem == "oracle"
     assert prepare("empty", file, stack="paper").stack_file.stem == "paper"
 
@@ -196,12 +199,9 @@ def test_a_mission_may_name_its_stack(tmp_path: Path) -> None:
 def test_a_mission_without_a_stack_is_localised_on_the_floor_plan_of_its_map(
     tmp_path: Path, named: str, stack: str
 ) -> None:
-    (tmp_path / "m.yaml").write_text(f"map: {named}\nstart: [1, 1, 0]\ngoals: [{{x: 2, y: 1}}]\n")
-    assert chosen_stack(load_mission(tmp_path / "m.yaml")).stem == stack
-    (tmp_path / "m.yaml").write_text(
-        f"map: {named}\nstack: landmarks\nstart: [1, 1, 0]\ngoals: [{{x: 2, y: 1}}]\n"
-    )
-    assert chosen_stack(load_mission(tmp_path / "m.yaml")).stem == "landmarks"
+    text = f"map: {named}\n{PLAIN}"
+    assert chosen_stack(mission(tmp_path, text)).stem == stack
+    assert chosen_stack(mission(tmp_path, f"stack: landmarks\n{text}")).stem == "landmarks"
 
 
 ANYWHERE = "map: office\nstart: unknown\ngoals: [lab]\n"
@@ -232,8 +232,7 @@ def test_an_unknown_start_is_drawn_by_the_seed_among_free_places(
 
 def test_the_start_may_be_drawn_among_some_places(tmp_path: Path, office: SceneGeometry) -> None:
     loaded = mission(tmp_path, TWO)
-    names = {place.name for place in loaded.starts}
-    assert names == {"kitchen", "lobby"}
+    assert {place.name for place in loaded.starts} == {"kitchen", "lobby"}
     drawn = {loaded.placed(seed, office).start.x for seed in range(20)}
     assert drawn == {place.x for place in loaded.starts}
 
@@ -273,29 +272,21 @@ def test_places_that_are_not_free_are_skipped() -> None:
         draw_start(places[:1], 0, check)
 
 
-class Clueless:
-    """Turns on the spot with a lost belief."""
-
-    def __init__(self) -> None:
-        self.poses: list[Pose | None] = []
-        self.state = StackState(0.0)
+class Clueless(ScriptedPilot):
+    """Turns on the spot with a lost belief, for 3 s."""
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        self.poses.append(pose)
-
-    def step(self, reading: SensorReading) -> Twist:
-        belief = Belief(reading.time, Pose(0, 0, 0), np.eye(3), confidence=0.1, lost=True)
-        self.state = StackState(reading.time, belief=belief)
-        return Twist(0.0, 0.5)
+        assert pose is None
+        super().start(pose, goals)
+        belief = Belief(0.0, HERE, np.eye(3), confidence=0.1, lost=True)
+        self.state = StackState(0.0, belief=belief)
 
 
 def test_a_lost_belief_at_the_timeout_is_the_outcome_lost() -> None:
     start = Pose(3.0, 1.0, 0.0)
     goal = Waypoint(5.0, 1.0, 0.3, "there", "goal", final=True)
     task = Task(RobotModel(), start, (goal,), timeout=3.0, start_known=False)
-    pilot = Clueless()
-    run = MissionLoop(task, pilot, FakeSimulator(start)).run()
-    assert pilot.poses == [None]
+    run = MissionLoop(task, Clueless([Twist(0.0, 0.5)] * 999), FakeSimulator(start)).run()
     assert run.verdict.outcome is Outcome.LOST
     assert "position estimate lost" in run.verdict.reason
     numbers = measure_localization(run.log, run.log.every(0.1))
@@ -309,18 +300,10 @@ def test_localization_metrics_have_the_times_of_correct_and_wrong_beliefs() -> N
     recorder = RunLogger()
     for tick in range(601):
         time = tick / 60.0
-        lost, wrong = time < 2.0, 2.0 <= time < 3.0
-        off = 5.0 if lost or wrong else 0.2
-        belief = Belief(
-            time,
-            Pose(0, 0, 0),
-            np.eye(3),
-            confidence=0.3 if lost else 0.95,
-            lost=lost,
-            updates=tick // 60,
-        )
+        lost, confidence = time < 2.0, 0.3 if time < 2.0 else 0.95
+        belief = Belief(time, HERE, np.eye(3), {}, confidence, lost, updates=tick // 60)
         true = Pose(0.5 * time, 0.0, 0.0)
-        estimate = Pose(0.5 * time + off, 0.0, 0.0)
+        estimate = Pose(true.x + (5.0 if time < 3.0 else 0.2), 0.0, 0.0)
         recorder.add(time, true, estimate, Twist(0.5, 0.0), "", False, belief)
     log = recorder.log()
     numbers = measure_localization(log, log.every(0.1))
@@ -334,16 +317,14 @@ def test_localization_metrics_have_the_times_of_correct_and_wrong_beliefs() -> N
 
 
 def test_a_stack_that_cannot_find_its_start_refuses_the_mission(tmp_path: Path) -> None:
-    file = tmp_path / "find.yaml"
-    file.write_text(ANYWHERE)
     with pytest.raises(InputError, match="cannot find an unknown start"):
-        prepare("office", file, seed=1, stack="default").run()
+        prepare("office", mission(tmp_path, ANYWHERE).file, seed=1, stack="default").run()
 
 
 def test_without_a_visible_landmark_the_robot_turns_and_has_no_plan(tmp_path: Path) -> None:
-    (tmp_path / "find.yaml").write_text(ANYWHERE + "timeout: 6\n")
-    (tmp_path / "seeker.yaml").write_text(STACK)
-    session = prepare("office", tmp_path / "find.yaml", seed=1, stack=tmp_path / "seeker.yaml")
+    file, stack = mission(tmp_path, ANYWHERE + "timeout: 6\n").file, tmp_path / "seeker.yaml"
+    stack.write_text(STACK)
+    session = prepare("office", file, seed=1, stack=stack)
     result = session.run()
     assert result.outcome is Outcome.LOST
     assert session.stack.state.path == ()

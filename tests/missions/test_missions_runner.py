@@ -8,7 +8,8 @@ import itertools
 import math
 import os
 import signal
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from navfw.missions import (
     Outcome,
     Progress,
     RunMetrics,
+    RunResult,
     Task,
     count_collisions,
     measure,
@@ -42,12 +44,19 @@ def goal(x: float, y: float, name: str = "there") -> Waypoint:
     return Waypoint(x, y, tolerance=0.3, place=name, kind="goal", final=True)
 
 
-def task(*goals: Waypoint, timeout: float = 60.0, stuck_after: float = 45.0) -> Task:
-    return Task(ROBOT, START, goals or (goal(2.0, 0.5),), timeout, stuck_after=stuck_after)
+def drive(
+    pilot: FakePilot | ScriptedPilot,
+    *goals: Waypoint,
+    posts: Sequence[Post] = (),
+    progress: Callable[[Progress], None] | None = None,
+    **limits: Any,
+) -> RunResult:
+    task = Task(ROBOT, START, goals or (goal(2.0, 0.5),), **{"timeout": 60.0, **limits})
+    return MissionLoop(task, pilot, FakeSimulator(START, posts=posts), progress=progress).run()
 
 
 def test_a_good_run_is_reached_in_the_success_zone() -> None:
-    run = MissionLoop(task(), FakePilot(), FakeSimulator(START)).run()
+    run = drive(FakePilot())
     assert run.verdict.outcome is Outcome.REACHED
     x, y, _ = run.log.true[-1]
     assert math.hypot(x - 2.0, y - 0.5) <= 0.5
@@ -57,8 +66,7 @@ def test_a_good_run_is_reached_in_the_success_zone() -> None:
 
 
 def test_a_contact_ends_the_run_at_once() -> None:
-    simulator = FakeSimulator(START, posts=[Post("column", 1.0, 0.2)])
-    run = MissionLoop(task(), FakePilot(), simulator).run()
+    run = drive(FakePilot(), posts=[Post("column", 1.0, 0.2)])
     assert run.verdict.outcome is Outcome.COLLIDED
     assert "column" in run.verdict.reason
     (contact,) = run.log.contacts
@@ -66,41 +74,24 @@ def test_a_contact_ends_the_run_at_once() -> None:
 
 
 def test_a_stack_with_a_wrong_estimate_is_lost_with_the_distance() -> None:
-    run = MissionLoop(task(), FakePilot(yaw_error=0.5), FakeSimulator(START)).run()
+    run = drive(FakePilot(yaw_error=0.5))
     assert run.verdict.outcome is Outcome.LOST
     x, y, _ = run.log.true[-1]
     assert f"{math.hypot(x - 2.0, y - 0.5):.2f} m" in run.verdict.reason
 
 
 def test_goals_count_only_in_order_and_when_truly_visited() -> None:
-    there, back = goal(2.0, 0.0, "there"), goal(0.0, 0.0, "back")
-    run = MissionLoop(task(there, back), FakePilot(), FakeSimulator(START)).run()
-    assert run.verdict.outcome is Outcome.REACHED
-    skipped = MissionLoop(task(there, back), ScriptedPilot([]), FakeSimulator(START)).run()
-    assert skipped.verdict.outcome is Outcome.LOST
-    assert "'there'" in skipped.verdict.reason
-    assert "2.00 m" in skipped.verdict.reason
-
-
-def test_the_timeout_ends_the_run_at_its_time() -> None:
-    pilot = ScriptedPilot([Twist(0.1, 0.0)] * 10_000)
-    run = MissionLoop(task(timeout=2.0), pilot, FakeSimulator(START)).run()
-    assert run.verdict.outcome is Outcome.TIMEOUT
-    assert run.sim_time == pytest.approx(2.0, abs=0.05)
-
-
-def test_turning_on_the_spot_for_long_is_stuck() -> None:
-    pilot = ScriptedPilot([Twist(0.0, 1.0)] * 10_000)
-    run = MissionLoop(task(stuck_after=3.0), pilot, FakeSimulator(START)).run()
-    assert run.verdict.outcome is Outcome.STUCK
-    assert run.sim_time == pytest.approx(3.0, abs=0.05)
+    goals = goal(2.0, 0.0, "there"), goal(0.0, 0.0, "back")
+    assert drive(FakePilot(), *goals).verdict.outcome is Outcome.REACHED
+    skipped = drive(ScriptedPilot([]), *goals).verdict
+    assert skipped.outcome is Outcome.LOST
+    assert "'there'" in skipped.reason
+    assert "2.00 m" in skipped.reason
 
 
 def test_the_stack_may_report_that_it_is_stuck() -> None:
-    run = MissionLoop(
-        task(), ScriptedPilot([], stuck="walls all round"), FakeSimulator(START)
-    ).run()
-    assert (run.verdict.outcome, run.verdict.reason) == (Outcome.STUCK, "walls all round")
+    verdict = drive(ScriptedPilot([], stuck="walls all round")).verdict
+    assert (verdict.outcome, verdict.reason) == (Outcome.STUCK, "walls all round")
 
 
 @pytest.mark.parametrize(
@@ -112,12 +103,11 @@ def test_the_stack_may_report_that_it_is_stuck() -> None:
     ],
 )
 def test_an_arrival_that_is_not_sure_is_told_as_such(
-    stuck: str | None, limits: dict[str, float], reason: str
+    stuck: str | None, limits: dict[str, Any], reason: str
 ) -> None:
-    pilot = ScriptedPilot([], stuck, unsure=True)
-    run = MissionLoop(task(**limits), pilot, FakeSimulator(START)).run()
-    assert run.verdict.outcome is Outcome.UNSURE
-    assert run.verdict.reason.startswith(reason)
+    verdict = drive(ScriptedPilot([], stuck, unsure=True), **limits).verdict
+    assert verdict.outcome is Outcome.UNSURE
+    assert verdict.reason.startswith(reason)
 
 
 class BlindPilot(ScriptedPilot):
@@ -130,14 +120,19 @@ class BlindPilot(ScriptedPilot):
 
 
 @pytest.mark.parametrize(
-    ("twist", "reason"), [(Twist(0.1, 0.0), "time limit"), (Twist(0.0, 0.3), "stayed within")]
+    ("twist", "outcome", "seconds", "reason"),
+    [
+        (Twist(0.1, 0.0), Outcome.TIMEOUT, 6.0, "time limit"),
+        (Twist(0.0, 0.3), Outcome.STUCK, 5.0, "stayed within"),
+    ],
 )
-def test_a_run_without_progress_tells_what_the_camera_does_not_show(
-    twist: Twist, reason: str
+def test_a_run_without_progress_ends_in_time_and_tells_what_the_camera_does_not_show(
+    twist: Twist, outcome: Outcome, seconds: float, reason: str
 ) -> None:
     for pilot, seen in ((ScriptedPilot, ""), (BlindPilot, f"; {Sight.NOTHING.trouble}")):
-        driven = pilot([twist] * 10_000)
-        run = MissionLoop(task(timeout=6.0, stuck_after=5.0), driven, FakeSimulator(START)).run()
+        run = drive(pilot([twist] * 10_000), timeout=6.0, stuck_after=5.0)
+        assert run.verdict.outcome is outcome
+        assert run.sim_time == pytest.approx(seconds, abs=0.05)
         assert run.verdict.reason.startswith(reason)
         assert run.verdict.reason.partition("; ")[1:] == seen.partition("; ")[1:]
 
@@ -170,7 +165,7 @@ class BrokenPilot(ScriptedPilot):
 def test_an_exception_or_bad_command_ends_the_run_with_a_result(
     breakage: BaseException | Twist, fault: FaultKind | None, reason: str
 ) -> None:
-    run = MissionLoop(task(), BrokenPilot(breakage), FakeSimulator(START)).run()
+    run = drive(BrokenPilot(breakage))
     assert run.verdict.outcome is (Outcome.CANCELLED if fault is None else Outcome.FAULT)
     assert run.verdict.fault is fault
     assert reason in run.verdict.reason
@@ -187,8 +182,7 @@ def test_an_error_in_place_of_an_interruption_cancels_the_run() -> None:
                 raise SystemError("returned a result with an exception set") from None
             return super().step(reading)
 
-    run = MissionLoop(task(), Disguising(Twist(0.0, 0.0)), FakeSimulator(START)).run()
-    assert run.verdict.outcome is Outcome.CANCELLED
+    assert drive(Disguising(Twist(0.0, 0.0))).verdict.outcome is Outcome.CANCELLED
 
 
 @pytest.mark.parametrize("breakage", [ValueError("bad cell"), Twist(math.nan, 0.0)])
@@ -203,7 +197,7 @@ def test_garbage_collection_leaves_out_what_is_older_than_the_run(
             return super().step(reading)
 
     before = gc.get_freeze_count()
-    MissionLoop(task(), Counting(breakage), FakeSimulator(START)).run()
+    drive(Counting(breakage))
     assert min(kept) > 1000
     assert gc.get_freeze_count() <= before
 
@@ -214,7 +208,7 @@ def test_a_mission_that_the_stack_refuses_is_an_input_error() -> None:
             raise MapError("no way to the goal")
 
     with pytest.raises(MapError, match="no way to the goal"):
-        MissionLoop(task(), Refuser([]), FakeSimulator(START)).run()
+        drive(Refuser([]))
 
 
 def test_a_fault_that_repeats_is_listed_once_with_its_last_count() -> None:
@@ -224,13 +218,12 @@ def test_a_fault_that_repeats_is_listed_once_with_its_last_count() -> None:
             self.state = dataclasses.replace(self.state, faults=(f"avoid: bad ({self._tick})",))
             return twist
 
-    run = MissionLoop(task(), Faulty([Twist(0.1, 0.0)] * 9), FakeSimulator(START)).run()
-    assert run.faults == ("avoid: bad (10)",)
+    assert drive(Faulty([Twist(0.1, 0.0)] * 9)).faults == ("avoid: bad (10)",)
 
 
 def test_progress_has_distance_and_leading_behaviour() -> None:
     seen: list[Progress] = []
-    MissionLoop(task(goal(2.0, 0.0)), FakePilot(), FakeSimulator(START), progress=seen.append).run()
+    drive(FakePilot(), goal(2.0, 0.0), progress=seen.append)
     assert seen[0].distance == pytest.approx(2.0)
     assert seen[-1].distance < 0.5
     assert {progress.behavior for progress in seen} == {"fake"}
@@ -248,9 +241,7 @@ def test_progress_has_distance_and_leading_behaviour() -> None:
 )
 def test_the_hash_distinguishes_command_streams(twists: list[Twist], changed: int) -> None:
     def hash_of(script: list[Twist]) -> str:
-        return (
-            MissionLoop(task(), ScriptedPilot(script), FakeSimulator(START)).run().log.command_hash
-        )
+        return drive(ScriptedPilot(script)).log.command_hash
 
     assert hash_of(twists) == hash_of(list(twists))
     other = list(twists)
@@ -260,8 +251,6 @@ def test_the_hash_distinguishes_command_streams(twists: list[Twist], changed: in
 
 
 RADIUS = 0.18
-
-
 OPEN = WorldSpec(name="open", x=(-9.0, 9.0), y=(-9.0, 9.0))
 WALLED = OPEN.model_copy(
     update={"boxes": (BoxSpec(name="wall", at=(0.0, 0.6), size=(19.0, 0.2, 1.0)),)}
@@ -272,13 +261,10 @@ WALLED = OPEN.model_copy(
 def straight(length: float, seconds: float, drift: float = 0.0) -> RunLog:
     """Along x, with an estimate that ends ``drift`` [m] aside."""
     recorder = RunLogger()
-    ticks = round(60 * seconds)
-    for tick in range(ticks + 1):
-        share = tick / ticks
-        x = length * share
-        recorder.add(
-            tick / 60, Pose(x, 0.0, 0.0), Pose(x, drift * share, 0.0), Twist(0.1, 0.0), "go", False
-        )
+    for share in np.linspace(0.0, 1.0, round(60 * seconds) + 1).tolist():
+        true = Pose(length * share, 0.0, 0.0)
+        estimate = Pose(true.x, drift * share, 0.0)
+        recorder.add(seconds * share, true, estimate, Twist(0.1, 0.0), "go", False)
     return recorder.log()
 
 
