@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
+from cli_calls import put_files
 from processes import run
 
 from navfw.config import lookup
@@ -20,11 +21,10 @@ def git(folder: Path, *words: str, check: bool = True) -> str:
     return run(["git", "-C", folder, *who, *files, *words], check=check).stdout.strip()
 
 
-def commit(folder: Path, *options: str) -> Path:
-    """A new repository with one committed file ``a.txt``."""
-    folder.mkdir(exist_ok=True)
+def commit(folder: Path, *options: str, files: Sequence[str] = ("a.txt",)) -> Path:
+    """A new repository with these files committed."""
+    put_files(folder, dict.fromkeys(files, "one\n"))
     git(folder, "init", "-q", "-b", "main", *options)
-    (folder / "a.txt").write_text("one\n")
     git(folder, "add", ".")
     git(folder, "commit", "-qm", "first")
     return folder
@@ -65,15 +65,13 @@ def filter_process(repository: Path, program: Path) -> None:
     clean_filter(repository, program, "filter.evil.process")
 
 
-def hook(repository: Path, program: Path) -> None:
-    folder = repository / ".git" / "hooks"
-    folder.mkdir(exist_ok=True)
-    (folder / "post-index-change").symlink_to(program)
+def hook(repository: Path, program: Path, folder: str = ".git/hooks") -> None:
+    (repository / folder).mkdir(exist_ok=True)
+    (repository / folder / "post-index-change").symlink_to(program)
 
 
 def hooks_path(repository: Path, program: Path) -> None:
-    (repository / "elsewhere").mkdir()
-    (repository / "elsewhere" / "post-index-change").symlink_to(program)
+    hook(repository, program, "elsewhere")
     git(repository, "config", "core.hooksPath", "elsewhere")
 
 
@@ -121,16 +119,13 @@ def test_nothing_that_a_configuration_names_is_executed(trap: Trap, repository: 
     program.chmod(0o755)
     trap(repository, program)
     head = (repository / ".git" / "refs" / "heads" / "main").read_text().strip()
+    fetched = trap is not ssh_command  # what is missing is not fetched
     marker.unlink(missing_ok=True)
     touch(repository / "a.txt")
-    if trap is ssh_command:  # what is missing is not fetched
-        assert git_revision(repository) is None
-    else:
-        assert git_revision(repository) == head
+    assert git_revision(repository) == (head if fetched else None)
     assert GitCheckout.around(repository) is not None
     (repository / "a.txt").write_text("two\n")
-    if trap is not ssh_command:
-        assert git_revision(repository) == f"{head}-dirty"
+    assert git_revision(repository) == (f"{head}-dirty" if fetched else None)
     assert not marker.exists()
     if trap in SPRUNG_BY_STATUS:  # else this test would prove nothing
         (repository / "a.txt").write_text("one\n")
@@ -280,13 +275,7 @@ def test_a_folder_that_anyone_may_write_to_has_no_revision(repository: Path) -> 
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    (tmp_path / "docs").mkdir()
-    for name in ("navfw.toml", "docs/page.md"):
-        (tmp_path / name).write_text("")
-    git(tmp_path, "init", "-q")
-    git(tmp_path, "add", ".")
-    git(tmp_path, "commit", "-qm", "first")
-    return tmp_path
+    return commit(tmp_path, files=("navfw.toml", "docs/page.md"))
 
 
 def test_a_changed_tree_is_marked_dirty_except_for_docs(project: Path) -> None:

@@ -7,11 +7,12 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
-from navfw.missions import MissionResult, prepare
+from navfw.missions import MissionResult, Session, prepare
 from navfw.recording import RecordedRun, RunRecorder
 from navfw.recording import channel_list as topics
 
@@ -19,11 +20,14 @@ TIME = 4.0
 Driven = tuple[MissionResult, RecordedRun]
 
 
+def session(seconds: float) -> Session:
+    overrides = [f"mission.timeout={seconds}"]
+    return prepare("paper-room", "through-the-door", seed=3, overrides=overrides)
+
+
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
-    overrides = [f"mission.timeout={TIME}"]
-    session = prepare("paper-room", "through-the-door", seed=3, overrides=overrides)
-    result = session.run(record=True)
+    result = session(TIME).run(record=True)
     assert result.recorder is not None
     path = tmp_path_factory.mktemp("channels") / "run.mcap"
     result.recorder.save(path)
@@ -47,10 +51,9 @@ def test_all_channels_have_their_schema_rate_and_simulated_time(driven: Driven) 
     for message in run.messages():
         times.setdefault(message.topic, []).append(message.time)
     unused = {topics.LANDMARK_IMAGE, topics.LEFT_IMAGE, topics.RIGHT_IMAGE}
-    assert set(times) == {info.topic for info in topics.CHANNELS} - unused
-    for info in topics.CHANNELS:
-        if info.topic in unused:
-            continue
+    used = [info for info in topics.CHANNELS if info.topic not in unused]
+    assert set(times) == {info.topic for info in used}
+    for info in used:
         assert run.topics[info.topic] == info.schema
         stamps = times[info.topic]
         assert stamps == sorted(stamps)
@@ -71,9 +74,8 @@ def test_the_metadata_have_the_resolved_configuration(driven: Driven) -> None:
 def test_the_command_is_that_of_the_run_with_reasons_and_rules(driven: Driven) -> None:
     result, run = driven
     log = result.run.log
-    leaders = {
-        round(float(t), 6): log.leaders[n] for t, n in zip(log.time, log.leader, strict=True)
-    }
+    numbers = zip(log.time.tolist(), log.leader, strict=True)
+    leaders = {round(time, 6): log.leaders[number] for time, number in numbers}
     shown = list(run.messages(topics.COMMAND))
     assert shown
     for message in shown:
@@ -130,22 +132,15 @@ def test_the_flow_and_cells_lie_in_the_image(driven: Driven) -> None:
     for topic in (topics.FLOW, topics.CELLS):
         points = [(p.x, p.y) for group in at_end(run, topic).points for p in group.points]
         assert len(points) > 50
-        inside = [-40.0 < x < 200.0 and -40.0 < y < 160.0 for x, y in points]
-        assert all(inside)
+        assert all(-40.0 < x < 200.0 and -40.0 < y < 160.0 for x, y in points)
     assert at_end(run, topics.PERCEPT)["sentence"].startswith("Layer1")
 
 
 def test_a_plugin_that_cannot_explain_itself_is_no_fault_of_the_run() -> None:
-    session = prepare("paper-room", "through-the-door", seed=3, overrides=["mission.timeout=2.5"])
-    composite = session.stack.mofis.composite
-    assert composite is not None
-
-    def fail() -> list[dict[str, Any]]:
-        raise RuntimeError("no words")
-
-    object.__setattr__(composite, "explain", fail)
-    result = session.run(record=True)
-    assert result.run.faults == ()
+    short = session(2.5)
+    composite = short.stack.mofis.composite
+    object.__setattr__(composite, "explain", Mock(side_effect=RuntimeError("no words")))
+    assert short.run(record=True).run.faults == ()
 
 
 def test_a_saved_recording_is_the_same_when_saved_again(tmp_path: Path) -> None:

@@ -12,12 +12,13 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
+from cli_calls import put_files
 
 from navfw.errors import ConfigError, InputError
 from navfw.process import (
@@ -39,20 +40,24 @@ def written(target: Path, text: str = "one", *, numbered: bool = False) -> Path:
     return folder.final
 
 
+def names(folder: Path) -> list[str]:
+    return sorted(entry.name for entry in folder.iterdir())
+
+
 def test_a_folder_appears_when_everything_is_written(tmp_path: Path) -> None:
     target = tmp_path / "deep" / "run"
     with RunFolder(target) as folder:
         folder.write_json(RESULT, {"text": "one"})
         assert not target.exists()
     assert read_result(target) == {"text": "one"}
-    assert [entry.name for entry in target.parent.iterdir()] == ["run"]
+    assert names(target.parent) == ["run"]
 
 
 def test_nothing_is_left_after_an_exception(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt), RunFolder(tmp_path / "run") as folder:
         folder.write_json(RESULT, {})
         raise KeyboardInterrupt
-    assert list(tmp_path.iterdir()) == []
+    assert names(tmp_path) == []
 
 
 def test_an_earlier_run_stays_when_the_new_one_fails(tmp_path: Path) -> None:
@@ -67,18 +72,15 @@ def test_an_earlier_run_is_replaced(tmp_path: Path) -> None:
     (target / "trajectory.png").write_bytes(b"old")
     assert written(target, "two") == target
     assert read_result(target) == {"text": "two"}
-    assert [entry.name for entry in target.iterdir()] == [RESULT]
+    assert names(target) == [RESULT]
 
 
 @pytest.mark.parametrize("files", [["notes.txt"], [RESULT, "notes.txt"], ["trajectory.png"]])
 def test_a_folder_that_is_no_run_folder_is_not_changed(tmp_path: Path, files: list[str]) -> None:
-    target = tmp_path / "mine"
-    target.mkdir()
-    for name in files:
-        (target / name).write_text("{}")
+    put_files(tmp_path, dict.fromkeys(files, "{}"))
     with pytest.raises(InputError, match="not a run folder"):
-        RunFolder(target)
-    assert sorted(entry.name for entry in target.iterdir()) == sorted(files)
+        RunFolder(tmp_path)
+    assert names(tmp_path) == sorted(files)
 
 
 def test_a_file_is_refused_as_run_folder(tmp_path: Path) -> None:
@@ -91,19 +93,11 @@ def test_a_file_is_refused_as_run_folder(tmp_path: Path) -> None:
 
 
 def test_numbered_folders_never_collide(tmp_path: Path) -> None:
-    target = tmp_path / "run"
-    threads = [
-        threading.Thread(target=written, args=(target, str(number)), kwargs={"numbered": True})
-        for number in range(8)
-    ]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    names = sorted(entry.name for entry in tmp_path.iterdir())
-    assert names == sorted(["run", *(f"run-{number}" for number in range(2, 9))])
-    texts = {read_result(tmp_path / name)["text"] for name in names}
-    assert texts == {str(number) for number in range(8)}
+    with ThreadPoolExecutor(8) as threads:
+        for text in "01234567":
+            threads.submit(written, tmp_path / "run", text, numbered=True)
+    assert names(tmp_path) == ["run", *(f"run-{number}" for number in range(2, 9))]
+    assert {read_result(folder)["text"] for folder in tmp_path.iterdir()} == set("01234567")
 
 
 def test_json_has_plain_values_only(tmp_path: Path) -> None:
@@ -122,7 +116,6 @@ def test_a_missing_or_broken_result_is_named_by_its_file(tmp_path: Path, text: s
 
 
 # --- locks ---------------------------------------------------------------------------------------
-
 
 PAGE = re.compile("index.md")
 
@@ -150,10 +143,6 @@ def holder(target: Path, *words: str) -> subprocess.Popen[str]:
 def kill(process: subprocess.Popen[str]) -> None:
     process.send_signal(signal.SIGKILL)
     process.communicate(timeout=60)
-
-
-def names(folder: Path) -> list[str]:
-    return sorted(entry.name for entry in folder.iterdir())
 
 
 def test_a_folder_in_use_is_refused_or_numbered_and_swept_after_kill_9(tmp_path: Path) -> None:
@@ -262,13 +251,12 @@ def test_a_full_disk_is_an_error_that_names_the_target(tmp_path: Path) -> None:
 def test_a_folder_is_written_to_the_place_of_the_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "start").mkdir()
     (tmp_path / "elsewhere").mkdir()
-    monkeypatch.chdir(tmp_path / "start")
+    monkeypatch.chdir(tmp_path)
     with RunFolder("run") as folder:
         folder.write_json(RESULT, {})
         monkeypatch.chdir(tmp_path / "elsewhere")
-    assert names(tmp_path / "start") == ["run"]
+    assert names(tmp_path) == ["elsewhere", "run"]
     assert names(tmp_path / "elsewhere") == []
 
 

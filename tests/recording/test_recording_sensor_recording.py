@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -34,15 +35,15 @@ from navfw.testing.fakes import FakePilot, FakeSimulator
 
 TICKS = 40
 HERE = Pose(0.0, 0.0, 0.0)
+GIF = CompressedImage(data=b"GIF").encode()
 
 
 def random_readings(seed: int) -> list[SensorReading]:
     random = np.random.default_rng(seed)
 
     def frame(time: float, height: int) -> Frame:
-        size = (height, 2 * height)
         sides = random.integers(0, 256, (2, height, 7), dtype=np.uint8)
-        image = random.integers(0, 256, size, dtype=np.uint8)
+        image = random.integers(0, 256, (height, 2 * height), dtype=np.uint8)
         return Frame(time, image, tuple(sides) if height == 12 else ())
 
     def reading(tick: int) -> SensorReading:
@@ -67,6 +68,11 @@ def recorded(readings: list[SensorReading], path: Path, max_bytes: int = MAX_BYT
     return path
 
 
+@pytest.fixture
+def good(tmp_path: Path) -> Path:
+    return recorded(random_readings(5), tmp_path / "good.mcap")
+
+
 def measured(reading: SensorReading) -> tuple[object, ...]:
     return reading.time, reading.inertial, reading.encoders
 
@@ -74,10 +80,8 @@ def measured(reading: SensorReading) -> tuple[object, ...]:
 def same_frame(a: Frame | None, b: Frame | None) -> bool:
     if a is None or b is None:
         return a is b
-    return a.time == b.time and all(
-        np.array_equal(one, other)
-        for one, other in zip((a.image, *a.sides), (b.image, *b.sides), strict=True)
-    )
+    images = zip((a.image, *a.sides), (b.image, *b.sides), strict=True)
+    return a.time == b.time and all(np.array_equal(*pair) for pair in images)
 
 
 def test_readings_are_loaded_as_recorded(tmp_path: Path) -> None:
@@ -112,23 +116,20 @@ def test_a_recorder_keeps_its_size_limit(tmp_path: Path) -> None:
     assert 0 < len(recording) < TICKS
 
 
-def test_sizes_are_checked_before_unpacking(tmp_path: Path) -> None:
-    path = recorded(random_readings(3), tmp_path / "run.mcap")
+def test_sizes_are_checked_before_unpacking(good: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="file is too large: at most 1000 bytes"):
-        load_recording(path, max_bytes=1000)
+        load_recording(good, max_bytes=1000)
     frame = np.zeros((600, 800), np.uint8)
     blank = [
         SensorReading(t, Inertial(t, 0.0, 0.0, 0.0), Encoders(t, 0, 0), Frame(t, frame))
         for t in (0.0, 0.1, 0.2, 0.3)
     ]
     packed = recorded(blank, tmp_path / "blank.mcap")
-    limit = packed.stat().st_size
     with pytest.raises(ConfigError, match="its images are too large"):
-        load_recording(packed, max_bytes=limit)
+        load_recording(packed, max_bytes=packed.stat().st_size)
 
 
-def test_of_a_cut_file_the_intact_part_is_used(tmp_path: Path) -> None:
-    good = recorded(random_readings(4), tmp_path / "good.mcap")
+def test_of_a_cut_file_the_intact_part_is_used(good: Path, tmp_path: Path) -> None:
     path = rewrite(good, tmp_path / "run.mcap", chunk_size=2000)
     whole = load_recording(path)
     content = path.read_bytes()
@@ -160,24 +161,21 @@ def left_out(topic: str) -> Change:
         (left_out(RIGHT_IMAGE), "images of /camera/right/image are missing"),
         (other_message(READING, b"\0" * 9), "another layout"),
         (other_message(LANDMARK_IMAGE, b"\xff\xff"), "a message of /camera/landmarks/image"),
-        (
-            other_message(LANDMARK_IMAGE, CompressedImage(data=b"GIF").encode()),
-            "is not a readable image",
-        ),
+        (other_message(LANDMARK_IMAGE, GIF), "is not a readable image"),
     ],
 )
 def test_missing_and_damaged_messages_are_told(
-    change: Change, message: str, tmp_path: Path
+    change: Change, message: str, good: Path, tmp_path: Path
 ) -> None:
-    good = recorded(random_readings(5), tmp_path / "good.mcap")
     bad = rewrite(good, tmp_path / "bad.mcap", change)
     with pytest.raises(ConfigError, match=message) as caught:
         load_recording(bad)
     assert "bad.mcap" in str(caught.value)
 
 
-def test_a_foreign_file_and_one_of_another_version_are_told_apart(tmp_path: Path) -> None:
-    good = recorded(random_readings(6), tmp_path / "good.mcap")
+def test_a_foreign_file_and_one_of_another_version_are_told_apart(
+    good: Path, tmp_path: Path
+) -> None:
     for profile, message in (
         ("ros2", "profile 'ros2', expected one of navfw run --record"),
         ("", "without a profile"),
@@ -194,8 +192,7 @@ def test_a_foreign_file_and_one_of_another_version_are_told_apart(tmp_path: Path
         load_recording(text)
 
 
-def test_another_compression_is_refused_unread(tmp_path: Path) -> None:
-    good = recorded(random_readings(6), tmp_path / "good.mcap")
+def test_another_compression_is_refused_unread(good: Path, tmp_path: Path) -> None:
     packed = rewrite(good, tmp_path / "lz4.mcap", compression=CompressionType.LZ4)
     with pytest.raises(ConfigError, match="compressed with 'lz4', expected zstd"):
         load_recording(packed)
@@ -203,14 +200,13 @@ def test_another_compression_is_refused_unread(tmp_path: Path) -> None:
     assert len(load_recording(plain)) == TICKS
 
 
-def test_a_chunk_that_unpacks_to_too_much_is_refused_unread(tmp_path: Path) -> None:
-    good = recorded(random_readings(6), tmp_path / "good.mcap")
+def test_a_chunk_that_unpacks_to_too_much_is_refused_unread(good: Path) -> None:
     content = bytearray(good.read_bytes())
     at = content.index(b"\x04\x00\x00\x00zstd") - 12  # of the first chunk: its unpacked size
     content[at : at + 8] = struct.pack("<Q", 1 << 40)
-    (tmp_path / "bomb.mcap").write_bytes(content)
+    good.write_bytes(content)
     with pytest.raises(ConfigError, match=r"a chunk has 1099511627776 bytes, more than"):
-        load_recording(tmp_path / "bomb.mcap")
+        load_recording(good)
 
 
 def test_a_pilot_gives_the_same_commands_to_recorded_readings(tmp_path: Path) -> None:
@@ -226,19 +222,16 @@ def test_a_pilot_gives_the_same_commands_to_recorded_readings(tmp_path: Path) ->
         simulator.advance(1.0 / robot.control_rate)
     recorder.save(tmp_path / "run.mcap")
     recording = load_recording(tmp_path / "run.mcap")
-
-    differences = []
-    for pilot in (FakePilot(), FakePilot(yaw_error=0.2)):
+    for pilot, first_difference in ((FakePilot(), None), (FakePilot(yaw_error=0.2), 0)):
         pilot.start(start, goals)
         replayed = compare_commands(recording, replay_commands(pilot.step, recording))
-        differences.append((replayed.same, replayed.first_difference))
-    assert differences == [(True, None), (False, 0)]
+        assert replayed.same is (first_difference is None)
+        assert replayed.first_difference == first_difference
 
 
 def test_every_flipped_byte_gives_a_recording_or_a_located_error(tmp_path: Path) -> None:
-    good = recorded(random_readings(7)[:3], tmp_path / "good.mcap")
-    content = good.read_bytes()
-    bad = tmp_path / "bad.mcap"
+    bad = recorded(random_readings(7)[:3], tmp_path / "bad.mcap")
+    content = bad.read_bytes()
     refused = 0
     for at in range(0, len(content), 7):
         bad.write_bytes(content[:at] + bytes([content[at] ^ 0xFF]) + content[at + 1 :])
@@ -252,14 +245,10 @@ def test_every_flipped_byte_gives_a_recording_or_a_located_error(tmp_path: Path)
 
 def with_row(**fields: Any) -> Change:
     """The reading of tick 6, which has a frame, with other fields."""
-    seen = 0
+    numbers = count()
 
     def change(topic: str, data: bytes) -> bytes:
-        nonlocal seen
-        if topic != READING:
-            return data
-        seen += 1
-        if seen != 7:
+        if topic != READING or next(numbers) != 6:
             return data
         row: ReadingRow = unpack_reading(data)._replace(**fields)
         return data[:4] + struct.pack("<6d2q2dq2d", *row)
@@ -281,20 +270,17 @@ def with_row(**fields: Any) -> Change:
     ],
 )
 def test_times_and_rates_that_no_sensor_has_are_refused(
-    fields: dict[str, float], message: str, tmp_path: Path
+    fields: dict[str, float], message: str, good: Path, tmp_path: Path
 ) -> None:
-    good = recorded(random_readings(7), tmp_path / "good.mcap")
     with pytest.raises(ConfigError, match=message):
         load_recording(rewrite(good, tmp_path / "bad.mcap", with_row(**fields)))
 
 
-def test_the_recording_tells_of_its_run(tmp_path: Path) -> None:
-    run = RecordedRun(recorded(random_readings(8), tmp_path / "run.mcap"))
+def test_the_recording_tells_of_its_run(good: Path) -> None:
+    run = RecordedRun(good)
     assert run.metadata == {"world": "none"}
     assert run.topics[CAMERA_IMAGE] == "foxglove.CompressedImage"
     assert run.image_at(-1.0) is None
-    image = run.image_at(0.15)
-    frame = random_readings(8)[6].frame
-    assert image is not None
-    assert frame is not None
+    image, frame = run.image_at(0.15), random_readings(5)[6].frame
+    assert image is not None and frame is not None
     assert np.array_equal(image, frame.image)

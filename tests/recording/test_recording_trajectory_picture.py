@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import struct
 from io import BytesIO
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from picture_colors import share_of
 
 from navfw.numerics import Array
 from navfw.recording import (
@@ -53,8 +55,8 @@ def curved_log(ticks: int = 300) -> RunLog:
         leader = "avoid" if 100 <= tick < 200 else "go_to_xy"
         estimate = Pose(x, y + 0.001 * tick, 0.0)
         recorder.add(tick / 60, Pose(x, y, 0.0), estimate, Twist(0.3, 0.0), leader, tick == 7)
-    recorder.add_waypoints((Waypoint(1.0, 0.0, 0.3, "door", "door", False),))
-    recorder.add_waypoints((Waypoint(1.0, 0.0, 0.3, "door", "door", False),))
+    for _ in range(2):
+        recorder.add_waypoints((Waypoint(1.0, 0.0, 0.3, "door", "door", False),))
     recorder.contacts.append(Contact(5.0, 3.0, 0.0, "column"))
     return recorder.log()
 
@@ -123,11 +125,6 @@ def drawn(path: Path, log: RunLog, shown: TrajectoryPicture) -> Array:
     return image[:, :, ::-1].astype(np.float64)
 
 
-def share_of(image: Array, color: str) -> float:
-    wanted = np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)], dtype=np.float64)
-    return float((np.abs(image - wanted).max(axis=2) < 12.0).mean())
-
-
 def test_the_path_has_the_colours_of_the_leading_behaviours(tmp_path: Path) -> None:
     image = drawn(tmp_path / "a.png", curved_log(), picture())
     assert min(image.shape[:2]) > 400
@@ -157,12 +154,8 @@ def test_the_legend_of_many_behaviours_is_complete(tmp_path: Path) -> None:
         here = Pose(0.01 * tick, 0.0, 0.0)
         recorder.add(tick / 60, here, here, Twist(0.3, 0.0), leaders[tick // 100], False)
     recorder.contacts.append(Contact(5.0, 5.99, 0.0, "column"))
-    tall = [np.array([[0.0, -5.0], [7.0, -5.0], [7.0, 5.0], [0.0, 5.0]])]
-    image = drawn(
-        tmp_path / "many.png", recorder.log(), picture(outline=WorldOutline(tall, [], []))
-    )
-    height = image.shape[0]
-    legend = image[height - 100 :]
+    tall = WorldOutline([np.array([[0.0, -5.0], [7.0, -5.0], [7.0, 5.0], [0.0, 5.0]])])
+    legend = drawn(tmp_path / "many.png", recorder.log(), picture(outline=tall))[-100:]
     assert legend.min() < 100.0, "there is a legend"
     edges = np.concatenate([legend[:, :12], legend[:, -12:]], axis=1)
     assert edges.min() > 250.0, "nothing of it is cut at the sides"
@@ -202,12 +195,12 @@ def axes() -> Axes:
     return axes
 
 
-def pixels(axes: Axes, path: Array) -> Array:
-    """Points of the path one pixel apart."""
-    steps = np.linspace(0.0, 1.0, 501)
+def covered(axes: Axes, path: Array) -> bool:
+    """Whether a text covers one of the points of the path that are one pixel apart."""
     ends = axes.transData.transform(path)
-    points: Array = ends[0] + steps[:, None] * (ends[1] - ends[0])
-    return points
+    points = ends[0] + np.linspace(0.0, 1.0, 501)[:, None] * (ends[1] - ends[0])
+    boxes = [text.get_window_extent() for text in axes.texts]
+    return any(((points > box.min) & (points < box.max)).all(axis=1).any() for box in boxes)
 
 
 def test_labels_cover_neither_each_other_nor_the_path(axes: Axes) -> None:
@@ -219,10 +212,8 @@ def test_labels_cover_neither_each_other_nor_the_path(axes: Axes) -> None:
     assert len(written) >= 6
     assert [text.get_text() for text in axes.texts] == written
     boxes = [text.get_window_extent() for text in axes.texts]
-    for number, box in enumerate(boxes):
-        assert not any(box.overlaps(other) for other in boxes[:number])
-        inside = (pixels(axes, path) > box.min) & (pixels(axes, path) < box.max)
-        assert not inside.all(axis=1).any()
+    assert not any(box.overlaps(other) for box, other in combinations(boxes, 2))
+    assert not covered(axes, path)
 
 
 def test_labels_keep_off_marks(axes: Axes) -> None:
@@ -258,10 +249,7 @@ def test_labels_keep_off_the_path_in_narrow_axes(axes: Axes) -> None:
     figure = axes.figure
     assert isinstance(figure, Figure)
     figure.savefig(BytesIO())
-    for text in axes.texts:
-        box = text.get_window_extent()
-        inside = (pixels(axes, path) > box.min) & (pixels(axes, path) < box.max)
-        assert not inside.all(axis=1).any()
+    assert not covered(axes, path)
 
 
 def test_the_legend_has_each_label_once(axes: Axes) -> None:
