@@ -173,17 +173,9 @@ def test_pictures(waypoints: list[WaypointRow], scenes: list[SceneRow]) -> None:
 
 
 def claim(what: str, two: int, one: int, differ: int, p: float) -> dict[str, Any]:
-    return {
-        "by": "the metrics alone",
-        "flow": "ideal",
-        "what": what,
-        "views": 50,
-        "two_layers_right": two,
-        "one_layer_right": one,
-        "differ": differ,
-        "p": p,
-        "confirmed": two >= one,
-    }
+    views = {"by": "the metrics alone", "flow": "ideal", "what": what, "views": 50}
+    right = {"two_layers_right": two, "one_layer_right": one, "confirmed": two >= one}
+    return {**views, **right, "differ": differ, "p": p}
 
 
 def reading(verdict: str, rotation: str) -> dict[str, str]:
@@ -202,24 +194,17 @@ def summarised(**changed: Any) -> dict[str, list[str]]:
         claim("distance", 44, 44, 0, 1.0),
         claim("quadrant", 40, 41, 3, 1.0),
     ]
-    result = {
-        "table2": [
-            place(3, "right", "wrong", None),
-            place(2, "partly", "right", "furniture hides 50% of the walls in the left half"),
-        ],
-        "table3": [],
-        "real": None,
-        "metrics": {"claims": claims},
-    }
+    hidden = "furniture hides 50% of the walls in the left half"
+    places = [place(3, "right", "wrong", None), place(2, "partly", "right", hidden)]
+    result = {"table2": places, "table3": [], "real": None, "metrics": {"claims": claims}}
     return summary({**result, **changed})
 
 
 def test_the_claim_of_section_4_3_is_told_with_its_figures() -> None:
     whole, *missed = summarised()["Section 4.3"]
     assert "is confirmed in 2 of 4 comparisons: better by more than chance (p < 0.05) in 0" in whole
-    assert "alike on every view in 1. It is not confirmed in 2: worse by more than chance in 1" in (
-        whole
-    )
+    denied = "alike on every view in 1. It is not confirmed in 2: worse by more than chance in 1"
+    assert denied in whole
     assert missed == [
         "Not confirmed: nearest quadrant by the metrics alone, ideal flow: 40 against 48 of 50"
         " right (answers that differ: 10, p = 0.022).",
@@ -295,19 +280,21 @@ def test_comparison_on_a_few_views(result: dict[str, Any]) -> None:
     assert set(result["numbers"]) == {"L=2, means", "L=1, means and variances", "L=1, means"}
 
 
+SOURCES = {
+    "the metrics alone": ("numbers", "L=2, means"),
+    "OFFIS, raw means": ("offis", "L=2, means"),
+}
+
+
 def test_the_claim_is_judged_on_the_same_views(result: dict[str, Any]) -> None:
     assert len(result["claims"]) == 16
     for claim in result["claims"]:
         two, one = claim["two_layers_right"], claim["one_layer_right"]
         assert claim["confirmed"] == (two >= one)
         assert abs(two - one) <= claim["differ"] <= claim["views"] <= 14
-        if claim["by"] == "the metrics alone":
-            found = result["numbers"]["L=2, means"][claim["flow"]][claim["what"]]
-        elif claim["by"] == "OFFIS, raw means":
-            found = result["offis"]["L=2, means"][claim["flow"]][claim["what"]]
-        else:
-            found = result["offis"]["normalised, L=2, means"][claim["flow"]][claim["what"]]
-        assert found == two / claim["views"]
+        part, way = SOURCES.get(claim["by"], ("offis", "normalised, L=2, means"))
+        share = result[part][way][claim["flow"]][claim["what"]]
+        assert share == two / claim["views"]
 
 
 def test_a_claim_counts_views_on_which_the_answers_differ() -> None:
@@ -315,8 +302,6 @@ def test_a_claim_counts_views_on_which_the_answers_differ() -> None:
     one = {"ideal": {"quadrant": [False, True, True, None, True]}}
     (claim,) = _claims("OFFIS", two, one)
     assert (claim["views"], claim["two_layers_right"], claim["one_layer_right"]) == (4, 2, 3)
-    assert claim["differ"] == 3
-    assert not claim["confirmed"]
-    assert claim["p"] == 1.0
+    assert (claim["differ"], claim["confirmed"], claim["p"]) == (3, False, 1.0)
     (turned,) = _claims("OFFIS", one, two)
     assert turned["confirmed"]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_calls import invoke
+from cli_calls import answer, invoke, refusal
 from results_samples import REVISION, mixed_rows, suite_folder
 from suite_samples import row
 
@@ -16,11 +16,11 @@ from navfw.errors import InputError
 from navfw.missions import prepare, write_run
 from navfw.recording import RunFolder, machine_kind
 from navfw.results import StoredSuiteResult, StoredValues, collect, load_results, seed_range
-from navfw.suite import wilson
+from navfw.suite import SuiteFolder, wilson
 
 
-def of_suite(folder: Path) -> StoredSuiteResult:
-    (result,) = collect(folder)
+def of_suite(folder: SuiteFolder, *, total: bool = False) -> StoredSuiteResult:
+    (result,) = collect(folder.path, total=total)
     assert isinstance(result, StoredSuiteResult)
     return result
 
@@ -32,7 +32,7 @@ def of_values(source: Path) -> StoredValues:
 
 
 def test_a_suite_is_kept_with_its_origin_and_figures(tmp_path: Path) -> None:
-    result = of_suite(suite_folder(tmp_path / "runs", mixed_rows()).path)
+    result = of_suite(suite_folder(tmp_path / "runs", mixed_rows()))
     assert result.name == "rooms-0-4"
     assert result.command == "navfw suite rooms --seeds 0:4"
     assert (result.revision, result.seeds, result.stacks) == (REVISION, "0:4", ("default",))
@@ -49,8 +49,8 @@ def test_a_suite_is_kept_with_its_origin_and_figures(tmp_path: Path) -> None:
 
 def test_what_runs_cost_is_kept(tmp_path: Path) -> None:
     rows = [replace(row(seed), cpu_time_s=2.0 + seed, memory_mb=300.0 + seed) for seed in range(3)]
-    folder = suite_folder(tmp_path / "runs", rows).path
-    (folder / "failure.png").write_bytes(bytes(300_000))
+    folder = suite_folder(tmp_path / "runs", rows)
+    (folder.path / "failure.png").write_bytes(bytes(300_000))
     result = of_suite(folder)
     assert (result.figures.cpu_time_s, result.figures.memory_mb) == (3.0, 302.0)
     assert result.disk_kb is not None
@@ -59,17 +59,14 @@ def test_what_runs_cost_is_kept(tmp_path: Path) -> None:
 
 def test_options_are_part_of_command_and_name(tmp_path: Path) -> None:
     options = ("--stack", "paper", "--set", "mission.timeout=60")
-    result = of_suite(suite_folder(tmp_path / "runs", mixed_rows(), options=options).path)
+    result = of_suite(suite_folder(tmp_path / "runs", mixed_rows(), options=options))
     assert result.command == f"navfw suite rooms --seeds 0:4 {' '.join(options)}"
     assert result.name == "rooms-0-4-paper-mission.timeout-60"
 
 
 def test_each_variant_is_a_result_compared_with_the_first(tmp_path: Path) -> None:
-    rows = [
-        row(seed, "stuck" if variant == "bare" else "reached", variant=variant)
-        for variant in ("default", "bare")
-        for seed in range(5)
-    ]
+    rows = [row(seed, variant="default") for seed in range(5)]
+    rows += [row(seed, "stuck", variant="bare") for seed in range(5)]
     first, second = collect(suite_folder(tmp_path / "runs", rows).path)
     assert isinstance(first, StoredSuiteResult)
     assert isinstance(second, StoredSuiteResult)
@@ -80,8 +77,7 @@ def test_each_variant_is_a_result_compared_with_the_first(tmp_path: Path) -> Non
 
 def test_all_variants_may_be_one_result(tmp_path: Path) -> None:
     rows = [row(seed, variant=variant) for variant in ("slow", "fast") for seed in range(5)]
-    [result] = collect(suite_folder(tmp_path / "runs", rows).path, total=True)
-    assert isinstance(result, StoredSuiteResult)
+    result = of_suite(suite_folder(tmp_path / "runs", rows), total=True)
     assert (result.name, result.variant, result.p) == ("rooms-0-5", "", None)
     assert (result.figures.runs, result.figures.reached) == (10, 10)
     assert result.command == "navfw suite rooms --seeds 0:5"
@@ -93,7 +89,7 @@ def test_entries_and_missions_are_parts(tmp_path: Path) -> None:
         row(0, entry="office", mission="back"),
         row(0, "stuck", entry="shut", mission="there"),
     ]
-    result = of_suite(suite_folder(tmp_path / "runs", rows, expect={"shut": "stop"}).path)
+    result = of_suite(suite_folder(tmp_path / "runs", rows, expect={"shut": "stop"}))
     assert set(result.parts) == {"office there", "office back", "shut"}
     assert (result.parts["shut"].expect, result.parts["shut"].passed) == ("stop", 1)
     assert result.parts["office back"].passed is None
@@ -101,35 +97,32 @@ def test_entries_and_missions_are_parts(tmp_path: Path) -> None:
 
 
 def test_what_does_not_say_what_it_is_is_refused(tmp_path: Path) -> None:
-    rows = mixed_rows()
-    partial = suite_folder(tmp_path / "partial", rows, complete=False)
-    with pytest.raises(InputError, match="is incomplete: run the rest with --resume"):
-        collect(partial.path)
-    mixed = suite_folder(tmp_path / "mixed", rows)
-    edited(mixed.path / "suite.json", revisions=[REVISION, "another"])
-    with pytest.raises(InputError, match=r"suite\.json: revisions: expected one, got"):
-        collect(mixed.path)
-    older = suite_folder(tmp_path / "older", rows)
-    edited(older.path / "suite.json", machines=[])
-    with pytest.raises(InputError, match=r"machines: expected one.*run the whole suite anew"):
-        collect(older.path)
-    gap = suite_folder(tmp_path / "gap", [row(1), row(3)])
-    with pytest.raises(InputError, match="2 is missing in 1:4"):
-        collect(gap.path)
-    stacks = suite_folder(tmp_path / "stacks", [row(1), row(1, stack="paper")])
-    with pytest.raises(InputError, match="same runs with several stacks"):
-        collect(stacks.path)
-    with pytest.raises(InputError, match="is not a run folder"):
-        collect(tmp_path)
-    with pytest.raises(InputError, match="there is no such file"):
-        collect(tmp_path / "nothing.json")
+    suite_folder(tmp_path / "partial", mixed_rows(), complete=False)
+    for name in ("mixed", "older"):
+        suite_folder(tmp_path / name, mixed_rows())
+    edited(tmp_path / "mixed" / "suite.json", revisions=[REVISION, "another"])
+    edited(tmp_path / "older" / "suite.json", machines=[])
+    suite_folder(tmp_path / "gap", [row(1), row(3)])
+    suite_folder(tmp_path / "stacks", [row(1), row(1, stack="paper")])
     (tmp_path / "plain.json").write_text("{}")
-    with pytest.raises(InputError, match="expected a suite's folder, a run folder"):
-        collect(tmp_path / "plain.json")
+    for name, message in {
+        "partial": "is incomplete: run the rest with --resume",
+        "mixed": r"suite\.json: revisions: expected one, got",
+        "older": r"machines: expected one.*run the whole suite anew",
+        "gap": "2 is missing in 1:4",
+        "stacks": "same runs with several stacks",
+        ".": "is not a run folder",
+        "nothing.json": "there is no such file",
+        "plain.json": "expected a suite's folder, a run folder",
+    }.items():
+        with pytest.raises(InputError, match=message):
+            collect(tmp_path / name)
 
 
 def edited(file: Path, **changes: Any) -> None:
-    file.write_text(json.dumps({**json.loads(file.read_text()), **changes}))
+    """Change or, by None, remove keys of a JSON file."""
+    data = {**json.loads(file.read_text()), **changes}
+    file.write_text(json.dumps({key: data[key] for key in data if data[key] is not None}))
 
 
 def test_a_run_is_kept_from_its_folder_or_from_what_it_printed(tmp_path: Path) -> None:
@@ -150,17 +143,14 @@ def test_a_run_is_kept_from_its_folder_or_from_what_it_printed(tmp_path: Path) -
     edited(tmp_path / "run" / "result.json", machine={"processor": "x"})
     with pytest.raises(InputError, match="cores: Field required"):
         collect(tmp_path / "run")
-    data = json.loads((tmp_path / "run" / "result.json").read_text())
-    del data["revision"]
-    (tmp_path / "run" / "result.json").write_text(json.dumps(data))
+    edited(tmp_path / "run" / "result.json", revision=None)
     with pytest.raises(InputError, match=r"has no 'revision'.*run the mission anew"):
         collect(tmp_path / "run")
 
 
 def test_a_benchmark_is_kept_without_its_raw_data(tmp_path: Path) -> None:
-    done = invoke("bench", "planning", "--places", "200", "--repeats", "3", "--json")
     file = tmp_path / "planning.json"
-    file.write_text(done.stdout)
+    file.write_text(json.dumps(answer("bench", "planning", "--places", "200", "--repeats", "3")))
     edited(file, raw=list(range(99)), pair=[1, 2], deep={"a": {"b": {"c": 1}, "d": 2}})
     result = of_values(file)
     assert result.name == "bench-planning"
@@ -188,6 +178,5 @@ def test_the_command_keeps_results_and_tells_of_a_changed_tree(tmp_path: Path) -
     assert "rooms-0-4: the code had uncommitted changes" in done.stderr
     (result,) = load_results(folder)
     assert result.dirty
-    missing = invoke(*words[:-1], tmp_path / "nowhere")
-    assert missing.exit_code == 2
-    assert "name the folder of results with --folder" in missing.stderr
+    missing = refusal(*words[:-1], tmp_path / "nowhere")
+    assert "name the folder of results with --folder" in missing

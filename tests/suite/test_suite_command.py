@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
-from cli_calls import invoke, put_files
+from cli_calls import PROGRAM, answer, invoke, put_files
+from killing import Started
+from results_samples import suite_folder
 from suite_samples import row
 
 from navfw.missions import prepare
 from navfw.plugins import default_registry
-from navfw.suite import RunJournal, RunRow, SuiteFolder, columns_of, load_suite, plan_runs
+from navfw.suite import SuiteFolder, columns_of, load_suite, plan_runs
 
-TINY = """
-entries:
-  - world: empty
-    missions: [straight]
-    set: {mission.timeout: 3}
-"""
+TINY = "entries: [{world: empty, missions: [straight], set: {mission.timeout: 3}}]"
 
 
 @pytest.fixture
@@ -37,8 +30,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_suite_runs_and_its_runs_are_those_of_navfw_run(folder: Path) -> None:
     done = invoke("suite", "tiny.yaml", "--seeds", "4:6", "--workers", "2", "--json")
     assert done.exit_code == 0, done.output
-    answer = json.loads(done.stdout)
-    summary, runs = answer["summary"], answer["runs"]
+    summary, runs = (json.loads(done.stdout)[name] for name in ("summary", "runs"))
     assert (summary["missions"], summary["success"], summary["complete"]) == (2, 0.0, True)
     assert summary["outcomes"] == {"timeout": 2}
     assert summary["causes"] == {"timeout: slow": 2}
@@ -60,37 +52,18 @@ def test_a_suite_runs_and_its_runs_are_those_of_navfw_run(folder: Path) -> None:
 @pytest.mark.thorough
 def test_ctrl_c_leaves_a_valid_table_and_no_process(folder: Path) -> None:
     words = ["suite", "tiny.yaml", "--seeds", "0:5000", "--out", "o", "--json", "--keep", "none"]
-    process = subprocess.Popen(  # noqa: S603 - this Python, words of our own
-        [sys.executable, "-c", "from navfw.cli import main; main()", *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    started = Started(PROGRAM, words, folder)
     table = folder / "o" / "table.csv"
     while not (table.is_file() and len(table.read_text().splitlines()) > 1):
-        assert process.poll() is None, "it ended before it began"
-        time.sleep(0.1)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal sends it: to parent and workers
-    out, _ = process.communicate(timeout=300)
-    assert process.returncode == 1
-    answer = json.loads(out)
-    assert answer["summary"]["complete"] is False
+        assert started.after(0.1), "it ended before it began"
+    started.send(signal.SIGINT)
+    ended = started.ended()
+    assert ended.code == 1
+    told = json.loads(ended.stdout)
+    assert told["summary"]["complete"] is False
     rows = SuiteFolder(folder / "o").rows()
-    assert 1 <= len(rows) == len(answer["runs"]) < 5000
+    assert 1 <= len(rows) == len(told["runs"]) < 5000
     assert {row.outcome for row in rows} == {"timeout"}
-    deadline = time.monotonic() + 120.0
-    while processes_in(process.pid):
-        assert time.monotonic() < deadline, "a worker is still there"
-        time.sleep(0.1)
-
-
-def processes_in(group: int) -> bool:
-    try:
-        os.killpg(group, 0)
-    except ProcessLookupError:
-        return False
-    return True
 
 
 @pytest.mark.parametrize(
@@ -157,32 +130,22 @@ def test_a_folder_of_worlds_gives_each_world_with_its_missions(folder: Path) -> 
     ]
 
 
-def write_suite(folder: Path, *rows: RunRow) -> None:
-    folder.mkdir()
-    (folder / "suite.json").write_text('{"content": {}, "current": ["aa"]}')
-    journal = RunJournal(folder / "journal.sqlite")
-    journal.create()
-    journal.add_all(("aa", one) for one in rows)
-
-
 def test_compare_prints_the_paired_numbers(folder: Path) -> None:
-    write_suite(folder / "a", *(row(s, "stuck" if s < 6 else "reached") for s in range(9)))
-    write_suite(folder / "b", *(row(seed) for seed in range(9)))
-    (folder / "b" / "table.md").touch()
-    done = invoke("report", "--text", "a", "b", "--json")
-    assert done.exit_code == 0, done.output
-    answer = json.loads(done.stdout)
-    assert (answer["pairs"], answer["success_b"], answer["p"]) == (9, 1.0, 0.03125)
+    suite_folder(folder / "a", [row(s, "stuck" if s < 6 else "reached") for s in range(9)])
+    suite_folder(folder / "b", [row(seed) for seed in range(9)])
+    (folder / "a" / "table.md").unlink()
+    compared = answer("report", "--text", "a", "b")
+    assert (compared["pairs"], compared["success_b"], compared["p"]) == (9, 1.0, 0.03125)
     shown = invoke("report", "--text", "a", "b").stdout
     assert "33.3 % -> 100.0 %" in shown
     assert "p = 0.0312" in shown
-    assert "reports    a, b/table.md" in shown
+    assert "reports    a/table.csv, b/table.md" in shown
 
 
 @pytest.mark.parametrize(("margin", "code"), [("30%", 0), ("0.2", 1), ("1%", 1)])
 def test_compare_fails_if_b_is_worse(margin: str, code: int, folder: Path) -> None:
-    write_suite(folder / "a", *(row(seed) for seed in range(8)))
-    write_suite(folder / "b", *(row(s, "stuck" if s < 2 else "reached") for s in range(8)))
+    suite_folder(folder / "a", [row(seed) for seed in range(8)])
+    suite_folder(folder / "b", [row(s, "stuck" if s < 2 else "reached") for s in range(8)])
     done = invoke("report", "--text", "a", "b", "--fail-if-worse", margin)
     assert done.exit_code == code
     assert ("success fell by 25.0 %" in done.stderr) == bool(code)

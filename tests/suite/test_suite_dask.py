@@ -16,7 +16,8 @@ from typing import Any
 
 import pytest
 import suite_samples as samples
-from cli_calls import invoke
+from cli_calls import answer, put_files, refusal
+from processes import printed
 
 from navfw.errors import InputError
 from navfw.suite import (
@@ -49,8 +50,11 @@ def start(folder: Path, *words: str) -> subprocess.Popen[bytes]:
         )
 
 
+Cluster = tuple[str, list[subprocess.Popen[bytes]]]
+
+
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
     """The address of a scheduler, and its two workers."""
     file = str(tmp_path / "scheduler.json")
     quiet = ["--no-dashboard", "--host", "127.0.0.1"]
@@ -69,9 +73,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
 
 
 @pytest.mark.slow
-def test_every_run_ends_once_although_a_worker_is_killed(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
-) -> None:
+def test_every_run_ends_once_although_a_worker_is_killed(cluster: Cluster, tmp_path: Path) -> None:
     address, workers = cluster
     plan = SuitePlan("rooms", tuple(samples.case(seed) for seed in range(30)), {"a": "1"})
     out = SuiteFolder(tmp_path / "out")
@@ -93,37 +95,30 @@ def test_every_run_ends_once_although_a_worker_is_killed(
 
 
 @pytest.mark.slow
-def test_suite_and_tune_drive_on_a_cluster(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
-) -> None:
-    there = ["--engine", "dask", "--scheduler", cluster[0], "--json"]
+def test_suite_and_tune_drive_on_a_cluster(cluster: Cluster, tmp_path: Path) -> None:
+    on_cluster = ("--engine", "dask", "--scheduler", cluster[0])
     suite, stack = tmp_path / "short.yaml", tmp_path / "detuned.yaml"
     suite.write_text("entries: [{world: empty, missions: [straight]}]\n", encoding="utf-8")
     stack.write_text("base: default\nbehaviors:\n  avoid: {spare: 0.5}\n", encoding="utf-8")
-    words = ["suite", str(suite), "--seeds", "0:3", "--stack", str(stack), "--keep", "all"]
+    words = ["suite", suite, "--seeds", "0:3", "--stack", stack, "--keep", "all"]
     hashes = []
-    for name, where in (("cluster", there), ("here", ["--json"])):
-        done = invoke(*words, "--out", str(tmp_path / name), *where)
-        assert done.exit_code == 0, done.output
+    for name, where in (("cluster", on_cluster), ("process", ())):
+        told = answer(*words, "--out", tmp_path / name, *where)
         assert len(list((tmp_path / name).glob("**/*.png"))) == 3
-        hashes.append([run["command_hash"] for run in json.loads(done.stdout)["runs"]])
+        hashes.append([run["command_hash"] for run in told["runs"]])
     assert hashes[0] == hashes[1]
 
-    words = ["tune", str(suite), "--stack", str(stack), "--param", "avoid.spare", "--trials", "2"]
-    words += ["--seeds", "0:2", "--validate", "9:10", "--out", str(tmp_path / "study")]
-    done = invoke(*words, *there)
-    assert done.exit_code == 0, done.output
-    assert json.loads(done.stdout)["runs"] == 1
+    words = ["tune", suite, "--stack", stack, "--param", "avoid.spare", "--trials", "2"]
+    words += ["--seeds", "0:2", "--validate", "9:10", "--out", tmp_path / "study"]
+    assert answer(*words, *on_cluster)["runs"] == 1
 
 
 @pytest.mark.parametrize("command", ["suite", "tune"])
 def test_scheduler_and_engine_belong_together(command: str) -> None:
     needed = {"suite": ["--seeds", "0:2"], "tune": ["--stack", "default", "--trials", "2"]}
     words = [command, "rooms", *needed[command]]
-    lonely = invoke(*words, "--scheduler", "tcp://127.0.0.1:9")
-    assert (lonely.exit_code, "needs --engine dask" in lonely.stderr) == (2, True)
-    nowhere = invoke(*words, "--engine", "dask")
-    assert (nowhere.exit_code, "tcp://HOST:PORT" in nowhere.stderr) == (2, True)
+    assert "needs --engine dask" in refusal(*words, "--scheduler", "tcp://127.0.0.1:9")
+    assert "tcp://HOST:PORT" in refusal(*words, "--engine", "dask")
 
 
 def test_a_worker_of_another_version_or_without_a_plugin_is_refused() -> None:
@@ -146,10 +141,8 @@ def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> No
 def test_a_worker_is_not_profiled_while_it_has_a_suite(tmp_path: Path) -> None:
     log: list[str] = []
     profile = SimpleNamespace(stop=lambda: log.append("stop"), start=lambda: log.append("start"))
-    worker: Any = SimpleNamespace(
-        local_directory=str(tmp_path / "worker"), periodic_callbacks={"profile": profile}
-    )
-    (tmp_path / "worker").mkdir()
+    callbacks = {"profile": profile}
+    worker: Any = SimpleNamespace(local_directory=str(tmp_path), periodic_callbacks=callbacks)
     plugin = PackageOnWorker(JobPackage.of([samples.case(1)]), "a:b", 10.0, 1000.0)
     plugin.setup(worker)
     assert log == ["stop"]
@@ -161,30 +154,22 @@ def test_a_worker_itself_imports_no_simulator(tmp_path: Path) -> None:
     work = "navfw.suite.case_worker:run_job"
     plugin = PackageOnWorker(JobPackage.of([samples.case(1)]), work, 10.0, 1000.0)
     (tmp_path / "plugin").write_bytes(pickle.dumps(plugin))
-    code = "import pickle, sys; pickle.load(sys.stdin.buffer); print('numba' in sys.modules)"
-    with (tmp_path / "plugin").open("rb") as pickled:
-        found = subprocess.run(  # noqa: S603 - this Python, words of our own
-            [sys.executable, "-c", code], stdin=pickled, capture_output=True, check=True
-        )
-    assert found.stdout.strip() == b"False"
+    code = "import pickle, sys; pickle.load(open(sys.argv[1], 'rb')); print('numba' in sys.modules)"
+    assert printed(code, tmp_path / "plugin") == "False"
 
 
 def test_paths_travel_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    world = tmp_path / "mine" / "worlds" / "hall" / "world.yaml"
-    world.parent.mkdir(parents=True)
-    world.write_text("name: hall")
-    (tmp_path / "mine" / "navfw.toml").touch()
+    texts = {"tuned.yaml": "base: default", "mine/worlds/hall/world.yaml": "name: hall"}
+    put_files(tmp_path, {**texts, "mine/navfw.toml": ""})
     monkeypatch.chdir(tmp_path / "mine")
-    outside = tmp_path / "tuned.yaml"
-    outside.write_text("base: default")
-    job = Job(samples.case(1, family="", world=str(world), stack=str(outside)), tmp_path)
+    stack, world = (str(tmp_path / name) for name in texts)
+    job = Job(samples.case(1, family="", world=world, stack=stack), tmp_path)
     package = JobPackage.of([job.case])
     assert package.key == JobPackage.of([job.case]).key
-    (tmp_path / "there").mkdir()
-    folder = package.unpack(tmp_path / "there")
-    there = package.unpacked(package.packed(job), folder)
-    assert Path(there.case.world).is_relative_to(tmp_path / "there")
-    assert Path(there.case.world).read_text() == "name: hall"
-    assert Path(there.case.stack).is_relative_to(tmp_path / "there")
-    assert Path(there.case.stack).suffix == ".yaml"
-    assert Path(there.case.stack).read_text() == "base: default"
+    (tmp_path / "worker").mkdir()
+    folder = package.unpack(tmp_path / "worker")
+    case = package.unpacked(package.packed(job), folder).case
+    for path, text in ((case.world, "name: hall"), (case.stack, "base: default")):
+        assert Path(path).is_relative_to(tmp_path / "worker")
+        assert Path(path).suffix == ".yaml"
+        assert Path(path).read_text() == text

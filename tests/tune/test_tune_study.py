@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from cli_calls import refusal
 
-from navfw.cli import app
 from navfw.config import find, parse_override
 from navfw.errors import InputError, RuleBaseError, UnknownNameError
 from navfw.fuzzy import load_rule_base
@@ -31,26 +30,28 @@ from navfw.tune import BreakPoints, Objectives, StackStudy, StudyFolder, driver,
 
 DETUNED = "base: default\nbehaviors:\n  avoid: {spare: 0.9}\n"
 BEST = 0.06
+Files = tuple[Path, Path]
+"""A suite and a stack."""
 
 
 @pytest.fixture
-def files(tmp_path: Path) -> tuple[Path, Path]:
+def files(tmp_path: Path) -> Files:
     suite, stack = tmp_path / "short.yaml", tmp_path / "detuned.yaml"
     suite.write_text("entries: [{world: empty, missions: [straight]}]\n", encoding="utf-8")
     stack.write_text(DETUNED, encoding="utf-8")
     return suite, stack
 
 
-def planned(files: tuple[Path, Path], **changed: Any) -> StackStudy:
-    options: dict[str, Any] = {
-        "seeds": "0:6",
-        "validate": "100:110",
-        "parameters": ("avoid.spare",),
-        "rules": (),
-        "objectives": ("spl",),
-    }
-    options |= changed
-    return StackStudy.plan(load_suite(files[0]), str(files[1]), default_registry(), **options)
+@pytest.fixture
+def folder(tmp_path: Path) -> StudyFolder:
+    return StudyFolder(tmp_path / "out")
+
+
+def planned(files: Files, **changed: Any) -> StackStudy:
+    seeds: dict[str, Any] = {"seeds": "0:6", "validate": "100:110"}
+    what = {"parameters": ("avoid.spare",), "rules": (), "objectives": ("spl",)}
+    suite, stack = load_suite(files[0]), str(files[1])
+    return StackStudy.plan(suite, stack, default_registry(), **(seeds | what | changed))
 
 
 @dataclass
@@ -65,8 +66,8 @@ class FakeRuns:
             if len(self.driven) >= self.stop_after:
                 raise KeyboardInterrupt
             self.driven.append(case)
-            given = map(parse_override, case.overrides)
-            settings = {".".join(map(str, o.path)): o.value for o in given}
+            overrides = map(parse_override, case.overrides)
+            settings = {".".join(map(str, o.path)): o.value for o in overrides}
             spare = float(str(settings.get("avoid.spare", 0.9)))
             spl = 1.0 - abs(spare - BEST) - 0.01 * (case.seed % 3)
             yield RunRow(**case.columns, outcome="reached", spl=spl)
@@ -78,8 +79,7 @@ def table_of(folder: StudyFolder) -> list[dict[str, str]]:
 
 
 @pytest.mark.thorough
-def test_tuning_brings_a_detuned_parameter_back(files: tuple[Path, Path], tmp_path: Path) -> None:
-    folder = StudyFolder(tmp_path / "out")
+def test_tuning_brings_a_detuned_parameter_back(files: Files, folder: StudyFolder) -> None:
     found = planned(files).run(folder, FakeRuns(), 30)
     tuned = load_stack(folder.stack, default_registry())
     spare = tuned.behaviors["avoid"].params.model_dump()["spare"]
@@ -100,9 +100,9 @@ def test_tuning_brings_a_detuned_parameter_back(files: tuple[Path, Path], tmp_pa
     assert all(int(row["runs"]) < 6 for row in pruned)
 
 
-def test_training_and_validation_share_no_run(files: tuple[Path, Path], tmp_path: Path) -> None:
+def test_training_and_validation_share_no_run(files: Files, folder: StudyFolder) -> None:
     runs = FakeRuns()
-    planned(files).run(StudyFolder(tmp_path / "out"), runs, 3)
+    planned(files).run(folder, runs, 3)
     seeds = [case.seed for case in runs.driven]
     assert set(seeds[:-20]) == set(range(6))
     assert seeds[-20:] == 2 * list(range(100, 110))
@@ -111,8 +111,8 @@ def test_training_and_validation_share_no_run(files: tuple[Path, Path], tmp_path
 
 
 @pytest.mark.thorough
-def test_a_study_goes_on_where_it_was(files: tuple[Path, Path], tmp_path: Path) -> None:
-    folder, study = StudyFolder(tmp_path / "out"), planned(files)
+def test_a_study_goes_on_where_it_was(files: Files, folder: StudyFolder) -> None:
+    study = planned(files)
     with pytest.raises(KeyboardInterrupt):
         study.run(folder, FakeRuns(stop_after=14), 8)
     with pytest.raises(InputError, match="there is a study in it; --resume goes on"):
@@ -134,25 +134,22 @@ def test_a_study_goes_on_where_it_was(files: tuple[Path, Path], tmp_path: Path) 
     ],
 )
 def test_a_study_of_other_runs_is_refused(
-    files: tuple[Path, Path], tmp_path: Path, changed: dict[str, Any], what: str
+    files: Files, folder: StudyFolder, changed: dict[str, Any], what: str
 ) -> None:
-    folder = StudyFolder(tmp_path / "out")
     folder.open(planned(files).identity, resume=False, seed=0)
     with pytest.raises(InputError, match=what):
         folder.open(planned(files, **changed).identity, resume=True, seed=0)
 
 
-def test_a_study_of_another_suite_is_refused(files: tuple[Path, Path], tmp_path: Path) -> None:
-    folder = StudyFolder(tmp_path / "out")
+def test_a_study_of_another_suite_is_refused(files: Files, folder: StudyFolder) -> None:
     folder.open(planned(files).identity, resume=False, seed=0)
-    other = tmp_path / "other.yaml"
+    other = files[0].with_name("other.yaml")
     other.write_text("entries: [{world: empty, missions: [turn-back]}]\n", encoding="utf-8")
     with pytest.raises(InputError, match='another suite: "short", not "other"'):
         planned((other, files[1])).run(folder, FakeRuns(), 2, resume=True)
 
 
-def test_a_file_that_is_no_study_is_told(tmp_path: Path) -> None:
-    folder = StudyFolder(tmp_path / "out")
+def test_a_file_that_is_no_study_is_told(folder: StudyFolder) -> None:
     with pytest.raises(InputError, match="there is no study to resume"):
         folder.open({}, resume=True, seed=0)
     folder.created()
@@ -174,23 +171,19 @@ def test_a_file_that_is_no_study_is_told(tmp_path: Path) -> None:
     ],
 )
 def test_mistakes_are_told_before_the_first_trial(
-    files: tuple[Path, Path], changed: dict[str, Any], error: type[Exception], message: str
+    files: Files, changed: dict[str, Any], error: type[Exception], message: str
 ) -> None:
     with pytest.raises(error, match=message):
         planned(files, **changed)
 
 
-def test_without_optuna_the_remedy_is_told(
-    files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_optuna_the_remedy_is_told(files: Files, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in list(sys.modules):
         if name.partition(".")[0] == "optuna" or name.startswith("navfw.tune"):
             monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "optuna", None)
-    arguments = ["tune", str(files[0]), "--stack", str(files[1]), "--trials", "1"]
-    done = CliRunner().invoke(app, arguments)
-    assert done.exit_code == 2
-    assert "uv sync --extra tune" in done.stderr
+    words = ("tune", files[0], "--stack", files[1], "--trials", 1)
+    assert "uv sync --extra tune" in refusal(*words)
 
 
 def all_break_points() -> list[BreakPoints]:
@@ -223,21 +216,16 @@ def test_break_points_keep_their_order_their_meetings_and_the_cover() -> None:
     assert covered > 0.8 * len(parts)
 
 
-def test_a_tuned_rule_base_is_a_setting_of_the_stack(
-    files: tuple[Path, Path], tmp_path: Path
-) -> None:
-    folder = StudyFolder(tmp_path / "out")
+def test_a_tuned_rule_base_is_a_setting_of_the_stack(files: Files, folder: StudyFolder) -> None:
     study = planned(files, parameters=(), rules=("travel.idle",))
     study.run(folder, FakeRuns(), 3)
     tuned = load_stack(folder.stack, default_registry()).stages["composite"]
     corners = tuned.params.model_dump()["terms"]["idle"]
     assert corners["progressing"][2] == corners["stuck"][0]
     assert tuned.plugin(RobotModel(), tuned.params)
+    wrong = tuned.plugin.Params.model_validate({"terms": {"idle": {"stuk": [0, 1, 2, 3]}}})
     with pytest.raises(RuleBaseError, match="no term of idle called 'stuk': did you mean 'stuck'"):
-        tuned.plugin(
-            RobotModel(),
-            tuned.plugin.Params.model_validate({"terms": {"idle": {"stuk": [0, 1, 2, 3]}}}),
-        )
+        tuned.plugin(RobotModel(), wrong)
 
 
 @dataclass
@@ -264,7 +252,7 @@ class FakeEngine:
                 yield job, row
 
 
-def test_runs_come_in_order_a_batch_at_a_time(files: tuple[Path, Path]) -> None:
+def test_runs_come_in_order_a_batch_at_a_time(files: Files) -> None:
     cases, engine = planned(files, seeds="0:5").training, FakeEngine(dies=1, late=3)
     rows = driver(engine)(cases)
     assert next(rows).seed == 0
@@ -282,11 +270,9 @@ def test_scores_are_weighed_means() -> None:
 
 
 @pytest.mark.slow
-def test_tuning_by_real_runs_brings_the_speed_back(
-    files: tuple[Path, Path], tmp_path: Path
-) -> None:
+def test_tuning_by_real_runs_brings_the_speed_back(files: Files, folder: StudyFolder) -> None:
     study = planned(files, seeds="0:2", validate="10:12", objectives=("sct",))
     with engine_or_processes(None, 2, limit=300.0) as engine:
-        found = study.run(StudyFolder(tmp_path / "out"), driver(engine), 8)
-    assert found["score_after"] > found["score_before"]
-    assert found["settings"]["avoid.spare"] < 0.9
+        result = study.run(folder, driver(engine), 8)
+    assert result["score_after"] > result["score_before"]
+    assert result["settings"]["avoid.spare"] < 0.9
