@@ -8,13 +8,14 @@ import re
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NoReturn
 
 import numba
 import pytest
+from stack_samples import ROBOT, Idle
 
 from navfw.errors import InputError, PluginError
 from navfw.guard import (
@@ -26,7 +27,7 @@ from navfw.guard import (
     nothing,
     number,
 )
-from navfw.interfaces import Behavior, Plugin
+from navfw.interfaces import Plugin
 from navfw.process import (
     GRACE,
     HEARTBEAT_SIZE,
@@ -42,6 +43,7 @@ from navfw.process import (
     set_memory,
 )
 from navfw.robot import RobotModel
+from navfw.stack import Choice
 
 
 class OwnBaseError(BaseException):
@@ -58,10 +60,16 @@ class Unprintable(Exception):  # noqa: N818 - as a plugin might call it
 def raiser(error: BaseException) -> Callable[[], NoReturn]:
     """A function that raises ``error``."""
 
-    def fail() -> NoReturn:
+    def call() -> NoReturn:
         raise error
 
-    return fail
+    return call
+
+
+def fail(guard: PluginGuard, plugin: str, error: BaseException, *, vital: bool = False) -> None:
+    """A call of ``plugin`` that raises ``error``."""
+    with pytest.raises(PluginCallError, match=f"^{plugin}: "):
+        guard.call(plugin, raiser(error), check=nothing, vital=vital)
 
 
 @pytest.mark.parametrize(
@@ -81,8 +89,8 @@ def test_whatever_a_plugin_raises_is_its_fault(error: BaseException, told: str) 
     guard = PluginGuard()
     guard.starting = False
     guard.time = 1.5
-    with interruptible(), pytest.raises(PluginCallError, match=r"^behavior mine: "):
-        guard.call("behavior mine", raiser(error), check=nothing)
+    with interruptible():
+        fail(guard, "behavior mine", error)
     [fault] = guard.faults
     assert (fault.time, fault.plugin, fault.count) == (1.5, "behavior mine", 1)
     assert fault.error.startswith(told)
@@ -119,15 +127,14 @@ def test_an_error_in_place_of_the_users_interrupt_is_not_a_fault() -> None:
 
 def test_a_plugin_may_refuse_the_mission_at_its_start_only() -> None:
     guard = PluginGuard()
-    refuse = raiser(InputError("no route"))
+    refusal = InputError("no route")
     with pytest.raises(InputError, match="no route"):
-        guard.call("planner mine", refuse, check=nothing)
+        guard.call("planner mine", raiser(refusal), check=nothing)
     guard.starting = False
-    with pytest.raises(PluginCallError):
-        guard.call("planner mine", refuse, check=nothing)
+    fail(guard, "planner mine", refusal)
     told = guard.faults[0].error
     assert re.fullmatch(
-        r"InputError: no route \(.*test_guard_plugin_guard\.py:\d+, in fail: raise error\)", told
+        r"InputError: no route \(.*test_guard_plugin_guard\.py:\d+, in call: raise error\)", told
     )
 
 
@@ -148,8 +155,7 @@ def test_answers_are_checked_and_errors_counted_by_kind() -> None:
 def test_faults_are_bounded() -> None:
     guard = PluginGuard()
     for number_ in range(1200):
-        with pytest.raises(PluginCallError):
-            guard.call("behavior mine", raiser(ValueError(str(number_))), check=nothing)
+        fail(guard, "behavior mine", ValueError(str(number_)))
     assert len(guard.faults) == 1000
 
 
@@ -157,10 +163,8 @@ def test_a_vital_stage_fails_from_its_first_failure_until_it_answers() -> None:
     guard = PluginGuard()
     for at in (1.0, 2.0):
         guard.time = at
-        with pytest.raises(PluginCallError):
-            guard.call("flow mine", raiser(ValueError("a")), check=nothing, vital=True)
-    with pytest.raises(PluginCallError):
-        guard.call("behavior mine", raiser(ValueError("b")), check=nothing)
+        fail(guard, "flow mine", ValueError("a"), vital=True)
+    fail(guard, "behavior mine", ValueError("b"))
     assert {name: stage.since for name, stage in guard.failing.items()} == {"flow mine": 1.0}
     guard.call("flow mine", lambda: 1, check=nothing, vital=True)
     assert guard.failing == {}
@@ -169,9 +173,7 @@ def test_a_vital_stage_fails_from_its_first_failure_until_it_answers() -> None:
 def test_a_time_out_suspends_the_plugin_for_longer_each_time() -> None:
     guard, durations = PluginGuard(limit=0.1, first_limit=0.1), []
     for turn in range(8):
-        late = raiser(PluginTimeout("late"))
-        with pytest.raises(PluginCallError):
-            guard.call("behavior slow", late, check=nothing)
+        fail(guard, "behavior slow", PluginTimeout("late"))
         began = guard.time
         while True:
             try:
@@ -200,16 +202,7 @@ def test_a_call_that_hangs_is_ended_and_the_next_one_gets_its_own_time() -> None
     assert time.monotonic() - began < 5.0
 
 
-class Sound(Behavior):
-    """Can be constructed."""
-
-    name = "sound"
-
-    def propose(self, context: object) -> NoReturn:
-        raise NotImplementedError
-
-
-class Unsound(Sound):
+class Unsound(Idle):
     """Ends the program when constructed."""
 
     name = "unsound"
@@ -219,18 +212,11 @@ class Unsound(Sound):
         sys.exit(0)
 
 
-class Chosen:
-    """A choice of a plugin without parameters."""
-
-    def __init__(self, plugin: type[Plugin]) -> None:
-        self.plugin, self.name, self.params = plugin, plugin.name, plugin.Params()
-
-
 def test_a_constructor_that_fails_is_an_input_error() -> None:
     guard = PluginGuard()
-    assert isinstance(guard.construct(Chosen(Sound), RobotModel()), Sound)
+    assert isinstance(guard.construct(Choice("idle", Idle, Idle.Params()), ROBOT), Idle)
     with pytest.raises(PluginError, match=r"unsound: cannot be constructed: .* SystemExit: 0"):
-        guard.construct(Chosen(Unsound), RobotModel())
+        guard.construct(Choice("unsound", Unsound, Unsound.Params()), ROBOT)
 
 
 def test_an_error_is_told_on_one_short_line() -> None:
@@ -291,19 +277,15 @@ def test_a_timer_set_before_goes_on() -> None:
 
 
 def test_in_other_threads_no_call_is_limited() -> None:
-    done: list[bool] = []
-
-    def work() -> None:
+    def work() -> str:
         watchdog = Watchdog()
         with watchdog.on_duty():
             watchdog.begin("behavior slow", 0.01)
             time.sleep(0.4)
-        done.append(True)
+        return "done"
 
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    assert done == [True]
+    with ThreadPoolExecutor(1) as threads:
+        assert threads.submit(work).result() == "done"
 
 
 def _kernel(x: float) -> float:

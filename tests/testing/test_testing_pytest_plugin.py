@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from cli_calls import put_files
 from processes import printed
 
 from navfw.config import shipped_folder
@@ -21,6 +22,8 @@ from navfw.testing.mission_case import MissionCase
 
 pytest_plugins = "pytester"
 
+IMPORT = "import pytest\n"
+SHORT = 'set=["mission.timeout=1.5"]'  # every run ends after 1.5 s, as a timeout
 MARKED = """
 import pytest
 
@@ -63,6 +66,11 @@ def drives(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return driven
 
 
+def outcomes(pytester: pytest.Pytester, text: str, *options: str) -> pytest.RunResult:
+    pytester.makepyfile(IMPORT + textwrap.dedent(text))
+    return pytester.runpytest_inprocess("-p", "no:cacheprovider", *options)
+
+
 def section(done: pytest.RunResult, name: str) -> str:
     """The value of a line ``name: value`` of the report."""
     (line,) = [line for line in done.outlines if line.startswith(f"{name}: ")]
@@ -99,13 +107,14 @@ def test_an_unchanged_mission_is_driven_once(pytester: pytest.Pytester, drives: 
 
 
 def test_a_mission_file_is_a_test(pytester: pytest.Pytester) -> None:
-    place = pytester.path / "worlds" / "empty" / "missions"
-    place.mkdir(parents=True)
-    (pytester.path / "navfw.toml").touch()
     mission = "start: [1, 2, 0]\ngoals: [{x: 1.9, y: 2}]\ntimeout: 20\nsuccess: {within: 1.5}\n"
-    (place / "near.yaml").write_text(mission + "tolerance: 1.0\n")
-    (place / "far.yaml").write_text(mission.replace("20", "1"))
-    (place / "wrong.yaml").write_text(mission + "stack: defalt\n")
+    texts = {
+        "near": mission + "tolerance: 1.0\n",
+        "far": mission.replace("20", "1"),
+        "wrong": mission + "stack: defalt\n",
+    }
+    put_files(pytester.path / "worlds/empty/missions", {f"{k}.yaml": texts[k] for k in texts})
+    (pytester.path / "navfw.toml").touch()
     options = ("-p", "no:cacheprovider", "worlds")
     pytester.runpytest_inprocess(*options).assert_outcomes()
     pytester.makeini("[pytest]\nnavfw_missions =\n  worlds/*/missions/*r.yaml\n")
@@ -123,8 +132,8 @@ def test_a_mission_file_is_a_test(pytester: pytest.Pytester) -> None:
 
 
 def test_reports_carry_the_run(pytester: pytest.Pytester) -> None:
-    pytester.makepyfile(MARKED + "    assert mission.outcome == 'reached'")
-    done = pytester.runpytest_inprocess("-p", "no:cacheprovider", "--junit-xml", "report.xml")
+    text = MARKED + "    assert mission.outcome == 'reached'"
+    done = outcomes(pytester, text, "--junit-xml", "report.xml")
     tree = ElementTree.parse(pytester.path / "report.xml")  # noqa: S314 - written by pytest
     found = {p.get("name"): str(p.get("value")) for p in tree.iter("property")}
     assert found["outcome"] == "timeout"
@@ -142,17 +151,14 @@ def test_reports_carry_the_run(pytester: pytest.Pytester) -> None:
 
 
 def test_a_fault_of_a_plugin_fails_the_test(pytester: pytest.Pytester) -> None:
-    (pytester.path / "behaviors").mkdir()
-    (pytester.path / "navfw.toml").touch()
-    (pytester.path / "behaviors" / "hover.py").write_text(FAULTY)
+    put_files(pytester.path, {"navfw.toml": "", "behaviors/hover.py": FAULTY})
     marker = '@pytest.mark.mission("empty", "straight", set=["mission.timeout=1.5"'
     tests = (
         f"{marker}, 'behaviors.hover='])\ndef test_a(mission):\n    assert mission.faults\n"
         f"{marker}, 'behaviors.hover='], allow_faults=True)\n"
         "def test_b(mission):\n    assert 'in propose: return 1 / 0' in mission.faults[0]"
     )
-    pytester.makepyfile("import pytest\n" + tests)
-    done = pytester.runpytest_inprocess("-p", "no:cacheprovider")
+    done = outcomes(pytester, tests)
     done.assert_outcomes(passed=1, failed=1)
     fault = "behavior hover: ZeroDivisionError: division by zero (behaviors/hover.py:11, in propose"
     done.stdout.fnmatch_lines(
@@ -161,13 +167,12 @@ def test_a_fault_of_a_plugin_fails_the_test(pytester: pytest.Pytester) -> None:
 
 
 def test_more_seeds_widen_every_mission(pytester: pytest.Pytester) -> None:
-    pytester.makepyfile(MARKED + "    pass")
-    options = ("-p", "no:cacheprovider", "--collect-only", "-q")
-    done = pytester.runpytest_inprocess(*options, "--mission-seeds", "0:3")
+    words = (MARKED + "    pass", "--collect-only", "-q", "--mission-seeds")
+    done = outcomes(pytester, *words, "0:3")
     assert [line for line in done.outlines if "straight" in line] == [
         f"test_more_seeds_widen_every_mission.py::test_it[straight-seed{seed}]" for seed in range(3)
     ]
-    done = pytester.runpytest_inprocess(*options, "--mission-seeds", "3")
+    done = outcomes(pytester, *words, "3")
     assert done.ret == pytest.ExitCode.USAGE_ERROR
     done.stderr.fnmatch_lines(["*--mission-seeds: expected A:B*"])
 
@@ -178,8 +183,7 @@ def test_the_stack_of_the_mission_counts_unless_the_test_names_one(
     marker = '@pytest.mark.mission("office", "patrol", set="mission.timeout=1"'
     text = f"{marker})\ndef test_a(mission):\n    assert mission.stack == 'default'\n"
     text += f"{marker}, stack='default')\ndef test_b(mission):\n    assert mission.stack == ''\n"
-    pytester.makepyfile("import pytest\n" + text)
-    done = pytester.runpytest_inprocess("-p", "no:cacheprovider")
+    done = outcomes(pytester, text)
     done.assert_outcomes(failed=2)
     done.stdout.fnmatch_lines(["stack:   landmarks (named by the mission)"])
     done.stdout.fnmatch_lines(["stack:   default (named by the test)"])
@@ -205,21 +209,10 @@ def test_a_stored_run_is_the_same(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_workers_of_xdist_share_the_runs(pytester: pytest.Pytester) -> None:
-    text = (
-        MARKED + "    with open('driven', 'a') as file:\n        print(mission.cached, file=file)"
-    )
+    text = MARKED + "    with open('driven', 'a') as file: print(mission.cached, file=file)"
     pytester.makepyfile(test_a=text, test_b=text)
     pytester.runpytest_subprocess("-n", "2", "--dist", "loadfile").assert_outcomes(passed=2)
     assert sorted((pytester.path / "driven").read_text().split()) == ["False", "True"]
-
-
-IMPORT = "import pytest\n"
-SHORT = 'set=["mission.timeout=1.5"]'  # every run ends after 1.5 s, as a timeout
-
-
-def outcomes(pytester: pytest.Pytester, text: str, *options: str) -> pytest.RunResult:
-    pytester.makepyfile(IMPORT + textwrap.dedent(text))
-    return pytester.runpytest_inprocess("-p", "no:cacheprovider", *options)
 
 
 def test_one_test_for_each_mission_and_seed(pytester: pytest.Pytester) -> None:
@@ -230,8 +223,7 @@ def test_one_test_for_each_mission_and_seed(pytester: pytest.Pytester) -> None:
         pass
     """
     done = outcomes(pytester, marker, "--collect-only", "-q")
-    lines = [line for line in done.outlines if "::" in line]
-    assert [line.split("::")[1] for line in lines] == [
+    assert [line.split("::")[1] for line in done.outlines if "::" in line] == [
         f"test_it[{name}-seed{seed}]" for name in ("straight", "turn-back") for seed in (1, 2)
     ]
 
@@ -344,9 +336,7 @@ def test_tests_execute_the_plugins_of_their_own_project_alone(
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     other = tmp_path / "other"
     for project in (pytester.path, other):
-        (project / "behaviors").mkdir(parents=True)
-        (project / "navfw.toml").touch()
-        (project / "behaviors" / "hover.py").touch()
+        put_files(project, {"navfw.toml": "", "behaviors/hover.py": ""})
     for folder, passed in ((pytester.path, 1), (other, 0)):
         tests = pytester.mkdir(f"tests_{passed}")
         (tests / "test_it.py").write_text(REGISTRY.format(folder=str(folder)))
@@ -358,6 +348,5 @@ def test_tests_execute_the_plugins_of_their_own_project_alone(
 
 def test_a_damaged_project_does_not_stop_other_tests(pytester: pytest.Pytester) -> None:
     pytester.path.joinpath("pyproject.toml").write_text("[tool.navfw]\nx = \n")
-    pytester.makepyfile("def test_it():\n    pass\n")
-    done = pytester.runpytest_inprocess("-p", "no:cacheprovider", "-c", "/dev/null", "--rootdir=.")
-    done.assert_outcomes(passed=1)
+    text = "def test_it():\n    pass\n"
+    outcomes(pytester, text, "-c", "/dev/null", "--rootdir=.").assert_outcomes(passed=1)
