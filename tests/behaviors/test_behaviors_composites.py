@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from behavior_samples import behavior_of, composite_of, desired_twist, scene
+from behavior_samples import behavior_of, composite_of, scene, twist_of
 
 from navfw.context import Context
 from navfw.errors import InputError
@@ -47,12 +47,11 @@ def test_patrol_weighs_as_travel_does_without_progress() -> None:
 
 
 def test_cruise_is_moderate_in_the_open_and_slower_at_a_door() -> None:
-    cruise = behavior_of("cruise")
-    in_the_open = desired_twist(OPEN, cruise.propose(OPEN)).v
-    at_door = replace(OPEN, waypoint=DOOR)
+    in_the_open = twist_of("cruise", OPEN).v
     assert 0.25 < in_the_open < 0.8 * OPEN.commands.max_v
-    assert desired_twist(at_door, cruise.propose(at_door)).v < 0.7 * in_the_open
-    assert cruise.propose(replace(OPEN, waypoint=None)).applicability == 0.0
+    assert twist_of("cruise", replace(OPEN, waypoint=DOOR)).v < 0.7 * in_the_open
+    aimless = replace(OPEN, waypoint=None)
+    assert behavior_of("cruise").propose(aimless).applicability == 0.0
 
 
 # --- search --------------------------------------------------------------------------------------
@@ -131,7 +130,7 @@ def test_search_without_result_is_suspended_for_a_while() -> None:
 def test_look_around_turns_on_the_spot_toward_the_waypoint_first() -> None:
     aside = replace(OPEN, waypoint=Waypoint(0.0, -3.0, 0.3, "there", "goal", final=True))
     for context, sign in ((OPEN, 1.0), (aside, -1.0)):
-        twist = desired_twist(context, behavior_of("look_around").propose(context))
+        twist = twist_of("look_around", context)
         assert twist.v == 0.0
         assert twist.w * sign > 0.3
 
@@ -144,24 +143,20 @@ def test_explore_heads_for_free_unobserved_space() -> None:
     free[left] = 3.0
     ranges = replace(OPEN.ranges, free=free, observed=np.minimum(observed, free))
     context = replace(OPEN, ranges=ranges)
-    assert desired_twist(context, behavior_of("explore").propose(context)).w > 0.4
+    assert twist_of("explore", context).w > 0.4
     # of two free ways, the unobserved one
     right = (bearings < -0.6) & (bearings > -1.4)
     free[right] = 3.0
     observed[left] = 3.0
     both = replace(context, ranges=replace(ranges, free=free, observed=observed))
-    assert desired_twist(context, behavior_of("explore").propose(both)).w < -0.4
+    assert twist_of("explore", both).w < -0.4
 
 
 def test_explore_creeps_where_nothing_ahead_is_observed() -> None:
     free = np.full(OPEN.ranges.bearings.size, 3.0)
-    speeds = []
-    for observed in (0.0, 3.0):
+    for observed, slowest, fastest in ((0.0, 0.02, 0.12), (3.0, 0.2, 0.5)):
         ranges = replace(OPEN.ranges, free=free, observed=np.full_like(free, observed))
-        context = replace(OPEN, ranges=ranges)
-        speeds.append(desired_twist(context, behavior_of("explore").propose(context)).v)
-    assert 0.02 < speeds[0] < 0.12
-    assert speeds[1] > 0.2
+        assert slowest < twist_of("explore", replace(OPEN, ranges=ranges)).v < fastest
 
 
 # --- react ---------------------------------------------------------------------------------------

@@ -168,18 +168,13 @@ def drives(draw: st.DrawFn, most: int = 4) -> list[Context]:
     return [draw(contexts(time)) for time in times.tolist()]
 
 
-BASELINES = {"navground"}
-"""Behaviours that need the simulator's truth and another package."""
 PLAIN = scene()
 MANY = settings(suppress_health_check=[HealthCheck.too_slow])
 
 
 def shipped(kind: str) -> list[str]:
-    return sorted(
-        plugin["name"]
-        for plugin in REGISTRY.listing(kind)
-        if plugin["status"] == "ok" and plugin["name"] not in BASELINES
-    )
+    """All names but that of the behaviour that needs another package."""
+    return [name for name in REGISTRY.names(kind) if name != "navground"]
 
 
 @pytest.mark.parametrize("name", shipped("behavior"))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from behavior_samples import behavior_of, desired_twist, scene
+from behavior_samples import behavior_of, desired_twist, scene, twist_of
 
 from navfw.context import Context, QuadrantDistances, quadrant_distances
 from navfw.signals import Percept, Pose, Proposal
@@ -87,12 +87,12 @@ def test_old_percepts_are_ignored() -> None:
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
 def test_following_a_wall_keeps_it_between_near_and_middle(side: str, sign: float) -> None:
-    def turn(distance: float) -> float:
-        context, behavior = scene(0.2, **{side: distance}), behavior_of("follow_wall_quadrants")
-        return desired_twist(context, behavior.propose(context)).w * sign
-
-    assert turn(0.4) < -0.1
-    assert turn(1.8) > 0.1
+    near, far = (
+        twist_of("follow_wall_quadrants", scene(0.2, **{side: distance})).w * sign
+        for distance in (0.4, 1.8)
+    )
+    assert near < -0.1
+    assert far > 0.1
 
 
 def test_an_emergency_turns_on_the_spot_to_its_end() -> None:
@@ -131,7 +131,7 @@ def test_the_view_turns_away_from_an_old_near_object_before_it_moves_on(sign: fl
     context = scene(waypoint=(2.0, 1.5 * sign), ahead=0.9)
     context = replace(context, time=context.time + 1.0)
     behavior = behavior_of("look_again")
-    twist = desired_twist(context, behavior.propose(context))
+    twist = twist_of(behavior, context)
     assert twist.v == pytest.approx(0.0, abs=0.02)
     assert twist.w * sign > 0.3
     onward = moved(context, turn=sign * 0.8, seconds=1.0)
@@ -213,16 +213,15 @@ def test_it_drives_on_past_the_object_before_it_may_turn_back() -> None:
     behavior, context = behavior_of("keep_clear"), scene(left=0.33)
     behavior.propose(context)
     context = moved(context, ahead=0.4, turn=1.2)
-    way = math.copysign(1.0, desired_twist(context, behavior.propose(context)).w)
+    way = math.copysign(1.0, twist_of(behavior, context).w)
     angle = 0.0
-    while desired_twist(context, behavior.propose(context)).v < 0.1:
+    while twist_of(behavior, context).v < 0.1:
         context = moved(context, turn=0.1 * way)
         angle += 0.1
         assert angle < 4.0
-    onward = moved(context, ahead=0.1)
-    assert behavior.propose(onward).applicability == 1.0
-    passed = moved(onward, ahead=0.3)
-    assert behavior.propose(passed).applicability == 0.0
+    for ahead, applicability in ((0.1, 1.0), (0.3, 0.0)):
+        context = moved(context, ahead=ahead)
+        assert behavior.propose(context).applicability == applicability
 
 
 def test_what_is_passed_or_old_is_forgotten() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from behavior_samples import behavior_of, composite_of, desired_twist, scene
+from behavior_samples import ROBOT, behavior_of, composite_of, desired_twist, scene, twist_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,12 +16,10 @@ from navfw.context import CommandGrid, Context
 from navfw.interfaces import Behavior
 from navfw.localmap import LocalGoal
 from navfw.movers import ConflictParams, ConflictPredictor, Track
-from navfw.robot import RobotModel
 from navfw.signals import Odometry, Pose, Proposal, Twist, Waypoint
 from navfw.testing import check_behavior, contexts_of
 from navfw.testing.behavior_scenes import BehaviorScene, wall_flow
 
-ROBOT = RobotModel()
 SHIPPED = """
     avoid centre_corridor emergency escape follow_wall give_way go_to_xy peek traverse_door
 """
@@ -129,14 +127,12 @@ def test_centre_corridor_turns_away_from_the_nearer_wall(nearer: str, sign: floa
 def test_traverse_door_only_at_doors_and_slowly_in_narrow_ones() -> None:
     context = scene(ticks=20)
     assert behavior_of("traverse_door").propose(context).applicability == 0.0
-
-    def through(width: float) -> Twist:
-        x = context.belief.pose.x + 0.8
-        door = Waypoint(x, 0.0, 0.25, "door", "door", final=False, width=width)
-        before = replace(context, waypoint=door)
-        return desired_twist(context, behavior_of("traverse_door").propose(before))
-
-    assert through(0.6).v < through(1.2).v
+    door = Waypoint(context.belief.pose.x + 0.8, 0.0, 0.25, "door", "door", final=False)
+    narrow, wide = (
+        twist_of("traverse_door", replace(context, waypoint=replace(door, width=width))).v
+        for width in (0.6, 1.2)
+    )
+    assert narrow < wide
 
 
 def test_peek_creeps_into_unobserved_space_only() -> None:
@@ -257,6 +253,12 @@ def test_give_way_allows_the_least_bad_command() -> None:
 OPEN = scene(waypoint=(9.0, 0.0), ticks=3)
 
 
+def at(seconds: float, pose: Pose) -> Context:
+    """The open so many seconds later at another pose."""
+    belief = replace(OPEN.belief, pose=pose)
+    return replace(OPEN, time=OPEN.time + seconds, pose=pose, belief=belief)
+
+
 def with_walls(ahead: float = 20.0, left: float = 20.0, right: float = 20.0) -> Context:
     return replace(OPEN, flow=wall_flow(ROBOT, OPEN.time, ahead, left, right))
 
@@ -264,21 +266,20 @@ def with_walls(ahead: float = 20.0, left: float = 20.0, right: float = 20.0) -> 
 @given(st.floats(0.3, 1.2), st.floats(0.3, 1.2))
 def test_balance_turns_away_from_the_nearer_wall_and_mirrors(left: float, right: float) -> None:
     behavior = behavior_of("balance")
-    context = with_walls(left=left, right=right)
-    here = desired_twist(context, behavior.propose(context)).w
-    mirrored = with_walls(left=right, right=left)
-    assert desired_twist(mirrored, behavior.propose(mirrored)).w == pytest.approx(-here, abs=0.03)
+    turn = twist_of(behavior, with_walls(left=left, right=right)).w
+    mirrored = twist_of(behavior, with_walls(left=right, right=left)).w
+    assert mirrored == pytest.approx(-turn, abs=0.03)
     if abs(left - right) > 0.3:
-        assert here * (left - right) > 0.0
+        assert turn * (left - right) > 0.0
 
 
 def test_balance_is_drawn_to_the_goal_and_slower_in_turns() -> None:
     behavior = behavior_of("balance")
-    straight = desired_twist(OPEN, behavior.propose(OPEN))
+    straight = twist_of(behavior, OPEN)
     assert abs(straight.w) < 0.03
     assert straight.v == pytest.approx(0.3, abs=0.03)
     aside = replace(with_walls(), belief=replace(OPEN.belief, pose=Pose(0.0, 0.0, -1.0)))
-    turning = desired_twist(aside, behavior.propose(aside))
+    turning = twist_of(behavior, aside)
     assert turning.w > 0.3
     assert turning.v < straight.v
 
@@ -286,13 +287,13 @@ def test_balance_is_drawn_to_the_goal_and_slower_in_turns() -> None:
 def test_balance_needs_fresh_flow_of_both_sides() -> None:
     behavior = behavior_of("balance")
     context = with_walls(left=0.4)
-    assert desired_twist(context, behavior.propose(context)).w < -0.3
+    assert twist_of(behavior, context).w < -0.3
     assert context.flow is not None
     half = context.flow.confidence * (context.flow.points[..., 0] < 0.0)
     half_blind = replace(context, flow=replace(context.flow, confidence=half))
     old = replace(context, time=context.time + 2.0)
     for unusable in (half_blind, old, replace(context, flow=None)):
-        assert abs(desired_twist(unusable, behavior.propose(unusable)).w) < 0.05
+        assert abs(twist_of(behavior, unusable).w) < 0.05
 
 
 def drive_toward(
@@ -309,8 +310,7 @@ def drive_toward(
 
 
 def test_divergence_drives_on_while_contact_is_far_and_turns_before_it() -> None:
-    context, proposal = drive_toward(3.0)
-    twist = desired_twist(context, proposal)
+    twist = desired_twist(*drive_toward(3.0))
     assert twist.v > 0.25
     assert abs(twist.w) < 0.05
     context, proposal = drive_toward(0.7)
@@ -318,8 +318,7 @@ def test_divergence_drives_on_while_contact_is_far_and_turns_before_it() -> None
     assert abs(twist.v) < 0.02
     assert twist.w > 0.7, "to the left: the flow is larger on the right"
     assert "saccade" in proposal.reason
-    context, proposal = drive_toward(0.7, frames=1)
-    assert desired_twist(context, proposal).v > 0.25, "one frame is not enough"
+    assert desired_twist(*drive_toward(0.7, frames=1)).v > 0.25, "one frame is not enough"
 
 
 def test_divergence_measures_the_time_to_contact() -> None:
@@ -333,15 +332,11 @@ def test_after_a_saccade_it_drives_straight_on_for_a_while() -> None:
     behavior = behavior_of("divergence")
     drive_toward(0.7, 2, behavior)
     pose = Pose(OPEN.pose.x, OPEN.pose.y, OPEN.pose.yaw + 1.0)
-    away = replace(OPEN, time=OPEN.time + 1.5, pose=pose)
-    away = replace(away, belief=replace(OPEN.belief, pose=pose))
-    twist = desired_twist(away, behavior.propose(away))
+    twist = twist_of(behavior, at(1.5, pose))
     assert twist.v > 0.25
     assert abs(twist.w) < 0.05, "not back to the goal at once"
-    there = Pose(pose.x + 0.9 * np.cos(pose.yaw), pose.y + 0.9 * np.sin(pose.yaw), pose.yaw)
-    later = replace(away, time=away.time + 3.0, pose=there)
-    later = replace(later, belief=replace(OPEN.belief, pose=there))
-    assert desired_twist(later, behavior.propose(later)).w < -0.3, "then to the goal again"
+    later = at(4.5, pose.compose(Pose(0.9, 0.0, 0.0)))
+    assert twist_of(behavior, later).w < -0.3, "then to the goal again"
 
 
 @pytest.mark.parametrize("name", ["balance", "divergence"])

@@ -42,3 +42,9 @@ def desired_twist(context: Context, proposal: Proposal) -> Twist:
         float((desire * context.commands.v[:, None]).sum() / desire.sum()),
         float((desire * context.commands.w[None, :]).sum() / desire.sum()),
     )
+
+
+def twist_of(behavior: Behavior | str, context: Context) -> Twist:
+    """The twist that a behaviour, or a new one of that name, desires in ``context``."""
+    made = behavior_of(behavior) if isinstance(behavior, str) else behavior
+    return desired_twist(context, made.propose(context))
