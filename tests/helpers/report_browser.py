@@ -18,7 +18,7 @@ class SeenPage(NamedTuple):
     console: list[str]
 
 
-def seen_in_browser(page: Path, probe: str, profile: Path) -> SeenPage:
+def seen_in_browser(page: Path, probe: str, profile: Path, *words: str) -> SeenPage:
     """Open ``page`` with the script ``probe`` added before its main part; skips without Chromium.
 
     An error of any script is left in ``data-error`` of the body.
@@ -32,7 +32,7 @@ def seen_in_browser(page: Path, probe: str, profile: Path) -> SeenPage:
     page.write_text(text.replace("<main>", script + "<main>", 1), encoding="utf-8")
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr"]
     options += ["--virtual-time-budget=12000", f"--user-data-dir={profile}"]
-    done = run([browser, *options, "--dump-dom", page.as_uri()], check=True)
+    done = run([browser, *options, *words, "--dump-dom", page.as_uri()], check=True)
     body = re.search(r"<body[^>]*>", done.stdout)
     assert body is not None, done.stdout
     return SeenPage(body[0], [line for line in done.stderr.splitlines() if "CONSOLE" in line])

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pytest
@@ -61,9 +62,8 @@ def test_a_prohibited_command_is_never_chosen(
     blend: Literal["sum", "max"], desire: Array, prohibit: Array, other: Array
 ) -> None:
     fusion = FuzzyFusion(ROBOT, FuzzyFusion.Params(blend=blend))
-    command = fusion.fuse(
-        context(), {"a": proposal(0.7, desire, prohibit), "b": proposal(0.5, other)}
-    )
+    proposals = {"a": proposal(0.7, desire, prohibit), "b": proposal(0.5, other)}
+    command = fusion.fuse(context(), proposals)
     if command.leader != "none":
         row, column = GRID.nearest(command.twist)
         assert prohibit[row, column] <= fusion.params.cut
@@ -108,11 +108,21 @@ def test_the_more_applicable_behavior_leads() -> None:
 def test_scaling_all_applicabilities_changes_nothing(desire: Array, factor: float) -> None:
     fusion = FuzzyFusion(ROBOT)
     one = fusion.fuse(context(), {"a": proposal(1.0, desire), "b": proposal(0.5, bump(0.4, 0))})
-    two = fusion.fuse(
-        context(), {"a": proposal(factor, desire), "b": proposal(0.5 * factor, bump(0.4, 0))}
-    )
+    scaled = {"a": proposal(factor, desire), "b": proposal(0.5 * factor, bump(0.4, 0))}
+    two = fusion.fuse(context(), scaled)
     assert one.twist.v == pytest.approx(two.twist.v, abs=1e-6)
     assert one.twist.w == pytest.approx(two.twist.w, abs=1e-6)
+
+
+AHEAD = bump(0.5, 0.0)
+DEFECTS: dict[str, Callable[[], Any]] = {
+    "raise": lambda: 1 / 0,
+    "nan": lambda: proposal(1.0, AHEAD * np.nan),
+    "shape": lambda: proposal(1.0, AHEAD[:-1]),
+    "range": lambda: proposal(1.0, AHEAD * 3.0),
+    "applicability": lambda: proposal(float("nan"), AHEAD),
+    "type": lambda: "go",
+}
 
 
 class Broken(Behavior):
@@ -121,21 +131,8 @@ class Broken(Behavior):
     name = "broken"
     defect = "raise"
 
-    def propose(self, context: Context) -> Proposal:
-        good = bump(0.5, 0.0)
-        match self.defect:
-            case "raise":
-                raise ZeroDivisionError("no reason")
-            case "nan":
-                return proposal(1.0, good * np.nan)
-            case "shape":
-                return proposal(1.0, good[:-1])
-            case "range":
-                return proposal(1.0, good * 3.0)
-            case "applicability":
-                return proposal(float("nan"), good)
-            case _:
-                return "go"  # type: ignore[return-value]
+    def propose(self, context: Context) -> Any:
+        return DEFECTS[self.defect]()
 
 
 class Steady(Behavior):
@@ -144,7 +141,7 @@ class Steady(Behavior):
     name = "steady"
 
     def propose(self, context: Context) -> Proposal:
-        return Proposal(1.0, bump(0.5, 0.0), GRID.zeros(), "straight on")
+        return proposal(1.0, AHEAD)
 
 
 INPUTS = DecisionInputs(
@@ -173,7 +170,7 @@ def test_wheels_that_the_safety_monitor_holds_are_not_blocked(
     assert (mofis.context.stalled > 0.0) is stalled
 
 
-@pytest.mark.parametrize("defect", ["raise", "nan", "shape", "range", "applicability", "type"])
+@pytest.mark.parametrize("defect", DEFECTS)
 def test_a_broken_behavior_loses_the_tick_and_the_others_decide(defect: str) -> None:
     broken = Broken(ROBOT)
     broken.defect = defect
@@ -217,22 +214,15 @@ def test_every_fusion_stays_on_the_grid(
 def test_pareto_chooses_no_prohibited_or_dominated_command() -> None:
     prohibit = GRID.zeros()
     prohibit[:, GRID.w > 0] = 1.0
-    command = ParetoFusion(ROBOT).fuse(
-        context(),
-        {"a": proposal(0.9, bump(0.5, 0.5), prohibit), "b": proposal(0.9, bump(0.5, -0.5))},
-    )
-    assert command.twist.w <= 0.0
+    either = {"a": proposal(0.9, bump(0.5, 0.5), prohibit), "b": proposal(0.9, bump(0.5, -0.5))}
+    assert ParetoFusion(ROBOT).fuse(context(), either).twist.w <= 0.0
 
 
 @given(hnp.arrays(np.float64, (3, 12), elements=st.floats(0, 1, width=16)))
 def test_the_pareto_front_is_all_that_is_not_dominated(objectives: Array) -> None:
     front = set(pareto_front(objectives).tolist())
-    for j in range(objectives.shape[1]):
-        dominated = any(
-            np.all(objectives[:, i] >= objectives[:, j])
-            and np.any(objectives[:, i] > objectives[:, j])
-            for i in range(objectives.shape[1])
-        )
+    for j, point in enumerate(objectives.T):
+        dominated = any(np.all(o >= point) and np.any(o > point) for o in objectives.T)
         assert (j in front) != dominated
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -25,12 +26,7 @@ OPEN = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), waypoint=(4.0, 0.0), t
 class FixedSurroundings:
     """A source of true surroundings with these obstacles."""
 
-    def __init__(
-        self,
-        edges: Sequence[object] = (),
-        discs: Sequence[object] = (),
-        walkers: Sequence[object] = (),
-    ) -> None:
+    def __init__(self, edges: Any = (), discs: Any = (), walkers: Any = ()) -> None:
         self.around = Surroundings(
             np.array(edges, dtype=float).reshape(-1, 2, 2),
             np.array(discs, dtype=float).reshape(-1, 3),
@@ -81,10 +77,8 @@ def test_it_is_an_oracle_and_needs_the_true_surroundings() -> None:
 
 
 def test_without_the_package_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing(name: str) -> object:
-        raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-
-    monkeypatch.setattr(importlib, "import_module", missing)
+    missing = ModuleNotFoundError("No module named 'navground'", name="navground")
+    monkeypatch.setattr(importlib, "import_module", Mock(side_effect=missing))
     with pytest.raises(MissingExtraError, match=r"pip install 'navfw\[navground\]'") as caught:
         Navground(ROBOT)
     assert caught.value.extra == "navground"
