@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cli_calls import put_files
 from processes import python
 
 MISDEEDS = {
@@ -131,22 +132,18 @@ def write_wrongdoer(folder: Path, kind: str, misdeed: str) -> None:
     """Write the project folder of a plugin ``wrongdoer`` of that kind."""
     module, base, call = BASES[kind]
     method, _, parameters = call.rstrip(")").partition("(")
-    (folder / "plugins").mkdir(parents=True, exist_ok=True)
-    (folder / "navfw.toml").touch()
-    (folder / "plugins" / "wrongdoer.py").write_text(
-        _FILE.format(
-            module=module,
-            base=base,
-            method=method,
-            parameters=parameters,
-            answer=_ANSWERS.get(kind, f"super().{call}"),
-            misdeed=MISDEEDS[misdeed],
-        )
+    code = _FILE.format(
+        module=module,
+        base=base,
+        method=method,
+        parameters=parameters,
+        answer=_ANSWERS.get(kind, f"super().{call}"),
+        misdeed=MISDEEDS[misdeed],
     )
     plugin = "behaviors" if kind == "behavior" else kind
     stack = f"base: default\n{plugin}:\n  wrongdoer:\nsafety: {{give_up: 3}}\n"
-    (folder / "stacks").mkdir(exist_ok=True)
-    (folder / "stacks" / "wrong.yaml").write_text(stack)
+    texts = {"navfw.toml": "", "plugins/wrongdoer.py": code, "stacks/wrong.yaml": stack}
+    put_files(folder, texts)
 
 
 SHORT_LIMITS = """

@@ -17,10 +17,9 @@ from navfw.sim import SceneGeometry, Simulation, WorldSpec
 from navfw.testing.behavior_scenes import wall_flow
 
 
-def drive(stack: str, *overrides: str) -> MissionResult:
-    return prepare(
-        "empty", "straight", seed=2, stack=stack, overrides=["mission.timeout=40", *overrides]
-    ).run()
+def drive(stack: str, *changes: str) -> MissionResult:
+    overrides = ["mission.timeout=40", *changes]
+    return prepare("empty", "straight", seed=2, stack=stack, overrides=overrides).run()
 
 
 @pytest.mark.thorough
@@ -127,7 +126,5 @@ def test_the_map_of_goals_closes_the_round(tmp_path: Path) -> None:
     file.write_text("start: [0, 0, 0]\ngoals: [{x: 2, y: 0}, {x: 2, y: 2}]\nrounds: 2\n")
     topo_map = load_mission(file).topo_map
     assert len(topo_map.places) == 3
-    assert {frozenset((p.a, p.b)) for p in topo_map.passages} == {
-        frozenset(("start", "goal-1")),
-        frozenset(("goal-1", "goal-2")),
-    }
+    passages = {frozenset((p.a, p.b)) for p in topo_map.passages}
+    assert passages == {frozenset(("start", "goal-1")), frozenset(("goal-1", "goal-2"))}

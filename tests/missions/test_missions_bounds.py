@@ -6,18 +6,18 @@ Each is either driven for some frames without a fault, or refused when it is rea
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import Any, get_args, get_origin
 
 import fuzz_targets
 import pytest
 from pydantic import BaseModel
-from pydantic.fields import FieldInfo
 
 from navfw.config import parse_yaml
+from navfw.config.type_descriptions import is_model, peel
 from navfw.errors import InputError
 from navfw.fuzzy import InputSpec, OutputSpec
 from navfw.missions import MissionSpec, Outcome, prepare
@@ -64,42 +64,26 @@ class BoundedNumber:
 def numbers_of(model: type[BaseModel], path: tuple[str, ...] = ()) -> Iterator[BoundedNumber]:
     """All numbers of ``model`` and of the models in it."""
     for name, info in model.model_fields.items():
-        here = (*path, info.alias or name)
-        yield from _numbers(model, here, info.annotation, _limits(info.metadata))
+        yield from _numbers(model, (*path, info.alias or name), info.annotation, info.metadata)
 
 
 def _numbers(
-    model: type[BaseModel], path: tuple[str, ...], annotation: Any, limits: Mapping[str, float]
+    model: type[BaseModel], path: tuple[str, ...], annotation: Any, metadata: Iterable[Any]
 ) -> Iterator[BoundedNumber]:
-    origin, args = get_origin(annotation), get_args(annotation)
-    if origin is Annotated:
-        yield from _numbers(model, path, args[0], {**_limits(args[1:]), **limits})
-    elif annotation in (int, float):
+    bare, own = peel(annotation)
+    metadata = (*own, *metadata)
+    if bare in (int, float):
+        keys = ("ge", "gt", "le", "lt")
+        limits = {
+            key: getattr(item, key) for item in metadata for key in keys if hasattr(item, key)
+        }
         least, most = limits.get("ge", limits.get("gt")), limits.get("le", limits.get("lt"))
-        yield BoundedNumber(
-            model, path, annotation is int, least, most, "gt" in limits, "lt" in limits
-        )
-    elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield from numbers_of(annotation, path)
-    elif origin is Literal:
-        return
-    elif args:
-        inner = [arg for arg in args if arg is not Ellipsis]
-        collection = isinstance(origin, type)  # a list, tuple or mapping, not a union
-        for arg in inner:
-            yield from _numbers(model, (*path, "[]") if collection else path, arg, limits)
-
-
-def _limits(metadata: Iterable[Any]) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for item in metadata:
-        if isinstance(item, FieldInfo):
-            found |= _limits(item.metadata)
-        for key in ("ge", "gt", "le", "lt"):
-            value = getattr(item, key, None)
-            if value is not None:
-                found[key] = value
-    return found
+        yield BoundedNumber(model, path, bare is int, least, most, "gt" in limits, "lt" in limits)
+    elif is_model(bare):
+        yield from numbers_of(bare, path)
+    collection = isinstance(get_origin(bare), type)  # a list, tuple or mapping, not a union
+    for arg in get_args(bare):
+        yield from _numbers(model, (*path, "[]") if collection else path, arg, metadata)
 
 
 SHORT = "mission.timeout=1.3"

@@ -18,19 +18,14 @@ SEED = 11
 TIMEOUT = "mission.timeout=4"
 RUN = [*MISSION, "--seed", str(SEED), "--set", TIMEOUT]
 NAVFW = "from navfw.cli import main; main()"
-SUITE = """\
-description: one short run
-entries:
-  - {world: paper-room, missions: [through-the-door]}
-"""
-THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "NUMBA")
+SUITE = "entries: [{world: paper-room, missions: [through-the-door]}]"
 
 ALONE: dict[str, Settings] = {
     "hash seed 0": {"PYTHONHASHSEED": "0"},
     "hash seed 1": {"PYTHONHASHSEED": "1"},
     "random hash seed": {"PYTHONHASHSEED": "random"},
-    "one thread": {f"{library}_NUM_THREADS": "1" for library in THREADS},
-    "two threads": {f"{library}_NUM_THREADS": "2" for library in THREADS},
+    "one thread": threads(1),
+    "two threads": threads(2),
     "plain locale": {"LC_ALL": "C", "PYTHONUTF8": "0"},
     "German locale": {"LC_ALL": "de_DE.UTF-8"},
     "Turkish locale": {"LC_ALL": "tr_TR.UTF-8"},
@@ -45,15 +40,20 @@ TOGETHER: dict[str, Settings] = {
 """Several variations at once."""
 
 
+def hash_in_this_process(world: str, mission: str, seed: int, timeout: str) -> str:
+    log = prepare(world, mission, seed=seed, overrides=[timeout]).run().run.log
+    assert len({tuple(row) for row in log.command_stream[:, 1:]}) > 20  # it does drive
+    return log.command_hash
+
+
 @pytest.fixture(scope="module")
 def expected() -> str:
     """The hash of the run in this process, which has driven other missions before."""
     other = prepare(*MISSION, seed=SEED + 1, overrides=["mission.timeout=1"]).run()
-    usual = prepare(*MISSION, seed=SEED, overrides=[TIMEOUT]).run().run.log
-    assert usual.command_hash != other.run.log.command_hash
-    assert len(usual.command_hash) == 64
-    assert len({tuple(row) for row in usual.command_stream[:, 1:]}) > 20  # it does drive
-    return usual.command_hash
+    usual = hash_in_this_process(*MISSION, SEED, TIMEOUT)
+    assert usual != other.run.log.command_hash
+    assert len(usual) == 64
+    return usual
 
 
 def hash_of(
@@ -116,9 +116,7 @@ for kernel in listed_kernels(loaded=True):
 @pytest.fixture(scope="module")
 def expected_in_office() -> str:
     """The hash of the run in this process."""
-    log = prepare(*OFFICE, seed=2, overrides=["mission.timeout=6"]).run().run.log
-    assert len({tuple(row) for row in log.command_stream[:, 1:]}) > 20  # it does drive
-    return log.command_hash
+    return hash_in_this_process(*OFFICE, 2, "mission.timeout=6")
 
 
 @pytest.mark.thorough

@@ -6,6 +6,8 @@ import math
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from cli_calls import refusal
@@ -146,27 +148,20 @@ doors:
 # --- the times ----------------------------------------------------------------------------------
 
 
-class Target:
-    """Records the calls."""
-
-    def __init__(self) -> None:
-        self.active: list[object] = []
-
-    def begin(self, action: object) -> None:
-        self.active.append(action)
-
-    def end(self, action: object) -> None:
-        self.active.remove(action)
+def target_of(active: list[object]) -> Any:
+    """A target that keeps in ``active`` which actions have begun and not ended."""
+    return SimpleNamespace(begin=active.append, end=active.remove)
 
 
 def test_events_begin_and_end_by_simulated_time() -> None:
-    target, black, out = Target(), CameraFault(black=True), GyroFault(dropout=True)
+    active: list[object] = []
+    target, black, out = target_of(active), CameraFault(black=True), GyroFault(dropout=True)
     dark = Event(black, {"camera": "black"}, at=2.0, lasting=3.0)
     clock = EventClock([(dark, target), (Event(out, {"gyro": "dropout"}, at=4.0), target)])
     ticks: dict[object, list[int]] = {black: [], out: []}
     for tick in range(80):
         clock.tick(0.1 * tick, HERE)
-        for action in target.active:
+        for action in active:
             ticks[action].append(tick)
     assert ticks == {black: list(range(20, 50)), out: list(range(40, 80))}
     first, second = (record.as_data() for record in clock.log)
@@ -175,16 +170,17 @@ def test_events_begin_and_end_by_simulated_time() -> None:
 
 
 def test_an_event_near_a_point_happens_once() -> None:
-    target, black = Target(), CameraFault(black=True)
+    active: list[object] = []
+    black = CameraFault(black=True)
     event = Event(black, {}, point=(1.0, 1.0), within=0.5, lasting=0.3)
-    clock = EventClock([(event, target)])
+    clock = EventClock([(event, target_of(active))])
     clock.tick(0.0, HERE)
-    assert not target.active
+    assert not active
     clock.tick(0.1, Pose(0.6, 0.8, 0.0))
-    assert target.active == [black]
+    assert active == [black]
     for tick in range(2, 9):
         clock.tick(0.1 * tick, Pose(1.0, 1.0, 0.0))
-    assert not target.active
+    assert not active
     assert len(clock.log) == 1
 
 

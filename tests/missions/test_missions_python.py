@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
+from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -54,16 +56,12 @@ def test_a_stepped_session_drives_the_same_commands(result: navfw.MissionResult)
     assert np.array_equal([tick.true_pose for tick in ticks], log.true)
     assert np.array_equal([tick.twist for tick in ticks], log.commands)
     shown = [tick for tick in ticks if tick.image is not None]
-    last = shown[-1]
+    last: Any = shown[-1]  # all its parts are there
     assert len(shown) == 26
-    assert last.image is not None
-    assert last.flow is not None
-    assert last.percept is not None
     assert last.image.shape == (120, 160)
     assert last.flow.vectors.shape == (*last.percept.nearness.shape, 2)
     assert last.leader in last.proposals
     assert last.command is not None
-    assert last.estimated_pose is not None
     assert np.hypot(*(last.estimated_pose - last.true_pose)[:2]) < 0.1
     assert session.explain()["leader"] == last.leader
 
@@ -80,10 +78,7 @@ def test_a_failing_plugin_ends_a_stepped_session_as_a_fault(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with navfw.open_session("empty", "straight") as session:
-
-        def fail(*_: object) -> None:
-            raise RuntimeError("broken")
-
+        fail = Mock(side_effect=RuntimeError("broken"))
         monkeypatch.setattr(session.session.stack, "step", fail)
         assert session.step() is None
     assert session.result.outcome == "fault"
