@@ -20,7 +20,7 @@ from navfw.missions import (
 )
 from navfw.mofis import DecisionInputs
 from navfw.plugins import default_registry
-from navfw.recording import Contact, RunLog
+from navfw.recording import Contact, RunLog, RunLogger
 from navfw.signals import Belief, Odometry, Pose, Sight, Twist
 from navfw.sim import BoxSpec, CylinderSpec, SceneGeometry, WalkerTrack, WorldSpec
 from navfw.suite import (
@@ -143,24 +143,13 @@ def session_with(empty: Session, **objects: Any) -> Session:
 
 def log_to(x: float, y: float, yaw: float, contact: str = "", speed: float = 0.4) -> RunLog:
     """Four seconds straight to (x, y), ending with a contact with the body ``contact``."""
-    time = np.arange(240) / 60.0
-    back = speed * (time[-1] - time)
-    true = np.column_stack(
-        [x - back * math.cos(yaw), y - back * math.sin(yaw), np.full_like(time, yaw)]
-    )
-    contacts = (Contact(float(time[-1]), x, y, contact),) if contact else ()
-    return RunLog(
-        time=time,
-        true=true,
-        estimate=true.copy(),
-        commands=np.column_stack([np.full_like(time, speed), np.zeros_like(time)]),
-        leader=np.zeros(len(time), dtype=np.int16),
-        emergency=np.zeros(len(time), dtype=np.bool_),
-        sight=np.full(len(time), Sight.ENOUGH, dtype=np.int8),
-        vetoed=np.zeros(len(time), dtype=np.bool_),
-        leaders=("go_to_xy",),
-        contacts=contacts,
-    )
+    logger = RunLogger()
+    for tick in range(240):
+        pose = Pose(x, y, yaw).compose(Pose(speed * (tick - 239) / 60.0, 0.0, 0.0))
+        logger.add(tick / 60.0, pose, pose, Twist(speed, 0.0), "go_to_xy", False)
+    if contact:
+        logger.contacts.append(Contact(239 / 60.0, x, y, contact))
+    return logger.log()
 
 
 OFFSET = Pose(0.7, -0.4, 0.3)
@@ -189,6 +178,11 @@ def result_of(
     return MissionResult(session, RunResult(verdict, log, 4.0, 1.0, ()))
 
 
+def symptoms_of(*ended: Any) -> Any:
+    """The symptoms of ``result_of`` these arguments; the parts that a test reads are there."""
+    return collect_symptoms(result_of(*ended))
+
+
 @pytest.mark.parametrize("mapped", [True, False])
 @pytest.mark.parametrize("yaw", [0.0, 2.1])
 def test_a_frontal_collision(empty: Session, mapped: bool, yaw: float) -> None:
@@ -196,8 +190,7 @@ def test_a_frontal_collision(empty: Session, mapped: bool, yaw: float) -> None:
     session = session_with(empty, cylinders=(CylinderSpec(name="post", at=(x, y), radius=0.2),))
     rim = (0.18 * math.cos(yaw), 0.18 * math.sin(yaw))
     log = log_to(0.0, 0.0, yaw, "post")
-    symptoms = collect_symptoms(result_of(session, Outcome.COLLIDED, log, [rim] if mapped else []))
-    assert symptoms.collision is not None
+    symptoms = symptoms_of(session, Outcome.COLLIDED, log, [rim] if mapped else [])
     assert symptoms.collision.bearing == pytest.approx(0.0, abs=0.01)
     assert symptoms.collision.speed == pytest.approx(0.4, abs=0.01)
     assert classify(symptoms) is (Cause.DROVE_INTO if mapped else Cause.UNSEEN)
@@ -206,8 +199,7 @@ def test_a_frontal_collision(empty: Session, mapped: bool, yaw: float) -> None:
 def test_a_collision_while_reversing(empty: Session) -> None:
     session = session_with(empty, boxes=(BoxSpec(name="crate", at=(-0.68, 0.1), size=(1, 1, 1)),))
     log = log_to(0.0, 0.0, 0.0, "crate", speed=-0.15)
-    symptoms = collect_symptoms(result_of(session, Outcome.COLLIDED, log, []))
-    assert symptoms.collision is not None
+    symptoms = symptoms_of(session, Outcome.COLLIDED, log, [])
     assert abs(symptoms.collision.bearing) == pytest.approx(math.pi, abs=0.01)
     assert classify(symptoms) is Cause.REVERSED_INTO
 
@@ -229,23 +221,22 @@ WALL = [(1.0, 0.05 * i) for i in range(-75, 76)]
 
 
 def test_a_mapped_wall_that_does_not_exist_is_a_phantom(empty: Session) -> None:
-    symptoms = collect_symptoms(result_of(empty, Outcome.STUCK, log_to(0.0, 0.0, 0.0), WALL))
-    assert symptoms.path is not None
+    symptoms = symptoms_of(empty, Outcome.STUCK, log_to(0.0, 0.0, 0.0), WALL)
     assert symptoms.path.without_phantoms == symptoms.path.sharpened < 6.0  # 3 m of unknown floor
     assert classify(symptoms) is Cause.PHANTOM_OBSTACLES
 
 
 def test_a_mapped_wall_that_exists_is_no_phantom(empty: Session) -> None:
-    sides = {"east": (1, 0), "west": (-1, 0), "north": (0, 1), "south": (0, -1)}
     walls = tuple(
-        BoxSpec(name=name, at=at, size=(2.0 - 1.9 * abs(at[0]), 2.0 - 1.9 * abs(at[1]), 1.0))
-        for name, at in sides.items()
+        BoxSpec(
+            name=f"wall {x}, {y}", at=(x, y), size=(2.0 - 1.9 * abs(x), 2.0 - 1.9 * abs(y), 1.0)
+        )
+        for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))
     )
     session = session_with(empty, boxes=walls)
     line = [-1.0 + 0.05 * i for i in range(41)]
     square = [point for a in line for point in ((a, 1.0), (a, -1.0), (1.0, a), (-1.0, a))]
-    symptoms = collect_symptoms(result_of(session, Outcome.STUCK, log_to(0.0, 0.0, 0.0), square))
-    assert symptoms.path is not None
+    symptoms = symptoms_of(session, Outcome.STUCK, log_to(0.0, 0.0, 0.0), square)
     assert symptoms.path.without_phantoms == math.inf
     assert classify(symptoms) is Cause.LOCAL_GOAL_UNREACHABLE
 
@@ -259,21 +250,19 @@ def test_a_gap_closed_by_blurred_edges_is_blamed_on_the_blur(empty: Session) -> 
     session = session_with(empty, boxes=walls)
     line = [-4.5 + 0.05 * i for i in range(181)]
     thick = [(1.0, y) for y in line if abs(y) > 0.2]
-    symptoms = collect_symptoms(result_of(session, Outcome.STUCK, log_to(0.0, 0.0, 0.0), thick))
-    assert symptoms.path is not None
+    symptoms = symptoms_of(session, Outcome.STUCK, log_to(0.0, 0.0, 0.0), thick)
     assert symptoms.path.without_phantoms > 1.5 * symptoms.path.sharpened
     assert classify(symptoms) is Cause.BLURRED_MAP
 
 
 def test_progress_is_measured_along_the_shortest_path(empty: Session) -> None:
     """From 1.6 m behind the start to 0.5 m ahead of it; the goal is at 3 m."""
-    symptoms = collect_symptoms(result_of(empty, Outcome.TIMEOUT, log_to(0.5, 0.0, 0.0), []))
-    assert symptoms.motion is not None
+    symptoms = symptoms_of(empty, Outcome.TIMEOUT, log_to(0.5, 0.0, 0.0), [])
     assert symptoms.motion.driven == pytest.approx(1.59, abs=0.02)
     assert symptoms.motion.gained == pytest.approx(0.5, abs=0.01)
     assert symptoms.motion.recent_turned == pytest.approx(0.0)
     assert classify(symptoms) is Cause.OSCILLATING
-    slow = collect_symptoms(result_of(empty, Outcome.TIMEOUT, log_to(1.5, 0.0, 0.0), []))
+    slow = symptoms_of(empty, Outcome.TIMEOUT, log_to(1.5, 0.0, 0.0), [])
     assert classify(slow) is Cause.SLOW
 
 
@@ -282,5 +271,4 @@ def test_sight_is_the_median_over_the_end_of_the_run(empty: Session, sight: Sigh
     log = log_to(0.5, 0.0, 0.0)
     early = len(log.time) // 3
     others = np.where(np.arange(len(log.time)) < early, (sight + 1) % 3, sight).astype(np.int8)
-    seen = collect_symptoms(result_of(empty, Outcome.STUCK, replace(log, sight=others), []))
-    assert seen.sight is sight
+    assert symptoms_of(empty, Outcome.STUCK, replace(log, sight=others), []).sight is sight

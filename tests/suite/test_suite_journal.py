@@ -77,14 +77,13 @@ def journal(tmp_path: Path) -> RunJournal:
 
 
 def test_the_journal_has_every_run_as_it_ends(out: SuiteFolder) -> None:
-    wanted, counts = plan(), []
+    wanted, seeds = plan(), []
 
     def count(*_: object) -> None:
-        counts.append(len(out.rows()))
+        seeds.append([row.seed for row in out.rows()])
 
     run_suite(wanted, out, have=out.open(wanted, "abc"), work=samples.fake_run, on_row=count)
-    assert counts == [1, 2, 3, 4]
-    assert [row.seed for row in out.rows()] == [0, 1, 2, 3]
+    assert seeds == [[0], [0, 1], [0, 1, 2], [0, 1, 2, 3]]
 
 
 def test_a_row_replaces_an_earlier_one_of_the_same_run(journal: RunJournal) -> None:
@@ -149,26 +148,18 @@ def test_extend_keeps_what_a_change_has_not_touched(out: SuiteFolder) -> None:
     assert driven == [("maze", 0), ("maze", 1), ("poles", 0), ("poles", 1)]
     assert len(done.rows) == len(out.rows()) == 6
     assert told == ["the suite was changed: 2 finished runs are unchanged and kept"]
-    _, back = run(plan(2, rooms="aa", maze="bb"), out, "extend")
-    assert back == []  # the runs of the first version are still there
+    # the runs of the first version are still there
+    assert run(plan(2, rooms="aa", maze="bb"), out, "extend")[1] == []
 
 
 def test_restart_moves_the_earlier_results_aside(out: SuiteFolder) -> None:
     run(plan(2), out)
     told: list[str] = []
-    _, driven = run(plan(3), out, "restart", told)
-    assert len(driven) == 3
+    assert len(run(plan(3), out, "restart", told)[1]) == 3
     assert told == [f"{out.path}: the earlier results are in before-1"]
     assert len(SuiteFolder(out.path / "before-1").rows()) == 2
-    _, driven = run(plan(3), out, "restart")
-    assert len(driven) == 3
+    assert len(run(plan(3), out, "restart")[1]) == 3
     assert run(plan(3), out, "resume")[1] == []
-
-
-def _overwrite(file: Path, at: int, count: int) -> None:
-    with file.open("r+b") as stream:
-        stream.seek(at)
-        stream.write(b"\xff" * count)
 
 
 def test_what_is_intact_of_a_damaged_journal_is_kept(out: SuiteFolder) -> None:
@@ -176,7 +167,9 @@ def test_what_is_intact_of_a_damaged_journal_is_kept(out: SuiteFolder) -> None:
     run(wanted, out)
     before = {row.seed: row for row in out.rows()}
     size = out.journal.file.stat().st_size
-    _overwrite(out.journal.file, size // 2 // 4096 * 4096, 4096)  # a page in the middle
+    with out.journal.file.open("r+b") as stream:
+        stream.seek(size // 2 // 4096 * 4096)  # a page in the middle
+        stream.write(b"\xff" * 4096)
     with pytest.raises(JournalDamagedError):
         out.rows()
     told: list[str] = []
@@ -227,12 +220,12 @@ def test_a_table_without_its_journal_is_not_read(out: SuiteFolder) -> None:
 
 def test_what_is_no_folder_of_a_suite_has_no_rows(tmp_path: Path) -> None:
     (tmp_path / "table.csv").touch()
+    (tmp_path / "empty").mkdir()
     for name, message in (
         ("none", "there is no such folder; expected the folder of a suite"),
         ("table.csv", "is a file; expected the folder of a suite, whose runs are read from its"),
         ("empty", "has no journal.sqlite, so it is not the folder of a suite"),
     ):
-        (tmp_path / "empty").mkdir(exist_ok=True)
         with pytest.raises(InputError, match=f"{name}: {message}"):
             SuiteFolder(tmp_path / name).rows()
 

@@ -99,28 +99,6 @@ def check_files(folder: Path) -> None:
         json.loads(file.read_text())
 
 
-def kill_again_and_again(count: int, folder: Path) -> None:
-    """One suite of 40 runs, whose parent or worker is killed ``count`` times in turn."""
-    suite = undisturbed(FAKE, ("40",), folder)
-    shutil.rmtree(folder / "o")
-    kept: dict[int, RunRow] = {}
-    for index, moment in enumerate(moments(40, count, 3.0)):
-        started = suite.start(folder)
-        if started.after(1.0 + moment):
-            workers = started.workers() if index % 2 else []
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(workers[0] if workers else started.pid, signal.SIGKILL)
-        if index % 2:
-            started.send(signal.SIGKILL)
-        started.ended()
-        rows = rows_of(folder)
-        finished = {row.seed: row for row in rows if row.has_result}
-        assert len({row.seed for row in rows}) == len(rows), "a run is there twice"
-        assert kept.items() <= finished.items(), "a finished run was lost, or driven again"
-        kept = finished
-    check_resumed(folder, suite)
-
-
 def check_stopped(ended: Ended, folder: Path, suite: Undisturbed, number: signal.Signals) -> None:
     """The table is valid and the exit code tells whether every run has a result."""
     rows = rows_of(folder)
@@ -193,7 +171,25 @@ def test_ctrl_c_while_workers_start_prints_no_traceback(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_forty_runs_killed_twenty_times(tmp_path: Path) -> None:
-    kill_again_and_again(20, tmp_path)
+    """The parent and a worker in turn."""
+    suite = undisturbed(FAKE, ("40",), tmp_path)
+    shutil.rmtree(tmp_path / "o")
+    kept: dict[int, RunRow] = {}
+    for index, moment in enumerate(moments(40, 20, 3.0)):
+        started = suite.start(tmp_path)
+        if started.after(1.0 + moment):
+            workers = started.workers() if index % 2 else []
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(workers[0] if workers else started.pid, signal.SIGKILL)
+        if index % 2:
+            started.send(signal.SIGKILL)
+        started.ended()
+        rows = rows_of(tmp_path)
+        finished = {row.seed: row for row in rows if row.has_result}
+        assert len({row.seed for row in rows}) == len(rows), "a run is there twice"
+        assert kept.items() <= finished.items(), "a finished run was lost, or driven again"
+        kept = finished
+    check_resumed(tmp_path, suite)
 
 
 @pytest.mark.slow

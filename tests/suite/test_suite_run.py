@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import suite_samples as samples
+from cli_calls import put_files
 
 from navfw.errors import InputError
 from navfw.recording import machine_kind
@@ -46,8 +48,7 @@ def test_the_table_is_complete_and_in_order(out: SuiteFolder) -> None:
     assert table == [(5, "timeout"), (4, "reached"), (3, "timeout"), (2, "reached")]
     assert [(row.seed, row.outcome) for row in done.rows] == table
     summary = json.loads((out.path / "summary.json").read_text())
-    assert summary["complete"] is True
-    assert summary["success"] == 0.5
+    assert (summary["complete"], summary["success"]) == (True, 0.5)
     assert summary["causes"] == {"timeout: slow": 2}
     files = sorted(p.name for p in out.path.iterdir())
     assert files == ["journal.sqlite", "suite.json", "summary.json", "table.csv", "table.md"]
@@ -125,13 +126,11 @@ def test_nothing_is_overwritten(out: SuiteFolder, tmp_path: Path) -> None:
     run(plan(2), out)
     with pytest.raises(InputError, match="--resume"):
         out.open(plan(2), "abc")
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "notes.txt").touch()
+    put_files(tmp_path, {"mine/notes.txt": "", "file": ""})
     modes: tuple[StartMode, ...] = ("new", "resume")
     for begin in modes:
         with pytest.raises(InputError, match="is not empty"):
             SuiteFolder(tmp_path / "mine").open(plan(2), "abc", begin=begin)
-    (tmp_path / "file").touch()
     for where in (tmp_path / "file", tmp_path / "file" / "below"):
         with pytest.raises(InputError):
             SuiteFolder(where).open(plan(2), "abc")
@@ -188,17 +187,18 @@ def test_a_folder_that_another_suite_writes_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    seeds = range(2, 3)
-    with SuiteFolder.claim(tmp_path / "out", plan(2), seeds) as out:
+
+    def claimed(name: str) -> AbstractContextManager[SuiteFolder]:
+        return SuiteFolder.claim(tmp_path / name, plan(2), range(2, 3))
+
+    with claimed("out") as out:
         out.open(plan(2), "abc")
-        second = SuiteFolder.claim(tmp_path / "out", plan(2), seeds)
-        with pytest.raises(InputError, match="another suite is writing it"), second:
+        with pytest.raises(InputError, match="another suite is writing it"), claimed("out"):
             pass
-    with SuiteFolder.claim(tmp_path / "out", plan(2), seeds) as out:
+    with claimed("out") as out:
         assert out.open(plan(2), "abc", begin="resume") == []
     files = sorted(file.name for file in out.path.iterdir())
     assert files == ["journal.sqlite", "pictures", "suite.json", "table.csv"]
     (tmp_path / "link").symlink_to(tmp_path / "none")
-    link = SuiteFolder.claim(tmp_path / "link", plan(2), seeds)
-    with pytest.raises(InputError, match="is a link to"), link:
+    with pytest.raises(InputError, match="is a link to"), claimed("link"):
         pass

@@ -111,8 +111,8 @@ def test_other_seeds_are_refused_by_name(text: str) -> None:
 
 
 def test_the_difficulty_depends_on_the_seed_and_fills_its_range() -> None:
-    drawn = [draw_difficulty((0.2, 0.8), seed) for seed in range(300)]
-    assert drawn == [draw_difficulty((0.2, 0.8), seed) for seed in range(300)]
+    drawn, again = ([draw_difficulty((0.2, 0.8), seed) for seed in range(300)] for _ in range(2))
+    assert drawn == again
     values = [value for value in drawn if value is not None]
     assert 0.2 <= min(values) < 0.22
     assert 0.78 < max(values) <= 0.8
@@ -158,21 +158,17 @@ def test_wrong_events_are_located_in_the_suite(
 
 
 def passes(expect: Expect, **changes: Any) -> bool:
-    rows = [samples.row(seed) for seed in range(9)]
-    rows.append(samples.row(9, **changes))
-    entry = rows[0].entry
-    summary = summarize(rows, {entry: expect})
-    found = summary["by_entry"][entry]
-    assert found["expect"] == expect
-    assert found["passed"] >= 9
-    return bool(found["passes"])
+    rows = [*(samples.row(seed) for seed in range(9)), samples.row(9, **changes)]
+    summary = summarize(rows, {"rooms": expect})["by_entry"]["rooms"]
+    assert summary["expect"] == expect
+    assert summary["passed"] >= 9
+    return bool(summary["passes"])
 
 
 def test_nine_arrivals_of_ten_pass() -> None:
     assert passes("arrival", outcome="collided", collisions=1)
     rows = [samples.row(seed, outcome="reached" if seed < 8 else "stuck") for seed in range(10)]
-    summary = summarize(rows, {rows[0].entry: "arrival"})
-    assert not summary["by_entry"][rows[0].entry]["passes"]
+    assert not summarize(rows, {"rooms": "arrival"})["by_entry"]["rooms"]["passes"]
     assert not summarize([], {"none": "arrival"})["by_entry"]["none"]["passes"]
 
 
@@ -264,19 +260,19 @@ def test_rounds_drops_and_unknown_starts_hold_in_generated_worlds(tmp_path: Path
     assert session.task.drops == {"pit"}
 
 
-@pytest.mark.parametrize(("given", "contrast"), [("", None), (", contrast: 3", 3.0)])
-def test_the_contrast_of_an_entry_is_that_of_its_worlds(
-    given: str, contrast: float | None, tmp_path: Path
+@pytest.mark.parametrize(
+    ("option", "textures"),
+    [
+        ("", {}),
+        (", contrast: 3", {"wood": TextureSpec(contrast=3.0)}),
+        (", look: photo", {"wood": TextureSpec(style="brick")}),
+    ],
+)
+def test_contrast_and_look_of_an_entry_are_those_of_its_worlds(
+    option: str, textures: dict[str, TextureSpec], tmp_path: Path
 ) -> None:
-    (case,) = plan_of(tmp_path, f"{{family: boxes{given}}}").cases
-    textures = case.session(default_registry()).world.textures
-    assert [spec.contrast for spec in textures.values()] == ([] if contrast is None else [contrast])
-
-
-def test_the_look_of_an_entry_is_that_of_its_worlds(tmp_path: Path) -> None:
-    plan = plan_of(tmp_path, "{family: boxes, look: photo}")
-    world = plan.cases[0].session(default_registry()).world
-    assert world.textures["wood"].style == "brick"
+    (case,) = plan_of(tmp_path, f"{{family: boxes{option}}}").cases
+    assert case.session(default_registry()).world.textures == textures
 
 
 @pytest.mark.parametrize(

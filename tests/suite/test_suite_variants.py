@@ -6,6 +6,7 @@ import json
 import shutil
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 import suite_samples as samples
@@ -48,10 +49,9 @@ def test_every_run_is_made_with_every_variant(tmp_path: Path) -> None:
         for seed in (0, 1)
     ]
     last = plan.cases[-1]
-    changes = ("mission.timeout=9", "local_map.memory=false", "occupancy.hit=1.5")
-    assert last.overrides == changes
-    session = last.session(default_registry())
-    assert session.stack.resolved.settings.local_map.memory is False
+    assert last.overrides == ("mission.timeout=9", "local_map.memory=false", "occupancy.hit=1.5")
+    settings = last.session(default_registry()).stack.resolved.settings
+    assert settings.local_map.memory is False
     assert len({case.key for case in plan.cases}) == 6
 
 
@@ -81,9 +81,7 @@ def test_an_error_is_located_at_the_variant_that_causes_it(
 def test_a_variant_without_its_package_is_skipped_and_listed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def missing(module: str) -> object:
-        raise MissingExtraError("navground", "navground", key=module)
-
+    missing = Mock(side_effect=MissingExtraError("navground", "navground", key="navground"))
     monkeypatch.setattr(navground, "_navground", missing)
     text = SUITE + "  navground: {stack: navground}\n"
     plan = planned(tmp_path, text, range(2))
@@ -157,9 +155,8 @@ def test_all_variants_of_the_shipped_ablations_are_valid() -> None:
     plan = plan_runs(suite, range(8000, 8001), default_registry())
     assert not plan.skipped
     assert len(plan.cases) == len(suite.spec.entries) * len(suite.spec.variants)
-    assert {"default", "oracle", "paper", "balance", "divergence", "navground"} <= set(
-        suite.spec.variants
-    )
+    stacks = {"default", "oracle", "paper", "balance", "divergence", "navground"}
+    assert stacks <= set(suite.spec.variants)
 
 
 # --- precedence of stacks and robots: option, variant, entry, mission, ``default`` ----------------
@@ -183,13 +180,10 @@ def cases_of(folder: Path, entry: str, variants: str = "", **options: Any) -> tu
 
 def stacks(world: Path, entry: str, variants: str = "", **options: Any) -> dict[str, str]:
     """The stack of each mission (and variant)."""
-    found = {}
-    entry = f"world: {world / 'world.yaml'}{entry}"
-    for case in cases_of(world.parent, entry, variants, **options):
-        session = case.session(default_registry())
-        assert case.stack_name == session.stack_file.stem
-        found[f"{case.mission_name} {case.variant}".strip()] = case.stack_name
-    return found
+    cases = cases_of(world.parent, f"world: {world / 'world.yaml'}{entry}", variants, **options)
+    for case in cases:
+        assert case.stack_name == case.session(default_registry()).stack_file.stem
+    return {f"{case.mission_name} {case.variant}".strip(): case.stack_name for case in cases}
 
 
 @pytest.mark.parametrize(
