@@ -15,6 +15,7 @@ import tempfile
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -283,9 +284,7 @@ def test_a_sweep_that_fails_midway_leaves_no_listing_open(
     for name in ("a", "b"):
         (tmp_path / f".{name}.navfw-lock").touch()
 
-    def broken(entry: os.DirEntry[str]) -> bool:
-        raise OSError(errno.EIO, "Input/output error", entry.name)
-
+    broken = Mock(side_effect=OSError(errno.EIO, "Input/output error", ".a.navfw-lock"))
     monkeypatch.setattr(target_lock, "_is_ours", broken)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from cli_calls import invoke
+from cli_calls import invoke, refusal
 from report_browser import seen_in_browser
 
 from navfw.recording import PICTURE, RECORDING, REPORT, open_run
@@ -88,11 +88,10 @@ def test_without_a_recording_the_page_has_the_picture_and_says_so(
 def test_a_foreign_folder_and_an_unwritable_place_are_refused(
     run_folder: Path, tmp_path: Path
 ) -> None:
-    foreign = invoke("report", tmp_path)
-    assert (foreign.exit_code, "is neither the folder of a run" in foreign.output) == (2, True)
+    assert "is neither the folder of a run" in refusal("report", tmp_path)
     (tmp_path / "file").touch()
-    below = invoke("report", run_folder, "--out", tmp_path / "file" / "page.html")
-    assert (below.exit_code, "cannot be written" in below.output) == (2, True)
+    below = ("--out", tmp_path / "file" / "page.html")
+    assert "cannot be written" in refusal("report", run_folder, *below)
 
 
 def test_a_cut_recording_is_shown_as_far_as_it_is_intact(run_folder: Path, tmp_path: Path) -> None:

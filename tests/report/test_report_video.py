@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_calls import invoke
+from cli_calls import invoke, put_files, refusal
 from mcap_rewriting import rewrite
 from picture_colors import share_of
 
@@ -91,9 +91,8 @@ def test_what_cannot_be_written_is_refused_before_the_drive(
 ) -> None:
     (tmp_path / "file").touch()
     (tmp_path / "folder.mp4").mkdir()
-    done = invoke(*RUN, "--out", tmp_path / "run", "--video", tmp_path / name)
-    assert (done.exit_code, message in done.stderr) == (2, True), done.output
-    assert len(done.stderr.splitlines()) == 1
+    (told,) = refusal(*RUN, "--out", tmp_path / "run", "--video", tmp_path / name).splitlines()
+    assert message in told
     assert not (tmp_path / "run").exists()
 
 
@@ -101,17 +100,16 @@ def test_without_the_extra_the_remedy_is_told_before_the_drive(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "av", None)
-    done = invoke(*RUN, "--out", tmp_path / "run", "--video", tmp_path / "run.mp4")
-    assert (done.exit_code, "uv sync --extra video" in done.stderr) == (2, True), done.output
+    words = ("--out", tmp_path / "run", "--video", tmp_path / "run.mp4")
+    assert "uv sync --extra video" in refusal(*RUN, *words)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_run_without_a_recording_gives_no_video(filmed: Path, tmp_path: Path) -> None:
-    (tmp_path / "run").mkdir()
     result = (filmed / "run" / "result.json").read_text()
-    (tmp_path / "run" / "result.json").write_text(result)
-    done = invoke("replay", tmp_path / "run", "--video", tmp_path / "run.mp4")
-    assert (done.exit_code, "run again with --record" in done.stderr) == (2, True)
+    put_files(tmp_path / "run", {"result.json": result})
+    told = refusal("replay", tmp_path / "run", "--video", tmp_path / "run.mp4")
+    assert "run again with --record" in told
     assert not (tmp_path / "run.mp4").exists()
 
 
@@ -122,6 +120,6 @@ def test_a_damaged_message_is_told_and_leaves_no_video(filmed: Path, tmp_path: P
         return b"" if topic == LOCAL_MAP else data
 
     rewrite(filmed / "run" / RECORDING, tmp_path / "run" / RECORDING, emptied)
-    done = invoke("replay", tmp_path / "run", "--video", tmp_path / "run.mp4")
-    assert (done.exit_code, "is damaged (ValueError" in done.stderr) == (2, True), done.output
+    told = refusal("replay", tmp_path / "run", "--video", tmp_path / "run.mp4")
+    assert "is damaged (ValueError" in told
     assert [path.name for path in tmp_path.iterdir()] == ["run"]

@@ -12,7 +12,6 @@ from stack_samples import (
     Ahead,
     Idle,
     Rig,
-    ScriptedVision,
     drive,
     person_ahead,
     sample_stack,
@@ -28,11 +27,9 @@ from navfw.stack import NO_ROUTE_AFTER, STUCK_AFTER, TIMED, ProgressWatch, Stack
 
 def test_the_stack_gives_up_without_a_route_for_long() -> None:
     rig = Rig()
-    for time in np.arange(0.0, 3.0, 0.5):
-        rig.step(float(time))
-    rig.planner.reason = "the door is shut"
-    for time in np.arange(3.0, 3.0 + NO_ROUTE_AFTER, 0.5):
-        rig.step(float(time))
+    for time in np.arange(0.0, 3.0 + NO_ROUTE_AFTER, 0.5).tolist():
+        rig.planner.reason = None if time < 3.0 else "the door is shut"
+        rig.step(time)
         assert rig.stack.state.stuck is None
     rig.step(3.0 + NO_ROUTE_AFTER)
     assert rig.stack.state.stuck == "the door is shut"
@@ -55,8 +52,8 @@ def test_the_stack_gives_up_without_progress_unless_it_is_lost(
 ) -> None:
     rig = Rig()
     rig.localizer.lost = lost
-    for time in np.arange(0.0, STUCK_AFTER + 0.1, 1.0):
-        rig.step(float(time))
+    for time in np.arange(0.0, STUCK_AFTER + 0.1, 1.0).tolist():
+        rig.step(time)
         assert rig.stack.state.stuck is None
     rig.planner.reason = reason
     rig.step(STUCK_AFTER + 1.0)
@@ -139,9 +136,7 @@ def test_a_decision_can_be_explained() -> None:
 def test_start_returns_every_part_to_the_start_of_a_run() -> None:
     stack = sample_stack(Ahead, script=person_ahead)
     drive(stack, 0.5)
-    vision = stack.vision
-    assert isinstance(vision, ScriptedVision)
-    assert vision.frames
+    assert vars(stack.vision)["frames"]
     assert stack.tracker.tracks
     assert stack.local_map.occupancy.located
     assert stack.mofis.proposals
@@ -149,7 +144,7 @@ def test_start_returns_every_part_to_the_start_of_a_run() -> None:
     stack.trim._shares = [0.5, 0.5]
     stack.start(START, [GOAL])
     assert stack.state == StackState(time=0.0)
-    assert vision.frames == []
+    assert vars(stack.vision)["frames"] == []
     assert stack.tracker.tracks == []
     assert not vars(stack.local_map.occupancy)["_origin"]
     assert stack.mofis.proposals == {}
@@ -212,8 +207,7 @@ def test_it_gives_up_and_says_why() -> None:
     doubt = watched((2.0, 1.0), LAB, late).give_up_reason
     assert doubt == "perhaps at lab: the position estimate has a sigma of 0.70 m"
     watch = ProgressWatch()
-    for held in (False, True, True):
-        veto = "unobserved space ahead" if held else ""
+    for veto in ("", "unobserved space ahead", "unobserved space ahead"):
         watch.update(late, belief(0.0, 0.0), LAB, late, None, veto)
     held_by = "no progress toward lab for 61 s; held by the safety monitor: unobserved space ahead"
     assert watch.give_up_reason == held_by
@@ -228,9 +222,9 @@ def test_it_gives_up_and_says_why() -> None:
 def test_a_route_in_between_starts_the_time_without_one_anew(
     waypoint: Waypoint | None, no_route: str | None
 ) -> None:
-    watch, here = ProgressWatch(), belief(0.0, 0.0)
-    watch.update(0.0, here, LAB, 0.0, "the door is closed")
-    watch.update(0.9 * NO_ROUTE_AFTER, here, waypoint, 0.0, no_route)
-    for time, reason in ((0.91, None), (1.9, None), (1.92, "the door is closed")):
-        watch.update(time * NO_ROUTE_AFTER, here, LAB, 0.0, "the door is closed")
+    watch, closed = ProgressWatch(), "the door is closed"
+    watch.update(0.0, belief(0.0, 0.0), LAB, 0.0, closed)
+    watch.update(0.9 * NO_ROUTE_AFTER, belief(0.0, 0.0), waypoint, 0.0, no_route)
+    for time, reason in ((0.91, None), (1.9, None), (1.92, closed)):
+        watch.update(time * NO_ROUTE_AFTER, belief(0.0, 0.0), LAB, 0.0, closed)
         assert watch.give_up_reason == reason

@@ -17,6 +17,7 @@ from navfw.context import Context
 from navfw.errors import PluginError, UnknownNameError
 from navfw.interfaces import Behavior, Composite
 from navfw.missions import MissionVerdict, Outcome, measure
+from navfw.offis import Offis
 from navfw.plugins import default_registry
 from navfw.recording import Contact, RunLogger
 from navfw.robot import RobotModel
@@ -114,10 +115,9 @@ def variant(**members: Any) -> type[Behavior]:
 
 def proposing(change: Any) -> type[Behavior]:
     """``Stop``, with its proposal's fields replaced by what ``change`` gives for a context."""
-    import dataclasses
 
     def propose(self: Stop, context: Context) -> Proposal:
-        return dataclasses.replace(Stop.propose(self, context), **change(context))
+        return replace(Stop.propose(self, context), **change(context))
 
     return variant(propose=propose)
 
@@ -152,19 +152,14 @@ def test_the_message_names_file_and_class() -> None:
     assert "more" in str(caught.value), "one problem a scene, cut off after a dozen"
 
 
-def propose_wrong_type(self: Stop, context: Context) -> Any:
-    return 0.5
-
-
-def propose_with_shared_state(self: Stop, context: Context, _count: Any = itertools.count()) -> Any:  # noqa: B008
-    desired = context.commands.zeros() + 0.001 * (next(_count) % 900)
+def counted(context: Context, count: int) -> Proposal:
+    desired = context.commands.zeros() + 0.001 * (count % 900)
     return Proposal(0.5, desired, context.commands.zeros(), "counting")
 
 
 def propose_without_reset(self: Any, context: Context) -> Any:
     self.count = getattr(self, "count", 0) + 1
-    desired = context.commands.zeros() + 0.001 * (self.count % 900)
-    return Proposal(0.5, desired, context.commands.zeros(), "counting")
+    return counted(context, self.count)
 
 
 def propose_in_the_context(self: Any, context: Context) -> Any:
@@ -180,8 +175,8 @@ def propose_slowly(self: Any, context: Context) -> Any:
 @pytest.mark.parametrize(
     ("propose", "message"),
     [
-        (propose_wrong_type, "returned float, not a Proposal"),
-        (propose_with_shared_state, "a new instance"),
+        (lambda self, context: 0.5, "returned float, not a Proposal"),
+        (lambda self, context: counted(context, next(COUNT)), "a new instance"),
         (propose_without_reset, "after reset()"),
         (propose_in_the_context, "read-only"),
         (propose_slowly, "the limit is 1 ms"),
@@ -240,11 +235,8 @@ def test_scenes_match_their_description(scene: BehaviorScene) -> None:
 
 
 def test_the_flow_of_a_wall_gives_its_distance() -> None:
-    from navfw.offis import Offis
-
     robot = RobotModel()
-    flow = wall_flow(robot, 0.0, 1.5, 20.0, 20.0)
-    percept = Offis(robot).perceive(flow, Twist(0.3, 0.0))
+    percept = Offis(robot).perceive(wall_flow(robot, 0.0, 1.5, 20.0, 20.0), Twist(0.3, 0.0))
     wall = (np.asarray(percept.label) == Label.OBSTACLE) & (percept.confidence > 0.3)
     assert wall.sum() > 20
     depth = 1.5 - robot.camera.mount_forward
@@ -269,8 +261,7 @@ def run() -> MissionRun:
     logger = RunLogger()
     for tick in range(61):
         pose = Pose(min(tick, 80 - tick) / 10, 0.0, 0.0)
-        leader = "go" if tick < 40 else "turn"
-        logger.add(tick / 10, pose, pose, Twist(1.0, 0.0), leader, emergency=False)
+        logger.add(tick / 10, pose, pose, Twist(1.0, 0.0), "go" if tick < 40 else "turn", False)
     log = logger.log()
     metrics = measure(
         log,
