@@ -66,10 +66,10 @@ def raiser(error: BaseException) -> Callable[[], NoReturn]:
     return call
 
 
-def fail(guard: PluginGuard, plugin: str, error: BaseException, *, vital: bool = False) -> None:
+def fail(guard: PluginGuard, plugin: str, error: BaseException, **options: Any) -> None:
     """A call of ``plugin`` that raises ``error``."""
     with pytest.raises(PluginCallError, match=f"^{plugin}: "):
-        guard.call(plugin, raiser(error), check=nothing, vital=vital)
+        guard.call(plugin, raiser(error), check=nothing, **options)
 
 
 @pytest.mark.parametrize(
