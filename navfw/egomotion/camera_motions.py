@@ -29,6 +29,24 @@ def yaw_rotation(angle: float) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
+def pitch_rotation(pitch: float) -> Array:
+    """(3, 3) rotation of base_link's axes into level ones, ``pitch`` [rad] being nose down."""
+    c, s = math.cos(pitch), math.sin(pitch)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def camera_place(robot: RobotModel, pitch: float) -> Array:
+    """Place (3,) of the camera [m] ahead, left and above its height; level axes of base_link.
+
+    The body rocks about the axle of its wheels.
+    """
+    ahead, above = robot.camera.mount_forward, robot.camera.mount_height - robot.wheel_radius
+    if pitch == 0.0:
+        return np.array([ahead, 0.0, 0.0])
+    c, s = math.cos(pitch), math.sin(pitch)
+    return np.array([c * ahead + s * above, 0.0, (c - 1.0) * above - s * ahead])
+
+
 def camera_motion(
     robot: RobotModel,
     past: Pose,
@@ -37,6 +55,7 @@ def camera_motion(
     *,
     yaw_rate_sigma: float = YAW_RATE_SIGMA,
     slip: float = SLIP,
+    places: tuple[Array, Array] | None = None,
 ) -> CameraMotion:
     """Motion of ``robot``'s camera while its base moves from pose ``past`` to pose ``now``.
 
@@ -45,14 +64,15 @@ def camera_motion(
     own axes (METHOD 2.1, 2.2, here without the small-angle approximation). ``dt`` [s] is the time
     between the poses; ``yaw_rate_sigma`` [rad/s] and ``slip`` (relative to the distance driven) are
     the standard deviations of the gyro's and the wheels' errors; that of the point about which the
-    robot turns is ``robot.skid``.
+    robot turns is ``robot.skid``. ``places``, past and now, are those of the camera
+    (``camera_place``) of a body that rocks; its images are taken to be level.
     """
     turn = wrap_angle(now.yaw - past.yaw)
     # the camera's displacement in the axes of base_link now; the lever arm turned with the robot
-    lever = np.array([robot.camera.mount_forward, 0.0, 0.0])
+    lever_past, lever = places or (camera_place(robot, 0.0),) * 2
     x, y = now.to_local(past.x, past.y)
     now_from_past = yaw_rotation(-turn)
-    displacement = np.array([-x, -y, 0.0]) + lever - product(now_from_past, lever)
+    displacement = np.array([-x, -y, 0.0]) + lever - product(now_from_past, lever_past)
     base_from_camera = robot.camera.base_from_camera
     translation = product(base_from_camera.T, displacement)
     way = math.sqrt(product(translation, translation))

@@ -5,7 +5,8 @@ base_link; the share k of the wheels' distance that the robot does not cover (me
 error); and the gyro's bias b. Wheels and gyro predict it, with the errors of their data sheets. The
 registration of the floor between key frame and present frame measures the pose, and through its
 correlation with the pose the two calibrations (Kalman filter with a state that is reset at each
-key frame; relative measurements as in Roumeliotis and Burdick 2002).
+key frame; relative measurements as in Roumeliotis and Burdick 2002). While too many of the floor's
+motions contradict wheels and gyro, none is believed.
 """
 
 from __future__ import annotations
@@ -58,6 +59,13 @@ _FLOW_SHARE = 0.5
 """Error of the yaw by the whole flow field, as a part of the standard deviation that comes with it,
 which allows for errors that neighbours share (measured on drives through the office)."""
 
+_DOUBT_MEMORY = 15.0
+"""Number of frames over which contradictions are averaged."""
+
+_DOUBTED, _TRUSTED = 0.4, 0.15
+"""Mean share of contradictions, slip apart, from which on the floor is not believed, and below
+which it is believed again."""
+
 _CALIBRATION = 0.02
 """Prior standard deviation of k: slip and tyres of a data sheet that is only about right."""
 
@@ -99,12 +107,20 @@ class FloorOdometry:
         self._covariance[3, 3] = _CALIBRATION**2
         self._used_until = -math.inf
         self._disagreed = 0
+        self._contradicted = 0.0
+        self._doubting = False
         self._registered_last = False
 
     @property
     def slipping(self) -> bool:
         """Whether the last frames clearly showed the floor moving otherwise than the wheels."""
         return self._disagreed >= _CONVINCED
+
+    @property
+    def doubt(self) -> str:
+        """Why the floor's motion is not believed at present; an empty text if it is."""
+        share = f"{self._contradicted:.0%} of its motions contradict wheels and gyro"
+        return f"the floor in the images is not believed: {share}" if self._doubting else ""
 
     @property
     def calibration(self) -> tuple[float, float]:
@@ -118,12 +134,18 @@ class FloorOdometry:
         share, bias = self.calibration
         turn = 0.0 if raw.still else raw.yaw_bias - bias
         twist = Twist((1.0 - share) * raw.twist.v, raw.twist.w + turn)
-        pose = self._shift.compose(raw.pose)
-        return replace(raw, pose=pose, twist=twist, yaw_bias=bias, by_floor=self._registered_last)
+        return replace(
+            raw,
+            pose=self._shift.compose(raw.pose),
+            twist=twist,
+            yaw_bias=bias,
+            by_floor=self._registered_last,
+            doubt=self.doubt,
+        )
 
     def observe(self, frame: Frame, raw: Odometry) -> None:
         """Correct by a camera frame; ``raw`` is the odometer's answer at the frame's time."""
-        image = self._registration.prepare(frame.image)
+        image = self._registration.prepare(frame.image, raw.pitch, raw.rocking)
         if self._raw is None or self._key is None:
             self._state[4] = raw.yaw_bias
             self._covariance[4, 4] = YAW_RATE_SIGMA**2
@@ -207,14 +229,19 @@ class FloorOdometry:
             return False
         if self._distance(step) <= _GATE:
             self._disagreed = 0
-            self._update(step)
-            return True
+            self._watch(0.0)
+            if not self._doubting:
+                self._update(step)
+            return not self._doubting
         # either this is no floor, or the wheels slip: then only the way along the heading is wrong
         c, s = math.cos(self._state[2]), math.sin(self._state[2])
         way = _SLIPPED * math.hypot(*self._state[:2])
         slip = way**2 * np.outer((c, s, 0.0), (c, s, 0.0))
         step = self._registered(past, now, search_covariance + slip)
-        if step is None or step.share < _CLEAR_SHARE or step.explained < _CLEAR_EXPLAINED:
+        clear = step and step.share >= _CLEAR_SHARE and step.explained >= _CLEAR_EXPLAINED
+        # a body that rocks moves the camera otherwise than its wheels
+        if step is None or not clear or step.rocking:
+            self._watch(1.0)
             return False
         self._disagreed += 1
         if not self.slipping:
@@ -222,6 +249,17 @@ class FloorOdometry:
         self._covariance[:3, :3] += slip
         self._update(step)
         return True
+
+    def _watch(self, contradiction: float) -> None:
+        """Average the contradictions, and stop or begin to believe the floor accordingly.
+
+        What such a floor said of the wheels is forgotten.
+        """
+        self._contradicted += (contradiction - self._contradicted) / _DOUBT_MEMORY
+        self._doubting = self._contradicted > (_TRUSTED if self._doubting else _DOUBTED)
+        if self._doubting:
+            self._state[3] = self._covariance[3, :] = self._covariance[:, 3] = 0.0
+            self._covariance[3, 3] = _CALIBRATION**2
 
     def _registered(self, past: FloorImage, now: FloorImage, covariance: Array) -> FloorStep | None:
         guess = Pose(*self._state[:3].tolist())
@@ -240,6 +278,8 @@ class FloorOdometry:
     def _update(self, step: FloorStep) -> None:
         spread = self._covariance[:3, :3] + step.covariance
         gain = solve(spread, self._covariance[:3, :]).T
+        if step.rocking:
+            gain[3] = 0.0  # its scale says nothing of the wheels
         self._state = self._state + product(gain, self._offset(step))
         keep = np.eye(5)
         keep[:, :3] -= gain

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from navfw.egomotion.camera_motions import camera_place
 from navfw.egomotion.floor_kernels import SLANT, UNKNOWNS, register_floor
 from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats
@@ -65,6 +66,10 @@ _ITERATIONS = 10
 _SCALE_SIGMA = 1.5e-3
 """Error of height and pitch of the camera, as a part of the way: it does not average out."""
 
+_ROCKING_SHARE = 2.5
+"""The same of a body that rocks, per amplitude of rocking [1/rad]: what a wrong pitch makes of
+distances at twice the height of the camera."""
+
 _MIN_SIGMA = np.array([1e-4, 1e-4, 5e-4])
 """Least standard deviations of x, y [m] and yaw [rad]: of the interpolation of grey values."""
 
@@ -74,10 +79,13 @@ class FloorImage:
     """The part of an image below the horizon, made ready for registration.
 
     ``grey`` (rows, width) are its grey levels, smoothed; ``values`` (n,) those of the pixels used.
+    ``pitch`` and ``rocking`` [rad] are those of a body that rocks; its image has been levelled.
     """
 
     grey: Floats
     values: Array
+    pitch: float = 0.0
+    rocking: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,20 +93,22 @@ class FloorStep:
     """The robot's motion over the floor: ``pose`` in its past base_link, ``covariance`` (3, 3).
 
     ``share`` in [0, 1] is the share of the pixels that agree, ``explained`` that of the variance of
-    the grey levels that this motion explains.
+    the grey levels that this motion explains. ``rocking`` tells whether the body rocks, so that an
+    error of the scale is common to many steps.
     """
 
     pose: Pose
     covariance: Array
     share: float
     explained: float
+    rocking: bool = False
 
 
 class FloorRegistration:
     """Registers the lower part of two images of one camera as images of a level floor."""
 
     def __init__(self, robot: RobotModel) -> None:
-        camera = robot.camera
+        self._robot, camera = robot, robot.camera
         rows, columns = np.mgrid[2 : camera.height - 2 : _STRIDE, 2 : camera.width - 2 : _STRIDE]
         x = columns - 0.5 * (camera.width - 1)
         y = rows - 0.5 * (camera.height - 1)
@@ -125,11 +135,21 @@ class FloorRegistration:
         self._base_from_camera = np.ascontiguousarray(camera.base_from_camera)
         self._known = np.diag([0.0, 0.0, 0.0, _GAIN**-2, _OFFSET**-2, _SLANT_SIGMA**-2])
 
-    def prepare(self, image: Image) -> FloorImage:
-        """``image`` (height, width) made ready for registration."""
+    def prepare(self, image: Image, pitch: float = 0.0, rocking: float = 0.0) -> FloorImage:
+        """``image`` (height, width) made ready; the rest as in ``FloorImage``."""
         blurred = cv2.GaussianBlur(image[self._top :].astype(np.float32), (0, 0), _SMOOTHING)
         grey = np.asarray(blurred, dtype=np.float32)
-        return FloorImage(grey, grey[self._at].astype(np.float64))
+        return FloorImage(grey, grey[self._at].astype(np.float64), pitch, rocking)
+
+    def _seen_at(self, image: FloorImage) -> tuple[Array, Array]:
+        """The floor that the pixels of ``image`` show, and its camera, as the kernel needs them."""
+        if image.pitch == 0.0:
+            return self._ground, self._camera
+        model, camera = self._robot.camera, self._camera.copy()
+        ahead, _, above = camera_place(self._robot, image.pitch).tolist()
+        camera[1:3] = ahead, model.mount_height + above
+        scale, usual = camera[2] / model.mount_height, (model.mount_forward, 0.0)
+        return scale * (self._ground - usual) + (ahead, 0.0), camera
 
     def register(
         self, past: FloorImage, now: FloorImage, guess: Pose, covariance: Array
@@ -147,9 +167,9 @@ class FloorRegistration:
         at, information, slanted, share, explained = register_floor(
             past.grey,
             now.values,
-            self._ground,
+            self._seen_at(now)[0],
             self._farness,
-            self._camera,
+            self._seen_at(past)[1],
             self._base_from_camera,
             start,
             _CORRELATION * prior,
@@ -171,5 +191,7 @@ class FloorRegistration:
         at = at + solve(information[:SLANT, :SLANT], pull[:SLANT])
         spread = spread[:3, :3].copy()
         spread[np.diag_indices(3)] += _MIN_SIGMA**2
-        spread[:2, :2] += _SCALE_SIGMA**2 * np.outer(at[:2], at[:2])
-        return FloorStep(Pose(*at[:3].tolist()), spread, share, explained)
+        rocking = max(past.rocking, now.rocking)
+        scale_sigma = math.hypot(_SCALE_SIGMA, _ROCKING_SHARE * rocking)
+        spread[:2, :2] += scale_sigma**2 * np.outer(at[:2], at[:2])
+        return FloorStep(Pose(*at[:3].tolist()), spread, share, explained, rocking > 0.0)

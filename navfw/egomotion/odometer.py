@@ -10,6 +10,7 @@ from bisect import bisect_right
 from collections import deque
 from operator import attrgetter
 
+from navfw.egomotion.rocking import RockingFilter
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Inertial, Odometry, Pose, Twist, YawCorrection, wrap_angle
 
@@ -139,11 +140,13 @@ class Odometer:
         self._robot = robot
         self._wheels = EncoderFaultDetector(robot)
         self._way_per_tick = 2.0 * math.pi * robot.wheel_radius / robot.ticks_per_turn
+        self._rocking = RockingFilter()
         self.reset()
 
     def reset(self) -> None:
         """Back to the start: the next reading is taken at the origin."""
         self._wheels.reset()
+        self._rocking.reset()
         self._last: tuple[Encoders, float] | None = None
         self._silent = False
         self._stale = False
@@ -185,6 +188,9 @@ class Odometer:
             rate = turn / dt + self._bias
         self._last = encoders, rate
         self._watch_rest(encoders)
+        if not self._stale:
+            still = self._resting(encoders.time)
+            self._rocking.update(inertial, rate - self._bias, dt, still)
         way = 0.5 * (left + right)
         self._speed += (way / dt - self._speed) * -math.expm1(-dt / _SPEED_SMOOTHING)
         if self._resting(encoders.time) and abs(rate) <= _MAX_BIAS:
@@ -242,7 +248,17 @@ class Odometer:
         speed = 0.0 if still else self._speed
         turning = 0.0 if still and abs(yaw_rate) <= _MAX_BIAS else yaw_rate
         twist = Twist(speed, turning)
-        return Odometry(time, self._pose, twist, self._bias, still, self._silent, self._stale)
+        return Odometry(
+            time,
+            self._pose,
+            twist,
+            self._bias,
+            still,
+            self._silent,
+            self._stale,
+            pitch=self._rocking.pitch,
+            rocking=self._rocking.rocking,
+        )
 
     def _advance(self, way: float, turn: float) -> None:
         """Move the pose along an arc of length ``way`` [m] that turns by ``turn`` [rad]."""

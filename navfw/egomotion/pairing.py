@@ -10,8 +10,9 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from navfw.egomotion.camera_motions import SLIP, YAW_RATE_SIGMA, camera_motion
+from navfw.egomotion.camera_motions import SLIP, YAW_RATE_SIGMA, camera_motion, camera_place
 from navfw.interfaces import Params
+from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Frame, FramePair, Odometry, Pose, wrap_angle
 
@@ -73,11 +74,15 @@ class PairingParams(Params):
 
 @dataclass(frozen=True, slots=True)
 class PosedFrame:
-    """A frame with the ``pose`` of the base and the ``camera_position`` (x, y) [m] in ``odom``."""
+    """A frame with the ``pose`` of the base and the ``camera_position`` (x, y) [m] in ``odom``.
+
+    ``place`` (3,) [m] is that of the camera on the body (``camera_place``).
+    """
 
     frame: Frame
     pose: Pose
     camera_position: tuple[float, float]
+    place: Array
 
     @classmethod
     def from_odometry(cls, frame: Frame, odometry: Odometry, robot: RobotModel) -> PosedFrame:
@@ -86,7 +91,8 @@ class PosedFrame:
         The pose is extrapolated by the measured twist from ``odometry.time`` to the frame's time.
         """
         pose = _pose_at(frame.time, odometry)
-        return cls(frame, pose, pose.to_parent(robot.camera.mount_forward, 0.0))
+        place = camera_place(robot, odometry.pitch)
+        return cls(frame, pose, pose.to_parent(float(place[0]), float(place[1])), place)
 
     def baseline(self, past: PosedFrame) -> float:
         """Distance [m] between the camera positions of ``past`` and this frame."""
@@ -109,6 +115,7 @@ class PosedFrame:
             self.age(past),
             yaw_rate_sigma=params.yaw_rate_sigma,
             slip=params.slip,
+            places=(past.place, self.place),
         )
         return FramePair(past.frame, self.frame, motion)
 

@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, tostring
 
 import numpy as np
 
@@ -72,14 +72,15 @@ class UrdfCollision:
 class UrdfModel:
     """A URDF file: its joints by name, links and collision shapes.
 
-    ``massless`` are the links without inertia; ``wheel_radii`` [m] are the radii of the links that
-    collide as one cylinder or sphere.
+    ``inertials`` are the masses [kg] and <inertial> elements of links with a mass, ``massless`` the
+    others; ``wheel_radii`` [m] are the radii of the links that collide as one cylinder or sphere.
     """
 
     file: Path
     links: tuple[str, ...]
     joints: dict[str, UrdfJoint]
     collisions: tuple[UrdfCollision, ...]
+    inertials: dict[str, tuple[float, Element]]
     massless: frozenset[str]
     wheel_radii: dict[str, float]
 
@@ -130,14 +131,27 @@ def read_urdf(path: Path) -> UrdfModel:
         joint = _joint(path, element, links)
         joints[joint.name] = joint
     _check_meshes(path, root)
-    massless = frozenset(link.get("name", "") for link in elements if link.find("inertial") is None)
+    inertials = _inertials(path, elements)
+    massless = frozenset(links) - frozenset(inertials)
     collisions = tuple(
         UrdfCollision(link.get("name", ""), shape, collision.find("origin"))
         for link in elements
         for collision in link.findall("collision")
         for shape in collision.findall("geometry/*")
     )
-    return UrdfModel(path, links, joints, collisions, massless, _wheel_radii(path, collisions))
+    radii = _wheel_radii(path, collisions)
+    return UrdfModel(path, links, joints, collisions, inertials, massless, radii)
+
+
+def _inertials(path: Path, links: list[Element]) -> dict[str, tuple[float, Element]]:
+    """The mass [kg] and the <inertial> of each link that has a mass."""
+    inertials = {link.get("name", ""): link.find("inertial") for link in links}
+    masses = {
+        name: (attribute_numbers(path, mass, "value", [0.0])[0], inertial)
+        for name, inertial in inertials.items()
+        if inertial is not None and (mass := inertial.find("mass")) is not None
+    }
+    return {name: pair for name, pair in masses.items() if pair[0] > 0.0}
 
 
 def _joint(path: Path, element: Element, links: tuple[str, ...]) -> UrdfJoint:
@@ -165,8 +179,11 @@ def _joint(path: Path, element: Element, links: tuple[str, ...]) -> UrdfJoint:
 
 
 def _check_meshes(path: Path, root: Element) -> None:
-    """Check that the files of all meshes exist; PyBullet would drop a shape without a word."""
-    for mesh in root.iter("mesh"):
+    """Check that the files of all meshes that collide exist; PyBullet would drop the shape.
+
+    Those that are only seen may be missing: no camera sees its own robot.
+    """
+    for mesh in root.iterfind("link/collision/geometry/mesh"):
         name = mesh.get("filename", "")
         if "://" in name:
             raise urdf_error(
@@ -174,6 +191,22 @@ def _check_meshes(path: Path, root: Element) -> None:
             )
         if not is_file(path.parent / name):
             raise urdf_error(path, mesh, f"mesh {name!r} does not exist; copy it beside this file")
+
+
+def loadable_urdf(path: Path, folder: Path) -> Path:
+    """``path``, or a copy in ``folder`` without visuals if a mesh of them is missing."""
+    root = read_xml(path, _MAX_BYTES, "a URDF robot")
+    files = [path.parent / mesh.get("filename", "") for mesh in root.iter("mesh")]
+    if all(map(is_file, files)):
+        return path
+    for mesh, file in zip(root.iter("mesh"), files, strict=True):
+        mesh.set("filename", str(file))
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+    copy = folder / path.name
+    copy.write_bytes(tostring(root))
+    return copy
 
 
 def _wheel_radii(path: Path, collisions: tuple[UrdfCollision, ...]) -> dict[str, float]:
@@ -241,8 +274,7 @@ class UrdfDrive:
 
     A ``sense`` is -1 where a positive speed drives backward. ``origin`` (3,) [m] is base_link in
     the root link's axes, on the floor where the body turns; ``supports`` (n, 2) [m] are the
-    wheels' contact points in base_link. ``held`` joints stay at 0, ``massless`` links have no
-    inertia in the file.
+    wheels' contact points in base_link. ``held`` joints stay at 0.
     """
 
     left: tuple[str, ...]
@@ -251,7 +283,7 @@ class UrdfDrive:
     origin: Array
     supports: Array
     held: tuple[str, ...]
-    massless: frozenset[str]
+    model: UrdfModel
 
 
 def with_urdf(robot: RobotModel, document: YamlDocument, at: KeyPath = ()) -> RobotModel:
@@ -304,7 +336,7 @@ def urdf_drive(robot: RobotModel, model: UrdfModel | None = None) -> UrdfDrive:
         origin=origin,
         supports=centres[:, :2] - origin[:2],
         held=tuple(j.name for j in model.joints.values() if j.movable and j.name not in kept),
-        massless=model.massless,
+        model=model,
     )
 
 

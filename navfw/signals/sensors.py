@@ -29,7 +29,10 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Inertial:
-    """Rate gyro: angular velocity [rad/s] about base_link x, y, z (roll, pitch, yaw rate)."""
+    """Rate gyro: angular velocity [rad/s] about base_link x, y, z (roll, pitch, yaw rate).
+
+    Each is the mean since the last reading. Those of a gyro with one axis are NaN for the others.
+    """
 
     time: float
     roll_rate: float
@@ -68,7 +71,9 @@ class Odometry:
     (``yaw_bias`` [rad/s], already removed from the pose and twist). ``silent`` is true while the
     encoders do not follow the commanded wheel speeds, so that the distance driven is a guess.
     ``gyro_stale`` is true while the wheels stand in for a gyro without a fresh reading,
-    ``by_floor`` while the distance driven is measured by the floor's motion in the images.
+    ``by_floor`` while the distance driven is measured by the floor's motion in the images;
+    ``doubt`` is why that is not believed, or empty. ``pitch`` [rad], nose down, is that of a body
+    that rocks, ``rocking`` [rad] its amplitude; both are 0 of one that does not.
     """
 
     time: float
@@ -79,6 +84,9 @@ class Odometry:
     silent: bool = False
     gyro_stale: bool = False
     by_floor: bool = False
+    doubt: str = ""
+    pitch: float = 0.0
+    rocking: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

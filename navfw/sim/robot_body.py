@@ -7,7 +7,7 @@ spheres with one contact point each; cylinders would chatter.
 
 A robot's own URDF is driven by its wheel joints, with its inertia and shapes. All links collide
 with floor and solids; every contact with anything but the floor is a collision. Links without
-inertia get next to none, where PyBullet would assume 1 kg.
+inertia get next to none, where PyBullet would assume 1 kg; impossible ones get that of a box.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -24,7 +25,8 @@ from navfw.numerics import Array
 from navfw.numerics.products import product, sum_in_order
 from navfw.process.atomic import scratch_folder
 from navfw.robot import DrivenUrdf, RobotModel
-from navfw.robot.urdf import UrdfDrive, urdf_drive
+from navfw.robot.urdf import UrdfDrive, loadable_urdf, urdf_drive
+from navfw.robot.urdf_inertia import impossible_inertias
 from navfw.signals import Pose, wrap_angle
 from navfw.sim.engine import BulletClient, bullet, quaternion, quiet_output
 from navfw.sim.physics_world import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
@@ -45,6 +47,7 @@ class WheeledBody(BulletClient, ABC):
 
     body: int
     _supports: Array
+    _last: BodyState | None = None
 
     def _bind(self, wheels: Sequence[int], torque: float, **contacts: int) -> None:
         """Bind the arguments of calls of every tick or physics step once.
@@ -55,7 +58,6 @@ class WheeledBody(BulletClient, ABC):
         at = {"physicsClientId": self._client}
         self._contact_points = partial(bullet.getContactPoints, self.body, **contacts, **at)
         self._base_pose = partial(bullet.getBasePositionAndOrientation, self.body, **at)
-        self._base_velocity = partial(bullet.getBaseVelocity, self.body, **at)
         self._wheel_states = partial(bullet.getJointStates, self.body, wheels, **at)
         self._set_motors = partial(
             bullet.setJointMotorControlArray,
@@ -85,13 +87,15 @@ class WheeledBody(BulletClient, ABC):
         points: Array = origin + product(self._supports, axes[:, :2].T)
         return points
 
-    def roll_pitch_rates(self, turn: tuple[float, float, float, float]) -> tuple[float, float]:
-        """Angular velocity [rad/s] about the body's x and y axes; ``turn`` is its orientation."""
-        wx, wy, wz = self._base_velocity()[1]
-        x, y, z, w = turn
-        roll = (1 - 2 * (y * y + z * z)) * wx + 2 * (x * y + w * z) * wy + 2 * (x * z - w * y) * wz
-        pitch = 2 * (x * y - w * z) * wx + (1 - 2 * (x * x + z * z)) * wy + 2 * (y * z + w * x) * wz
-        return roll, pitch
+    def roll_pitch_rates(self, now: BodyState, dt: float) -> tuple[float, float]:
+        """Mean rates [rad/s] about its x and y axes since the last call, ``dt`` [s] before."""
+        (a, b, c, d), (x, y, z, w) = (self._last or now)[1], now[1]
+        self._last = now
+        if dt == 0.0:
+            return 0.0, 0.0
+        per_turn = math.copysign(2.0, a * x + b * y + c * z + d * w) / dt
+        roll, pitch = d * x - a * w - b * z + c * y, d * y - b * w - c * x + a * z
+        return per_turn * roll, per_turn * pitch
 
     def contacts(self) -> set[ContactPoint]:
         """The current contact points that count as collisions."""
@@ -279,7 +283,8 @@ class UrdfBody(WheeledBody):
         self._sides = (len(drive.left), len(drive.right))
         self._sense = [drive.sense[name] for name in (*drive.left, *drive.right)]
         self._supports = drive.supports
-        self._set_dynamics(drive, joints, links, wheels)
+        boxes = impossible_inertias(robot, drive.model)
+        self._set_dynamics(drive, joints, links, wheels, boxes)
         self._set_grip(robot.urdf, joints, wheels)
         self._bind(wheels, robot.urdf.torque)
         # base_link in the frame that PyBullet reports, which is that of the base's inertia
@@ -293,8 +298,10 @@ class UrdfBody(WheeledBody):
         flags = bullet.URDF_USE_INERTIA_FROM_FILE
         at = [x, y, -float(drive.origin[2])]
         try:
-            with quiet_output():  # PyBullet prints a warning for every link without inertia
-                return int(self._call("loadURDF", file, at, quaternion(start.yaw), flags=flags))
+            # PyBullet prints a warning for every link without inertia
+            with scratch_folder("robot") as folder, quiet_output():
+                loaded = str(loadable_urdf(Path(file), folder))
+                return int(self._call("loadURDF", loaded, at, quaternion(start.yaw), flags=flags))
         except bullet.error as error:
             raise SimulationError(f"PyBullet cannot load {file}: {error}") from None
 
@@ -314,14 +321,18 @@ class UrdfBody(WheeledBody):
         joints: dict[str, int],
         links: dict[str, int],
         wheels: list[int],
+        boxes: dict[str, tuple[str, tuple[float, ...]]],
     ) -> None:
         for name, link in links.items():
             self._call("changeDynamics", self.body, link, linearDamping=0.0, angularDamping=0.0)
-            if name in drive.massless:
-                inertia = [_NO_INERTIA] * 3
+            if name in drive.model.massless:
+                none = [_NO_INERTIA] * 3
                 self._call(
-                    "changeDynamics", self.body, link, mass=_NO_MASS, localInertiaDiagonal=inertia
+                    "changeDynamics", self.body, link, mass=_NO_MASS, localInertiaDiagonal=none
                 )
+            if name in boxes:
+                inertia = boxes[name][1]
+                self._call("changeDynamics", self.body, link, localInertiaDiagonal=inertia)
             groups = BODY_GROUP | WHEEL_GROUP, SOLID_GROUP | FLOOR_GROUP
             self._call("setCollisionFilterGroupMask", self.body, link, *groups)
         for name, joint in joints.items():
@@ -361,6 +372,13 @@ class UrdfBody(WheeledBody):
         """The true pose of ``base_link``."""
         position, turn = bullet.multiplyTransforms(*self._base_pose(), *self._offset)
         return position, turn
+
+    def set_level(self) -> None:
+        """Take the present attitude as level: base_link, and the camera on it, are so at rest."""
+        state = self.state()
+        back = bullet.invertTransform([0, 0, 0], state[1])
+        level = bullet.multiplyTransforms(*back, [0, 0, 0], quaternion(pose_of(state).yaw))
+        self._offset = bullet.multiplyTransforms(*self._offset, *level)
 
     def _collides(self, other: int) -> bool:
         return other not in self._floor

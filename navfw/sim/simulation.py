@@ -22,7 +22,7 @@ from navfw.sim.camera_rig import CameraRig, Timings
 from navfw.sim.engine import BulletConnection, Display, SimulatorWindow, quaternion
 from navfw.sim.event_actions import DoorChange, EventAction, InjectedFaults, Obstacle, Textureless
 from navfw.sim.physics_world import PhysicsWorld
-from navfw.sim.robot_body import BodyState, ContactPoint, make_body, pose_of
+from navfw.sim.robot_body import BodyState, ContactPoint, UrdfBody, make_body, pose_of
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
@@ -129,6 +129,8 @@ class Simulation(BulletConnection):
         """Let the robot come to rest on its wheels before time begins; then show it."""
         for _ in range(_SETTLING_STEPS):
             self._call("stepSimulation")
+        if isinstance(self._body, UrdfBody):
+            self._body.set_level()
         self._place_walkers()
         self._record_walkers()
         self._last_pose = self.true_pose()
@@ -152,7 +154,7 @@ class Simulation(BulletConnection):
         self._rig.record(self.time, state)
         yaw_rate = wrap_angle(pose.yaw - self._yaw_read) / dt if dt > 0.0 else 0.0
         self._yaw_read = pose.yaw
-        rates = (*self._body.roll_pitch_rates(state[1]), yaw_rate)
+        rates = (*self._body.roll_pitch_rates(state, dt), yaw_rate)
         inertial = self._faults.apply_gyro(self._gyro.read(self.time, dt, rates))
         encoders = self._faults.apply_encoders(
             self._encoders.read(self.time, dt, self._body.wheel_angles())

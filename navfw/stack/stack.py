@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
-from navfw.camera_geometry.image_reduction import reduce_frame
 from navfw.config.input_file import shown_path
 from navfw.config.lookup import find
 from navfw.context import CommandGrid
@@ -47,6 +46,7 @@ from navfw.signals import (
     Twist,
     Waypoint,
 )
+from navfw.stack.leveling import ready_frame
 from navfw.stack.progress_watch import ProgressWatch
 from navfw.stack.stack_state import StackState
 from navfw.stack.stackfile import PluginSource, StackConfig, load_stack
@@ -176,6 +176,8 @@ class Stack:
             }
         if state.stixels is not None:
             explanation["stixels"] = state.stixels.explain()
+        if state.odometry is not None and state.odometry.doubt:
+            explanation["odometry"] = state.odometry.doubt
         return explanation
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
@@ -228,10 +230,9 @@ class Stack:
         self.trim.update(reading.encoders)
         with timed(self.timings, "safety"):
             self.safety.update(reading, measured, tuple(self.guard.failing.values()))
-        frame = None if reading.frame is None else reduce_frame(reading.frame, self._reduction)
+        frame = ready_frame(reading.frame, self.robot, self._reduction, self.history)
         odometry = self._corrected(measured, frame)
-        if self._began is None:
-            self._began = reading.time
+        self._began = reading.time if self._began is None else self._began
         if frame is not None:
             self._decide(reading, frame, odometry)
         with timed(self.timings, "control"):

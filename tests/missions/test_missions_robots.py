@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from cli_calls import invoke, put_files, refusal
 from navfw.errors import InputError, UnknownNameError
 from navfw.missions import load_mission, prepare, split_overrides
 from navfw.robot import RobotModel, load_robot, read_urdf
+from navfw.robot.urdf_inertia import inertia_notes
 from navfw.sim import SensorParams
 
 MISSION = "start: [1, 1, 0]\ngoals: [{x: 3, y: 1}]\n"
@@ -213,6 +215,64 @@ def test_wrong_urdfs(project: Path, old: str, new: str, message: str) -> None:
     with pytest.raises(InputError, match=message) as raised:
         load_robot("own")
     assert "own.yaml" in str(raised.value)
+
+
+CART = '<inertia ixx="0.08" iyy="0.14" izz="0.18" ixy="0" ixz="0" iyz="0"/>'
+CASTER = '<inertia ixx="0.00005" iyy="0.00005" izz="0.00005" ixy="0" ixz="0" iyz="0"/>'
+WHEEL = '<inertia ixx="0.0008" iyy="0.0014" izz="0.0008" ixy="0" ixz="0" iyz="0"/>'
+
+
+@pytest.mark.parametrize(
+    ("old", "moments", "told"),
+    [
+        (CART, (0.08, 0.14, 0.23, 0.0), "'base_link': no body of 8 kg .* 0.08, 0.14, 0.23 kg"),
+        (CART, (0.08, 0.14, -0.1, 0.0), "'base_link'.* -0.1, 0.08, 0.14"),
+        (CART, (0.08, 0.14, 0.18, 0.12), "'base_link'.* -0.014, 0.18, 0.23"),
+        (CART, (9.0, 9.0, 9.0, 0.0), "'base_link'.* izz = 0.09, 0.15, 0.2"),
+        (CART, (1e-6, 1e-6, 1e-6, 0.0), "'base_link'.* 1e-06, 1e-06, 1e-06"),
+        (WHEEL, (0.03, 0.03, 0.03, 0.0), "'left_wheel'.* izz = 0.0019, 0.0019, 0.0019"),
+        (CART, (0.3, 0.3, 0.3, 0.0), ""),
+        (CASTER, (1e-3, 1e-3, 1e-3, 0.0), ""),  # too little to matter
+    ],
+    ids=["triangle", "negative", "product", "large", "small", "wheel", "possible", "negligible"],
+)
+def test_an_inertia_that_no_body_can_have_is_told_with_one_that_would_do(
+    project: Path, old: str, moments: tuple[float, ...], told: str
+) -> None:
+    xx, yy, zz, xy = moments
+    new = f'<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="{xy}" ixz="0" iyz="0"/>'
+    (project / "robots" / "own.urdf").write_text(URDF.replace(old, new))
+    notes = inertia_notes(load_robot("own"))
+    if told:
+        assert re.search(rf"own.urdf:\d+: link {told}", notes[0])
+    else:
+        assert notes == ()
+    with prepare("empty", "straight", overrides=["robot=own"]).simulation() as sim:
+        start = sim.true_pose()
+        for _ in range(120):
+            sim.drive(4.0, 4.0)
+            sim.advance(1.0 / 60.0)
+        assert sim.true_pose().x - start.x == pytest.approx(0.6, abs=0.04)
+
+
+def test_shipped_robots_have_possible_inertias_and_no_missing_mesh() -> None:
+    for name in ("default", "cart", "husky", "racecar"):
+        assert inertia_notes(load_robot(name)) == ()
+
+
+def test_a_run_tells_of_an_impossible_inertia(project: Path) -> None:
+    (project / "robots" / "own.urdf").write_text(URDF.replace('ixx="0.08"', 'ixx="8"'))
+    answer = invoke("run", "empty", "straight", "--robot", "own", "--set", "mission.timeout=0.2")
+    assert "note: robots/own.urdf:8: link 'base_link': no body of 8 kg" in answer.stderr
+
+
+def test_a_mesh_that_is_only_seen_may_be_missing(project: Path) -> None:
+    seen = f'<visual>\n      <origin xyz="0 0 0.15"/>\n      <geometry>{BOX}'
+    assert seen in URDF
+    missing = seen.replace(BOX, '<mesh filename="package://cart/hull.dae"/>')
+    (project / "robots" / "own.urdf").write_text(URDF.replace(seen, missing))
+    with prepare("empty", "straight", overrides=["robot=own"]).simulation() as sim:
+        assert sim.read().frame is not None
 
 
 @pytest.mark.parametrize(

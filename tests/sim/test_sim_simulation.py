@@ -306,3 +306,32 @@ def test_a_contact_of_any_link_is_a_collision() -> None:
 def test_the_same_commands_give_the_same_motion() -> None:
     first, second = (drive_robot("husky", Twist(0.2, 0.6), 1.0)[0] for _ in range(2))
     assert np.array_equal(first, second)
+
+
+def test_the_gyro_measures_how_a_body_rocks_and_leans_at_rest_do_not_count(tmp_path: Path) -> None:
+    """A caster 6 mm above the floor: the cart rests on the other one, and tips when it brakes."""
+    shipped = find("robot", "cart")
+    urdf = (shipped.parent / "urdf" / "cart.urdf").read_text()
+    assert 'xyz="0.17 0 0.03"' in urdf
+    urdf = urdf.replace('xyz="0.17 0 0.03"', 'xyz="0.17 0 0.036"')
+    (tmp_path / "cart.urdf").write_text(urdf.replace('xyz="0 0 0.12"', 'xyz="-0.01 0 0.3"'))
+    text = shipped.read_text().replace("urdf/cart.urdf", "cart.urdf")
+    (tmp_path / "tipping.yaml").write_text(text)
+    robot = load_robot(tmp_path / "tipping.yaml")
+    world = load_world(find("world", "empty"))
+    with Simulation(world, robot, Pose(1.0, 1.0, 0.0), 0, PERFECT) as sim:
+        assert abs(pitch_of(sim)) < 1e-6
+        turned, pitches = 0.0, []
+        for seconds, speed in ((1.5, 8.0), (0.1, 0.0), (0.1, 0.0), (1.0, 0.0)):
+            for reading in drive(sim, seconds, speed, speed):
+                turned += reading.inertial.pitch_rate * TICK
+            ahead = sim.read().inertial.pitch_rate * TICK
+            pitches.append(pitch_of(sim))
+            assert turned + ahead == pytest.approx(pitches[-1], abs=1e-4)
+        assert max(pitches) > math.radians(0.5)
+
+
+def pitch_of(sim: Simulation) -> float:
+    """The true pitch [rad] of base_link, nose down."""
+    x, y, z, w = sim._truth()[0][1]
+    return math.asin(2.0 * (w * y - z * x))
