@@ -1,4 +1,5 @@
 from .camera_motions import camera_motion as camera_motion
+from .camera_motions import camera_place as camera_place
 from .camera_motions import with_yaw_sigma as with_yaw_sigma
 from .camera_motions import yaw_rotation as yaw_rotation
 from .epipolar_kernels import epipolar_residual as epipolar_residual
@@ -20,3 +21,4 @@ from .pairing import PairingParams as PairingParams
 from .pairing import seeing_speed as seeing_speed
 from .refinement import RefinementParams as RefinementParams
 from .refinement import refine as refine
+from .rocking import RockingFilter as RockingFilter

@@ -25,7 +25,7 @@ _ROOM, _WIDE_ROOM = 1.5, 3.0
 """Factors on the reach of a link's collision shapes, of which more may be seen, and on the size of
 the robot for one without a shape or with a mesh."""
 
-_LEAST, _NEGLIGIBLE = 1e-3, 1e-3
+_MIN_MOMENT, _NEGLIGIBLE = 1e-3, 1e-3
 """Least principal moment as a part of the box's, a rod's about its own axis; and a moment that does
 not matter, as a part of the robot's mass times its squared size."""
 
@@ -55,7 +55,7 @@ def impossible_inertias(
         ConfigError: a moment is no finite number.
 
     """
-    largest = max(2.0 * robot.reach, robot.height)
+    extent = max(2.0 * robot.reach, robot.height)
     total = sum_in_order(mass for mass, _ in model.inertials.values())
     impossible = {}
     for link, (mass, inertial) in model.inertials.items():
@@ -66,17 +66,15 @@ def impossible_inertias(
         xx, yy, zz, xy, xz, yz = given
         matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         low, middle, high = np.linalg.eigvalsh(matrix).tolist()
-        size, reach = np.full(3, (mass / _DENSITY) ** (1.0 / 3.0)), _WIDE_ROOM * largest
+        size, reach = np.full(3, (mass / _DENSITY) ** (1.0 / 3.0)), _WIDE_ROOM * extent
         if len(corners):
             centre = origin_frame(model.file, inertial.find("origin"))[:3, 3]
-            size, reach = (
-                np.ptp(corners, axis=0),
-                _ROOM * max(math.dist(c, centre) for c in corners),
-            )
+            size = np.ptp(corners, axis=0)
+            reach = _ROOM * max(math.dist(corner, centre) for corner in corners)
         squares = size * size
         box = tuple((mass / 12.0 * (squares.sum() - squares)).tolist())
-        closed = low > _LEAST * min(box) and high <= _ROUNDING * (low + middle)
-        if closed and high <= max(mass * reach**2, _NEGLIGIBLE * total * largest**2):
+        closed = low > _MIN_MOMENT * min(box) and high <= _ROUNDING * (low + middle)
+        if closed and high <= max(mass * reach**2, _NEGLIGIBLE * total * extent**2):
             continue
         have, would = (", ".join(f"{m:.2g}" for m in ms) for ms in ((low, middle, high), box))
         note = (

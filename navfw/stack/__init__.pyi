@@ -1,3 +1,4 @@
+from .leveling import ready_frame as ready_frame
 from .progress_watch import NO_ROUTE_AFTER as NO_ROUTE_AFTER
 from .progress_watch import STUCK_AFTER as STUCK_AFTER
 from .progress_watch import ProgressWatch as ProgressWatch

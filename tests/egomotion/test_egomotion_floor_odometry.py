@@ -14,13 +14,18 @@ from hypothesis import strategies as st
 from plan_samples import arcs
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from navfw.egomotion import FloorOdometry, FloorRegistration, FloorStep, OdometryHistory
-from navfw.egomotion.camera_motions import camera_place
+from navfw.egomotion import (
+    FloorOdometry,
+    FloorRegistration,
+    FloorStep,
+    OdometryHistory,
+    camera_place,
+)
 from navfw.egomotion.floor_kernels import _residuals, register_floor
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, Frame, Odometry, Pose, Twist, YawCorrection
-from navfw.stack.leveling import ready_frame
+from navfw.stack import ready_frame
 
 ROBOT = RobotModel()
 ORIGIN = Pose(0.0, 0.0, 0.0)

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.egomotion import Odometer
-from navfw.egomotion.rocking import RockingFilter
+from navfw.egomotion import Odometer, RockingFilter
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Inertial

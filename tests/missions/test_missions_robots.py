@@ -11,8 +11,7 @@ from cli_calls import invoke, put_files, refusal
 
 from navfw.errors import InputError, UnknownNameError
 from navfw.missions import load_mission, prepare, split_overrides
-from navfw.robot import RobotModel, load_robot, read_urdf
-from navfw.robot.urdf_inertia import inertia_notes
+from navfw.robot import RobotModel, inertia_notes, load_robot, read_urdf
 from navfw.sim import SensorParams
 
 MISSION = "start: [1, 1, 0]\ngoals: [{x: 3, y: 1}]\n"
