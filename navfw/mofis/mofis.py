@@ -239,6 +239,7 @@ def explanation_lines(explanation: dict[str, Any]) -> list[str]:
         f"w {explanation['w']:+.2f} rad/s, led by {explanation['leader']}",
         f"  perceived  {perceived or 'nothing yet'}",
     ]
+    lines += [f"  odometry   {text}" for key, text in explanation.items() if key == "odometry"]
     composite = explanation.get("composite", {"rules": ()})
     if composite["rules"]:
         weights = ", ".join(f"{name} {weight:.2f}" for name, weight in composite["weights"].items())
