@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import networkx as nx
@@ -14,6 +14,9 @@ from navfw.numerics import Array, Mask
 
 _EXACT = 1.0
 """Distances up to this [m] are exact: they decide on doors and free widths."""
+
+_MAX_COLUMN = 1.5
+"""Largest width and depth [m] of a column: a free-standing obstacle that makes no rooms."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +52,17 @@ class ClearanceGrid:
         clearance = np.where(near < _EXACT, near, far)
         edge = np.minimum.outer(np.minimum(y - y0, y1 - y), np.minimum(x - x0, x1 - x))
         return cls((float(x[0]), float(y[0])), cell, np.minimum(clearance, edge))
+
+    def without_columns(self) -> ClearanceGrid:
+        """The same space without columns; clearances that grow by that are to half a cell."""
+        solid = np.pad(self.clearance < 0.5 * self.cell, 1, constant_values=True)
+        _, labels, stats, _ = cv2.connectedComponentsWithStats(solid.astype(np.uint8))
+        extent = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1) * self.cell
+        free = (~solid | (extent <= _MAX_COLUMN)[labels]).astype(np.uint8)
+        away = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
+        clearance = (away.astype(np.float64) - 0.5) * self.cell
+        larger = clearance > self.clearance + self.cell
+        return replace(self, clearance=np.where(larger, clearance, self.clearance))
 
     def point(self, row: float, column: float) -> tuple[float, float]:
         """(x, y) [m] of the centre of a cell."""

@@ -87,9 +87,11 @@ class _StraightLines:
 
     def __init__(self, grid: ClearanceGrid, need: float) -> None:
         self.grid = grid
+        self.open = grid.without_columns()
         self.need = need
         self.graph = nx.Graph()
         self.doors: dict[int, Point] = {}  # by point: the direction through the door
+        self.centres: set[int] = set()  # the points that represent rooms and halls
         self._point_of_node: dict[int, int] = {}
         self._count = 0
 
@@ -102,7 +104,7 @@ class _StraightLines:
     def add_line(self, skeleton: nx.MultiGraph, a: int, b: int, line: Array) -> None:
         """Add a line of the skeleton between two of its nodes, with its doors."""
         last, begin = self.point_of(skeleton, a), 0
-        for door in doors_on(self.grid, line):
+        for door in doors_on(self.open, line):
             index = door.index
             before, behind = (self._beside_door(door.at, door.through, s) for s in (-1, 1))
             middle = self._point(door.at, door=door.through)
@@ -211,39 +213,47 @@ class _StraightLines:
         for point, (dx, dy) in self.doors.items():
             x, y = self._at(point)
             closed[point] = ((x - half * dy, y + half * dx), (x + half * dy, y - half * dx))
-        self.graph = spanner(self.graph, self._key_points(), self.grid, closed)
+        regions = self._regions()
+        keys = self._key_points(regions)
+        self.graph = spanner(
+            self.graph, keys, self.grid, closed, lambda at: regions.is_hall(regions.at(*at))
+        )
 
-    def _key_points(self) -> list[int]:
+    def _key_points(self, regions: Regions) -> list[int]:
         """Doors and the points beside them, centres of rooms, and others ``SPACING`` apart.
 
         Of the others in a region, junctions come first, and those in wide ground before those near
-        walls.
+        walls. In a hall only those count that none of its points sees past the columns.
         """
-        regions = self._regions()
         keys = [point for door in self.doors for point in (door, *self.graph[door])]
-        keys = list(dict.fromkeys([*keys, *self._centres(regions).values()]))
+        self.centres = set(self._centres(regions).values())
+        keys = list(dict.fromkeys([*keys, *sorted(self.centres)]))
         others = [point for point in self.graph if point not in set(keys)]
         clearance = {point: self.grid.at(*self._at(point)) for point in others}
         others.sort(key=lambda p: (self.graph.degree(p) < 3, -round(clearance[p], 1), p))
         for point in others:
-            mine = regions.at(*self._at(point))
-            near = (math.dist(self._at(point), self._at(key)) for key in keys)
-            same = (regions.at(*self._at(key)) == mine for key in keys)
+            at = self._at(point)
+            mine = regions.at(*at)
+            same = [self._at(key) for key in keys if regions.at(*self._at(key)) == mine]
             spacing = max(SPACING, _WIDE_SPACING * clearance[point])
-            if all(a >= spacing or not shared for a, shared in zip(near, same, strict=True)):
+            if regions.is_hall(mine):
+                covered = any(self.open.along(at, other) >= self.need for other in same)
+            else:
+                covered = any(math.dist(at, other) < spacing for other in same)
+            if not covered:
                 keys.append(point)
         return keys
 
     def _regions(self) -> Regions:
         doors = ((self._at(point), through) for point, through in self.doors.items())
-        return Regions(self.grid, doors)
+        return Regions(self.open, doors)
 
     def finish(self, name: str, rooms: Mapping[str, Bounds]) -> TopoMap:
         """The map of all points, named after ``rooms``."""
         regions = self._regions()
         names = PlaceNames(rooms, regions)
         places: dict[int, Place] = {}
-        chosen = set(self._centres(regions).values())
+        chosen = self.centres
         # the centres of rooms first: they get the names without numbers
         for point in sorted(self.graph, key=lambda point: (point not in chosen, point)):
             at = self._at(point)
@@ -276,9 +286,23 @@ class _StraightLines:
             if point not in self.doors and region and not regions.is_corridor(region):
                 points.setdefault(region, []).append(point)
         return {
-            region: max(members, key=lambda point: self.grid.at(*self._at(point)))
+            region: self._hall_centre(members)
+            if regions.is_hall(region)
+            else max(members, key=lambda point: self.grid.at(*self._at(point)))
             for region, members in points.items()
         }
+
+    def _hall_centre(self, members: list[int]) -> int:
+        """Of the points in the wide part of a hall the one with free lines to most of its doors."""
+        beside = {point for door in self.doors for point in self.graph[door]}.intersection(members)
+        wide = {point: self.open.at(*self._at(point)) for point in members}
+
+        def rank(point: int) -> tuple[int, float]:
+            lines = (self.grid.along(self._at(point), self._at(other)) for other in beside)
+            return sum(line >= _ENOUGH_CLEARANCE for line in lines), self.grid.at(*self._at(point))
+
+        least = 0.5 * max(wide.values())
+        return max((point for point in members if wide[point] >= least), key=rank)
 
     def _kind(self, point: int, regions: Regions, centre: bool) -> PlaceKind:
         if point in self.doors:

@@ -175,6 +175,10 @@ class Regions:
             self._corridors[region] = region > 0 and bool(long) and width <= _CORRIDOR_WIDTH
         return self._corridors[region]
 
+    def is_hall(self, region: int) -> bool:
+        """Whether the region is large, and no corridor."""
+        return bool(region) and self._areas[region] >= HALL and not self.is_corridor(region)
+
     def names(self) -> dict[int, str]:
         """Names by kind and number, from the upper left to the lower right: ``room-3``."""
         large = [r for r in range(1, len(self._areas)) if self._areas[r] >= SMALL]
@@ -190,7 +194,7 @@ class Regions:
     def _kind(self, region: int) -> str:
         if self.is_corridor(region):
             return "corridor"
-        return "hall" if self._areas[region] >= HALL else "room"
+        return "hall" if self.is_hall(region) else "room"
 
     def _index(self, x: float, y: float) -> tuple[int, int]:
         cell, (x0, y0) = self._grid.cell, self._grid.origin

@@ -9,7 +9,7 @@ matter would be too long (greedy spanner; Althofer et al. 1993).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import cv2
 import networkx as nx
@@ -25,23 +25,32 @@ _STRETCH = 1.05
 _LAST_STRETCH = 1.2
 """The same for ways from and to points that are taken only because ways lead over them."""
 
+_HALL_STRETCH = 2.0
+"""The same for ways that take a point in a hall that is none of those that matter."""
+
 _COMFORT = 0.45
 """Clearance [m] of lines that are not lines of the given graph."""
 
 _MAX_CORNERS = 600
 """Largest number of corners considered: those of the largest obstacles."""
 
-Segment = tuple[tuple[float, float], tuple[float, float]]
+Point = tuple[float, float]
+Segment = tuple[Point, Point]
 
 
 def spanner(
-    graph: nx.Graph, keys: list[int], grid: ClearanceGrid, doors: Mapping[int, Segment]
+    graph: nx.Graph,
+    keys: list[int],
+    grid: ClearanceGrid,
+    doors: Mapping[int, Segment],
+    in_hall: Callable[[Point], bool],
 ) -> nx.Graph:
     """The graph of ``keys``, and of what lies on the ways between them; the edges are straight.
 
     ``graph`` is connected and has points ``at`` [m]; of the others, and of the corners of
     obstacles, only those are taken that the ways need. ``doors`` are segments [m] by their points,
-    that no line crosses but the given edges at that point, which stay.
+    that no line crosses but the given edges at that point, which stay. Points ``in_hall`` are taken
+    only where the ways would be long without them.
     """
     points = list(graph)
     at = np.array([graph.nodes[point]["at"] for point in points]).reshape(-1, 2)
@@ -58,12 +67,21 @@ def spanner(
     for door in doors:
         for beside in graph[door]:
             spanned.connect(index[door], index[beside])
-    spanned.add(first, lengths)
+    hall = np.array([in_hall(node) for node in nodes.tolist()])
+    spanned.add(first, _without(lengths, hall, first))
+    spanned.add(first, lengths, _HALL_STRETCH)
     size = 0
     while size < len(spanned.graph):  # ways from and to the points between
-        size = len(spanned.graph)
-        spanned.add(spanned.numbers, lengths, _LAST_STRETCH)
+        size, taken = len(spanned.graph), spanned.numbers
+        spanned.add(taken, _without(lengths, hall, taken), _LAST_STRETCH)
     return spanned.graph
+
+
+def _without(lengths: Array, nodes: Mask, kept: list[int]) -> Array:
+    """The lengths (N, N) [m] without lines from and to ``nodes``, except those that are kept."""
+    gone = nodes.copy()
+    gone[kept] = False
+    return np.where(gone | gone[:, None], np.inf, lengths)
 
 
 class _Spanner:

@@ -119,6 +119,19 @@ def _clutter() -> OccupancyMap:
     return drawn.plan()
 
 
+def hall_of_columns(apart: float) -> OccupancyMap:
+    """A hall of 24 x 16 m with columns ``apart`` [m], and three doors to a corridor below."""
+    drawn = _Drawing(24.0, 19.0)
+    drawn.border(0.2)
+    drawn.box(0, 2.5, 24, 2.7)
+    for x in (3.0, 12.0, 20.0):
+        drawn.box(x, 2.5, x + 1.0, 2.7, FREE)
+    for x in np.arange(apart, 23.0, apart):
+        for y in np.arange(3.0 + apart, 18.0, max(apart, 3.0)):
+            drawn.box(x - 0.2, y - 0.2, x + 0.2, y + 0.2)
+    return drawn.plan()
+
+
 PLANS = {
     "thick-walls": _thick_walls,
     "long-corridors": _long_corridors,

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from cli_calls import answer, invoke, refusal
-from drawn_plans import PLANS, with_noise
+from drawn_plans import PLANS, hall_of_columns, with_noise
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -86,6 +86,21 @@ def test_columns_in_a_hall_are_no_doors() -> None:
     places = imported("open-hall").topo_map.places.values()
     assert "door" not in {place.kind for place in places}
     assert all(place.name.startswith("hall") for place in places)
+    assert len(places) <= 4  # at the kiosk's ends and corner: 39 with those of the columns
+
+
+@pytest.mark.parametrize(("columns", "most"), [(4.0, 1), (3.0, 1), (1.5, 2)])
+def test_a_hall_of_columns_is_one_place_with_its_doors(columns: float, most: int) -> None:
+    plan = hall_of_columns(columns)
+    made = import_plan(plan, "columns")
+    topo_map = made.topo_map
+    doors = [place.name for place in topo_map.places.values() if place.kind == "door"]
+    beside = {passage.other(door) for door in doors for passage in topo_map.passages_at(door)}
+    in_hall = {name for name in topo_map.places if name.split("-")[0] == "hall"}
+    assert len(doors) == 3
+    assert "hall" in in_hall - beside
+    assert len(in_hall - beside) <= most
+    assert check_map(topo_map, SceneGeometry.from_world(made.world).clearances) == []
 
 
 def test_the_origin_moves_and_turns_world_and_map() -> None:
