@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,6 +17,9 @@ from navfw.cli.output import print_json, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
 from navfw.process.work_progress import ProgressCallback, silent
+
+if TYPE_CHECKING:
+    from navfw.worldgen.plan_walls import FreePiece
 
 _IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
 """Files that are imported as the image of a floor plan."""
@@ -55,6 +59,18 @@ def import_(
     gap: Annotated[
         float | None, typer.Option(help="Plan: narrower openings are closed [m] [default: 0.15].")
     ] = None,
+    inside: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y",
+            help="Plan: take the piece of free ground with this point [m].",
+            show_default="the largest",
+        ),
+    ] = None,
+    name: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X,Y=NAME", help="Plan: name the place at a point [m]. Repeatable."),
+    ] = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -65,7 +81,10 @@ def import_(
     """
     begin = numbers_of("--start", start, ("X", "Y", "YAW"))
     end = numbers_of("--goal", goal, ("X", "Y"))
-    options = _ImportOptions(begin, end, skip_unsupported, models, resolution, speckle, gap)
+    point = numbers_of("--inside", inside, ("X", "Y"))
+    options = _ImportOptions(
+        begin, end, skip_unsupported, models, resolution, speckle, gap, point, _named(name or [])
+    )
     folders = _folders(source, out)
     with ProgressBar("import", "files", quiet=quiet) as bar, quiet_stdout():
         made, failed = _import_files(folders, options, bar)
@@ -87,6 +106,8 @@ class _ImportOptions:
     resolution: float | None
     speckle: float | None
     gap: float | None
+    inside: tuple[float, ...] | None
+    named: Mapping[str, tuple[float, float]]
 
     def check(self, kind: str, *, plan: bool) -> None:
         """Raise InputError for an option that is not for files with the suffix ``kind``."""
@@ -98,6 +119,8 @@ class _ImportOptions:
             ("--resolution", self.resolution, kind in _IMAGE_SUFFIXES),
             ("--speckle", self.speckle, plan),
             ("--gap", self.gap, plan),
+            ("--inside", self.inside, plan),
+            ("--name", self.named or None, plan),
         ):
             if value is not None and not fits:
                 raise InputError(f"is not for {kind or 'such'} files; leave it out", key=option)
@@ -159,12 +182,16 @@ def _import_file(
 def _import_plan(
     source: Path, out: Path, options: _ImportOptions, report: ProgressCallback
 ) -> _Imported:
+    from navfw.worldgen.generated_world import MIN_PATH
     from navfw.worldgen.plan_exchange import import_plan, read_cleaning, read_plan
 
     steps = read_cleaning({"speckle": options.speckle, "gap": options.gap})
     report("reading")
-    made = import_plan(read_plan(source, options.resolution), source.stem, steps, report)
+    inside = None if options.inside is None else (options.inside[0], options.inside[1])
+    plan = read_plan(source, options.resolution)
+    made = import_plan(plan, source.stem, steps, report, inside, options.named)
     folder = made.write(out)
+    piece, *others = made.pieces
     kinds = Counter(place.kind for place in made.topo_map.places.values())
     places, edges, doors = kinds.total(), len(made.topo_map.passages), kinds["door"]
     data = {
@@ -172,7 +199,9 @@ def _import_plan(
         "world": made.world.name,
         "walls": len(made.world.walls),
         "size_m": list(made.size),
-        "free_m2": made.free_area,
+        "free_m2": piece.area,
+        "free_at": list(piece.at),
+        "other_pieces_m2": [other.area for other in others],
         "places": places,
         "doors": doors,
         "kinds": sorted(kinds),
@@ -181,9 +210,15 @@ def _import_plan(
     }
     lines = (
         f"{folder}: {made.world.description}",
-        f"{made.free_area:.0f} m2 free; {places} places, {doors} doors, {edges} edges",
+        f"{piece.area:.0f} m2 free around {_at(piece)};"
+        f" {places} places, {doors} doors, {edges} edges",
         *(f"  navfw run {folder} {name}  ({made.lengths[name]:.1f} m)" for name in made.missions),
     )
+    if others:
+        largest = f"the largest of {others[0].area:.0f} m2: --inside {_at(others[0])} takes it"
+        lines += (f"other pieces of free ground: {len(others)}, {largest}",)
+    if max(made.lengths.values()) < MIN_PATH:
+        lines += (f"the plan is too small for a mission of {MIN_PATH:g} m",)
     return _Imported(data, lines)
 
 
@@ -232,6 +267,25 @@ def _print(made: Sequence[_Imported], *, single: bool, json: bool) -> None:
         print_json(made[0].data if single else [one.data for one in made])
     else:
         typer.echo("".join(f"{line}\n" for one in made for line in one.lines), nl=False)
+
+
+def _at(piece: FreePiece) -> str:
+    return f"{piece.at[0]:.2f},{piece.at[1]:.2f}"
+
+
+def _named(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """The points [m] of ``--name X,Y=NAME``, by name."""
+    named: dict[str, tuple[float, float]] = {}
+    for text in texts:
+        at, _, name = text.partition("=")
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*", name):
+            what = "expected X,Y=NAME, the name of letters, digits, - and _"
+            raise InputError(f"{what}; got {text!r}", key="--name")
+        if name in named:
+            raise InputError(f"{name!r} is given twice", key="--name")
+        x, y = numbers_of("--name", at, ("X", "Y")) or (0.0, 0.0)
+        named[name] = (x, y)
+    return named
 
 
 def numbers_of(option: str, text: str | None, names: tuple[str, ...]) -> tuple[float, ...] | None:

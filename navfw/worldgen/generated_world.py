@@ -22,6 +22,9 @@ from navfw.topomap.occupancy_map import save_ros_map
 MISSION = "cross"
 """Name of the mission in a generated folder."""
 
+MIN_PATH = 5.0
+"""Least length [m] of the way of a mission that is made with a world."""
+
 MAP_FILE = "map.yaml"
 """Name of the map file in a generated folder, beside ``world.yaml``."""
 

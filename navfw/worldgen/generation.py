@@ -14,7 +14,7 @@ from navfw.missions.missionspec import MissionSpec
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import MAX_CONTRAST, Look
 from navfw.worldgen.corridors import Corridors
-from navfw.worldgen.generated_world import MAP_FILE, GeneratedWorld
+from navfw.worldgen.generated_world import MAP_FILE, MIN_PATH, GeneratedWorld
 from navfw.worldgen.looks import LOOKS, with_contrast, with_look
 from navfw.worldgen.maze import Maze
 from navfw.worldgen.open_areas import Clutter, Moving, Poles
@@ -28,9 +28,6 @@ _SHIPPED: dict[str, type[WorldFamily]] = {
 
 FAMILIES = tuple(_SHIPPED)
 """The names of the shipped families."""
-
-_MIN_PATH = 5.0
-"""Least length of the shortest path from start to goal [m]."""
 
 MAX_SEED = 2**63 - 1
 """Largest seed."""
@@ -62,7 +59,7 @@ def generate(
     ``look`` surfaces of that look; all else is the same.
 
     A draw without a path for the robot with a margin, or with a path shorter than
-    ``_MIN_PATH``, is discarded, and the next sub-seed is tried.
+    ``MIN_PATH``, is discarded, and the next sub-seed is tried.
 
     Raises:
         UnknownNameError: no family or look has that name.
@@ -123,7 +120,7 @@ def _finish(
         shortest = plan.shortest_path(start, draft.goal, ROBOT.radius)[0]
     except WorldError as error:
         raise Unsuitable(str(error)) from None
-    if shortest < _MIN_PATH:
+    if shortest < MIN_PATH:
         raise Unsuitable(f"a path of only {shortest:.1f} m")
     mission = _mission(draft, family, difficulty, shortest)
     has_map = draft.topo_map is not None

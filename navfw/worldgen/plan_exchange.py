@@ -24,7 +24,7 @@ from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WallSpec, WorldSpec
 from navfw.topomap import Passage, TopoMap
 from navfw.topomap.clearance_grid import ClearanceGrid
-from navfw.topomap.map_builder import build_map
+from navfw.topomap.map_builder import MARGIN, Point, build_map
 from navfw.topomap.occupancy_map import (
     FREE,
     IMAGE_SUFFIXES,
@@ -34,9 +34,16 @@ from navfw.topomap.occupancy_map import (
     load_ros_map,
     plan_of_image,
 )
-from navfw.worldgen.generated_world import MAP_FILE, write_world
+from navfw.worldgen.generated_world import MAP_FILE, MIN_PATH, write_world
 from navfw.worldgen.looks import Palette
-from navfw.worldgen.plan_walls import PlanCleaning, cleaned, wall_rectangles
+from navfw.worldgen.plan_walls import (
+    CleanedPlan,
+    FreePiece,
+    PlanCleaning,
+    cleaned,
+    wall_rectangles,
+)
+from navfw.worldgen.world_draft import ROBOT
 
 RESOLUTION = 0.05
 """Edge of a cell [m]: the usual one of maps for Nav2."""
@@ -99,14 +106,15 @@ _Way = tuple[float, str, str]
 class ImportedPlan:
     """A floor plan as a world, its map, and missions by name; ``size`` [m] is of the free ground.
 
-    The map comes with the cleaned plan. ``lengths`` [m] are those of the missions' ways.
+    The map comes with the cleaned plan. ``lengths`` [m] are those of the missions' ways, ``pieces``
+    those of the plan's free ground, first the one that the map is of.
     """
 
     world: WorldSpec
     topo_map: TopoMap
     missions: Mapping[str, MissionSpec]
     lengths: Mapping[str, float]
-    free_area: float
+    pieces: tuple[FreePiece, ...]
     size: tuple[float, float]
 
     def write(self, folder: str | Path) -> Path:
@@ -151,11 +159,17 @@ def import_plan(
     name: str,
     cleaning: PlanCleaning | None = None,
     report: ProgressCallback = silent,
+    inside: Point | None = None,
+    named: Mapping[str, Point] | None = None,
 ) -> ImportedPlan:
     """Import a floor plan as a world called ``name``; ``report`` is called with each part.
 
+    Of the free ground the piece with the point ``inside`` (x, y) [m] is taken, by default the
+    largest. ``named`` gives the places at points (x, y) [m] names.
+
     Raises:
-        InputError: it has no free ground, or its resolution or origin cannot be right.
+        InputError: it has no free ground, its resolution or origin cannot be right, or a point is
+            not free, or not in the piece that is taken.
         MapError: it has no way for the robot.
 
     """
@@ -173,32 +187,34 @@ def import_plan(
             file=plan.file,
         )
     report("walls")
-    plan = cleaned(plan, cleaning or PlanCleaning())
+    clean = cleaned(plan, cleaning or PlanCleaning(), inside)
+    plan, named = clean.plan, named or {}
+    for label, point in named.items():
+        if clean.ground.state(np.array([point])) != FREE:
+            (x, y), piece = clean.pieces[0].at, clean.pieces[0].area
+            raise InputError(
+                f"{label!r}: expected a point of the piece of {piece:.0f} m2 around ({x:.2f},"
+                f" {y:.2f}), got ({point[0]:g}, {point[1]:g}); --inside takes another piece",
+                file=plan.file,
+                key="--name",
+            )
     size = _extent(plan)
     walls = [_in_map(plan, wall) for wall in wall_rectangles(plan.free, plan.resolution)]
     world = _world(name, plan, walls, size)
     check_world(world, file=plan.file)
-    topo_map = _topological_map(world, plan, size, report)
+    topo_map = _topological_map(world, clean, size, report, named)
     ways = {f"{start}-to-{goal}": (length, start, goal) for length, start, goal in _ways(topo_map)}
-    return ImportedPlan(
-        world,
-        topo_map,
-        missions={name: _mission(topo_map, *way) for name, way in ways.items()},
-        lengths={name: way[0] for name, way in ways.items()},
-        free_area=float(plan.free.sum()) * plan.resolution**2,
-        size=size,
-    )
+    missions = {name: _mission(topo_map, *way) for name, way in ways.items()}
+    lengths = {name: way[0] for name, way in ways.items()}
+    if not ways:
+        goal = next(iter(topo_map.places))
+        missions[f"to-{goal}"], lengths[f"to-{goal}"] = _from_afar(world, clean.ground, topo_map)
+    return ImportedPlan(world, topo_map, missions, lengths, clean.pieces, size)
 
 
 def _extent(plan: OccupancyMap) -> tuple[float, float]:
     """Width and depth [m] of the free ground."""
     rows, columns = np.nonzero(plan.free)
-    if rows.size == 0:
-        raise InputError(
-            "the plan has no free ground that is wider than its gaps; choose a smaller --gap, or "
-            "check the resolution",
-            file=plan.file,
-        )
     width, depth = (float(np.ptp(cells) + 1) * plan.resolution for cells in (columns, rows))
     return round(width, 2), round(depth, 2)
 
@@ -254,20 +270,24 @@ def _wall(name: str, shape: Rectangle, texture: str) -> WallSpec:
 
 
 def _topological_map(
-    world: WorldSpec, plan: OccupancyMap, size: tuple[float, float], report: ProgressCallback
+    world: WorldSpec,
+    clean: CleanedPlan,
+    size: tuple[float, float],
+    report: ProgressCallback,
+    named: Mapping[str, Point],
 ) -> TopoMap:
-    solids = SceneGeometry.from_world(world)
+    solids, plan = SceneGeometry.from_world(world), clean.plan
 
     def near_clearances(x: Array, y: Array, reach: float) -> Array:
         near = solids.near_clearances(x, y, reach)
         points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        behind = (plan.state(points) != FREE).reshape(near.shape) & (near > 0.1)
+        behind = (clean.ground.state(points) != FREE).reshape(near.shape) & (near > 0.1)
         return np.where(behind, -0.01, near)  # the floor outside of the walls is not for driving
 
     try:
         report("clearances")
         grid = ClearanceGrid.of(solids.bounds, near_clearances)
-        drafted = build_map(world.name, grid, report=report)
+        drafted = build_map(world.name, grid, report=report, named=named)
     except MapError as error:
         raise MapError(
             f"{error}: the free ground is {size[0]:g} x {size[1]:g} m; is the resolution of "
@@ -278,11 +298,14 @@ def _topological_map(
 
 
 def _ways(topo_map: TopoMap) -> list[_Way]:
-    """Ways between rooms, halls and corridors: the longest ones, and long ones of other lengths."""
+    """Ways between rooms, halls and corridors: the longest ones, and long ones of other lengths.
+
+    None is shorter than ``MIN_PATH``.
+    """
     lengths = dict(nx.all_pairs_dijkstra_path_length(topo_map.graph, weight=_length))
     ends = [p.name for p in topo_map.places.values() if p.kind in _ENDS]
     ways = [(lengths[a][b], a, b) for a, b in itertools.combinations(ends, 2)]
-    ways.sort(key=lambda way: -way[0])
+    ways = sorted((way for way in ways if way[0] >= MIN_PATH), key=lambda way: -way[0])
     long = [way for way in ways if way[0] >= _LONG]
     short = [way for way in ways if way[0] < _LONG]
     half = _MAX_MISSIONS // 2
@@ -309,11 +332,30 @@ def _mission(topo_map: TopoMap, length: float, start: str, goal: str) -> Mission
     route = nx.dijkstra_path(topo_map.graph, start, goal, weight=_length)
     at, then = (topo_map.places[name] for name in route[:2])
     yaw = math.atan2(then.y - at.y, then.x - at.x)
+    return _mission_spec(start, goal, length, {"place": start, "yaw": round(yaw, 3)})
+
+
+def _from_afar(
+    world: WorldSpec, ground: OccupancyMap, topo_map: TopoMap
+) -> tuple[MissionSpec, float]:
+    """For a map without long ways: to its first place from afar in the free ground; the length."""
+    goal, solids = next(iter(topo_map.places.values())), SceneGeometry.from_world(world)
+    centres = ground.centres(*np.nonzero(ground.free))
+    centres = centres[solids.clearances(centres) >= ROBOT.radius + 2.0 * MARGIN]
+    start = centres[np.argmax(np.hypot(centres[:, 0] - goal.x, centres[:, 1] - goal.y))].round(2)
+    length, path = solids.shortest_path((start[0], start[1]), (goal.x, goal.y), ROBOT.radius)
+    yaw = math.atan2(path[1, 1] - start[1], path[1, 0] - start[0])
+    at = [*start.tolist(), round(yaw, 3)]
+    return _mission_spec(f"({start[0]:g}, {start[1]:g})", goal.name, length, at), length
+
+
+def _mission_spec(start: str, goal: str, length: float, at: object) -> MissionSpec:
+    """The mission of a way, from the start ``at``."""
     return MissionSpec.model_validate(
         {
-            "description": f"From {start} to {goal}, {length:.1f} m on the map.",
+            "description": f"From {start} to {goal}, {length:.1f} m.",
             "map": f"../{MAP_FILE}",
-            "start": {"place": start, "yaw": round(yaw, 3)},
+            "start": at,
             "goals": [goal],
             "timeout": float(round(60.0 + 5.0 * length)),
         }

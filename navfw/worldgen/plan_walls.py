@@ -21,9 +21,12 @@ import numpy.typing as npt
 from pydantic import Field
 
 from navfw.config.strict_model import StrictModel
+from navfw.errors import InputError
 from navfw.numerics import Array, Mask
 from navfw.numerics.products import product
+from navfw.robot import RobotModel
 from navfw.sim.shapes import Rectangle
+from navfw.topomap.map_builder import MARGIN
 from navfw.topomap.occupancy_map import FREE, OCCUPIED, UNKNOWN, Cells, OccupancyMap
 
 
@@ -40,17 +43,110 @@ class PlanCleaning(StrictModel):
     ] = 0.15
 
 
-def cleaned(plan: OccupancyMap, cleaning: PlanCleaning) -> OccupancyMap:
-    """The plan without speckles and gaps; free ground apart from the largest piece is unknown.
+@dataclass(frozen=True, slots=True)
+class FreePiece:
+    """Ground in which a robot can reach every point: its area [m^2], and its widest point [m]."""
+
+    area: float
+    at: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class CleanedPlan:
+    """A plan without noise, and the piece of its free ground in which the robot will drive.
+
+    ``plan`` has the connected free ground around that piece, ``ground`` the same without what only
+    openings too narrow for the robot lead to. ``pieces`` are all of the plan, the one taken first,
+    then the largest.
+    """
+
+    plan: OccupancyMap
+    ground: OccupancyMap
+    pieces: tuple[FreePiece, ...]
+
+
+def cleaned(
+    plan: OccupancyMap, cleaning: PlanCleaning, inside: tuple[float, float] | None = None
+) -> CleanedPlan:
+    """The plan without speckles and gaps; free ground apart from one piece is unknown.
 
     Small occupied or unknown spots that free ground surrounds become free. Gaps narrower than
-    ``cleaning.gap`` become unknown, and with them any ground behind that has no wider entrance.
+    ``cleaning.gap`` become unknown. The piece is the one with the point ``inside`` (x, y) [m], by
+    default the largest.
+
+    Raises:
+        InputError: nothing is free, or not the point.
+
     """
     free = _without_speckles(plan.free, cleaning.speckle / plan.resolution)
     free = _without_gaps(free, cleaning.gap / plan.resolution)
-    free = _largest_piece(free)
+    if not free.any():
+        raise InputError(
+            "the plan has no free ground that is wider than its gaps; choose a smaller --gap, or "
+            "check the resolution",
+            file=plan.file,
+        )
+    labels, pieces = _pieces(plan, free)
+    taken = 1 if inside is None else _piece_at(plan, labels, pieces, inside)
+    _, joined = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
+    free = joined == joined[labels == taken][0]
     cells: Cells = np.where(free, FREE, np.where(plan.occupied, OCCUPIED, UNKNOWN)).astype(np.int8)
-    return OccupancyMap(cells, plan.resolution, plan.origin, plan.file)
+    ground: Cells = np.where(free & (labels != taken) & (labels > 0), UNKNOWN, cells)
+    others = [piece for label, piece in enumerate(pieces, 1) if label != taken]
+    at = (plan.resolution, plan.origin, plan.file)
+    return CleanedPlan(
+        OccupancyMap(cells, *at), OccupancyMap(ground, *at), (pieces[taken - 1], *others)
+    )
+
+
+def _pieces(plan: OccupancyMap, free: Mask) -> tuple[npt.NDArray[np.intp], list[FreePiece]]:
+    """The piece of each cell (rows, columns) from 1, 0 where there is none; the largest is 1.
+
+    Where the robot fits nowhere, they are those of the free ground.
+    """
+    from scipy.ndimage import maximum_position
+
+    away = cv2.distanceTransform(np.pad(free, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
+    need = (RobotModel().radius + MARGIN) / plan.resolution + 0.5
+    core = away >= need if (away >= need).any() else free
+    count, numbers = cv2.connectedComponents(core.astype(np.uint8), connectivity=8)
+    grown = numbers.astype(np.float32)
+    for _ in range(math.ceil(2.0 * need)):  # into corners, and up to the walls
+        larger = cv2.dilate(grown, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)))
+        grown = np.where(free & (grown == 0.0), larger, grown)
+    numbers = grown.astype(np.intp)
+    sizes = np.bincount(numbers.ravel(), minlength=count)[1:]
+    order = np.argsort(-sizes, kind="stable")
+    widest = np.array(maximum_position(away, numbers, 1 + order)).reshape(-1, 2)
+    points = plan.centres(widest[:, 0], widest[:, 1]).tolist()
+    areas = (sizes[order] * plan.resolution**2).tolist()
+    pieces = [FreePiece(area, (x, y)) for area, (x, y) in zip(areas, points, strict=True)]
+    ranks = np.append(0, 1 + np.argsort(order, kind="stable"))
+    return ranks[numbers], pieces
+
+
+def _piece_at(
+    plan: OccupancyMap,
+    labels: npt.NDArray[np.intp],
+    pieces: list[FreePiece],
+    point: tuple[float, float],
+) -> int:
+    """The label of the piece with the point; raises InputError if it has none."""
+    rows, columns = np.nonzero(labels)
+    centres = plan.centres(rows, columns)
+    away = np.hypot(centres[:, 0] - point[0], centres[:, 1] - point[1])
+    nearest = int(np.argmin(away))
+    label = int(labels[rows[nearest], columns[nearest]])
+    if away[nearest] > 0.75 * plan.resolution:
+        x, y = centres[nearest]
+        raise InputError(
+            f"expected a point of free ground, ({point[0]:g}, {point[1]:g}) is {away[nearest]:.2f}"
+            f" m from it: the nearest is ({x:.2f}, {y:.2f}), in a piece of"
+            f" {pieces[label - 1].area:.0f} m2",
+            file=plan.file,
+            key="--inside",
+        )
+    return label
 
 
 def _without_speckles(free: Mask, size: float) -> Mask:
@@ -93,15 +189,6 @@ def _stretches(region: Mask, kept: Mask) -> int:
     """The number of separate stretches along which ``part`` touches the ground that is kept."""
     ring = cv2.dilate(region.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     return int(cv2.connectedComponents((ring & kept).astype(np.uint8), connectivity=8)[0]) - 1
-
-
-def _largest_piece(free: Mask) -> Mask:
-    """The largest 4-connected piece of the free ground."""
-    count, labels = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
-    if count <= 1:
-        return free
-    piece: Mask = labels == 1 + int(np.argmax(np.bincount(labels.ravel(), minlength=count)[1:]))
-    return piece
 
 
 _OUTLINE_TOLERANCE = 1.2

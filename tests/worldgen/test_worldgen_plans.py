@@ -103,6 +103,45 @@ def test_a_hall_of_columns_is_one_place_with_its_doors(columns: float, most: int
     assert check_map(topo_map, SceneGeometry.from_world(made.world).clearances) == []
 
 
+def two_pieces(gap: float = 0.0) -> OccupancyMap:
+    """12 x 7.6 and 7.3 x 7.6 m side by side, joined by an opening of ``gap`` [m]."""
+    cells = np.full((160, 400), FREE, np.int8)
+    cells[:4], cells[-4:], cells[:, :4], cells[:, -4:], cells[:, 244:250] = (100,) * 5
+    cells[80 : 80 + round(gap / CELL), 244:250] = FREE
+    return OccupancyMap(cells, CELL, Pose(0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.4])
+def test_the_piece_with_a_point_is_taken(gap: float) -> None:
+    plan = two_pieces(gap)  # the robot does not fit through 0.4 m
+    large, small = import_plan(plan, "x"), import_plan(plan, "x", inside=(15.0, 1.0))
+    assert [piece.area for piece in large.pieces] == pytest.approx([91.2, 55.5], abs=0.3)
+    assert small.pieces == large.pieces[::-1]
+    assert all(place.x < 12.0 for place in large.topo_map.places.values())
+    assert all(place.x > 12.5 for place in small.topo_map.places.values())
+    for point, message in (
+        ((12.3, 3.0), "expected a point of free ground, (12.3, 3) is 0.13 m from it"),
+        ((30.0, 3.0), "nearest is (19.78, 3.02), in a piece of 55 m2"),
+    ):
+        with pytest.raises(InputError) as caught:
+            import_plan(plan, "x", inside=point)
+        assert message in str(caught.value)
+
+
+def test_missions_are_long_unless_the_plan_is_small() -> None:
+    hall = import_plan(two_pieces(), "x")
+    assert list(hall.topo_map.places) == ["hall"]
+    plan = SceneGeometry.from_world(hall.world)
+    assert 5.0 <= hall.lengths["to-hall"] < 7.5
+    start = hall.missions["to-hall"].start
+    assert isinstance(start, tuple)
+    x, y, _ = start
+    assert plan.clearance(x, y) > 0.18
+    assert all(length >= 5.0 for length in imported("clutter").lengths.values())
+    small = plan_of(free=True).cells[:60, :60]
+    assert import_plan(OccupancyMap(small, CELL, Pose(0, 0, 0)), "x").lengths["to-room"] < 5.0
+
+
 def test_the_origin_moves_and_turns_world_and_map() -> None:
     straight = PLANS["thick-walls"]()
     at = Pose(3.0, -2.0, 0.6)
@@ -148,6 +187,20 @@ def test_the_command_for_imports(tmp_path: Path) -> None:
         (("--resolution", "0.05", "--speckle", "9"), "--speckle"),
     ):
         assert message in refusal("world", "import", tmp_path / "hall.png", *out, *options)
+    hall = ("world", "import", tmp_path / "hall.yaml", *out)
+    named = ("--name", "9,6=main", "--name", "2,2=dock", "--name", "3,4.8=gate")
+    assert "dock" in str(answer(*hall, *named)["missions"])
+    topo_map = load_map(tmp_path / "w" / "map.yaml")
+    assert [topo_map.place(name).y > 4.6 for name in ("main", "dock", "gate")] == [1, 0, 1]
+    for words, message in (
+        (("--name", "2,2"), "expected X,Y=NAME"),
+        (("--name", "2=dock"), "expected X,Y, got '2'"),
+        (("--name", "2,2=dock", "--name", "9,6=dock"), "'dock' is given twice"),
+        (("--name", "2,2=dock", "--name", "2.1,2=bay"), "'dock' and 'bay' are one place"),
+        (("--name", "0.1,2=dock"), "'dock': expected a point of the piece"),
+        (("--inside", "0.1,2"), "expected a point of free ground"),
+    ):
+        assert message in refusal(*hall, *words)
     assert cv2.imwrite(str(tmp_path / "hall.bmp"), np.full((80, 120), 255, np.uint8))
     result = invoke("world", "import", tmp_path / "hall.bmp", *out, "--resolution", "0.1")
     assert result.exit_code == 0, result.output
@@ -230,7 +283,7 @@ def test_few_walls_are_where_the_plan_has_them(name: str, most: int) -> None:
 @pytest.mark.parametrize("name", ["thick-walls", "open-hall"])
 def test_noise_does_not_become_a_wall_of_pixels(name: str) -> None:
     plan = PLANS[name]()
-    noisy = cleaned(with_noise(plan, np.random.default_rng(3)), PlanCleaning())
+    noisy = cleaned(with_noise(plan, np.random.default_rng(3)), PlanCleaning()).plan
     assert len(wall_rectangles(noisy.free, CELL)) <= 1.5 * len(wall_rectangles(plan.free, CELL))
 
 
@@ -271,13 +324,13 @@ def test_speckles_vanish_and_gaps_are_closed() -> None:
     cells[40:42, 50] = 100  # two cells, in free ground
     cells[60:80, 60] = 100  # a thin wall stays
     spotted = type(plan)(cells, plan.resolution, plan.origin)
-    free = cleaned(spotted, PlanCleaning()).free
+    free = cleaned(spotted, PlanCleaning()).plan.free
     assert free[40:42, 50].all()
     assert not free[60:80, 60].any()
-    assert not cleaned(spotted, PlanCleaning(speckle=0)).free[40:42, 50].any()
+    assert not cleaned(spotted, PlanCleaning(speckle=0)).plan.free[40:42, 50].any()
     wall = np.zeros((40, 60), np.int8)
     wall[:, 30:32] = 100
     wall[20:22, 30:32] = 0
     split = type(plan)(wall, 0.05, plan.origin)
-    assert cleaned(split, PlanCleaning()).free.sum() == 40 * 30  # a side alone
-    assert cleaned(split, PlanCleaning(gap=0)).free.sum() == 40 * 58 + 4
+    assert cleaned(split, PlanCleaning()).plan.free.sum() == 40 * 30  # a side alone
+    assert cleaned(split, PlanCleaning(gap=0)).plan.free.sum() == 40 * 58 + 4
