@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from navfw.cli.import_world import numbers_of
 from navfw.cli.options import (
     Json,
     Live,
@@ -64,6 +65,14 @@ Settings = Annotated[
 def run(
     world: World,
     mission: Mission = "",
+    goal: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y",
+            help="Instead of MISSION: drive from the start of the world's first mission to a"
+            " point [m].",
+        ),
+    ] = None,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of all noise; the same one gives the same commands.")
     ] = 0,
@@ -97,15 +106,18 @@ def run(
 
     Exit with 3 if a file of the run folder could not be written; the result is printed anyway.
     """
-    if not mission:
+    if mission and goal is not None:
+        raise InputError("give a mission or a goal, not both", key="--goal")
+    point = numbers_of("--goal", goal, ("X", "Y"))
+    if not mission and point is None:
         from navfw.config.lookup import list_missions
 
         names = ", ".join(item.name for item in list_missions(world)) or "it has none"
-        raise InputError(f"give one of the missions of {world}: {names}")
+        raise InputError(f"give --goal, or one of the missions of {world}: {names}")
     _run(
         _Request(
             world,
-            mission,
+            mission if point is None else (point[0], point[1]),
             seed,
             stack,
             (*of_robot(robot), *(set_ or ())),
@@ -124,7 +136,7 @@ def run(
 @dataclass(frozen=True, slots=True)
 class _Request:
     world: str
-    mission: str
+    mission: str | tuple[float, float]
     seed: int
     stack: str | None
     overrides: tuple[str, ...]

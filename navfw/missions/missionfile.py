@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from navfw.config.document import KeyPath, YamlDocument, load_yaml
-from navfw.config.lookup import find
+from navfw.config.document import KeyPath, Origin, YamlDocument, load_yaml
+from navfw.config.lookup import find, list_missions
 from navfw.config.overrides import Override, apply_overrides
 from navfw.errors import ConfigError, UnknownNameError, WorldError
 from navfw.features.landmark_appearance import check_landmark_kind
@@ -144,6 +144,44 @@ def mission_in(document: YamlDocument, path: Path, topo_map: TopoMap | None = No
         goals=_goals(document, spec, topo_map),
         starts=_starts(document, spec, topo_map),
     )
+
+
+_OF_WORLD = ("map", "stack", "start", "robot", "sensors")
+"""Keys of a world's mission that a mission to a point takes over."""
+
+
+def mission_to(world: str | Path, goal: _Point, overrides: Sequence[Override] = ()) -> MissionFile:
+    """The mission to a point (x, y) [m], from the start of the first mission of ``world``.
+
+    The first by name that has a known start; map, stack, robot and sensors are its own as well.
+    Without ``timeout`` among the overrides it has 60 s, and 15 s for each metre in a straight line.
+
+    Raises:
+        ConfigError: the world has no mission with a known start, or an override is wrong.
+        UnknownNameError: there is no such world.
+
+    """
+    option = f"--goal {goal[0]:g},{goal[1]:g}"
+    for named in list_missions(world):
+        document = load_yaml(named.path)
+        start = document.data.get("start")
+        if isinstance(start, list) or (isinstance(start, dict) and "place" in start):
+            break
+    else:
+        raise ConfigError(f"{world} has no mission with a known start to go from", key=option)
+    data = {key: value for key, value in document.data.items() if key in _OF_WORLD}
+    data["goals"] = [{"x": goal[0], "y": goal[1]}]
+    data["description"] = f"To ({goal[0]:g}, {goal[1]:g}) from the start of {named.name}."
+    origins = {path: at for path, at in document.origins.items() if path[:1] != ("goals",)}
+    origins["goals",] = Origin(option=option)
+    changed = with_section(YamlDocument(document.file, data, origins))
+    path = named.path.with_name(f"to-{goal[0]:g},{goal[1]:g}.yaml")
+    made = mission_in(apply_overrides(changed, overrides), path)
+    if "timeout" in made.spec.model_fields_set:
+        return made
+    away = math.dist(goal, (made.start.x, made.start.y))
+    timeout = min(60.0 + 15.0 * away, 7200.0)
+    return replace(made, spec=made.spec.model_copy(update={"timeout": timeout}))
 
 
 def _map(document: YamlDocument, spec: MissionSpec, folder: Path) -> TopoMap:

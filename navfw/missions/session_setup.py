@@ -13,13 +13,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Override, Settings, override_texts, parse_override
 from navfw.errors import UnknownNameError
 from navfw.missions.event_check import resolve_events, with_doors_open
-from navfw.missions.missionfile import MissionFile, load_mission
+from navfw.missions.missionfile import MissionFile, load_mission, mission_to
 from navfw.missions.session import MissionResult, Session, SteppedSession
 from navfw.robot.robotfile import robot_section
 from navfw.sim.scene_geometry import SceneGeometry
@@ -33,6 +33,10 @@ from navfw.stack.stackfile import load_stack
 if TYPE_CHECKING:
     from navfw.plugins import Registry
 
+Mission: TypeAlias = str | Path | tuple[float, float]
+"""A mission's name or file; or the point x, y [m] that a mission from the world's start leads to,
+the start of its first mission with a known one."""
+
 _DEFAULT_STACK, _FLOOR_PLAN_STACK = "default", "floor_plan"
 """The stack of a mission that names none, and the one if its map has a floor plan."""
 
@@ -42,7 +46,7 @@ _MISSION_PARTS = ("robot", "sensors")
 
 def run(
     world: str | Path,
-    mission: str | Path,
+    mission: Mission,
     *,
     seed: int = 0,
     stack: str | Path | None = None,
@@ -69,7 +73,7 @@ def run(
 
 def open_session(
     world: str | Path,
-    mission: str | Path,
+    mission: Mission,
     *,
     seed: int = 0,
     stack: str | Path | None = None,
@@ -84,7 +88,7 @@ def open_session(
     return SteppedSession(prepare(world, mission, seed=seed, stack=stack, overrides=set))
 
 
-def open_simulation(world: str | Path, mission: str | Path, *, seed: int = 0) -> Simulation:
+def open_simulation(world: str | Path, mission: Mission, *, seed: int = 0) -> Simulation:
     """The simulated robot of a mission at its start, for a program of your own that drives it.
 
     A context manager. ``read`` gives what its sensors measure, ``drive`` sets the wheels' speeds,
@@ -99,7 +103,7 @@ def open_simulation(world: str | Path, mission: str | Path, *, seed: int = 0) ->
 
 def prepare(
     world: str | Path,
-    mission: str | Path,
+    mission: Mission,
     *,
     seed: int = 0,
     stack: str | Path | None = None,
@@ -164,7 +168,7 @@ def session_of(
 
 def check_inputs(
     world: str | Path,
-    mission: str | Path,
+    mission: Mission,
     *,
     stack: str | Path | None = None,
     overrides: Settings = (),
@@ -184,13 +188,16 @@ def check_inputs(
 
 
 def _load(
-    world: str | Path, mission: str | Path, overrides: Sequence[str]
+    world: str | Path, mission: Mission, overrides: Sequence[str]
 ) -> tuple[Path, WorldSpec, MissionFile]:
     """The file of the world, the world, and the mission with those ``overrides`` that apply."""
     for_mission, _ = split_overrides(overrides)
     world_file = find("world", world)
-    mission_file = find_mission(world, mission)
-    return world_file, load_world(world_file), load_mission(mission_file, for_mission)
+    if isinstance(mission, tuple):
+        loaded = mission_to(world, mission, for_mission)
+    else:
+        loaded = load_mission(find_mission(world, mission), for_mission)
+    return world_file, load_world(world_file), loaded
 
 
 def with_drops(world: WorldSpec, mission: MissionFile) -> WorldSpec:
