@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -17,9 +17,6 @@ from navfw.cli.output import print_json, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
 from navfw.process.work_progress import ProgressCallback, silent
-
-if TYPE_CHECKING:
-    from navfw.worldgen.plan_walls import FreePiece
 
 _IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
 """Files that are imported as the image of a floor plan."""
@@ -191,7 +188,7 @@ def _import_plan(
     plan = read_plan(source, options.resolution)
     made = import_plan(plan, source.stem, steps, report, inside, options.named)
     folder = made.write(out)
-    piece, *others = made.pieces
+    (area, (x, y)), *others = made.pieces
     kinds = Counter(place.kind for place in made.topo_map.places.values())
     places, edges, doors = kinds.total(), len(made.topo_map.passages), kinds["door"]
     data = {
@@ -199,9 +196,9 @@ def _import_plan(
         "world": made.world.name,
         "walls": len(made.world.walls),
         "size_m": list(made.size),
-        "free_m2": piece.area,
-        "free_at": list(piece.at),
-        "other_pieces_m2": [other.area for other in others],
+        "free_m2": area,
+        "free_at": [x, y],
+        "other_pieces_m2": [other for other, _ in others],
         "places": places,
         "doors": doors,
         "kinds": sorted(kinds),
@@ -210,12 +207,11 @@ def _import_plan(
     }
     lines = (
         f"{folder}: {made.world.description}",
-        f"{piece.area:.0f} m2 free around {_at(piece)};"
-        f" {places} places, {doors} doors, {edges} edges",
+        f"{area:.0f} m2 free around {x:.2f},{y:.2f}; {places} places, {doors} doors, {edges} edges",
         *(f"  navfw run {folder} {name}  ({made.lengths[name]:.1f} m)" for name in made.missions),
     )
-    if others:
-        largest = f"the largest of {others[0].area:.0f} m2: --inside {_at(others[0])} takes it"
+    for other, (x, y) in others[:1]:
+        largest = f"the largest of {other:.0f} m2: --inside {x:.2f},{y:.2f} takes it"
         lines += (f"other pieces of free ground: {len(others)}, {largest}",)
     if max(made.lengths.values()) < MIN_PATH:
         lines += (f"the plan is too small for a mission of {MIN_PATH:g} m",)
@@ -267,10 +263,6 @@ def _print(made: Sequence[_Imported], *, single: bool, json: bool) -> None:
         print_json(made[0].data if single else [one.data for one in made])
     else:
         typer.echo("".join(f"{line}\n" for one in made for line in one.lines), nl=False)
-
-
-def _at(piece: FreePiece) -> str:
-    return f"{piece.at[0]:.2f},{piece.at[1]:.2f}"
 
 
 def _named(texts: Sequence[str]) -> dict[str, tuple[float, float]]:

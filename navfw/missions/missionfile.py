@@ -154,7 +154,6 @@ def mission_to(world: str | Path, goal: _Point, overrides: Sequence[Override] = 
     """The mission to a point (x, y) [m], from the start of the first mission of ``world``.
 
     The first by name that has a known start; map, stack, robot and sensors are its own as well.
-    Without ``timeout`` among the overrides it has 60 s, and 15 s for each metre in a straight line.
 
     Raises:
         ConfigError: the world has no mission with a known start, or an override is wrong.
@@ -170,18 +169,13 @@ def mission_to(world: str | Path, goal: _Point, overrides: Sequence[Override] = 
     else:
         raise ConfigError(f"{world} has no mission with a known start to go from", key=option)
     data = {key: value for key, value in document.data.items() if key in _OF_WORLD}
-    data["goals"] = [{"x": goal[0], "y": goal[1]}]
+    data |= {"goals": [{"x": goal[0], "y": goal[1]}], "timeout": 900.0}
     data["description"] = f"To ({goal[0]:g}, {goal[1]:g}) from the start of {named.name}."
     origins = {path: at for path, at in document.origins.items() if path[:1] != ("goals",)}
     origins["goals",] = Origin(option=option)
     changed = with_section(YamlDocument(document.file, data, origins))
     path = named.path.with_name(f"to-{goal[0]:g},{goal[1]:g}.yaml")
-    made = mission_in(apply_overrides(changed, overrides), path)
-    if "timeout" in made.spec.model_fields_set:
-        return made
-    away = math.dist(goal, (made.start.x, made.start.y))
-    timeout = min(60.0 + 15.0 * away, 7200.0)
-    return replace(made, spec=made.spec.model_copy(update={"timeout": timeout}))
+    return mission_in(apply_overrides(changed, overrides), path)
 
 
 def _map(document: YamlDocument, spec: MissionSpec, folder: Path) -> TopoMap:

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 import networkx as nx
 
-from navfw.errors import InputError, MapError
+from navfw.errors import MapError
 from navfw.numerics import Array
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
@@ -52,18 +52,14 @@ def build_map(
     robot: RobotModel | None = None,
     rooms: Mapping[str, Bounds] | None = None,
     report: ProgressCallback = silent,
-    named: Mapping[str, Point] | None = None,
 ) -> TopoMap:
     """The map of the free space in ``grid`` for ``robot`` (default: ``RobotModel()``).
 
     ``rooms`` (x0, x1, y0, y1) [m] by name, where given, provide the names of places; else regions
-    are called room, hall or corridor, with numbers. ``named`` gives the place at a point (x, y) [m]
-    a name: the nearest one within ``SPACING`` and between the same doors, else that of its room.
-    ``report`` is called with each part.
+    are called room, hall or corridor, with numbers. ``report`` is called with each part.
 
     Raises:
         MapError: there is no free space for the robot.
-        InputError: two names are for the same place.
 
     """
     robot = robot or RobotModel()
@@ -83,7 +79,7 @@ def build_map(
     report("shortcuts")
     lines.shorten()
     report("places")
-    return lines.finish(name, rooms or {}, named or {})
+    return lines.finish(name, rooms or {})
 
 
 class _StraightLines:
@@ -252,23 +248,19 @@ class _StraightLines:
         doors = ((self._at(point), through) for point, through in self.doors.items())
         return Regions(self.open, doors)
 
-    def finish(self, name: str, rooms: Mapping[str, Bounds], named: Mapping[str, Point]) -> TopoMap:
-        """The map of all points, named after ``rooms``, but for those that are ``named``."""
+    def finish(self, name: str, rooms: Mapping[str, Bounds]) -> TopoMap:
+        """The map of all points, named after ``rooms``."""
         regions = self._regions()
-        names = PlaceNames(rooms, regions, named)
-        own = self._named_points(regions, named)
+        names = PlaceNames(rooms, regions)
         places: dict[int, Place] = {}
-        chosen = self.centres
         # the centres of rooms first: they get the names without numbers
-        for point in sorted(self.graph, key=lambda point: (point not in chosen, point)):
+        for point in sorted(self.graph, key=lambda point: (point not in self.centres, point)):
             at = self._at(point)
-            kind = self._kind(point, regions, point in chosen)
-            if point in own:
-                label = own[point]
-            elif point in self.doors:
+            kind = self._kind(point, regions, point in self.centres)
+            if point in self.doors:
                 label = names.door(at, self.doors[point])
             else:
-                label = (names.centre if point in chosen else names.place)(at, kind)
+                label = (names.centre if point in self.centres else names.place)(at, kind)
             places[point] = Place(label, round(at[0], 2), round(at[1], 2), kind)
         passages = [
             passage
@@ -276,19 +268,6 @@ class _StraightLines:
             if (passage := self._passage(places[a], places[b])) is not None
         ]
         return TopoMap(name, places.values(), passages)
-
-    def _named_points(self, regions: Regions, named: Mapping[str, Point]) -> dict[int, str]:
-        """By point: its name among those given."""
-        own: dict[int, str] = {}
-        for name, at in named.items():
-            away = {p: math.dist(at, self._at(p)) for p in self.graph if p not in self.doors}
-            mine = [p for p in away if regions.at(*self._at(p)) == regions.at(*at)] or list(away)
-            near = [p for p in mine if away[p] < SPACING] or self.centres.intersection(mine) or mine
-            point = min(near, key=away.__getitem__)
-            if point in own:
-                raise InputError(f"{own[point]!r} and {name!r} are one place", key="--name")
-            own[point] = name
-        return own
 
     def _passage(self, a: Place, b: Place) -> Passage | None:
         length = a.distance(b.x, b.y)

@@ -202,16 +202,14 @@ class Regions:
 
 
 class PlaceNames:
-    """Unique names for places, after the rooms that contain them; none of those ``taken``."""
+    """Unique names for places, after the rooms that contain them."""
 
-    def __init__(
-        self, rooms: Mapping[str, Bounds], regions: Regions, taken: Iterable[str] = ()
-    ) -> None:
+    def __init__(self, rooms: Mapping[str, Bounds], regions: Regions) -> None:
         # smallest first: of nested rooms the inner one gives the name
         self._rooms = sorted(rooms.items(), key=lambda room: _area(room[1]))
         self._regions = regions
         self._region_names = {} if rooms else regions.names()
-        self._taken = set(taken)
+        self._taken: set[str] = set()
 
     def centre(self, at: Point, kind: str) -> str:
         """The name of the place that represents a room."""

@@ -6,7 +6,7 @@ import itertools
 import math
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import networkx as nx
@@ -22,9 +22,9 @@ from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import Rectangle
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WallSpec, WorldSpec
-from navfw.topomap import Passage, TopoMap
+from navfw.topomap import Passage, Place, TopoMap
 from navfw.topomap.clearance_grid import ClearanceGrid
-from navfw.topomap.map_builder import MARGIN, Point, build_map
+from navfw.topomap.map_builder import MARGIN, build_map
 from navfw.topomap.occupancy_map import (
     FREE,
     IMAGE_SUFFIXES,
@@ -38,8 +38,8 @@ from navfw.worldgen.generated_world import MAP_FILE, MIN_PATH, write_world
 from navfw.worldgen.looks import Palette
 from navfw.worldgen.plan_walls import (
     CleanedPlan,
-    FreePiece,
     PlanCleaning,
+    Point,
     cleaned,
     wall_rectangles,
 )
@@ -107,14 +107,14 @@ class ImportedPlan:
     """A floor plan as a world, its map, and missions by name; ``size`` [m] is of the free ground.
 
     The map comes with the cleaned plan. ``lengths`` [m] are those of the missions' ways, ``pieces``
-    those of the plan's free ground, first the one that the map is of.
+    area [m^2] and widest point of those of the free ground, first the one that the map is of.
     """
 
     world: WorldSpec
     topo_map: TopoMap
     missions: Mapping[str, MissionSpec]
     lengths: Mapping[str, float]
-    pieces: tuple[FreePiece, ...]
+    pieces: tuple[tuple[float, Point], ...]
     size: tuple[float, float]
 
     def write(self, folder: str | Path) -> Path:
@@ -188,21 +188,13 @@ def import_plan(
         )
     report("walls")
     clean = cleaned(plan, cleaning or PlanCleaning(), inside)
-    plan, named = clean.plan, named or {}
-    for label, point in named.items():
-        if clean.ground.state(np.array([point])) != FREE:
-            (x, y), piece = clean.pieces[0].at, clean.pieces[0].area
-            raise InputError(
-                f"{label!r}: expected a point of the piece of {piece:.0f} m2 around ({x:.2f},"
-                f" {y:.2f}), got ({point[0]:g}, {point[1]:g}); --inside takes another piece",
-                file=plan.file,
-                key="--name",
-            )
+    plan = clean.plan
     size = _extent(plan)
     walls = [_in_map(plan, wall) for wall in wall_rectangles(plan.free, plan.resolution)]
     world = _world(name, plan, walls, size)
     check_world(world, file=plan.file)
-    topo_map = _topological_map(world, clean, size, report, named)
+    topo_map = _topological_map(world, clean, size, report)
+    topo_map = _renamed(topo_map, clean, named or {})
     ways = {f"{start}-to-{goal}": (length, start, goal) for length, start, goal in _ways(topo_map)}
     missions = {name: _mission(topo_map, *way) for name, way in ways.items()}
     lengths = {name: way[0] for name, way in ways.items()}
@@ -274,7 +266,6 @@ def _topological_map(
     clean: CleanedPlan,
     size: tuple[float, float],
     report: ProgressCallback,
-    named: Mapping[str, Point],
 ) -> TopoMap:
     solids, plan = SceneGeometry.from_world(world), clean.plan
 
@@ -287,7 +278,7 @@ def _topological_map(
     try:
         report("clearances")
         grid = ClearanceGrid.of(solids.bounds, near_clearances)
-        drafted = build_map(world.name, grid, report=report, named=named)
+        drafted = build_map(world.name, grid, report=report)
     except MapError as error:
         raise MapError(
             f"{error}: the free ground is {size[0]:g} x {size[1]:g} m; is the resolution of "
@@ -295,6 +286,34 @@ def _topological_map(
             file=plan.file,
         ) from None
     return TopoMap(world.name, drafted.places.values(), drafted.passages, floor_plan=plan)
+
+
+def _renamed(topo_map: TopoMap, clean: CleanedPlan, named: Mapping[str, Point]) -> TopoMap:
+    """The map with the names of the places nearest to points [m] of the ground, doors excepted."""
+    names: dict[str, str] = {}
+    for name, point in named.items():
+        if clean.ground.state(np.array([point])) != FREE:
+            what = f"{name!r}: ({point[0]:g}, {point[1]:g}) is not in the free ground that is taken"
+            raise InputError(what, file=clean.plan.file, key="--name")
+        places = (place for place in topo_map.places.values() if place.kind != "door")
+        nearest = min(places, key=lambda place: _blocked_distance(clean.ground, place, point))
+        if nearest.name in names:
+            other = names[nearest.name]
+            raise InputError(f"{other!r} and {name!r} are one place", key="--name")
+        names[nearest.name] = name
+    return TopoMap(
+        topo_map.name,
+        [replace(p, name=names.get(p.name, p.name)) for p in topo_map.places.values()],
+        [replace(p, a=names.get(p.a, p.a), b=names.get(p.b, p.b)) for p in topo_map.passages],
+        floor_plan=topo_map.floor_plan,
+    )
+
+
+def _blocked_distance(ground: OccupancyMap, place: Place, point: Point) -> tuple[bool, float]:
+    """Whether a wall is between the two, and their distance [m]."""
+    away = place.distance(*point)
+    line = np.linspace(point, (place.x, place.y), 2 + int(away / ground.resolution))
+    return bool((ground.state(line) != FREE).any()), away
 
 
 def _ways(topo_map: TopoMap) -> list[_Way]:

@@ -43,41 +43,36 @@ class PlanCleaning(StrictModel):
     ] = 0.15
 
 
-@dataclass(frozen=True, slots=True)
-class FreePiece:
-    """Ground in which a robot can reach every point: its area [m^2], and its widest point [m]."""
-
-    area: float
-    at: tuple[float, float]
+Point = tuple[float, float]
+_Labels = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
 class CleanedPlan:
-    """A plan without noise, and the piece of its free ground in which the robot will drive.
+    """A plan without noise, and the piece of its free ground in which a robot drives.
 
-    ``plan`` has the connected free ground around that piece, ``ground`` the same without what only
-    openings too narrow for the robot lead to. ``pieces`` are all of the plan, the one taken first,
-    then the largest.
+    ``plan`` has all ground connected with it, ``ground`` not what the robot does not fit through
+    to. ``pieces`` are all of the plan, first the one taken, then the largest: area [m^2] and
+    widest point [m].
     """
 
     plan: OccupancyMap
     ground: OccupancyMap
-    pieces: tuple[FreePiece, ...]
+    pieces: tuple[tuple[float, Point], ...]
 
 
-def cleaned(
-    plan: OccupancyMap, cleaning: PlanCleaning, inside: tuple[float, float] | None = None
-) -> CleanedPlan:
+def cleaned(plan: OccupancyMap, cleaning: PlanCleaning, inside: Point | None = None) -> CleanedPlan:
     """The plan without speckles and gaps; free ground apart from one piece is unknown.
 
     Small occupied or unknown spots that free ground surrounds become free. Gaps narrower than
-    ``cleaning.gap`` become unknown. The piece is the one with the point ``inside`` (x, y) [m], by
-    default the largest.
+    ``cleaning.gap`` become unknown. The piece is the largest, or the one with ``inside`` [m].
 
     Raises:
         InputError: nothing is free, or not the point.
 
     """
+    from scipy.ndimage import maximum_position
+
     free = _without_speckles(plan.free, cleaning.speckle / plan.resolution)
     free = _without_gaps(free, cleaning.gap / plan.resolution)
     if not free.any():
@@ -86,52 +81,43 @@ def cleaned(
             "check the resolution",
             file=plan.file,
         )
-    labels, pieces = _pieces(plan, free)
-    taken = 1 if inside is None else _piece_at(plan, labels, pieces, inside)
+    away = cv2.distanceTransform(np.pad(free, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
+    labels = _pieces(
+        free, away.astype(np.float64), (RobotModel().radius + MARGIN) / plan.resolution + 0.5
+    )
+    areas: Array = np.bincount(labels.ravel()).astype(np.float64) * plan.resolution**2
+    order = 1 + np.argsort(-areas[1:], kind="stable")
+    taken = order[0] if inside is None else _piece_at(plan, labels, areas, inside)
+    order = np.append(taken, order[order != taken])
+    widest = np.array(maximum_position(away, labels, order))
+    points = plan.centres(widest[:, 0], widest[:, 1]).tolist()
     _, joined = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
     free = joined == joined[labels == taken][0]
     cells: Cells = np.where(free, FREE, np.where(plan.occupied, OCCUPIED, UNKNOWN)).astype(np.int8)
     ground: Cells = np.where(free & (labels != taken) & (labels > 0), UNKNOWN, cells)
-    others = [piece for label, piece in enumerate(pieces, 1) if label != taken]
-    at = (plan.resolution, plan.origin, plan.file)
     return CleanedPlan(
-        OccupancyMap(cells, *at), OccupancyMap(ground, *at), (pieces[taken - 1], *others)
+        OccupancyMap(cells, plan.resolution, plan.origin, plan.file),
+        OccupancyMap(ground, plan.resolution, plan.origin, plan.file),
+        tuple(zip(areas[order].tolist(), map(tuple, points), strict=True)),
     )
 
 
-def _pieces(plan: OccupancyMap, free: Mask) -> tuple[npt.NDArray[np.intp], list[FreePiece]]:
-    """The piece of each cell (rows, columns) from 1, 0 where there is none; the largest is 1.
+def _pieces(free: Mask, away: Array, need: float) -> _Labels:
+    """By cell: the number of the piece, from 1, in which one ``need`` [cells] wide can drive.
 
-    Where the robot fits nowhere, they are those of the free ground.
+    0 where there is none; where it fits nowhere, the pieces are those of the free ground.
     """
-    from scipy.ndimage import maximum_position
-
-    away = cv2.distanceTransform(np.pad(free, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
-    need = (RobotModel().radius + MARGIN) / plan.resolution + 0.5
     core = away >= need if (away >= need).any() else free
-    count, numbers = cv2.connectedComponents(core.astype(np.uint8), connectivity=8)
+    _, numbers = cv2.connectedComponents(core.astype(np.uint8), connectivity=8)
     grown = numbers.astype(np.float32)
     for _ in range(math.ceil(2.0 * need)):  # into corners, and up to the walls
         larger = cv2.dilate(grown, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)))
         grown = np.where(free & (grown == 0.0), larger, grown)
-    numbers = grown.astype(np.intp)
-    sizes = np.bincount(numbers.ravel(), minlength=count)[1:]
-    order = np.argsort(-sizes, kind="stable")
-    widest = np.array(maximum_position(away, numbers, 1 + order)).reshape(-1, 2)
-    points = plan.centres(widest[:, 0], widest[:, 1]).tolist()
-    areas = (sizes[order] * plan.resolution**2).tolist()
-    pieces = [FreePiece(area, (x, y)) for area, (x, y) in zip(areas, points, strict=True)]
-    ranks = np.append(0, 1 + np.argsort(order, kind="stable"))
-    return ranks[numbers], pieces
+    return grown.astype(np.intp)
 
 
-def _piece_at(
-    plan: OccupancyMap,
-    labels: npt.NDArray[np.intp],
-    pieces: list[FreePiece],
-    point: tuple[float, float],
-) -> int:
-    """The label of the piece with the point; raises InputError if it has none."""
+def _piece_at(plan: OccupancyMap, labels: _Labels, areas: Array, point: Point) -> int:
+    """The piece with the point; raises InputError if there is none."""
     rows, columns = np.nonzero(labels)
     centres = plan.centres(rows, columns)
     away = np.hypot(centres[:, 0] - point[0], centres[:, 1] - point[1])
@@ -141,8 +127,7 @@ def _piece_at(
         x, y = centres[nearest]
         raise InputError(
             f"expected a point of free ground, ({point[0]:g}, {point[1]:g}) is {away[nearest]:.2f}"
-            f" m from it: the nearest is ({x:.2f}, {y:.2f}), in a piece of"
-            f" {pieces[label - 1].area:.0f} m2",
+            f" m from it: the nearest is ({x:.2f}, {y:.2f}), in a piece of {areas[label]:.0f} m2",
             file=plan.file,
             key="--inside",
         )

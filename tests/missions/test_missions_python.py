@@ -8,9 +8,11 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from cli_calls import refusal
 from processes import printed
 
 import navfw
+from navfw.missions import prepare
 from navfw.errors import InputError, MissingExtraError
 from navfw.missions import prepare
 
@@ -98,3 +100,30 @@ def test_the_log_as_columns(result: navfw.MissionResult) -> None:
         table = log.to_pandas()
         assert list(table.columns) == list(columns)
         assert table["v"].to_numpy().tolist() == log.commands[:, 0].tolist()
+
+
+def test_a_point_is_a_goal_from_the_start_of_the_first_mission() -> None:
+    session = prepare("office", (13.0, 8.0))
+    assert session.mission_name == "to-13,8"
+    assert (session.mission.goals[0].x, session.mission.goals[0].y) == (13.0, 8.0)
+    assert session.mission.start == prepare("office", "door-closes").mission.start
+    assert session.mission.spec.events == ()
+    assert session.config["mission"]["description"] == "To (13, 8) from the start of door-closes."
+    changed = prepare("office", (13.0, 8.0), overrides=["mission.timeout=9"])
+    assert changed.mission.spec.timeout == 9.0
+    # a start that is not known does not count
+    assert prepare("hospital", (3.0, 10.0)).mission.start_known
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--goal", "99,1"), "--goal 99,1: the goal (99, 1) must lie on the floor"),
+        (("--goal", "3.95,1"), "from 'wall"),
+        (("--goal", "1"), "--goal: expected X,Y"),
+        (("lab-to-lobby", "--goal", "1,1"), "give a mission or a goal, not both"),
+        ((), "give --goal, or one of the missions of office: door-closes"),
+    ],
+)
+def test_wrong_goals(words: tuple[str, ...], message: str) -> None:
+    assert message in refusal("run", "office", *words)
