@@ -22,6 +22,20 @@ _IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
 """Files that are imported as the image of a floor plan."""
 
 
+Inside = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X,Y",
+        help="Plan: take the piece of free ground with this point [m].",
+        show_default="the largest",
+    ),
+]
+Named = Annotated[
+    list[str] | None,
+    typer.Option(metavar="X,Y=NAME", help="Plan: name the place at a point [m]. Repeatable."),
+]
+
+
 def import_(
     source: Annotated[
         list[Path],
@@ -56,18 +70,8 @@ def import_(
     gap: Annotated[
         float | None, typer.Option(help="Plan: narrower openings are closed [m] [default: 0.15].")
     ] = None,
-    inside: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y",
-            help="Plan: take the piece of free ground with this point [m].",
-            show_default="the largest",
-        ),
-    ] = None,
-    name: Annotated[
-        list[str] | None,
-        typer.Option(metavar="X,Y=NAME", help="Plan: name the place at a point [m]. Repeatable."),
-    ] = None,
+    inside: Inside = None,
+    name: Named = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:

@@ -49,7 +49,13 @@ COMPILING_NOTICE_AFTER = 3.0
 
 COMPILING = "compiling a kernel for types that it has not been called with before"
 
-
+Goal = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X,Y",
+        help="A point [m] to drive to from the start of the first mission, instead of MISSION.",
+    ),
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option(
@@ -65,14 +71,7 @@ Settings = Annotated[
 def run(
     world: World,
     mission: Mission = "",
-    goal: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y",
-            help="Instead of MISSION: drive from the start of the world's first mission to a"
-            " point [m].",
-        ),
-    ] = None,
+    goal: Goal = None,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of all noise; the same one gives the same commands.")
     ] = 0,
@@ -106,18 +105,10 @@ def run(
 
     Exit with 3 if a file of the run folder could not be written; the result is printed anyway.
     """
-    if mission and goal is not None:
-        raise InputError("give a mission or a goal, not both", key="--goal")
-    point = numbers_of("--goal", goal, ("X", "Y"))
-    if not mission and point is None:
-        from navfw.config.lookup import list_missions
-
-        names = ", ".join(item.name for item in list_missions(world)) or "it has none"
-        raise InputError(f"give --goal, or one of the missions of {world}: {names}")
     _run(
         _Request(
             world,
-            mission if point is None else (point[0], point[1]),
+            _target(world, mission, goal),
             seed,
             stack,
             (*of_robot(robot), *(set_ or ())),
@@ -131,6 +122,21 @@ def run(
             quiet=quiet,
         )
     )
+
+
+def _target(world: str, mission: str, goal: str | None) -> str | tuple[float, float]:
+    """The mission, or the point of ``--goal``; one of them is given."""
+    if mission and goal is not None:
+        raise InputError("give a mission or a goal, not both", key="--goal")
+    point = numbers_of("--goal", goal, ("X", "Y"))
+    if point is not None:
+        return point[0], point[1]
+    if not mission:
+        from navfw.config.lookup import list_missions
+
+        names = ", ".join(item.name for item in list_missions(world)) or "it has none"
+        raise InputError(f"give --goal, or one of the missions of {world}: {names}")
+    return mission
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,11 +7,11 @@ from .generated_world import GeneratedWorld as GeneratedWorld
 from .generation import FAMILIES as FAMILIES
 from .generation import generate as generate
 from .looks import LOOKS as LOOKS
+from .plan_cleaning import PlanCleaning as PlanCleaning
+from .plan_cleaning import cleaned as cleaned
 from .plan_exchange import ImportedPlan as ImportedPlan
 from .plan_exchange import exported_plan as exported_plan
 from .plan_exchange import import_plan as import_plan
-from .plan_walls import PlanCleaning as PlanCleaning
-from .plan_walls import cleaned as cleaned
 from .plan_walls import wall_rectangles as wall_rectangles
 from .rooms import furnish as furnish
 from .sdf_reader import MAX_BYTES as MAX_BYTES

@@ -24,7 +24,7 @@ from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WallSpec, WorldSpec
 from navfw.topomap import Passage, Place, TopoMap
 from navfw.topomap.clearance_grid import ClearanceGrid
-from navfw.topomap.map_builder import MARGIN, build_map
+from navfw.topomap.map_builder import MARGIN, Point, build_map
 from navfw.topomap.occupancy_map import (
     FREE,
     IMAGE_SUFFIXES,
@@ -36,13 +36,8 @@ from navfw.topomap.occupancy_map import (
 )
 from navfw.worldgen.generated_world import MAP_FILE, MIN_PATH, write_world
 from navfw.worldgen.looks import Palette
-from navfw.worldgen.plan_walls import (
-    CleanedPlan,
-    PlanCleaning,
-    Point,
-    cleaned,
-    wall_rectangles,
-)
+from navfw.worldgen.plan_cleaning import CleanedPlan, PlanCleaning, cleaned
+from navfw.worldgen.plan_walls import wall_rectangles
 from navfw.worldgen.world_draft import ROBOT
 
 RESOLUTION = 0.05

@@ -12,7 +12,6 @@ from cli_calls import refusal
 from processes import printed
 
 import navfw
-from navfw.missions import prepare
 from navfw.errors import InputError, MissingExtraError
 from navfw.missions import prepare
 
@@ -119,7 +118,7 @@ def test_a_point_is_a_goal_from_the_start_of_the_first_mission() -> None:
     ("words", "message"),
     [
         (("--goal", "99,1"), "--goal 99,1: the goal (99, 1) must lie on the floor"),
-        (("--goal", "3.95,1"), "from 'wall"),
+        (("--goal", "3.95,1"), "--goal 3.95,1: the goal (3.95, 1) is 0.12 m from 'lobby-sofa'"),
         (("--goal", "1"), "--goal: expected X,Y"),
         (("lab-to-lobby", "--goal", "1,1"), "give a mission or a goal, not both"),
         ((), "give --goal, or one of the missions of office: door-closes"),

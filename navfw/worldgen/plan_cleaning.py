@@ -1,0 +1,168 @@
+"""A floor plan without the noise of a map: the piece of its free ground in which a robot drives.
+
+Maps by SLAM have single wrong pixels, gaps of a pixel in walls, and free ground behind windows: the
+ground is what is certainly free and in one piece.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from navfw.config.strict_model import StrictModel
+from navfw.errors import InputError
+from navfw.numerics import Array, Mask
+from navfw.robot import RobotModel
+from navfw.topomap.map_builder import MARGIN, Point
+from navfw.topomap.occupancy_map import FREE, OCCUPIED, UNKNOWN, Cells, OccupancyMap
+
+
+class PlanCleaning(StrictModel):
+    """The steps of cleaning, in this order; 0 leaves a step out."""
+
+    speckle: Annotated[
+        float,
+        Field(ge=0.0, le=1.0, description="spots within free ground up to this size vanish [m]"),
+    ] = 0.12
+    gap: Annotated[
+        float,
+        Field(ge=0.0, le=0.4, description="openings narrower than this are closed [m]"),
+    ] = 0.15
+
+
+_Labels = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class CleanedPlan:
+    """A plan without noise, and the piece of its free ground in which a robot drives.
+
+    ``plan`` has all ground connected with it, ``ground`` not what the robot does not fit through
+    to. ``pieces`` are all of the plan, first the one taken, then the largest: area [m^2] and
+    widest point [m].
+    """
+
+    plan: OccupancyMap
+    ground: OccupancyMap
+    pieces: tuple[tuple[float, Point], ...]
+
+
+def cleaned(plan: OccupancyMap, cleaning: PlanCleaning, inside: Point | None = None) -> CleanedPlan:
+    """The plan without speckles and gaps; free ground apart from one piece is unknown.
+
+    Small occupied or unknown spots that free ground surrounds become free. Gaps narrower than
+    ``cleaning.gap`` become unknown. The piece is the largest, or the one with ``inside`` [m].
+
+    Raises:
+        InputError: nothing is free, or not the point.
+
+    """
+    from scipy.ndimage import maximum_position
+
+    free = _without_speckles(plan.free, cleaning.speckle / plan.resolution)
+    free = _without_gaps(free, cleaning.gap / plan.resolution)
+    if not free.any():
+        raise InputError(
+            "the plan has no free ground that is wider than its gaps; choose a smaller --gap, or "
+            "check the resolution",
+            file=plan.file,
+        )
+    away = cv2.distanceTransform(np.pad(free, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
+    labels = _pieces(
+        free, away.astype(np.float64), (RobotModel().radius + MARGIN) / plan.resolution + 0.5
+    )
+    areas: Array = np.bincount(labels.ravel()).astype(np.float64) * plan.resolution**2
+    order = 1 + np.argsort(-areas[1:], kind="stable")
+    taken = order[0] if inside is None else _piece_at(plan, labels, areas, inside)
+    order = np.append(taken, order[order != taken])
+    widest = np.array(maximum_position(away, labels, order))
+    points = plan.centres(widest[:, 0], widest[:, 1]).tolist()
+    _, joined = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
+    free = joined == joined[labels == taken][0]
+    cells: Cells = np.where(free, FREE, np.where(plan.occupied, OCCUPIED, UNKNOWN)).astype(np.int8)
+    ground: Cells = np.where(free & (labels != taken) & (labels > 0), UNKNOWN, cells)
+    return CleanedPlan(
+        OccupancyMap(cells, plan.resolution, plan.origin, plan.file),
+        OccupancyMap(ground, plan.resolution, plan.origin, plan.file),
+        tuple(zip(areas[order].tolist(), map(tuple, points), strict=True)),
+    )
+
+
+def _pieces(free: Mask, away: Array, need: float) -> _Labels:
+    """By cell: the number of the piece, from 1, in which one ``need`` [cells] wide can drive.
+
+    0 where there is none; where it fits nowhere, the pieces are those of the free ground.
+    """
+    core = away >= need if (away >= need).any() else free
+    _, numbers = cv2.connectedComponents(core.astype(np.uint8), connectivity=8)
+    grown = numbers.astype(np.float32)
+    for _ in range(math.ceil(2.0 * need)):  # into corners, and up to the walls
+        larger = cv2.dilate(grown, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)))
+        grown = np.where(free & (grown == 0.0), larger, grown)
+    return grown.astype(np.intp)
+
+
+def _piece_at(plan: OccupancyMap, labels: _Labels, areas: Array, point: Point) -> int:
+    """The piece with the point; raises InputError if there is none."""
+    rows, columns = np.nonzero(labels)
+    centres = plan.centres(rows, columns)
+    away = np.hypot(centres[:, 0] - point[0], centres[:, 1] - point[1])
+    nearest = int(np.argmin(away))
+    label = int(labels[rows[nearest], columns[nearest]])
+    if away[nearest] > 0.75 * plan.resolution:
+        x, y = centres[nearest]
+        raise InputError(
+            f"expected a point of free ground, ({point[0]:g}, {point[1]:g}) is {away[nearest]:.2f}"
+            f" m from it: the nearest is ({x:.2f}, {y:.2f}), in a piece of {areas[label]:.0f} m2",
+            file=plan.file,
+            key="--inside",
+        )
+    return label
+
+
+def _without_speckles(free: Mask, size: float) -> Mask:
+    """Free ground with the spots in it that are at most ``size`` cells wide and high."""
+    # unknown all around: a spot at the edge of the grid is not surrounded
+    blocked = np.pad(~free, 1, constant_values=True).astype(np.uint8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(blocked, connectivity=8)
+    extent = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
+    small = extent <= size
+    small[0] = False  # the label of the free ground
+    grown: Mask = free | small[labels[1:-1, 1:-1]]
+    return grown
+
+
+def _without_gaps(free: Mask, width: float) -> Mask:
+    """Free ground without its parts narrower than ``width`` cells."""
+    edge = round(width)
+    if edge < 2:
+        return free
+    kernel = np.ones((edge, edge), np.uint8)
+    padded = np.pad(free, edge).astype(np.uint8)
+    eroded = cv2.erode(padded, kernel, anchor=(edge // 2, edge // 2))
+    opposite = edge - 1 - edge // 2  # of an even kernel the middle lies beside its centre
+    opened = cv2.dilate(eroded, kernel, anchor=(opposite, opposite))
+    # a square kernel also blunts the corners of slanted walls: those parts are no gaps, they touch
+    # what remains along one side only
+    lost = ((padded > 0) & (opened == 0)).astype(np.uint8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(lost, connectivity=4)
+    kept = opened > 0
+    blunt = np.zeros(count, dtype=np.bool_)
+    for label in range(1, count):
+        x, y, w, h = stats[label, :4]
+        around = np.s_[y - 1 : y + h + 1, x - 1 : x + w + 1]
+        blunt[label] = _stretches(labels[around] == label, kept[around]) < 2
+    wide: Mask = (kept | blunt[labels])[edge:-edge, edge:-edge]
+    return wide
+
+
+def _stretches(region: Mask, kept: Mask) -> int:
+    """The number of separate stretches along which ``part`` touches the ground that is kept."""
+    ring = cv2.dilate(region.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return int(cv2.connectedComponents((ring & kept).astype(np.uint8), connectivity=8)[0]) - 1
