@@ -350,6 +350,9 @@ class WorldSpec(StrictModel):
     )
     door_frames: Annotated[DoorFrameSpec | None, Field(description="frames of all openings")] = None
     light: LightSpec = LightSpec()
+    hazards: Annotated[
+        tuple[Name, ...], Field(description="what makes it hard; failures are counted by them")
+    ] = ()
     may_overlap: Annotated[
         bool, Field(description="whether solids may overlap (in imported worlds they do)")
     ] = False

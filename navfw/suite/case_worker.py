@@ -75,6 +75,7 @@ def _row_of(case: Case, result: MissionResult) -> RunRow:
     }
     return RunRow(
         **columns,
+        hazards=", ".join(result.session.world.hazards),
         plugin_faults=len(result.uninvited_faults),
         cause=_cause(result),
         sct=sct(good, time, shortest, spec.robot.max_v),

@@ -62,7 +62,8 @@ class RunRow:
 
     ``cause`` is the cause of a failure (``navfw.suite.failure_causes``), ``collision_cause`` the
     body that moved into the other: "robot" or "mover". ``picture`` is a file beside the table.
-    ``variant`` is empty in suites without variants; their tables have no such column.
+    ``variant`` is empty in suites without variants, ``hazards`` where worlds list none; their
+    tables have no such column. Hazards are separated by commas.
     ``plugin_faults`` is the number of kinds of plugin faults beside the injected ones. ``attempts``
     is the number of processes that the run took: 2 if the first one died. ``cpu_time_s`` is the
     processor time of the whole run, with its world, checks and picture, ``memory_mb`` the largest
@@ -78,6 +79,7 @@ class RunRow:
     difficulty: float | None = None
     stack: str
     variant: str = ""
+    hazards: str = ""
     outcome: str
     reason: str = ""
     cause: str = ""
@@ -141,14 +143,15 @@ class RunRow:
 
 COLUMNS = tuple(field.name for field in dataclasses.fields(RunRow))
 _REQUIRED = {"entry", "world", "mission", "seed", "stack", "outcome"}
+_OPTIONAL = ("variant", "hazards")
 _ADAPTER = TypeAdapter(RunRow)
 
 
 def columns_of(rows: Iterable[RunRow]) -> tuple[str, ...]:
-    """The columns of a table of ``rows``; ``variant`` is left out if no row has one."""
-    if any(row.variant for row in rows):
-        return COLUMNS
-    return tuple(name for name in COLUMNS if name != "variant")
+    """The columns of a table of ``rows``; those of ``_OPTIONAL`` are left out if all are empty."""
+    rows = list(rows)
+    unused = {name for name in _OPTIONAL if not any(getattr(row, name) for row in rows)}
+    return tuple(name for name in COLUMNS if name not in unused)
 
 
 def write_table(path: Path, rows: Iterable[RunRow]) -> None:

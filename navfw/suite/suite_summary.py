@@ -32,10 +32,10 @@ def summarize(rows: Sequence[RunRow], expect: Mapping[str, Expect] | None = None
     result, ``plugin_faults`` the number of kinds of plugin faults, summed over the runs.
     ``mean_time_s`` is over the successful runs, ``cpu_time_s`` a mean, ``memory_mb`` the largest.
     Numbers that no run has are None. With more than one stack, ``by_stack`` has the summary of
-    each. Entries in ``expect`` have ``expect``, the number of runs that ``passed``, and whether the
-    entry ``passes``. With variants, ``by_variant`` replaces ``by_stack``; it has the summary of
-    each variant and of its entries, and ``p`` of McNemar's exact test on success against the first
-    variant.
+    each, and ``by_hazard`` that of the runs in worlds with each hazard. Entries in ``expect`` have
+    ``expect``, the number of runs that ``passed``, and whether the entry ``passes``. With variants,
+    ``by_variant`` replaces ``by_stack``; it has the summary of each variant and of its entries, and
+    ``p`` of McNemar's exact test on success against the first variant.
     """
     summary = _numbers(rows)
     by_entry = _split(rows, lambda row: row.entry)
@@ -54,7 +54,17 @@ def summarize(rows: Sequence[RunRow], expect: Mapping[str, Expect] | None = None
         summary["by_variant"] = _by_variant(rows)
     elif len({row.stack for row in rows}) > 1:
         summary["by_stack"] = _split(rows, lambda row: row.stack)
+    hazards = sorted({name for row in rows for name in _hazards(row)})
+    if hazards:
+        summary["by_hazard"] = {
+            name: _numbers([row for row in rows if name in _hazards(row)]) for name in hazards
+        }
     return summary
+
+
+def _hazards(row: RunRow) -> list[str]:
+    """The hazards of the run's world."""
+    return row.hazards.split(", ") if row.hazards else []
 
 
 def _by_variant(rows: Sequence[RunRow]) -> dict[str, Any]:
@@ -173,13 +183,13 @@ _BRIEF = {"runs", "success [95 %]", "collided", "SPL", "time", "faults"}
 
 
 def summary_table(summary: Mapping[str, Any]) -> ResultTable:
-    """A row for each entry, then each stack or variant, then all; for terminal and report.
+    """A row for each entry, then each stack, variant and hazard, then all.
 
     Without other rows there is one row. ``passes`` is the last column where an entry expects
     something.
     """
     rows = dict(summary["by_entry"])
-    for kind in ("stack", "variant"):
+    for kind in ("stack", "variant", "hazard"):
         for name, numbers in summary.get(f"by_{kind}", {}).items():
             rows[f"all, {kind} {name}"] = numbers
     if len(rows) > 1:

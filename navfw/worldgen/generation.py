@@ -15,6 +15,7 @@ from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import MAX_CONTRAST, Look
 from navfw.worldgen.corridors import Corridors
 from navfw.worldgen.generated_world import MAP_FILE, MIN_PATH, GeneratedWorld
+from navfw.worldgen.hard import Hard
 from navfw.worldgen.looks import LOOKS, with_contrast, with_look
 from navfw.worldgen.maze import Maze
 from navfw.worldgen.open_areas import Clutter, Moving, Poles
@@ -22,7 +23,7 @@ from navfw.worldgen.rooms import Rooms
 from navfw.worldgen.world_draft import ROBOT, Unsuitable, WorldDraft
 
 _SHIPPED: dict[str, type[WorldFamily]] = {
-    family.name: family for family in (Rooms, Clutter, Corridors, Maze, Moving, Poles)
+    family.name: family for family in (Rooms, Clutter, Corridors, Maze, Moving, Poles, Hard)
 }
 """The shipped families by name."""
 
@@ -154,4 +155,6 @@ def _mission(draft: WorldDraft, family: str, difficulty: float, shortest: float)
         data["robot"] = draft.robot
     if draft.stack is not None:
         data["stack"] = draft.stack
+    if draft.events:
+        data["events"] = draft.events
     return MissionSpec.model_validate(data)

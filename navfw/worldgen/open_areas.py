@@ -30,6 +30,8 @@ from navfw.worldgen.world_draft import (
     blend,
 )
 
+Interval = tuple[float, float]
+
 
 class Clutter(WorldFamily):
     """A walled area with boxes and cylinders, gaps from 1.2 down to 0.75 m."""
@@ -189,9 +191,11 @@ class Moving(WorldFamily):
         _add_static(draft, round(blend(1, 5, difficulty)))
         clothes = draft.palette.draw_many("person", 4)
         plan = draft.geometry()
+        hall = (0.6, draft.x[1] - 0.6), (0.6, draft.y[1] - 0.6)
         for number in range(1, count + 1):
             yields = bool(rng.random() >= blend(0.3, 0.6, difficulty))
-            _add_person(draft, plan, f"person-{number}", yields, draft.palette.pick(clothes))
+            texture = draft.palette.pick(clothes)
+            add_person(draft, plan, f"person-{number}", yields, texture, hall)
         unyielding = sum(not walker.yields for walker in draft.movers)
         draft.description = (
             f"A hall with {count} walking people, {unyielding} of whom do not yield."
@@ -234,20 +238,28 @@ def _add_static(draft: WorldDraft, count: int) -> None:
             draft.add(f"{kind}-{number}", shape, rng.uniform(*heights), texture)
 
 
-def _add_person(
-    draft: WorldDraft, plan: SceneGeometry, name: str, yields: bool, texture: str
+def add_person(
+    draft: WorldDraft,
+    plan: SceneGeometry,
+    name: str,
+    yields: bool,
+    texture: str,
+    area: tuple[Interval, Interval],
 ) -> None:
-    """Add a person with a free path of two to four points.
+    """Add a person with a free path of two to four points in ``area`` (x and y [m]).
 
     The path keeps away from start and goal, where the robot may stand.
+
+    Raises:
+        Unsuitable: no such path was drawn.
+
     """
     rng = draft.rng
+    (x0, x1), (y0, y1) = area
     for _ in range(60):
         path = [
             (round(float(x), 3), round(float(y), 3))
-            for x, y in rng.uniform(
-                (0.6, 0.6), (draft.x[1] - 0.6, draft.y[1] - 0.6), (int(rng.integers(2, 5)), 2)
-            )
+            for x, y in rng.uniform((x0, y0), (x1, y1), (int(rng.integers(2, 5)), 2))
         ]
         loop = len(path) > 2 and bool(rng.random() < 0.5)
         legs = list(pairwise([*path, path[0]] if loop else path))

@@ -135,6 +135,8 @@ _MIN_SIDE = 2.9
 """Least side of a room between wall centre lines [m]."""
 _APPROACH = 0.65
 """Distance of the places on both sides of a door from it [m]."""
+DOOR_TO_CORNER = 0.85
+"""Least distance of a door's centre from the centre lines of the walls beside it [m]."""
 
 
 @dataclass(frozen=True)
@@ -179,6 +181,8 @@ class Rooms(WorldFamily):
     """Two to six furnished rooms, joined by doors 0.8 to 1.0 m wide."""
 
     name: ClassVar[str] = "rooms"
+    loops: ClassVar[float] = 0.35
+    """Probability of a door that is not needed to reach a room."""
 
     def build(self, rng: np.random.Generator, difficulty: float) -> WorldDraft:
         """Two to six rooms; more rooms and furniture, and narrower doors, when difficult."""
@@ -187,7 +191,7 @@ class Rooms(WorldFamily):
         aspect = rng.uniform(1.0, 1.7)
         draft = WorldDraft.empty(rng, math.sqrt(area * aspect), math.sqrt(area / aspect))
         layout = _divide(draft, count)
-        _add_doors(rng, layout, difficulty)
+        _add_doors(rng, layout, difficulty, self.loops)
         _build_walls(draft, layout)
         draft.description = f"{count} furnished rooms joined by doors 0.8 to 1.0 m wide."
         start_room, goal_room = _far_apart(layout, rng)
@@ -200,7 +204,7 @@ class Rooms(WorldFamily):
             draft.keep_free(*point, 0.55)
         furnish(
             draft,
-            [(room.name, *_faces(draft, room)) for room in layout.rooms],
+            [(room.name, *inner_spans(draft, room)) for room in layout.rooms],
             density=blend(0.16, 0.34, difficulty),
             gap=blend(0.95, 0.8, difficulty),
         )
@@ -243,13 +247,15 @@ def _shared(
             sides = [(a.x, a.y)[cut.axis], (b.x, b.y)[cut.axis]]
             if {sides[0][1], sides[1][1]} & {cut.at} and {sides[0][0], sides[1][0]} & {cut.at}:
                 spans = [(a.x, a.y)[1 - cut.axis], (b.x, b.y)[1 - cut.axis]]
-                low = max(cut.low, spans[0][0], spans[1][0]) + 0.85
-                high = min(cut.high, spans[0][1], spans[1][1]) - 0.85
+                low = max(cut.low, spans[0][0], spans[1][0]) + DOOR_TO_CORNER
+                high = min(cut.high, spans[0][1], spans[1][1]) - DOOR_TO_CORNER
                 if low <= high:
                     yield a, b, cut, low, high
 
 
-def _add_doors(rng: np.random.Generator, layout: RoomLayout, difficulty: float) -> None:
+def _add_doors(
+    rng: np.random.Generator, layout: RoomLayout, difficulty: float, loops: float
+) -> None:
     """Doors that connect all rooms, and a few more."""
     walls = list(_shared(layout))
     graph = nx.Graph()
@@ -257,7 +263,7 @@ def _add_doors(rng: np.random.Generator, layout: RoomLayout, difficulty: float) 
     for i in rng.permutation(len(walls)):
         a, b, cut, low, high = walls[i]
         needed = not nx.has_path(graph, a.name, b.name)
-        if not needed and rng.random() > 0.35:
+        if not needed and rng.random() > loops:
             continue
         graph.add_edge(a.name, b.name)
         width = round(float(rng.uniform(blend(0.9, 0.8, difficulty), 1.0)), 2)
@@ -325,10 +331,10 @@ def _free_point(draft: WorldDraft, room: FloorRoom) -> Point:
     return float(x), float(y)
 
 
-def _faces(draft: WorldDraft, room: FloorRoom) -> tuple[tuple[float, float], tuple[float, float]]:
+def inner_spans(draft: WorldDraft, room: FloorRoom | RoomSpec) -> tuple[Interval, Interval]:
     """The room's x and y [m] between wall faces; outer walls are on the floor's edge."""
 
-    def inner(span: tuple[float, float], edge: tuple[float, float]) -> tuple[float, float]:
+    def inner(span: Interval, edge: Interval) -> Interval:
         low, high = (WALL if at == end else 0.5 * WALL for at, end in zip(span, edge, strict=True))
         return span[0] + low, span[1] - high
 
@@ -352,7 +358,7 @@ def _add_map(
     members[goal_room.name].append(roadmap.add("goal", *draft.goal))
     draft.goal_place = "goal"
     for room in layout.rooms:
-        (x0, x1), (y0, y1) = _faces(draft, room)
+        (x0, x1), (y0, y1) = inner_spans(draft, room)
         point = roadmap.central_point((x0, y0), (x1, y1))
         if all(roadmap.places[name].distance(*point) > 0.6 for name in members[room.name]):
             members[room.name].append(roadmap.add(room.name, *point))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +15,7 @@ from navfw.sim.worldspec import (
     BoxSpec,
     CylinderSpec,
     DoorSpec,
+    LightSpec,
     RoomSpec,
     WalkerSpec,
     WallSpec,
@@ -40,7 +42,10 @@ POLES_STACK = "poles"
 """The stack for fields of poles."""
 
 
-_DRAWN = ("x", "y", "floor", "ceiling", "rooms", "walls", "doors", "boxes", "cylinders", "movers")
+_DRAWN = (
+    *("x", "y", "floor", "ceiling", "rooms", "walls", "doors", "boxes", "cylinders", "movers"),
+    *("light", "hazards"),
+)
 """What a draft has of a world, by its keys."""
 
 
@@ -62,7 +67,7 @@ def rounded(*values: float) -> tuple[float, ...]:
 class WorldDraft:
     """A world under construction, within x and y [m]; ``start`` (x, y, yaw), ``goal`` (x, y).
 
-    The circles ``free`` stay clear of solids.
+    The circles ``free`` stay clear of solids; ``events`` are the mission's.
     """
 
     rng: np.random.Generator
@@ -78,6 +83,9 @@ class WorldDraft:
     boxes: list[BoxSpec] = field(default_factory=list)
     cylinders: list[CylinderSpec] = field(default_factory=list)
     movers: list[WalkerSpec] = field(default_factory=list)
+    light: LightSpec = field(default_factory=LightSpec)
+    hazards: list[str] = field(default_factory=list)
+    events: list[Mapping[str, object]] = field(default_factory=list)
     free: list[Circle] = field(default_factory=list)
     shapes: list[Shape] = field(default_factory=list)
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -259,7 +259,7 @@ def drive_robot(
     return np.array(poses), (left, right), touched
 
 
-@pytest.mark.parametrize("name", ["default", "cart", "husky", "racecar"])
+@pytest.mark.parametrize("name", ["default", "cart", "husky", "racecar", "rocking"])
 def test_it_drives_straight_and_its_encoders_measure_the_way(name: str) -> None:
     off, turn = (0.008, 0.003) if name == "default" else (0.04, 0.02)
     poses, (left, right), touched = drive_robot(name, Twist(0.4, 0.0), 2.0)
@@ -281,6 +281,7 @@ def test_it_drives_straight_and_its_encoders_measure_the_way(name: str) -> None:
         ("cart", 0.02, 0.08),
         ("husky", 0.12, 0.08),
         ("racecar", 0.08, 0.08),
+        ("rocking", 0.02, 0.08),
     ],
 )
 def test_it_turns_on_the_spot_as_fast_as_commanded(
@@ -293,6 +294,18 @@ def test_it_turns_on_the_spot_as_fast_as_commanded(
     # base_link is where it turns: the turn of a skid steer does not carry it away
     assert np.hypot(*(late[:, :2] - late[0, :2]).T).max() < away
     assert not touched
+
+
+@pytest.mark.parametrize(("name", "least", "most"), [("default", 0, 0.2), ("rocking", 2.4, 3.2)])
+def test_a_light_body_pitches_as_it_starts_and_brakes(name: str, least: float, most: float) -> None:
+    robot, pitch = load_robot(name), [0.0]
+    with Simulation(EMPTY, robot, START, 0, PERFECT) as simulation:
+        for tick in range(180):
+            speed = 0.4 * min(1.0, tick / 40, max(0.0, (120 - tick) / 20))
+            simulation.drive(*robot.wheel_speeds(Twist(speed, 0.0)))
+            simulation.advance(TICK)
+            pitch.append(pitch[-1] + TICK * simulation.read().inertial.pitch_rate)
+    assert least <= math.degrees(max(pitch) - min(pitch)) <= most
 
 
 def test_a_contact_of_any_link_is_a_collision() -> None:
