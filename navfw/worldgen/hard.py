@@ -100,7 +100,7 @@ def _furnish_more(draft: WorldDraft, difficulty: float) -> bool:
 
 
 def _close_door(draft: WorldDraft, difficulty: float) -> bool:
-    """Let a door on the shortest route close as the robot comes, where another route leads on."""
+    """Let a door on the shortest route close as the robot comes, if map and world have another."""
     del difficulty
     if draft.topo_map is None:
         return False
@@ -109,6 +109,8 @@ def _close_door(draft: WorldDraft, difficulty: float) -> bool:
         graph, "start", "goal", weight=lambda a, b, data: data["passage"].length
     )
     for name in [name for name in route if draft.topo_map.places[name].kind == "door"]:
+        if not nx.has_path(nx.restricted_view(graph, [name], []), "start", "goal"):
+            continue
         draft.doors = [DoorSpec(name=f"{name}-leaf", opening=name)]
         with contextlib.suppress(WorldError):
             draft.time_allowance += 8.0 * draft.geometry().shortest_path(*ends, draft.clearance)[0]
