@@ -21,6 +21,12 @@ from navfw.signals import FlowField, MovingObject
 
 _MIN_CELLS = 6
 """Least number of connected cells of one object; fewer are mismatches."""
+_FLAT, _FLAT_GATE = 3, 60.0
+"""Height of an object [cells] below which its vectors must be this far from rest, as a sum of
+squares [sigma^2]: mismatches along edges on the floor are flat."""
+_MAX_UNEXPLAINED = 0.06
+"""Largest share of the squares against rest that one velocity of all cells leaves: mismatches do
+not agree with each other."""
 _MIN_FALL = 0.10
 """Least fall per metre of depth of the ray to a foot point; flatter rays give no usable
 distance."""
@@ -64,7 +70,7 @@ def locate_moving_objects(flow: FlowField, camera: CameraModel) -> tuple[MovingO
 
 
 def _locate(flow: FlowField, fall: Array, cells: Mask, camera: CameraModel) -> MovingObject | None:
-    """The object in these ``cells``; None if it is too far away to be located."""
+    """The object in these ``cells``; None if it is too far away, or is not one moving body."""
     points = flow.points[cells]
     half_cell = 0.5 * abs(flow.points[0, 1, 0] - flow.points[0, 0, 0])
     # the foot point is at the lower border of the lowest cells, but for one or two outliers
@@ -77,9 +83,14 @@ def _locate(flow: FlowField, fall: Array, cells: Mask, camera: CameraModel) -> M
     left, right = points[:, 0].min() - half_cell, points[:, 0].max() + half_cell
     bearings = math.atan2(-left, camera.focal), math.atan2(-right, camera.focal)
     off_axis, width = 0.5 * sum(bearings), 0.5 * (bearings[0] - bearings[1])
-    evidence = _velocity(points, flow.vectors[cells], depth, flow, camera)
+    *evidence, at_rest = _velocity(points, flow.vectors[cells], depth, flow, camera)
+    if at_rest < _FLAT_GATE and np.count_nonzero(cells.any(axis=1)) < _FLAT:
+        return None
     bearing = camera.bearing + off_axis
-    return MovingObject(flow.time, bearing, width, depth / math.cos(off_axis), *evidence)
+    detection = MovingObject(flow.time, bearing, width, depth / math.cos(off_axis), *evidence)
+    velocity = np.array(detection.velocity(_SPEEDS[1]))
+    explained = product(2.0 * evidence[1] - product(evidence[0], velocity), velocity)
+    return detection if at_rest - explained <= _MAX_UNEXPLAINED * at_rest else None
 
 
 def _quantile(values: Array, share: float) -> float:
@@ -96,10 +107,11 @@ def _quantile(values: Array, share: float) -> float:
 
 def _velocity(
     points: Array, vectors: Array, depth: float, flow: FlowField, camera: CameraModel
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, float]:
     """Information and evidence of the velocity of an object at ``depth`` [m]: see ``MovingObject``.
 
-    ``vectors`` show the camera's displacement minus the object's: linear in two unknowns.
+    ``vectors`` show the camera's displacement minus the object's: linear in two unknowns. The last
+    value is the sum of squares [sigma^2] of their residuals if the object is at rest.
     """
     motion, f = flow.motion, camera.focal
     ahead, left = camera.base_from_camera[0], camera.base_from_camera[1]
@@ -111,4 +123,6 @@ def _velocity(
     at_rest = (points * s[2] - f * s[:2]) / depth_then
     weight = 1.0 / (_SHARED_ERRORS * _FLOW_ERROR**2)
     weighted = weight * design.T
-    return product(weighted, design), product(weighted, (at_rest - vectors).ravel())
+    residual = (at_rest - vectors).ravel()
+    squares = weight * float(product(residual, residual))
+    return product(weighted, design), product(weighted, residual), squares

@@ -35,6 +35,9 @@ _GATE_DISTANCE = 0.8
 an old track alone would admit detections from anywhere."""
 _VELOCITY_SIGMA = 0.2
 """Change of velocity [m/s] that costs as much in association as one sigma of position."""
+_MAX_CHANGE = 0.3
+"""Largest change of velocity [m/s] between the detections that confirm a track: mismatches on a
+static object show another velocity in each frame."""
 _SHAPE_SIGMA = 0.06
 """Error of a position [m] because the body is no disc and is seen in part from near."""
 _MAX_RANGE = 2.0
@@ -274,6 +277,8 @@ class Tracker:
         if distance > self.params.gate or math.hypot(*off) > _GATE_DISTANCE:
             return math.inf
         change = math.dist(measurement.velocity, track.velocity)
+        if track.hits < self.params.min_hits and change > _MAX_CHANGE:
+            return math.inf
         return distance + min(change / _VELOCITY_SIGMA, self.params.gate)
 
     def _correct(self, track: Track, measurement: _Measurement) -> None:

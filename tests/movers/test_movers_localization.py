@@ -100,6 +100,18 @@ def test_nothing_is_detected_in_a_static_scene(way: float, depth: float) -> None
         assert locate_moving_objects(flow, CAMERA) == ()
 
 
+@pytest.mark.parametrize(("rows", "spread", "number"), [(6, 0.0, 1), (6, 4.0, 0), (2, 0.0, 0)])
+def test_only_upright_bodies_of_one_motion_are_detected(
+    rows: int, spread: float, number: int
+) -> None:
+    flow = scene(0.05, (1.5, 0.2, 0.0), (0.0, 0.0))
+    odd = np.zeros(X.shape)
+    odd[6 : 6 + rows, 15 : 15 + 12 // rows] = 1.0
+    off = np.random.default_rng(0).normal((1.4, 0.0), spread, (*X.shape, 2))
+    flow = dataclasses.replace(flow, vectors=flow.vectors + odd[..., None] * off, inconsistency=odd)
+    assert len(locate_moving_objects(flow, CAMERA)) == number
+
+
 @settings(max_examples=60, deadline=None)
 @given(
     way=st.sampled_from([0.0, 0.03, 0.08]),

@@ -94,13 +94,26 @@ def test_tracks_out_of_view_live_longer_than_tracks_in_view() -> None:
     assert tracker.tracks == []
 
 
+@pytest.mark.parametrize(("change", "confirmed"), [(0.1, True), (0.6, False)])
+def test_detections_confirm_a_track_if_their_velocities_agree(
+    change: float, confirmed: bool
+) -> None:
+    tracker = Tracker(ROBOT)
+    for k in range(6):
+        velocity = 0.3 + 0.5 * change * (-1) ** k
+        crossing = detection(0.1 * k, 0.0, 1.2, velocity=(0.0, velocity), certainty=1e3)
+        tracker.update([crossing], START)
+        tracker.prune(0.1 * k, START)
+    assert bool(tracker.confirmed) is confirmed
+
+
 # --- the filter -----------------------------------------------------------------------------------
 
 
 def test_the_covariance_of_tracks_is_that_of_their_errors() -> None:
     # normalised errors of 4 states over many runs: 4 in the mean, if model and filter agree
     rng = np.random.default_rng(0)
-    p = TrackerParams(gate=20.0, max_speed=9.0, distance_sigma=0.08)
+    p = TrackerParams(gate=20.0, max_speed=9.0, distance_sigma=0.08, min_hits=1)
     pose, dt, squares = Pose(0.5, -0.3, 0.7), 0.1, []
     camera = np.array(pose.to_parent(AHEAD, 0.0))
     for _ in range(150):
