@@ -56,6 +56,7 @@ from .walkers import Walker as Walker
 from .walkers import WalkerPath as WalkerPath
 from .walkers import WalkerTrack as WalkerTrack
 from .walkers import caused_by_robot as caused_by_robot
+from .walkers import closed_by_robot as closed_by_robot
 from .world_changes import CLEAR_OF_ROBOT as CLEAR_OF_ROBOT
 from .world_check import check_world as check_world
 from .worldfile import load_world as load_world

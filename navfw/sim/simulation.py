@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import time as wall
+from bisect import bisect_left
 from collections.abc import Iterable
 from typing import Literal
 
@@ -27,7 +28,13 @@ from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
 from navfw.sim.solids import fallen_into
-from navfw.sim.walkers import Walker, WalkerTrack, caused_by_robot
+from navfw.sim.walkers import (
+    CLOSING_TIME,
+    Walker,
+    WalkerTrack,
+    caused_by_robot,
+    closed_by_robot,
+)
 from navfw.sim.world_changes import ChangeTrack, WorldChanges
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
@@ -86,6 +93,7 @@ class Simulation(BulletConnection):
         self._true_state: tuple[BodyState, Pose] | None = None
         self._walker_times: list[float] = []
         self._walker_points: list[Array] = []
+        self._robot_points: list[tuple[float, float]] = []
         self._reading: SensorReading | None = None
         # one generator for each component: draws of one do not change those of another
         for_camera, for_gyro, for_encoders, for_faults, for_landmarks, for_their_faults = (
@@ -239,20 +247,31 @@ class Simulation(BulletConnection):
         if self.walkers:
             self._walker_times.append(self.time)
             self._walker_points.append(np.array([(walker.x, walker.y) for walker in self.walkers]))
+            pose = self.true_pose()
+            self._robot_points.append((pose.x, pose.y))
 
     def _record_contacts(self, points: Iterable[ContactPoint], pose: Pose, dt: float) -> None:
-        """Record the names of the bodies in contact; at the first contact of the run, its cause.
-
-        The robot's speed is that of the previous control period: the contact changes it.
-        """
+        """Record the names of the bodies in contact; at the first contact of the run, its cause."""
         names = {self._physics.name_at(*contact) for contact in points}
         self._contacts |= names
         if self._cause is None:
-            touched = [walker for walker in self.walkers if walker.spec.name in names]
+            touched = [k for k, walker in enumerate(self.walkers) if walker.spec.name in names]
             by_walker = len(touched) == len(names) and not any(
-                caused_by_robot(self._last_pose, pose, dt, walker) for walker in touched
+                self._caused(pose, dt, index) for index in touched
             )
             self._cause = "mover" if by_walker else "robot"
+
+    def _caused(self, pose: Pose, dt: float, index: int) -> bool:
+        """Whether the robot, at ``pose`` before a contact, caused that with the walker ``index``.
+
+        Its speed is that of the previous control period: the contact changes it.
+        """
+        since = bisect_left(self._walker_times, self.time - CLOSING_TIME)
+        robot = np.array(self._robot_points[since:])
+        walker = np.array(self._walker_points[since:])[:, index]
+        return closed_by_robot(robot, walker) or caused_by_robot(
+            self._last_pose, pose, dt, self.walkers[index]
+        )
 
     def _record_fall(self) -> None:
         if not self.world.drops:
@@ -277,7 +296,8 @@ class Simulation(BulletConnection):
         """The cause of the first contact of the run; None before it.
 
         "mover" when only walkers were in contact and the robot did not approach them (faster than
-        ``navfw.sim.walkers.CLOSING_SPEED``), else "robot".
+        ``navfw.sim.walkers.CLOSING_SPEED``) nor close most of the distance in the last second, else
+        "robot".
         """
         return self._cause
 

@@ -24,8 +24,9 @@ _YIELD_DISTANCE = 0.6
 _YIELD_MARGIN = 0.15
 """Margin [m] to either side of the lane, as wide as both bodies, that counts as in front."""
 
-CLOSING_SPEED = 0.05
-"""The robot causes a contact when it approaches the walker faster than this [m/s]."""
+CLOSING_SPEED, CLOSING_TIME = 0.05, 1.0
+"""The robot causes a contact when it approaches the walker faster than this [m/s], or has closed
+more of the distance than the walker over this time [s]."""
 
 
 class WalkerPath:
@@ -98,6 +99,17 @@ def caused_by_robot(before: Pose, after: Pose, dt: float, walker: Walker) -> boo
         return False
     speed = ((after.x - before.x) * dx + (after.y - before.y) * dy) / (away * dt)
     return speed > CLOSING_SPEED
+
+
+def closed_by_robot(robot: Array, walker: Array) -> bool:
+    """Whether the robot's motion closed more of the distance between them than the walker's.
+
+    ``robot`` and ``walker`` (n, 2) are positions [m] at the same times.
+    """
+    between = walker[:-1] - robot[:-1]
+    away = np.maximum(np.hypot(between[:, 0], between[:, 1]), 1e-9)
+    both = np.diff(robot, axis=0) + np.diff(walker, axis=0)
+    return bool(np.sum(both * between / away[:, None]) > 0.0)
 
 
 @dataclass(frozen=True)

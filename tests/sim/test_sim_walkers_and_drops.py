@@ -25,6 +25,7 @@ from navfw.sim import (
     WalkerTrack,
     WorldSpec,
     caused_by_robot,
+    closed_by_robot,
     floor_pieces,
     treads_of,
 )
@@ -147,6 +148,30 @@ def test_the_one_that_approaches_is_the_cause(
         assert (sim.contacts, sim.collision_cause) == (("anna",), cause)
         apart = math.hypot(sim.walkers[0].x - sim.true_pose().x, sim.true_pose().y)
     assert apart == pytest.approx(ROBOT.radius + 0.25, abs=0.015)
+
+
+@pytest.mark.parametrize(("speed", "cause"), [(0.2, "mover"), (0.7, "robot")])
+def test_the_cause_is_whose_motion_closed_the_distance(speed: float, cause: str) -> None:
+    # it stands when touched, after a second in which both have come nearer
+    with simulate(Pose(1.1 - 1.2 * speed, 0, 0), anna(speed=0.3)) as sim:
+        drive_at(sim, speed, 1.2)
+        drive_at(sim, 0.0, 5.0)
+        assert (sim.contacts, sim.collision_cause) == (("anna",), cause)
+
+
+@pytest.mark.parametrize(
+    ("robot", "walker", "by_robot"),
+    [
+        ((0.3, 0.0), (-0.2, 0.0), True),
+        ((0.2, 0.0), (-0.3, 0.0), False),
+        ((0.0, 0.9), (-0.1, 0.9), False),
+    ],
+)
+def test_closing_counts_along_the_line_between_both(
+    robot: tuple[float, float], walker: tuple[float, float], by_robot: bool
+) -> None:
+    share = np.linspace(0.0, 1.0, 11)[:, None]
+    assert closed_by_robot(share * robot, share * walker + (1.0, 0.0)) is by_robot
 
 
 def test_robot_is_the_cause_of_contacts_with_solids() -> None:
