@@ -269,8 +269,9 @@ class SafetyMonitor:
         elif v < 0.0:
             free, observed = self.local_map.free_distance(pose, Twist(v, w))
             # the footprint itself is observed: the rim must stay out of the unobserved
-            if min(free, observed - robot.disc_radius) <= self.params.gap:
-                v, reason = 0.0, "no observed free space behind"
+            allowed = self._braking_speed(min(free, observed - robot.disc_radius))
+            if allowed < -v:
+                v, reason = 0.0 - allowed, "no observed free space behind"
             # evidence decays, walls too: without frames the map gets worse with time
             if self._blind_reverse > self.params.blind_reverse:
                 v, reason = 0.0, "longest reverse without a valid frame"

@@ -29,8 +29,12 @@ def test_every_twist_is_within_the_limits_of_the_drive(v: float, w: float) -> No
 def test_reversing_ends_where_the_free_distance_behind_ends() -> None:
     back, gap = Twist(-0.1, 0.4), monitor_with().params.gap
     rim = ROBOT.radius + gap
-    for free in ((gap + 1e-6, 10.0), (10.0, rim + 1e-6)):
+    for free in ((gap + 0.02, 10.0), (10.0, rim + 0.02)):
         assert monitor_with(*free).limit(back, 0.0, ORIGIN).twist == back
+    for near in ((gap + 0.005, 10.0), (10.0, rim + 0.005)):
+        v = monitor_with(*near).limit(back, 0.0, ORIGIN).twist.v
+        distance = -v * monitor_with().params.latency + v**2 / (2.0 * ROBOT.max_brake)
+        assert distance == pytest.approx(0.005)
     for blocked in ((gap, 10.0), (10.0, rim)):  # an obstacle; unobserved floor
         verdict = monitor_with(*blocked).limit(back, 0.0, ORIGIN)
         assert verdict.twist == Twist(0.0, 0.4)
