@@ -38,6 +38,9 @@ WINDOW = 13
 """Side of the windows [px] in which the contrast is measured."""
 _STRIDE = 4
 """Every so many pixels [px] a window counts."""
+_SUDDEN = 0.5
+"""Ratio of the newest percept's share of cells to the mean below which the path has changed: pairs
+of frames from before and after something appeared there do not match."""
 SHARE = 0.15
 """Weight of the newest percept in the mean over the percepts so far: single ones vary."""
 
@@ -69,7 +72,7 @@ class PathSight:
 
     def reset(self) -> None:
         """Back to the start of a run: before the first percept there is no judgement."""
-        self.texture = 1.0
+        self.texture = self._newest = 1.0
         self.contrast = self.covariance = math.inf
         self._first = True
 
@@ -77,6 +80,11 @@ class PathSight:
     def weak(self) -> bool:
         """Whether the path is seen so poorly that only floor seen as such is free."""
         return self.contrast < _FAINT or (self.texture < _WEAK and not self._clear)
+
+    @property
+    def changed(self) -> bool:
+        """Whether the newest percept has suddenly matched far less of the path than before."""
+        return self._newest < _SUDDEN * self.texture
 
     @property
     def none(self) -> bool:
@@ -102,7 +110,7 @@ class PathSight:
         confidence = percept.confidence[self._path]
         if not confidence.size:
             return  # a camera that sees no floor gives no judgement
-        share = float(np.count_nonzero(confidence >= CONFIDENCE) / confidence.size)
+        share = self._newest = float(np.count_nonzero(confidence >= CONFIDENCE) / confidence.size)
         self.texture = share if self._first else self.texture + SHARE * (share - self.texture)
         self._first = False
 

@@ -128,7 +128,12 @@ class SafetyParams(StrictModel):
         float, Field(ge=0.0, le=0.3, description="distance kept from an obstacle at standstill [m]")
     ] = 0.02
     slow: Annotated[
-        float, Field(gt=0.0, le=1.0, description="speed while a sensor is late [m/s]")
+        float,
+        Field(
+            gt=0.0,
+            le=1.0,
+            description="speed while a sensor is late, or the path has just changed [m/s]",
+        ),
     ] = 0.12
     creep: Annotated[
         float,
@@ -338,6 +343,8 @@ class SafetyMonitor:
         trouble = sight.judgement.trouble
         if self._sightless_since is not None:
             return 0.0, trouble
+        if sight.changed:
+            return self.params.slow, "something has changed on the path"
         return (self.params.weak_sight if sight.weak else math.inf), trouble
 
     def _stall_cap(self, time: float) -> tuple[float, str]:
