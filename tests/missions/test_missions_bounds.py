@@ -10,14 +10,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Annotated, Any, get_args, get_origin
 
 import fuzz_targets
 import pytest
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from navfw.config import parse_yaml
-from navfw.config.type_descriptions import is_model, peel
 from navfw.errors import InputError
 from navfw.fuzzy import InputSpec, OutputSpec
 from navfw.missions import MissionSpec, Outcome, prepare
@@ -70,20 +70,22 @@ def numbers_of(model: type[BaseModel], path: tuple[str, ...] = ()) -> Iterator[B
 def _numbers(
     model: type[BaseModel], path: tuple[str, ...], annotation: Any, metadata: Iterable[Any]
 ) -> Iterator[BoundedNumber]:
-    bare, own = peel(annotation)
-    metadata = (*own, *metadata)
-    if bare in (int, float):
+    origin, args = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        fields = (item.metadata if isinstance(item, FieldInfo) else [item] for item in args[1:])
+        yield from _numbers(model, path, args[0], (*chain.from_iterable(fields), *metadata))
+    elif annotation in (int, float):
         keys = ("ge", "gt", "le", "lt")
-        limits = {
-            key: getattr(item, key) for item in metadata for key in keys if hasattr(item, key)
-        }
-        least, most = limits.get("ge", limits.get("gt")), limits.get("le", limits.get("lt"))
-        yield BoundedNumber(model, path, bare is int, least, most, "gt" in limits, "lt" in limits)
-    elif is_model(bare):
-        yield from numbers_of(bare, path)
-    collection = isinstance(get_origin(bare), type)  # a list, tuple or mapping, not a union
-    for arg in get_args(bare):
-        yield from _numbers(model, (*path, "[]") if collection else path, arg, metadata)
+        limits = {k: getattr(item, k) for item in metadata for k in keys if hasattr(item, k)}
+        ends = limits.get("ge", limits.get("gt")), limits.get("le", limits.get("lt"))
+        whole = annotation is int
+        yield BoundedNumber(model, path, whole, *ends, "gt" in limits, "lt" in limits)
+    elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield from numbers_of(annotation, path)
+    else:
+        collection = isinstance(origin, type)  # a list, tuple or mapping, not a union
+        for arg in args:
+            yield from _numbers(model, (*path, "[]") if collection else path, arg, metadata)
 
 
 SHORT = "mission.timeout=1.3"
