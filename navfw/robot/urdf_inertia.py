@@ -62,8 +62,8 @@ def impossible_inertias(
         element, corners = inertial.find("inertia"), _corners(model, link)
         if element is None:
             continue
-        given = (attribute_numbers(model.file, element, key, [0.0])[0] for key in _MOMENTS)
-        xx, yy, zz, xy, xz, yz = given
+        moments = (attribute_numbers(model.file, element, key, [0.0])[0] for key in _MOMENTS)
+        xx, yy, zz, xy, xz, yz = moments
         matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         low, middle, high = np.linalg.eigvalsh(matrix).tolist()
         size, reach = np.full(3, (mass / _DENSITY) ** (1.0 / 3.0)), _WIDE_ROOM * extent
