@@ -170,11 +170,8 @@ def _set_poles_ends(draft: WorldDraft) -> None:
 _RADIUS, _HEIGHT = 0.25, 1.7
 """Size of a person's cylinder [m]."""
 
-_PEDESTRIANS_ROBOT = ROBOT.model_copy(
-    update={"side_views": SideViews(), "max_v": 0.8, "max_reverse": 0.4}
-)
-"""The robot: side views and 0.8 m/s, since people approach from the side and from behind; it backs
-away from them at up to 0.4 m/s."""
+_PEDESTRIANS_ROBOT = ROBOT.model_copy(update={"side_views": SideViews(), "max_v": 0.8})
+"""The robot: side views and 0.8 m/s, since people approach from the side and from behind."""
 
 _PEDESTRIANS_STACK = "pedestrians"
 """The stack for worlds with moving obstacles."""

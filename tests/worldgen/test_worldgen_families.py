@@ -107,7 +107,7 @@ DIGESTS = {
     "clutter": "eae512b59465",
     "corridors": "b41df6282cca",
     "maze": "6b87709aeba5",
-    "moving": "fff34c6d0a72",
+    "moving": "0f4d793e6929",
     "poles": "d36661fb6074",
     "hard": "0c35f74fa5a3",
     "plain": "edd6eca23d59",
