@@ -87,16 +87,6 @@ def test_every_format_preserves_the_map(tmp_path: Path, suffix: str, topo_map: T
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
-@pytest.mark.parametrize("name", ["office", "paper-room", "empty"])
-def test_shipped_maps_survive_conversion_through_all_formats(tmp_path: Path, name: str) -> None:
-    shipped = load_map(MAPS / f"{name}.yaml")
-    topo_map = shipped
-    for suffix in ("geojson", "graphml", "yaml", "graphml", "geojson"):
-        save_map(topo_map, tmp_path / f"{name}.{suffix}")
-        topo_map = load_any_map(tmp_path / f"{name}.{suffix}")
-    assert content(topo_map) == content(shipped)
-
-
 def test_graphml_is_exchanged_with_networkx(tmp_path: Path) -> None:
     office = load_map(MAPS / "office.yaml")
     save_map(office, tmp_path / "a.graphml")
@@ -257,9 +247,6 @@ def test_files_that_are_not_maps_are_errors(
     if text is not None:
         write(tmp_path / name, text)
     assert_refused(tmp_path / name, InputError, words)
-
-
-# --- YAML -----------------------------------------------------------------------------------------
 
 
 texts = st.one_of(

@@ -80,19 +80,16 @@ def test_negate_in_every_form_that_nav2_reads_and_keys_of_others(tmp_path: Path)
         assert states(file)[0][0] == FREE
 
 
-def test_transparent_pixels_are_unknown_in_mode_scale(tmp_path: Path) -> None:
-    pixels = np.full((1, 2, 4), 255, np.uint8)
-    pixels[0, 1, 3] = 200
-    assert states(write(tmp_path, "plan.png", pixels, mode="scale")) == [[FREE, UNKNOWN]]
-    assert states(write(tmp_path, "plan.png", pixels)) == [[FREE, FREE]]
-
-
-def test_colours_and_16_bits(tmp_path: Path) -> None:
+def test_colours_16_bits_and_transparent_pixels(tmp_path: Path) -> None:
     red = np.zeros((1, 1, 3), np.uint8)
     red[..., 2] = 255
     assert states(write(tmp_path, "plan.png", red)) == [[OCCUPIED]]  # a third of full brightness
     bright = np.array([[0, 65535]], np.uint16)
     assert states(write(tmp_path, "plan.png", bright)) == [[OCCUPIED, FREE]]
+    pixels = np.full((1, 2, 4), 255, np.uint8)
+    pixels[0, 1, 3] = 200
+    assert states(write(tmp_path, "plan.png", pixels, mode="scale")) == [[FREE, UNKNOWN]]
+    assert states(write(tmp_path, "plan.png", pixels)) == [[FREE, FREE]]
 
 
 @pytest.mark.parametrize(

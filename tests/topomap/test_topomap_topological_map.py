@@ -75,7 +75,7 @@ def test_nearest_place_is_no_farther_than_any(topo_map: TopoMap, point: Point) -
 HALL, DOOR, CELL = Place("hall", 0, 0), Place("door", 3, 0, "door"), Place("cell", 9, 9)
 
 
-def test_accessors_return_the_elements_of_the_graph() -> None:
+def test_accessors_return_elements_of_the_graph_or_name_the_nearest() -> None:
     passage = joined(HALL, DOOR, width=0.9)
     topo_map = TopoMap("m", [HALL, DOOR, CELL], [passage])
     assert isinstance(topo_map.graph, nx.Graph)
@@ -87,10 +87,6 @@ def test_accessors_return_the_elements_of_the_graph() -> None:
     assert topo_map.part_of("cell") == {"cell"}
     assert topo_map.isolated == {"cell"}
     assert TopoMap("m", [CELL], []).nearest_passage(0.0, 0.0) is None
-
-
-def test_unknown_names_come_with_the_nearest() -> None:
-    topo_map = TopoMap("m", [HALL, DOOR, CELL], [joined(HALL, DOOR)])
     with pytest.raises(UnknownNameError, match="unknown place 'hal': did you mean 'hall'"):
         topo_map.place("hal")
     with pytest.raises(MapError, match=r"no passage between 'hall' and 'cell'.*lead to: door"):
@@ -126,8 +122,6 @@ def test_duplicates_are_refused() -> None:
     corner = Place("corner", 1, 1)
     assert TopoMap("m", [HALL, corner], [Passage("hall", "corner", 1.41)]).passages
 
-
-# --- problems of valid maps -----------------------------------------------------------------------
 
 ROOT = Path(__file__).parents[2]
 A, B, C = Place("a", 0, 0), Place("b", 4, 0), Place("c", 8, 0)
@@ -194,8 +188,6 @@ def test_a_width_above_the_free_width_is_told_with_its_place() -> None:
     (problem,) = check_map(WIDE, wall(2.0))
     assert "1.2 m wide in the map, 1.00 m in the world at (1.99, -1.50)" in problem.message
 
-
-# --- the shipped maps ----------------------------------------------------------------------------
 
 MARGIN = 0.05
 
