@@ -147,13 +147,15 @@ def test_the_nearest_quadrant_holds_the_box(layers: int, y: float, low: str, hig
 
 
 def test_distance_terms_follow_distance_and_speed() -> None:
-    assert term(perceive([wall_ahead(0.6)], Twist(0.0, 0.0)), "P2") == "near"
-    assert term(perceive([wall_ahead(1.6)], Twist(0.0, 0.0)), "P2") == "middle"
-    assert term(perceive([wall_ahead(4.0)], Twist(0.0, 0.0)), "P2") == "far"
+    terms = {0.6: "near", 1.5: "middle", 1.6: "middle", 3.5: "far", 4.0: "far"}
+    for speed in (0.0, math.nan, -0.1, -0.2):  # without a forward speed distance alone decides
+        for distance, expected in terms.items():
+            percept = perceive([wall_ahead(distance)], Twist(speed, 0.0))
+            assert term(percept, "P2") == expected
+            assert set(percept.obstacles["layer1"].values()) == {expected}
     # faster: the same places are reached sooner
     assert term(perceive([wall_ahead(1.6)], Twist(0.8, 0.0)), "P2") == "near"
     assert term(perceive([wall_ahead(3.0)], Twist(0.5, 0.0)), "P2") == "middle"
-    assert term(perceive([wall_ahead(4.0)], Twist(-0.1, 0.0)), "P2") == "far"
 
 
 @given(st.floats(0.5, 5.0), st.floats(1.02, 1.5), st.floats(0.0, 0.5))
@@ -314,14 +316,11 @@ def test_a_new_grid_is_taken_up() -> None:
         assert offis.perceive(flow, SLOW).label.shape == (rows, cols)
 
 
-def test_metrics_agree_on_a_plain_wall() -> None:
+def test_metrics_agree_on_a_plain_wall_and_contradicting_parameters_are_refused() -> None:
     for metric in ("nearest", "mean", "mean_variance"):
         percept = perceive([wall_ahead(1.5)], params=Offis.Params(metric=metric))
         assert term(percept, "P1") == "middle"
         assert len(percept.obstacles["layer1"]) == 4
-
-
-def test_contradicting_parameters_are_refused() -> None:
     with pytest.raises(ValidationError, match="mode nearness"):
         Offis.Params(mode="paper", metric="nearest")
     with pytest.raises(ValidationError):
