@@ -39,20 +39,19 @@ def robot_of(folder: Path, text: str, *options: str) -> RobotModel:
     return load_mission(file, split_overrides(options)[0]).spec.robot
 
 
-def test_the_default_robot_has_the_default_values(project: Path) -> None:
+def test_the_default_robot_has_the_default_values_or_those_of_the_project(project: Path) -> None:
     default = RobotModel(odometry=SensorParams.preset("default").sheet)
     assert robot_of(project, "") == default
     assert robot_of(project, "robot:\n") == default
     assert robot_of(project, "robot: default\n") == default
+    (project / "robots" / "default.yaml").write_text("radius: 0.2\n")
+    assert robot_of(project, "").radius == 0.2
 
 
-def test_a_robot_has_the_values_of_its_base(project: Path) -> None:
+def test_a_robot_has_the_values_of_its_base_and_a_mission_changes_it(project: Path) -> None:
     quick = load_robot("quick")
     assert (quick.radius, quick.max_v, quick.camera.rate) == (0.25, 1.1, 20.0)
     assert (quick.camera.mount_height, quick.description) == (0.8, "tall")
-
-
-def test_a_mission_names_a_robot_and_changes_it(project: Path) -> None:
     assert robot_of(project, "robot: tall\n").radius == 0.25
     changed = robot_of(project, "robot: {base: quick, max_v: 0.7, camera: {width: 320}}\n")
     assert (changed.max_v, changed.radius, changed.camera.width) == (0.7, 0.25, 320)
@@ -73,11 +72,6 @@ def test_options_choose_and_change_the_robot(project: Path) -> None:
     assert (chosen.max_v, chosen.max_w) == (1.1, 1.0)
     assert robot_of(project, "robot: tall\n", "robot.max_v=0.2").max_v == 0.2
     assert robot_of(project, "robot: tall\n", "robot.base=quick").max_v == 1.1
-
-
-def test_a_project_s_default_robot_is_that_of_its_missions(project: Path) -> None:
-    (project / "robots" / "default.yaml").write_text("radius: 0.2\n")
-    assert robot_of(project, "").radius == 0.2
 
 
 def test_the_error_data_of_a_robot_file_take_precedence(project: Path) -> None:
@@ -130,13 +124,10 @@ def test_an_unknown_robot_of_an_option(project: Path) -> None:
         assert message in refusal(*command, "--robot", "tal")
 
 
-def test_the_camera_is_at_its_link(project: Path) -> None:
+def test_the_camera_is_at_its_link_unless_the_robot_file_has_a_mount(project: Path) -> None:
     camera = load_robot("own").camera
     mount = (camera.mount_forward, camera.mount_height, camera.pitch)
     assert mount == pytest.approx((0.16, 0.38, 0.08))
-
-
-def test_a_mount_in_the_robot_file_takes_precedence(project: Path) -> None:
     (project / "robots" / "own.yaml").write_text(ROBOT + "camera: {mount_height: 0.5, rate: 15}\n")
     camera = load_robot("own").camera
     assert (camera.mount_height, camera.rate) == (0.5, 15.0)

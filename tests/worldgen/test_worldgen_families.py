@@ -92,16 +92,6 @@ def test_world_is_traversable_in_time(case: Case) -> None:
     assert world.mission.timeout > world.shortest / (0.25 * ROBOT.max_v)
 
 
-@pytest.mark.parametrize("family", FAMILIES)
-def test_same_arguments_same_world(family: str) -> None:
-    again, other = generate(family, 1, 0.5), generate(family, 2, 0.5)
-    world = made(family, 1, 0.5)
-    assert again.world == world.world
-    assert again.mission == world.mission
-    assert list(again.topo_map.places.values()) == list(world.topo_map.places.values())
-    assert other.world.model_dump(exclude={"name"}) != world.world.model_dump(exclude={"name"})
-
-
 DIGESTS = {
     "rooms": "5f7254f1f034",
     "clutter": "eae512b59465",
@@ -171,9 +161,6 @@ def test_any_seed_gives_a_traversable_world(family: str, seed: int, difficulty: 
     world = generate(family, seed, difficulty)
     plan = SceneGeometry.from_world(world.world)
     assert plan.shortest_path(start_of(world), goal_of(world), ROBOT.radius + 0.04)[0] >= 5.0
-
-
-# --- properties of each family ----------------------------------------------------------------
 
 
 def test_rooms() -> None:
@@ -290,9 +277,6 @@ def test_a_contrast_is_that_of_all_surfaces_alone(
     assert least <= image[-20:, 60:100].std() <= most  # the floor right before the robot
 
 
-# --- bad input --------------------------------------------------------------------------------
-
-
 def test_bad_input() -> None:
     with pytest.raises(UnknownNameError, match=r"'poels': did you mean 'poles'\?"):
         generate("poels", 0, 0.5)
@@ -304,6 +288,12 @@ def test_bad_input() -> None:
         for value in values:
             with pytest.raises(InputError, match=f"{key}: {message}"):
                 generate("poles", **{"seed": 0, key: value})  # type: ignore[arg-type]
+    with pytest.raises(UnknownNameError, match="unknown look 'plane': did you mean 'plain'"):
+        generate("rooms", 0, 0.5, look="plane")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="contrast: a look has contrasts of its own"):
+        generate("rooms", 0, 0.5, 3.0, "plain")
+    with pytest.raises(ValueError, match="look is for a family"):
+        EntrySpec(world="office", look="plain")
 
 
 def test_write_overwrites_generated_folders_only(tmp_path: Path) -> None:
@@ -322,8 +312,6 @@ def test_write_overwrites_generated_folders_only(tmp_path: Path) -> None:
     world.write(tmp_path / "a")
     assert not (tmp_path / "a" / MAP_FILE).exists()
 
-
-# --- looks ----------------------------------------------------------------------------------------
 
 SURFACES = {"textures", "skirting", "door_frames"}
 
@@ -357,12 +345,3 @@ def test_photo_surfaces_are_materials() -> None:
     assert styles <= {"concrete", "brick", "parquet", "rug", "roughcast"}
     assert len(styles) >= 3
     assert world.skirting is None
-
-
-def test_looks_that_are_none() -> None:
-    with pytest.raises(UnknownNameError, match="unknown look 'plane': did you mean 'plain'"):
-        generate("rooms", 0, 0.5, look="plane")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="contrast: a look has contrasts of its own"):
-        generate("rooms", 0, 0.5, 3.0, "plain")
-    with pytest.raises(ValueError, match="look is for a family"):
-        EntrySpec(world="office", look="plain")

@@ -81,9 +81,6 @@ def grid(low: float, high: float, step: float = 0.07) -> Array:
     return np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
 
 
-# --- solids -----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("yaw", [0.0, 0.4])
 def test_a_block_becomes_one_rectangle(yaw: float) -> None:
     (part,) = mesh_solids(turned(block((1, 3), (2, 2.5), (0.2, 1.1)), yaw))
@@ -175,9 +172,6 @@ def test_too_many_parts_are_refused() -> None:
     posts = [block((x, x + 0.1), (y, y + 0.1), (0, 1)) for x in range(side) for y in range(side)]
     with pytest.raises(WorldError, match="more than 2000 solids; simplify"):
         mesh_solids(0.3 * np.concatenate(posts))
-
-
-# --- worlds -----------------------------------------------------------------------------------
 
 
 def obj(path: Path, triangles: Array) -> Path:
@@ -278,12 +272,10 @@ def test_wrong_mesh_files(tmp_path: Path) -> None:
 def test_meshes_have_a_bounded_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     obj(tmp_path / "house.obj", HOUSE)
     path = sdf(tmp_path, "house.obj")
-    monkeypatch.setattr(sdf_reader, "_MESH_LIMITS", MeshLimits(10_000, 20))
-    with pytest.raises(ConfigError, match=r"house.obj: has more than 20 triangles; simplify"):
-        imported(path)
-    monkeypatch.setattr(sdf_reader, "_MESH_LIMITS", MeshLimits(100, 20))
-    with pytest.raises(ConfigError, match=r"house.obj: .*too large"):
-        imported(path)
+    for size, message in ((10_000, "has more than 20 triangles; simplify"), (100, ".*too large")):
+        monkeypatch.setattr(sdf_reader, "_MESH_LIMITS", MeshLimits(size, 20))
+        with pytest.raises(ConfigError, match=f"house.obj: {message}"):
+            imported(path)
 
 
 def test_command(tmp_path: Path) -> None:

@@ -77,12 +77,9 @@ def test_long_ways_on_the_map_are_nearly_the_shortest(name: str) -> None:
     assert length < 1.1 * shortest
 
 
-def test_doors_in_slanted_walls() -> None:
+def test_slanted_walls_have_doors_and_columns_in_a_hall_are_none() -> None:
     places = imported("clutter").topo_map.places.values()
     assert sum(place.kind == "door" for place in places) == 3
-
-
-def test_columns_in_a_hall_are_no_doors() -> None:
     places = imported("open-hall").topo_map.places.values()
     assert "door" not in {place.kind for place in places}
     assert all(place.name.startswith("hall") for place in places)
@@ -207,9 +204,6 @@ def test_the_command_for_imports(tmp_path: Path) -> None:
     assert "4 walls, 12 x 8 m" in result.output
 
 
-# --- export ---------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", ["office", "paper-room"])
 def test_a_world_exported_and_imported_has_the_same_free_ground(name: str) -> None:
     plan = exported_plan(load_world(find("world", name)))
@@ -247,9 +241,6 @@ def test_the_command_for_exports(tmp_path: Path) -> None:
         ((tmp_path / "plan.txt",), "expected a .yaml file"),
     ):
         assert message in refusal(*command, *options)
-
-
-# --- walls ----------------------------------------------------------------------------------------
 
 
 def inside(walls: list[Rectangle], shape: tuple[int, ...], grow: float = 0.0) -> Mask:
