@@ -70,7 +70,7 @@ def test_flow_of_the_floor_is_what_geometry_says(now: Pose, pitch: float, coarse
     assert np.quantile(error, 0.95) < 0.4
 
 
-def test_noise_and_darkness_are_not_taken_for_flow() -> None:
+def test_noise_and_darkness_are_not_taken_for_flow_and_other_sizes_refused() -> None:
     given = pair(Pose(0.08, 0.0, 0.0))
     dark = Frame(0.2, np.full_like(given.now.image, 7))
     unlit = FloorAlignedFlow(ROBOT).compute(FramePair(given.past, dark, given.motion))
@@ -78,19 +78,15 @@ def test_noise_and_darkness_are_not_taken_for_flow() -> None:
     noise = np.random.default_rng(1).integers(0, 255, given.now.image.shape, dtype=np.uint8)
     flow = FloorAlignedFlow(ROBOT).compute(FramePair(given.past, Frame(0.2, noise), given.motion))
     assert flow.confidence.mean() < 0.1
+    small = Frame(0.2, given.now.image[:60])
+    with pytest.raises(ConfigError, match="160 x 60"):
+        FloorAlignedFlow(ROBOT).compute(FramePair(given.past, small, given.motion))
 
 
 def test_a_camera_that_looks_up_sees_no_floor() -> None:
     up = ROBOT.model_copy(update={"camera": CAMERA.model_copy(update={"pitch": -0.62})})
     assert not FloorAlignedFlow(up).floor_visible
     assert FloorAlignedFlow(ROBOT).floor_visible
-
-
-def test_a_frame_of_another_camera_is_refused() -> None:
-    given = pair(Pose(0.08, 0.0, 0.0))
-    small = Frame(0.2, given.now.image[:60])
-    with pytest.raises(ConfigError, match="160 x 60"):
-        FloorAlignedFlow(ROBOT).compute(FramePair(given.past, small, given.motion))
 
 
 def test_cells_agree_as_pixel_by_pixel_operators_say() -> None:
@@ -110,9 +106,6 @@ def test_cells_agree_as_pixel_by_pixel_operators_say() -> None:
     match_cells(now, moved, 4, 7.0, 1.5, good)
     np.testing.assert_array_equal(good, (off < 7.0) & (gradient > 1.5**2))
     assert 0.2 < good.mean() < 0.8
-
-
-# --- the true flow, by a simulator ----------------------------------------------------------------
 
 
 @dataclasses.dataclass
@@ -155,26 +148,14 @@ def test_what_the_past_image_did_not_show_is_not_trusted() -> None:
     assert confidence[2:-2, 4:].all()
 
 
-def test_the_infinitely_far_moves_with_the_rotation_alone() -> None:
-    points = np.array([[10.0, -5.0]])
+def test_the_infinitely_far_only_turns_and_nearness_is_not_mixed_across_an_edge() -> None:
+    far = np.array([[10.0, -5.0]])
     motion = CameraMotion(np.eye(3), np.array([0.3, 0.0, 1.0]), 0.1)
-    np.testing.assert_allclose(true_vectors(points, np.zeros(1), motion, 80.0), [[0, 0]], atol=1e-9)
-
-
-def test_nearness_is_not_mixed_across_an_edge() -> None:
+    np.testing.assert_allclose(true_vectors(far, np.zeros(1), motion, 80.0), [[0, 0]], atol=1e-9)
     depth = np.full((120, 160), 1.0, np.float32)
     depth[:, 80:] = 4.0
     points = np.array([[-0.2, 0.0], [0.2, 0.0], [-0.6, 0.0]])
     np.testing.assert_allclose(nearness_at(points, depth, CAMERA), [1.0, 0.25, 1.0])
-
-
-def test_without_truth_it_refuses() -> None:
-    pair, _ = room(CAMERA).pair(CameraMotion(np.eye(3), np.zeros(3), 0.1))
-    with pytest.raises(PluginError, match="only a mission or a benchmark"):
-        Ideal(ROBOT).compute(pair)
-
-
-# --- in a stack ---------------------------------------------------------------------------------
 
 
 def stack_file(folder: Path, extra: str = "") -> Path:
@@ -216,7 +197,7 @@ def test_an_honest_mission_is_given_nothing(tmp_path: Path) -> None:
         frame = simulation.read().frame
         assert frame is not None
         pair = FramePair(frame, frame, CameraMotion(np.eye(3), np.zeros(3), 0.1))
-        with pytest.raises(PluginError):
+        with pytest.raises(PluginError, match="only a mission or a benchmark"):
             session.stack.vision.flow.plugin.compute(pair)
 
 

@@ -210,9 +210,6 @@ def test_thresholds_in_the_wrong_order_are_refused(processor: type[FlowProcessor
         processor.Params.model_validate({low: 0.99, low.replace("low", "high"): 0.95})
 
 
-# --- the past image turned into current axes ---
-
-
 def test_aligned_past_repeats_the_past_when_nothing_turned() -> None:
     image = np.random.default_rng(0).integers(0, 256, (120, 160)).astype(np.uint8)
     assert align_past(image, np.eye(3), CAMERA) is image
@@ -236,8 +233,6 @@ def test_visible_limits_are_those_of_the_past_image(axis: int, angle: float) -> 
     assert beyond.any(axis=-1).all()
     assert align_past(seen, rotation, CAMERA).min() == 200
 
-
-# --- frames rendered by the simulator, against its depth ------------------------------------------
 
 HERE = Pose(1.6, 1.4, 0.5)
 

@@ -101,12 +101,15 @@ def test_inputs_are_clipped_to_their_ranges() -> None:
     np.testing.assert_array_equal(outside.firing, inside.firing)
 
 
-def test_scalars_apply_to_all_samples_and_there_may_be_none() -> None:
+def test_scalars_apply_to_all_samples_there_may_be_none_and_nan_spoils_its_own() -> None:
     result = FIS.evaluate({"distance": 0.2, "side": np.array([-1.0, 0.0, 1.0])})
     assert result.outputs["turn"].shape == (3,)
     assert result.firing.shape == (3, 3)
     empty = FIS.evaluate({"distance": 0.2, "side": np.array([])})
     assert empty.outputs["turn"].shape == (0,)
+    turn = FIS.evaluate({"distance": [0.2, np.nan], "side": 0.5}).outputs["turn"]
+    assert np.isnan(turn).tolist() == [False, True]
+    assert np.isfinite(turn[0])
 
 
 def test_repeated_samples_give_the_same_as_single_ones() -> None:
@@ -122,12 +125,6 @@ def test_repeated_samples_give_the_same_as_single_ones() -> None:
     for name, values in together.outputs.items():
         expected = [result.outputs[name][0] for result in alone]
         np.testing.assert_array_equal(values, expected)
-
-
-def test_nan_makes_only_its_own_sample_unknown() -> None:
-    turn = FIS.evaluate({"distance": [0.2, np.nan], "side": 0.5}).outputs["turn"]
-    assert np.isfinite(turn[0])
-    assert np.isnan(turn[1])
 
 
 def test_wrong_inputs_raise() -> None:
@@ -168,9 +165,6 @@ def test_explanation_names_sentences_strongest_first() -> None:
     assert [e["rule"] for e in FIS.explain(result, index=0, minimum=0.0)] == small()["rules"][2:]
 
 
-# --- coverage: every uncovered region is found and described --------------------------------------
-
-
 def error_of(**changes: Any) -> str:
     with pytest.raises(RuleBaseError) as caught:
         rule_base_from_mapping(small(**changes), "turn.yaml")
@@ -193,23 +187,20 @@ def test_a_missing_rule_leaves_the_region_of_its_terms() -> None:
 
 
 @pytest.mark.parametrize(
-    ("near", "where"),
+    ("near", "more", "where"),
     [
-        ({"trapezoid": [0, 0, 0.2, 0.4]}, "in [0.4, 0.5] m"),
-        ({"trapezoid": [0, 0, 0.2, 0.5]}, "exactly 0.5 m"),
-        ({"triangle": [0, 0.5, 1]}, "exactly 0 m"),
+        ({"trapezoid": [0, 0, 0.2, 0.4]}, {}, "in [0.4, 0.5] m"),
+        ({"trapezoid": [0, 0, 0.2, 0.5]}, {}, "exactly 0.5 m"),
+        ({"triangle": [0, 0.5, 1]}, {}, "exactly 0 m"),
+        ({"triangle": [0.3, 0.5, 1]}, {"far": {"triangle": [0.5, 1, 1.5]}}, "in [0, 0.3] m"),
     ],
-    ids=["a gap", "terms that touch", "the end of the range, to which inputs are clipped"],
+    ids=["a gap", "terms that touch", "the end, to which inputs are clipped", "one of two ends"],
 )
-def test_gaps_between_terms_are_named_in_numbers(near: dict[str, list[float]], where: str) -> None:
-    message = error_of(inputs=with_terms(near=near))
+def test_gaps_between_terms_are_named_in_numbers(
+    near: dict[str, list[float]], more: dict[str, Any], where: str
+) -> None:
+    message = error_of(inputs=with_terms(near=near, **more))
     assert f"where distance is {where} (none of its terms)\n" in message
-
-
-def test_of_two_regions_at_the_ends_of_a_range_one_is_named() -> None:
-    terms = {"near": {"triangle": [0.3, 0.5, 1]}, "far": {"triangle": [0.5, 1, 1.5]}}
-    message = error_of(inputs=with_terms(**terms))
-    assert "where distance is in [0, 0.3] m (none of its terms)\n" in message
 
 
 def test_a_negated_term_does_not_fire_where_the_term_is_one() -> None:

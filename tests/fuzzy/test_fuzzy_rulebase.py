@@ -119,8 +119,6 @@ def test_errors_give_expected_token_and_column(sentence: str, problem: str, colu
     assert marker.index("^") == 4 + column - 1
 
 
-# --- files ----------------------------------------------------------------------------------------
-
 TEXT = """\
 name: turn
 description: away from what is near
@@ -150,7 +148,7 @@ def error_of(text: str) -> RuleBaseError:
     return caught.value
 
 
-def test_a_file_becomes_variables_and_rules(tmp_path: Path) -> None:
+def test_a_file_or_mapping_becomes_variables_and_rules(tmp_path: Path) -> None:
     path = tmp_path / "turn.yaml"
     path.write_text(TEXT, encoding="utf-8")
     rule_base = load_rule_base(path)
@@ -167,9 +165,6 @@ def test_a_file_becomes_variables_and_rules(tmp_path: Path) -> None:
     assert second.sentence == "IF distance IS far THEN turn IS none WITH 0.5 weight"
     assert rule_base == parse_rule_base(TEXT)
     assert not distance.universe.flags.writeable
-
-
-def test_a_mapping_has_the_keys_of_the_file() -> None:
     assert list(rule_base_from_mapping(small()).inputs) == ["distance", "side"]
 
 
@@ -194,6 +189,7 @@ def test_a_mapping_has_the_keys_of_the_file() -> None:
         ("distance IS near", "distans IS near", 17, "'distans': did you mean 'distance'?"),
         ("IS far\n", "far\n", 18, "expected IS after 'distance', got 'far' (column 13)"),
         ("    unit: m", "    unit: [m", 7, "not valid YAML"),
+        ("[-1, 1]", "[-1, 1]\n    default: 3", 13, "outputs.turn.default: expected a value within"),
     ],
 )
 def test_errors_name_file_line_and_remedy(old: str, new: str, line: int, message: str) -> None:
@@ -225,20 +221,12 @@ def test_what_no_rule_uses_is_an_error() -> None:
         assert f"'side' in its {part} part" in str(error_of(TEXT.replace(key, key + idle)))
 
 
-def test_a_default_lies_in_the_range() -> None:
-    text = TEXT.replace("range: [-1, 1]", "range: [-1, 1]\n    default: 3")
-    assert "turn.yaml:13: outputs.turn.default: expected a value within" in str(error_of(text))
-
-
-def test_a_missing_file_is_a_rule_base_error(tmp_path: Path) -> None:
-    with pytest.raises(RuleBaseError, match="no such file"):
-        load_rule_base(tmp_path / "none.yaml")
-
-
-def test_a_file_that_was_changed_is_read_again(tmp_path: Path) -> None:
+def test_a_file_that_was_changed_is_read_again_and_a_missing_one_refused(tmp_path: Path) -> None:
     path = tmp_path / "rules.yaml"
     path.write_text(TEXT)
     first = load_rule_base(path)
     assert load_rule_base(path) is first  # every stack of a process shares it
     path.write_text(TEXT.replace("name: ", "name: other_", 1))
     assert load_rule_base(path).name == f"other_{first.name}"
+    with pytest.raises(RuleBaseError, match="no such file"):
+        load_rule_base(tmp_path / "none.yaml")
