@@ -175,12 +175,6 @@ def first_frame(robot: RobotModel, yaw: float, sensors: SensorParams = PERFECT) 
     return frame
 
 
-def test_a_robot_without_side_views_has_none() -> None:
-    assert RobotModel().side_cameras == ()
-    assert RobotModel().seen_aside == pytest.approx(math.radians(45.0))
-    assert first_frame(RobotModel(), 0.0).sides == ()
-
-
 def test_side_views_overlap_the_image_and_extend_to_the_specified_angle() -> None:
     left, right = WIDE.side_cameras
     assert left.turn == -right.turn > 0.0
@@ -189,6 +183,8 @@ def test_side_views_overlap_the_image_and_extend_to_the_specified_angle() -> Non
     assert WIDE.seen_aside == pytest.approx(left.turn + 0.5 * left.hfov)
     assert left.focal == pytest.approx(WIDE.camera.focal)
     assert left.height == WIDE.camera.height
+    with pytest.raises(ValidationError, match=r"side views reach \d+ degrees"):
+        RobotModel(side_views=SideViews(width=400))
 
 
 @pytest.mark.parametrize("bearing", [0.75, 1.1, 1.5, -0.9])
@@ -224,11 +220,9 @@ def test_side_views_have_the_noise_and_faults_of_the_camera() -> None:
     assert not any(image.any() for image in (frame.image, *frame.sides))
 
 
-def test_side_views_do_not_change_the_image() -> None:
+def test_side_views_do_not_change_the_image_and_are_optional() -> None:
     alone = first_frame(WIDE.with_camera(WIDE.camera), 0.3)
     assert np.array_equal(alone.image, first_frame(WIDE, 0.3).image)
-
-
-def test_side_views_are_limited_in_angle() -> None:
-    with pytest.raises(ValidationError, match=r"side views reach \d+ degrees"):
-        RobotModel(side_views=SideViews(width=400))
+    assert RobotModel().side_cameras == ()
+    assert RobotModel().seen_aside == pytest.approx(math.radians(45.0))
+    assert first_frame(RobotModel(), 0.0).sides == ()

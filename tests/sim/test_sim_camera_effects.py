@@ -221,22 +221,18 @@ def test_stronger_compression_loses_more() -> None:
     assert ratios[-1] > 35.0
 
 
-def test_effects_are_off_by_default_and_deterministic() -> None:
+def test_effects_are_off_by_default_set_by_options_and_deterministic() -> None:
     assert load_robot("default").camera_effects == CameraEffects()
     webcam = load_robot("webcam").camera_effects
     assert all(getattr(webcam, name) for name in CameraEffects.model_fields)
+    options = ["robot=webcam", "robot.camera_effects.jpeg_quality=40"]
+    changed = prepare("empty", "straight", overrides=options).mission.spec.robot.camera_effects
+    assert changed == webcam.model_copy(update={"jpeg_quality": 40})
     twice = []
     for _ in range(2):
         with simulate(webcam, SensorParams()) as sim:
             twice.append(np.array([f.image for f in frames(drive(sim, 0.4, -4.0, 4.0))]))
     assert np.array_equal(twice[0], twice[1])
-
-
-def test_missions_and_options_change_effects_of_the_robot() -> None:
-    options = ["robot=webcam", "robot.camera_effects.jpeg_quality=40"]
-    effects = prepare("empty", "straight", overrides=options).mission.spec.robot.camera_effects
-    expected = load_robot("webcam").camera_effects
-    assert effects == expected.model_copy(update={"jpeg_quality": 40})
 
 
 def test_the_shutter_fits_between_frames() -> None:

@@ -53,11 +53,19 @@ def without_culling(
     return ReferenceRenderer(world, camera or CameraModel(), supersample, cull=False)
 
 
-@pytest.mark.parametrize("name", ["office", "empty", *FAMILIES])
-def test_images_equal_tiny_renderer(name: str) -> None:
+PITCHED = [("clutter", 3, CameraModel(pitch=pitch, hfov=1.9), 2) for pitch in (-0.4, 0.3, 0.9)]
+
+
+@pytest.mark.parametrize(
+    ("name", "views", "camera", "supersample"),
+    [*((name, 6, CameraModel(), 1) for name in ("office", "empty", *FAMILIES)), *PITCHED],
+)
+def test_images_equal_tiny_renderer(
+    name: str, views: int, camera: CameraModel, supersample: int
+) -> None:
     world = world_of(name, 5)
-    with without_culling(world) as drawn:
-        for pose in free_poses(world, 6):
+    with without_culling(world, camera, supersample) as drawn:
+        for pose in free_poses(world, views):
             agree(drawn, pose)
 
 
@@ -71,14 +79,6 @@ def test_images_equal_tiny_renderer_with_culling(name: str) -> None:
             hidden.append(set(drawn.scenery.hidden_bodies))
         assert min(map(len, hidden)) > 0
         assert len(set(map(frozenset, hidden))) > 1
-
-
-@pytest.mark.parametrize("pitch", [-0.4, 0.3, 0.9])
-def test_images_equal_tiny_renderer_for_pitched_cameras(pitch: float) -> None:
-    world = world_of("clutter", 5)
-    with without_culling(world, CameraModel(pitch=pitch, hfov=1.9), supersample=2) as drawn:
-        for pose in free_poses(world, 3):
-            agree(drawn, pose)
 
 
 def test_images_equal_tiny_renderer_when_the_light_changes() -> None:
@@ -133,9 +133,6 @@ def test_reference_equals_the_images_of_a_simulation() -> None:
                 rgb, _, _ = reference.draw(reference.request(at))
                 np.testing.assert_array_equal(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), image)
             simulation.advance(1.0)
-
-
-# --- culling --------------------------------------------------------------------------------------
 
 
 LEFT, RIGHT = Rectangle(2.0, 1.0, 0.1, 1.0), Rectangle(3.0, -1.0, 0.1, 1.05)

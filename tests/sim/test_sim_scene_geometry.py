@@ -157,17 +157,15 @@ def divided(width: float) -> SceneGeometry:
     return field(walls=(wall,))
 
 
-def test_shortest_path_needs_a_gap_wide_enough() -> None:
+def test_shortest_path_needs_free_ends_and_a_gap_wide_enough() -> None:
     assert divided(0.9).shortest_path((-2, 0), (2, 0), RADIUS)[0] > 5.0
-    with pytest.raises(WorldError, match="cannot be reached"):
-        divided(0.3).shortest_path((-2, 0), (2, 0), RADIUS)
-
-
-def test_ends_must_be_free() -> None:
-    with pytest.raises(WorldError, match=r"the goal \(0, 0\) is .* from 'wall'"):
-        divided(0.9).shortest_path((-2, 0), (0, 0), RADIUS)
-    with pytest.raises(WorldError, match=r"the start .* must lie on the floor"):
-        divided(0.9).shortest_path((-7, 0), (2, 0), RADIUS)
+    for width, start, goal, message in (
+        (0.3, (-2, 0), (2, 0), "cannot be reached"),
+        (0.9, (-2, 0), (0, 0), r"the goal \(0, 0\) is .* from 'wall'"),
+        (0.9, (-7, 0), (2, 0), r"the start .* must lie on the floor"),
+    ):
+        with pytest.raises(WorldError, match=message):
+            divided(width).shortest_path(start, goal, RADIUS)
 
 
 def test_clearance_and_configuration_space() -> None:

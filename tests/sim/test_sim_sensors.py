@@ -112,12 +112,8 @@ def test_images_black_over_exposed_noisy_and_blurred(room: Simulation) -> None:
 
     assert detail(frame_with(room, CameraFault(blurred=1.5))) < 0.3 * detail(clean)
     assert same(frame_with(room), clean)
-
-
-def test_black_images_have_sensor_noise() -> None:
-    with Simulation(ROOM, ROBOT, START, 0) as simulation:
-        image = frame_with(simulation, CameraFault(black=True))
-    assert 0.0 < image.mean() < 5.0
+    with Simulation(ROOM, ROBOT, START, 0) as simulation:  # black images have sensor noise
+        assert 0.0 < frame_with(simulation, CameraFault(black=True)).mean() < 5.0
 
 
 def test_hfov_error_widens_the_true_field_of_view(room: Simulation) -> None:
@@ -292,9 +288,6 @@ def test_faults_do_not_change_the_noise_of_other_components() -> None:
             assert np.array_equal(one.frame.image, other.frame.image)
 
 
-# --- sensor models ------------------------------------------------------------------------------
-
-
 def yaw_rates(params: SensorParams, seed: int, count: int, rate: float = 0.0) -> Array:
     gyro = GyroModel(params, np.random.default_rng(seed))
     return np.array([gyro.read(i * TICK, TICK, (0.0, 0.0, rate)).yaw_rate for i in range(count)])
@@ -307,10 +300,6 @@ def ticks(params: SensorParams, seed: int, turns: float, count: int = 600) -> tu
         reading = encoders.read(0.0, TICK, (angle, angle))
     assert reading is not None
     return reading.left, reading.right
-
-
-def test_perfect_gyro_measures_the_true_rate() -> None:
-    assert np.all(yaw_rates(PERFECT, 0, 10, rate=0.4) == 0.4)
 
 
 def test_gyro_noise() -> None:
@@ -351,26 +340,29 @@ def test_noise_does_not_depend_on_the_block_size() -> None:
     assert readings(1) == readings(7) == readings(64)
 
 
-@pytest.mark.parametrize("turns", [3.3, -3.3])
-def test_perfect_encoders_only_quantise(turns: float) -> None:
-    left, right = ticks(PERFECT, 0, turns)
-    assert left == right
-    assert left == math.floor(turns * ROBOT.ticks_per_turn + 1e-6)
+def test_perfect_sensors_measure_the_true_rate_and_only_quantise() -> None:
+    assert np.all(yaw_rates(PERFECT, 0, 10, rate=0.4) == 0.4)
+    for turns in (3.3, -3.3):
+        left, right = ticks(PERFECT, 0, turns)
+        assert left == right == math.floor(turns * ROBOT.ticks_per_turn + 1e-6)
+    assert ticks(SensorParams.preset("poor"), 3, 0.0) == (0, 0)  # standing wheels
 
 
-def test_slip_has_the_specified_mean_and_standard_deviation() -> None:
-    params = PERFECT.model_copy(update={"slip": 0.02, "slip_mean": 0.01, "slip_time": 0.0})
+@pytest.mark.parametrize(
+    ("mean", "time", "spread"),
+    [
+        (1.01, 0.0, 0.02 / math.sqrt(600)),  # 600 independent samples average out
+        # a Gauss-Markov process over 10 s with 0.5 s memory: sigma * sqrt(2 * 0.5 / 10)
+        (1.0, 0.5, 0.02 * math.sqrt(0.1)),
+    ],
+)
+def test_slip_has_the_specified_mean_and_standard_deviation(
+    mean: float, time: float, spread: float
+) -> None:
+    params = PERFECT.model_copy(update={"slip": 0.02, "slip_mean": mean - 1.0, "slip_time": time})
     excess = [ticks(params, seed, 20.0)[0] / (20 * ROBOT.ticks_per_turn) for seed in range(60)]
-    assert np.mean(excess) == pytest.approx(1.01, abs=0.0005)
-    # 600 independent samples average out to 0.02 / sqrt(600)
-    assert np.std(excess) == pytest.approx(0.02 / math.sqrt(600), rel=0.3)
-
-
-def test_correlated_slip_accumulates() -> None:
-    params = PERFECT.model_copy(update={"slip": 0.02, "slip_time": 0.5})
-    excess = [ticks(params, seed, 20.0)[0] / (20 * ROBOT.ticks_per_turn) for seed in range(60)]
-    # a Gauss-Markov process over 10 s with 0.5 s memory: sigma * sqrt(2 * 0.5 / 10)
-    assert np.std(excess) == pytest.approx(0.02 * math.sqrt(0.1), rel=0.3)
+    assert np.mean(excess) == pytest.approx(mean, abs=0.6 * spread)
+    assert np.std(excess) == pytest.approx(spread, rel=0.3)
 
 
 def test_wheels_of_unequal_radius_count_unequally() -> None:
@@ -378,10 +370,6 @@ def test_wheels_of_unequal_radius_count_unequally() -> None:
     ratios = [ticks(params, s, 20.0)[1] / ticks(params, s, 20.0)[0] for s in range(12)]
     assert np.abs(np.array(ratios) - 1.0) == pytest.approx(0.01, rel=0.02)
     assert min(ratios) < 1.0 < max(ratios)
-
-
-def test_standing_wheels_count_nothing() -> None:
-    assert ticks(SensorParams.preset("poor"), 3, 0.0) == (0, 0)
 
 
 def test_presets() -> None:

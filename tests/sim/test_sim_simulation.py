@@ -143,11 +143,8 @@ def test_clock_and_camera_rate() -> None:
         assert sim.timings.steps == 61 * 4
         assert sim.timings.frames == 11
     assert times == pytest.approx(np.arange(11) * 0.1)
-
-
-def test_reading_twice_draws_no_noise() -> None:
     with simulate(Pose(0, 0, 0), sensors=SensorParams()) as sim:
-        assert sim.read() is sim.read()
+        assert sim.read() is sim.read()  # reading twice draws no noise
 
 
 def record(seed: int) -> str:
@@ -194,14 +191,10 @@ def test_readings_contain_no_ground_truth() -> None:
     assert frame.image.ndim == 2
 
 
-def test_start_must_be_free() -> None:
-    with pytest.raises(WorldError, match=r"the start .* 'crate'"):
-        simulate(Pose(-3, 3, 0))
-    with pytest.raises(WorldError, match="on the floor"):
-        simulate(Pose(-20, 3, 0))
-
-
-def test_misuse_raises() -> None:
+def test_misuse_and_a_start_that_is_not_free_raise() -> None:
+    for x, message in ((-3, r"the start .* 'crate'"), (-20, "on the floor")):
+        with pytest.raises(WorldError, match=message):
+            simulate(Pose(x, 3, 0))
     with simulate(Pose(0, 0, 0)) as sim:
         with pytest.raises(SimulationError, match="finite"):
             sim.drive(math.nan, 0.0)
@@ -230,8 +223,6 @@ def test_solids_may_overlap_with_may_overlap() -> None:
     with Simulation(world, ROBOT, Pose(2, 0, 0), 0) as sim:
         assert sim.plan.clearance(2.0, 0.0) == pytest.approx(1.5)
 
-
-# --- round robots and those of a URDF -------------------------------------------------------------
 
 EMPTY = load_world(find("world", "empty"))
 START = Pose(0.5 * sum(EMPTY.x), 0.5 * sum(EMPTY.y), 0.4)
@@ -331,8 +322,7 @@ def test_the_gyro_measures_how_a_body_rocks_and_leans_at_rest_do_not_count(tmp_p
     text = shipped.read_text().replace("urdf/cart.urdf", "cart.urdf")
     (tmp_path / "tipping.yaml").write_text(text)
     robot = load_robot(tmp_path / "tipping.yaml")
-    world = load_world(find("world", "empty"))
-    with Simulation(world, robot, Pose(1.0, 1.0, 0.0), 0, PERFECT) as sim:
+    with Simulation(EMPTY, robot, Pose(1.0, 1.0, 0.0), 0, PERFECT) as sim:
         assert abs(pitch_of(sim)) < 1e-6
         turned, pitches = 0.0, []
         for seconds, speed in ((1.5, 8.0), (0.1, 0.0), (0.1, 0.0), (1.0, 0.0)):

@@ -59,17 +59,12 @@ def test_no_detail_finer_than_specified(style: Style, finest: float) -> None:
 
 
 @pytest.mark.parametrize("style", STYLES)
-def test_brightness_and_contrast(style: Style) -> None:
+def test_brightness_and_contrast_of_a_periodic_texture(style: Style) -> None:
     pattern = luminance_pattern(TextureSpec(style=style, brightness=130, contrast=40))
     assert pattern.mean() == pytest.approx(130, abs=0.1)
     assert pattern.std() == pytest.approx(40, abs=0.1)
     assert pattern.min() > 0
     assert pattern.max() < 255
-
-
-@pytest.mark.parametrize("style", STYLES)
-def test_texture_is_periodic(style: Style) -> None:
-    pattern = luminance_pattern(TextureSpec(style=style))
     # no step between last and first is larger than the steps inside (courses of bricks have edges)
     across = np.abs(np.diff(pattern, axis=1)).mean(axis=0).max()
     assert np.abs(pattern[:, 0] - pattern[:, -1]).mean() < 1.3 * across
@@ -83,9 +78,6 @@ def test_tint_keeps_the_luminance() -> None:
     luma = warm @ np.array([0.299, 0.587, 0.114])
     assert np.abs(luma - grey[:, :, 0]).max() < 2.0
     assert warm[:, :, 0].mean() > warm[:, :, 2].mean() + 20
-
-
-# --- pictures -------------------------------------------------------------------------------------
 
 
 WALL = """\
@@ -102,7 +94,7 @@ light: {ambient: 1.0, diffuse: 0.0}
 
 def gallery(folder: Path, image: np.ndarray, size: str = "0.5") -> Path:
     """A world file whose wall shows ``image``."""
-    (folder / "pictures").mkdir()
+    (folder / "pictures").mkdir(parents=True)
     cv2.imwrite(str(folder / "pictures" / "stripes.png"), image)
     return put_file(folder, "world.yaml", WALL % size)
 
@@ -143,19 +135,16 @@ def test_a_picture_stands_upright_and_is_not_mirrored(tmp_path: Path) -> None:
     assert image[40:60].max() < 60
 
 
-def test_detail_finer_than_the_camera_resolves_is_removed(tmp_path: Path) -> None:
+def test_colours_are_those_of_the_file_without_detail_finer_than_resolved(tmp_path: Path) -> None:
+    orange = np.full((30, 30, 3), (0, 128, 255), np.uint8)  # blue, green, red
+    gallery(tmp_path / "a", orange)
+    texels = texels_of(tmp_path / "a")
+    assert texels.reshape(-1, 3).mean(axis=0) == pytest.approx((255, 128, 0), abs=1)
     fine = (np.indices((256, 256)).sum(axis=0) % 2 * 255).astype(np.uint8)
-    gallery(tmp_path, np.repeat(fine[..., None], 3, axis=2))
-    texels = texels_of(tmp_path, size=2.0)
+    gallery(tmp_path / "b", np.repeat(fine[..., None], 3, axis=2))
+    texels = texels_of(tmp_path / "b", size=2.0)
     assert texels.std() < 2.0
     assert texels.mean() == pytest.approx(127, abs=3)
-
-
-def test_colours_are_those_of_the_file(tmp_path: Path) -> None:
-    orange = np.full((30, 30, 3), (0, 128, 255), np.uint8)  # blue, green, red
-    gallery(tmp_path, orange)
-    texels = texels_of(tmp_path)
-    assert texels.reshape(-1, 3).mean(axis=0) == pytest.approx((255, 128, 0), abs=1)
 
 
 @pytest.mark.parametrize(
@@ -210,6 +199,8 @@ def test_cylinder_mesh(sides: int) -> None:
     normals = np.array(mesh.normals)[np.array(mesh.indices).reshape(-1, 3)].mean(axis=1)
     assert np.all(np.sum(faces * normals, axis=1) >= 0.0)  # all face outwards
     assert np.min(mesh.uvs) >= 0.0
+    assert (side_count(0.02), side_count(1.0)) == (12, 24)
+    assert 12 <= side_count(0.1) <= 24
 
 
 def test_moved_meshes_keep_their_texture() -> None:
@@ -224,14 +215,6 @@ def test_moved_meshes_keep_their_texture() -> None:
     assert whole.uvs[count:] == mesh.uvs
     assert min(whole.indices[len(mesh.indices) :]) == count
 
-
-def test_side_count() -> None:
-    assert side_count(0.02) == 12
-    assert side_count(1.0) == 24
-    assert 12 <= side_count(0.1) <= 24
-
-
-# --- skirting boards and door frames --------------------------------------------------------------
 
 ROOM = {
     "name": "room",

@@ -81,9 +81,11 @@ def test_path_is_continuous_and_periodic(
     assert path.pose_at(travelled + path.length)[:2] == pytest.approx(pose[:2], abs=1e-9)
 
 
-def test_phase_sets_the_initial_position() -> None:
+def test_phase_sets_the_initial_position_which_must_be_clear_of_the_robot() -> None:
     walker = Walker(anna(phase=0.25))
     assert (walker.x, walker.y) == (-0.5, 0.0)
+    with pytest.raises(WorldError, match="'anna' when time begins"):
+        simulate(Pose(1.8, 0.2, 0), anna())
 
 
 def test_moves_in_simulated_time() -> None:
@@ -203,11 +205,6 @@ def test_runs_are_reproducible() -> None:
     assert run() == run()
 
 
-def test_start_must_be_clear_of_walkers() -> None:
-    with pytest.raises(WorldError, match="'anna' when time begins"):
-        simulate(Pose(1.8, 0.2, 0), anna())
-
-
 def test_clearance_uses_the_walkers_positions_at_each_time() -> None:
     walkers = [Walker(anna()), Walker(anna(name="ben", radius=0.5))]
     points = [np.array([[0.0, 0.0], [9.0, 9.0]]), np.array([[2.0, 0.0], [9.0, 9.0]])]
@@ -218,8 +215,6 @@ def test_clearance_uses_the_walkers_positions_at_each_time() -> None:
     empty = WalkerTrack.of([], [0.0], [np.empty((0, 2))])
     assert np.isinf(empty.clearances(here, np.zeros(4))).all()
 
-
-# --- drops --------------------------------------------------------------------------------------
 
 PIT = {"name": "pit", "x": [3, 4], "y": [1, 2], "depth": 0.8}
 
