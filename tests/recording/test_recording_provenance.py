@@ -40,9 +40,6 @@ def touch(file: Path) -> None:
     os.utime(file, (1_000_000_000, 1_000_000_000))
 
 
-# --- what a hostile configuration names ----------------------------------------------------------
-
-
 def monitor(repository: Path, program: Path) -> None:
     git(repository, "config", "core.fsmonitor", str(program))
 
@@ -134,9 +131,6 @@ def test_nothing_that_a_configuration_names_is_executed(trap: Trap, repository: 
         assert marker.exists()
 
 
-# --- kinds of checkout ---------------------------------------------------------------------------
-
-
 def test_a_worktree_has_its_own_commit_and_changes(repository: Path, tmp_path: Path) -> None:
     first = git(repository, "rev-parse", "HEAD")
     tree = tmp_path / "tree"
@@ -186,17 +180,15 @@ def test_other_forms_of_refs_and_index(repository: Path, words: tuple[str, ...])
     assert git_revision(repository) == f"{head}-dirty"
 
 
-def test_a_repository_of_sha256(tmp_path: Path) -> None:
-    made = commit(tmp_path / "long", "--object-format=sha256")
-    assert git_revision(made) == git(made, "rev-parse", "HEAD")
-    (made / "a.txt").write_text("two\n")
-    assert str(git_revision(made)).endswith("-dirty")
-
-
-def test_no_commit_and_no_checkout_have_no_revision(tmp_path: Path) -> None:
-    assert git_revision(tmp_path) is None
-    git(tmp_path, "init", "-q")
-    assert git_revision(tmp_path) is None
+def test_no_commit_no_checkout_and_a_folder_that_anyone_may_write_to_have_no_revision(
+    repository: Path,
+) -> None:
+    assert git_revision(repository.parent) is None
+    git(repository.parent, "init", "-q")
+    assert git_revision(repository.parent) is None
+    assert git_revision(repository) is not None
+    repository.chmod(0o1777)
+    assert git_revision(repository) is None
 
 
 @pytest.mark.parametrize(
@@ -235,9 +227,6 @@ def test_a_link_that_leads_nowhere_and_a_pipe_have_no_revision(repository: Path)
     assert git_revision(repository) is None
 
 
-# --- owners --------------------------------------------------------------------------------------
-
-
 def test_a_checkout_of_another_user_is_not_looked_at(
     repository: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -265,14 +254,6 @@ def test_one_part_of_another_user_is_enough(
     assert GitCheckout.around(repository / "below") is None
 
 
-def test_a_folder_that_anyone_may_write_to_has_no_revision(repository: Path) -> None:
-    repository.chmod(0o1777)
-    assert git_revision(repository) is None
-
-
-# --- what a result was measured with -------------------------------------------------------------
-
-
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
     return commit(tmp_path, files=("navfw.toml", "docs/page.md"))
@@ -288,17 +269,14 @@ def test_a_changed_tree_is_marked_dirty_except_for_docs(project: Path) -> None:
     assert git_revision(project / "docs") == f"{head}-dirty"
 
 
-def test_the_project_s_revision_takes_precedence_over_navfw_s(
+def test_the_project_s_revision_takes_precedence_over_navfw_s_and_its_version(
     project: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(project)
     assert code_revision() == git(project, "rev-parse", "HEAD")
     monkeypatch.chdir(tmp_path_factory.mktemp("elsewhere"))
     assert code_revision().startswith("navfw ") or len(code_revision().split("-")[0]) == 40
-
-
-def test_without_git_the_version_is_the_revision(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shutil.which", lambda _: None)
+    monkeypatch.setattr("shutil.which", lambda _: None)  # without git
     assert code_revision() == "navfw 0.1.0"
 
 

@@ -38,11 +38,15 @@ def at_end(run: RecordedRun, topic: str) -> Any:
     return list(run.messages(topic))[-1].content
 
 
-def test_recording_changes_no_command(driven: Driven) -> None:
-    result, _ = driven
+def test_recording_changes_no_command_and_has_the_resolved_configuration(driven: Driven) -> None:
+    result, run = driven
     plain = result.session.run()
     assert plain.run.log.command_hash == result.run.log.command_hash
     assert plain.run.faults == result.run.faults == ()
+    assert (run.metadata["world"], run.metadata["seed"]) == ("paper-room", "3")
+    config = json.loads(run.metadata["config"])
+    assert config["mission"]["timeout"] == TIME
+    assert "avoid" in config["stack"]["behaviors"]
 
 
 def test_all_channels_have_their_schema_rate_and_simulated_time(driven: Driven) -> None:
@@ -61,14 +65,6 @@ def test_all_channels_have_their_schema_rate_and_simulated_time(driven: Driven) 
         if len(stamps) > 1:
             rate = (len(stamps) - 1) / (stamps[-1] - stamps[0])
             assert rate == pytest.approx(float(info.rate.split()[0]), rel=0.1), info.topic
-
-
-def test_the_metadata_have_the_resolved_configuration(driven: Driven) -> None:
-    _, run = driven
-    assert (run.metadata["world"], run.metadata["seed"]) == ("paper-room", "3")
-    config = json.loads(run.metadata["config"])
-    assert config["mission"]["timeout"] == TIME
-    assert "avoid" in config["stack"]["behaviors"]
 
 
 def test_the_command_is_that_of_the_run_with_reasons_and_rules(driven: Driven) -> None:

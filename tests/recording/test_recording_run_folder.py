@@ -54,14 +54,11 @@ def test_a_folder_appears_when_everything_is_written(tmp_path: Path) -> None:
     assert names(target.parent) == ["run"]
 
 
-def test_nothing_is_left_after_an_exception(tmp_path: Path) -> None:
+def test_nothing_is_left_after_an_exception_but_an_earlier_run(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt), RunFolder(tmp_path / "run") as folder:
         folder.write_json(RESULT, {})
         raise KeyboardInterrupt
     assert names(tmp_path) == []
-
-
-def test_an_earlier_run_stays_when_the_new_one_fails(tmp_path: Path) -> None:
     target = written(tmp_path / "run")
     with pytest.raises(ValueError, match="oops"), RunFolder(target):
         raise ValueError("oops")
@@ -115,8 +112,6 @@ def test_a_missing_or_broken_result_is_named_by_its_file(tmp_path: Path, text: s
     with pytest.raises(ConfigError, match=RESULT):
         read_result(tmp_path)
 
-
-# --- locks ---------------------------------------------------------------------------------------
 
 PAGE = re.compile("index.md")
 

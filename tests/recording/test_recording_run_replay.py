@@ -142,15 +142,12 @@ def test_every_command_is_explained_rule_by_rule(driven: Driven) -> None:
     assert explanation["composite"]["weights"]["go_to_xy"] == 1.0
     assert "idle IS progressing" in explanation["composite"]["rules"][0]["rule"]
     assert json.loads(json.dumps(explanation)) == explanation, "it is plain data"
+    printed = invoke("explain", driven[1], "--at", 5).stdout
+    for text in ("go_to_xy", "IF bearing IS", "travel weights go_to_xy 1.00"):
+        assert text in printed
 
 
 @pytest.mark.parametrize("time", [-1.0, 0.5, 1000.0])
 def test_a_time_without_a_command_cannot_be_explained(driven: Driven, time: float) -> None:
     with pytest.raises(InputError, match="no command was in force"):
         explain_at(driven[1], time)
-
-
-def test_explain_prints_the_rules(driven: Driven) -> None:
-    done = invoke("explain", driven[1], "--at", 5)
-    for text in ("go_to_xy", "IF bearing IS", "travel weights go_to_xy 1.00"):
-        assert text in done.stdout
