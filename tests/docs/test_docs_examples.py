@@ -181,6 +181,10 @@ def test_worlds_missions_stacks_and_values_of_commands_exist(page: Path) -> None
         output(*words)
     for words in (words for words in commands(page) if words[0] == "run"):
         world, mission = words[1:3]
+        if mission == "--goal":
+            x, y = map(float, words[3].split(","))
+            prepare(world, (x, y))
+            continue
         options = list(itertools.pairwise(words[3:]))
         overrides = [value for option, value in options if option == "--set"]
         stack = next((value for option, value in options if option == "--stack"), "default")
