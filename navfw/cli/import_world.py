@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -12,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navfw.cli.options import Json
+from navfw.cli.options import Json, numbers_of
 from navfw.cli.output import print_json, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
@@ -282,16 +281,3 @@ def _named(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
         x, y = numbers_of("--name", at, ("X", "Y")) or (0.0, 0.0)
         named[name] = (x, y)
     return named
-
-
-def numbers_of(option: str, text: str | None, names: tuple[str, ...]) -> tuple[float, ...] | None:
-    """The numbers of an option such as ``--goal 1.5,-2``; None where it is not given."""
-    if text is None:
-        return None
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != len(names) or not all(math.isfinite(number) for number in numbers):
-        raise InputError(f"expected {','.join(names)}, got {text!r}", key=option)
-    return tuple(numbers)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import StrEnum
 from functools import wraps
@@ -203,3 +204,16 @@ def dask_engine(
     package = JobPackage.of(cases)
     with DaskEngine(scheduler, package, limit=limit, memory=memory) as engine:
         yield engine
+
+
+def numbers_of(option: str, text: str | None, names: tuple[str, ...]) -> tuple[float, ...] | None:
+    """The numbers of an option such as ``--goal 1.5,-2``; None where it is not given."""
+    if text is None:
+        return None
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != len(names) or not all(math.isfinite(number) for number in numbers):
+        raise InputError(f"expected {','.join(names)}, got {text!r}", key=option)
+    return tuple(numbers)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from navfw.cli.import_world import numbers_of
 from navfw.cli.options import (
     Json,
     Live,
@@ -23,6 +22,7 @@ from navfw.cli.options import (
     World,
     complete_setting,
     completer_of,
+    numbers_of,
     of_robot,
 )
 from navfw.cli.output import console, print_json, quiet_stdout

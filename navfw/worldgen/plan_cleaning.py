@@ -163,6 +163,6 @@ def _without_gaps(free: Mask, width: float) -> Mask:
 
 
 def _stretches(region: Mask, kept: Mask) -> int:
-    """The number of separate stretches along which ``part`` touches the ground that is kept."""
+    """The number of separate stretches along which ``region`` touches the ground that is kept."""
     ring = cv2.dilate(region.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     return int(cv2.connectedComponents((ring & kept).astype(np.uint8), connectivity=8)[0]) - 1

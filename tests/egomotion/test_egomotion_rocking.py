@@ -4,16 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from painted_floor import KNOWN, ORIGIN, ROBOT, PaintedFloor
+from plan_samples import arcs
 
-from navfw.egomotion import Odometer, RockingFilter
-from navfw.numerics import Array
-from navfw.robot import RobotModel
-from navfw.signals import Encoders, Inertial
+from navfw.egomotion import (
+    FloorOdometry,
+    FloorRegistration,
+    Odometer,
+    OdometryHistory,
+    RockingFilter,
+    camera_place,
+)
+from navfw.numerics import Array, Image
+from navfw.robot import CameraModel, RobotModel
+from navfw.signals import Encoders, Frame, Inertial, Odometry, Pose, Twist
+from navfw.stack import ready_frame
 
 DT = 1.0 / 60.0
 NOISE, BIAS = math.radians(0.1), math.radians(0.05)
@@ -114,3 +125,85 @@ def test_a_gyro_with_one_axis_and_an_old_reading_say_nothing() -> None:
     odometer.reset()
     again = odometer.update(inertial, Encoders(9.0, 0, 0))
     assert (again.pitch, again.rocking) == (0.0, 0.0)
+
+
+def levelled(image: Image, pitch: float) -> Image:
+    """``image`` as the stack hands it on, of a body that leans by ``pitch``."""
+    history = OdometryHistory()
+    history.add(Odometry(0.0, ORIGIN, Twist(0.0, 0.0), 0.0, still=False, pitch=pitch))
+    frame = ready_frame(Frame(0.0, image), ROBOT, 1, history)
+    assert frame is not None
+    return frame.image
+
+
+@pytest.mark.parametrize("degrees", [-2.5, 1.5])
+def test_a_levelled_view_is_that_of_a_camera_that_has_only_moved(degrees: float) -> None:
+    pitch = math.radians(degrees)
+    place = camera_place(ROBOT, pitch)
+    assert place == pytest.approx([0.1 + 0.3 * pitch, 0.0, -0.1 * pitch], abs=3e-4)
+    moved = CameraModel(mount_height=0.35 + place[2], mount_forward=place[0])
+    level = PaintedFloor(camera=moved).view(ORIGIN).astype(float)[85:112]
+    leaning = PaintedFloor().view(ORIGIN, pitch=pitch)
+    assert np.abs(leaning[85:112] - level).mean() > 15.0
+    assert np.abs(levelled(leaning, pitch)[85:112] - level).mean() < 3.0, "noise alone gives 2.2"
+    assert (levelled(leaning, 0.0) == leaning).all()
+
+
+@given(
+    lean=st.tuples(*[st.floats(-0.04, 0.04)] * 2),
+    way=st.floats(-0.08, 0.12),
+    turn=st.floats(-0.1, 0.1),
+)
+@settings(max_examples=20)
+def test_motion_between_images_of_a_body_that_rocks(
+    lean: tuple[float, float], way: float, turn: float
+) -> None:
+    true = Pose(way, 0.5 * way * turn, turn)
+    floor, registration = PaintedFloor(), FloorRegistration(ROBOT)
+    past, now = (
+        registration.prepare(levelled(floor.view(pose, pitch=pitch), pitch), pitch)
+        for pose, pitch in zip((ORIGIN, true), lean, strict=True)
+    )
+    guess = Pose(true.x + 0.003, true.y - 0.0005, true.yaw + 0.002)
+    step = registration.register(past, now, guess, KNOWN)
+    assert step is not None
+    assert (step.pose.x, step.pose.y) == pytest.approx((true.x, true.y), abs=1.5e-3)
+    assert step.pose.yaw == pytest.approx(turn, abs=2e-3)
+
+
+def rocked(gyro: bool, seed: int) -> tuple[FloorOdometry, float, list[str]]:
+    """Odometry after 4 s on a body that rocks by 2 degrees, its error of the way [m], its doubts.
+
+    Without ``gyro`` nothing is known of the rocking.
+    """
+    odometry, floor, doubts = FloorOdometry(ROBOT), PaintedFloor(seed=seed), []
+    for k, (true, driven) in enumerate(arcs(ORIGIN, [(4.0, 0.3, 0.1)])):
+        raw, pitch = driven, math.radians(2.0) * math.sin(2.4 * k)
+        image = floor.view(true, pitch=pitch)
+        if gyro:
+            image = levelled(image, pitch)
+            raw = replace(driven, pitch=pitch, rocking=math.radians(2.0))
+        odometry.observe(Frame(raw.time, image), raw)
+        doubts.append(odometry.corrected(raw).doubt)
+    pose = odometry.corrected(raw).pose
+    return odometry, math.dist((pose.x, pose.y), (true.x, true.y)), doubts
+
+
+def test_a_body_that_rocks_is_corrected_by_the_floor_as_any_other() -> None:
+    odometry, error, doubts = rocked(gyro=True, seed=8)
+    assert error < 0.012
+    assert not any(doubts)
+    assert abs(odometry.calibration[0]) < 1e-9, "its scale says nothing of the wheels"
+
+
+def test_a_floor_that_contradicts_wheels_and_gyro_is_not_believed() -> None:
+    odometry, error, doubts = rocked(gyro=False, seed=8)
+    begin = next(k for k, doubt in enumerate(doubts) if doubt)
+    assert "is not believed: 4" in doubts[begin]
+    assert error < 0.03
+    odometry._contradicted = 0.2
+    odometry._watch(0.0)
+    assert odometry.doubt, "it is believed again after many motions that agree"
+    for _ in range(4):
+        odometry._watch(0.0)
+    assert not odometry.doubt
