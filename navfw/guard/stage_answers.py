@@ -189,6 +189,7 @@ def check_belief(answer: Any) -> Belief:
         confidence=degree(answer.confidence, "confidence"),
         lost=bool(answer.lost),
         updates=int(number(answer.updates, "updates", 0.0)),
+        hypotheses=int(number(answer.hypotheses, "hypotheses", 0.0)),
     )
 
 

@@ -223,7 +223,14 @@ class FloorPlanLocalizer(PlaceLocalizer):
     def _belief(self, posterior: PlacePosterior, odometry: Odometry) -> Belief:
         if not self.tracking:
             unknown: Array = np.diag([1e4, 1e4, 10.0])
-            return Belief(odometry.time, Pose(0.0, 0.0, 0.0), unknown, confidence=0.0, lost=True)
+            return Belief(
+                odometry.time,
+                Pose(0.0, 0.0, 0.0),
+                unknown,
+                confidence=0.0,
+                lost=True,
+                hypotheses=self._search.hypotheses,
+            )
         pose, covariance = self.filter.pose, self.filter.pose_covariance
         within = probability_within(covariance)
         return Belief(
@@ -234,4 +241,5 @@ class FloorPlanLocalizer(PlaceLocalizer):
             within * max(self._trust(self.fit), _MIN_TRUST),
             within < self.params.lost_below,
             updates=self.filter.updates,
+            hypotheses=self._search.hypotheses,
         )

@@ -79,13 +79,18 @@ CERTAIN = 0.98
 
 
 class PlanSearch:
-    """Collects scans with their poses in ``odom``, and searches the plan for where they fit."""
+    """Collects scans with their poses in ``odom``, and searches the plan for where they fit.
+
+    ``hypotheses`` is the number of poses that the last search could not tell apart, the best one
+    included; 0 before the first.
+    """
 
     def __init__(self, plan: OccupancyMap, field: PlanField, radius: float) -> None:
         self._field = field
         self._grid = _free_poses(plan, field, radius)
         self._scans = ScanMemory(MEMORY)
         self._searched_at = -math.inf
+        self.hypotheses = 0
         self._previous_frame: Pose | None = None  # that of odom in map, by the last search
         self._agreed = 0
 
@@ -142,14 +147,15 @@ class PlanSearch:
         rating = self._rating(cloud, poses)
         impossible = self._impossible(poses, odom)
         rating -= _THROUGH_WALLS * impossible
-        best = int(np.argmax(rating))
-        if impossible[best]:
-            return None
-        others = [not are_close(pose, refined[best]) for pose in refined]
-        gap = rating[best] - max(rating[others], default=-math.inf)
         evidence = min(_EVIDENCE * len(self._scans), _MAX_EVIDENCE)
-        odds = math.exp(min(evidence * gap, 50.0))
-        return refined[best] if odds / (1.0 + odds) >= CERTAIN else None
+        needed = math.log(CERTAIN / (1.0 - CERTAIN)) / evidence
+        fitting: list[Pose] = []
+        order = np.argsort(-rating, kind="stable")
+        for k in order[rating[order] > rating[order[0]] - needed].tolist():
+            if not any(are_close(refined[k], other) for other in fitting):
+                fitting.append(refined[k])
+        self.hypotheses = len(fitting)
+        return fitting[0] if self.hypotheses == 1 and not impossible[order[0]] else None
 
     def _rated(self, cloud: PlanScan, poses: Array, sigma: float) -> list[int]:
         """The best of ``poses`` (m, 3), by index, best first, all of them apart."""

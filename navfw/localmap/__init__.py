@@ -3,7 +3,6 @@
 A library without plugins. ``LocalMap`` joins its parts:
 
 - ``occupancy_grid``: the rolling grid of log-odds, built from percepts and stixels;
-- ``drop_map``: spots of missing floor;
 - ``free_distances``: free distance along arcs and all around, by ``ray_kernels``;
 - ``local_planner``: cost-to-go and the local goal, by ``cost_kernels``;
 - ``traversability``: whether the passages ahead are open.

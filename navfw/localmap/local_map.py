@@ -236,6 +236,7 @@ class LocalMap:
         self.drops.reset()
         self.sight.reset()
         self.traversability.reset()
+        self.local_planner.reset()
 
     def update(
         self,

@@ -17,13 +17,15 @@ from pydantic import Field
 from navfw.config.strict_model import StrictModel
 from navfw.localmap.cost_kernels import cost_to_go, descend, first_leg, price_cells
 from navfw.localmap.occupancy_grid import OccupancyGrid
-from navfw.numerics import Array
+from navfw.numerics import Array, Mask
 from navfw.signals import OccupiedDisc, Pose, wrap_angle
 
 _LEG = 0.4
 """Length [m] of the first leg, by which one of several ways of similar cost is chosen."""
 _OTHER_WAY = math.radians(40.0)
 """Angle [rad] between a first leg and the cheapest way beyond which the leg is another way."""
+_BESIDE = 0.35
+"""Distance [m] from the last plan's way within which a cell belongs to it."""
 _BEARINGS = np.linspace(-math.pi, math.pi, 49)[:-1]
 _AROUND = np.ones((3, 3), np.uint8)
 
@@ -49,6 +51,9 @@ class LocalPlannerParams(StrictModel):
     margin: Annotated[
         float, Field(ge=0.0, le=0.3, description="least clearance of a passable cell [m]")
     ] = 0.04
+    leave_price: Annotated[
+        float, Field(ge=0.0, le=2.0, description="extra price of a cell off the way of the last plan")
+    ] = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +82,19 @@ class LocalGoal:
 
 
 class LocalPlanner:
-    """Finds the local goal for a waypoint in the odom frame."""
+    """Finds the local goal for a waypoint in the odom frame.
+
+    It is committed to the way of its last plan: cells off it cost more, so it is left when it is
+    barred, or when another one is cheaper by a margin, the way back to it included.
+    """
 
     def __init__(self, params: LocalPlannerParams | None = None) -> None:
         self.params = params or LocalPlannerParams()
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to no way."""
+        self._way: Array = np.empty((0, 2))
 
     def plan(
         self,
@@ -96,6 +110,8 @@ class LocalPlanner:
         """
         cell = 2.0 * occupancy.params.cell
         cost = self._prices(occupancy, moving_obstacles)
+        if len(self._way):
+            cost[~self._beside_way(occupancy, cost.shape)] += self.params.leave_price
         value = _sources(cost.shape[0], occupancy.origin, cell, x, y)
         # an obstacle on the waypoint itself must not hide it: its direction still counts
         cost_to_go(cost, value, 24)
@@ -112,6 +128,7 @@ class LocalPlanner:
             local = pose.to_local(x, y)
             scale = min(1.0, self.params.distance / max(straight, 1e-6))
             return LocalGoal(local[0] * scale, local[1] * scale, math.inf, False, math.inf)
+        self._keep_way(occupancy, value, path[:count])
         end = path[count - 1]
         ahead = pose.to_local(
             occupancy.origin[0] + end[1] * cell, occupancy.origin[1] + end[0] * cell
@@ -152,6 +169,21 @@ class LocalPlanner:
             path[0] = r, c
             count = 1
         return path, count
+
+    def _beside_way(self, occupancy: OccupancyGrid, shape: tuple[int, int]) -> Mask:
+        """(m, m) cells within _BESIDE of the way of the last plan."""
+        cell = 2.0 * occupancy.params.cell
+        beside = np.zeros(shape, np.uint8)
+        points = np.rint((self._way - occupancy.origin) / cell).astype(np.int32)
+        cv2.polylines(beside, [points], False, 1, 2 * round(_BESIDE / cell))
+        return beside.astype(bool)
+
+    def _keep_way(self, occupancy: OccupancyGrid, value: Array, path: Array) -> None:
+        """Remember the way (k, 2) [cells] and its continuation down to the waypoint."""
+        rest = np.empty((4 * len(value), 2))
+        count = descend(value, path[-1, 0], path[-1, 1], len(rest), rest)
+        way = np.concatenate([path, rest[:count]])[::4, ::-1]
+        self._way = np.array(occupancy.origin) + way * (2.0 * occupancy.params.cell)
 
     def _prices(
         self, occupancy: OccupancyGrid, moving_obstacles: tuple[OccupiedDisc, ...]

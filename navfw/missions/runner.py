@@ -317,7 +317,9 @@ class MissionLoop:
         reason += f" {goal_name(goal.goal)}"
         belief = self.pilot.state.belief
         if belief is not None and belief.lost:
-            return self._verdict(Outcome.LOST, f"{reason}, position estimate lost")
+            reason += ", position estimate lost"
+            fitting = f": {belief.hypotheses} places fit" if belief.hypotheses > 1 else ""
+            return self._verdict(Outcome.LOST, reason + fitting)
         if self.pilot.state.unsure:
             return self._verdict(Outcome.UNSURE, f"{reason}, position estimate too uncertain")
         return self._verdict(Outcome.TIMEOUT, reason)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar
 
@@ -41,8 +42,8 @@ class Blockages:
     reports come from the same local map and are not independent, so votes on one passage count
     once per interval. A reopened passage has full uncertainty: two more votes close it again.
 
-    ``closing_votes`` net votes close a passage for ``closed_for`` [s]; votes on a passage within
-    ``vote_interval`` [s] of the last one are not counted.
+    ``closing_votes`` net votes close a passage for ``closed_for`` [s], twice as long each
+    time it was not seen to be open since; votes on a passage within ``vote_interval`` [s] of the last one are not counted.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class Blockages:
         self._votes: dict[frozenset[str], float] = {}
         self._voted: dict[frozenset[str], float] = {}
         self._until: dict[frozenset[str], float] = {}
+        self._closings: Counter[frozenset[str]] = Counter()
         self._dangers: set[frozenset[str]] = set()
 
     @property
@@ -98,11 +100,13 @@ class Blockages:
             if votes > 0.0:
                 return False
             self._open(ends, votes)
+            del self._closings[ends]
             return True
         if votes < self._closing_votes:
             return False
         passage = self._passage(ends)
-        self._until[ends] = time + self._closed_for
+        self._closings[ends] += 1
+        self._until[ends] = time + self._closed_for * 2.0 ** (self._closings[ends] - 1)
         self._router.close(passage, self._barrier(passage, query))
         return True
 

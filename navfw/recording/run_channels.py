@@ -246,6 +246,7 @@ def _command(state: StackState) -> Mapping[str, Any]:
         "applicability": {name: proposal.applicability for name, proposal in proposals.items()},
         "confidence": None if state.belief is None else state.belief.confidence,
         "lost": state.belief is not None and state.belief.lost,
+        "hypotheses": 0 if state.belief is None else state.belief.hypotheses,
     }
 
 

@@ -36,7 +36,8 @@ class Belief:
     ``places`` gives the probability of each place of the topological map (may be empty).
     ``confidence`` in [0, 1] is the probability that the true position is within 1 m of ``pose``.
     While ``lost``, ``pose`` is not valid and must not be used for planning. ``updates`` counts the
-    landmark detections used so far.
+    landmark detections used so far, ``hypotheses`` the poses that the last search for an unknown
+    pose could not tell apart (0: there was none).
     """
 
     time: float
@@ -46,6 +47,7 @@ class Belief:
     confidence: float = 1.0
     lost: bool = False
     updates: int = 0
+    hypotheses: int = 0
 
     def __post_init__(self) -> None:
         freeze(self, "covariance", "places")

@@ -13,6 +13,7 @@ import numpy as np
 
 from navfw.errors import WorldError
 from navfw.localmap import LocalMap
+from navfw.localmap.local_planner import LocalPlanner
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.missions.run_metrics import path_length
 from navfw.missions.session import MissionResult
@@ -166,7 +167,7 @@ def _path(result: MissionResult, odometry: Odometry, now: Pose) -> PathSymptoms 
     for limit in (math.inf, _PHANTOM, _BLUR):
         occupancy.log_odds[off > limit] = 0.0
         occupancy.update(pose, odometry.time)  # drops what was derived from the log-odds
-        goal = local_map.local_planner.plan(occupancy, pose, x, y)
+        goal = LocalPlanner(local_map.params.local_planner).plan(occupancy, pose, x, y)
         costs.append(goal.cost if goal.reachable else math.inf)
     return PathSymptoms(*costs)
 

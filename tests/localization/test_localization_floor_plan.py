@@ -225,7 +225,18 @@ def test_an_unknown_start_is_found_and_never_confidently_wrong() -> None:
     assert found
     assert 0.05 * found[0] < 12.0, "at 0.5 m/s and 10 Hz a step is 5 cm"
     assert all(error(*report[k]) < 0.3 for k in found)
+    assert report[found[0]][1].hypotheses == 1
+    assert report[0][1].hypotheses == 0, "before the first search"
     assert totals(report) == pytest.approx((277.346813, 0.73063608, 62.0, 108, 13), rel=1e-5)
+
+
+def test_in_a_room_that_looks_the_same_from_two_places_it_stays_lost_and_says_two() -> None:
+    cells = np.full((120, 160), OCCUPIED, np.int8)
+    cells[4:116, 4:156] = FREE
+    room = OccupancyMap(cells, PLAN.resolution, PLAN.origin)
+    report = follow(started(None, room), seen=room, scale=1.0)
+    assert all(belief.lost for _, belief in report)
+    assert {belief.hypotheses for _, belief in report} == {0, 2}
 
 
 @pytest.mark.parametrize("told", [(7.5, 4.2, 1.9), (2.0, 2.0, 0.0), (3.0, 4.0, -1.5)], ids=str)

@@ -296,7 +296,7 @@ def test_parameters_are_within_their_ranges() -> None:
     check_ranges(
         LocalPlannerParams,
         "distance (0.1, 3], clear [0, 1], narrow_price [0, 50], unobserved_price [0, 20], "
-        "turn_price [0, 2], margin [0, 0.3]",
+        "turn_price [0, 2], margin [0, 0.3], leave_price [0, 2]",
     )
     check_ranges(
         TraversabilityParams,

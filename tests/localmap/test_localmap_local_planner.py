@@ -61,6 +61,19 @@ def test_of_two_equal_ways_the_one_that_the_robot_faces(yaw: float) -> None:
     assert goal.bearing * yaw < -0.5
 
 
+def test_the_way_of_the_last_plan_is_left_only_where_that_pays() -> None:
+    planner = LocalPlanner()
+    on_the_left = planner.plan(grid_with((0.8, 1.2, -0.7, 0.45)), ORIGIN, 2.0, 0.0)
+    shorter_right = grid_with((0.8, 1.2, -0.5, 0.6))
+    assert planner.plan(shorter_right, ORIGIN, 2.0, 0.0).bearing > 0.2
+    assert on_the_left.bearing > 0.2 > LocalPlanner().plan(shorter_right, ORIGIN, 2.0, 0.0).bearing
+    barred = grid_with((0.8, 1.2, -0.5, 2.9))
+    assert planner.plan(barred, ORIGIN, 2.0, 0.0).bearing < -0.2
+    assert planner.plan(shorter_right, ORIGIN, 2.0, 0.0).bearing < -0.2
+    planner.reset()
+    assert planner.plan(grid_with((0.8, 1.2, -0.7, 0.45)), ORIGIN, 2.0, 0.0) == on_the_left
+
+
 @pytest.mark.parametrize("bearing", np.radians(np.arange(-180, 180, 30)))
 @pytest.mark.parametrize("distance", [2.0, 30.0])
 def test_the_local_goal_is_toward_the_target_on_every_side(bearing: float, distance: float) -> None:
@@ -116,6 +129,7 @@ def test_moving_obstacles_bar_the_way_of_one_plan_alone() -> None:
     person = OccupiedDisc(0.9, -0.8, 0.3)
     assert alone.bearing < -0.2
     assert planner.plan(occupancy, ORIGIN, 2.0, 0.0, (person,)).bearing > 0.2
+    planner.reset()
     assert planner.plan(occupancy, ORIGIN, 2.0, 0.0) == alone
 
 

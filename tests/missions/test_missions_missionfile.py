@@ -278,7 +278,7 @@ class Clueless(ScriptedPilot):
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
         assert pose is None
         super().start(pose, goals)
-        belief = Belief(0.0, HERE, np.eye(3), confidence=0.1, lost=True)
+        belief = Belief(0.0, HERE, np.eye(3), confidence=0.1, lost=True, hypotheses=3)
         self.state = StackState(0.0, belief=belief)
 
 
@@ -288,7 +288,7 @@ def test_a_lost_belief_at_the_timeout_is_the_outcome_lost() -> None:
     task = Task(RobotModel(), start, (goal,), timeout=3.0, start_known=False)
     run = MissionLoop(task, Clueless([Twist(0.0, 0.5)] * 999), FakeSimulator(start)).run()
     assert run.verdict.outcome is Outcome.LOST
-    assert "position estimate lost" in run.verdict.reason
+    assert "position estimate lost: 3 places fit" in run.verdict.reason
     numbers = measure_localization(run.log, run.log.every(0.1))
     assert numbers.localized_after_s is None
     assert numbers.estimate_error_p95_m is None

@@ -319,6 +319,11 @@ def test_without_another_route_the_old_one_is_kept_and_the_passage_named() -> No
         assert drive.wait(seconds).place == "far"
         assert not drive.papfis.no_route_reason
         assert not drive.closed
+    drive.report("closed", 3)
+    drive.wait(61.0)
+    assert drive.closed  # for twice as long, as nothing showed it to be open
+    drive.wait(60.0)
+    assert not drive.closed
 
 
 def test_a_free_leg_back_does_not_reopen_a_passage() -> None:
