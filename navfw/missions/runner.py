@@ -307,7 +307,8 @@ class MissionLoop:
         if self.progress_checker.update(now, pose):
             limit = f"{self.task.stall_radius:g} m of one position for {self.task.stuck_after:g} s"
             outcome = Outcome.UNSURE if state.unsure else Outcome.STUCK
-            return self._verdict(outcome, f"stayed within {limit}")
+            held = f"; held by the safety monitor: {state.veto}" if state.veto else ""
+            return self._verdict(outcome, f"stayed within {limit}{held}")
         return self._time_is_up(pose) if now >= self.task.timeout else None
 
     def _time_is_up(self, pose: Pose) -> MissionVerdict:

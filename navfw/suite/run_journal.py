@@ -331,9 +331,9 @@ class RunJournal:
         try:
             with contextlib.closing(sqlite3.connect(place, _WAIT, uri=True)) as database:
                 yield database
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:  # names of a damaged schema
             code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-            if code in _DAMAGE:
+            if code in _DAMAGE or isinstance(error, UnicodeDecodeError):
                 raise JournalDamagedError(f"is damaged: {error}", file=self.file) from None
             raise InputError(f"cannot be read or written: {error}", file=self.file) from None
 

@@ -115,7 +115,7 @@ class BlindPilot(ScriptedPilot):
 
     def step(self, reading: SensorReading) -> Twist:
         twist = super().step(reading)
-        self.state = dataclasses.replace(self.state, sight=Sight.NOTHING)
+        self.state = dataclasses.replace(self.state, sight=Sight.NOTHING, veto="no room")
         return twist
 
 
@@ -134,7 +134,9 @@ def test_a_run_without_progress_ends_in_time_and_tells_what_the_camera_does_not_
         assert run.verdict.outcome is outcome
         assert run.sim_time == pytest.approx(seconds, abs=0.05)
         assert run.verdict.reason.startswith(reason)
-        assert run.verdict.reason.partition("; ")[1:] == seen.partition("; ")[1:]
+        assert run.verdict.reason.endswith(seen)
+        held = outcome is Outcome.STUCK and pilot is BlindPilot
+        assert ("; held by the safety monitor: no room" in run.verdict.reason) == held
 
 
 class BrokenPilot(ScriptedPilot):

@@ -195,12 +195,20 @@ def test_a_row_that_differs_from_its_checksum_is_driven_again(out: SuiteFolder) 
     assert "a row differs from its checksum" in told[0]
 
 
-@pytest.mark.parametrize("content", [b"", b"no database at all" * 300])
+@pytest.mark.parametrize(
+    "damaged",
+    [
+        lambda _: b"",
+        lambda _: b"no database at all" * 300,
+        lambda journal: journal.replace(b"tablerunrun", b"tabler\xe3nrun"),
+    ],
+    ids=["empty", "text", "a name that is no UTF-8"],
+)
 def test_all_runs_of_an_unreadable_journal_are_driven_again(
-    out: SuiteFolder, content: bytes
+    out: SuiteFolder, damaged: Callable[[bytes], bytes]
 ) -> None:
     run(plan(), out)
-    out.journal.file.write_bytes(content)
+    out.journal.file.write_bytes(damaged(out.journal.file.read_bytes()))
     told: list[str] = []
     done, driven = run(plan(5), out, "resume", told)
     assert [seed for _, seed in driven] == [0, 1, 2, 3, 4]
