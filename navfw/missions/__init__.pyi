@@ -1,6 +1,6 @@
-from .composed_events import Blackout as Blackout
 from .event_clock import Event as Event
 from .event_clock import EventClock as EventClock
+from .eventspec import Blackout as Blackout
 from .learning_drives import SituationDrive as SituationDrive
 from .learning_drives import learn_landmarks as learn_landmarks
 from .learning_drives import record_situations as record_situations

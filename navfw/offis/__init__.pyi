@@ -13,6 +13,6 @@ from .offis import Offis as Offis
 from .pyramid import Channels as Channels
 from .pyramid import Pyramid as Pyramid
 from .pyramid import position as position
-from .slopes import slopes_of_walls as slopes_of_walls
 from .walls import Walls as Walls
 from .walls import find_walls as find_walls
+from .walls import slopes_of_walls as slopes_of_walls

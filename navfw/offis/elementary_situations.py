@@ -16,8 +16,7 @@ from navfw.numerics.products import product
 from navfw.offis.fuzzy_systems import FuzzyEvaluation, infer, load_system
 from navfw.offis.grid_geometry import GridGeometry
 from navfw.offis.object_cells import ObjectCells
-from navfw.offis.slopes import Slopes
-from navfw.offis.walls import Walls
+from navfw.offis.walls import Slopes, Walls
 
 TABLE = (
     "door or corridor",
