@@ -9,7 +9,7 @@ An event has one trigger (``at`` or ``near``), one action, and optionally a dura
       - {near: {x: 3, y: 2, within: 1}, behavior: {name: avoid, does: raises}}
 
 ``near`` is evaluated with the true position. The stack gets no information about events.
-Checks against map, world and stack: ``navfw.missions.event_check``. The shipped event plugin is
+Checks against map, world and stack: ``navfw.missions.mission_events``. The shipped event plugin is
 composed of other events.
 """
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from navfw.errors import InputError
-from navfw.missions.event_clock import Event, EventClock, EventTarget
+from navfw.missions.mission_events import Event, EventClock, EventTarget
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import Outcome

@@ -1,12 +1,12 @@
 from .elementary_situations import ELEMENTARY as ELEMENTARY
 from .elementary_situations import TABLE as TABLE
-from .floor import FloorModel as FloorModel
-from .floor import floor_nearness as floor_nearness
 from .fuzzy_systems import RULES as RULES
 from .fuzzy_systems import infer as infer
 from .fuzzy_systems import load_system as load_system
+from .grid_geometry import FloorModel as FloorModel
 from .grid_geometry import GridGeometry as GridGeometry
 from .grid_geometry import find_blind_borders as find_blind_borders
+from .grid_geometry import floor_nearness as floor_nearness
 from .nearness import Nearness as Nearness
 from .nearness import triangulate as triangulate
 from .offis import Offis as Offis

@@ -30,7 +30,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
     "features": {
         "aruco": "navfw.features.aruco:Aruco",
         "landmarks": "navfw.features.combined_landmarks:Landmarks",
-        "none": "navfw.features.no_features:NoFeatures",
+        "none": "navfw.features.combined_landmarks:NoFeatures",
         "posters": "navfw.features.posters:Posters",
     },
     "localizer": {
