@@ -64,8 +64,8 @@ def check_proposal(answer: Any, shape: tuple[int, int]) -> Proposal:
     if not callable(answer.explain):
         raise AnswerError("explain is no function")
     layers = ("desirability", "prohibition")
-    given = {name: degrees(getattr(answer, name), name, shape) for name in layers}
-    return _checked(answer, Proposal, explain=answer.explain, **given)
+    checked = {name: degrees(getattr(answer, name), name, shape) for name in layers}
+    return _checked(answer, Proposal, explain=answer.explain, **checked)
 
 
 def check_weights(answer: Any) -> dict[str, float]:

@@ -44,8 +44,7 @@ def calls_of_drives(stacks: Sequence[str], seconds: float) -> Calls:
     for module in sorted(name for name in sys.modules if name.startswith("navfw.")):
         for name, function in sorted(vars(sys.modules[module]).items()):
             if is_jitted(function) and function.py_func.__module__ == module:
-                called = function.signatures
-                signatures = sorted(", ".join(map(expression, kinds)) for kinds in called)
+                signatures = sorted(", ".join(map(expression, s)) for s in function.signatures)
                 if signatures:
                     found.setdefault(module, {})[name] = signatures
     return found
