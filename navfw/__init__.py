@@ -11,8 +11,6 @@ inner ones, but for ``navfw.testing`` and ``navfw.gym``:
 Each name is imported on first use, so that ``import navfw`` is fast; ``__init__.pyi`` lists them.
 """
 
-from __future__ import annotations
-
 import lazy_loader
 
 __version__ = "0.1.0"

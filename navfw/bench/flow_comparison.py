@@ -34,6 +34,7 @@ from navfw.bench.true_pairs import (
 )
 from navfw.errors import InputError
 from navfw.flow.confidence import SIGMA_UNKNOWN
+from navfw.flow.dense_flow import PRESETS, Dis, Farneback
 from navfw.flow.grid_flow import GridFlow, MatchedFlow
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import FlowProcessor
@@ -47,12 +48,6 @@ from navfw.signals import CameraMotion
 
 _DenseMethod = Callable[[Image, Image], Floats]
 """Displacement (height, width, 2) [px] of each pixel of the first image in the second."""
-
-_DIS = {
-    "ultrafast": cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
-    "fast": cv2.DISOPTICAL_FLOW_PRESET_FAST,
-    "medium": cv2.DISOPTICAL_FLOW_PRESET_MEDIUM,
-}
 
 
 class PlainDense(MatchedFlow):
@@ -106,41 +101,21 @@ class PlainPoints(MatchedFlow):
 def plain_processors(robot: RobotModel) -> dict[str, MatchedFlow]:
     """OpenCV's processors by name: DIS by preset and finest scale, LK and Farneback by window."""
     dis = {
-        f"cv_dis_{preset}_{finest}": PlainDense(robot, _dis(preset, finest))
-        for preset in _DIS
+        f"cv_dis_{preset}_{finest}": _dis(robot, preset, finest)
+        for preset in PRESETS
         for finest in (0, 1, 2)
     }
     points = {f"cv_lk_{window}": PlainPoints(robot, window, 3) for window in (11, 15, 21)}
-    farneback = {f"cv_farneback_{n}": PlainDense(robot, _farneback(n)) for n in (9, 15)}
+    farneback = {
+        f"cv_farneback_{n}": PlainDense(robot, Farneback(robot, Farneback.Params(window=n)).dense)
+        for n in (9, 15)
+    }
     return {**dis, **points, **farneback}
 
 
-def _dis(preset: str, finest: int) -> _DenseMethod:
-    dis = cv2.DISOpticalFlow.create(_DIS[preset])
-    dis.setFinestScale(finest)
-
-    def method(now: Image, past: Image) -> Floats:
-        return np.asarray(dis.calc(now, past, np.zeros((*now.shape, 2), np.float32)), np.float32)
-
-    return method
-
-
-def _farneback(window: int) -> _DenseMethod:
-    def method(now: Image, past: Image) -> Floats:
-        start: Floats = np.zeros((*now.shape, 2), np.float32)
-        flow = cv2.calcOpticalFlowFarneback(
-            *(now, past, start),
-            pyr_scale=0.5,
-            levels=3,
-            winsize=window,
-            iterations=3,
-            poly_n=5,
-            poly_sigma=1.1,
-            flags=0,
-        )
-        return np.asarray(flow, np.float32)
-
-    return method
+def _dis(robot: RobotModel, preset: str, finest: int) -> PlainDense:
+    params = Dis.Params.model_validate({"preset": preset, "finest_scale": finest})
+    return PlainDense(robot, Dis(robot, params).dense)
 
 
 _Processors = Callable[[RobotModel], Mapping[str, FlowProcessor]]
@@ -204,7 +179,7 @@ def rendered_set(
 
 def _unaided(pairs: Iterable[TruePair], robot: RobotModel) -> list[TruePair]:
     """The pairs without the measured motion, and without the error of the recorded one."""
-    reference = PlainDense(robot, _dis("medium", 0))  # the most accurate of OpenCV's
+    reference = _dis(robot, "medium", 0)  # the most accurate of OpenCV's
     corrected = []
     for true in pairs:
         still = CameraMotion(np.eye(3), np.zeros(3), true.pair.motion.dt)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,12 +18,10 @@ from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.situation_model import SITUATIONS, SituationTable, learn_table
 from navfw.missions.learning_drives import SituationDrive, record_situations
+from navfw.plugins import Registry
 from navfw.process.result_table import Column, ResultTable, named
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
-
-if TYPE_CHECKING:
-    from navfw.plugins import Registry
-    from navfw.suite.suite_plan import SuitePlan
+from navfw.suite.suite_plan import SuitePlan
 
 EVERY = 10
 """The filter's accuracy is evaluated at one camera frame in this many."""

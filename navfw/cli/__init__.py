@@ -17,7 +17,7 @@ from typing import Annotated, Any
 import typer
 
 from navfw.cli.command_groups import PanelGroup
-from navfw.cli.standard_streams import standard_streams
+from navfw.cli.output import standard_streams
 from navfw.cli.supervisor import supervise
 from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
 from navfw.config.project_code import asking, trusting

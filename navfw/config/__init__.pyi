@@ -12,7 +12,7 @@ from .input_file import is_file as is_file
 from .input_file import is_folder as is_folder
 from .input_file import read_input as read_input
 from .input_file import read_input_text as read_input_text
-from .json_file import read_json_object as read_json_object
+from .input_file import read_json_object as read_json_object
 from .lookup import NamedFile as NamedFile
 from .lookup import find as find
 from .lookup import list_files as list_files

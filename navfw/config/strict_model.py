@@ -1,7 +1,5 @@
 """The base class of the models that data files are validated against."""
 
-from __future__ import annotations
-
 from pydantic import BaseModel, ConfigDict
 
 

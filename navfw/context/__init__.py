@@ -4,8 +4,6 @@ Plain data that the stack hands to the plugins of MOFIS; it depends on signals, 
 alone, so that interfaces and MOFIS share it without a circle.
 """
 
-from __future__ import annotations
-
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,7 +1,5 @@
 """Motion of the robot and its camera from wheel encoders and gyro alone (paper sec 2, AUX)."""
 
-from __future__ import annotations
-
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,10 +1,8 @@
 """Feature Recognition Processor (paper sec 2): landmark detections from single images.
 
-``aruco`` detects markers, ``posters`` pictures, ``combined_landmarks`` both, ``no_features``
-nothing. ``square_localization`` computes bearing and range from the corners.
+``aruco`` detects markers, ``posters`` pictures, ``combined_landmarks`` both, or nothing.
+``square_localization`` computes bearing and range from the corners.
 """
-
-from __future__ import annotations
 
 import lazy_loader
 

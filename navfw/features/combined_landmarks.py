@@ -1,4 +1,4 @@
-"""The recogniser ``landmarks``: markers and posters."""
+"""The recognisers ``landmarks``: markers and posters; and ``none``, for dead reckoning."""
 
 from __future__ import annotations
 
@@ -53,3 +53,14 @@ class Landmarks(FeatureRecognizer):
             for recognizer in self._recognizers
             for detection in recognizer.recognize(frame)
         )
+
+
+class NoFeatures(FeatureRecognizer):
+    """Detects nothing."""
+
+    name: ClassVar[str] = "none"
+
+    def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
+        """No landmarks in any ``frame``."""
+        del frame
+        return ()

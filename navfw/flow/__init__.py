@@ -1,7 +1,5 @@
 """Optical Flow Processor (paper sec 3): flow on a sparse grid, its confidence, and derotation."""
 
-from __future__ import annotations
-
 import cv2
 import lazy_loader
 

@@ -23,11 +23,12 @@ _SIGMA_SCALE = 1.5
 #: Share of the standard deviation of the flow within a cell that counts as error of its mean.
 _SPREAD_SHARE = 0.45
 
-_PRESETS = {
+PRESETS = {
     "ultrafast": cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
     "fast": cv2.DISOPTICAL_FLOW_PRESET_FAST,
     "medium": cv2.DISOPTICAL_FLOW_PRESET_MEDIUM,
 }
+"""OpenCV's presets of DIS by name."""
 
 
 class DenseFlow(MatchedFlow):
@@ -68,14 +69,14 @@ class DenseFlow(MatchedFlow):
         self._pixel_x, self._pixel_y = x, y
 
     @abstractmethod
-    def _dense(self, now: Image, past: Image) -> Floats:
+    def dense(self, now: Image, past: Image) -> Floats:
         """Displacement (height, width, 2) [px], past - now, of each pixel of ``now``."""
 
     def _match(
         self, now: Image, past: Image, visible: tuple[int, int, int, int]
     ) -> tuple[Array, Array, Array]:
         p = self.params
-        dense = self._dense(now, past)
+        dense = self.dense(now, past)
         source_x, source_y = self._pixel_x + dense[..., 0], self._pixel_y + dense[..., 1]
         moved = cv2.remap(past, source_x, source_y, cv2.INTER_LINEAR).astype(np.uint8)
         seen = is_visible(source_x, source_y, visible).astype(np.float32)
@@ -157,10 +158,11 @@ class Dis(DenseFlow):
 
     def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
         super().__init__(robot, params)
-        self._dis = cv2.DISOpticalFlow.create(_PRESETS[self.params.preset])
+        self._dis = cv2.DISOpticalFlow.create(PRESETS[self.params.preset])
         self._dis.setFinestScale(self.params.finest_scale)
 
-    def _dense(self, now: Image, past: Image) -> Floats:
+    def dense(self, now: Image, past: Image) -> Floats:
+        """See ``DenseFlow.dense``."""
         start: Floats = np.zeros((*now.shape, 2), dtype=np.float32)
         return np.asarray(self._dis.calc(now, past, start), dtype=np.float32)
 
@@ -186,7 +188,8 @@ class Farneback(DenseFlow):
 
     params: Params
 
-    def _dense(self, now: Image, past: Image) -> Floats:
+    def dense(self, now: Image, past: Image) -> Floats:
+        """See ``DenseFlow.dense``."""
         p = self.params
         start: Floats = np.zeros((*now.shape, 2), dtype=np.float32)
         flow = cv2.calcOpticalFlowFarneback(

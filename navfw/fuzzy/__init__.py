@@ -6,8 +6,6 @@ rules cover all inputs, and ``rulefile`` loads. ``compiled_fis`` evaluates in mi
 are imported on first access: to read and check a rule base neither is needed.
 """
 
-from __future__ import annotations
-
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

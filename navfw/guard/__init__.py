@@ -6,8 +6,6 @@
 - ``guarded_stages``: the stages of the stack with a fallback for a call that failed.
 """
 
-from __future__ import annotations
-
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,14 +1,15 @@
 """The check of each stage's answer: what passes between stages.
 
 Each function takes the answer and, where needed, what it must agree with, and raises
-``AnswerError``.
+``AnswerError``. A field is checked by its name (``_CHECKS``).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from dataclasses import fields
+from functools import lru_cache, partial
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -62,15 +63,9 @@ def check_proposal(answer: Any, shape: tuple[int, int]) -> Proposal:
     instance(answer, Proposal, "propose")
     if not callable(answer.explain):
         raise AnswerError("explain is no function")
-    return rebuilt(
-        answer,
-        Proposal,
-        applicability=degree(answer.applicability, "applicability"),
-        desirability=degrees(answer.desirability, "desirability", shape),
-        prohibition=degrees(answer.prohibition, "prohibition", shape),
-        reason=text(answer.reason, "reason"),
-        explain=answer.explain,
-    )
+    layers = ("desirability", "prohibition")
+    checked = {name: degrees(getattr(answer, name), name, shape) for name in layers}
+    return _checked(answer, Proposal, explain=answer.explain, **checked)
 
 
 def check_weights(answer: Any) -> dict[str, float]:
@@ -81,18 +76,7 @@ def check_weights(answer: Any) -> dict[str, float]:
 
 def check_command(answer: Any) -> Command:
     """A fusion's command."""
-    instance(answer, Command, "fuse")
-    return rebuilt(
-        answer,
-        Command,
-        time=number(answer.time, "time"),
-        twist=twist(answer.twist, "twist"),
-        leader=text(answer.leader, "leader"),
-        reason=text(answer.reason, "reason"),
-        emergency=bool(answer.emergency),
-        weights=numbers(answer.weights, "weights"),
-        explanation=_explanation(answer.explanation),
-    )
+    return _checked(instance(answer, Command, "fuse"), Command)
 
 
 def check_twist(answer: Any) -> Twist:
@@ -109,16 +93,14 @@ def check_flow(answer: Any, pair: FramePair) -> FlowField:
     shape = _grid_shape(answer.confidence)
     confidence = degrees(answer.confidence, "confidence", shape)
     hints = answer.inconsistency
-    return rebuilt(
+    return _checked(
         answer,
         FlowField,
-        time=number(answer.time, "time"),
         points=array(answer.points, "points", (*shape, 2)),
         vectors=array(answer.vectors, "vectors", (*shape, 2)),
         confidence=confidence,
         sigma=_deviations(answer.sigma, shape, confidence),
         motion=pair.motion,
-        derotated=bool(answer.derotated),
         inconsistency=None if hints is None else degrees(hints, "inconsistency", shape),
     )
 
@@ -137,60 +119,35 @@ def check_percept(answer: Any, flow: FlowField) -> Percept:
     if not are_within(label, *_LABELS):
         raise AnswerError(f"label has values outside [{_LABELS[0]}, {_LABELS[1]}]")
     labelled = confidence * (label != _UNKNOWN)
-    return rebuilt(
+    return _checked(
         answer,
         Percept,
-        time=number(answer.time, "time"),
         points=array(answer.points, "points", (*shape, 2)),
         nearness=_finite_where(answer.nearness, "nearness", shape, confidence),
         sigma=_deviations(answer.sigma, shape, confidence),
         confidence=confidence,
         height=_finite_where(answer.height, "height", shape, labelled),
         label=contiguous(label, _INT8),
-        obstacles=_of_mappings(answer.obstacles, "obstacles", texts),
-        quadrants=_quadrants(answer.quadrants),
-        planes=numbers(answer.planes, "planes"),
-        slopes=texts(answer.slopes, "slopes"),
-        situations=numbers(answer.situations, "situations", 0.0, 1.0),
-        floor_in_front=degree(answer.floor_in_front, "floor_in_front"),
-        sentence=text(answer.sentence, "sentence"),
-        explanation=_explanation(answer.explanation),
     )
 
 
 def check_detections(answer: Any) -> tuple[LandmarkDetection, ...]:
     """A feature recogniser's landmarks in one image."""
-    return tuple(_detection(item) for item in items(answer, "recognize's answer"))
-
-
-def _detection(answer: Any) -> LandmarkDetection:
-    instance(answer, LandmarkDetection, "recognize")
-    return rebuilt(
-        answer,
-        LandmarkDetection,
-        time=number(answer.time, "time"),
-        identity=text(answer.identity, "identity"),
-        bearing=number(answer.bearing, "bearing"),
-        range=number(answer.range, "range", 0.0),
-        covariance=_covariance(answer.covariance, 2),
+    marks = items(answer, "recognize's answer")
+    return tuple(
+        _checked(
+            instance(mark, LandmarkDetection, "recognize"),
+            LandmarkDetection,
+            covariance=_covariance(mark.covariance, 2),
+        )
+        for mark in marks
     )
 
 
 def check_belief(answer: Any) -> Belief:
     """A localiser's belief."""
     instance(answer, Belief, "update")
-    return rebuilt(
-        answer,
-        Belief,
-        time=number(answer.time, "time"),
-        pose=pose(answer.pose, "pose"),
-        covariance=_covariance(answer.covariance, 3),
-        places=numbers(answer.places, "places", 0.0, 1.0),
-        confidence=degree(answer.confidence, "confidence"),
-        lost=bool(answer.lost),
-        updates=int(number(answer.updates, "updates", 0.0)),
-        hypotheses=int(number(answer.hypotheses, "hypotheses", 0.0)),
-    )
+    return _checked(answer, Belief, covariance=_covariance(answer.covariance, 3))
 
 
 def check_waypoint(answer: Any) -> Waypoint | None:
@@ -200,17 +157,8 @@ def check_waypoint(answer: Any) -> Waypoint | None:
 
 @lru_cache(maxsize=4096)  # a planner gives the same waypoints at every frame
 def _waypoint(answer: Waypoint) -> Waypoint:
-    passage = answer.passage
-    return Waypoint(
-        number(answer.x, "x"),
-        number(answer.y, "y"),
-        number(answer.tolerance, "tolerance", 0.0),
-        text(answer.place, "place"),
-        text(answer.kind, "kind"),
-        bool(answer.final),
-        _width(answer.width),
-        None if passage is None else _two_names(passage),
-    )
+    passage = None if answer.passage is None else _two_names(answer.passage, "passage")
+    return _checked(answer, Waypoint, passage=passage)
 
 
 def check_path(answer: Any) -> tuple[Waypoint, ...]:
@@ -226,12 +174,7 @@ def check_queries(answer: Any) -> tuple[PassageQuery, ...]:
 
 @lru_cache(maxsize=4096)
 def _query(answer: PassageQuery) -> PassageQuery:
-    return PassageQuery(
-        _two_names(answer.passage),
-        _point(answer.start, "start"),
-        _point(answer.end, "end"),
-        _width(answer.width),
-    )
+    return _checked(answer, PassageQuery)
 
 
 def check_reason(answer: Any) -> str | None:
@@ -239,10 +182,14 @@ def check_reason(answer: Any) -> str | None:
     return None if answer is None else text(answer, "no_route_reason")
 
 
-def _explanation(value: Any) -> Mapping[str, Any]:
+def _flag(value: Any, _what: str) -> bool:
+    return bool(value)
+
+
+def _explanation(value: Any, what: str) -> Mapping[str, Any]:
     """A mapping as it is: it may be computed on request."""
     if not isinstance(value, Mapping):
-        raise AnswerError("explanation is no mapping")
+        raise AnswerError(f"{what} is no mapping")
     return value
 
 
@@ -277,9 +224,9 @@ def _covariance(value: Any, size: int) -> Array:
     return covariance
 
 
-def _quadrants(value: Any) -> Mapping[str, Mapping[str, float]]:
+def _quadrants(value: Any, what: str) -> Mapping[str, Mapping[str, float]]:
     """Degrees of near, middle and far for each quadrant, the four of the image among them."""
-    quadrants = _of_mappings(value, "quadrants", numbers)
+    quadrants = _of_mappings(value, what, numbers)
     for name in QUADRANTS:
         degrees_by_term = quadrants.get(name, {})
         for term in _TERMS:
@@ -302,15 +249,15 @@ def _of_mappings(
     return value
 
 
-def _width(value: Any) -> float:
-    return math.inf if value == math.inf else number(value, "width", 0.0)
+def _width(value: Any, what: str) -> float:
+    return math.inf if value == math.inf else number(value, what, 0.0)
 
 
-def _two_names(value: Any) -> tuple[str, str]:
-    names = items(value, "passage")
+def _two_names(value: Any, what: str) -> tuple[str, str]:
+    names = items(value, what)
     if len(names) != 2:
-        raise AnswerError(f"passage has {len(names)} names, expected 2")
-    return text(names[0], "passage"), text(names[1], "passage")
+        raise AnswerError(f"{what} has {len(names)} names, expected 2")
+    return text(names[0], what), text(names[1], what)
 
 
 def _point(value: Any, what: str) -> tuple[float, float]:
@@ -318,3 +265,33 @@ def _point(value: Any, what: str) -> tuple[float, float]:
     if len(point) != 2:
         raise AnswerError(f"{what} has {len(point)} numbers, expected x and y")
     return number(point[0], what), number(point[1], what)
+
+
+_CHECKS: Mapping[str, Callable[[Any, str], Any]] = {
+    **dict.fromkeys(("time", "x", "y", "bearing"), number),
+    **dict.fromkeys(("range", "tolerance"), partial(number, low=0.0)),
+    **dict.fromkeys(("applicability", "confidence", "floor_in_front"), degree),
+    **dict.fromkeys(("reason", "leader", "sentence", "identity", "place", "kind"), text),
+    **dict.fromkeys(("emergency", "derotated", "lost", "final"), _flag),
+    **dict.fromkeys(("weights", "planes"), numbers),
+    **dict.fromkeys(("places", "situations"), partial(numbers, low=0.0, high=1.0)),
+    **dict.fromkeys(("start", "end"), _point),
+    "twist": twist,
+    "pose": pose,
+    "slopes": texts,
+    "obstacles": partial(_of_mappings, check=texts),
+    "quadrants": _quadrants,
+    "explanation": _explanation,
+    "updates": lambda value, what: int(number(value, what, 0.0)),
+    "hypotheses": lambda value, what: int(number(value, what, 0.0)),
+    "width": _width,
+    "passage": _two_names,
+}
+"""The check of each field by its name, where it does not depend on other fields."""
+
+
+def _checked(answer: Any, cls: type[T], **checked: Any) -> T:
+    """``answer`` as a ``cls``; fields that are not ``checked`` before are by ``_CHECKS``."""
+    names = {field.name for field in fields(cls)} - checked.keys()  # type: ignore[arg-type]
+    values = {name: _CHECKS[name](getattr(answer, name), name) for name in sorted(names)}
+    return rebuilt(answer, cls, **values, **checked)

@@ -10,8 +10,6 @@
 ``navfw.gym.mission_env.MissionEnv``.
 """
 
-from __future__ import annotations
-
 import lazy_loader
 
 from navfw.config.extras import extra_imports

@@ -18,8 +18,7 @@ from navfw.config.overrides import Settings, override_texts
 from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
 from navfw.errors import InputError, UnknownNameError
-from navfw.gym.agent_plugins import ACTIONS, Action, AgentChoice
-from navfw.gym.observation_kinds import KINDS, AgentView, Observation
+from navfw.gym.agent_spaces import ACTIONS, KINDS, Action, AgentChoice, AgentView, Observation
 from navfw.missions.outcome import GoalChecker, Outcome
 from navfw.missions.pilot import TickView
 from navfw.missions.session import Session, SteppedSession

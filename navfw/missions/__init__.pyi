@@ -1,11 +1,11 @@
-from .composed_events import Blackout as Blackout
-from .event_clock import Event as Event
-from .event_clock import EventClock as EventClock
+from .eventspec import Blackout as Blackout
 from .learning_drives import SituationDrive as SituationDrive
 from .learning_drives import learn_landmarks as learn_landmarks
 from .learning_drives import record_situations as record_situations
 from .loop_timing import Lap as Lap
 from .loop_timing import summarize as summarize
+from .mission_events import Event as Event
+from .mission_events import EventClock as EventClock
 from .missionfile import MissionFile as MissionFile
 from .missionfile import draw_start as draw_start
 from .missionfile import load_mission as load_mission

@@ -9,16 +9,19 @@ An event has one trigger (``at`` or ``near``), one action, and optionally a dura
       - {near: {x: 3, y: 2, within: 1}, behavior: {name: avoid, does: raises}}
 
 ``near`` is evaluated with the true position. The stack gets no information about events.
-Checks against map, world and stack: ``navfw.missions.event_check``.
+Checks against map, world and stack: ``navfw.missions.mission_events``. The shipped event plugin is
+composed of other events.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Self
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
 from navfw.config.strict_model import StrictModel
+from navfw.interfaces import MissionEvent
 from navfw.plugins.fault_injection import Failure
 from navfw.sim.event_actions import (
     CameraFault,
@@ -112,3 +115,24 @@ class EventSpec(StrictModel):
 
 def _actions() -> list[str]:
     return [key for key in EventSpec.model_fields if key not in (*_TRIGGERS, "lasting")]
+
+
+class Blackout(MissionEvent):
+    """A power failure: the lamps dim, and all open doors of the world close."""
+
+    name: ClassVar[str] = "blackout"
+
+    class Params(MissionEvent.Params):
+        """The emergency lighting."""
+
+        light: Annotated[float, Field(ge=0.0, le=1.0, description="share of light left")] = 0.3
+
+    params: Params
+
+    def actions(self, world: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
+        """Dim the lamps, and close every open door."""
+        doors = [door["name"] for door in world["doors"] if door["state"] == "open"]
+        return [
+            {"light": {"share": self.params.light}},
+            *({"door": {"name": name, "state": "closed"}} for name in doors),
+        ]

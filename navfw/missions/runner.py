@@ -14,7 +14,7 @@ import numpy as np
 
 from navfw.errors import InputError
 from navfw.guard import PluginCallError
-from navfw.missions.event_clock import EventClock, EventRecord
+from navfw.missions.mission_events import EventClock, EventRecord
 from navfw.missions.outcome import (
     FaultKind,
     GoalChecker,

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from navfw.errors import InputError
-from navfw.missions.event_clock import Event, EventClock, EventTarget
+from navfw.missions.mission_events import Event, EventClock, EventTarget
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import Outcome
@@ -335,7 +335,8 @@ class MissionResult:
 
     def summary(self) -> dict[str, Any]:
         """The content of ``navfw run --json``: one flat object."""
-        run, verdict, metrics = self.run, self.run.verdict, self.metrics
+        run, verdict, measured = self.run, self.run.verdict, asdict(self.metrics)
+        del measured["traversal_s"]
         return {
             "outcome": str(verdict.outcome),
             "reason": verdict.reason,
@@ -347,24 +348,13 @@ class MissionResult:
             "sim_time_s": run.sim_time,
             "wall_time_s": run.wall_time,
             "real_time_factor": run.real_time_factor,
-            "path_length_m": metrics.path_length_m,
-            "shortest_path_m": metrics.shortest_path_m,
-            "spl": metrics.spl,
-            "collisions": metrics.collisions,
+            "mean_speed_m_s": measured.pop("mean_speed"),
+            **measured.pop("localization"),
+            **measured,
             "collision_cause": self.collision_cause,
-            "min_clearance_m": metrics.min_clearance_m,
-            "clearance_p05_m": metrics.clearance_p05_m,
-            "distance_to_goal_m": metrics.distance_to_goal_m,
-            "estimate_error_m": metrics.estimate_error_m,
-            "estimate_error_max_m": metrics.estimate_error_max_m,
-            **asdict(metrics.localization),
-            "mean_speed_m_s": metrics.mean_speed,
-            "emergencies": metrics.emergencies,
-            "route_changes": metrics.route_changes,
             "command_hash": run.log.command_hash,
             "oracle": self.session.stack.resolved.settings.oracle or bool(self.oracle_plugins),
             "oracle_plugins": list(self.oracle_plugins),
             "faults": run.faults,
             "events": [event.as_data() for event in run.events],
-            "stage_ms": metrics.stage_ms,
         }

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Override, Settings, override_texts, parse_override
 from navfw.errors import UnknownNameError
-from navfw.missions.event_check import resolve_events, with_doors_open
+from navfw.missions.mission_events import resolve_events, with_doors_open
 from navfw.missions.missionfile import MissionFile, load_mission, mission_to
 from navfw.missions.session import MissionResult, Session, SteppedSession
 from navfw.robot.robotfile import robot_section

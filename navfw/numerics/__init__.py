@@ -10,8 +10,6 @@ does so by the width of the registers. Code that commands depend on uses these i
 - ``algebra_kernels``: the same within compiled functions, and scalar products of long vectors.
 """
 
-from __future__ import annotations
-
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

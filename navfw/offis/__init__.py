@@ -5,8 +5,6 @@ drop, above), and the paper's fuzzy results (nearest objects, planes, slopes, el
 situations).
 """
 
-from __future__ import annotations
-
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -12,16 +12,28 @@ from pydantic import Field, model_validator
 
 from navfw.interfaces import Perception
 from navfw.numerics import Array
-from navfw.offis.elementary_situations import FLOOR_IN_FRONT, find_situations, front_features
-from navfw.offis.floor import FloorModel
-from navfw.offis.grid_geometry import GridGeometry, find_blind_borders
-from navfw.offis.nearest_objects import common_regions, find_planes, nearest_objects, pairs_of
-from navfw.offis.nearness import TERMS, Nearness, find_distances, triangulate
-from navfw.offis.object_cells import find_objects, object_channels, raw_channels
+from navfw.offis.elementary_situations import (
+    FLOOR_IN_FRONT,
+    find_objects,
+    find_situations,
+    front_features,
+    object_channels,
+    raw_channels,
+)
+from navfw.offis.grid_geometry import FloorModel, GridGeometry, find_blind_borders
+from navfw.offis.nearness import (
+    TERMS,
+    Nearness,
+    common_regions,
+    find_distances,
+    find_planes,
+    nearest_objects,
+    pairs_of,
+    triangulate,
+)
 from navfw.offis.percept_explanation import OffisResults, PerceptExplanation, report
 from navfw.offis.pyramid import NEIGHBOURS, QUADRANTS, RegionStatistics
-from navfw.offis.slopes import SIDES, slopes_of_means, slopes_of_walls
-from navfw.offis.walls import find_walls
+from navfw.offis.walls import SIDES, find_walls, slopes_of_means, slopes_of_walls
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Percept, Twist
 

@@ -9,11 +9,9 @@ from typing import Any
 from navfw.offis.elementary_situations import FLOOR_IN_FRONT, Situations
 from navfw.offis.fuzzy_systems import FuzzyEvaluation
 from navfw.offis.grid_geometry import BlindBorders
-from navfw.offis.nearest_objects import Planes
-from navfw.offis.nearness import TERMS, Distances
+from navfw.offis.nearness import TERMS, Distances, Planes
 from navfw.offis.pyramid import Pyramid, RegionStatistics, position
-from navfw.offis.slopes import SIDES, Slopes
-from navfw.offis.walls import Walls
+from navfw.offis.walls import SIDES, Slopes, Walls
 from navfw.signals.immutability import Sealed
 
 

@@ -4,8 +4,6 @@ The camera's motion is estimated from the images, with the help of what is given
 poses, the speed). Where this is not sufficient the result is "unknown".
 """
 
-from __future__ import annotations
-
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -5,8 +5,6 @@
 - in code: ``@plugin`` above a class, or ``registry.register(cls)``.
 """
 
-from __future__ import annotations
-
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -30,7 +30,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
     "features": {
         "aruco": "navfw.features.aruco:Aruco",
         "landmarks": "navfw.features.combined_landmarks:Landmarks",
-        "none": "navfw.features.no_features:NoFeatures",
+        "none": "navfw.features.combined_landmarks:NoFeatures",
         "posters": "navfw.features.posters:Posters",
     },
     "localizer": {
@@ -53,7 +53,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "aruco": "navfw.features.landmark_appearance:ArucoMarker",
         "poster": "navfw.features.landmark_appearance:Poster",
     },
-    "event": {"blackout": "navfw.missions.composed_events:Blackout"},
+    "event": {"blackout": "navfw.missions.eventspec:Blackout"},
     "family": {
         "clutter": "navfw.worldgen.open_areas:Clutter",
         "corridors": "navfw.worldgen.corridors:Corridors",

@@ -1,7 +1,5 @@
 """What owns a run and its output: atomic files, locks, interruption, watchdog, progress."""
 
-from __future__ import annotations
-
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

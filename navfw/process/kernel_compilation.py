@@ -12,7 +12,6 @@ import importlib
 import json
 import multiprocessing
 import os
-import re
 import signal
 import sys
 import threading
@@ -25,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import networkx
-import numba
+from numba.core import sigutils
 from numba.extending import is_jitted
 
 from navfw.process.interruption import check_interrupted
@@ -38,58 +37,19 @@ PERIOD = 0.5
 KERNEL_FILE = Path(__file__).with_name("kernels.json")
 """Module: function: its signatures."""
 
-_types: Any = numba.types
-
-_SCALARS = {
-    str(scalar): scalar
-    for scalar in (
-        _types.boolean,
-        _types.int8,
-        _types.int32,
-        _types.int64,
-        _types.uint8,
-        _types.float32,
-        _types.float64,
-    )
-}
-_ARRAY = re.compile(r"(readonly )?array\((\w+), (\d)d, ([CFA])\)")
-_UNIFORM = re.compile(r"UniTuple\((\w+) x (\d+)\)")
-_MIXED = re.compile(r"Tuple\((.+)\)")
-
 
 def parse_types(text: str) -> tuple[Any, ...]:
-    """The numba types that ``text`` names, separated by commas; "" names none.
+    """The types that ``text`` names in the words of ``numba.types``, separated by commas.
 
     Raises:
         ValueError: a name is not understood.
 
     """
-    return tuple(_parse(name) for name in _names(text))
-
-
-def _names(text: str) -> Iterator[str]:
-    """Split ``text`` at those commas that are in no parentheses."""
-    depth, begin = 0, 0
-    for place, letter in enumerate(text):
-        depth += (letter == "(") - (letter == ")")
-        if letter == "," and depth == 0:
-            yield text[begin:place].strip()
-            begin = place + 1
-    if text:
-        yield text[begin:].strip()
-
-
-def _parse(name: str) -> Any:
-    if name in _SCALARS:
-        return _SCALARS[name]
-    if match := _ARRAY.fullmatch(name):
-        readonly, element, dimensions, layout = match.groups()
-        return _types.Array(_parse(element), int(dimensions), layout, readonly=bool(readonly))
-    if match := _UNIFORM.fullmatch(name):
-        return _types.UniTuple(_parse(match[1]), int(match[2]))
-    if match := _MIXED.fullmatch(name):
-        return _types.Tuple(parse_types(match[1]))
-    raise ValueError(f"no type of a kernel's argument: {name!r}")
+    parse: Any = sigutils.normalize_signature  # has no types
+    try:
+        return tuple(parse(f"({text},)" if text else "()")[0])
+    except (NameError, SyntaxError, TypeError):
+        raise ValueError(f"no types of a kernel's arguments: {text!r}") from None
 
 
 @dataclass(frozen=True, slots=True)

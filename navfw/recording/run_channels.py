@@ -220,15 +220,8 @@ def _json(value: Mapping[str, Any]) -> str:
 
 
 def _percept(percept: Percept) -> Mapping[str, Any]:
-    return {
-        "sentence": percept.sentence,
-        "floor_in_front": percept.floor_in_front,
-        "obstacles": percept.obstacles,
-        "quadrants": percept.quadrants,
-        "planes": percept.planes,
-        "slopes": percept.slopes,
-        "situations": percept.situations,
-    }
+    named = ("obstacles", "quadrants", "planes", "slopes", "situations")
+    return {name: getattr(percept, name) for name in ("sentence", "floor_in_front", *named)}
 
 
 def _command(state: StackState) -> Mapping[str, Any]:

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from navfw.config.input_file import is_file
-from navfw.config.json_file import read_json_object
+from navfw.config.input_file import is_file, read_json_object
 from navfw.errors import ConfigError, InputError
 from navfw.process.atomic import AtomicTarget
 from navfw.process.target_lock import lock_first_free

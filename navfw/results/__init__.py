@@ -1,7 +1,5 @@
 """Measured results as JSON files, one each, and the page that is written from them."""
 
-from __future__ import annotations
-
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -8,8 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from navfw.config.input_file import is_file, is_folder
-from navfw.config.json_file import read_json_object
+from navfw.config.input_file import is_file, is_folder, read_json_object
 from navfw.config.problems import rewording
 from navfw.errors import ConfigError, InputError
 from navfw.recording.provenance import files_in

@@ -11,7 +11,7 @@ from typing import Annotated, Final, Literal, TypeAlias
 from pydantic import Field, JsonValue
 
 from navfw.config.document import load_yaml
-from navfw.config.json_file import read_json_object
+from navfw.config.input_file import read_json_object
 from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError

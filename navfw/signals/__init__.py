@@ -7,8 +7,6 @@ y down). Arrays over the grid have shape (rows, cols) with row 0 at the top of t
 0 at its left. Nearness is 1/Z [1/m], Z the depth along the optical axis.
 """
 
-from __future__ import annotations
-
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -5,8 +5,6 @@ runs a robot in a world; ``SceneGeometry`` is the world's true geometry in the p
 imported on first access, since the geometry needs no physics engine.
 """
 
-from __future__ import annotations
-
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -10,11 +10,12 @@ import time
 import traceback
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from navfw.errors import InputError, SimulationError
 from navfw.missions.outcome import Outcome
+from navfw.missions.runner import Progress
 from navfw.missions.session import MissionResult
+from navfw.plugins import Registry, default_registry
 from navfw.process.atomic import atomic_file
 from navfw.process.process_resources import peak_memory_mb, return_freed_memory
 from navfw.recording.run_folder import RunFolder
@@ -24,10 +25,6 @@ from navfw.suite.failure_symptoms import collect_symptoms
 from navfw.suite.run_journal import COLUMNS, RunRow
 from navfw.suite.run_statistics import barn_score, sct
 from navfw.suite.worker_pool import stop_requested
-
-if TYPE_CHECKING:
-    from navfw.missions.runner import Progress
-    from navfw.plugins import Registry
 
 
 def run_job(job: Job) -> RunRow:
@@ -136,8 +133,6 @@ def _stop_on_request(progress: Progress) -> None:
 @functools.cache
 def _registry() -> Registry:
     """The plugins, imported once per process; each run builds a new stack from them."""
-    from navfw.plugins import default_registry
-
     return default_registry()
 
 

@@ -7,6 +7,7 @@ import time
 import uuid
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any, Self
 
@@ -33,6 +34,7 @@ AHEAD = 3
 """Number of runs given to Dask at once per thread of its workers."""
 
 
+@dataclass
 class DaskEngine:
     """A context manager; ``run`` yields each job with its result, in the order of completion.
 
@@ -45,30 +47,22 @@ class DaskEngine:
 
     """
 
-    def __init__(
-        self,
-        address: str,
-        package: JobPackage,
-        *,
-        limit: float,
-        memory: float,
-        work: Callable[[Job], RunRow] = run_job,
-    ) -> None:
-        self._address = address
-        self._package = package
-        self._limits = (limit, memory)
-        self._work = work
-        self._name = ""
-        self._client: Any = None
+    address: str
+    package: JobPackage
+    limit: float
+    memory: float
+    work: Callable[[Job], RunRow] = run_job
+    _name: str = field(init=False, default="")
+    _client: Any = field(init=False, default=None)
 
     def __enter__(self) -> Self:
         with extra_imports("dask", key="--engine"):
             import distributed
         connect: Any = distributed.Client  # has no types
         try:
-            self._client = connect(self._address, timeout=CONNECT_TIME, set_as_default=False)
+            self._client = connect(self.address, timeout=CONNECT_TIME, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
-            what = f"no scheduler of Dask answers at {self._address} ({type(error).__name__})"
+            what = f"no scheduler of Dask answers at {self.address} ({type(error).__name__})"
             help_ = "start one with dask scheduler, or correct the address"
             raise InputError(f"{what}; {help_}", key="--scheduler") from None
         try:
@@ -109,7 +103,7 @@ class DaskEngine:
             threads = self._threads
             seen = time.monotonic() if threads else seen
             if time.monotonic() - seen > _WORKER_TIME:
-                raise SimulationError(f"{self._address} has no workers left; {_RESUME}")
+                raise SimulationError(f"{self.address} has no workers left; {_RESUME}")
             for _ in range(min(len(waiting), max(AHEAD * threads, 1) - len(futures))):
                 job = waiting.popleft()
                 futures[self._submitted(job)] = job
@@ -130,20 +124,20 @@ class DaskEngine:
         try:
             self._client.wait_for_workers(1, timeout=_WORKER_TIME)
         except TimeoutError:
-            what = f"{self._address} has no workers; start some with dask worker {self._address}"
+            what = f"{self.address} has no workers; start some with dask worker {self.address}"
             raise InputError(what, key="--scheduler") from None
         try:
             identities = self._client.run(worker_identity)
         except Exception as error:
-            what = f"a worker of {self._address} cannot import this navfw: {error}"
+            what = f"a worker of {self.address} cannot import this navfw: {error}"
             raise InputError(f"{what}; install the same version there", key="--scheduler") from None
         for address, theirs in sorted(identities.items()):
             _compare(address, theirs, worker_identity())
 
         from navfw.suite.dask_worker import PackageOnWorker
 
-        work = f"{self._work.__module__}:{self._work.__qualname__}"
-        plugin = PackageOnWorker(self._package, work, *self._limits)
+        work = f"{self.work.__module__}:{self.work.__qualname__}"
+        plugin = PackageOnWorker(self.package, work, self.limit, self.memory)
         self._name = plugin.name
         self._client.register_plugin(plugin)
 
@@ -151,18 +145,16 @@ class DaskEngine:
         from navfw.suite.dask_worker import drive
 
         key = f"navfw-{job.case.index}-{uuid.uuid4().hex}"
-        return self._client.submit(
-            drive, self._name, self._package.packed(job), key=key, pure=False
-        )
+        return self._client.submit(drive, self._name, self.package.packed(job), key=key, pure=False)
 
     def _result(self, future: Any, job: Job) -> RunRow | WorkerFailure:
         if future.status == "error":
             error = future.exception()
             if isinstance(error, SimulationError):
-                raise SimulationError(f"{self._address}: {error}; {_RESUME}")
+                raise SimulationError(f"{self.address}: {error}; {_RESUME}")
             return WorkerFailure(f"{type(error).__name__}: {error}")
         if future.status != "finished":
-            what = f"the connection to the scheduler at {self._address} is lost"
+            what = f"the connection to the scheduler at {self.address} is lost"
             raise SimulationError(f"{what}; {_RESUME}")
         answer = future.result()
         if answer.picture is not None:

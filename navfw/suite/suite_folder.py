@@ -19,8 +19,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-from navfw.config.input_file import is_file, is_folder
-from navfw.config.json_file import read_json_object
+from navfw.config.input_file import is_file, is_folder, read_json_object
 from navfw.errors import ConfigError, InputError
 from navfw.process.atomic import output_place, write_text
 from navfw.process.target_lock import TargetInUseError, TargetLock, sweep

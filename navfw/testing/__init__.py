@@ -7,8 +7,6 @@
 - ``fakes``: an exact and fast simulator, and pilots for it.
 """
 
-from __future__ import annotations
-
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -8,10 +8,11 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from statistics import median
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
+from navfw.context import Context
 from navfw.errors import PluginError
 from navfw.interfaces import Behavior, Composite, Plugin
 from navfw.plugins.verification import source_file, verify
@@ -19,9 +20,6 @@ from navfw.recording.run_folder import plain_json
 from navfw.robot import RobotModel
 from navfw.signals import Proposal
 from navfw.testing.behavior_scenes import SCENES, contexts_of
-
-if TYPE_CHECKING:
-    from navfw.context import Context
 
 PluginT = TypeVar("PluginT", bound=Plugin)
 

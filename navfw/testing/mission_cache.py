@@ -28,7 +28,7 @@ from pydantic import TypeAdapter
 from navfw.config.input_file import open_input, read_input_text, traced_inputs
 from navfw.config.lookup import find, find_mission, project_folder
 from navfw.errors import InputError
-from navfw.missions.event_clock import EventRecord
+from navfw.missions.mission_events import EventRecord
 from navfw.missions.outcome import MissionVerdict, Outcome
 from navfw.missions.run_metrics import RunMetrics
 from navfw.missions.session import MissionResult

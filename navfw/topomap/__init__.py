@@ -8,8 +8,6 @@ estimates landmark poses from a drive. ``occupancy_map`` is the floor plan that 
 Names are imported on first access: the keys and limits of a map file need no library for graphs.
 """
 
-from __future__ import annotations
-
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

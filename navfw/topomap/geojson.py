@@ -14,7 +14,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from navfw.config.json_file import parse_json
+from navfw.config.input_file import parse_json
 from navfw.errors import MapError
 from navfw.topomap.elements import Passage
 from navfw.topomap.mapfile import EDGE_KEYS, MapImporter, map_data

@@ -54,7 +54,7 @@ ALLOWED = {
     "navfw/bench/recorded_approach.py": {"loadmat": "of an opened input"},
     "navfw/sim/engine.py": {"os.open": "the null device"},
     "navfw/recording/video_output.py": {"av.open": "a file to write"},
-    "navfw/cli/standard_streams.py": {"os.open": "the null device"},
+    "navfw/cli/output.py": {"os.open": "the null device"},
     "navfw/cli/suite.py": {"folder.open": "the folder of results"},
     "navfw/plugins/built_in.py": {"ast.parse": "of a source already read"},
     "navfw/plugins/simulator_access.py": {"ast.parse": "of a source already read"},

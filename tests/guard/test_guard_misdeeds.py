@@ -47,7 +47,7 @@ HARMLESS = ("mutates", "prints")
 BASES = {
     "flow": ("navfw.flow.block_matching", "BlockMatching", "compute(pair)"),
     "perception": ("navfw.offis.offis", "Offis", "perceive(flow, twist)"),
-    "features": ("navfw.features.no_features", "NoFeatures", "recognize(frame)"),
+    "features": ("navfw.features.combined_landmarks", "NoFeatures", "recognize(frame)"),
     "localizer": (
         "navfw.localization.dead_reckoning",
         "DeadReckoning",

@@ -19,8 +19,7 @@ gymnasium = pytest.importorskip("gymnasium", reason="needs the extra gym: uv syn
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from navfw.gym import IDS, MissionEnv  # noqa: E402
-from navfw.gym.agent_plugins import AgentChoice  # noqa: E402
-from navfw.gym.observation_kinds import KINDS  # noqa: E402
+from navfw.gym.agent_spaces import KINDS, AgentChoice  # noqa: E402
 
 TRUTH = {"true_pose", "plan", "session", "result", "world", "simulator", "contacts"}
 STRAIGHT: dict[str, Any] = {"world": "empty", "mission": "straight", "changes": {"warmup": 0.3}}
@@ -134,9 +133,8 @@ def test_a_vector_of_environments_steps_together() -> None:
 
 
 def test_observations_and_actions_are_made_without_truth() -> None:
-    for module in ("observation_kinds", "agent_plugins"):
-        used = set(names(tree_of(ROOT / "navfw" / "gym" / f"{module}.py")))
-        assert used & TRUTH == set()
+    used = set(names(tree_of(ROOT / "navfw" / "gym" / "agent_spaces.py")))
+    assert used & TRUTH == set()
 
 
 def test_the_example_of_the_docs_runs(capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,7 +10,9 @@ import importlib
 import json
 import sys
 from collections.abc import Sequence
+from typing import Any
 
+from numba import types
 from numba.extending import is_jitted
 
 from navfw.config import list_files
@@ -19,6 +21,18 @@ from navfw.process import KERNEL_FILE
 
 Calls = dict[str, dict[str, list[str]]]
 """Module: function: its signatures."""
+
+
+def expression(kind: Any) -> str:
+    """A type in the words of ``numba.types``, as ``parse_types`` reads it."""
+    if isinstance(kind, types.Array):
+        readonly = "" if kind.mutable else ", readonly=True"
+        return f"Array({expression(kind.dtype)}, {kind.ndim}, {kind.layout!r}{readonly})"
+    if isinstance(kind, types.UniTuple):
+        return f"UniTuple({expression(kind.dtype)}, {kind.count})"
+    if isinstance(kind, types.Tuple):
+        return f"Tuple(({', '.join(map(expression, kind))}))"
+    return "boolean" if kind == types.boolean else str(kind)
 
 
 def calls_of_drives(stacks: Sequence[str], seconds: float) -> Calls:
@@ -30,7 +44,7 @@ def calls_of_drives(stacks: Sequence[str], seconds: float) -> Calls:
     for module in sorted(name for name in sys.modules if name.startswith("navfw.")):
         for name, function in sorted(vars(sys.modules[module]).items()):
             if is_jitted(function) and function.py_func.__module__ == module:
-                signatures = sorted(", ".join(map(str, types)) for types in function.signatures)
+                signatures = sorted(", ".join(map(expression, s)) for s in function.signatures)
                 if signatures:
                     found.setdefault(module, {})[name] = signatures
     return found

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from kernel_recording import listed_calls
+from kernel_recording import expression, listed_calls
 from processes import printed
 
 from navfw.process import groups_of, listed_kernels, parse_types
@@ -21,7 +21,7 @@ import sys
 from navfw.process import kernel_compilation, Kernel
 from navfw.guard.answer_kernels import are_degrees, are_finite, are_within
 from navfw.process import parse_types
-one, two = parse_types("array(float64, 1d, C)"), parse_types("readonly array(float64, 1d, C)")
+one, two = (parse_types(f"Array(float64, 1, 'C', readonly={word})") for word in (False, True))
 kernels = [Kernel(str(f), f, (one, two)) for f in (are_degrees, are_finite)]
 kernel_compilation.listed_kernels = lambda loaded: kernels
 shown = []
@@ -40,17 +40,17 @@ def compiler(cache: Path, code: str = COMPILE) -> subprocess.Popen[str]:
     )
 
 
-def test_names_of_types_are_those_that_numba_prints() -> None:
-    text = "float64, readonly array(uint8, 2d, A), Tuple(UniTuple(int64 x 3), bool), int8"
+def test_names_of_types_are_read_as_they_are_written() -> None:
+    text = "Array(uint8, 2, 'A', readonly=True), Tuple((UniTuple(int64, 3), boolean)), float64"
     types = parse_types(text)
-    assert ", ".join(map(str, types)) == text
-    assert not types[1].mutable
+    assert ", ".join(map(expression, types)) == text
+    assert not types[0].mutable
     assert parse_types("") == ()
 
 
-@pytest.mark.parametrize("text", ["float65", "array(float64, 2d)", "Tuple(float64", "a, b"])
+@pytest.mark.parametrize("text", ["float65", "Array(float64, 2d)", "Tuple((float64", "a, b", "1.0"])
 def test_other_names_are_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="no type of a kernel's argument"):
+    with pytest.raises(ValueError, match="no types of a kernel's arguments"):
         parse_types(text)
 
 
