@@ -52,7 +52,8 @@ class LocalPlannerParams(StrictModel):
         float, Field(ge=0.0, le=0.3, description="least clearance of a passable cell [m]")
     ] = 0.04
     leave_price: Annotated[
-        float, Field(ge=0.0, le=2.0, description="extra price of a cell off the way of the last plan")
+        float,
+        Field(ge=0.0, le=2.0, description="extra price of a cell off the last plan's way"),
     ] = 0.15
 
 

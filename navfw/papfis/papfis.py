@@ -42,8 +42,9 @@ class Blockages:
     reports come from the same local map and are not independent, so votes on one passage count
     once per interval. A reopened passage has full uncertainty: two more votes close it again.
 
-    ``closing_votes`` net votes close a passage for ``closed_for`` [s], twice as long each
-    time it was not seen to be open since; votes on a passage within ``vote_interval`` [s] of the last one are not counted.
+    ``closing_votes`` net votes close a passage for ``closed_for`` [s], for twice as long if it was
+    not seen to be open since it was closed last; votes on a passage within ``vote_interval`` [s] of
+    the last one are not counted.
     """
 
     def __init__(

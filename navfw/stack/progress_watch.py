@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections import Counter
 
-from navfw.signals import Belief, Waypoint
+from navfw.signals import Belief, Pose, Waypoint
 
 STUCK_AFTER = 60.0
 """Time without progress toward a waypoint [s] after which the stack gives up."""
 
 NO_ROUTE_AFTER = 20.0
 """Time without a route [s] after which the stack gives up; a passage may have been misjudged."""
+
+_DETOUR = 1.5
+"""Distance [m] beyond which the robot is on a way round what closes its route, and goes on."""
 
 
 class ProgressWatch:
@@ -24,7 +27,7 @@ class ProgressWatch:
     def __init__(self) -> None:
         self.give_up_reason: str | None = None
         self._unsure_of: Waypoint | None = None
-        self._no_route_since: float | None = None
+        self._no_route_since: tuple[float, Pose] | None = None
         self._vetoes: Counter[str] = Counter()
 
     @property
@@ -54,10 +57,10 @@ class ProgressWatch:
             self._unsure_of = None
         if no_route_reason is None or waypoint is None:
             self._no_route_since = None
-        elif self._no_route_since is None:
-            self._no_route_since = now
+        elif self._no_route_since is None or _away(belief, self._no_route_since[1]) > _DETOUR:
+            self._no_route_since = now, belief.pose
         self.give_up_reason = None
-        if self._no_route_since is not None and now - self._no_route_since >= NO_ROUTE_AFTER:
+        if self._no_route_since is not None and now - self._no_route_since[0] >= NO_ROUTE_AFTER:
             self.give_up_reason = no_route_reason
         elif idle > STUCK_AFTER and waypoint is not None:
             if self.unsure:
@@ -79,4 +82,9 @@ def _is_at(belief: Belief, waypoint: Waypoint | None) -> bool:
     """Whether the robot is at a goal that the planner does not count as reached."""
     if waypoint is None or not waypoint.final:
         return False
-    return math.hypot(*belief.pose.to_local(waypoint.x, waypoint.y)) <= waypoint.tolerance
+    return _away(belief, waypoint) <= waypoint.tolerance
+
+
+def _away(belief: Belief, point: Pose | Waypoint) -> float:
+    """Distance [m] of a point of the map from the estimated position."""
+    return math.hypot(point.x - belief.pose.x, point.y - belief.pose.y)

@@ -218,13 +218,16 @@ def test_it_gives_up_and_says_why() -> None:
     assert watched((0.0, 0.0), None, late, closed).give_up_reason is None
 
 
-@pytest.mark.parametrize(("waypoint", "no_route"), [(LAB, None), (None, "the door is closed")])
-def test_a_route_in_between_starts_the_time_without_one_anew(
-    waypoint: Waypoint | None, no_route: str | None
+@pytest.mark.parametrize(
+    ("waypoint", "no_route", "x"),
+    [(LAB, None, 0.0), (None, "the door is closed", 0.0), (LAB, "the door is closed", 2.0)],
+)
+def test_a_route_or_a_way_round_in_between_starts_the_time_without_one_anew(
+    waypoint: Waypoint | None, no_route: str | None, x: float
 ) -> None:
     watch, closed = ProgressWatch(), "the door is closed"
     watch.update(0.0, belief(0.0, 0.0), LAB, 0.0, closed)
-    watch.update(0.9 * NO_ROUTE_AFTER, belief(0.0, 0.0), waypoint, 0.0, no_route)
+    watch.update(0.9 * NO_ROUTE_AFTER, belief(x, 0.0), waypoint, 0.0, no_route)
     for time, reason in ((0.91, None), (1.9, None), (1.92, closed)):
         watch.update(time * NO_ROUTE_AFTER, belief(0.0, 0.0), LAB, 0.0, closed)
         assert watch.give_up_reason == reason
