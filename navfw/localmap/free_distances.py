@@ -115,7 +115,8 @@ def free_distance(
         contact, unobserved, _ = follow_arc(ground, _start(pose), v, w, robot.radius, reach, 0.0)
     else:
         discs = np.array(robot.discs)
-        ground = ground if v > 0.0 else _blind_ground(occupancy)
+        # about a point within the body, its inner side goes backward
+        ground = ground if v > abs(w) * robot.radius else _blind_ground(occupancy)
         contact, unobserved, _ = follow_body(ground, _start(pose), v, w, discs, 0.0, reach, 0.0)
     return FreeDistance(contact, unobserved)
 

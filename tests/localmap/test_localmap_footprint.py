@@ -86,6 +86,8 @@ def test_known_walls_count_where_the_camera_does_not_look() -> None:
     assert free_turn(occupancy, ORIGIN, 1.0) < 0.4
     turning_back = Twist(-0.2, 1.0)
     assert free_distance(occupancy, ORIGIN, turning_back).contact < 0.4
+    nearly_a_turn = Twist(0.1, 1.0)
+    assert free_distance(occupancy, ORIGIN, nearly_a_turn).contact < 0.4
     assert free_distance(occupancy, ORIGIN, AHEAD).contact == 1.0
     occupancy = occupancy_with()
     occupancy.set_walls(wall)
