@@ -19,7 +19,7 @@ from navfw.config.strict_model import StrictModel
 from navfw.localmap.cell_arrays import cell_disc, distances, shifted
 from navfw.localmap.sensor_kernels import cast_evidence, decay_view, merge_evidence, rays_of
 from navfw.numerics import Array, Mask
-from navfw.robot import Footprint, RobotModel
+from navfw.robot import CameraModel, Footprint, RobotModel
 from navfw.signals import OccupiedDisc, Percept, Pose, Stixels
 
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]
@@ -115,7 +115,9 @@ class OccupancyGrid:
         # wider by the closed gap: one erosion takes back both
         self._margin = np.ones((2 * round(_SIDE_MARGIN / p.cell) + len(_GAP),) * 2, np.uint8)
         self._body = cell_disc(round(robot.radius / p.cell) + len(_GAP) // 2).view(np.uint8)
-        self._limits = np.array([p.range, p.hit_width, *p.cell_share, _LOW_PASS, p.over_weight])
+        blind = _floor_in_view_from(robot.camera)
+        shares = *p.cell_share, _LOW_PASS, p.over_weight
+        self._limits = np.array([p.range, p.hit_width, *shares, blind])
         self._hit_weights = np.array([0.0, 0.0, 1.0, p.drop_weight, 1.0])  # in the order of Label
         self._footprint = cell_disc(round(robot.radius / p.cell))
         # the evidence of one frame; zero between frames
@@ -243,6 +245,7 @@ class OccupancyGrid:
         cast_evidence(
             self._hit,
             self._free,
+            self.log_odds,
             self.origin[0],
             self.origin[1],
             p.cell,
@@ -386,3 +389,11 @@ class OccupancyGrid:
 
     def _distances(self, occupied: Mask) -> Array:
         return distances(occupied, self.params.cell, self.params.extent)
+
+
+def _floor_in_view_from(camera: CameraModel) -> float:
+    """Distance [m] from the camera at which the floor comes into view; infinite if it does not."""
+    turn, down = camera.base_from_camera, 0.5 * camera.height / camera.focal
+    fall = -(turn[2, 1] * down + turn[2, 2])
+    ahead = turn[0, 1] * down + turn[0, 2]
+    return float(camera.mount_height * ahead / fall) if fall > 0.0 else math.inf

@@ -46,6 +46,7 @@ def rays_of(
 def cast_evidence(
     hit: Array,
     free: Array,
+    log_odds: Array,
     origin_x: float,
     origin_y: float,
     cell: float,
@@ -67,11 +68,12 @@ def cast_evidence(
     none below ``nothing``, full from ``everything`` on.
 
     A ray passes over obstacles lower than itself: its free evidence counts fully below height
-    ``low`` and only with weight ``over`` at camera height. ``limits`` are (range [m], sigmas either
-    side that may be hit, nothing, everything, low [m], over).
+    ``low`` and only with weight ``over`` at camera height. Nearer than ``blind``, where the floor
+    comes into view, it is none against what ``log_odds`` has as occupied. ``limits`` are (range
+    [m], sigmas either side that may be hit, nothing, everything, low [m], over, blind [m]).
     """
     size = hit.shape[0]
-    reach, width, nothing, everything, low, over = limits
+    reach, width, nothing, everything, low, over, blind = limits
     for ray in range(direction.shape[0]):
         i = ray % nearness.shape[0]
         dx, dy, dz = direction[ray, 0], direction[ray, 1], direction[ray, 2]
@@ -86,6 +88,9 @@ def cast_evidence(
                 row = int(math.floor((camera_y + depth * dy - origin_y) / cell + 0.5))
                 if row < 0 or column < 0 or row >= size or column >= size:
                     break
+                if depth * horizontal < blind and log_odds[row, column] > 0.0:
+                    depth += step
+                    continue
                 height = camera_height + depth * dz
                 share = 1.0
                 if height >= camera_height:

@@ -1,7 +1,5 @@
 """The compiled kernels of the local map against their formulas, written out in numpy."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -131,17 +129,22 @@ ORIGIN = (-2.0, 1.0)
 CAMERA_AT = (ORIGIN[0] + 2.0013, ORIGIN[1] + 1.9017)
 """Place of the camera [m], off the cells' borders, so that rounding decides nothing."""
 HEIGHT = 0.35
-RANGE, WIDTH, NOTHING, EVERYTHING, LOW, OVER = LIMITS = (1.5, 0.7, 0.08, 0.3, 0.15, 0.2)
+RANGE, WIDTH, NOTHING, EVERYTHING, LOW, OVER, _ = LIMITS = (1.5, 0.7, 0.08, 0.3, 0.15, 0.2, 0.5)
 
 
-def evidence(directions: Array, *readings: tuple[float, float, float, float]) -> list[Array]:
-    """The layers (hit, free) of rays, by nearness, sigma and weights of both for each point."""
+def evidence(
+    directions: Array, *readings: tuple[float, float, float, float], known: float = 0.0
+) -> list[Array]:
+    """The layers (hit, free) of rays, by nearness, sigma and weights of both for each point.
+
+    All cells have the log-odds ``known``.
+    """
     hit, free = np.zeros((2, SIZE, SIZE))
     nearness, sigma, hits, frees = np.ascontiguousarray(np.transpose(readings))
     directions, limits = np.atleast_2d(directions), np.array(LIMITS)
     cast_evidence(
-        hit, free, *ORIGIN, CELL, *CAMERA_AT, HEIGHT, directions, nearness, sigma, hits, frees,
-        limits,
+        hit, free, np.full_like(hit, known), *ORIGIN, CELL, *CAMERA_AT, HEIGHT, directions,
+        nearness, sigma, hits, frees, limits,
     )  # fmt: skip
     return [hit, free]
 
@@ -167,6 +170,15 @@ def reference_free(direction: Array, nearness: float, sigma: float, weight: floa
         free[at] = max(free[at], weight * share)
         depth += step
     return free
+
+
+def test_where_the_floor_is_not_in_view_nothing_known_is_cleared() -> None:
+    ahead, reading = np.array([1.0, 0.0, -0.25]), (0.8, 0.1, 0.0, 1.0)
+    unknown, occupied = (evidence(ahead, reading, known=known)[1] for known in (0.0, 1.0))
+    row, blind = cell_at(ahead, 0.0)[0], cell_at(ahead, LIMITS[-1])[1]  # type: ignore[index]
+    assert unknown[row, blind - 5 : blind + 5].all()
+    assert not occupied[row, :blind].any()
+    assert (occupied[row, blind + 1 :] == unknown[row, blind + 1 :]).all()
 
 
 def reference_hit(direction: Array, nearness: float, sigma: float, weight: float) -> Array:
