@@ -1,7 +1,5 @@
 """Every shipped data file has a reader and is valid."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What commands depend on calls nothing whose last bits depend on the processor."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from pathlib import Path

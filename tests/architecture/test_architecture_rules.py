@@ -1,7 +1,5 @@
 """Rules of the source that are checked on its syntax trees; unique names; budgets of lines."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re

@@ -1,7 +1,5 @@
 """Composites beside travel: patrol, search and react, and one in a user's own folder."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """No shipped behaviour, composite or fusion fails, whatever valid context it gets."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

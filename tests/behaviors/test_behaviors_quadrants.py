@@ -1,7 +1,5 @@
 """Primitives that decide by near, middle and far alone, and by what was near and left the view."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

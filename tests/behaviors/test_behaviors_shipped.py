@@ -1,7 +1,5 @@
 """The shipped behaviours keep their contract and propose what their names say."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

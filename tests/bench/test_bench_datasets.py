@@ -1,7 +1,5 @@
 """Benchmarks on small data sets made here with exact truth, on rendered pairs, and of planning."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """``navfw bench flow``, on a small recorded walk made here with exact truth."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import time

@@ -1,7 +1,5 @@
 """Accuracy of OFFIS: truth of views, judgement of percepts, random views; times of its parts."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Real frames: their labels, sentences judged by them, and the measures of recordings."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections import defaultdict

@@ -1,7 +1,5 @@
 """Rotations against SciPy's, image points turned by them, derotation, and reduced images."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import cv2

@@ -1,7 +1,5 @@
 """Help, completion and standard output of every command, and the libraries that it imports."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """``navfw list`` and ``navfw schema``."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

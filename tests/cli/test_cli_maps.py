@@ -1,7 +1,5 @@
 """``navfw map`` and ``navfw world show``: plans, pictures, and what the camera sees."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

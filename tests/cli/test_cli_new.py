@@ -3,8 +3,6 @@
 ``navfw check``: all errors of a project at once, each with its place and remedy.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

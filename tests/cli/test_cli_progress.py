@@ -1,7 +1,5 @@
 """Progress lines of a run on stderr."""
 
-from __future__ import annotations
-
 import io
 import sys
 import threading

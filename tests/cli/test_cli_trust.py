@@ -1,7 +1,5 @@
 """``navfw trust``, ``--trust`` and the question: no plugin of a project is executed unasked."""
 
-from __future__ import annotations
-
 import os
 import pty
 import subprocess

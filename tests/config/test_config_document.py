@@ -1,7 +1,5 @@
 """YAML files: what is read with which lines, what is refused, and quick composition."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import string

@@ -1,7 +1,5 @@
 """Inputs are regular files of bounded size, and all are opened by one function."""
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import os

@@ -1,7 +1,5 @@
 """Files found by kind and name, shipped and of a project; projects; kinds of files."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

@@ -1,7 +1,5 @@
 """Trust in a project's code: what needs it, who gives it, where it is remembered."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """The command grid, whose sets and layers make proposals, and what a behaviour knows beside it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The project of a reader who types every file of the README and the docs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

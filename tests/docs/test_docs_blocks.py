@@ -3,8 +3,6 @@
 Examples, pages and templates import public names alone; the cells of the notebook run.
 """
 
-from __future__ import annotations
-
 import ast
 import importlib
 import json

@@ -3,8 +3,6 @@
 Typed one after the other, those of a page succeed, and leave nothing behind.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The examples of the README and the docs are true: they are written to a project and run."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import re

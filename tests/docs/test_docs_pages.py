@@ -1,7 +1,5 @@
 """The pages of the README and the docs: links, tables, lengths, decisions, glossary."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re

@@ -1,7 +1,5 @@
 """The example of a real robot: driven over loopback, it stops whatever happens to the link."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import re

@@ -1,7 +1,5 @@
 """The site, built without warnings; the page on OFFIS, whose numbers are those of its view."""
 
-from __future__ import annotations
-
 import inspect
 import re
 import sys

@@ -1,7 +1,5 @@
 """The motion of the camera: between paired frames by odometry, and from point motion alone."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

@@ -1,7 +1,5 @@
 """Odometry corrected by the floor: registration in metres, calibration of wheels and gyro, slip."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import astuple, replace

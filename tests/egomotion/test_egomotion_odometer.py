@@ -1,7 +1,5 @@
 """The odometer: pose and twist from encoders and gyro, the gyro's bias, and failed sensors."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Robust fits of epipolar residuals, and the refinement of the gyro's rotation as their case."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

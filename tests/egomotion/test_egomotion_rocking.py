@@ -1,7 +1,5 @@
 """Pitch of a body that rocks, by the rates of its gyro."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Markers and posters in rendered scenes with known poses; geometry; unknown ids; bad files."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

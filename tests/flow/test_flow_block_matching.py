@@ -1,7 +1,5 @@
 """Block matching, and the growth of the image in its flow."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

@@ -1,7 +1,5 @@
 """Flow that needs more than images: of the aligned floor, and of the simulator's truth."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from pathlib import Path

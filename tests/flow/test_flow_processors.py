@@ -1,7 +1,5 @@
 """What every honest flow processor must do, on motion with known truth."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Any
 

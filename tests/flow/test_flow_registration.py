@@ -1,7 +1,5 @@
 """Registration of windows, and registered flow: reach, sigma and its parts."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

@@ -4,8 +4,6 @@
 leaves its input in ``--keep FOLDER``.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections import Counter

@@ -1,7 +1,5 @@
 """Mutated inputs of all kinds end with success or a message that names the file, in bounds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

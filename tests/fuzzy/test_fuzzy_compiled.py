@@ -1,7 +1,5 @@
 """Properties of the compiled evaluator, and the check that rules cover all inputs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Membership functions and the compiled evaluator agree with scikit-fuzzy."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

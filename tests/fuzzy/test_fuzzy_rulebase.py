@@ -1,7 +1,5 @@
 """Rule sentences and rule base files: how they are read, and the messages for malformed ones."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

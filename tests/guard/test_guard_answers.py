@@ -1,7 +1,5 @@
 """Checks of answers: right ones come out equal, and of wrong ones nothing unsound comes out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass, replace

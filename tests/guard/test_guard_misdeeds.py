@@ -1,7 +1,5 @@
 """Every kind of plugin with every misdeed: the run ends with a result that names the plugin."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The guard around plugin calls: what is contained, recorded, suspended, let through, or ended."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

@@ -1,7 +1,5 @@
 """Environments: Gymnasium's own checks, seeds, vectors of them, and who knows the truth."""
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The source files and their syntax trees, for tests of the architecture."""
 
-from __future__ import annotations
-
 import ast
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """Shipped behaviours and composites by name, and the twist that a proposal desires."""
 
-from __future__ import annotations
-
 from typing import Any, cast
 
 from navfw.context import Context

@@ -1,7 +1,5 @@
 """Calls of the command line, in this process or in one of its own, and files for them to read."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path

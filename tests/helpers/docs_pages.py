@@ -1,7 +1,5 @@
 """The pages of the README and the docs, and what they contain: files, links, tables."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 from collections.abc import Iterator

@@ -3,8 +3,6 @@
 Each is drawn in metres with cells of 5 cm, occupied walls and furniture on free ground.
 """
 
-from __future__ import annotations
-
 import math
 
 import cv2

@@ -1,7 +1,5 @@
 """Small ray casters: textured planes with exact depth and flow; boards on a textured floor."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cache
 

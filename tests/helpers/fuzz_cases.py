@@ -3,8 +3,6 @@
 Run as a program, this is their worker.
 """
 
-from __future__ import annotations
-
 import faulthandler
 import json
 import os

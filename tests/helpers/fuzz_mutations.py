@@ -1,7 +1,5 @@
 """Mutations of inputs: structure, bytes, recordings. All drawn from one seed."""
 
-from __future__ import annotations
-
 import copy
 import json
 from collections.abc import Callable

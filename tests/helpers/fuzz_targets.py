@@ -1,7 +1,5 @@
 """What is fuzzed: each kind of input with a valid sample, and the command that reads it."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Random rule bases and inputs for the tests of ``navfw.fuzzy``."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -4,8 +4,6 @@ environments in which libraries choose what they would on another processor.
 ``uv run python tests/helpers/hash_table.py`` writes the file anew.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import sys

@@ -4,8 +4,6 @@
 addition to what it lists.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import sys

@@ -1,7 +1,5 @@
 """Commands that are killed at seeded moments: their start, the signals, and what is left."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

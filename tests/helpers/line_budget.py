@@ -3,8 +3,6 @@
 A decision record raises a budget, with the reason; nothing else does.
 """
 
-from __future__ import annotations
-
 import sys
 import tomllib
 from collections import Counter

@@ -1,7 +1,5 @@
 """Drives along exact tracks with noisy sensors, and a simulated recogniser of landmarks."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass

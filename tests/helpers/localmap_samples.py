@@ -1,7 +1,5 @@
 """Occupancy grids with boxes, and percepts by their numbers, for tests of the local map."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from navfw.localmap import OccupancyGrid

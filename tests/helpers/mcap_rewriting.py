@@ -1,7 +1,5 @@
 """Copies of recordings with one thing changed, written by the library ``mcap``."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Detections of moving objects by their numbers, without images."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

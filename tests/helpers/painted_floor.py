@@ -1,7 +1,5 @@
 """Views of a painted floor, also by a body that leans, for the tests of odometry by the floor."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

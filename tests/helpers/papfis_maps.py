@@ -1,7 +1,5 @@
 """Maps and robots for the tests of PAPFIS."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Check the ranges of parameters: both ends of every interval, and what is beyond them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 

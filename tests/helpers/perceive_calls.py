@@ -1,7 +1,5 @@
 """Calls of the command perceive in this process, and the images of a wall that comes nearer."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from cli_calls import answer

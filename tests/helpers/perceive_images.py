@@ -1,7 +1,5 @@
 """Images of an approaching textured wall: a zoom with exactly known time to contact."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

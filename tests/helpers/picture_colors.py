@@ -1,7 +1,5 @@
 """How much of a picture has nearly a colour."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A small building with a floor plan, and percepts of its walls by rays through the plan."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 

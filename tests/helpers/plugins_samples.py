@@ -1,7 +1,5 @@
 """Valid and broken plugins in temporary folders, and their status in a registry."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """A page in headless Chromium: what a script left in it, and what its console said."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

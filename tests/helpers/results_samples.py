@@ -1,7 +1,5 @@
 """Suite folders with fake rows, and stored results, for the tests of the results' room."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Readings, odometry and local maps for tests of safety."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from navfw.localmap import FreeDistance, LocalMap

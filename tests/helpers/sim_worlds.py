@@ -1,7 +1,5 @@
 """Worlds, drives and poses that the tests of the simulator share."""
 
-from __future__ import annotations
-
 import math
 import zlib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A whole stack for tests: chosen behaviours, and views by a script instead of camera images."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache

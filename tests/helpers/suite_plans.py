@@ -1,7 +1,5 @@
 """Suite files of a test, and their plans."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

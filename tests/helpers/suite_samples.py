@@ -1,7 +1,5 @@
 """Rows, cases and jobs for the suite's tests; quick to import in worker processes."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import signal

@@ -1,7 +1,5 @@
 """The discrete filter: its lattice, landmarks, and the situations of OFFIS as evidence."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import astuple
 from itertools import pairwise

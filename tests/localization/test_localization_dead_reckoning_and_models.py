@@ -1,7 +1,5 @@
 """Models of motion, measurement and landmarks; dead reckoning; the posterior of places."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import astuple, replace

@@ -1,7 +1,5 @@
 """Localisation on a floor plan: matching, tracking, consistency, search for an unknown start."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

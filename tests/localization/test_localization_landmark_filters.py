@@ -1,7 +1,5 @@
 """Localisation by landmarks, some of them displaced: the Kalman filter, and the topological one."""
 
-from __future__ import annotations
-
 import math
 import time as clock
 from collections.abc import Sequence

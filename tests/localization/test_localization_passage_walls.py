@@ -1,7 +1,5 @@
 """Walls beside the passages of a map: corridors and doors found, and the pose corrected by them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

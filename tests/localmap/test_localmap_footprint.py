@@ -1,7 +1,5 @@
 """Free distances of a body that is not round: its length counts, and turning needs room."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 

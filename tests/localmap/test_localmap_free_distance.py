@@ -1,7 +1,5 @@
 """Free distance along arcs and all around, against geometry and references in plain Python."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable

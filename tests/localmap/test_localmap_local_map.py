@@ -1,7 +1,5 @@
 """The local map as a whole: memory, planning, drops; no room where nothing is known."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

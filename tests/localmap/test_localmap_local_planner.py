@@ -1,7 +1,5 @@
 """The local planner: cost-to-go, descent, the local goal; and whether the legs ahead are open."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from itertools import pairwise

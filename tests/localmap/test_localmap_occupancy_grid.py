@@ -1,7 +1,5 @@
 """The occupancy grid: evidence for and against, decay, and what is derived from it."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

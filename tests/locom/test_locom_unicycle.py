@@ -1,7 +1,5 @@
 """LOCOM keeps the limits of the drive for every command, and trims weak wheels."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

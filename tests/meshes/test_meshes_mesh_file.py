@@ -1,7 +1,5 @@
 """Mesh files: what is read, and what is refused with file, line and remedy."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

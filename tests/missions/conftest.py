@@ -1,7 +1,5 @@
 """Every run of a mission in these tests fails its test where a plugin faults uninvited."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Baseline stacks in short missions; the truth for oracle stacks; rounds."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

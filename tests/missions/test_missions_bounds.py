@@ -3,8 +3,6 @@
 Each is either driven for some frames without a fault, or refused when it is read.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """``navfw run``, also with --gui, and ``navfw bench loop`` as subprocesses."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

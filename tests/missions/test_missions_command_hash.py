@@ -1,7 +1,5 @@
 """The same mission and seed give the same commands, whatever the process and the processor."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Whole missions: in the office and the paper's room, past drops, closed passages and movers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

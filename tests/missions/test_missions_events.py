@@ -1,7 +1,5 @@
 """Events of missions: their schema and checks, their times, pairs of them; their effect."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import combinations

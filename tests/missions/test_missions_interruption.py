@@ -1,7 +1,5 @@
 """Interruption by signals; what plugins change in the process is told and set back."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

@@ -1,7 +1,5 @@
 """Landmarks and situations: frames, detections, places that show them; learnt from drives."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Mission files and unknown starts: content, draw of the start, runs; the errors for wrong ones."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

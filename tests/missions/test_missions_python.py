@@ -1,7 +1,5 @@
 """Missions from Python: ``navfw.run``, ``navfw.open_session``, and tables of results."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from typing import Any
 from unittest.mock import Mock

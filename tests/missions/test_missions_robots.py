@@ -1,7 +1,5 @@
 """Robot files, their URDFs, and the robots of missions: names, changes, frames, wrong ones."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

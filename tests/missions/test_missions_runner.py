@@ -1,7 +1,5 @@
 """The mission loop with fakes: every outcome, the hash of the commands; metrics of known runs."""
 
-from __future__ import annotations
-
 import dataclasses
 import gc
 import itertools

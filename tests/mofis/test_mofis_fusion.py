@@ -1,7 +1,5 @@
 """Command fusion: desires are blended, prohibitions hold, alternatives are not averaged."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, ClassVar, Literal

@@ -1,7 +1,5 @@
 """Navground's HL behaviour as a plugin: it avoids the obstacles of the true surroundings."""
 
-from __future__ import annotations
-
 import importlib
 from dataclasses import replace
 from typing import Any

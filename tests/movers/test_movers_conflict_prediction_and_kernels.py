@@ -1,7 +1,5 @@
 """Conflict prediction; and the compiled loops of movers in plain Python."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from functools import partial

@@ -1,7 +1,5 @@
 """Detections that are one object: of a track, of tracks that merge, and of adjacent views."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

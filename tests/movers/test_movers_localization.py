@@ -1,7 +1,5 @@
 """Moving objects and stixels in dense flow of the floor and upright boards."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

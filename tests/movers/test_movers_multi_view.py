@@ -1,7 +1,5 @@
 """Detection of moving objects and stixels: pairs of frames, schedule, one camera, and all views."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

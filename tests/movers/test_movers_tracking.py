@@ -1,7 +1,5 @@
 """Multi-object tracking: position, velocity, and life time of tracks."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -22,8 +22,6 @@ that import the mutated one are compiled anew. First come the test files that na
 module defines, then those that name what is built on it, each time the quickest first.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import contextlib

@@ -1,7 +1,5 @@
 """Linear algebra and functions that do not depend on the processor."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 from typing import Any

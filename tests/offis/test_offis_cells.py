@@ -1,7 +1,5 @@
 """Cells of the image: nearness from flow, height above the floor, labels; regions of cells."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

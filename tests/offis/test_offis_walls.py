@@ -2,8 +2,6 @@
 without information, and all sixteen cells of the paper's Table 1 (METHOD R11).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Literal

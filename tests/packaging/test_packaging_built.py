@@ -3,8 +3,6 @@
 Without its extras navfw imports, and each command, option and name says which one it needs.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """What a route is made of: the costs of passages, by a rule base, and its waypoints."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The planner: waypoints of a mission, and passages that reports close, reopen or endanger."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Routes: the places that lead on from a point, a single plan, and the search for the cheapest."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The command perceive: calibration, poses, what is assumed, and output as it comes."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from functools import partial

@@ -1,7 +1,5 @@
 """The floor found by its motion, in images of textured planes."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

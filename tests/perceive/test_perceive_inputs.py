@@ -1,7 +1,5 @@
 """Images as people have them: deep, turned, broken, shuffled, with gaps; videos of telephones."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 from unittest.mock import Mock

@@ -1,7 +1,5 @@
 """The lens: calibration files, images without distortion, and its estimate by tracked points."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

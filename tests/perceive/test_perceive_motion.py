@@ -1,7 +1,5 @@
 """Working images; motion between two: signs of the gyro, tracked points, scale."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

@@ -1,7 +1,5 @@
 """Tables with times: rates of a gyro, poses of the camera, times of images."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The command perceive: an approaching wall, images without information, overlays."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import shutil

@@ -1,7 +1,5 @@
 """Plugins from folders, and stack files that choose plugins: discovery, bases, errors."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

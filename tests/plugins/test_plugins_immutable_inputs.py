@@ -1,7 +1,5 @@
 """What plugins are given cannot be changed: every field reachable from it is tried."""
 
-from __future__ import annotations
-
 import contextlib
 import enum
 import inspect

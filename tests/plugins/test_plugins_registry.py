@@ -1,7 +1,5 @@
 """Plugins that ship, or are registered in code or by installed packages; names that are taken."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterable, Iterator
 from importlib.metadata import EntryPoint, EntryPoints

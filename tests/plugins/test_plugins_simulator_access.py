@@ -1,7 +1,5 @@
 """Plugins that use the simulator are found: in their source, and in a run."""
 
-from __future__ import annotations
-
 import builtins
 import importlib
 import os

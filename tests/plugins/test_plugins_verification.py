@@ -1,7 +1,5 @@
 """The problems of a class as a plugin, and their messages."""
 
-from __future__ import annotations
-
 import re
 import sys
 import textwrap

@@ -1,7 +1,5 @@
 """Kernels compiled ahead of need: their list, their groups, and one process at a time."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Revision and machine of a result: kinds of checkout, configurations that name programs."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A recording and a live viewer show what the stack saw and decided; the run stays the same."""
 
-from __future__ import annotations
-
 import json
 import math
 import socket

@@ -1,7 +1,5 @@
 """Run folders and other outputs are locked, written atomically, and never replace other files."""
 
-from __future__ import annotations
-
 import errno
 import gc
 import json

@@ -1,7 +1,5 @@
 """Honest sensing: a replay in a process without the simulator gives the same commands."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from itertools import count

@@ -1,7 +1,5 @@
 """Recorded readings are loaded bit by bit; any other file is refused."""
 
-from __future__ import annotations
-
 import struct
 from itertools import count
 from pathlib import Path

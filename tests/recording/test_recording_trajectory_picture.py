@@ -1,7 +1,5 @@
 """Pictures of runs: trajectories, and the view from above."""
 
-from __future__ import annotations
-
 import hashlib
 import struct
 from io import BytesIO

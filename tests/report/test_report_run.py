@@ -1,7 +1,5 @@
 """The report of a run: a page for the browser whose slider moves, and clear errors without one."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

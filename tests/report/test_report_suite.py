@@ -1,7 +1,5 @@
 """The reports of suites: failures first, pictures a click away; two suites side by side."""
 
-from __future__ import annotations
-
 import json
 import re
 import sqlite3

@@ -1,7 +1,5 @@
 """The video of a run: camera beside the plan; refused before the drive where it cannot be."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from functools import partial

@@ -1,7 +1,5 @@
 """The page: complete, readable without a network, and sound in a browser."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

@@ -1,7 +1,5 @@
 """The tables that are reproduced, and their summary."""
 
-from __future__ import annotations
-
 import math
 import re
 from typing import Any

@@ -1,7 +1,5 @@
 """From what commands leave behind to results: origin, figures, refusals."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Stored results and the page written from them: schema, tables, staleness, located errors."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The safety monitor: sensors that fail, and wheels that do not follow."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

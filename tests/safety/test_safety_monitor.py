@@ -1,7 +1,5 @@
 """The safety monitor: it never adds speed, and stops where room or the drive ends."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """What the safety monitor sees: valid readings and images, and the path ahead."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

@@ -1,7 +1,5 @@
 """The rendered images obey the camera model: projection, depth, textures, noise; side views."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

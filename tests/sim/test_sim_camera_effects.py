@@ -1,7 +1,5 @@
 """Camera effects on rendered scenes of known truth: light, blur, skew, exposure, compression."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

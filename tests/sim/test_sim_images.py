@@ -1,7 +1,5 @@
 """Images equal those of PyBullet's TinyRenderer bit for bit; only invisible parts are culled."""
 
-from __future__ import annotations
-
 import functools
 import math
 

@@ -1,7 +1,5 @@
 """Shapes, clearances and shortest paths against exact geometry; furniture from files."""
 
-from __future__ import annotations
-
 import math
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sensor models have the specified statistics; faults and changes have an effect and an end."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

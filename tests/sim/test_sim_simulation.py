@@ -3,8 +3,6 @@
 Round robots and those of a URDF; bodies that several solids share.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import math

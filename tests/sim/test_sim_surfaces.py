@@ -1,7 +1,5 @@
 """Surfaces: textures, patterns and pictures; meshes; skirting boards and door frames."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, get_args
 

@@ -1,7 +1,5 @@
 """Walkers: positions, yielding, the cause of contacts; drops: floor, images, the robot's fall."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

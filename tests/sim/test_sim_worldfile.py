@@ -1,7 +1,5 @@
 """World files: shipped ones are valid, errors have file, line and key; landmark plates."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

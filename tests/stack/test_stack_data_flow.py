@@ -1,7 +1,5 @@
 """Data flow one way: what vision hands on, and what the stack makes of it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The stack's decisions once a camera frame: from which inputs, and when."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What comes of the stack's decisions: giving up, the driven twist, explanations, a new start."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

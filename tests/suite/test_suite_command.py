@@ -1,7 +1,5 @@
 """``navfw suite`` and ``navfw report --text`` as subprocesses."""
 
-from __future__ import annotations
-
 import json
 import signal
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A suite on a scheduler of Dask with two workers on loopback, one of which is killed."""
 
-from __future__ import annotations
-
 import json
 import os
 import pickle

@@ -1,7 +1,5 @@
 """Symptoms from a run's log, the true geometry and the local map; each cause from symptoms."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The journal and the table of a suite: rows as written, whole after damage and changes."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

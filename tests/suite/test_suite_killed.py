@@ -3,8 +3,6 @@
 ``NAVFW_KILLS=20 uv run pytest -m slow tests/suite/test_suite_killed.py`` takes 20 moments.
 """
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import json

@@ -1,7 +1,5 @@
 """A suite from plan to table with fake runs: completeness, resuming, interruptions, refusals."""
 
-from __future__ import annotations
-
 import csv
 import json
 from contextlib import AbstractContextManager

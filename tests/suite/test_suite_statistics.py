@@ -1,7 +1,5 @@
 """Summaries, scores, intervals and paired comparisons, with known results."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

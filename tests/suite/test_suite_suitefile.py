@@ -1,7 +1,5 @@
 """Suite files, seeds, entries with events and families; and the errors for wrong ones."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Variants of a suite: all runs in one table; which stack and robot a run has."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Worker processes: parallel, single-threaded, replaceable; the memory that they hold."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """Checks of behaviours, and assertions on missions."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import time

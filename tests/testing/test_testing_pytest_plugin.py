@@ -1,7 +1,5 @@
 """The pytest plugin: markers, mission files, the cache, reports; tests that fail as they must."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Maps built of geometry: doors in place, free passages; and landmarks mapped on a drive."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Sequence

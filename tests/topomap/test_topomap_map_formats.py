@@ -1,7 +1,5 @@
 """Map files of all formats: written, read again, and refused with line and key."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Floor plans in files of map_server: what its modes mean, and what is refused."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import astuple
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The topological map: its elements, what is refused, and problems of valid maps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from itertools import pairwise

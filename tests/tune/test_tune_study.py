@@ -1,7 +1,5 @@
 """Studies: the search space, trials with a made-up score, the files, and what is refused."""
 
-from __future__ import annotations
-
 import csv
 import json
 import sys

@@ -1,7 +1,5 @@
 """Every family: worlds are reproducible, traversable, and have the specified properties."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from functools import cache

@@ -1,7 +1,5 @@
 """The family ``hard``: frozen, its hazards listed, and always with a way to the goal."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import Counter
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Import of Gazebo worlds: supported shapes, errors, the resulting world and mission."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

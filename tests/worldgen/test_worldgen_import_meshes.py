@@ -1,7 +1,5 @@
 """Meshes of Gazebo worlds: their collision geometry as solids, where they are found, bad files."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import astuple
 from itertools import pairwise
