@@ -45,9 +45,9 @@ def parse_types(text: str) -> tuple[Any, ...]:
         ValueError: a name is not understood.
 
     """
-    parse: Any = sigutils.normalize_signature  # has no types
+    normalize: Any = sigutils.normalize_signature  # has no types
     try:
-        return tuple(parse(f"({text},)" if text else "()")[0])
+        return tuple(normalize(f"({text},)" if text else "()")[0])
     except (NameError, SyntaxError, TypeError):
         raise ValueError(f"no types of a kernel's arguments: {text!r}") from None
 

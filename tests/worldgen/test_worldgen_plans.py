@@ -1,5 +1,7 @@
 """Floor plans: worlds, maps and missions of them, few walls, export, and what is refused."""
 
+from __future__ import annotations
+
 import math
 from pathlib import Path
 
