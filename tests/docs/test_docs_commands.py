@@ -153,7 +153,7 @@ NOT_TYPED = {
     r"pip install": "tests/packaging",
     r"navfw suite": "hours; tests/suite",
     r"navfw report runs/rooms": "reports what takes hours; tests/report",
-    r"navfw report --text runs/ablations": "compares what takes hours; tests/suite",
+    r"navfw report (--text )?runs/ablations": "compares what takes hours; tests/suite",
     r"navfw results": "writes pages of this repository; tests/results",
     r"navfw tune": "hours; tests/tune",
     r"navfw bench": "minutes each; tests/bench",
