@@ -186,6 +186,10 @@ def _flag(value: Any, _what: str) -> bool:
     return bool(value)
 
 
+def _count(value: Any, what: str) -> int:
+    return int(number(value, what, 0.0))
+
+
 def _explanation(value: Any, what: str) -> Mapping[str, Any]:
     """A mapping as it is: it may be computed on request."""
     if not isinstance(value, Mapping):
@@ -276,14 +280,13 @@ _CHECKS: Mapping[str, Callable[[Any, str], Any]] = {
     **dict.fromkeys(("weights", "planes"), numbers),
     **dict.fromkeys(("places", "situations"), partial(numbers, low=0.0, high=1.0)),
     **dict.fromkeys(("start", "end"), _point),
+    **dict.fromkeys(("updates", "hypotheses"), _count),
     "twist": twist,
     "pose": pose,
     "slopes": texts,
     "obstacles": partial(_of_mappings, check=texts),
     "quadrants": _quadrants,
     "explanation": _explanation,
-    "updates": lambda value, what: int(number(value, what, 0.0)),
-    "hypotheses": lambda value, what: int(number(value, what, 0.0)),
     "width": _width,
     "passage": _two_names,
 }

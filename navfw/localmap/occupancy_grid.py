@@ -393,7 +393,7 @@ class OccupancyGrid:
 
 def _floor_in_view_from(camera: CameraModel) -> float:
     """Distance [m] from the camera at which the floor comes into view; infinite if it does not."""
-    turn, down = camera.base_from_camera, 0.5 * camera.height / camera.focal
-    fall = -(turn[2, 1] * down + turn[2, 2])
-    ahead = turn[0, 1] * down + turn[0, 2]
+    edge = np.array([0.0, 0.5 * camera.height])
+    fall = float(camera.fall_per_depth(edge))
+    ahead = math.cos(camera.pitch) - edge[1] / camera.focal * math.sin(camera.pitch)
     return float(camera.mount_height * ahead / fall) if fall > 0.0 else math.inf
