@@ -159,6 +159,12 @@ Video = Annotated[
 ]
 
 
+Topic = Annotated[
+    str | None,
+    typer.Option(help="Topic of a bag's images; by default that with most.", show_default=False),
+]
+
+
 class EngineKind(StrEnum):
     """What drives the runs."""
 

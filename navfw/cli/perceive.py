@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
+from navfw.cli.options import Topic
 from navfw.cli.output import print_json_list, quiet_stdout, quietly
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
@@ -20,11 +21,14 @@ from navfw.errors import InputError
 if TYPE_CHECKING:
     from navfw.camera_geometry.lens_models import CameraCalibration
     from navfw.perceive.image_sources import ImageSource
+    from navfw.perceive.image_times import ImageTimes
     from navfw.perceive.lens_estimate import LensEstimate
     from navfw.perceive.motion_record import MotionRecord
     from navfw.perceive.pair_result import PairResult
     from navfw.perceive.perceiver_options import PerceiverOptions
+    from navfw.recording.bag_contents import BagContents
 
+    _Opener: TypeAlias = Callable[[CameraCalibration | None], ImageSource]
     Assessed: TypeAlias = tuple[PairResult, dict[str, float | str]]
 
 
@@ -130,8 +134,11 @@ _JsonList = Annotated[
 def perceive(
     source: Annotated[
         list[Path],
-        typer.Argument(help="A folder of images, a video, or image files.", show_default=False),
+        typer.Argument(
+            help="A folder of images, a video, image files, or a bag of ROS.", show_default=False
+        ),
     ],
+    topic: Topic = None,
     hfov: _Hfov = None,
     calibration: _Calibration = None,
     speed: _Speed = None,
@@ -150,7 +157,7 @@ def perceive(
 ) -> None:
     """Run perception on recorded images. Lists obstacles, distances and the situation."""
     with quiet_stdout():
-        from navfw.perceive.image_sources import open_source
+        from navfw.perceive.calibration import load_calibration
         from navfw.perceive.image_times import load_image_times
         from navfw.perceive.pair_result import as_data
         from navfw.perceive.perceiver_options import PerceiverOptions
@@ -168,11 +175,16 @@ def perceive(
             stride=stride,
         )
         listed = None if times is None else load_image_times(times)
-        opened = partial(open_source, source, fps, listed=listed)
-        options = replace(options, gyro=_motion_record(gyro, poses, pitch or 0.0, opened(None)))
+        bag = _contents(source, topic, times)
+        opened = _opener(bag, source, fps, listed)
+        given = None if calibration is None else load_calibration(calibration)
+        record = _motion_record(gyro, poses, pitch or 0.0, opened(None))
+        if bag is not None:
+            given, record = _of_bag(bag, given, record, hfov, fps)
+        options = replace(options, gyro=record)
     with ProgressBar("perceive", quiet=quiet) as bar:
         with quiet_stdout():
-            images, view, lens = _with_lens(opened, calibration, hfov, bar)
+            images, view, lens = _with_lens(opened, given, hfov, bar)
         options = replace(options, hfov=view)
         counter = _ResultCounter(images.total, bar)
         with contextlib.closing(_results(options, images, overlay)) as results:
@@ -185,7 +197,7 @@ def perceive(
                 )
             else:
                 _print(shown, lens, overlay)
-    for note in [*counter.notes(options), *images.notes]:
+    for note in [*counter.notes(options), *images.notes, *([] if bag is None else bag.notes)]:
         typer.echo(f"note: {note}", err=True)
 
 
@@ -207,18 +219,61 @@ def _print(results: Iterable[Assessed], lens: LensEstimate | None, overlay: Path
         typer.echo(f"drawn to {overlay}")
 
 
-def _with_lens(
-    opened: Callable[[CameraCalibration | None], ImageSource],
-    calibration: Path | None,
+def _contents(source: Sequence[Path], topic: str | None, times: Path | None) -> BagContents | None:
+    """The contents of a bag; None for images of another kind."""
+    from navfw.recording.run_folder import is_bag
+
+    if len(source) > 1 or not is_bag(source[0]):
+        if topic is not None:
+            raise InputError("is for a bag", key="--topic")
+        return None
+    if times is not None:
+        raise InputError("is for image files; a bag has its own times", key="--times")
+    from navfw.recording.bag_contents import BagContents
+    from navfw.recording.bag_reader import Bag
+
+    return BagContents(Bag(source[0]), topic)
+
+
+def _opener(
+    bag: BagContents | None, source: list[Path], fps: float | None, listed: ImageTimes | None
+) -> _Opener:
+    """What opens the images with a calibration, or with none."""
+    from navfw.perceive.image_sources import open_source
+
+    if bag is not None:
+        from navfw.perceive.bag_source import BagImages
+
+        return partial(BagImages, bag, fps)
+    return partial(open_source, source, fps, listed=listed)
+
+
+def _of_bag(
+    bag: BagContents,
+    calibration: CameraCalibration | None,
+    record: MotionRecord | None,
     hfov: float | None,
-    bar: ProgressBar,
+    fps: float | None,
+) -> tuple[CameraCalibration | None, MotionRecord | None]:
+    """Calibration and motion as given, else those of the bag."""
+    from navfw.perceive.bag_source import BagImages, bag_calibration, bag_motion
+
+    if calibration is None and hfov is None:
+        calibration = bag_calibration(bag)
+    if record is None and fps is None:
+        record = bag_motion(bag)
+        record = record and record.on_clock_of(BagImages(bag))
+    return calibration, record
+
+
+def _with_lens(
+    opened: _Opener, calibration: CameraCalibration | None, hfov: float | None, bar: ProgressBar
 ) -> tuple[ImageSource, float | None, LensEstimate | None]:
     """The images, their field of view [deg], and the estimate of a lens that is not given."""
-    from navfw.perceive.calibration import load_calibration
     from navfw.perceive.lens_estimate import open_with_lens
 
     if calibration is not None:
-        return opened(load_calibration(calibration)), None, None
+        return opened(calibration), None, None
     return open_with_lens(opened, hfov, lambda: bar.show_part("estimating the lens"))
 
 

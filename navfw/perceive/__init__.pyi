@@ -1,3 +1,7 @@
+from .bag_source import BagImages as BagImages
+from .bag_source import bag_calibration as bag_calibration
+from .bag_source import bag_motion as bag_motion
+from .bag_source import camera_contradiction as camera_contradiction
 from .calibration import Undistortion as Undistortion
 from .calibration import load_calibration as load_calibration
 from .floor_motion import FloorFinder as FloorFinder

@@ -1,3 +1,10 @@
+from .bag_contents import BagContents as BagContents
+from .bag_contents import BagImage as BagImage
+from .bag_contents import camera_matrix as camera_matrix
+from .bag_contents import driven_way as driven_way
+from .bag_contents import ros_image as ros_image
+from .bag_reader import Bag as Bag
+from .bag_reader import BagMessage as BagMessage
 from .channel_list import CAMERA_IMAGE as CAMERA_IMAGE
 from .channel_list import LANDMARK_IMAGE as LANDMARK_IMAGE
 from .channel_list import LOCAL_MAP as LOCAL_MAP
@@ -21,12 +28,15 @@ from .provenance import machine_kind as machine_kind
 from .recorded_run import RecordedRun as RecordedRun
 from .recorded_run import image_of as image_of
 from .recorded_run import open_run as open_run
+from .ros_messages import RosMessages as RosMessages
+from .ros_messages import message_types as message_types
 from .run_folder import FILES as FILES
 from .run_folder import PICTURE as PICTURE
 from .run_folder import RECORDING as RECORDING
 from .run_folder import REPORT as REPORT
 from .run_folder import RESULT as RESULT
 from .run_folder import RunFolder as RunFolder
+from .run_folder import is_bag as is_bag
 from .run_folder import plain_json as plain_json
 from .run_folder import read_result as read_result
 from .run_log import Contact as Contact

@@ -106,7 +106,7 @@ def unpack_reading(data: bytes) -> ReadingRow:
 MAX_BYTES = 1 << 30
 """Largest size of a recording [byte]; an hour of 160x120 images at 10 Hz is 0.6 GB."""
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 """Version of the channels; raised when a replay reads them differently."""
 PROFILE = "navfw-"
 """Profile of the file, before the version."""
@@ -137,6 +137,13 @@ WORLD = "/world"
 PROPOSALS = "/proposals"
 COMMAND = "/command"
 RULES = "/command/rules"
+IMU = "/imu"
+JOINTS = "/joint_states"
+ODOMETRY = "/odom"
+TWIST = "/cmd_vel"
+DRIVEN = "/cmd_vel/driven"
+CAMERA_INFO = "/camera/camera_info"
+LOG = "/rosout"
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,9 +157,9 @@ class ChannelInfo:
 
 
 _ANNOTATIONS = "foxglove.ImageAnnotations"
-_IMAGE = "foxglove.CompressedImage"
+_IMAGE = "sensor_msgs/msg/CompressedImage"
 
-_SENSOR_CHANNELS = (
+SENSOR_CHANNELS = (
     ChannelInfo(READING, SCHEMA_NAME, "60 Hz", "gyro, encoders, and the command of the stack"),
     ChannelInfo(CAMERA_IMAGE, _IMAGE, "10 Hz", "the camera's image, PNG"),
     ChannelInfo(LANDMARK_IMAGE, _IMAGE, "1.25 Hz", "the larger image for landmarks, if any"),
@@ -170,7 +177,7 @@ VIEWER_CHANNELS = (
     ChannelInfo(OBSTACLES, "foxglove.SceneUpdate", "10 Hz", "moving obstacles, with velocity"),
     ChannelInfo(
         TRANSFORMS,
-        "foxglove.FrameTransforms",
+        "tf2_msgs/msg/TFMessage",
         "10 Hz",
         "`map` to `odom` to `base_link` to `camera`",
     ),
@@ -181,10 +188,20 @@ VIEWER_CHANNELS = (
     ChannelInfo(PROPOSALS, "foxglove.Grid", "5 Hz", "each behaviour's rating of all commands"),
     ChannelInfo(COMMAND, "navfw.Command", "10 Hz", "the command, its leader, weights and reasons"),
     ChannelInfo(RULES, "navfw.FiredRules", "2 Hz", "rules that fired, as `navfw explain --json`"),
+    ChannelInfo(IMU, "sensor_msgs/msg/Imu", "60 Hz", "gyro"),
+    ChannelInfo(JOINTS, "sensor_msgs/msg/JointState", "60 Hz", "turns of the wheels"),
+    ChannelInfo(ODOMETRY, "nav_msgs/msg/Odometry", "10 Hz", "wheels and gyro, in `odom`"),
+    ChannelInfo(TWIST, "geometry_msgs/msg/TwistStamped", "60 Hz", "command of the stack"),
+    ChannelInfo(CAMERA_INFO, "sensor_msgs/msg/CameraInfo", "10 Hz", "of the camera's image"),
+    ChannelInfo(LOG, "rcl_interfaces/msg/Log", "1 Hz", "leader and its reason, or why it is held"),
 )
-"""What people look at."""
+"""What people and tools look at."""
+DRIVEN_CHANNEL = ChannelInfo(
+    DRIVEN, "geometry_msgs/msg/TwistStamped", "10 Hz", "of a bag's replay: the bag's `cmd_vel`"
+)
+"""What the robot was commanded in its stead while the stack was not in command."""
 
-CHANNELS = _SENSOR_CHANNELS + VIEWER_CHANNELS
+CHANNELS = SENSOR_CHANNELS + VIEWER_CHANNELS
 """All channels of a run."""
 
 

@@ -17,6 +17,7 @@ import io
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -29,6 +30,7 @@ from navfw.config.input_file import is_file, open_input, shown_path
 from navfw.errors import ConfigError
 from navfw.numerics import Image
 from navfw.recording import channel_list as topics
+from navfw.recording.ros_messages import message_types
 from navfw.recording.run_folder import OLD_RECORDING, RECORDING
 
 with extra_imports("record"):
@@ -50,8 +52,8 @@ _MAGIC = b"\x89MCAP0\r\n"
 class RecordedMessage:
     """A message of channel ``topic`` at simulated ``time`` [s].
 
-    ``content`` is a ``ReadingRow`` for sensor readings, a dict for JSON, and otherwise a protobuf
-    message with the fields of its Foxglove schema (``message.content.data``).
+    ``content`` is a ``ReadingRow`` for sensor readings, a dict for JSON, and otherwise a message
+    with the fields of its schema, of Foxglove or of ROS 2 (``message.content.data``).
     """
 
     topic: str
@@ -204,6 +206,8 @@ class RecordedRun:
             return topics.unpack_reading
         if channel.message_encoding == MessageEncoding.JSON:
             return json.loads
+        if schema.encoding == SchemaEncoding.ROS2 and schema.name in message_types().types:
+            return partial(message_types().deserialize_cdr, typename=schema.name)
         try:
             if schema.encoding == SchemaEncoding.Protobuf:
                 decoder = self._protobuf.decoder_for(channel.message_encoding, schema)
@@ -243,18 +247,18 @@ def _unpacked_size(chunk: Chunk) -> int:
     return size
 
 
-_SCHEMAS = {channel.topic: channel.schema for channel in topics.CHANNELS}
+_SCHEMAS = {info.topic: info.schema for info in (*topics.CHANNELS, topics.DRIVEN_CHANNEL)}
 
 
 def image_of(message: RecordedMessage, path: Path) -> Image:
-    """The image in a message of ``foxglove.CompressedImage``: (height, width) uint8, luminance.
+    """The image in a message of ``CompressedImage``: (height, width) uint8, luminance.
 
     Raises:
         ConfigError: the image is damaged or too large; the message has ``path`` and time.
 
     """
     where = f"{shown_path(path)}: {message.topic} at {message.time:.2f} s"
-    image = decode_image(message.content.data, where, cv2.IMREAD_GRAYSCALE)
+    image = decode_image(bytes(message.content.data), where, cv2.IMREAD_GRAYSCALE)
     return np.asarray(image, dtype=np.uint8)
 
 

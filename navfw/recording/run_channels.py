@@ -6,19 +6,23 @@ import json
 from collections import deque
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import cv2
 from foxglove import Channel, Context, Schema
 from foxglove import channels as typed
-from foxglove.messages import CompressedImage, Timestamp
+from foxglove.messages import Timestamp
 
+from navfw.config.input_file import read_json_object
 from navfw.guard import PluginGuard
 from navfw.mofis.mofis import explain_command
 from navfw.numerics import Image
 from navfw.recording import channel_list as topics
 from navfw.recording import viewer_messages as messages
 from navfw.recording.channel_list import SeenRun
+from navfw.recording.ros_messages import LOG_INFO, LOG_WARN, RosMessages, schema_text
 from navfw.recording.run_folder import plain_json
 from navfw.signals import Percept, Pose, SensorReading, Twist
 from navfw.stack import Stack
@@ -37,13 +41,10 @@ class SensorChannels:
     """
 
     def __init__(self, context: Context) -> None:
-        schema = Schema(name=topics.SCHEMA_NAME, encoding="ros2msg", data=topics.SCHEMA.encode())
-        self._reading = Channel(
-            topics.READING, schema=schema, message_encoding="cdr", context=context
-        )
-        self._images = {
-            topic: typed.CompressedImageChannel(topic, context=context) for topic in topics.IMAGES
-        }
+        channels = {info.topic: _channel(info, context) for info in topics.SENSOR_CHANNELS}
+        self._reading = channels.pop(topics.READING)
+        self._images = channels
+        self._ros = RosMessages()
         self._packer = ThreadPoolExecutor(max_workers=1)
         self._waiting: deque[tuple[str, int, Future[bytes] | bytes]] = deque()
 
@@ -85,12 +86,7 @@ class SensorChannels:
 
     def _log_image(self, topic: str, data: bytes, now: int) -> None:
         frame = topic.removeprefix("/").removesuffix("/image")
-        message = CompressedImage(
-            timestamp=Timestamp(*divmod(now, 10**9)),
-            frame_id=frame,
-            data=data,
-            format=_IMAGE_FORMAT,
-        )
+        message = self._ros.image(data, _IMAGE_FORMAT, frame, now)
         self._images[topic].log(message, log_time=now)
 
 
@@ -103,6 +99,8 @@ _VISION_PERIOD = 0.2
 """Interval between two flows, percepts and ratings of all commands [s]: what costs most."""
 _MAP_PERIOD = 0.5
 """Interval between two local maps, and between two lists of fired rules [s]."""
+_LOG_PERIOD = 1.0
+"""Interval between two lines of the log [s]."""
 _WORLD_PERIOD = 5.0
 """Interval at which the world is sent again, for viewers that join [s]."""
 
@@ -120,27 +118,37 @@ class RunChannels:
         self._sensors = SensorChannels(context)
         self._seen = seen
         self._guard = PluginGuard()
-        self._next_vision = self._next_map = self._next_world = 0.0
+        self._ros = RosMessages()
+        self._next_vision = self._next_map = self._next_world = self._next_log = 0.0
         self._channels: dict[str, Any] = {}
         for info in topics.VIEWER_CHANNELS if seen is not None else ():
             self._channels[info.topic] = _channel(info, context)
 
-    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
-        """Log one control tick: reading, the stack's command for it, and the true pose."""
+    def observe(self, reading: SensorReading, twist: Twist, pose: Pose | None) -> None:
+        """Log one control tick: the reading, the stack's command, the true pose if it is known."""
         self._sensors.log(reading, twist)
-        if self._seen is not None and reading.frame is not None:
+        if self._seen is None:
+            return
+        now, robot = topics.nanoseconds(reading.time), self._seen.stack.robot
+        self._log(topics.IMU, now, self._ros.imu, robot, reading, now)
+        self._log(topics.JOINTS, now, self._ros.joints, robot, reading, now)
+        self._log(topics.TWIST, now, self._ros.command, twist, now)
+        if reading.frame is not None:
+            size = reading.frame.image.shape
+            self._log(topics.CAMERA_INFO, now, self._ros.camera_info, robot.camera, size, now)
             self._show(self._seen, reading.time, twist, pose)
 
     def close(self) -> None:
         """Log what still waits; nothing can be logged afterwards."""
         self._sensors.close()
 
-    def _show(self, seen: SeenRun, now: float, twist: Twist, pose: Pose) -> None:
+    def _show(self, seen: SeenRun, now: float, twist: Twist, pose: Pose | None) -> None:
         """Log what the stack has made of the newest frame."""
         stack, state = seen.stack, seen.stack.state
         log_time = topics.nanoseconds(now)
         stamp = Timestamp(*divmod(log_time, 10**9))
-        self._log(topics.TRUE_POSE, log_time, messages.true_pose_message, pose, stamp)
+        if pose is not None:
+            self._log(topics.TRUE_POSE, log_time, messages.true_pose_message, pose, stamp)
         if now >= self._next_vision:
             self._next_vision = now + _VISION_PERIOD - 1e-9
             self._show_vision(stack, state, stamp, log_time)
@@ -149,6 +157,10 @@ class RunChannels:
             self._log_json(topics.COMMAND, log_time, _command, state)
         tracks = stack.tracker.confirmed
         self._log(topics.OBSTACLES, log_time, messages.obstacles_message, tracks, now, stamp)
+        if now >= self._next_log:
+            self._next_log = now + _LOG_PERIOD - 1e-9
+            line, level = _line(state)
+            self._log(topics.LOG, log_time, self._ros.log, line, level, log_time)
         if now >= self._next_world:
             self._next_world = now + _WORLD_PERIOD - 1e-9
             self._log(topics.WORLD, log_time, messages.world_message, seen.outline, stamp)
@@ -183,8 +195,9 @@ class RunChannels:
         if belief is None or odometry is None:
             return
         camera = stack.robot.camera
-        placed = belief, odometry.pose, camera, stamp
-        self._log(topics.TRANSFORMS, log_time, messages.transforms_message, *placed)
+        placed = belief, odometry.pose, camera, log_time
+        self._log(topics.TRANSFORMS, log_time, self._ros.transforms, *placed)
+        self._log(topics.ODOMETRY, log_time, self._ros.odometry, odometry, log_time)
         self._log(topics.POSE, log_time, messages.pose_message, belief, odometry.twist, stamp)
         self._log(topics.PATH, log_time, messages.path_message, belief, state.path, stamp)
         context = stack.mofis.context
@@ -203,12 +216,23 @@ class RunChannels:
 
 
 def _channel(info: topics.ChannelInfo, context: Context) -> Any:
-    """The channel of Foxglove's schema, or one of JSON with a schema of navfw's name."""
+    """The channel of Foxglove's schema, of a message of ROS 2, or of JSON by ``_JSON_SCHEMAS``."""
     namespace, _, name = info.schema.partition(".")
     if namespace == "foxglove":
         return getattr(typed, f"{name}Channel")(info.topic, context=context)
-    schema = Schema(name=info.schema, encoding="jsonschema", data=b'{"type": "object"}')
+    if "/msg/" in info.schema:
+        text = topics.SCHEMA if info.topic == topics.READING else schema_text(info.schema)
+        schema = Schema(name=info.schema, encoding="ros2msg", data=text.encode())
+        return Channel(info.topic, schema=schema, message_encoding="cdr", context=context)
+    data = json.dumps(json_schemas()[info.schema]).encode()
+    schema = Schema(name=info.schema, encoding="jsonschema", data=data)
     return Channel(info.topic, schema=schema, message_encoding="json", context=context)
+
+
+@cache
+def json_schemas() -> dict[str, Any]:
+    """The JSON schemas of the channels in JSON, by their name."""
+    return read_json_object(Path(__file__).with_name("json_schemas.json"))
 
 
 def _json(value: Mapping[str, Any]) -> str:
@@ -217,6 +241,15 @@ def _json(value: Mapping[str, Any]) -> str:
         return json.dumps(value, default=dict, allow_nan=False)
     except (TypeError, ValueError):
         return json.dumps(plain_json(value))
+
+
+def _line(state: StackState) -> tuple[str, int]:
+    """A line of the log, and its level."""
+    trouble = state.veto or (state.fault.reason if state.fault is not None else "")
+    if trouble:
+        return f"held: {trouble}", LOG_WARN
+    command = state.command
+    return ("no command" if command is None else f"{command.leader}: {command.reason}"), LOG_INFO
 
 
 def _percept(percept: Percept) -> Mapping[str, Any]:

@@ -21,7 +21,7 @@ _HOST = "127.0.0.1"
 class RunObserver(Protocol):
     """Takes in every control tick of a run, after the stack; it must change nothing in it."""
 
-    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
+    def observe(self, reading: SensorReading, twist: Twist, pose: Pose | None) -> None:
         """Take in one control tick: reading, the stack's command for it, and the true pose."""
         ...
 
@@ -65,7 +65,7 @@ class RunRecorder:
         self._channels = RunChannels(context, seen)
         self._closed = False
 
-    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
+    def observe(self, reading: SensorReading, twist: Twist, pose: Pose | None) -> None:
         """Add one control tick: the reading, the stack's command for it, and the true pose."""
         frames = [frame for frame in (reading.frame, reading.landmark_frame) if frame is not None]
         images = [image for frame in frames for image in (frame.image, *frame.sides)]
@@ -129,7 +129,7 @@ class LiveServer:
             ) from None
         self.url = f"ws://{_HOST}:{self._server.port}"
 
-    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
+    def observe(self, reading: SensorReading, twist: Twist, pose: Pose | None) -> None:
         """Send one control tick: reading, the stack's command for it, and the true pose."""
         self._channels.observe(reading, twist, pose)
         if reading.frame is not None:

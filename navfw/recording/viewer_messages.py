@@ -185,45 +185,6 @@ def _cube(corners: Array, height: float, color: fox.Color) -> fox.CubePrimitive:
     return fox.CubePrimitive(pose=_pose3(Pose(x, y, yaw), 0.5 * height), size=size, color=color)
 
 
-def transforms_message(
-    belief: Belief, odometry: Pose, camera: CameraModel, stamp: Timestamp
-) -> fox.FrameTransforms:
-    """``map`` to ``odom`` by the belief, ``odom`` to ``base_link``, and the camera on it."""
-    # the pose of odom in map: base_link in map, and from there back to odom
-    odom = belief.pose.compose(odometry.relative(Pose(0.0, 0.0, 0.0)))
-    mount = fox.Vector3(x=camera.mount_forward, y=0.0, z=camera.mount_height)
-    return fox.FrameTransforms(
-        transforms=[
-            _transform("map", "odom", odom, stamp),
-            _transform("odom", "base_link", odometry, stamp),
-            fox.FrameTransform(
-                timestamp=stamp,
-                parent_frame_id="base_link",
-                child_frame_id="camera",
-                translation=mount,
-                rotation=_optical_rotation(camera.pitch),
-            ),
-        ]
-    )
-
-
-def _transform(parent: str, child: str, pose: Pose, stamp: Timestamp) -> fox.FrameTransform:
-    return fox.FrameTransform(
-        timestamp=stamp,
-        parent_frame_id=parent,
-        child_frame_id=child,
-        translation=fox.Vector3(x=pose.x, y=pose.y, z=0.0),
-        rotation=_about_z(pose.yaw),
-    )
-
-
-def _optical_rotation(pitch: float) -> fox.Quaternion:
-    """The rotation of ``camera_optical`` (x right, y down, z ahead), nose down by ``pitch``."""
-    # of a level camera (-1/2, 1/2, -1/2, 1/2), then turned about base_link's y axis
-    c, s = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
-    return fox.Quaternion(x=0.5 * (-c - s), y=0.5 * (c + s), z=0.5 * (-c + s), w=0.5 * (c - s))
-
-
 def pose_message(belief: Belief, twist: Twist, stamp: Timestamp) -> fox.Odometry:
     """The estimated pose in ``map`` with its covariance (x, y, z, roll, pitch, yaw; 6 x 6)."""
     covariance = np.zeros((6, 6))

@@ -88,7 +88,7 @@ class VideoPlan:
         canvas.image[:] = palette.bgr(palette.FLOOR)
         canvas.draw(self._world)
         if topics.TRANSFORMS in content:
-            odom = planar_pose(content[topics.TRANSFORMS].transforms[0])
+            odom = planar_pose(content[topics.TRANSFORMS].transforms[0].transform)
             _draw_local_map(canvas, content.get(topics.LOCAL_MAP), odom)
             canvas.draw(_movers(content.get(topics.OBSTACLES), odom))
         until = int(np.searchsorted(self._timeline.time, time + 1e-6))

@@ -98,8 +98,8 @@ def test_poses_have_covariances_and_agree_with_the_transforms(driven: Driven) ->
     covariance = np.reshape(estimated.pose_covariance, (6, 6))
     assert np.array_equal(covariance[np.ix_((0, 1, 5), (0, 1, 5))], belief.covariance)
     moved = [0.0, 0.0, 0.0]
-    for transform in at_end(run, topics.TRANSFORMS).transforms[:2]:
-        yaw = moved[2]
+    for stamped in at_end(run, topics.TRANSFORMS).transforms[:2]:
+        yaw, transform = moved[2], stamped.transform
         x, y = transform.translation.x, transform.translation.y
         moved[0] += math.cos(yaw) * x - math.sin(yaw) * y
         moved[1] += math.sin(yaw) * x + math.cos(yaw) * y

@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 import pytest
 from cli_calls import invoke
-from foxglove.messages import CompressedImage
 from mcap_rewriting import rewrite
 from processes import python
 
@@ -21,6 +20,7 @@ from navfw.recording import (
     RECORDING,
     RESULT,
     RecordedRun,
+    RosMessages,
     RunFolder,
     explain_at,
     image_of,
@@ -82,7 +82,7 @@ def with_images(folder: Path, copy: Path, change: Callable[[int, Image], Image])
             return data
         image = change(next(numbers), image_of(next(messages), folder))
         packed = cv2.imencode(".png", np.ascontiguousarray(image))[1].tobytes()
-        return CompressedImage(data=packed, format="png").encode()
+        return RosMessages().image(packed, "png", "camera", 0)
 
     rewrite(folder / RECORDING, copy / RECORDING, changed)
     return copy

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from foxglove.messages import CompressedImage
 from mcap.writer import CompressionType
 from mcap_rewriting import Change, rewrite
 
@@ -20,6 +19,7 @@ from navfw.recording import (
     RIGHT_IMAGE,
     ReadingRow,
     RecordedRun,
+    RosMessages,
     RunRecorder,
     compare_commands,
     load_recording,
@@ -33,7 +33,7 @@ from navfw.testing.fakes import FakePilot, FakeSimulator
 
 TICKS = 40
 HERE = Pose(0.0, 0.0, 0.0)
-GIF = CompressedImage(data=b"GIF").encode()
+GIF = RosMessages().image(b"GIF", "gif", "camera", 0)
 
 
 def random_readings(seed: int) -> list[SensorReading]:
@@ -174,7 +174,7 @@ def test_a_foreign_file_and_one_of_another_version_are_told_apart(
     for profile, message in (
         ("ros2", "profile 'ros2', expected one of navfw run --record"),
         ("", "without a profile"),
-        ("navfw-0", "version 0 of the format, this navfw reads 1; record the run again"),
+        ("navfw-0", "version 0 of the format, this navfw reads 2; record the run again"),
     ):
         with pytest.raises(ConfigError, match=message):
             load_recording(rewrite(good, tmp_path / "other.mcap", profile=profile))
@@ -274,7 +274,7 @@ def test_times_and_rates_that_no_sensor_has_are_refused(
 def test_the_recording_tells_of_its_run(good: Path) -> None:
     run = RecordedRun(good)
     assert run.metadata == {"world": "none"}
-    assert run.topics[CAMERA_IMAGE] == "foxglove.CompressedImage"
+    assert run.topics[CAMERA_IMAGE] == "sensor_msgs/msg/CompressedImage"
     assert run.image_at(-1.0) is None
     image, frame = run.image_at(0.15), random_readings(5)[6].frame
     assert image is not None and frame is not None
