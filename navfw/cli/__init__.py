@@ -28,7 +28,12 @@ __all__ = ["PANELS", "app", "main"]
 
 PANELS = {
     "Drive": {"run": "run", "replay": "recordings", "perceive": "perceive"},
-    "Look": {"list": "listings", "explain": "recordings", "report": "recordings"},
+    "Look": {
+        "list": "listings",
+        "explain": "recordings",
+        "report": "recordings",
+        "export": "bags",
+    },
     "Make": {"world": "world", "map": "map"},
     "Measure": {"suite": "suite", "tune": "tune"},
     "Project": {

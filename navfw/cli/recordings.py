@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.options import Json, Recorded, VariantA, VariantB, Video
+from navfw.cli.bags import MapChoice, replay_bag
+from navfw.cli.options import Json, Recorded, Robot, Stack, Topic, VariantA, VariantB, Video
 from navfw.cli.output import print_json, print_result, print_status, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError, locating
@@ -25,14 +26,67 @@ VIDEO = "--video"
 """The option, for messages."""
 
 
-def replay(folder: Recorded, video: Video = None, json: Json = False) -> None:
-    """Run the stack on recorded readings. Exit with 1 if the commands differ."""
-    with quiet_stdout():
-        from navfw.recording.run_replay import replay as run_again
+_Goals = Annotated[
+    list[str] | None,
+    typer.Option("--goal", help="Of a bag: a place of --map to drive to. May be repeated."),
+]
+_Start = Annotated[
+    str | None,
+    typer.Option(metavar="X,Y,YAW", help="Of a bag: where it began on --map; without, unknown."),
+]
+
+
+def replay(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RUN_FOLDER|BAG", help="Folder of navfw run --record, or a bag of ROS."
+        ),
+    ],
+    robot: Robot = None,
+    map_name: Annotated[
+        str | None,
+        typer.Option(
+            "--map", help="Of a bag: name or file of a map; without, the way that was driven."
+        ),
+    ] = None,
+    goal: _Goals = None,
+    start: _Start = None,
+    stack: Stack = "default",
+    topic: Topic = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Of a bag: run folder [default: runs/BAG-replay].")
+    ] = None,
+    video: Video = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run the stack on recorded readings. Exit with 1 if the commands differ.
+
+    Of a bag, it says what it would have commanded, and leaves a run folder.
+    """
+    from navfw.recording.run_folder import is_bag
+
+    if video is not None:
         from navfw.recording.video_output import check_video
 
+        check_video(video, VIDEO)
+    if is_bag(folder):
+        choice = MapChoice(map_name, goal or [], start)
+        target = replay_bag(folder, robot, choice, stack, topic, out, json=json, quiet=quiet)
         if video is not None:
-            check_video(video, VIDEO)
+            write_video(target, video, quiet=json or quiet)
+        return
+    for option, value in (("--robot", robot), ("--map", map_name), ("--goal", goal)):
+        if value:
+            raise typer.BadParameter("is for a bag", param_hint=option)
+    _replay_run(folder, video, json=json)
+
+
+def _replay_run(folder: Path, video: Path | None, *, json: bool) -> None:
+    with quiet_stdout():
+        from navfw.recording.run_replay import replay as run_again
+
         result = run_again(folder)
         if video is not None:
             write_video(folder, video, quiet=json)

@@ -14,10 +14,8 @@ from navfw.missions.run_drawing import outline_of
 from navfw.missions.session import MissionResult, Session
 from navfw.process.interruption import deferred, interruptible
 from navfw.recording.provenance import code_revision, machine_kind
-from navfw.recording.run_folder import PICTURE, PLAN, RECORDING, RESULT, RunFolder
+from navfw.recording.run_folder import PICTURE, RECORDING, RESULT, RunFolder
 from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
-from navfw.topomap.mapfile import map_data
-from navfw.topomap.occupancy_map import save_ros_map
 
 _LIBRARIES = ("numpy", "numba", "opencv-python-headless", "scikit-fuzzy", "networkx")
 """Libraries whose versions are recorded."""
@@ -46,13 +44,8 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
         raise InputError(what, file=target.target) from error
     writers: dict[str, Callable[[Path], object]] = {}
     if result.recorder is not None:
-        config, topo_map = result.session.stack.config, result.session.mission.topo_map
-        plan = topo_map.floor_plan
-        data = map_data(topo_map, None if plan is None else PLAN)
-        if plan is not None:
-            writers[PLAN] = lambda path: save_ros_map(plan, path)
-        writers["map.yaml"] = lambda path: target.write_json(path.name, data)
-        writers["stack.yaml"] = lambda path: target.write_json(path.name, config)
+        session = result.session
+        writers |= target.input_writers(session.stack.config, session.mission.topo_map)
         writers[RECORDING] = result.recorder.save
     writers[PICTURE] = lambda path: draw(result, path)
     missing = ((name, _why_missing(target.path / name, write)) for name, write in writers.items())

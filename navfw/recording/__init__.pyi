@@ -3,6 +3,7 @@ from .bag_contents import BagImage as BagImage
 from .bag_contents import camera_matrix as camera_matrix
 from .bag_contents import driven_way as driven_way
 from .bag_contents import ros_image as ros_image
+from .bag_export import export_bag as export_bag
 from .bag_reader import Bag as Bag
 from .bag_reader import BagMessage as BagMessage
 from .channel_list import CAMERA_IMAGE as CAMERA_IMAGE

@@ -196,8 +196,9 @@ class BagContents:
     def _stamp(self, message: BagMessage) -> float:
         """The stamp [s since the bag's begin]; nan without one."""
         header = getattr(message.content, "header", None)
-        stamp = None if header is None else 10**9 * header.stamp.sec + header.stamp.nanosec
-        return self._since(stamp) if stamp else math.nan
+        if header is None:
+            return math.nan
+        return self._since(10**9 * header.stamp.sec + header.stamp.nanosec)
 
     def _on_clock(
         self, stamps: Array, received: Array, topic: str, *, quiet: bool = False

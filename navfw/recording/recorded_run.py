@@ -96,21 +96,31 @@ class RecordedRun:
             ConfigError: a message is damaged.
 
         """
-        decoders = {
-            number: self._decoder(channel)
-            for number, channel in self._channels.items()
-            if not wanted or channel.topic in wanted
-        }
-        for record in self._records():
-            if not isinstance(record, Message) or record.channel_id not in decoders:
-                continue
-            topic = self._channels[record.channel_id].topic
+        decoders = {channel.topic: self._decoder(channel) for channel in self._of(*wanted)}
+        for topic, log_time, data in self.packed(*wanted):
             try:
-                content = decoders[record.channel_id](record.data)
-            except Exception as error:  # of the decoders of protobuf and JSON
+                content = decoders[topic](data)
+            except Exception as error:  # of the decoders of protobuf, CDR and JSON
                 reason = str(error) or type(error).__name__
                 raise self._refused(f"a message of {topic} is damaged ({reason})") from None
-            yield RecordedMessage(topic, 1e-9 * record.log_time, content)
+            yield RecordedMessage(topic, 1e-9 * log_time, content)
+
+    def packed(self, *wanted: str) -> Iterator[tuple[str, int, bytes]]:
+        """Topic, time [ns] and bytes of the messages of ``wanted`` topics, as ``messages``.
+
+        Raises:
+            ConfigError: the file is damaged.
+
+        """
+        of = {channel.id: channel.topic for channel in self._of(*wanted)}
+        for record in self._records():
+            if isinstance(record, Message) and record.channel_id in of:
+                yield of[record.channel_id], record.log_time, record.data
+
+    def _of(self, *wanted: str) -> list[Channel]:
+        """The channels of ``wanted`` topics; without any, all."""
+        channels = self._channels.values()
+        return [channel for channel in channels if not wanted or channel.topic in wanted]
 
     def image_at(self, time: float, topic: str = topics.CAMERA_IMAGE) -> Image | None:
         """The newest image of ``topic`` at ``time`` [s] (height, width); None before the first.

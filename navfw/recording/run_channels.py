@@ -138,6 +138,13 @@ class RunChannels:
             self._log(topics.CAMERA_INFO, now, self._ros.camera_info, robot.camera, size, now)
             self._show(self._seen, reading.time, twist, pose)
 
+    def log_driven(self, twist: Twist, time: float) -> None:
+        """Log what the robot was commanded at ``time`` [s] while the stack was not in command."""
+        if topics.DRIVEN not in self._channels:
+            self._channels[topics.DRIVEN] = _channel(topics.DRIVEN_CHANNEL, self._context)
+        now = topics.nanoseconds(time)
+        self._log(topics.DRIVEN, now, self._ros.command, twist, now)
+
     def close(self) -> None:
         """Log what still waits; nothing can be logged afterwards."""
         self._sensors.close()

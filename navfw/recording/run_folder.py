@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+import shutil
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from navfw.config.input_file import is_file, read_json_object
 from navfw.errors import ConfigError, InputError
 from navfw.process.atomic import AtomicTarget
 from navfw.process.target_lock import lock_first_free
+
+if TYPE_CHECKING:
+    from navfw.topomap import TopoMap
 
 RESULT = "result.json"
 """The file with outcome, metrics and configuration of a run."""
@@ -28,11 +32,15 @@ REPORT = "report.html"
 OLD_RECORDING = "recording.npz"
 """The recording of earlier versions: no longer read, and replaced with its folder."""
 
+LAYOUT = "foxglove_layout.json"
+"""The layout of Foxglove for the channels of a recording."""
+
 PLAN = "plan.yaml"
 """The file of the map's floor plan, if it has one; its image is beside it."""
 
 FILES = frozenset(
-    {RESULT, PICTURE, RECORDING, OLD_RECORDING, REPORT, "map.yaml", "stack.yaml", PLAN, "plan.png"},
+    {RESULT, PICTURE, RECORDING, OLD_RECORDING, REPORT, LAYOUT}
+    | {"map.yaml", "stack.yaml", PLAN, "plan.png"},
 )
 """The files of a run folder; a folder with any other file in it is never replaced."""
 
@@ -85,6 +93,24 @@ class RunFolder(AtomicTarget):
         """Write ``value`` as indented JSON (see ``plain_json``), which is YAML as well."""
         text = json.dumps(plain_json(value), indent=2, allow_nan=False)
         (self.path / name).write_text(text + "\n", encoding="utf-8")
+
+    def input_writers(
+        self, stack: Mapping[str, Any], topo_map: TopoMap
+    ) -> dict[str, Callable[[Path], object]]:
+        """What writes the files beside a recording: inputs of a replay, and Foxglove's layout."""
+        from navfw.topomap.mapfile import map_data
+        from navfw.topomap.occupancy_map import save_ros_map
+
+        plan = topo_map.floor_plan
+        data = map_data(topo_map, None if plan is None else PLAN)
+        layout = Path(__file__).with_name(LAYOUT)
+        writers: dict[str, Callable[[Path], object]] = {}
+        if plan is not None:
+            writers[PLAN] = lambda path: save_ros_map(plan, path)
+        writers["map.yaml"] = lambda path: self.write_json(path.name, data)
+        writers["stack.yaml"] = lambda path: self.write_json(path.name, stack)
+        writers[LAYOUT] = lambda path: shutil.copyfile(layout, path)
+        return writers
 
     def _move_into_place(self) -> None:
         why = self._foreign()

@@ -21,7 +21,7 @@ _HOST = "127.0.0.1"
 class RunObserver(Protocol):
     """Takes in every control tick of a run, after the stack; it must change nothing in it."""
 
-    def observe(self, reading: SensorReading, twist: Twist, pose: Pose | None) -> None:
+    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
         """Take in one control tick: reading, the stack's command for it, and the true pose."""
         ...
 
@@ -66,7 +66,7 @@ class RunRecorder:
         self._closed = False
 
     def observe(self, reading: SensorReading, twist: Twist, pose: Pose | None) -> None:
-        """Add one control tick: the reading, the stack's command for it, and the true pose."""
+        """Add one control tick: reading, the stack's command, and the true pose if it is known."""
         frames = [frame for frame in (reading.frame, reading.landmark_frame) if frame is not None]
         images = [image for frame in frames for image in (frame.image, *frame.sides)]
         self._unpacked += 96 + sum(image.nbytes for image in images)
@@ -74,6 +74,11 @@ class RunRecorder:
             self.complete = False
         if self.complete:
             self._channels.observe(reading, twist, pose)
+
+    def log_driven(self, twist: Twist, time: float) -> None:
+        """Add what another commanded the robot at ``time`` [s], in the stack's stead."""
+        if self.complete:
+            self._channels.log_driven(twist, time)
 
     def close(self) -> None:
         """End the recording: nothing can be added afterwards."""
@@ -129,7 +134,7 @@ class LiveServer:
             ) from None
         self.url = f"ws://{_HOST}:{self._server.port}"
 
-    def observe(self, reading: SensorReading, twist: Twist, pose: Pose | None) -> None:
+    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
         """Send one control tick: reading, the stack's command for it, and the true pose."""
         self._channels.observe(reading, twist, pose)
         if reading.frame is not None:

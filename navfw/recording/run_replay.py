@@ -211,6 +211,7 @@ class _RecordedEvent(_Recorded):
 class _RecordedMission(_Recorded):
     start: tuple[float, float, float]
     start_known: bool = True
+    shadow: bool = False
     goals: tuple[_RecordedGoal, ...]
     tolerance: float
     robot: RobotModel
@@ -264,7 +265,7 @@ def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
 def _load(folder: Path) -> tuple[Stack, SensorRecording, Pose | None, list[Waypoint]]:
     """The stack, the readings, the start (None: unknown) and the goals of a recorded run."""
     from navfw.plugins import default_registry
-    from navfw.stack import Stack
+    from navfw.stack import ShadowStack, Stack
     from navfw.topomap import load_map
 
     config = read_result(folder).get("config")
@@ -274,7 +275,7 @@ def _load(folder: Path) -> tuple[Stack, SensorRecording, Pose | None, list[Waypo
     file = recording_in(folder)
     recording = load_recording(file)
     _check_images(recording, mission.robot.camera, file)
-    stack = Stack.load(
+    stack = (ShadowStack if mission.shadow else Stack).load(
         folder / "stack.yaml",
         mission.robot,
         load_map(folder / "map.yaml", check_landmark_kind),

@@ -34,7 +34,9 @@ class RunTimeline:
     ``true`` and ``estimate`` (n, 2) [m] are positions in ``map``, ``leaders`` (n,) the leading
     behaviours, ``commands`` (n, 2) v [m/s] and w [rad/s]. ``clearance`` (n,) [m] is the distance of
     the robot's edge to walls and furniture, nan where none is known; ``confidence`` (n,) that of
-    the position in [0, 1], nan where there is none.
+    the position in [0, 1], nan where there is none. ``driven`` (n, 2) are the commands of whoever
+    drove in the stack's stead, nan without. Where the true position is not known, ``true`` is the
+    estimate.
     """
 
     time: Array
@@ -44,6 +46,7 @@ class RunTimeline:
     commands: Array
     clearance: Array
     confidence: Array
+    driven: Array
     outline: WorldOutline
 
 
@@ -57,10 +60,10 @@ def read_timeline(run: RecordedRun, robot_radius: float) -> RunTimeline:
     with located_damage(run, "a message"):
         outline = WorldOutline()
         nowhere = (math.nan, math.nan)
-        true, estimate = nowhere, nowhere
+        true, estimate, driven = nowhere, nowhere, nowhere
         rows: list[tuple[float, ...]] = []
         leaders: list[str] = []
-        wanted = (topics.WORLD, topics.TRUE_POSE, topics.POSE, topics.COMMAND)
+        wanted = (topics.WORLD, topics.TRUE_POSE, topics.POSE, topics.COMMAND, topics.DRIVEN)
         for message in run.messages(*wanted):
             content = message.content
             if message.topic == topics.WORLD:
@@ -69,13 +72,17 @@ def read_timeline(run: RecordedRun, robot_radius: float) -> RunTimeline:
                 true = (content.pose.position.x, content.pose.position.y)
             elif message.topic == topics.POSE:
                 estimate = (content.pose.position.x, content.pose.position.y)
+            elif message.topic == topics.DRIVEN:
+                driven = (content.twist.linear.x, content.twist.angular.z)
             else:
                 confidence, v, w = content["confidence"], content["v"], content["w"]
                 sure = math.nan if confidence is None else float(confidence)
-                rows.append((message.time, *true, *estimate, float(v), float(w), sure))
+                rows.append((message.time, *true, *estimate, float(v), float(w), sure, *driven))
                 leaders.append(str(content["leader"]))
         step = max(1, math.ceil(len(rows) / _MAX_ROWS))
-        table = np.array(rows[::step], dtype=np.float64).reshape(-1, 8)
+        table = np.array(rows[::step], dtype=np.float64).reshape(-1, 10)
+        if np.isnan(table[:, 1:3]).all():
+            table[:, 1:3] = table[:, 3:5]
         clearance = _clearance(table[:, 1:3], outline) - robot_radius
         return RunTimeline(
             time=table[:, 0],
@@ -85,6 +92,7 @@ def read_timeline(run: RecordedRun, robot_radius: float) -> RunTimeline:
             commands=table[:, 5:7],
             clearance=clearance,
             confidence=table[:, 7],
+            driven=table[:, 8:],
             outline=outline,
         )
 

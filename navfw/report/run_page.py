@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 _BLUES = ("#FFFFFF", "#DEEBF7", "#C6DBEF", "#9ECAE1", "#6BAED6", "#4292C6", "#2171B5", "#084594")
 _REDS = ("#FFFFFF", "#FEE5D9", "#FCBBA1", "#FC9272", "#FB6A4A", "#EF3B2C", "#CB181D", "#99000D")
+_LINES = tuple((color, dash) for dash in ("solid", "dotted") for color in ("#0072B2", "#D55E00"))
+"""Colours and dashes of lines over time."""
 _PX_PER_PT = 1.25
 """Width of lines and size of marks [px] per point."""
 
@@ -109,7 +111,8 @@ def plan_key(timeline: RunTimeline) -> list[tuple[str, str]]:
 def timeline_figures(timeline: RunTimeline) -> dict[str, figure]:
     """Speed and turn, clearance, and confidence over time, by name."""
     time, v, w = timeline.time, timeline.commands[:, 0], timeline.commands[:, 1]
-    first = _timeline(time, [v, w], "command", "v [m/s], w [rad/s]", None)
+    driven = [] if np.isnan(timeline.driven).all() else [*timeline.driven.T]
+    first = _timeline(time, [v, w, *driven], "command", "v [m/s], w [rad/s]", None)
     clearance, confidence = timeline.clearance, timeline.confidence
     return {
         "speed": first,
@@ -133,8 +136,8 @@ def _timeline(
         min_border_left=70,
         **shared,
     )
-    for values, color in zip(columns, ("#0072B2", "#D55E00"), strict=False):
-        shown.line(time, values, color=color, line_width=2)
+    for values, (color, dash) in zip(columns, _LINES, strict=False):
+        shown.line(time, values, color=color, line_width=2, line_dash=dash)
     mark = Span(location=0.0, dimension="height", line_color=palette.GOAL, name=f"now-{name}")
     shown.add_layout(mark)
     return shown
@@ -204,6 +207,7 @@ def run_report(folder: Path) -> str:
         "outcome": str(result.get("outcome", "")),
         "reason": str(result.get("reason", "")),
         "numbers": _numbers(result),
+        "notes": result.get("notes", []),
         "picture": None,
         "figures": {},
         "moments": None,
@@ -232,6 +236,8 @@ def _recorded(run: RecordedRun, result: Mapping[str, Any]) -> dict[str, Any]:
     radius, goals = robot_and_goals(result)
     timeline = read_timeline(run, radius)
     moments = read_moments(run)
+    if not moments and result.get("notes"):
+        return {}  # of a bag without images
     if not moments:
         raise ConfigError("has no camera images; record the run again", file=run.path)
     if not len(timeline.time):

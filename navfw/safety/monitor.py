@@ -247,6 +247,10 @@ class SafetyMonitor:
         self._last_twist = verdict.twist
         return verdict
 
+    def follow(self, twist: Twist) -> None:
+        """Take ``twist`` for the one that was driven since, instead of that allowed last."""
+        self._last_twist = twist
+
     def _limited(self, twist: Twist, time: float, pose: Pose) -> SafetyVerdict:
         if not (math.isfinite(twist.v) and math.isfinite(twist.w)):
             return SafetyVerdict(Twist(0.0, 0.0), "the command is not finite", stopped=True)

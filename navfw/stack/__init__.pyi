@@ -2,6 +2,7 @@ from .leveling import ready_frame as ready_frame
 from .progress_watch import NO_ROUTE_AFTER as NO_ROUTE_AFTER
 from .progress_watch import STUCK_AFTER as STUCK_AFTER
 from .progress_watch import ProgressWatch as ProgressWatch
+from .shadow_stack import ShadowStack as ShadowStack
 from .stack import TIMED as TIMED
 from .stack import Stack as Stack
 from .stack_document import STAGES as STAGES
