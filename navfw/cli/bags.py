@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import typer
 
@@ -36,52 +36,44 @@ def export(
     print_result({"bag": str(to), "messages": counts}, lines, json=json)
 
 
-class MapChoice(NamedTuple):
-    """The options of a bag's map: its name, the goals on it, and the start."""
-
-    name: str | None
-    goals: list[str]
-    start: str | None
-
-
 def replay_bag(
     path: Path,
-    robot: str | None,
-    choice: MapChoice,
-    stack: str,
     topic: str | None,
+    robot: str | None,
+    stack: str,
+    on_map: tuple[str | None, list[str] | None, str | None],
     out: Path | None,
     *,
     json: bool,
     quiet: bool,
 ) -> Path:
-    """Replay a bag and print the result; the run folder."""
+    """Replay a bag and print the result; ``on_map`` are the map's name, goals and start.
+
+    Returns the run folder.
+    """
+    name, goals, start = on_map
     with ProgressBar("replay", "ticks", quiet=quiet) as bar, quiet_stdout():
-        from navfw.recording import Bag, BagContents, RunFolder
+        from navfw.recording import Bag, RunFolder
         from navfw.robot.robotfile import load_robot
         from navfw.ros import BagReplay, driven_map
         from navfw.signals import Pose
         from navfw.topomap import load_map
 
         target = RunFolder(out or Path("runs") / f"{path.stem}-replay", numbered=out is None)
-        contents = BagContents(Bag(path), topic)
-        at = numbers_of("--start", choice.start, ("X", "Y", "YAW"))
-        begin = None if at is None else Pose(*at)
-        if choice.name is None:
-            topo_map, begin = driven_map(contents.odometry), Pose(0.0, 0.0, 0.0)
-            goals = list(topo_map.places)[1:]
-        else:
-            topo_map, goals = load_map(choice.name), choice.goals
-            if not goals:
-                what = f"needs a place of the map to drive to: {', '.join(topo_map.places)}"
-                raise InputError(what, key="--goal")
+        bag = Bag(path, topic)
+        topo_map = driven_map(bag) if name is None else load_map(name)
+        if name is not None and not goals:
+            places = ", ".join(topo_map.places)
+            raise InputError(f"--map needs a place to drive to: {places}", key="--goal")
+        at = numbers_of("--start", start if name else "0,0,0", ("X", "Y", "YAW"))
+        places_to = (goals if name else None) or list(topo_map.places)[1:]
+        begin, model = None if at is None else Pose(*at), load_robot(robot or "default")
         with target:
-            model = load_robot(robot or "default")
-            drive = BagReplay(contents, model, topo_map, begin, goals, stack)
-            result = drive.run(bar.update)
-            drive.write(target, result)
+            replay = BagReplay(bag, model, topo_map, begin, places_to, stack)
+            result = replay.run(target, bar.update)
+    final = target.final or target.target
     lines = [f"replayed {result['sim_time_s']:.1f} s at {result['real_time_factor']:.1f} x"]
-    lines += [*(f"  {note}" for note in result["notes"]), f"  run folder  {target.final}"]
+    lines += [*(f"  {note}" for note in result["notes"]), f"  run folder  {final}"]
     shown = {key: result[key] for key in result if key not in {"config", "machine"}}
-    print_result({**shown, "run_folder": str(target.final)}, lines, json=json)
-    return target.final or target.target
+    print_result({**shown, "run_folder": str(final)}, lines, json=json)
+    return final

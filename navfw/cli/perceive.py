@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,18 +17,16 @@ from navfw.cli.options import Topic
 from navfw.cli.output import print_json_list, quiet_stdout, quietly
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
+from navfw.recording.run_folder import is_bag
 
 if TYPE_CHECKING:
     from navfw.camera_geometry.lens_models import CameraCalibration
     from navfw.perceive.image_sources import ImageSource
-    from navfw.perceive.image_times import ImageTimes
     from navfw.perceive.lens_estimate import LensEstimate
     from navfw.perceive.motion_record import MotionRecord
     from navfw.perceive.pair_result import PairResult
     from navfw.perceive.perceiver_options import PerceiverOptions
-    from navfw.recording.bag_contents import BagContents
 
-    _Opener: TypeAlias = Callable[[CameraCalibration | None], ImageSource]
     Assessed: TypeAlias = tuple[PairResult, dict[str, float | str]]
 
 
@@ -156,8 +154,16 @@ def perceive(
     quiet: Quiet = False,
 ) -> None:
     """Run perception on recorded images. Lists obstacles, distances and the situation."""
+    if len(source) == 1 and is_bag(source[0]):
+        given = {"times": times, "calibration": calibration, "gyro": gyro, "poses": poses}
+        perceive_again = partial(
+            perceive, hfov=hfov, speed=speed, fps=fps, height=height, pitch=pitch, flow=flow,
+            grid=grid, stride=stride, overlay=overlay, json=json, quiet=quiet,
+        )  # fmt: skip
+        _perceive_bag(source[0], topic, given, perceive_again)
+        return
     with quiet_stdout():
-        from navfw.perceive.calibration import load_calibration
+        from navfw.perceive.image_sources import open_source
         from navfw.perceive.image_times import load_image_times
         from navfw.perceive.pair_result import as_data
         from navfw.perceive.perceiver_options import PerceiverOptions
@@ -175,16 +181,11 @@ def perceive(
             stride=stride,
         )
         listed = None if times is None else load_image_times(times)
-        bag = _contents(source, topic, times)
-        opened = _opener(bag, source, fps, listed)
-        given = None if calibration is None else load_calibration(calibration)
-        record = _motion_record(gyro, poses, pitch or 0.0, opened(None))
-        if bag is not None:
-            given, record = _of_bag(bag, given, record, hfov, fps)
-        options = replace(options, gyro=record)
+        opened = partial(open_source, source, fps, listed=listed)
+        options = replace(options, gyro=_motion_record(gyro, poses, pitch or 0.0, opened(None)))
     with ProgressBar("perceive", quiet=quiet) as bar:
         with quiet_stdout():
-            images, view, lens = _with_lens(opened, given, hfov, bar)
+            images, view, lens = _with_lens(opened, calibration, hfov, bar)
         options = replace(options, hfov=view)
         counter = _ResultCounter(images.total, bar)
         with contextlib.closing(_results(options, images, overlay)) as results:
@@ -197,7 +198,29 @@ def perceive(
                 )
             else:
                 _print(shown, lens, overlay)
-    for note in [*counter.notes(options), *images.notes, *([] if bag is None else bag.notes)]:
+    for note in [*counter.notes(options), *images.notes]:
+        typer.echo(f"note: {note}", err=True)
+
+
+def _perceive_bag(
+    path: Path, topic: str | None, given: dict[str, Path | None], again: partial[None]
+) -> None:
+    """Perceive what a bag has been unpacked to; what is ``given`` replaces its own tables."""
+    with contextlib.ExitStack() as stack:
+        with quiet_stdout():
+            from navfw.perceive.bag_source import unpacked_bag
+            from navfw.recording.bag_reader import Bag
+
+            bag = Bag(path, topic)
+            files = dict(stack.enter_context(unpacked_bag(bag)))
+        options, motion = again.keywords, given["gyro"] or given["poses"]
+        left_out = {"times"} if options["fps"] is not None else set()
+        left_out |= {"gyro", "poses"} if motion or options["fps"] is not None else set()
+        left_out |= {"calibration"} if options["hfov"] is not None else set()
+        found = {name: file for name, file in files.items() if name not in left_out}
+        source = [found.pop("source")]
+        again(source, **{name: file or found.get(name) for name, file in given.items()})
+    for note in bag.notes:
         typer.echo(f"note: {note}", err=True)
 
 
@@ -219,61 +242,18 @@ def _print(results: Iterable[Assessed], lens: LensEstimate | None, overlay: Path
         typer.echo(f"drawn to {overlay}")
 
 
-def _contents(source: Sequence[Path], topic: str | None, times: Path | None) -> BagContents | None:
-    """The contents of a bag; None for images of another kind."""
-    from navfw.recording.run_folder import is_bag
-
-    if len(source) > 1 or not is_bag(source[0]):
-        if topic is not None:
-            raise InputError("is for a bag", key="--topic")
-        return None
-    if times is not None:
-        raise InputError("is for image files; a bag has its own times", key="--times")
-    from navfw.recording.bag_contents import BagContents
-    from navfw.recording.bag_reader import Bag
-
-    return BagContents(Bag(source[0]), topic)
-
-
-def _opener(
-    bag: BagContents | None, source: list[Path], fps: float | None, listed: ImageTimes | None
-) -> _Opener:
-    """What opens the images with a calibration, or with none."""
-    from navfw.perceive.image_sources import open_source
-
-    if bag is not None:
-        from navfw.perceive.bag_source import BagImages
-
-        return partial(BagImages, bag, fps)
-    return partial(open_source, source, fps, listed=listed)
-
-
-def _of_bag(
-    bag: BagContents,
-    calibration: CameraCalibration | None,
-    record: MotionRecord | None,
-    hfov: float | None,
-    fps: float | None,
-) -> tuple[CameraCalibration | None, MotionRecord | None]:
-    """Calibration and motion as given, else those of the bag."""
-    from navfw.perceive.bag_source import BagImages, bag_calibration, bag_motion
-
-    if calibration is None and hfov is None:
-        calibration = bag_calibration(bag)
-    if record is None and fps is None:
-        record = bag_motion(bag)
-        record = record and record.on_clock_of(BagImages(bag))
-    return calibration, record
-
-
 def _with_lens(
-    opened: _Opener, calibration: CameraCalibration | None, hfov: float | None, bar: ProgressBar
+    opened: Callable[[CameraCalibration | None], ImageSource],
+    calibration: Path | None,
+    hfov: float | None,
+    bar: ProgressBar,
 ) -> tuple[ImageSource, float | None, LensEstimate | None]:
     """The images, their field of view [deg], and the estimate of a lens that is not given."""
+    from navfw.perceive.calibration import load_calibration
     from navfw.perceive.lens_estimate import open_with_lens
 
     if calibration is not None:
-        return opened(calibration), None, None
+        return opened(load_calibration(calibration)), None, None
     return open_with_lens(opened, hfov, lambda: bar.show_part("estimating the lens"))
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.bags import MapChoice, replay_bag
+from navfw.cli.bags import replay_bag
 from navfw.cli.options import Json, Recorded, Robot, Stack, Topic, VariantA, VariantB, Video
 from navfw.cli.output import print_json, print_result, print_status, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
@@ -72,8 +72,8 @@ def replay(
 
         check_video(video, VIDEO)
     if is_bag(folder):
-        choice = MapChoice(map_name, goal or [], start)
-        target = replay_bag(folder, robot, choice, stack, topic, out, json=json, quiet=quiet)
+        on_map = map_name, goal, start
+        target = replay_bag(folder, topic, robot, stack, on_map, out, json=json, quiet=quiet)
         if video is not None:
             write_video(target, video, quiet=json or quiet)
         return

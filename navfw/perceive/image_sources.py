@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
@@ -128,24 +127,6 @@ class ImageSource:
     def _items(self) -> Iterator[SourceImage]:
         raise NotImplementedError
 
-    def _readable(
-        self, images: Iterable[tuple[str, float, Callable[[], Image]]]
-    ) -> Iterator[SourceImage]:
-        """The images, given by name, time [s] and reader, that can be read, if there are two."""
-        broken: list[InputError] = []
-        for name, time, read in images:
-            try:
-                image = read()
-            except InputError as error:
-                broken.append(error)
-                continue
-            yield SourceImage(name, time, image)
-        if self.total - len(broken) < 2 and broken:
-            raise broken[0]
-        if broken:
-            which = _listed([str(error) for error in broken])
-            self.notes.append(f"{len(broken)} of {self.total} images left out: {which}")
-
 
 class _Files(ImageSource):
     def __init__(
@@ -178,14 +159,23 @@ class _Files(ImageSource):
         return self._named
 
     def _items(self) -> Iterator[SourceImage]:
-        pairs = zip(self._paths, self._times, strict=True)
-        yield from self._readable((p.name, time, partial(self._image, p)) for p, time in pairs)
+        """The readable images; the others are left out, as long as there are two."""
+        broken: list[InputError] = []
+        for path, time in zip(self._paths, self._times, strict=True):
+            try:
+                image = self._in_8_bits(_read(path))
+            except InputError as error:
+                broken.append(error)
+                continue
+            yield SourceImage(path.name, time, image)
+        if len(self._paths) - len(broken) < 2 and broken:
+            raise broken[0]
+        if broken:
+            which = _listed([str(error) for error in broken])
+            self.notes.append(f"{len(broken)} of {len(self._paths)} images left out: {which}")
         if self._brighter:
             what = f"{self._brighter} images have pixels beyond {self._bits} bits, cut off"
             self.notes.append(what)
-
-    def _image(self, path: Path) -> Image:
-        return self._in_8_bits(_read(path))
 
     def _in_8_bits(self, image: DeepImage) -> Image:
         """``image``, scaled by the least number of bits that holds the samples of the sequence.

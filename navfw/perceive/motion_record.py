@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Self
@@ -130,16 +129,12 @@ class MotionRecord(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GyroRecord(MotionRecord):
-    """``rates`` (n, 3) [rad/s] are roll, pitch, yaw; those that are not measured are 0.
-
-    ``ways`` (n,) [m], if known, is the way that the wheels had driven ahead at each of the times.
-    """
+    """``rates`` (n, 3) [rad/s] are roll, pitch, yaw; those that are not measured are 0."""
 
     option: ClassVar[str] = "--gyro"
     source: ClassVar[str] = "gyro"
 
     rates: Array
-    ways: Array | None = None
 
     def rotation_between(self, begin: float, end: float) -> Array | None:
         """The rates, integrated from ``begin`` to ``end`` [s]; see ``MotionRecord``."""
@@ -162,13 +157,6 @@ class GyroRecord(MotionRecord):
         )
         middle = 0.5 * (rates[1:] + rates[:-1])
         return np.asarray((middle * np.diff(knots)[:, None]).sum(axis=0))
-
-    def translation_between(self, begin: float, end: float) -> Array | None:
-        """The way of the wheels; see ``MotionRecord``."""
-        if self.ways is None:
-            return None
-        ahead = np.interp([begin, end], self.times, self.ways)
-        return np.array([ahead[1] - ahead[0], 0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -257,29 +245,14 @@ def load_gyro_record(path: Path) -> GyroRecord:
     interval = table.interval(times, "gyro sample")
     if left_out := len(samples) - len(usable):
         notes.append(f"{left_out} of {len(samples)} gyro samples are not numbers")
-    measured = frozenset(RATES) & table.numbers.keys()
-    return gyro_record(times, usable[:, 1:], interval, measured, notes, table.file)
-
-
-def gyro_record(
-    times: Array,
-    rates: Array,
-    interval: float,
-    measured: frozenset[str],
-    notes: Sequence[str],
-    file: str,
-    ways: Array | None = None,
-) -> GyroRecord:
-    """The record of ``rates`` (n, 3), usually ``interval`` [s] apart, without certain offsets."""
-    rates, offsets = _without_offsets(times, rates)
+    rates, offsets = _without_offsets(times, usable[:, 1:])
     return GyroRecord(
         times=times,
         longest_gap=_GAP_STEPS * interval,
-        measured=measured,
+        measured=frozenset(RATES) & table.numbers.keys(),
         notes=(*notes, *offsets),
-        file=file,
+        file=table.file,
         rates=rates,
-        ways=ways,
     )
 
 

@@ -1,11 +1,8 @@
-from .bag_contents import BagContents as BagContents
-from .bag_contents import BagImage as BagImage
-from .bag_contents import camera_matrix as camera_matrix
-from .bag_contents import driven_way as driven_way
-from .bag_contents import ros_image as ros_image
 from .bag_export import export_bag as export_bag
 from .bag_reader import Bag as Bag
-from .bag_reader import BagMessage as BagMessage
+from .bag_reader import BagImage as BagImage
+from .bag_reader import driven_way as driven_way
+from .bag_reader import ros_image as ros_image
 from .channel_list import CAMERA_IMAGE as CAMERA_IMAGE
 from .channel_list import LANDMARK_IMAGE as LANDMARK_IMAGE
 from .channel_list import LOCAL_MAP as LOCAL_MAP
@@ -29,8 +26,8 @@ from .provenance import machine_kind as machine_kind
 from .recorded_run import RecordedRun as RecordedRun
 from .recorded_run import image_of as image_of
 from .recorded_run import open_run as open_run
-from .ros_messages import RosMessages as RosMessages
 from .ros_messages import message_types as message_types
+from .ros_messages import ros_message as ros_message
 from .run_folder import FILES as FILES
 from .run_folder import PICTURE as PICTURE
 from .run_folder import RECORDING as RECORDING

@@ -1,23 +1,28 @@
-"""Bags of ROS 1 and 2: their topics, and their messages in the order of reception.
+"""Bags of ROS 1 and 2: what their sensors measured, and their images.
 
 The library rosbags reads files ``.bag``, ``.mcap`` and ``.db3``, and folders of ROS 2. A bag's own
-definitions of messages are not used, as rosbags would execute code made of them: messages are of
-the types that it ships.
+definitions of messages are not used, as rosbags would execute code made of them.
 """
 
 from __future__ import annotations
 
 import bz2
+import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
+import cv2
+import numpy as np
+
 from navfw.config.document import load_yaml
 from navfw.config.extras import extra_imports
+from navfw.config.image_file import MAX_PIXELS, decode_image
 from navfw.config.input_file import is_folder, open_input, shown_path
-from navfw.errors import ConfigError, InputError, NavfwError, did_you_mean
+from navfw.errors import ConfigError, NavfwError, UnknownNameError, did_you_mean
+from navfw.numerics import Array, Image
 from navfw.recording.ros_messages import message_types
 from navfw.recording.run_folder import BAG_METADATA
 
@@ -32,13 +37,22 @@ with extra_imports("bags"):
     else:
         from backports import zstd
 
-_MAX_BAG = 20_000_000_000
-"""Largest size of a bag's file [byte]; it is read message by message."""
-_MAX_CHUNK = 1 << 28
-"""Largest size of an unpacked chunk or message [byte]; a colour image of 4k has 25 MB."""
-_MAX_METADATA = 10_000_000
-_SHOWN = 200
-"""Largest length of a reason that a message cites."""
+_MAX_BAG, _MAX_CHUNK, _MAX_METADATA = 20_000_000_000, 1 << 28, 10_000_000
+"""Largest size of a bag's file, of an unpacked chunk or message, and of metadata [byte]."""
+_CLOCKS = 1.0
+"""Difference of a topic's clock from the bag's [s] from which its stamps are not used."""
+_ENCODINGS: Mapping[str, tuple[int, int | None]] = {
+    **dict.fromkeys(("mono8", "8UC1"), (1, cv2.COLOR_GRAY2BGR)),
+    **dict.fromkeys(("bgr8", "8UC3"), (3, None)),
+    "rgb8": (3, cv2.COLOR_RGB2BGR),
+    "bgra8": (4, cv2.COLOR_BGRA2BGR),
+    "rgba8": (4, cv2.COLOR_RGBA2BGR),
+    "bayer_rggb8": (1, cv2.COLOR_BayerRGGB2BGR),
+    "bayer_bggr8": (1, cv2.COLOR_BayerBGGR2BGR),
+    "bayer_gbrg8": (1, cv2.COLOR_BayerGBRG2BGR),
+    "bayer_grbg8": (1, cv2.COLOR_BayerGRBG2BGR),
+}
+"""Channels of each encoding, and OpenCV's conversion to BGR."""
 
 
 def _bounded(unpacker: Callable[[], Any]) -> Callable[..., bytes]:
@@ -51,100 +65,213 @@ def _bounded(unpacker: Callable[[], Any]) -> Callable[..., bytes]:
     return unpack
 
 
-_unpacked = _bounded(zstd.ZstdDecompressor)
 # rosbags looks these up, and bounds none of its own
-decompressors.update(
-    bz2=_bounded(bz2.BZ2Decompressor), lz4=_bounded(lz4.frame.LZ4FrameDecompressor)
-)
-DECOMPRESSORS.update(zstd=_unpacked, lz4=_bounded(lz4.frame.LZ4FrameDecompressor))
+_unzipped, _of_lz4 = _bounded(zstd.ZstdDecompressor), _bounded(lz4.frame.LZ4FrameDecompressor)
+decompressors.update(bz2=_bounded(bz2.BZ2Decompressor), lz4=_of_lz4)
+DECOMPRESSORS.update(zstd=_unzipped, lz4=_of_lz4)
 
 
-class BagMessage(NamedTuple):
-    """A message ``content`` of type ``kind``, ``received`` on ``topic`` at a time [ns]."""
+def ros_image(message: Any, name: str) -> Image:
+    """The image (height, width, 3) BGR in an ``Image`` or ``CompressedImage`` called ``name``.
 
-    topic: str
-    kind: str
-    received: int
-    content: Any
+    Raises:
+        ConfigError: its encoding is unknown, its size impossible, or its content damaged.
+
+    """
+    if hasattr(message, "format"):
+        return np.asarray(decode_image(bytes(message.data), name), dtype=np.uint8)
+    if message.encoding not in _ENCODINGS:
+        hint = did_you_mean(message.encoding, _ENCODINGS)
+        raise ConfigError(f"unknown encoding {message.encoding!r:.40}: {hint}", file=name)
+    channels, conversion = _ENCODINGS[message.encoding]
+    height, width, step = message.height, message.width, message.step
+    row, data = channels * width, np.asarray(message.data, dtype=np.uint8)
+    if not (0 < width * height <= MAX_PIXELS and row <= step and step * height <= data.size):
+        what = f"has {data.size} bytes in rows of {step} for {width} x {height} pixels"
+        raise ConfigError(f"the image {what} of {message.encoding}", file=name)
+    rows = data[: step * height].reshape(height, step)[:, :row]
+    image = np.ascontiguousarray(rows.reshape((height, width, channels)[: 2 + (channels > 1)]))
+    return np.asarray(image if conversion is None else cv2.cvtColor(image, conversion), np.uint8)
+
+
+def _rates(message: Any) -> tuple[float, ...]:
+    rates, absent = message.angular_velocity, message.angular_velocity_covariance[0] == -1.0
+    return (math.nan,) if absent else (rates.x, rates.y, rates.z)
+
+
+def _pose(message: Any) -> tuple[float, ...]:
+    place, q = message.pose.pose.position, message.pose.pose.orientation
+    across = 1.0 - 2.0 * (q.y * q.y + q.z * q.z)
+    return place.x, place.y, math.atan2(2.0 * (q.w * q.z + q.x * q.y), across)
+
+
+def _turns(message: Any) -> tuple[float, ...]:
+    angles = dict(zip(message.name, message.position, strict=False))
+    sides = [[angles[n] for n in angles if side in n.lower()] for side in ("left", "right")]
+    return tuple(side[0] if side else math.nan for side in sides)
+
+
+def _command(message: Any) -> tuple[float, ...]:
+    twist = message.twist if hasattr(message, "twist") else message
+    return twist.linear.x, twist.angular.z
+
+
+_ROLES: Mapping[str, tuple[tuple[str, ...], str, int, Callable[[Any], tuple[float, ...]]]] = {
+    "images": (("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"), "", 0, lambda _: ()),
+    "gyro": (("sensor_msgs/msg/Imu",), "imu", 3, _rates),
+    "odometry": (("nav_msgs/msg/Odometry",), "odom", 3, _pose),
+    "joints": (("sensor_msgs/msg/JointState",), "joint_states", 2, _turns),
+    "commands": (
+        ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"),
+        "cmd_vel",
+        2,
+        _command,
+    ),
+    "info": (("sensor_msgs/msg/CameraInfo",), "camera_info", 0, lambda _: ()),
+}
+"""Of what is read: types of message, the usual end of a topic's name, and the numbers of each."""
+
+
+class BagImage(NamedTuple):
+    """An image message, its ``name``, and when it was stamped and ``received`` [s]."""
+
+    name: str
+    time: float
+    received: float
+    message: Any
 
 
 class Bag:
-    """The bag at ``path``.
+    """The bag at ``path``; times [s] count from its begin, by stamps, else by reception.
 
-    ``kinds`` has the type of each topic, as ``sensor_msgs/msg/Imu``, ``counts`` the number of its
-    messages. ``begin`` [ns] is when the first was received, ``duration`` [s] the time to the last.
+    Arrays have a row for each message, its time first: ``gyro`` (n, 4) rates about x, y, z [rad/s],
+    ``odometry`` (n, 4) x, y [m] and yaw [rad] without jumps, ``joints`` (n, 3) the angles of the
+    left and the right wheel [rad], ``commands`` (n, 3) v [m/s], w [rad/s]. ``images`` (n, 2) has
+    times and reception of the images of ``topic``, or of that with most; ``info`` is the first
+    ``CameraInfo``, None without one. ``notes`` are remarks for people.
 
     Raises:
         ConfigError: it cannot be read, is too large, damaged, or packed as a whole.
+        UnknownNameError: ``topic`` has no images.
 
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.file = shown_path(path)
-        self._ros1 = path.suffix == ".bag"
+    def __init__(self, path: Path, topic: str | None = None) -> None:
+        self.path, self.file = path, shown_path(path)
+        self.notes: list[str] = []
+        self.info: Any = None
         self._check_files()
         with self._opened() as (reader, _):
-            self.kinds = {each.topic: str(each.msgtype) for each in reader.connections}
-            self.counts = dict.fromkeys(self.kinds, 0)
-            for each in reader.connections:
-                self.counts[each.topic] += each.msgcount
-            self.begin = int(reader.start_time)
+            self._begin = int(reader.start_time)
             self.duration = max(1e-9 * reader.duration, 0.0)
+            counts = [(each.topic, each.msgtype, each.msgcount) for each in reader.connections]
+        self._topics = {role: self._topic_of(role, counts, topic) for role in _ROLES}
+        rows: dict[str, list[tuple[float, ...]]] = {role: [] for role in _ROLES}
+        roles = {name: role for role, name in self._topics.items()}
+        for name, received, message in self._messages(*filter(None, roles)):
+            if roles[name] == "info" and self.info is None:
+                self.info = message
+            header, width = getattr(message, "header", None), _ROLES[roles[name]][2]
+            numbers = (*_ROLES[roles[name]][3](message), *[math.nan] * width)[:width]
+            stamp = received if header is None else self._since(header.stamp)
+            rows[roles[name]].append((stamp, received, *numbers))
+        tables = {role: self._table(role, rows[role]) for role in _ROLES}
+        self._all_images = tables["images"]
+        self.images = self._all_images[np.isfinite(self._all_images[:, 0])]
+        self.gyro, self.odometry, self.joints, self.commands = (
+            np.delete(table[np.isfinite(table[:, 0])], 1, axis=1)
+            for table in (tables[role] for role in ("gyro", "odometry", "joints", "commands"))
+        )
+        self.odometry[:, 3] = np.unwrap(self.odometry[:, 3])
+        if self.info is not None and not (self.info.width and self.matrix.any()):
+            self.notes.append(f"{self._topics['info']} is empty: it says nothing of the camera")
+            self.info = None
+        self.notes += [] if len(self.images) else ["there are no images"]
 
-    def messages(self, *topics: str) -> Iterator[BagMessage]:
-        """The messages on ``topics``, in the order of their reception.
+    @property
+    def matrix(self) -> Array:
+        """The camera matrix (9,) of ``info``: ``k`` of ROS 2, ``K`` of ROS 1."""
+        return np.asarray(self.info.k if hasattr(self.info, "k") else self.info.K)
 
-        Raises:
-            ConfigError: the bag or a message is damaged, or of another definition than usual.
+    def each_image(self) -> Iterator[BagImage]:
+        """The images in the order of their times, without those that go back."""
+        topic = self._topics["images"]
+        messages = self._messages(topic) if topic else iter(())
+        for number, (row, each) in enumerate(zip(self._all_images.tolist(), messages, strict=True)):
+            if math.isfinite(row[0]):
+                yield BagImage(f"{topic} {number}", row[0], row[1], each[2])
 
-        """
-        with self._opened() as (reader, is_packed):
+    def _topic_of(self, role: str, counts: list[tuple[str, str, int]], wanted: str | None) -> str:
+        """The topic that is read: of the usual name, or with most messages; "" if there is none."""
+        kinds, usual, *_ = _ROLES[role]
+        known = [
+            (usual in name.split("/"), n, name) for name, kind, n in counts if kind in kinds and n
+        ]
+        names = [name for *_, name in sorted(known, reverse=True)]
+        if role == "images" and wanted is not None:
+            if wanted not in names:
+                raise UnknownNameError(
+                    "topic of images", wanted, names, file=self.file, key="--topic"
+                )
+            return wanted
+        if len(names) > 1:
+            self.notes.append(f"{names[0]} is read, not {', '.join(names[1:4])}")
+        return names[0] if names else ""
+
+    def _table(self, role: str, rows: list[tuple[float, ...]]) -> Array:
+        """Times, reception and numbers; nan as time of messages that are unusable."""
+        table = np.array(rows, dtype=np.float64).reshape(-1, 2 + _ROLES[role][2])
+        topic, off = (
+            self._topics[role],
+            float(np.median(table[:, 1] - table[:, 0])) if rows else 0.0,
+        )
+        if abs(off) > _CLOCKS:
+            table[:, 0] = table[:, 1]
+            what = f"the clock of {topic} is {abs(off):.6g} s {'behind' if off > 0.0 else 'ahead'}"
+            self.notes.append(f"{what}: its messages count from their reception")
+        latest = np.maximum.accumulate([-math.inf, *table[:, 0]])[:-1]
+        lost = (table[:, 0] <= latest) | ~np.isfinite(table).all(axis=1)
+        table[lost, 0] = math.nan
+        if lost.any() and role != "info":
+            what = "not finite, or going back"
+            self.notes.append(f"{lost.sum()} of {len(lost)} messages of {topic} left out: {what}")
+        return table
+
+    def _since(self, stamp: Any) -> float:
+        # divided, as a decimal number is read
+        return float((10**9 * stamp.sec + stamp.nanosec - self._begin) / 1e9)
+
+    def _messages(self, *topics: str) -> Iterator[tuple[str, float, Any]]:
+        """Topic, time of reception [s] and content of messages, in that order."""
+        is_ros1 = self.path.suffix == ".bag"
+        types = message_types(ros1=is_ros1)
+        with self._opened() as (reader, unpack):
             wanted = [each for each in reader.connections if each.topic in topics]
             for each, received, data in reader.messages(wanted) if wanted else ():
-                plain = _unpacked(data) if is_packed else data
-                content = self._content(each.msgtype, each.digest, plain)
-                yield BagMessage(each.topic, each.msgtype, received, content)
-
-    def only(self, topic: str, *kinds: str) -> str:
-        """The ``topic``, which must be in the bag and of one of ``kinds``.
-
-        Raises:
-            InputError: it is not; the message names the nearest one.
-
-        """
-        known = [name for name, kind in self.kinds.items() if kind in kinds]
-        if topic not in known:
-            hint = did_you_mean(topic, known)
-            raise InputError(f"no images on {topic!r}: {hint}", file=self.file, key="--topic")
-        return topic
+                time = (received - self._begin) / 1e9
+                if not is_ros1:
+                    yield each.topic, time, types.deserialize_cdr(unpack(data), each.msgtype)
+                    continue
+                if each.digest not in {types.generate_msgdef(each.msgtype)[1], "*"}:
+                    raise ValueError(f"{each.msgtype} is not defined as in ROS 1 Noetic")
+                yield each.topic, time, types.deserialize_ros1(data, each.msgtype)
 
     @contextmanager
-    def _opened(self) -> Iterator[tuple[Any, bool]]:
-        """The open reader, and whether its messages are packed."""
+    def _opened(self) -> Iterator[tuple[Any, Callable[[bytes], bytes]]]:
+        """The open reader, and what unpacks its messages."""
         try:
-            with (rosbag1 if self._ros1 else rosbag2).Reader(self.path) as reader:
-                is_packed = not self._ros1 and reader.compression_mode == "message"
-                if is_packed:  # unpacked within bounds, not by rosbags
-                    about = reader.storage.metadata
+            with (rosbag1 if self.path.suffix == ".bag" else rosbag2).Reader(self.path) as reader:
+                unpack: Callable[[bytes], bytes] = bytes
+                if getattr(reader, "compression_mode", None) == "message":
+                    about, unpack = reader.storage.metadata, _unzipped
                     reader.storage.metadata = about._replace(compression_mode=None)
-                yield reader, is_packed
+                yield reader, unpack
         except NavfwError:
             raise
         except Exception as error:  # rosbags raises errors of many kinds for damaged content
-            reason = " ".join(str(error).split())[:_SHOWN] or type(error).__name__
+            reason = " ".join(str(error).split())[:200] or type(error).__name__
             hint = "; of a run's recording make one by navfw export" if "ros2" in reason else ""
             raise ConfigError(f"not a readable bag: {reason}{hint}", file=self.file) from None
-
-    def _content(self, kind: str, digest: str, data: bytes) -> Any:
-        types = message_types(ros1=self._ros1)
-        if kind not in types.types:
-            raise ValueError(f"messages of type {kind} are unknown")
-        if not self._ros1:
-            return types.deserialize_cdr(data, kind)
-        if digest not in {types.generate_msgdef(kind)[1], "*"}:
-            raise ValueError(f"{kind} has another definition than that of ROS 1 Noetic")
-        return types.deserialize_ros1(data, kind)
 
     def _check_files(self) -> None:
         """Raise ConfigError unless all files are regular, of bounded size, and not packed."""
@@ -163,3 +290,11 @@ class Bag:
         for file in files:
             with open_input(file, _MAX_BAG):
                 pass
+
+
+def driven_way(odometry: Array) -> Array:
+    """(n,) the way [m] driven ahead at each row of ``odometry`` (n, 4), backward negative."""
+    steps, yaw = np.diff(odometry[:, 1:3], axis=0), odometry[:, 3]
+    middle = 0.5 * (yaw[1:] + yaw[:-1])
+    ahead = steps[:, 0] * np.cos(middle) + steps[:, 1] * np.sin(middle)
+    return np.concatenate([np.zeros(min(len(yaw), 1)), np.cumsum(ahead)])

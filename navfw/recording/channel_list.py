@@ -157,14 +157,14 @@ class ChannelInfo:
 
 
 _ANNOTATIONS = "foxglove.ImageAnnotations"
-_IMAGE = "sensor_msgs/msg/CompressedImage"
+IMAGE_SCHEMA = "sensor_msgs/msg/CompressedImage"
 
 SENSOR_CHANNELS = (
     ChannelInfo(READING, SCHEMA_NAME, "60 Hz", "gyro, encoders, and the command of the stack"),
-    ChannelInfo(CAMERA_IMAGE, _IMAGE, "10 Hz", "the camera's image, PNG"),
-    ChannelInfo(LANDMARK_IMAGE, _IMAGE, "1.25 Hz", "the larger image for landmarks, if any"),
-    ChannelInfo(LEFT_IMAGE, _IMAGE, "10 Hz", "left side view, of a wide lens"),
-    ChannelInfo(RIGHT_IMAGE, _IMAGE, "10 Hz", "right side view, of a wide lens"),
+    ChannelInfo(CAMERA_IMAGE, IMAGE_SCHEMA, "10 Hz", "the camera's image, PNG"),
+    ChannelInfo(LANDMARK_IMAGE, IMAGE_SCHEMA, "1.25 Hz", "the larger image for landmarks, if any"),
+    ChannelInfo(LEFT_IMAGE, IMAGE_SCHEMA, "10 Hz", "left side view, of a wide lens"),
+    ChannelInfo(RIGHT_IMAGE, IMAGE_SCHEMA, "10 Hz", "right side view, of a wide lens"),
 )
 """What a replay needs, bit for bit."""
 

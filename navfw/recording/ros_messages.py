@@ -1,14 +1,15 @@
 """Messages of ROS 2, as CDR, of what a robot measures and is commanded; for recordings and bags.
 
 They are of the types of ROS 2 Jazzy that the library rosbags ships. Frames are those of REP 103 and
-105, and ``camera_optical`` (z ahead, x right, y down).
+105, and ``camera`` (z ahead, x right, y down).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -17,15 +18,14 @@ from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Belief, Odometry, Pose, SensorReading, Twist
 
 with extra_imports("bags"):
+    from rosbags.interfaces import Nodetype
     from rosbags.typesys import Stores, get_typestore
     from rosbags.typesys.store import Typestore
 
-WHEEL_JOINTS = ("left_wheel_joint", "right_wheel_joint")
+_WHEELS = ("left_wheel_joint", "right_wheel_joint")
 """Names of the joints of wheels that no URDF names."""
-LOG_INFO, LOG_WARN = 20, 30
-"""Levels of ``rcl_interfaces/msg/Log``."""
-_UNKNOWN = -1.0
-"""First entry of the covariance of what an ``Imu`` does not measure."""
+_ABSENT = np.array([-1.0, *[0.0] * 8])
+"""Covariance of what an ``Imu`` does not measure."""
 
 
 @cache
@@ -40,100 +40,110 @@ def schema_text(kind: str) -> str:
     return message_types().generate_msgdef(kind, ros_version=2)[0]
 
 
-class RosMessages:
-    """Makes messages; each method gives the CDR of one, ``now`` is its time [ns]."""
+def ros_message(kind: str, fields: Mapping[str, Any], now: int | None = None) -> bytes:
+    """The CDR of a message of ``kind``: ``fields`` by name, nested alike, all others zero or empty.
 
-    def __init__(self) -> None:
-        self._new: dict[str, Any] = {
-            name.rpartition("/")[2]: kind for name, kind in message_types().types.items()
-        }
-        self._none, self._zero = np.zeros(36), self._new["Vector3"](0.0, 0.0, 0.0)
-
-    def image(self, data: bytes, kind: str, frame: str, now: int) -> bytes:
-        """``CompressedImage`` with the file content ``data`` of ``kind`` (png, jpeg)."""
-        content = np.frombuffer(data, dtype=np.uint8)
-        return self._packed("sensor_msgs", "CompressedImage", self._at(now, frame), kind, content)
-
-    def imu(self, robot: RobotModel, reading: SensorReading, now: int) -> bytes:
-        """``Imu`` of the gyro; it measures neither orientation nor acceleration."""
-        inertial, sigma = reading.inertial, robot.odometry.gyro_noise
-        rates = inertial.roll_rate, inertial.pitch_rate, inertial.yaw_rate
-        absent = np.array([_UNKNOWN, *[0.0] * 8])
-        level, turned = self._new["Quaternion"](0.0, 0.0, 0.0, 1.0), self._new["Vector3"](*rates)
-        spread = sigma * sigma * np.eye(3).ravel()
-        parts = (level, absent, turned, spread, self._zero, absent)
-        return self._packed("sensor_msgs", "Imu", self._at(now, "base_link"), *parts)
-
-    def joints(self, robot: RobotModel, reading: SensorReading, now: int) -> bytes:
-        """``JointState`` of the wheels [rad]; of a URDF's first wheel on each side."""
-        urdf, turn = robot.urdf, 2.0 * math.pi / robot.ticks_per_turn
-        names = WHEEL_JOINTS if urdf is None else (urdf.left[0], urdf.right[0])
-        angles = turn * np.array([reading.encoders.left, reading.encoders.right], dtype=np.float64)
-        parts = (list(names), angles, np.zeros(0), np.zeros(0))
-        return self._packed("sensor_msgs", "JointState", self._at(now, "base_link"), *parts)
-
-    def command(self, twist: Twist, now: int) -> bytes:
-        """``TwistStamped`` of a command."""
-        return self._packed("geometry_msgs", "TwistStamped", self._at(now), self._twist(twist))
-
-    def odometry(self, odometry: Odometry, now: int) -> bytes:
-        """``Odometry`` of wheels and gyro, of ``base_link`` in ``odom``."""
-        pose = self._new["PoseWithCovariance"](self._pose(odometry.pose), self._none)
-        twist = self._new["TwistWithCovariance"](self._twist(odometry.twist), self._none)
-        parts = (self._at(now, "odom"), "base_link", pose, twist)
-        return self._packed("nav_msgs", "Odometry", *parts)
-
-    def camera_info(self, camera: CameraModel, size: tuple[int, int], now: int) -> bytes:
-        """``CameraInfo`` of images of ``size`` (height, width) without distortion."""
-        focal = camera.focal * size[1] / camera.width
-        x, y = 0.5 * (size[1] - 1), 0.5 * (size[0] - 1)
-        k = np.array([focal, 0.0, x, 0.0, focal, y, 0.0, 0.0, 1.0])
-        p = np.array([focal, 0.0, x, 0.0, 0.0, focal, y, 0.0, 0.0, 0.0, 1.0, 0.0])
-        region = self._new["RegionOfInterest"](0, 0, 0, 0, False)
-        parts = (*size, "plumb_bob", np.zeros(5), k, np.eye(3).ravel(), p, 0, 0, region)
-        return self._packed("sensor_msgs", "CameraInfo", self._at(now, "camera"), *parts)
-
-    def transforms(self, belief: Belief, odometry: Pose, camera: CameraModel, now: int) -> bytes:
-        """``TFMessage``: ``map`` to ``odom`` by the belief, to ``base_link``, to the camera."""
-        # the pose of odom in map: base_link in map, and from there back to odom
-        odom = belief.pose.compose(odometry.relative(Pose(0.0, 0.0, 0.0)))
-        # of a level camera (-1/2, 1/2, -1/2, 1/2), then turned about base_link's y axis
-        c, s = math.cos(0.5 * camera.pitch), math.sin(0.5 * camera.pitch)
-        optical = (0.5 * (-c - s), 0.5 * (c + s), 0.5 * (-c + s), 0.5 * (c - s))
-        mount = (camera.mount_forward, 0.0, camera.mount_height)
-        links = (
-            ("map", "odom", (odom.x, odom.y, 0.0), _about_z(odom.yaw)),
-            ("odom", "base_link", (odometry.x, odometry.y, 0.0), _about_z(odometry.yaw)),
-            ("base_link", "camera", mount, optical),
-        )
-        vector, quaternion = self._new["Vector3"], self._new["Quaternion"]
-        moved = [self._new["Transform"](vector(*at), quaternion(*turn)) for *_, at, turn in links]
-        made = [
-            self._new["TransformStamped"](self._at(now, parent), child, transform)
-            for (parent, child, *_), transform in zip(links, moved, strict=True)
-        ]
-        return self._packed("tf2_msgs", "TFMessage", made)
-
-    def log(self, text: str, level: int, now: int) -> bytes:
-        """``Log``: what the stack has to say."""
-        time = self._new["Time"](*divmod(now, 10**9))
-        return self._packed("rcl_interfaces", "Log", time, level, "navfw", text, "", "", 0)
-
-    def _at(self, now: int, frame: str = "base_link") -> Any:
-        return self._new["Header"](self._new["Time"](*divmod(now, 10**9)), frame)
-
-    def _twist(self, twist: Twist) -> Any:
-        vector = self._new["Vector3"]
-        return self._new["Twist"](vector(twist.v, 0.0, 0.0), vector(0.0, 0.0, twist.w))
-
-    def _pose(self, pose: Pose) -> Any:
-        turn = self._new["Quaternion"](*_about_z(pose.yaw))
-        return self._new["Pose"](self._new["Point"](pose.x, pose.y, 0.0), turn)
-
-    def _packed(self, package: str, kind: str, *parts: Any) -> bytes:
-        message = self._new[kind](*parts)
-        return bytes(message_types().serialize_cdr(message, f"{package}/msg/{kind}"))
+    ``now`` [ns] is the time of its header.
+    """
+    made = _blank(kind)
+    if now is not None:
+        made.header.stamp.sec, made.header.stamp.nanosec = divmod(now, 10**9)
+    _fill(made, fields)
+    return bytes(message_types().serialize_cdr(made, kind))
 
 
-def _about_z(yaw: float) -> tuple[float, float, float, float]:
-    return 0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+def _blank(kind: str) -> Any:
+    values: dict[str, Any] = {}
+    for name, (node, of) in message_types().fielddefs[kind][1]:
+        if node == Nodetype.NAME:
+            values[name] = _blank(str(of))
+        elif node == Nodetype.BASE:
+            values[name] = {"string": "", "bool": False}.get(str(of[0]), 0)
+        else:
+            (inner, what), size = cast("tuple[tuple[int, Any], int]", of)
+            plain = inner == Nodetype.BASE and what[0] != "string"
+            values[name] = np.zeros(int(size), str(what[0])) if plain else []
+    return message_types().types[kind](**values)
+
+
+def _fill(made: Any, fields: Mapping[str, Any]) -> None:
+    for name, value in fields.items():
+        if isinstance(value, Mapping):
+            _fill(getattr(made, name), value)
+        else:
+            setattr(made, name, value)
+
+
+def imu_message(robot: RobotModel, reading: SensorReading, now: int) -> bytes:
+    """``Imu`` of the gyro; it measures neither orientation nor acceleration."""
+    gyro, sigma = reading.inertial, robot.odometry.gyro_noise
+    rates = {"x": gyro.roll_rate, "y": gyro.pitch_rate, "z": gyro.yaw_rate}
+    absent = {"orientation_covariance": _ABSENT, "linear_acceleration_covariance": _ABSENT}
+    spread = {"angular_velocity_covariance": sigma * sigma * np.eye(3).ravel()}
+    fields = {"header": {"frame_id": "base_link"}, "angular_velocity": rates, **absent, **spread}
+    return ros_message("sensor_msgs/msg/Imu", fields, now)
+
+
+def joints_message(robot: RobotModel, reading: SensorReading, now: int) -> bytes:
+    """``JointState`` of the wheels [rad]; of a URDF's first wheel on each side."""
+    names = _WHEELS if robot.urdf is None else (robot.urdf.left[0], robot.urdf.right[0])
+    ticks = np.array([reading.encoders.left, reading.encoders.right], dtype=np.float64)
+    fields = {"name": list(names), "position": 2.0 * math.pi / robot.ticks_per_turn * ticks}
+    return ros_message("sensor_msgs/msg/JointState", fields, now)
+
+
+def command_message(twist: Twist, now: int) -> bytes:
+    """``TwistStamped`` of a command."""
+    fields = {"header": {"frame_id": "base_link"}, "twist": _twist(twist)}
+    return ros_message("geometry_msgs/msg/TwistStamped", fields, now)
+
+
+def odometry_message(odometry: Odometry, now: int) -> bytes:
+    """``Odometry`` of wheels and gyro, of ``base_link`` in ``odom``."""
+    pose = odometry.pose
+    at = {"position": {"x": pose.x, "y": pose.y}, "orientation": _about_z(pose.yaw)}
+    moved = {"pose": {"pose": at}, "twist": {"twist": _twist(odometry.twist)}}
+    fields = {"header": {"frame_id": "odom"}, "child_frame_id": "base_link", **moved}
+    return ros_message("nav_msgs/msg/Odometry", fields, now)
+
+
+def camera_message(camera: CameraModel, size: tuple[int, int], now: int) -> bytes:
+    """``CameraInfo`` of images of ``size`` (height, width) without distortion."""
+    height, width = size
+    k = np.diag([camera.focal * width / camera.width] * 2 + [1.0])
+    k[:2, 2] = 0.5 * (width - 1), 0.5 * (height - 1)
+    p = np.column_stack([k, np.zeros(3)])
+    matrices = {"k": k.ravel(), "r": np.eye(3).ravel(), "p": p.ravel(), "d": np.zeros(5)}
+    about = {"height": height, "width": width, "distortion_model": "plumb_bob"}
+    fields = {"header": {"frame_id": "camera"}, **about, **matrices}
+    return ros_message("sensor_msgs/msg/CameraInfo", fields, now)
+
+
+def transforms_message(belief: Belief, odometry: Pose, camera: CameraModel, now: int) -> bytes:
+    """``TFMessage``: ``map`` to ``odom`` by the belief, to ``base_link``, to the camera."""
+    # the pose of odom in map: base_link in map, and from there back to odom
+    odom = belief.pose.compose(odometry.relative(Pose(0.0, 0.0, 0.0)))
+    # of a level camera (-1/2, 1/2, -1/2, 1/2), then turned about base_link's y axis
+    c, s = 0.5 * math.cos(0.5 * camera.pitch), 0.5 * math.sin(0.5 * camera.pitch)
+    optical = {"x": -c - s, "y": c + s, "z": s - c, "w": c - s}
+    mount = {"x": camera.mount_forward, "z": camera.mount_height}
+    links = (
+        ("map", "odom", {"x": odom.x, "y": odom.y}, _about_z(odom.yaw)),
+        ("odom", "base_link", {"x": odometry.x, "y": odometry.y}, _about_z(odometry.yaw)),
+        ("base_link", "camera", mount, optical),
+    )
+    stamp, made = dict(zip(("sec", "nanosec"), divmod(now, 10**9), strict=True)), []
+    for parent, child, place, turn in links:
+        made.append(_blank("geometry_msgs/msg/TransformStamped"))
+        header = {"frame_id": parent, "stamp": stamp}
+        moved = {"translation": place, "rotation": turn}
+        _fill(made[-1], {"header": header, "child_frame_id": child, "transform": moved})
+    return ros_message("tf2_msgs/msg/TFMessage", {"transforms": made})
+
+
+def _twist(twist: Twist) -> Mapping[str, Any]:
+    return {"linear": {"x": twist.v}, "angular": {"z": twist.w}}
+
+
+def _about_z(yaw: float) -> Mapping[str, float]:
+    return {"z": math.sin(0.5 * yaw), "w": math.cos(0.5 * yaw)}

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
 from foxglove import Channel, Context, Schema
 from foxglove import channels as typed
 from foxglove.messages import Timestamp
@@ -20,9 +21,9 @@ from navfw.guard import PluginGuard
 from navfw.mofis.mofis import explain_command
 from navfw.numerics import Image
 from navfw.recording import channel_list as topics
+from navfw.recording import ros_messages as ros
 from navfw.recording import viewer_messages as messages
 from navfw.recording.channel_list import SeenRun
-from navfw.recording.ros_messages import LOG_INFO, LOG_WARN, RosMessages, schema_text
 from navfw.recording.run_folder import plain_json
 from navfw.signals import Percept, Pose, SensorReading, Twist
 from navfw.stack import Stack
@@ -44,7 +45,6 @@ class SensorChannels:
         channels = {info.topic: _channel(info, context) for info in topics.SENSOR_CHANNELS}
         self._reading = channels.pop(topics.READING)
         self._images = channels
-        self._ros = RosMessages()
         self._packer = ThreadPoolExecutor(max_workers=1)
         self._waiting: deque[tuple[str, int, Future[bytes] | bytes]] = deque()
 
@@ -86,7 +86,9 @@ class SensorChannels:
 
     def _log_image(self, topic: str, data: bytes, now: int) -> None:
         frame = topic.removeprefix("/").removesuffix("/image")
-        message = self._ros.image(data, _IMAGE_FORMAT, frame, now)
+        content = {"format": _IMAGE_FORMAT, "data": np.frombuffer(data, dtype=np.uint8)}
+        fields = {"header": {"frame_id": frame}, **content}
+        message = ros.ros_message(topics.IMAGE_SCHEMA, fields, now)
         self._images[topic].log(message, log_time=now)
 
 
@@ -118,7 +120,6 @@ class RunChannels:
         self._sensors = SensorChannels(context)
         self._seen = seen
         self._guard = PluginGuard()
-        self._ros = RosMessages()
         self._next_vision = self._next_map = self._next_world = self._next_log = 0.0
         self._channels: dict[str, Any] = {}
         for info in topics.VIEWER_CHANNELS if seen is not None else ():
@@ -130,12 +131,12 @@ class RunChannels:
         if self._seen is None:
             return
         now, robot = topics.nanoseconds(reading.time), self._seen.stack.robot
-        self._log(topics.IMU, now, self._ros.imu, robot, reading, now)
-        self._log(topics.JOINTS, now, self._ros.joints, robot, reading, now)
-        self._log(topics.TWIST, now, self._ros.command, twist, now)
+        self._log(topics.IMU, now, ros.imu_message, robot, reading, now)
+        self._log(topics.JOINTS, now, ros.joints_message, robot, reading, now)
+        self._log(topics.TWIST, now, ros.command_message, twist, now)
         if reading.frame is not None:
             size = reading.frame.image.shape
-            self._log(topics.CAMERA_INFO, now, self._ros.camera_info, robot.camera, size, now)
+            self._log(topics.CAMERA_INFO, now, ros.camera_message, robot.camera, size, now)
             self._show(self._seen, reading.time, twist, pose)
 
     def log_driven(self, twist: Twist, time: float) -> None:
@@ -143,7 +144,7 @@ class RunChannels:
         if topics.DRIVEN not in self._channels:
             self._channels[topics.DRIVEN] = _channel(topics.DRIVEN_CHANNEL, self._context)
         now = topics.nanoseconds(time)
-        self._log(topics.DRIVEN, now, self._ros.command, twist, now)
+        self._log(topics.DRIVEN, now, ros.command_message, twist, now)
 
     def close(self) -> None:
         """Log what still waits; nothing can be logged afterwards."""
@@ -166,8 +167,7 @@ class RunChannels:
         self._log(topics.OBSTACLES, log_time, messages.obstacles_message, tracks, now, stamp)
         if now >= self._next_log:
             self._next_log = now + _LOG_PERIOD - 1e-9
-            line, level = _line(state)
-            self._log(topics.LOG, log_time, self._ros.log, line, level, log_time)
+            self._log(topics.LOG, log_time, _line, state, log_time)
         if now >= self._next_world:
             self._next_world = now + _WORLD_PERIOD - 1e-9
             self._log(topics.WORLD, log_time, messages.world_message, seen.outline, stamp)
@@ -203,8 +203,8 @@ class RunChannels:
             return
         camera = stack.robot.camera
         placed = belief, odometry.pose, camera, log_time
-        self._log(topics.TRANSFORMS, log_time, self._ros.transforms, *placed)
-        self._log(topics.ODOMETRY, log_time, self._ros.odometry, odometry, log_time)
+        self._log(topics.TRANSFORMS, log_time, ros.transforms_message, *placed)
+        self._log(topics.ODOMETRY, log_time, ros.odometry_message, odometry, log_time)
         self._log(topics.POSE, log_time, messages.pose_message, belief, odometry.twist, stamp)
         self._log(topics.PATH, log_time, messages.path_message, belief, state.path, stamp)
         context = stack.mofis.context
@@ -228,7 +228,7 @@ def _channel(info: topics.ChannelInfo, context: Context) -> Any:
     if namespace == "foxglove":
         return getattr(typed, f"{name}Channel")(info.topic, context=context)
     if "/msg/" in info.schema:
-        text = topics.SCHEMA if info.topic == topics.READING else schema_text(info.schema)
+        text = topics.SCHEMA if info.topic == topics.READING else ros.schema_text(info.schema)
         schema = Schema(name=info.schema, encoding="ros2msg", data=text.encode())
         return Channel(info.topic, schema=schema, message_encoding="cdr", context=context)
     data = json.dumps(json_schemas()[info.schema]).encode()
@@ -250,13 +250,13 @@ def _json(value: Mapping[str, Any]) -> str:
         return json.dumps(plain_json(value))
 
 
-def _line(state: StackState) -> tuple[str, int]:
-    """A line of the log, and its level."""
-    trouble = state.veto or (state.fault.reason if state.fault is not None else "")
-    if trouble:
-        return f"held: {trouble}", LOG_WARN
-    command = state.command
-    return ("no command" if command is None else f"{command.leader}: {command.reason}"), LOG_INFO
+def _line(state: StackState, now: int) -> bytes:
+    """A line of the log: why the stack is held (a warning, 30), or what it does (20)."""
+    command, held = state.command, state.veto or (state.fault.reason if state.fault else "")
+    does = "no command" if command is None else f"{command.leader}: {command.reason}"
+    stamp = dict(zip(("sec", "nanosec"), divmod(now, 10**9), strict=True))
+    fields = {"msg": f"held: {held}" if held else does, "level": 30 if held else 20}
+    return ros.ros_message("rcl_interfaces/msg/Log", {"stamp": stamp, "name": "navfw", **fields})
 
 
 def _percept(percept: Percept) -> Mapping[str, Any]:

@@ -1,3 +1,2 @@
-from .bags_readings import BagReadings as BagReadings
-from .bags_readings import driven_map as driven_map
 from .bags_replay import BagReplay as BagReplay
+from .bags_replay import driven_map as driven_map

@@ -6,72 +6,191 @@ import json
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
+import cv2
 import numpy as np
 
+from navfw.errors import ConfigError, InputError
 from navfw.numerics import Array
 from navfw.perceive import camera_contradiction
 from navfw.plugins import default_registry
 from navfw.process.interruption import check_interrupted, interruptible
-from navfw.recording import RECORDING, RESULT, RunFolder, RunRecorder, WorldOutline, hash_commands
-from navfw.recording.bag_contents import BagContents
+from navfw.recording import (
+    RECORDING,
+    RESULT,
+    Bag,
+    BagImage,
+    RunFolder,
+    RunRecorder,
+    WorldOutline,
+    code_revision,
+    driven_way,
+    hash_commands,
+    machine_kind,
+    plain_json,
+    ros_image,
+)
 from navfw.recording.channel_list import SeenRun
-from navfw.recording.provenance import code_revision, machine_kind
-from navfw.recording.run_folder import plain_json
 from navfw.robot import RobotModel
-from navfw.ros.bags_readings import BagReadings
-from navfw.signals import Pose, Twist, Waypoint
+from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist, Waypoint
 from navfw.stack import ShadowStack
-from navfw.topomap import TopoMap
+from navfw.topomap import Passage, Place, TopoMap
 
-_TOLERANCE = 0.3
-"""Distance [m] at which a goal is reached."""
-_HELD = 1.0
-"""Time [s] for which a command of the bag holds."""
-_TURNS = 0.05
-"""Least rate [rad/s] that is a turn."""
-_REASONS = 3
-"""Number of reasons of standstill that are told."""
+_GAP = 0.5
+"""Time [s] without a reading of the wheels from which on they are silent; between two that are
+nearer, counts are interpolated: a drive has them one interval later."""
+_SLACK = 1e-6
+"""Rounding of times [s]."""
+_DELAY = 1.0
+"""Largest time [s] from an image's stamp to its reception, and that a command of the bag holds."""
+_LEG, _TOLERANCE = 2.0, 0.3
+"""Distance [m] of the places along a way that was driven, and at which a goal is reached."""
+_SHAPE, _VIEW = 0.01, math.radians(1.0)
+"""Relative difference of the shapes of two images, and of fields of view [rad], that is told."""
+
+
+def _gyro(bag: Bag) -> Array:
+    """(n, 4) the rates by the gyro, or else by the wheels, about the vertical alone."""
+    if len(bag.gyro) or len(bag.odometry) < 2:
+        return bag.gyro
+    bag.notes.append("there is no gyro: turns are those of the wheels")
+    rates = np.diff(bag.odometry[:, 3]) / np.diff(bag.odometry[:, 0])
+    nothing = np.full(len(rates), math.nan)
+    return np.column_stack([bag.odometry[1:, 0], nothing, nothing, rates])
+
+
+class _Readings:
+    """The readings of ``robot`` in ``bag`` at its control rate, for a single iteration."""
+
+    def __init__(self, bag: Bag, robot: RobotModel) -> None:
+        self._bag, self._robot, self._gyro = bag, robot, _gyro(bag)
+        turned = 0.5 * robot.track * bag.odometry[:, 3]
+        way = driven_way(bag.odometry)
+        rolled = np.column_stack([bag.odometry[:, 0], way - turned, way + turned])
+        if len(bag.joints):
+            rolled = bag.joints * [1.0, robot.wheel_radius, robot.wheel_radius]
+        per_way = robot.ticks_per_turn / (2.0 * math.pi * robot.wheel_radius)
+        self._ticks = rolled * [1.0, per_way, per_way]
+        self._begin = float(rolled[0, 0]) if len(rolled) else 0.0
+        end = float(rolled[-1, 0]) if len(rolled) else 0.0
+        if bag.duration - end > _GAP:
+            bag.notes.append(f"the wheels are silent for the last {bag.duration - end:.1f} s")
+
+    def __len__(self) -> int:
+        return max(int((self._bag.duration - self._begin) * self._robot.control_rate) + 1, 1)
+
+    def __iter__(self) -> Iterator[SensorReading]:
+        images, last = self._bag.each_image(), -math.inf
+        ahead = next(images, None)
+        for tick in range(len(self)):
+            now, newest = self._begin + tick / self._robot.control_rate, None
+            while ahead is not None and _due(ahead) <= now + _SLACK:
+                newest, ahead = ahead, next(images, None)
+            frame = None if newest is None else self._frame(newest)
+            yield SensorReading(now, self._inertial(last, now), self._encoders(now), frame)
+            last = now
+
+    def _inertial(self, last: float, now: float) -> Inertial:
+        """The mean rates since ``last`` [s], or the last ones before."""
+        times = self._gyro[:, 0]
+        begin, end = np.searchsorted(times, [last + _SLACK, now + _SLACK]).tolist()
+        if end == 0:
+            return Inertial(self._begin, math.nan, math.nan, math.nan)
+        rates = self._gyro[min(begin, end - 1) : end, 1:].mean(axis=0)
+        return Inertial(float(times[end - 1]), *rates.tolist())
+
+    def _encoders(self, now: float) -> Encoders:
+        after = int(np.searchsorted(self._ticks[:, 0], now + _SLACK))
+        if after == 0:
+            return Encoders(self._begin, 0, 0)
+        taken, *ticks = self._ticks[after - 1].tolist()
+        if after < len(self._ticks) and self._ticks[after, 0] - taken <= _GAP:
+            times, taken = self._ticks[after - 1 : after + 1, 0], now
+            ticks = [np.interp(now, times, self._ticks[after - 1 : after + 1, k]) for k in (1, 2)]
+        return Encoders(min(taken, now), round(float(ticks[0])), round(float(ticks[1])))
+
+    def _frame(self, item: BagImage) -> Frame | None:
+        """The image as the robot's camera takes it; None, and a note, if it is damaged."""
+        camera = self._robot.camera
+        try:
+            grey = cv2.cvtColor(ros_image(item.message, item.name), cv2.COLOR_BGR2GRAY)
+        except InputError as error:
+            self._bag.notes.append(f"an image is left out: {error}")
+            return None
+        height, width = grey.shape
+        if abs(width * camera.height / (height * camera.width) - 1.0) > _SHAPE:
+            what = (
+                f"images of {width} x {height} have another shape than those of the robot's camera"
+            )
+            how = f"{what}, {camera.width} x {camera.height}: give a robot file with its camera"
+            raise ConfigError(how, file=self._bag.file, key="--robot")
+        if (width, height) != (camera.width, camera.height):
+            grey = cv2.resize(grey, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
+        return Frame(item.time, np.asarray(grey, dtype=np.uint8))
+
+
+def _due(item: BagImage) -> float:
+    """When an image was delivered [s]: as received, if stamps are on the same clock."""
+    return item.received if 0.0 <= item.received - item.time <= _DELAY else item.time
+
+
+def driven_map(bag: Bag) -> TopoMap:
+    """A map of the way that the bag's wheels drove, from its start at the origin.
+
+    It has a place every two metres; without a way it leads two metres ahead.
+    """
+    points = [(0.0, 0.0)]
+    if len(bag.odometry):
+        way = np.abs(np.diff(driven_way(bag.odometry), prepend=0.0)).cumsum()
+        start = Pose(*bag.odometry[0, 1:].tolist())
+        for row in [*np.searchsorted(way, np.arange(_LEG, way[-1], _LEG)).tolist(), -1]:
+            point = start.to_local(*bag.odometry[row, 1:3].tolist())
+            points += [point] if math.dist(point, points[-1]) > 0.25 * _LEG else []
+    points += [(_LEG, 0.0)] if len(points) < 2 else []
+    places = [Place(f"driven-{number}", x, y) for number, (x, y) in enumerate(points)]
+    passages = [Passage(a.name, b.name, a.distance(b.x, b.y)) for a, b in pairwise(places)]
+    return TopoMap("driven", places, passages)
 
 
 class BagReplay:
-    """The stack called ``stack_name`` on the readings of a bag, for ``robot`` on ``topo_map``.
+    """The stack called ``stack_name`` on the readings of ``bag``, for ``robot`` on ``topo_map``.
 
-    It drives from ``start`` (None: unknown) to the places ``goals``, or thinks so: the robot does
-    what it did. ``run`` may be called once.
+    From ``start`` (None: unknown) it heads for the places ``goals``; the robot does what it did.
 
     Raises:
-        InputError: the bag is not one of this robot, or a name is unknown.
+        UnknownNameError: there is no such stack, or place on the map.
 
     """
 
     def __init__(
         self,
-        contents: BagContents,
+        bag: Bag,
         robot: RobotModel,
         topo_map: TopoMap,
         start: Pose | None,
         goals: Sequence[str],
         stack_name: str = "default",
     ) -> None:
-        self._contents, self._start = contents, start
+        self._bag, self._start, self._robot = bag, start, robot
         places = [topo_map.place(name) for name in goals]
         self._goals = [Waypoint(p.x, p.y, _TOLERANCE, p.name, "goal", final=True) for p in places]
-        self._readings = BagReadings(contents, robot)
-        self._stack = ShadowStack.load(
-            stack_name, self._readings.robot, topo_map, default_registry()
-        )
-        self._readings.landmarks = self._stack.features.landmark_frames
-        config = {"mission": self._mission(), "stack": self._stack.config}
-        about = {"world": contents.bag.path.name, "mission": "replay", "seed": "0"}
-        self._about = {**about, "config": json.dumps(plain_json(config))}
-        self._recorder = RunRecorder(self._about, SeenRun(self._stack, WorldOutline()))
+        self._stack = ShadowStack.load(stack_name, robot, topo_map, default_registry())
+        self._config = {"mission": self._mission(), "stack": self._stack.config}
+        about = {"world": bag.path.name, "config": json.dumps(plain_json(self._config))}
+        self._recorder = RunRecorder(about, SeenRun(self._stack, WorldOutline()))
         self._held: Counter[str] = Counter()
+        if bag.info is not None:
+            view = 2.0 * math.atan(0.5 * bag.info.width / max(float(bag.matrix[0]), 1e-9))
+            if abs(view - robot.camera.hfov) > _VIEW:
+                told, given = math.degrees(view), math.degrees(robot.camera.hfov)
+                what = f"{given:.1f} degrees across, camera_info {told:.1f}: the robot's are used"
+                bag.notes.append(f"the robot's camera shows {what}")
 
     def _mission(self) -> dict[str, Any]:
-        start, robot = self._start or Pose(0.0, 0.0, 0.0), self._readings.robot
+        start, robot = self._start or Pose(0.0, 0.0, 0.0), self._robot
         return {
             "start": [start.x, start.y, start.yaw],
             "start_known": self._start is not None,
@@ -79,131 +198,91 @@ class BagReplay:
             "goals": [{"place": goal.place, "x": goal.x, "y": goal.y} for goal in self._goals],
             "tolerance": _TOLERANCE,
             "robot": robot.model_dump(mode="json", include=set(RobotModel.model_fields)),
-            "map": self._stack.topo_map.name,
         }
 
     def run(
-        self, progress: Callable[[int, int], None] = lambda done, total: None
+        self, target: RunFolder, progress: Callable[[int, int], None] = lambda *_: None
     ) -> dict[str, Any]:
-        """Replay the whole bag; ``progress`` takes ticks done, and all. Returns the result.
+        """Replay the whole bag into a run folder; ``progress`` takes ticks done, and all.
+
+        Returns the content of its result.
 
         Raises:
-            InputError: the stack refuses the mission, or the bag is damaged.
+            InputError: the bag is damaged, or its images are not those of the robot's camera.
 
         """
-        began = time.perf_counter()
-        stack, rows = self._stack, []
+        began, rows, stack = time.perf_counter(), [], self._stack
+        contradiction = camera_contradiction(self._bag)
+        self._bag.notes[:0] = [contradiction] if contradiction else []
         stack.start(self._start, self._goals)
+        readings = _Readings(self._bag, self._robot)
         with stack.guard.on_duty(), interruptible():
-            for number, reading in enumerate(self._readings):
+            for number, reading in enumerate(readings):
                 check_interrupted()
-                twist = stack.step(reading)
-                driven = self._driven(reading.time)
-                if driven is not None and reading.frame is not None:
+                twist, driven = stack.step(reading), self._driven(reading.time)
+                if reading.frame is not None and driven is not None:
                     self._recorder.log_driven(driven, reading.time)
                 self._recorder.observe(reading, twist, None)
-                if twist == Twist(0.0, 0.0):
-                    self._held[self._reason()] += 1
+                self._held[self._reason()] += twist == Twist(0.0, 0.0)
                 was = (math.nan, math.nan) if driven is None else (driven.v, driven.w)
                 rows.append((reading.time, twist.v, twist.w, *was))
-                progress(number + 1, len(self._readings))
-        self._recorder.close()
-        return self._result(np.array(rows), time.perf_counter() - began)
-
-    def write(self, target: RunFolder, result: dict[str, Any]) -> None:
-        """Write the run folder, into the temporary folder of ``target``."""
+                progress(number + 1, len(readings))
+        result = self._result(np.array(rows), time.perf_counter() - began)
         target.write_json(RESULT, result)
-        writers = target.input_writers(self._stack.config, self._stack.topo_map)
-        writers[RECORDING] = self._recorder.save
-        for name, write in writers.items():
+        writers = target.input_writers(stack.config, stack.topo_map)
+        for name, write in {**writers, RECORDING: self._recorder.save}.items():
             write(target.path / name)
+        return result
 
     def _driven(self, now: float) -> Twist | None:
         """What the bag's robot was commanded at ``now`` [s]; None if nothing is known."""
-        commands = self._contents.commands
+        commands = self._bag.commands
         at = int(np.searchsorted(commands[:, 0], now, side="right")) - 1
-        if at < 0 or now - commands[at, 0] > _HELD:
-            return None
-        return Twist(float(commands[at, 1]), float(commands[at, 2]))
+        known = at >= 0 and now - commands[at, 0] <= _DELAY
+        return Twist(*commands[at, 1:].tolist()) if known else None
 
     def _reason(self) -> str:
-        """Why the stack stands."""
+        """Why the stack stands, if it does."""
         state, safety = self._stack.state, self._stack.safety
         if safety.senses.camera_age > safety.params.camera_stop:
             return safety.senses.trouble or "the camera is silent"
         if self._stack.verdict.stopped:
             return self._stack.verdict.reason
-        if state.fault is not None:
-            return state.fault.reason
         if state.finished:
             return "it is at its goal"
         return "no command" if state.command is None else state.command.reason
 
     def _result(self, rows: Array, wall: float) -> dict[str, Any]:
-        contents, duration = self._contents, float(rows[-1, 0] - rows[0, 0])
-        contradiction = camera_contradiction(contents)
-        notes = [contradiction] if contradiction else []
-        notes += [*dict.fromkeys(contents.notes), *_turned(contents), *self._compared(rows)]
+        duration = float(rows[-1, 0] - rows[0, 0])
         return {
             "outcome": "replayed",
-            "reason": f"{len(rows)} control ticks of {contents.bag.file}, to the end",
-            "world": self._about["world"],
+            "reason": f"{len(rows)} control ticks of {self._bag.file}, to the end",
+            "world": self._bag.path.name,
             "mission": "replay",
             "seed": 0,
             "sim_time_s": duration,
             "wall_time_s": wall,
             "real_time_factor": duration / max(wall, 1e-9),
-            "images": len(contents.image_times) if contents.images else 0,
-            "camera_moves_with_robot": not contradiction if contents.images else None,
             "command_hash": hash_commands(rows[:, :3]),
-            "complete": self._recorder.complete,
-            "notes": notes,
+            "notes": [*dict.fromkeys(self._bag.notes), *self._compared(rows)],
             "faults": list(self._stack.state.faults),
             "events": [],
-            "config": json.loads(self._about["config"]),
+            "config": self._config,
             "revision": code_revision(),
             "machine": machine_kind(),
         }
 
     def _compared(self, rows: Array) -> list[str]:
         """The commands of the stack beside the bag's, and why it stood."""
-        own, both = rows[:, 1:3], rows[np.isfinite(rows[:, 3])]
-        notes = []
+        both = rows[np.isfinite(rows[:, 3])]
+        notes = [] if len(both) else ["the bag has no commands to compare with"]
         if len(both):
+            v, was = (round(float(column.mean()), 2) + 0.0 for column in both[:, [1, 3]].T)
             off = np.sqrt(np.mean((both[:, 1:3] - both[:, 3:]) ** 2, axis=0))
-            notes.append(
-                f"the robot was commanded {_mean(both[:, 3])} m/s in the mean, the stack would"
-                f" have {_mean(both[:, 1])} m/s; they differ by {off[0]:.2f} m/s and"
-                f" {off[1]:.2f} rad/s (root mean square)"
+            what = (
+                f"the robot was commanded {was:.2f} m/s in the mean, the stack would have {v:.2f}"
             )
-            turns = both[(np.abs(both[:, [2, 4]]) > _TURNS).all(axis=1)]
-            if len(turns):
-                same = float((turns[:, 2] * turns[:, 4] > 0.0).mean())
-                notes.append(f"where both turn, {same:.0%} of the time to the same side")
-        else:
-            notes.append("the bag has no commands to compare with")
-        reasons = [f"{n / len(own):.0%} {why}" for why, n in self._held.most_common(_REASONS)]
-        stood = sum(self._held.values()) / len(own)
-        return [
-            *notes,
-            f"the stack would have stood for {stood:.0%} of the time: {', '.join(reasons)}",
-        ]
-
-
-def _mean(values: Array) -> str:
-    return f"{round(float(values.mean()), 2) + 0.0:.2f}"  # no negative zero
-
-
-def _turned(contents: BagContents) -> list[str]:
-    """How far wheels and gyro have turned in their common time, if there are both."""
-    gyro, odometry = contents.gyro, contents.odometry
-    if len(gyro) < 2 or len(odometry) < 2 or not np.isfinite(gyro[:, 3]).all():
-        return []
-    begin, end = max(gyro[0, 0], odometry[0, 0]), min(gyro[-1, 0], odometry[-1, 0])
-    middle = 0.5 * (gyro[1:, 3] + gyro[:-1, 3])
-    angle = np.concatenate([[0.0], np.cumsum(np.diff(gyro[:, 0]) * middle)])
-    turns = [
-        math.degrees(float(np.diff(np.interp([begin, end], times, yaw))[0]))
-        for times, yaw in ((gyro[:, 0], angle), (odometry[:, 0], odometry[:, 3]))
-    ]
-    return [f"turned by {turns[1]:.0f} degrees by the wheels, by {turns[0]:.0f} by the gyro"]
+            notes.append(f"{what}; they differ by {off[0]:.2f} m/s, {off[1]:.2f} rad/s (RMS)")
+        stood = f"the stack would have stood for {self._held.total() / len(rows):.0%} of the time"
+        reasons = [f"{n / len(rows):.0%} {why}" for why, n in self._held.most_common(3) if n]
+        return [*notes, f"{stood}: {', '.join(reasons)}" if reasons else stood]

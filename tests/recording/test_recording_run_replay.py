@@ -20,12 +20,12 @@ from navfw.recording import (
     RECORDING,
     RESULT,
     RecordedRun,
-    RosMessages,
     RunFolder,
     explain_at,
     image_of,
     read_result,
     replay,
+    ros_message,
 )
 
 # None in sys.modules makes the import of PyBullet fail.
@@ -82,7 +82,8 @@ def with_images(folder: Path, copy: Path, change: Callable[[int, Image], Image])
             return data
         image = change(next(numbers), image_of(next(messages), folder))
         packed = cv2.imencode(".png", np.ascontiguousarray(image))[1].tobytes()
-        return RosMessages().image(packed, "png", "camera", 0)
+        data = np.frombuffer(packed, np.uint8)
+        return ros_message("sensor_msgs/msg/CompressedImage", {"format": "png", "data": data}, 0)
 
     rewrite(folder / RECORDING, copy / RECORDING, changed)
     return copy

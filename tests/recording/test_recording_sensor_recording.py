@@ -19,12 +19,12 @@ from navfw.recording import (
     RIGHT_IMAGE,
     ReadingRow,
     RecordedRun,
-    RosMessages,
     RunRecorder,
     compare_commands,
     load_recording,
     pack_reading,
     replay_commands,
+    ros_message,
     unpack_reading,
 )
 from navfw.robot import RobotModel
@@ -33,7 +33,7 @@ from navfw.testing.fakes import FakePilot, FakeSimulator
 
 TICKS = 40
 HERE = Pose(0.0, 0.0, 0.0)
-GIF = RosMessages().image(b"GIF", "gif", "camera", 0)
+GIF = ros_message("sensor_msgs/msg/CompressedImage", {"data": np.frombuffer(b"GIF", np.uint8)}, 0)
 
 
 def random_readings(seed: int) -> list[SensorReading]:
