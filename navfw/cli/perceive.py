@@ -16,7 +16,7 @@ import typer
 from navfw.cli.options import Topic
 from navfw.cli.output import print_json_list, quiet_stdout, quietly
 from navfw.cli.progress_bar import ProgressBar, Quiet
-from navfw.errors import InputError
+from navfw.errors import InputError, locating
 from navfw.recording.run_folder import is_bag
 
 if TYPE_CHECKING:
@@ -162,6 +162,8 @@ def perceive(
         )  # fmt: skip
         _perceive_bag(source[0], topic, given, perceive_again)
         return
+    if topic is not None:
+        raise InputError("is for a bag", key="--topic")
     with quiet_stdout():
         from navfw.perceive.image_sources import open_source
         from navfw.perceive.image_times import load_image_times
@@ -219,7 +221,8 @@ def _perceive_bag(
         left_out |= {"calibration"} if options["hfov"] is not None else set()
         found = {name: file for name, file in files.items() if name not in left_out}
         source = [found.pop("source")]
-        again(source, **{name: file or found.get(name) for name, file in given.items()})
+        with locating(file=bag.file):
+            again(source, **{name: file or found.get(name) for name, file in given.items()})
     for note in bag.notes:
         typer.echo(f"note: {note}", err=True)
 

@@ -77,7 +77,8 @@ def replay(
         if video is not None:
             write_video(target, video, quiet=json or quiet)
         return
-    for option, value in (("--robot", robot), ("--map", map_name), ("--goal", goal)):
+    of_bag = {"--robot": robot, "--map": map_name, "--goal": goal, "--start": start}
+    for option, value in {**of_bag, "--topic": topic, "--out": out}.items():
         if value:
             raise typer.BadParameter("is for a bag", param_hint=option)
     _replay_run(folder, video, json=json)

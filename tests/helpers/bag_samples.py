@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
@@ -30,35 +30,46 @@ class Sent(NamedTuple):
     """[s], if it differs from ``time``."""
 
 
-def write_bag(path: Path, sent: Iterable[Sent]) -> Path:
-    """Write a bag: a file for ``.bag``, otherwise a folder with the storage of the suffix."""
+def write_bag(path: Path, sent: Iterable[Sent], packed: str = "") -> Path:
+    """Write a bag: a file for ``.bag``, otherwise a folder with the storage of the suffix.
+
+    ``packed``: whether each ``chunk``, each ``message`` or the ``file`` is compressed.
+    """
+    path.parent.mkdir(exist_ok=True)
     ordered = sorted(sent, key=lambda each: each.time)
-    types = ROS1 if path.suffix == ".bag" else ROS2
     if path.suffix == ".bag":
-        with Writer1(path) as one:
+        one = Writer1(path)
+        if packed:
+            one.set_compression(Writer1.CompressionFormat.BZ2)
+        with one:
             channels = {
-                e.topic: one.add_connection(e.topic, e.kind, typestore=types)
-                for e in first(ordered)
+                each[:2]: one.add_connection(each.topic, each.kind, typestore=ROS1)
+                for each in first(ordered)
             }
             for each in ordered:
-                data = types.serialize_ros1(message(types, each), each.kind)
-                one.write(channels[each.topic], nanoseconds(each.time), data)
+                data = ROS1.serialize_ros1(message(ROS1, each), each.kind)
+                one.write(channels[each[:2]], nanoseconds(each.time), data)
         return path
-    folder = path.with_suffix("")
+    folder = path.with_name(path.name.replace(".", "-"))
     plugin = StoragePlugin.MCAP if path.suffix == ".mcap" else StoragePlugin.SQLITE3
-    with Writer2(folder, version=9, storage_plugin=plugin) as two:
+    two = Writer2(folder, version=9, storage_plugin=plugin)
+    if packed:
+        mode = CompressionMode[{"chunk": "STORAGE"}.get(packed, packed.upper())]
+        two.set_compression(mode, CompressionFormat.ZSTD)
+    with two:
         topics = {
-            e.topic: two.add_connection(e.topic, e.kind, typestore=types) for e in first(ordered)
+            each[:2]: two.add_connection(each.topic, each.kind, typestore=ROS2)
+            for each in first(ordered)
         }
         for each in ordered:
-            data = types.serialize_cdr(message(types, each), each.kind)
-            two.write(topics[each.topic], nanoseconds(each.time), data)
+            data = ROS2.serialize_cdr(message(ROS2, each), each.kind)
+            two.write(topics[each[:2]], nanoseconds(each.time), data)
     return folder
 
 
 def first(sent: Sequence[Sent]) -> list[Sent]:
-    """The first message of each topic."""
-    return list({each.topic: each for each in reversed(sent)}.values())
+    """The first message of each topic and type."""
+    return list({each[:2]: each for each in reversed(sent)}.values())
 
 
 def nanoseconds(time: float) -> int:
@@ -120,6 +131,12 @@ def imu(time: float, rates: Sequence[float], way: Sequence[float] = (0.0, 0.0, 9
         "linear_acceleration": dict(zip("xyz", way, strict=True)),
     }
     return Sent("/imu", "sensor_msgs/msg/Imu", time, fields)
+
+
+def joints(time: float, left: float, right: float) -> Sent:
+    fields = {"name": ["caster", "wheel_left", "wheel_right"]}
+    fields["position"] = np.array([0.0, left, right])
+    return Sent("/joint_states", "sensor_msgs/msg/JointState", time, fields)
 
 
 def odometry(time: float, x: float, y: float, yaw: float) -> Sent:
