@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import cv2
@@ -105,17 +105,18 @@ def camera_contradiction(bag: Bag) -> str:
     state = np.column_stack([driven_way(bag.odometry), bag.odometry[:, 3]])
     moves: list[tuple[float, float, float]] = []
     past: tuple[Array, TrackImage] | None = None
-    for name, time, _, message in bag.each_image():
-        at = np.array([np.interp(time, bag.odometry[:, 0], values) for values in state.T])
-        if past is not None and (np.abs(at - past[0]) < _MOVED).all():
-            continue
-        now = TrackImage.of(ros_image(message, name))
-        shift = None if past is None else _shift(past[1], now)
-        if past is not None and shift is not None:
-            moves.append((float(at[1] - past[0][1]), *shift))
-        past = at, now
-        if len(moves) == _COMPARED[1]:
-            break
+    with closing(bag.each_image()) as images:
+        for name, time, _, message in images:
+            at = np.array([np.interp(time, bag.odometry[:, 0], values) for values in state.T])
+            if past is not None and (np.abs(at - past[0]) < _MOVED).all():
+                continue
+            now = TrackImage.of(ros_image(message, name))
+            shift = None if past is None else _shift(past[1], now)
+            if past is not None and shift is not None:
+                moves.append((float(at[1] - past[0][1]), *shift))
+            past = at, now
+            if len(moves) == _COMPARED[1]:
+                break
     return _verdict(np.array(moves).reshape(-1, 3))
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import bz2
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
@@ -31,6 +31,8 @@ with extra_imports("bags"):
     from rosbags import rosbag1, rosbag2
     from rosbags.rosbag1.reader import decompressors
     from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
+    from rosbags.serde import SerdeError
+    from rosbags.typesys.store import Typestore
 
     if sys.version_info >= (3, 14):
         from compression import zstd
@@ -193,7 +195,7 @@ class Bag:
         """The camera matrix (9,) of ``info``: ``k`` of ROS 2, ``K`` of ROS 1."""
         return np.asarray(self.info.k if hasattr(self.info, "k") else self.info.K)
 
-    def each_image(self) -> Iterator[BagImage]:
+    def each_image(self) -> Generator[BagImage]:
         """The images in the order of their times, without those that go back."""
         topic = self._topics["images"]
         messages = self._messages(topic) if topic else iter(())
@@ -250,7 +252,7 @@ class Bag:
             for each, received, data in reader.messages(wanted) if wanted else ():
                 time = (received - self._begin) / 1e9
                 if not is_ros1:
-                    yield each.topic, time, types.deserialize_cdr(unpack(data), each.msgtype)
+                    yield each.topic, time, _of_cdr(types, unpack(data), each.msgtype)
                     continue
                 if each.digest not in {types.generate_msgdef(each.msgtype)[1], "*"}:
                     raise ValueError(f"{each.msgtype} is not defined as in ROS 1 Noetic")
@@ -290,6 +292,14 @@ class Bag:
         for file in files:
             with open_input(file, _MAX_BAG):
                 pass
+
+
+def _of_cdr(types: Typestore, data: bytes, kind: str) -> Any:
+    """The message in ``data``, behind which ROS may leave up to eight bytes."""
+    for excess in (0, 4):
+        with suppress(SerdeError):
+            return types.deserialize_cdr(data[: len(data) - excess], kind)
+    return types.deserialize_cdr(data[:-8], kind)
 
 
 def driven_way(odometry: Array) -> Array:

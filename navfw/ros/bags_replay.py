@@ -7,6 +7,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from itertools import pairwise
 from typing import Any
 
@@ -83,15 +84,16 @@ class _Readings:
         return max(int((self._bag.duration - self._begin) * self._robot.control_rate) + 1, 1)
 
     def __iter__(self) -> Iterator[SensorReading]:
-        images, last = self._bag.each_image(), -math.inf
-        ahead = next(images, None)
-        for tick in range(len(self)):
-            now, newest = self._begin + tick / self._robot.control_rate, None
-            while ahead is not None and _due(ahead) <= now + _SLACK:
-                newest, ahead = ahead, next(images, None)
-            frame = None if newest is None else self._frame(newest)
-            yield SensorReading(now, self._inertial(last, now), self._encoders(now), frame)
-            last = now
+        last = -math.inf
+        with closing(self._bag.each_image()) as images:
+            ahead = next(images, None)
+            for tick in range(len(self)):
+                now, newest = self._begin + tick / self._robot.control_rate, None
+                while ahead is not None and _due(ahead) <= now + _SLACK:
+                    newest, ahead = ahead, next(images, None)
+                frame = None if newest is None else self._frame(newest)
+                yield SensorReading(now, self._inertial(last, now), self._encoders(now), frame)
+                last = now
 
     def _inertial(self, last: float, now: float) -> Inertial:
         """The mean rates since ``last`` [s], or the last ones before."""

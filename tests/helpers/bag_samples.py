@@ -134,7 +134,7 @@ def imu(time: float, rates: Sequence[float], way: Sequence[float] = (0.0, 0.0, 9
 
 
 def joints(time: float, left: float, right: float) -> Sent:
-    fields = {"name": ["caster", "wheel_left", "wheel_right"]}
+    fields: dict[str, Any] = {"name": ["caster", "wheel_left", "wheel_right"]}
     fields["position"] = np.array([0.0, left, right])
     return Sent("/joint_states", "sensor_msgs/msg/JointState", time, fields)
 

@@ -82,8 +82,8 @@ def with_images(folder: Path, copy: Path, change: Callable[[int, Image], Image])
             return data
         image = change(next(numbers), image_of(next(messages), folder))
         packed = cv2.imencode(".png", np.ascontiguousarray(image))[1].tobytes()
-        data = np.frombuffer(packed, np.uint8)
-        return ros_message("sensor_msgs/msg/CompressedImage", {"format": "png", "data": data}, 0)
+        fields = {"format": "png", "data": np.frombuffer(packed, np.uint8)}
+        return ros_message("sensor_msgs/msg/CompressedImage", fields, 0)
 
     rewrite(folder / RECORDING, copy / RECORDING, changed)
     return copy
