@@ -27,7 +27,7 @@ from navfw.process.interruption import ignore_signals, interruptible
 __all__ = ["PANELS", "app", "main"]
 
 PANELS = {
-    "Drive": {"run": "run", "replay": "recordings", "perceive": "perceive"},
+    "Drive": {"run": "run", "replay": "recordings", "perceive": "perceive", "ros": "ros"},
     "Look": {
         "list": "listings",
         "explain": "recordings",

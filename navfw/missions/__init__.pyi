@@ -17,6 +17,7 @@ from .oracle import reveal as reveal
 from .outcome import FaultKind as FaultKind
 from .outcome import MissionVerdict as MissionVerdict
 from .outcome import Outcome as Outcome
+from .pilot import Simulator as Simulator
 from .process_state import ProcessState as ProcessState
 from .run_drawing import WindowOverlay as WindowOverlay
 from .run_metrics import RunMetrics as RunMetrics

@@ -19,6 +19,7 @@ from .motion_record import MotionRecord as MotionRecord
 from .motion_record import load_gyro_record as load_gyro_record
 from .motion_record import load_pose_record as load_pose_record
 from .overlay import COLOURS as COLOURS
+from .overlay import draw_flow as draw_flow
 from .pair_motion import DEVIATION as DEVIATION
 from .pair_motion import RATE_DRIFT as RATE_DRIFT
 from .pair_motion import PairMotion as PairMotion

@@ -1,8 +1,11 @@
 from .bag_export import export_bag as export_bag
 from .bag_reader import Bag as Bag
 from .bag_reader import BagImage as BagImage
+from .bag_reader import deserialize_cdr as deserialize_cdr
 from .bag_reader import driven_way as driven_way
+from .bag_reader import planar_pose as planar_pose
 from .bag_reader import ros_image as ros_image
+from .bag_reader import turn_rates as turn_rates
 from .channel_list import CAMERA_IMAGE as CAMERA_IMAGE
 from .channel_list import LANDMARK_IMAGE as LANDMARK_IMAGE
 from .channel_list import LOCAL_MAP as LOCAL_MAP

@@ -32,7 +32,6 @@ with extra_imports("bags"):
     from rosbags.rosbag1.reader import decompressors
     from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
     from rosbags.serde import SerdeError
-    from rosbags.typesys.store import Typestore
 
     if sys.version_info >= (3, 14):
         from compression import zstd
@@ -96,12 +95,14 @@ def ros_image(message: Any, name: str) -> Image:
     return np.asarray(image if conversion is None else cv2.cvtColor(image, conversion), np.uint8)
 
 
-def _rates(message: Any) -> tuple[float, ...]:
+def turn_rates(message: Any) -> tuple[float, ...]:
+    """The rates (3,) [rad/s] of an ``Imu``; nan alone where it has none."""
     rates, absent = message.angular_velocity, message.angular_velocity_covariance[0] == -1.0
     return (math.nan,) if absent else (rates.x, rates.y, rates.z)
 
 
-def _pose(message: Any) -> tuple[float, ...]:
+def planar_pose(message: Any) -> tuple[float, ...]:
+    """The pose x, y [m], yaw [rad] of an ``Odometry`` in its plane."""
     place, q = message.pose.pose.position, message.pose.pose.orientation
     across = 1.0 - 2.0 * (q.y * q.y + q.z * q.z)
     return place.x, place.y, math.atan2(2.0 * (q.w * q.z + q.x * q.y), across)
@@ -120,8 +121,8 @@ def _command(message: Any) -> tuple[float, ...]:
 
 _ROLES: Mapping[str, tuple[tuple[str, ...], str, int, Callable[[Any], tuple[float, ...]]]] = {
     "images": (("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"), "", 0, lambda _: ()),
-    "gyro": (("sensor_msgs/msg/Imu",), "imu", 3, _rates),
-    "odometry": (("nav_msgs/msg/Odometry",), "odom", 3, _pose),
+    "gyro": (("sensor_msgs/msg/Imu",), "imu", 3, turn_rates),
+    "odometry": (("nav_msgs/msg/Odometry",), "odom", 3, planar_pose),
     "joints": (("sensor_msgs/msg/JointState",), "joint_states", 2, _turns),
     "commands": (
         ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"),
@@ -252,7 +253,7 @@ class Bag:
             for each, received, data in reader.messages(wanted) if wanted else ():
                 time = (received - self._begin) / 1e9
                 if not is_ros1:
-                    yield each.topic, time, _of_cdr(types, unpack(data), each.msgtype)
+                    yield each.topic, time, deserialize_cdr(unpack(data), each.msgtype)
                     continue
                 if each.digest not in {types.generate_msgdef(each.msgtype)[1], "*"}:
                     raise ValueError(f"{each.msgtype} is not defined as in ROS 1 Noetic")
@@ -294,8 +295,9 @@ class Bag:
                 pass
 
 
-def _of_cdr(types: Typestore, data: bytes, kind: str) -> Any:
-    """The message in ``data``, behind which ROS may leave up to eight bytes."""
+def deserialize_cdr(data: bytes, kind: str) -> Any:
+    """The message of ``kind`` in ``data``, behind which ROS may leave up to eight bytes."""
+    types = message_types()
     for excess in (0, 4):
         with suppress(SerdeError):
             return types.deserialize_cdr(data[: len(data) - excess], kind)

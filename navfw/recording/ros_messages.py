@@ -7,13 +7,14 @@ They are of the types of ROS 2 Jazzy that the library rosbags ships. Frames are 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, cast
 
 import numpy as np
 
 from navfw.config.extras import extra_imports
+from navfw.numerics import Image
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Belief, Odometry, Pose, SensorReading, Twist
 
@@ -24,6 +25,8 @@ with extra_imports("bags"):
 
 _WHEELS = ("left_wheel_joint", "right_wheel_joint")
 """Names of the joints of wheels that no URDF names."""
+_Link = tuple[str, str, Mapping[str, float], Mapping[str, float]]
+"""Parent, child, translation [m] and rotation of a transform."""
 _ABSENT = np.array([-1.0, *[0.0] * 8])
 """Covariance of what an ``Imu`` does not measure."""
 
@@ -70,6 +73,12 @@ def _fill(made: Any, fields: Mapping[str, Any]) -> None:
     for name, value in fields.items():
         if isinstance(value, Mapping):
             _fill(getattr(made, name), value)
+        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
+            kind = dict(message_types().fielddefs[made.__msgtype__][1])[name][1][0][1]
+            parts = [_blank(str(kind)) for _ in value]
+            for part, content in zip(parts, value, strict=True):
+                _fill(part, content)
+            setattr(made, name, parts)
         else:
             setattr(made, name, value)
 
@@ -84,12 +93,31 @@ def imu_message(robot: RobotModel, reading: SensorReading, now: int) -> bytes:
     return ros_message("sensor_msgs/msg/Imu", fields, now)
 
 
-def joints_message(robot: RobotModel, reading: SensorReading, now: int) -> bytes:
+def wheel_joints(robot: RobotModel) -> tuple[Sequence[str], Sequence[str]]:
+    """Names of the joints of the left and of the right wheels."""
+    if robot.urdf is None:
+        return _WHEELS[:1], _WHEELS[1:]
+    return robot.urdf.left, robot.urdf.right
+
+
+def joints_message(robot: RobotModel, reading: SensorReading, now: int, frame: str = "") -> bytes:
     """``JointState`` of the wheels [rad]; of a URDF's first wheel on each side."""
-    names = _WHEELS if robot.urdf is None else (robot.urdf.left[0], robot.urdf.right[0])
+    names = [side[0] for side in wheel_joints(robot)]
     ticks = np.array([reading.encoders.left, reading.encoders.right], dtype=np.float64)
-    fields = {"name": list(names), "position": 2.0 * math.pi / robot.ticks_per_turn * ticks}
+    fields = {
+        "header": {"frame_id": frame},
+        "name": names,
+        "position": 2.0 * math.pi / robot.ticks_per_turn * ticks,
+    }
     return ros_message("sensor_msgs/msg/JointState", fields, now)
+
+
+def image_message(image: Image, now: int, frame: str = "camera") -> bytes:
+    """``Image`` of grey pixels (height, width)."""
+    height, width = image.shape
+    about = {"height": height, "width": width, "step": width, "encoding": "mono8"}
+    fields = {"header": {"frame_id": frame}, **about, "data": image.ravel()}
+    return ros_message("sensor_msgs/msg/Image", fields, now)
 
 
 def command_message(twist: Twist, now: int) -> bytes:
@@ -119,26 +147,39 @@ def camera_message(camera: CameraModel, size: tuple[int, int], now: int) -> byte
     return ros_message("sensor_msgs/msg/CameraInfo", fields, now)
 
 
-def transforms_message(belief: Belief, odometry: Pose, camera: CameraModel, now: int) -> bytes:
-    """``TFMessage``: ``map`` to ``odom`` by the belief, to ``base_link``, to the camera."""
+def transforms_message(
+    odometry: Pose, now: int, belief: Belief | None = None, camera: CameraModel | None = None
+) -> bytes:
+    """``TFMessage``: with a belief ``map`` to ``odom``; with a camera to ``base_link`` and it."""
+    links = [] if belief is None else [_to_odom(belief.pose, odometry)]
+    links += [] if camera is None else _to_camera(odometry, camera)
+    stamp = dict(zip(("sec", "nanosec"), divmod(now, 10**9), strict=True))
+    made = [
+        {
+            "header": {"frame_id": parent, "stamp": stamp},
+            "child_frame_id": child,
+            "transform": {"translation": place, "rotation": turn},
+        }
+        for parent, child, place, turn in links
+    ]
+    return ros_message("tf2_msgs/msg/TFMessage", {"transforms": made})
+
+
+def _to_odom(robot: Pose, odometry: Pose) -> _Link:
     # the pose of odom in map: base_link in map, and from there back to odom
-    odom = belief.pose.compose(odometry.relative(Pose(0.0, 0.0, 0.0)))
+    odom = robot.compose(odometry.relative(Pose(0.0, 0.0, 0.0)))
+    return "map", "odom", {"x": odom.x, "y": odom.y}, _about_z(odom.yaw)
+
+
+def _to_camera(odometry: Pose, camera: CameraModel) -> list[_Link]:
     # of a level camera (-1/2, 1/2, -1/2, 1/2), then turned about base_link's y axis
     c, s = 0.5 * math.cos(0.5 * camera.pitch), 0.5 * math.sin(0.5 * camera.pitch)
     optical = {"x": -c - s, "y": c + s, "z": s - c, "w": c - s}
     mount = {"x": camera.mount_forward, "z": camera.mount_height}
-    links = (
-        ("map", "odom", {"x": odom.x, "y": odom.y}, _about_z(odom.yaw)),
+    return [
         ("odom", "base_link", {"x": odometry.x, "y": odometry.y}, _about_z(odometry.yaw)),
         ("base_link", "camera", mount, optical),
-    )
-    stamp, made = dict(zip(("sec", "nanosec"), divmod(now, 10**9), strict=True)), []
-    for parent, child, place, turn in links:
-        made.append(_blank("geometry_msgs/msg/TransformStamped"))
-        header = {"frame_id": parent, "stamp": stamp}
-        moved = {"translation": place, "rotation": turn}
-        _fill(made[-1], {"header": header, "child_frame_id": child, "transform": moved})
-    return ros_message("tf2_msgs/msg/TFMessage", {"transforms": made})
+    ]
 
 
 def _twist(twist: Twist) -> Mapping[str, Any]:

@@ -202,7 +202,7 @@ class RunChannels:
         if belief is None or odometry is None:
             return
         camera = stack.robot.camera
-        placed = belief, odometry.pose, camera, log_time
+        placed = odometry.pose, log_time, belief, camera
         self._log(topics.TRANSFORMS, log_time, ros.transforms_message, *placed)
         self._log(topics.ODOMETRY, log_time, ros.odometry_message, odometry, log_time)
         self._log(topics.POSE, log_time, messages.pose_message, belief, odometry.twist, stamp)

@@ -1,0 +1,172 @@
+"""``navfw ros``: the stack as a node of ROS 2, and the simulated robot as one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from navfw.cli.command_groups import command_group
+from navfw.cli.options import Json, Mission, Robot, World, completer_of, numbers_of, of_robot
+from navfw.cli.output import print_result, quiet_stdout
+from navfw.cli.warm import compile_with_progress
+
+if TYPE_CHECKING:
+    from navfw.ros import DriveOptions
+    from navfw.signals import Pose, Waypoint
+    from navfw.topomap import TopoMap
+
+_ROS_ARGS = "--ros-args"
+_MAP_OF_NOTHING = "empty"
+
+group = command_group("Drive a robot of ROS 2, or be one.")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the group."""
+    app.add_typer(group, name="ros")
+
+
+class _RosCommand(TyperCommand):
+    """Leaves what follows ``--ros-args`` to ROS: remapping, parameters."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        at = args.index(_ROS_ARGS) if _ROS_ARGS in args else len(args)
+        ctx.meta[_ROS_ARGS] = args[at + 1 :]
+        return super().parse_args(ctx, args[:at])
+
+
+@group.command(cls=_RosCommand)
+def drive(
+    ctx: typer.Context,
+    robot: Robot = None,
+    map_: Annotated[
+        str,
+        typer.Option("--map", help="Name or file of a map.", autocompletion=completer_of("map")),
+    ] = _MAP_OF_NOTHING,
+    stack: Annotated[
+        str | None,
+        typer.Option(
+            help="Name or file of a stack [default: floor_plan with a floor plan, or default].",
+            autocompletion=completer_of("stack"),
+        ),
+    ] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,YAW", help="Pose in the map [m, m, rad], or a place."),
+    ] = None,
+    goal: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PLACE", help="Place, or X,Y [m]; repeatable. Ends at the last one."),
+    ] = None,
+    tolerance: Annotated[
+        float, typer.Option(min=0.02, max=5.0, help="Distance at which a goal is reached [m].")
+    ] = 0.3,
+    lockstep: Annotated[
+        bool, typer.Option("--lockstep", help="With a robot in lock step: bit for bit.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Drive a robot of ROS 2: images, IMU and wheels in, cmd_vel out.
+
+    Without a goal it runs until Ctrl-C, and drives to goals on goal_pose and goal_place. After
+    --ros-args come remappings and parameters. Exit with 0 if the goal was reached.
+    """
+    with quiet_stdout():
+        from navfw.plugins import default_registry
+        from navfw.robot.robotfile import load_robot
+        from navfw.ros import DriveNode, RosNode
+        from navfw.stack import Stack
+        from navfw.topomap import load_map
+
+        topo_map = load_map(map_)
+        unnamed = "default" if topo_map.floor_plan is None else "floor_plan"
+        options = _options(topo_map, start, goal or [], tolerance, lockstep=lockstep)
+        model = load_robot(robot or "default")
+        made = Stack.load(stack or unnamed, model, topo_map, default_registry())
+        compile_with_progress(loaded=True, quiet=json)
+        node = RosNode("navfw", ctx.meta[_ROS_ARGS])
+        try:
+            driver = DriveNode(node, made, options)
+            node.say(f"{robot or 'default'} on the map {map_} by {stack or unnamed}")
+            ended = driver.run()
+        except KeyboardInterrupt:
+            ended = "ended by a signal"
+        finally:
+            node.close()
+        latency = driver.latency()
+    lines = [ended, *(f"  {name} {value}" for name, value in latency.items())]
+    print_result({"ended": ended, "notes": node.notes, **latency}, lines, json=json)
+    if options.once and ended != "reached":
+        raise typer.Exit(1)
+
+
+def _options(
+    topo_map: TopoMap, start: str | None, goals: list[str], tolerance: float, *, lockstep: bool
+) -> DriveOptions:
+    from navfw.ros import DriveOptions
+    from navfw.signals import Pose
+
+    pose: Pose | None = None
+    if start is not None and start in topo_map.places:
+        pose = Pose(topo_map.places[start].x, topo_map.places[start].y, 0.0)
+    elif (at := numbers_of("--start", start, ("X", "Y", "YAW"))) is not None:
+        pose = Pose(*at)
+    points = tuple(_goal(topo_map, text, tolerance) for text in goals)
+    return DriveOptions(pose, points, once=bool(goals), lockstep=lockstep)
+
+
+def _goal(topo_map: TopoMap, text: str, tolerance: float) -> Waypoint:
+    from navfw.ros import goal_at
+    from navfw.signals import Waypoint
+
+    if "," not in text:
+        return goal_at(topo_map, text, tolerance)
+    x, y = numbers_of("--goal", text, ("X", "Y")) or (0.0, 0.0)
+    return Waypoint(x, y, tolerance, "", "goal", final=True)
+
+
+@group.command(cls=_RosCommand)
+def sim(
+    ctx: typer.Context,
+    world: World,
+    mission: Mission = "",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all noise.")] = 0,
+    robot: Robot = None,
+    pace: Annotated[
+        float,
+        typer.Option(min=0.0, max=100.0, help="Simulated over real time; 0: in lock step."),
+    ] = 1.0,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="K=V", help="Change one value of the mission, e.g. timeout."),
+    ] = None,
+    gui: Annotated[bool, typer.Option("--gui", help="Show a window.")] = False,
+    json: Json = False,
+) -> None:
+    """Be the robot of a mission in ROS 2, for nodes that drive it; the stack is theirs.
+
+    It stops by itself when cmd_vel is silent for 0.25 s. Exit with 0 if it stopped at the goal.
+    """
+    with quiet_stdout():
+        from navfw.missions import MissionLoop, MissionResult, prepare
+        from navfw.ros import RosNode, RosPilot
+
+        overrides = (*of_robot(robot), *(settings or ()))
+        loaded = prepare(world, mission, seed=seed, overrides=overrides)
+        compile_with_progress(loaded=True, quiet=json)
+        node = RosNode("navfw_sim", ctx.meta[_ROS_ARGS])
+        simulation = loaded.simulation(gui)
+        try:
+            pilot = RosPilot(node, loaded.task.robot, simulation, pace)
+            node.say(f"{loaded.world_name}, {loaded.mission_name}: waiting for commands")
+            run = MissionLoop(loaded.task, pilot, simulation).run()
+        finally:
+            simulation.close()
+            node.close()
+    summary = MissionResult(loaded, run, collision_cause=simulation.collision_cause).summary()
+    line = f"{summary['outcome']} after {summary['sim_time_s']:.1f} s: {summary['reason']}"
+    print_result(summary, [line], json=json)
+    if summary["outcome"] != "reached":
+        raise typer.Exit(1)

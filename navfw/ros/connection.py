@@ -1,0 +1,166 @@
+"""A node of ROS 2 that sends and receives serialised messages; made from rclpy alone.
+
+Messages are read and written by the types of rosbags, as those of bags are.
+"""
+
+from __future__ import annotations
+
+import importlib
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
+
+from navfw.errors import ConfigError, InputError
+from navfw.recording import deserialize_cdr
+
+Quality = Literal["sensor", "reliable", "latched"]
+"""Quality of service: best effort as of sensor data, reliable, or kept for those that join late."""
+
+_DEPTH = 10
+
+
+class RosNode:
+    """A node called ``name``; ``arguments`` are what follows ``--ros-args``.
+
+    Subscriptions are called by ``spin``, in the thread that calls it. ``notes`` are of topics whose
+    types are not installed here, and of messages that cannot be read.
+
+    Raises:
+        InputError: there is no rclpy, or ROS refuses the arguments.
+
+    """
+
+    def __init__(self, name: str, arguments: Sequence[str] = ()) -> None:
+        rclpy = _module("rclpy")
+        signals = importlib.import_module("rclpy.signals").SignalHandlerOptions.NO
+        words = ["--ros-args", *arguments] if arguments else []
+        try:
+            rclpy.init(args=words, signal_handler_options=signals)
+            self._node = rclpy.create_node(
+                name, automatically_declare_parameters_from_overrides=True
+            )
+        except Exception as error:  # rclpy raises errors of many kinds
+            rclpy.try_shutdown()
+            reason = " ".join(str(error).split())[:200]
+            raise InputError(f"ROS refuses to start a node: {reason}", key="--ros-args") from None
+        self._rclpy = rclpy
+        self._executor = importlib.import_module("rclpy.executors").SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self.notes: list[str] = []
+
+    def parameter(self, name: str, default: Any) -> Any:
+        """The parameter called ``name``, of the type of ``default``.
+
+        Raises:
+            ConfigError: it has another type.
+
+        """
+        if not self._node.has_parameter(name):
+            self._node.declare_parameter(name, default)
+        value = self._node.get_parameter(name).value
+        if isinstance(default, float) and isinstance(value, int):
+            value = float(value)
+        if isinstance(default, list) and not isinstance(value, (str, bytes)):
+            value = list(value)
+        if type(value) is not type(default):
+            what = f"is {value!r:.40}, expected {type(default).__name__}, e.g. {default!r}"
+            raise ConfigError(f"the parameter {name} {what}", key="--ros-args")
+        return value
+
+    def now(self) -> int:
+        """The time of the node's clock [ns]: simulated with ``use_sim_time``."""
+        return int(self._node.get_clock().now().nanoseconds)
+
+    def publisher(
+        self, topic: str, kind: str, quality: Quality = "reliable"
+    ) -> Callable[[bytes], None]:
+        """What publishes a serialised message of ``kind``; nothing where its type is missing."""
+        message = self._kind(topic, kind)
+        if message is None:
+            return lambda _: None
+        made = self._node.create_publisher(message, topic, self._quality(quality))
+        return lambda data: made.publish(data) if self._rclpy.ok() else None
+
+    def wanted(self, topic: str) -> bool:
+        """Whether someone subscribes to ``topic``."""
+        return bool(self._node.count_subscribers(self._node.resolve_topic_name(topic)))
+
+    def subscribe(
+        self, topic: str, kind: str, receive: Callable[[Any], None], quality: Quality = "sensor"
+    ) -> None:
+        """Call ``receive`` with every message of ``topic`` that can be read."""
+        message = self._kind(topic, kind)
+
+        def take(data: bytes) -> None:
+            try:
+                read = deserialize_cdr(data, kind)
+            except Exception:  # rosbags raises errors of many kinds for damaged content
+                self.note(f"a message on {topic} cannot be read")
+                return
+            receive(read)
+
+        if message is not None:
+            self._node.create_subscription(message, topic, take, self._quality(quality), raw=True)
+
+    def serve(self, name: str, answer: Callable[[], str]) -> None:
+        """Offer a service ``std_srvs/Trigger``: its message is what ``answer`` returns."""
+        trigger = _module("std_srvs.srv").Trigger
+
+        def serve(_: Any, response: Any) -> Any:
+            response.success, response.message = True, answer()
+            return response
+
+        self._node.create_service(trigger, f"~/{name}", serve)
+
+    def spin(self, seconds: float) -> None:
+        """Take in what has arrived; wait up to ``seconds`` for the first of it."""
+        self._executor.spin_once(timeout_sec=seconds)
+
+    def spin_for(self, seconds: float) -> None:
+        """Take in all that arrives within ``seconds`` of wall-clock time."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            self.spin(left)
+
+    def note(self, text: str) -> None:
+        """Say ``text`` once."""
+        if text not in self.notes:
+            self.notes.append(text)
+            self._node.get_logger().warning(text)
+
+    def say(self, text: str) -> None:
+        """Log a line for people."""
+        self._node.get_logger().info(text)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._rclpy.try_shutdown()
+
+    def _kind(self, topic: str, kind: str) -> Any:
+        package, _, name = kind.split("/")
+        try:
+            return getattr(importlib.import_module(f"{package}.msg"), name)
+        except ImportError:
+            self.note(f"{topic} is left out: {package} is not installed")
+            return None
+
+    def _quality(self, quality: Quality) -> Any:
+        qos = importlib.import_module("rclpy.qos")
+        reliable = qos.ReliabilityPolicy.RELIABLE
+        effort = qos.ReliabilityPolicy.BEST_EFFORT if quality == "sensor" else reliable
+        local = qos.DurabilityPolicy.TRANSIENT_LOCAL
+        kept = local if quality == "latched" else qos.DurabilityPolicy.VOLATILE
+        depth = 1 if quality == "latched" else _DEPTH
+        return qos.QoSProfile(depth=depth, reliability=effort, durability=kept)
+
+
+def _module(name: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        how = "source the setup of a ROS 2 distribution (Jazzy, Kilted), and use a virtual"
+        how += " environment with --system-site-packages"
+        what = f"there is no {name.split('.', maxsplit=1)[0]}: {how}"
+        raise InputError(what) from None

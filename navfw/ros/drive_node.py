@@ -1,0 +1,386 @@
+"""``navfw ros drive``: a node of ROS 2 around the stack."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from navfw.errors import InputError, UnknownNameError
+from navfw.numerics import Array
+from navfw.process.interruption import check_interrupted
+from navfw.recording import planar_pose, ros_message
+from navfw.recording.ros_messages import command_message, odometry_message, transforms_message
+from navfw.ros import drive_outputs as outputs
+from navfw.ros.connection import Quality, RosNode
+from navfw.ros.sensor_inputs import SensorInputs
+from navfw.signals import Frame, Pose, Twist, Waypoint
+from navfw.stack import Stack
+from navfw.topomap import TopoMap
+
+_RATES = {"explanation": 2.0, "local_map": 2.0, "overlay": 5.0, "diagnostics": 1.0}
+"""How often each output is made at most [Hz]."""
+_OLDEST = 0.2
+"""Age [s] of the last command at which the robot is told to stand, whatever the stack does."""
+_LOST = 0.5
+"""Time [s] without any message of the sensors after which what is missing is said."""
+_SILENT = 0.1
+"""Time [s] without wheels after which ticks go by the clock: the safety monitor then judges."""
+_STILL = 0.02
+"""Speed [m/s] and turning rate [rad/s] up to which the robot stands."""
+_STAND = Twist(0.0, 0.0)
+_TOLERANCE = 0.3
+"""Distance [m] at which a goal that was sent is reached."""
+_SNAP = 240.0
+"""Rate [Hz] of whose steps the times of ``navfw ros sim`` are multiples."""
+_LATENCIES = 10_000
+"""Latencies kept for the median."""
+
+TOPICS: Mapping[str, tuple[str, str]] = {
+    "image": ("sensor_msgs/msg/Image", "the camera; with `compressed`, image/compressed"),
+    "imu": ("sensor_msgs/msg/Imu", "rates; turned to base_link by the parameter imu_rpy"),
+    "joint_states": ("sensor_msgs/msg/JointState", "positions of the wheels"),
+    "odom": ("nav_msgs/msg/Odometry", "in place of joint_states, with wheels:=odom"),
+    "camera_info": ("sensor_msgs/msg/CameraInfo", "compared with the robot file"),
+    "goal_pose": ("geometry_msgs/msg/PoseStamped", "a goal, as of RViz's button"),
+    "goal_place": ("std_msgs/msg/String", "a goal by the name of a place"),
+    "initialpose": ("geometry_msgs/msg/PoseWithCovarianceStamped", "where the robot is"),
+}
+"""What the node takes in: type, and what it is."""
+
+
+@dataclass(frozen=True)
+class DriveOptions:
+    """Where a drive begins (None: unknown) and goes; ``once``: it ends there."""
+
+    start: Pose | None
+    goals: tuple[Waypoint, ...]
+    once: bool
+    lockstep: bool = False
+
+
+class DriveNode:
+    """Drives one robot by ``stack``, until it is told to end.
+
+    Parameters of the node: ``wheels`` (joints or odom), ``wheel_joints``, ``imu_rpy`` [rad],
+    ``compressed``, ``stamped_cmd_vel``.
+    """
+
+    def __init__(self, node: RosNode, stack: Stack, options: DriveOptions) -> None:
+        self._node, self._stack, self._options = node, stack, options
+        self._robot = stack.robot
+        self._period = 1.0 / self._robot.control_rate
+        joints = node.parameter("wheel_joints", ["", ""])
+        rpy = node.parameter("imu_rpy", [0.0, 0.0, 0.0])
+        snap = _SNAP if options.lockstep else 0.0
+        named = joints if all(joints) else ()
+        self._inputs = SensorInputs(self._robot, node.note, named, rpy, snap)
+        self._stamped = node.parameter("stamped_cmd_vel", True)
+        self._due, self._images = 0.0, list[str]()
+        self._heard = self._ticked = time.monotonic()
+        self._latest = self._stepped = -math.inf
+        self._held = ""
+        self._base: Pose | None = None
+        self._frame: Frame | None = None
+        self._told: dict[str, float] = {}
+        self._latencies: deque[float] = deque(maxlen=_LATENCIES)
+        self._sent = math.inf
+        self._sending = threading.Lock()
+        self._subscribe(node.parameter("wheels", "joints"), node.parameter("compressed", False))
+        self._advertise()
+
+    def _subscribe(self, wheels: str, compressed: bool) -> None:
+        node, inputs = self._node, self._inputs
+        if wheels not in {"joints", "odom"}:
+            raise UnknownNameError("value of wheels", wheels, ["joints", "odom"], key="--ros-args")
+        quality: Quality = "reliable" if self._options.lockstep else "sensor"
+
+        def hear(topic: str, kind: str, take: Any, **more: Any) -> None:
+            def receive(message: Any) -> None:
+                self._heard = time.monotonic()
+                take(topic, message, 1e-9 * node.now(), **more)
+
+            node.subscribe(topic, kind, receive, quality)
+
+        image = "image/compressed" if compressed else "image"
+        kind = "sensor_msgs/msg/CompressedImage" if compressed else TOPICS["image"][0]
+        hear(image, kind, inputs.image)
+        if self._stack.features.landmark_frames:
+            hear("landmark_image", TOPICS["image"][0], inputs.image, landmarks=True)
+        hear("imu", TOPICS["imu"][0], inputs.imu)
+        topic = "joint_states" if wheels == "joints" else "odom"
+        hear(topic, TOPICS[topic][0], self._take_wheels)
+        node.subscribe("odom", TOPICS["odom"][0], self._take_base, quality)
+        node.subscribe("camera_info", TOPICS["camera_info"][0], self._compare_camera, quality)
+        node.subscribe("goal_pose", TOPICS["goal_pose"][0], self._take_goal, "reliable")
+        node.subscribe("goal_place", TOPICS["goal_place"][0], self._take_place, "reliable")
+        node.subscribe("initialpose", TOPICS["initialpose"][0], self._take_start, "reliable")
+        for name, answer in (
+            ("stop", self._stop),
+            ("resume", self._resume),
+            ("cancel", self._cancel),
+        ):
+            node.serve(name, answer)
+
+    def _advertise(self) -> None:
+        def out(topic: str, kind: str, quality: Any = "reliable") -> Any:
+            return self._node.publisher(topic, kind, quality)
+
+        velocity = "TwistStamped" if self._stamped else "Twist"
+        self._command = out("cmd_vel", f"geometry_msgs/msg/{velocity}")
+        self._status = out("navfw/status", "std_msgs/msg/String", "latched")
+        self._out = {
+            "pose": out("navfw/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
+            "path": out("navfw/path", "nav_msgs/msg/Path"),
+            "odometry": out("navfw/odom", "nav_msgs/msg/Odometry"),
+            "tf": out("/tf", "tf2_msgs/msg/TFMessage"),
+            "local_map": out("navfw/local_map", "nav_msgs/msg/OccupancyGrid", "latched"),
+            "explanation": out("navfw/explanation", "std_msgs/msg/String"),
+            "overlay": out("navfw/image/compressed", "sensor_msgs/msg/CompressedImage"),
+            "diagnostics": out("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray"),
+        }
+
+    # --- what comes in ---------------------------------------------------------------------------
+
+    def _take_wheels(self, topic: str, message: Any, now: float) -> None:
+        take = self._inputs.joints if hasattr(message, "position") else self._inputs.odometry
+        if take(topic, message, now):
+            self._latest = self._inputs.newest_of(topic)
+            self._images = message.header.frame_id.split("+")[1:]
+
+    def _take_base(self, message: Any) -> None:
+        """Keep the robot's own odometry: then it publishes the transform to base_link."""
+        self._base = Pose(*planar_pose(message))
+
+    def _compare_camera(self, message: Any) -> None:
+        camera = self._robot.camera
+        focal = message.k[0] * camera.width / message.width if message.width else 0.0
+        if not (math.isfinite(focal) and focal > 0.0):
+            self._node.note("camera_info is empty: the robot file's camera counts")
+        elif abs(focal / camera.focal - 1.0) > _TOLERANCE / 10.0:
+            what = f"focal length of {focal:.1f} px, that of the robot file is {camera.focal:.1f}"
+            self._node.note(f"camera_info has a {what} px: correct camera.hfov")
+
+    def _take_goal(self, message: Any) -> None:
+        if message.header.frame_id.lstrip("/") != "map":
+            what = f"{message.header.frame_id!r:.40}, expected 'map'"
+            self._node.note(f"a goal on goal_pose is left out: its frame is {what}")
+            return
+        place = message.pose.position
+        self._go_to(Waypoint(place.x, place.y, _TOLERANCE, "", "goal", final=True))
+
+    def _take_place(self, message: Any) -> None:
+        try:
+            self._go_to(goal_at(self._stack.topo_map, str(message.data)[:100]))
+        except UnknownNameError as error:
+            self._node.note(f"a goal on goal_place is left out: {error}")
+
+    def _go_to(self, goal: Waypoint) -> None:
+        try:
+            if not (math.isfinite(goal.x) and math.isfinite(goal.y)):
+                raise InputError("its position is not a number")
+            self._stack.drive_to([goal])
+        except Exception as error:  # a planner may be a plugin
+            self._node.note(f"a goal is left out: {error}")
+            return
+        self._held = ""
+        self._node.say(f"to {goal.place or f'({goal.x:.2f}, {goal.y:.2f})'}")
+
+    def _take_start(self, message: Any) -> None:
+        x, y, yaw = planar_pose(message)
+        if not all(map(math.isfinite, (x, y, yaw))):
+            self._node.note("a pose on initialpose is left out: it is not a number")
+            return
+        self._stack.start(Pose(x, y, yaw), [])
+        self._stepped = -math.inf
+
+    def _stop(self) -> str:
+        self._held = "stopped by ~/stop"
+        self._send(_STAND)
+        return "the robot stands until ~/resume"
+
+    def _resume(self) -> str:
+        self._held, state = "", self._stack.state
+        if state.fault is not None or state.stuck:
+            belief, path = state.belief, list(state.path)
+            known = belief is not None and not belief.lost
+            self._stack.start(belief.pose if belief is not None and known else None, path)
+            self._stepped = -math.inf
+        return "driving on"
+
+    def _cancel(self) -> str:
+        self._stack.drive_to([])
+        self._send(_STAND)
+        return "the goals are dropped"
+
+    # --- the loop --------------------------------------------------------------------------------
+
+    def run(self) -> str:
+        """Drive until a signal or, for a single drive, its end; how it ended, in a sentence."""
+        self._stack.start(self._options.start, self._options.goals)
+        with self._guarded():
+            while True:
+                check_interrupted()
+                self._node.spin(0.5 * self._period)
+                if (at := self._next_tick()) is not None:
+                    self._tick(at)
+                    ended = self._ended()
+                    if ended and self._options.once:
+                        return ended
+
+    @contextmanager
+    def _guarded(self) -> Any:
+        """Whatever ends this context, the robot stands; and it stands while no command is new."""
+        over = threading.Event()
+
+        def watch() -> None:
+            while not over.wait(0.25 * _OLDEST):
+                if time.monotonic() - self._sent > _OLDEST:
+                    self._send(_STAND)
+
+        watchdog = threading.Thread(target=watch, daemon=True)
+        watchdog.start()
+        try:
+            yield
+        finally:
+            over.set()
+            watchdog.join()
+            for _ in range(3):
+                self._send(_STAND)
+                time.sleep(0.02)
+
+    def _next_tick(self) -> float | None:
+        """The time [s] of the tick that is due; None while there is none."""
+        if self._latest > self._stepped and not (self._options.lockstep and self._waits()):
+            return self._latest
+        now = time.monotonic()
+        if self._options.lockstep or self._stepped == -math.inf:
+            self._say_missing(now)
+            return None
+        if now - self._heard > _LOST:
+            self._say_missing(now)
+            return None
+        alive = self._inputs.newest > self._stepped + self._period
+        return self._inputs.newest if alive and now - self._ticked > _SILENT else None
+
+    def _waits(self) -> bool:
+        """Whether what belongs to the newest wheels has not come yet."""
+        return not self._inputs.complete(self._latest, self._images)
+
+    def _say_missing(self, now: float) -> None:
+        if now - self._heard > _LOST and self._due <= now:
+            self._due = now + 5.0
+            self._node.say("no message of camera, IMU and wheels: the robot is told to stand")
+
+    def _tick(self, at: float) -> None:
+        reading = self._inputs.reading(at)
+        self._stepped, self._ticked = at, time.monotonic()
+        self._frame = reading.frame or self._frame
+        twist = self._stack.step(reading)
+        state = self._stack.state
+        held = self._held or state.fault or state.stuck
+        self._send(_STAND if held else twist, at)
+        if reading.frame is not None:
+            now = self._node.now()
+            self._latencies.append(max(0.0, self._inputs.age_of(reading.frame, 1e-9 * now)))
+            self._tell(now)
+
+    def _send(self, twist: Twist, at: float | None = None) -> None:
+        stamp = self._node.now() if at is None else self._inputs.stamp_of(at)
+        with self._sending:
+            if self._stamped:
+                self._command(command_message(twist, stamp))
+            else:
+                twists = {"linear": {"x": twist.v}, "angular": {"z": twist.w}}
+                self._command(ros_message("geometry_msgs/msg/Twist", twists))
+            self._sent = time.monotonic()
+        if at is not None:
+            state, still = self._stack.state, max(abs(twist.v), abs(twist.w)) <= _STILL
+            belief = state.belief
+            status = {
+                "pose": None if belief is None else [belief.pose.x, belief.pose.y, belief.pose.yaw],
+                "lost": belief is not None and belief.lost,
+                "stamp": stamp,
+                "finished": state.finished,
+                "still": still,
+                "stuck": state.stuck,
+                "fault": None if state.fault is None else state.fault.reason,
+            }
+            self._status(outputs.text_message(json.dumps(status)))
+
+    def _ended(self) -> str:
+        """How the drive has ended; nothing while it goes on."""
+        state = self._stack.state
+        if state.fault is not None:
+            return f"fault: {state.fault.reason}"
+        if state.stuck:
+            return f"stuck: {state.stuck}"
+        twist = self._stack.verdict.twist
+        still = max(abs(twist.v), abs(twist.w)) <= _STILL
+        return "reached" if state.finished and still else ""
+
+    def _tell(self, now: int) -> None:
+        """Publish what is to be seen of the last decision, each at its rate."""
+        stack, state, out = self._stack, self._stack.state, self._out
+        if state.belief is not None and state.odometry is not None:
+            out["pose"](outputs.pose_message(state.belief, now))
+            out["path"](outputs.path_message(state.belief, state.path, now))
+            out["odometry"](odometry_message(state.odometry, now))
+            base = self._base
+            pose, camera = (
+                (state.odometry.pose, self._robot.camera) if base is None else (base, None)
+            )
+            out["tf"](transforms_message(pose, now, state.belief, camera))
+        if self._turn_of("explanation", "navfw/explanation"):
+            out["explanation"](outputs.explanation_message(stack.explain()))
+        if self._turn_of("local_map", "navfw/local_map") and stack.local_map.occupancy.located:
+            out["local_map"](outputs.grid_message(stack.local_map.occupancy, now))
+        if self._frame is not None and self._turn_of("overlay", "navfw/image/compressed"):
+            width = self._robot.camera.width
+            out["overlay"](outputs.overlay_message(self._frame, state, width, now))
+        if self._turn_of("diagnostics", "/diagnostics"):
+            summary, level = self._ended() or self._held or state.veto or "driving", 0
+            level = 2 if state.fault else 1 if state.stuck or state.veto or state.faults else 0
+            values = {
+                **self.latency(),
+                "sight": state.sight.name,
+                "faults": "; ".join(state.faults),
+            }
+            out["diagnostics"](outputs.diagnostics_message(level, summary, values, now))
+
+    def _turn_of(self, name: str, topic: str) -> bool:
+        """Whether the output is due, and wanted by someone."""
+        now = time.monotonic()
+        if now < self._told.get(name, 0.0) or not self._node.wanted(topic):
+            return False
+        self._told[name] = now + 1.0 / _RATES[name]
+        return True
+
+    def latency(self) -> Mapping[str, float]:
+        """From an image's stamp to the command [ms]: median and 99th percentile."""
+        if not self._latencies:
+            return {}
+        values: Array = 1e3 * np.array(self._latencies)
+        p50, p99 = np.percentile(values, [50, 99]).round(1).tolist()
+        return {"latency_p50_ms": p50, "latency_p99_ms": p99}
+
+
+def goal_at(topo_map: TopoMap, name: str, tolerance: float = _TOLERANCE) -> Waypoint:
+    """The place called ``name`` of the map, as a goal.
+
+    Raises:
+        UnknownNameError: there is no such place.
+
+    """
+    places = topo_map.places
+    if name not in places:
+        raise UnknownNameError("place", name, places)
+    return Waypoint(places[name].x, places[name].y, tolerance, name, "goal", final=True)

@@ -1,0 +1,179 @@
+"""``navfw ros sim``: the simulated robot as a robot of ROS 2."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from navfw.egomotion import Odometer
+from navfw.missions import Simulator
+from navfw.process.interruption import check_interrupted
+from navfw.recording.ros_messages import (
+    camera_message,
+    image_message,
+    imu_message,
+    joints_message,
+    odometry_message,
+    ros_message,
+    transforms_message,
+)
+from navfw.robot import RobotModel
+from navfw.ros.connection import Quality, RosNode
+from navfw.safety import PersistentFailure
+from navfw.signals import Belief, Pose, SensorReading, Twist, Waypoint
+from navfw.stack import StackState
+
+OLDEST_COMMAND = 0.25
+"""Age [s] of the last command, by the simulated clock, from which on the robot stands."""
+_CAMERA_INFO = 1.0
+"""Period [s] of camera_info."""
+_STAND = Twist(0.0, 0.0)
+
+TOPICS = {
+    "image": ("sensor_msgs/msg/Image", "the camera, mono8"),
+    "camera_info": ("sensor_msgs/msg/CameraInfo", "of an undistorted lens"),
+    "imu": ("sensor_msgs/msg/Imu", "rates about base_link's axes"),
+    "joint_states": ("sensor_msgs/msg/JointState", "angles of the wheels, by their encoders"),
+    "odom": ("nav_msgs/msg/Odometry", "by wheels and gyro"),
+    "/tf": ("tf2_msgs/msg/TFMessage", "odom to base_link and camera; where tf2_msgs is installed"),
+    "/clock": ("rosgraph_msgs/msg/Clock", "simulated time"),
+    "/ground_truth/odom": ("nav_msgs/msg/Odometry", "the true pose, for metrics alone"),
+    "cmd_vel": ("geometry_msgs/msg/TwistStamped", "what to drive; also Twist on cmd_vel_unstamped"),
+}
+"""Topics of the simulated robot: type, and what it is."""
+
+
+class RosPilot:
+    """A pilot of a mission's loop that is somewhere else on the graph.
+
+    It publishes every reading, and returns the newest command. ``pace`` is simulated over
+    wall-clock time; 0: lock step, each tick waits for the command that has its stamp, and for the
+    driving node's status.
+    """
+
+    def __init__(
+        self, node: RosNode, robot: RobotModel, simulator: Simulator, pace: float = 1.0
+    ) -> None:
+        self.state = StackState(time=0.0)
+        self._node, self._robot, self._simulator, self._pace = node, robot, simulator, pace
+        self._odometer = Odometer(robot)
+        self._twist, self._commanded, self._stamp = _STAND, -math.inf, -1
+        self._status: dict[str, Any] = {}
+        self._info_due = 0.0
+        self._began: tuple[float, float] | None = None
+        lockstep = pace == 0.0
+        quality: Quality = "reliable" if lockstep else "sensor"
+        self._out = {
+            topic: node.publisher(topic, kind, quality)
+            for topic, (kind, _) in TOPICS.items()
+            if topic != "cmd_vel"
+        }
+        self._landmarks = node.publisher("landmark_image", "sensor_msgs/msg/Image", quality)
+        node.subscribe("cmd_vel", TOPICS["cmd_vel"][0], self._take, "reliable")
+        node.subscribe("cmd_vel_unstamped", "geometry_msgs/msg/Twist", self._take, "reliable")
+        node.subscribe("navfw/status", "std_msgs/msg/String", self._take_status, "reliable")
+
+    def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
+        """Nothing: the driving node has been told where it is and goes."""
+
+    def step(self, reading: SensorReading) -> Twist:
+        """Publish ``reading``; the command that holds now."""
+        self._publish(reading)
+        if self._pace == 0.0:
+            self._wait_for(round(1e9 * reading.time))
+        else:
+            self._keep_pace(reading.time)
+            if reading.time - self._commanded > OLDEST_COMMAND:
+                self._twist = _STAND
+        self.state = self._state(reading.time)
+        return self._twist
+
+    def _publish(self, reading: SensorReading) -> None:
+        now, robot, out = round(1e9 * reading.time), self._robot, self._out
+        sec, nanosec = divmod(now, 10**9)
+        out["/clock"](
+            ros_message("rosgraph_msgs/msg/Clock", {"clock": {"sec": sec, "nanosec": nanosec}})
+        )
+        images = []
+        if reading.frame is not None:
+            images.append("image")
+            out["image"](image_message(reading.frame.image, round(1e9 * reading.frame.time)))
+        if reading.landmark_frame is not None:
+            images.append("landmarks")
+            taken = round(1e9 * reading.landmark_frame.time)
+            self._landmarks(image_message(reading.landmark_frame.image, taken))
+        if reading.time >= self._info_due:
+            self._info_due = reading.time + _CAMERA_INFO
+            size = robot.camera.height, robot.camera.width
+            out["camera_info"](camera_message(robot.camera, size, now))
+        out["imu"](imu_message(robot, reading, round(1e9 * reading.inertial.time)))
+        frame = "+".join(["", *images])
+        wheels_at = round(1e9 * reading.encoders.time)
+        odometry = self._odometer.update(reading.inertial, reading.encoders, self._twist)
+        out["odom"](odometry_message(odometry, now))
+        out["/tf"](transforms_message(odometry.pose, now, camera=robot.camera))
+        self._truth(reading.time, odometry.twist, now)
+        out["joint_states"](joints_message(robot, reading, wheels_at, frame))
+
+    def _truth(self, time: float, twist: Twist, now: int) -> None:
+        pose = self._simulator.true_pose()
+        turn = {"z": math.sin(0.5 * pose.yaw), "w": math.cos(0.5 * pose.yaw)}
+        at = {"pose": {"position": {"x": pose.x, "y": pose.y}, "orientation": turn}}
+        fields = {"header": {"frame_id": "map"}, "child_frame_id": "base_link", "pose": at}
+        self._out["/ground_truth/odom"](ros_message("nav_msgs/msg/Odometry", fields, now))
+
+    def _keep_pace(self, now: float) -> None:
+        """Take in commands until the wall clock has come to ``now`` [s] of the simulation."""
+        if self._began is None:
+            self._began = now, time.monotonic()
+        due = self._began[1] + (now - self._began[0]) / self._pace
+        left = due - time.monotonic()
+        if left < -1.0:  # the simulation is slower than that: time goes on from here
+            self._began = now, time.monotonic()
+        self._node.spin_for(max(left, 0.0))
+        self._node.spin(0.0)
+
+    def _wait_for(self, stamp: int) -> None:
+        """Take in messages until command and status with this ``stamp`` [ns] have come."""
+        while self._stamp != stamp or self._status.get("stamp") != stamp:
+            check_interrupted()
+            self._node.spin(0.05)
+
+    def _take(self, message: Any) -> None:
+        twist = message.twist if hasattr(message, "twist") else message
+        v, w = twist.linear.x, twist.angular.z
+        if not (math.isfinite(v) and math.isfinite(w)):
+            self._node.note("a command is left out: it is not a number")
+            return
+        if hasattr(message, "header"):
+            stamp = message.header.stamp
+            self._stamp = 10**9 * stamp.sec + stamp.nanosec
+        self._twist, self._commanded = Twist(v, w), self._simulator.time
+
+    def _take_status(self, message: Any) -> None:
+        try:
+            status = json.loads(message.data)
+        except ValueError:
+            return
+        self._status = status if isinstance(status, dict) else {}
+
+    def _state(self, now: float) -> StackState:
+        """What the driving node says of its state, if it says anything."""
+        status = self._status
+        if self._pace > 0.0 and 1e-9 * status.get("stamp", -1e9) < now - 2.0:
+            status = {}
+        fault, at = status.get("fault"), status.get("pose")
+        spread = np.zeros((3, 3))
+        lost = bool(status.get("lost"))
+        return StackState(
+            belief=None if at is None else Belief(now, Pose(*at), spread, lost=lost),
+            time=now,
+            finished=bool(status.get("finished")),
+            stuck=status.get("stuck"),
+            fault=None if fault is None else PersistentFailure("sensor", str(fault)),
+        )

@@ -1,0 +1,215 @@
+"""From messages of ROS to what a stack reads at each control tick; without rclpy.
+
+Images, rates and wheels have clocks and faults of their own: each is judged when it comes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+
+from navfw.camera_geometry import rotation_matrix
+from navfw.errors import ConfigError
+from navfw.numerics import Array, Image
+from navfw.recording import planar_pose, ros_image, turn_rates
+from navfw.recording.ros_messages import wheel_joints
+from navfw.robot import RobotModel
+from navfw.signals import Encoders, Frame, Inertial, SensorReading
+
+_CLOCKS = 1.0
+"""Difference [s] of a stamp from the time of its reception from which stamps are not used."""
+_JUMP = 1.0
+"""Step [s] of the clock backward, beyond which it has begun anew."""
+_SHAPE = 0.01
+"""Relative difference of the shape of an image from that of the robot's camera that is allowed."""
+_MOST_TICKS = 1e12
+"""Largest count of an encoder that is believed."""
+
+
+class SensorInputs:
+    """The newest messages of one robot's sensors, and the ``SensorReading`` that they make.
+
+    Times are those of stamps [s] from the first message on; ``shift`` [s] is added to them, so that
+    time never goes back, even when a simulated clock begins anew. ``note`` is called with remarks
+    for people. ``snap`` [Hz]: stamps are multiples of 1 / ``snap``, exactly, not of nanoseconds.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        note: Callable[[str], None],
+        joints: Sequence[str] = (),
+        imu_rpy: Sequence[float] = (0.0, 0.0, 0.0),
+        snap: float = 0.0,
+    ) -> None:
+        self._robot, self._note, self._snap = robot, note, snap
+        self._joints = (joints[:1], joints[1:2]) if joints else wheel_joints(robot)
+        roll, pitch, yaw = (rotation_matrix(a * e) for a, e in zip(imu_rpy, np.eye(3), strict=True))
+        self._axes: Array = yaw @ pitch @ roll
+        self._begin: float | None = None
+        self._last: dict[str, float] = {}
+        self._rates: list[tuple[float, ...]] = []
+        self._inertial = Inertial(0.0, math.nan, math.nan, math.nan)
+        self._ticks = self._zero = np.zeros(2)
+        self._wheels_at = 0.0
+        self._odometry: tuple[float, float, float] | None = None
+        self._frame: Frame | None = None
+        self._landmarks: Frame | None = None
+        self.shift = 0.0
+        self.images = 0
+
+    def time_of(self, topic: str, stamp: Any, now: float) -> float | None:
+        """The time [s] of a message with ``stamp`` that came at ``now`` [s]; None if it goes back.
+
+        A stamp of another clock counts as its reception.
+        """
+        time = float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+        if abs(time - now) > _CLOCKS and not self._snap:
+            where = "behind" if time < now else "ahead of"
+            what = f"the clock of {topic} is {abs(time - now):.3g} s {where} this node's"
+            self._note(f"{what}: its messages count from their reception")
+            time = now
+        if self._snap:
+            time = round(time * self._snap) / self._snap
+        self._begin = time if self._begin is None else self._begin
+        time += self.shift - self._begin
+        if time < self._last.get(topic, -math.inf) - _JUMP:
+            self._restart(topic, time)
+            time = self._last[topic]
+        elif time <= self._last.get(topic, -math.inf):
+            self._note(f"stamps on {topic} go back: such messages are left out")
+            return None
+        self._last[topic] = time
+        return time
+
+    def _restart(self, topic: str, time: float) -> None:
+        """Go on from the newest time: the clock has begun anew, and with it the wheels."""
+        self._note(f"the clock of {topic} went back by more than {_JUMP:g} s: it has begun anew")
+        newest = max(self._last.values())
+        self.shift += newest - time + 1.0 / self._robot.control_rate
+        self._last = {topic: newest + 1.0 / self._robot.control_rate}
+        self._zero, self._odometry = self._ticks.copy(), None
+        self._rates.clear()
+
+    def image(self, topic: str, message: Any, now: float, *, landmarks: bool = False) -> None:
+        """Take in an ``Image`` or ``CompressedImage``, for ``landmarks`` or as the camera's."""
+        time = self.time_of(topic, message.header.stamp, now)
+        if time is None:
+            return
+        try:
+            grey = _grey(message, topic)
+            if landmarks:
+                self._landmarks = Frame(time, grey)
+                return
+            self._frame = Frame(time, self._as_taken(grey))
+            self.images += 1
+        except (ConfigError, cv2.error, ValueError) as error:
+            self._note(f"images on {topic} are left out: {error}")
+
+    def _as_taken(self, grey: Image) -> Image:
+        """``grey`` (height, width) in the size of the robot's camera."""
+        camera, (height, width) = self._robot.camera, grey.shape
+        if (width, height) == (camera.width, camera.height):
+            return grey
+        if abs(width * camera.height / (height * camera.width) - 1.0) > _SHAPE:
+            what = f"{width} x {height} pixels have another shape than the robot's camera"
+            raise ConfigError(f"{what}, {camera.width} x {camera.height}: correct the robot file")
+        size = camera.width, camera.height
+        return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+    def imu(self, topic: str, message: Any, now: float) -> None:
+        """Take in the rates of an ``Imu``; they are turned into base_link's axes."""
+        rates = np.array((*turn_rates(message), math.nan, math.nan)[:3])
+        turned = self._axes @ rates if np.isfinite(rates).all() else rates
+        if not math.isfinite(turned[2]):
+            self._note(f"rates on {topic} are not numbers: such messages are left out")
+            return
+        if (time := self.time_of(topic, message.header.stamp, now)) is not None:
+            self._rates.append((time, *turned.tolist()))
+
+    def joints(self, topic: str, message: Any, now: float) -> bool:
+        """Take in the wheels of a ``JointState``; whether it has them."""
+        angles = []
+        names, positions = list(message.name), np.asarray(message.position, dtype=np.float64)
+        for side in self._joints:
+            at = next((names.index(joint) for joint in side if joint in names), None)
+            if at is None or at >= len(positions) or len(names) > 1000:
+                what = f"no position of {' or '.join(side) or 'a wheel'} on {topic}"
+                self._note(f"{what}: set wheel_joints, of {', '.join(names[:6])}")
+                return False
+            angles.append(positions[at])
+        per_angle = self._robot.ticks_per_turn / (2.0 * math.pi)
+        return self._wheels(topic, message, now, np.array(angles) * per_angle)
+
+    def odometry(self, topic: str, message: Any, now: float) -> bool:
+        """Take in the wheels of an ``Odometry``: ways driven along its heading, and turns."""
+        x, y, yaw = planar_pose(message)
+        if not all(map(math.isfinite, (x, y, yaw))):
+            self._note(f"poses on {topic} are not numbers: such messages are left out")
+            return False
+        rolled = np.zeros(2)
+        if self._odometry is not None:
+            turn = math.remainder(yaw - self._odometry[2], 2.0 * math.pi)
+            middle = self._odometry[2] + 0.5 * turn
+            way = (x - self._odometry[0]) * math.cos(middle)
+            way += (y - self._odometry[1]) * math.sin(middle)
+            rolled = way + 0.5 * self._robot.track * turn * np.array([-1.0, 1.0])
+        self._odometry = x, y, yaw
+        per_way = self._robot.ticks_per_turn / (2.0 * math.pi * self._robot.wheel_radius)
+        return self._wheels(topic, message, now, self._ticks - self._zero + rolled * per_way)
+
+    def _wheels(self, topic: str, message: Any, now: float, ticks: Array) -> bool:
+        """Take in counts (2,) since power-on."""
+        if not (np.abs(ticks) < _MOST_TICKS).all():
+            self._note(f"angles on {topic} are not numbers: such messages are left out")
+            return False
+        time = self.time_of(topic, message.header.stamp, now)
+        if time is None:
+            return False
+        self._ticks, self._wheels_at = self._zero + ticks, time
+        return True
+
+    @property
+    def newest(self) -> float:
+        """The newest time [s] of all messages."""
+        return max(self._last.values(), default=0.0)
+
+    def newest_of(self, topic: str) -> float:
+        """The time [s] of the newest message of ``topic``."""
+        return self._last.get(topic, -math.inf)
+
+    def complete(self, time: float, images: Sequence[str]) -> bool:
+        """Whether the rates of ``time`` [s] have come, and ``images``: of image, landmarks."""
+        frames = {"image": self._frame, "landmarks": self._landmarks}
+        came = all(frames.get(name) is not None for name in images)
+        return came and bool(self._rates) and self._rates[-1][0] >= time
+
+    def stamp_of(self, time: float) -> int:
+        """The stamp [ns] of ``time`` [s], by the clock of the sensors."""
+        return round(1e9 * (time - self.shift + (self._begin or 0.0)))
+
+    def age_of(self, frame: Frame, now: float) -> float:
+        """The age [s] of ``frame`` at ``now`` [s], by the clock of the sensors."""
+        return now - (frame.time - self.shift + (self._begin or 0.0))
+
+    def reading(self, time: float) -> SensorReading:
+        """What the sensors say at ``time`` [s]; each image is given once."""
+        if self._rates:
+            means = np.mean([rates[1:] for rates in self._rates], axis=0).tolist()
+            self._inertial = Inertial(min(self._rates[-1][0], time), *means)
+            self._rates.clear()
+        left, right = np.rint(self._ticks).astype(np.int64).tolist()
+        encoders = Encoders(min(self._wheels_at, time), left, right)
+        frame, self._frame = self._frame, None
+        landmarks, self._landmarks = self._landmarks, None
+        return SensorReading(time, self._inertial, encoders, frame, landmarks)
+
+
+def _grey(message: Any, topic: str) -> Image:
+    if getattr(message, "encoding", "") in {"mono8", "8UC1"}:
+        return np.ascontiguousarray(ros_image(message, topic)[..., 0])
+    return np.asarray(cv2.cvtColor(ros_image(message, topic), cv2.COLOR_BGR2GRAY), dtype=np.uint8)
