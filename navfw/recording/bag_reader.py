@@ -166,7 +166,7 @@ class Bag:
         with self._opened() as (reader, _):
             self._begin = int(reader.start_time)
             self.duration = max(1e-9 * reader.duration, 0.0)
-            counts = [(each.topic, each.msgtype, each.msgcount) for each in reader.connections]
+            counts = [(link.topic, link.msgtype, link.msgcount) for link in reader.connections]
         self._topics = {role: self._topic_of(role, counts, topic) for role in _ROLES}
         rows: dict[str, list[tuple[float, ...]]] = {role: [] for role in _ROLES}
         roles = {name: role for role, name in self._topics.items()}
@@ -199,9 +199,9 @@ class Bag:
         """The images in the order of their times, without those that go back."""
         topic = self._topics["images"]
         messages = self._messages(topic) if topic else iter(())
-        for number, (row, each) in enumerate(zip(self._all_images.tolist(), messages, strict=True)):
+        for number, (row, sent) in enumerate(zip(self._all_images.tolist(), messages, strict=True)):
             if math.isfinite(row[0]):
-                yield BagImage(f"{topic} {number}", row[0], row[1], each[2])
+                yield BagImage(f"{topic} {number}", row[0], row[1], sent[2])
 
     def _topic_of(self, role: str, counts: list[tuple[str, str, int]], wanted: str | None) -> str:
         """The topic that is read: of the usual name, or with most messages; "" if there is none."""
@@ -248,15 +248,15 @@ class Bag:
         is_ros1 = self.path.suffix == ".bag"
         types = message_types(ros1=is_ros1)
         with self._opened() as (reader, unpack):
-            wanted = [each for each in reader.connections if each.topic in topics]
-            for each, received, data in reader.messages(wanted) if wanted else ():
+            wanted = [link for link in reader.connections if link.topic in topics]
+            for link, received, data in reader.messages(wanted) if wanted else ():
                 time = (received - self._begin) / 1e9
                 if not is_ros1:
-                    yield each.topic, time, _of_cdr(types, unpack(data), each.msgtype)
+                    yield link.topic, time, _of_cdr(types, unpack(data), link.msgtype)
                     continue
-                if each.digest not in {types.generate_msgdef(each.msgtype)[1], "*"}:
-                    raise ValueError(f"{each.msgtype} is not defined as in ROS 1 Noetic")
-                yield each.topic, time, types.deserialize_ros1(data, each.msgtype)
+                if link.digest not in {types.generate_msgdef(link.msgtype)[1], "*"}:
+                    raise ValueError(f"{link.msgtype} is not defined as in ROS 1 Noetic")
+                yield link.topic, time, types.deserialize_ros1(data, link.msgtype)
 
     @contextmanager
     def _opened(self) -> Iterator[tuple[Any, Callable[[bytes], bytes]]]:
