@@ -232,7 +232,8 @@ class Bag:
             what = f"the clock of {topic} is {abs(off):.6g} s {'behind' if off > 0.0 else 'ahead'}"
             self.notes.append(f"{what}: its messages count from their reception")
         latest = np.maximum.accumulate([-math.inf, *table[:, 0]])[:-1]
-        lost = (table[:, 0] <= latest) | ~np.isfinite(table).all(axis=1)
+        needed = table[:, [0, 1, -1]] if role == "gyro" else table  # a gyro may have one axis
+        lost = (table[:, 0] <= latest) | ~np.isfinite(needed).all(axis=1)
         table[lost, 0] = math.nan
         if lost.any() and role != "info":
             what = "not finite, or going back"
