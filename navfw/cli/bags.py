@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -14,24 +13,18 @@ from navfw.cli.progress_bar import ProgressBar
 from navfw.errors import InputError
 
 
-class _Storage(StrEnum):
-    MCAP = "mcap"
-    SQLITE3 = "sqlite3"
-
-
 def export(
     folder: Recorded,
     to: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of the bag to write.", show_default=False)
     ],
-    storage: Annotated[_Storage, typer.Option(help="Kind of the bag's file.")] = _Storage.MCAP,
     json: Json = False,
 ) -> None:
     """Write a recorded run as a bag of ROS 2."""
     with quiet_stdout():
         from navfw.recording.bag_export import export_bag
 
-        counts = export_bag(folder, to, storage)
+        counts = export_bag(folder, to)
     lines = [*(f"  {count:6d}  {topic}" for topic, count in counts.items()), f"bag: {to}"]
     print_result({"bag": str(to), "messages": counts}, lines, json=json)
 

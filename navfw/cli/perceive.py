@@ -7,9 +7,9 @@ import math
 import re
 from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import replace
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     Assessed: TypeAlias = tuple[PairResult, dict[str, float | str]]
 
 
+_Source = Annotated[
+    list[Path],
+    typer.Argument(help="A folder of images, a video, image files, or a bag.", show_default=False),
+]
 _Hfov = Annotated[
     float | None,
     typer.Option(
@@ -129,13 +133,40 @@ _JsonList = Annotated[
 ]
 
 
+def _or_bag(command: Callable[..., None]) -> Callable[..., None]:
+    """The command, which takes a bag as well: unpacked, with its tables where none are given."""
+
+    @wraps(command)
+    def perceive_source(*, source: list[Path], topic: str | None, **options: Any) -> None:
+        if len(source) > 1 or not is_bag(source[0]):
+            if topic is not None:
+                raise InputError("is for a bag", key="--topic")
+            command(source=source, topic=None, **options)
+            return
+        with contextlib.ExitStack() as stack:
+            with quiet_stdout():
+                from navfw.perceive.bag_source import unpacked_bag
+                from navfw.recording.bag_reader import Bag
+
+                bag = Bag(source[0], topic)
+                tables = dict(stack.enter_context(unpacked_bag(bag)))
+            chosen = {name for name, value in options.items() if value is not None}
+            without = {"times"} if "fps" in chosen else set()
+            without |= {"gyro", "poses"} if chosen & {"gyro", "poses", "fps"} else set()
+            without |= {"calibration"} if "hfov" in chosen else set()
+            images = [tables.pop("source")]
+            tables = {name: file for name, file in tables.items() if name not in chosen | without}
+            with locating(file=bag.file):
+                command(source=images, topic=None, **options | tables)
+        for note in bag.notes:
+            typer.echo(f"note: {note}", err=True)
+
+    return perceive_source
+
+
+@_or_bag
 def perceive(
-    source: Annotated[
-        list[Path],
-        typer.Argument(
-            help="A folder of images, a video, image files, or a bag of ROS.", show_default=False
-        ),
-    ],
+    source: _Source,
     topic: Topic = None,
     hfov: _Hfov = None,
     calibration: _Calibration = None,
@@ -154,16 +185,6 @@ def perceive(
     quiet: Quiet = False,
 ) -> None:
     """Run perception on recorded images. Lists obstacles, distances and the situation."""
-    if len(source) == 1 and is_bag(source[0]):
-        given = {"times": times, "calibration": calibration, "gyro": gyro, "poses": poses}
-        perceive_again = partial(
-            perceive, hfov=hfov, speed=speed, fps=fps, height=height, pitch=pitch, flow=flow,
-            grid=grid, stride=stride, overlay=overlay, json=json, quiet=quiet,
-        )  # fmt: skip
-        _perceive_bag(source[0], topic, given, perceive_again)
-        return
-    if topic is not None:
-        raise InputError("is for a bag", key="--topic")
     with quiet_stdout():
         from navfw.perceive.image_sources import open_source
         from navfw.perceive.image_times import load_image_times
@@ -201,29 +222,6 @@ def perceive(
             else:
                 _print(shown, lens, overlay)
     for note in [*counter.notes(options), *images.notes]:
-        typer.echo(f"note: {note}", err=True)
-
-
-def _perceive_bag(
-    path: Path, topic: str | None, given: dict[str, Path | None], again: partial[None]
-) -> None:
-    """Perceive what a bag has been unpacked to; what is ``given`` replaces its own tables."""
-    with contextlib.ExitStack() as stack:
-        with quiet_stdout():
-            from navfw.perceive.bag_source import unpacked_bag
-            from navfw.recording.bag_reader import Bag
-
-            bag = Bag(path, topic)
-            files = dict(stack.enter_context(unpacked_bag(bag)))
-        options, motion = again.keywords, given["gyro"] or given["poses"]
-        left_out = {"times"} if options["fps"] is not None else set()
-        left_out |= {"gyro", "poses"} if motion or options["fps"] is not None else set()
-        left_out |= {"calibration"} if options["hfov"] is not None else set()
-        found = {name: file for name, file in files.items() if name not in left_out}
-        source = [found.pop("source")]
-        with locating(file=bag.file):
-            again(source, **{name: file or found.get(name) for name, file in given.items()})
-    for note in bag.notes:
         typer.echo(f"note: {note}", err=True)
 
 

@@ -74,7 +74,9 @@ def _tables(bag: Bag) -> dict[str, str]:
     if len(bag.odometry) > 1 and not contradiction:
         tables["poses"] = _rows(_poses(bag))
     elif len(bag.gyro) > 1:
-        tables["gyro"] = "time,gyro_x,gyro_y,gyro_z\n" + _rows(bag.gyro).replace(" ", ",")
+        axes = [k for k in range(4) if np.isfinite(bag.gyro[:, k]).all()]
+        names = ",".join(("time", "gyro_x", "gyro_y", "gyro_z")[k] for k in axes)
+        tables["gyro"] = f"{names}\n" + _rows(bag.gyro[:, axes]).replace(" ", ",")
     return tables
 
 

@@ -14,13 +14,11 @@ from navfw.recording.ros_messages import message_types
 with extra_imports("bags"):
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-STORAGES = ("mcap", "sqlite3")
-"""The kinds of storage of a bag."""
 _FILES = re.compile(r"metadata\.yaml|.*\.(mcap|db3)")
 """What a bag's folder holds."""
 
 
-def export_bag(folder: Path, target: Path, storage: str = "mcap") -> dict[str, int]:
+def export_bag(folder: Path, target: Path) -> dict[str, int]:
     """Write the recording in a run ``folder`` as the bag ``target``, a folder; atomically.
 
     Returns the number of messages by topic. Times are simulated, images are ``CompressedImage``.
@@ -39,9 +37,8 @@ def export_bag(folder: Path, target: Path, storage: str = "mcap") -> dict[str, i
     counts = dict.fromkeys(map(_name, kinds), 0)
     with AtomicFolder(target, _FILES, "--to") as atomic:
         inner = atomic.path / target.name
-        writer = Writer(inner, version=9, storage_plugin=StoragePlugin[storage.upper()])
-        if storage == "mcap":
-            writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        writer = Writer(inner, version=9, storage_plugin=StoragePlugin.MCAP)
+        writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         with writer:
             links = {
                 topic: writer.add_connection(_name(topic), kind, typestore=message_types())

@@ -167,7 +167,7 @@ class Bag:
         with self._opened() as (reader, _):
             self._begin = int(reader.start_time)
             self.duration = max(1e-9 * reader.duration, 0.0)
-            counts = [(each.topic, each.msgtype, each.msgcount) for each in reader.connections]
+            counts = [(link.topic, link.msgtype, link.msgcount) for link in reader.connections]
         self._topics = {role: self._topic_of(role, counts, topic) for role in _ROLES}
         rows: dict[str, list[tuple[float, ...]]] = {role: [] for role in _ROLES}
         roles = {name: role for role, name in self._topics.items()}
@@ -200,9 +200,9 @@ class Bag:
         """The images in the order of their times, without those that go back."""
         topic = self._topics["images"]
         messages = self._messages(topic) if topic else iter(())
-        for number, (row, each) in enumerate(zip(self._all_images.tolist(), messages, strict=True)):
+        for number, (row, sent) in enumerate(zip(self._all_images.tolist(), messages, strict=True)):
             if math.isfinite(row[0]):
-                yield BagImage(f"{topic} {number}", row[0], row[1], each[2])
+                yield BagImage(f"{topic} {number}", row[0], row[1], sent[2])
 
     def _topic_of(self, role: str, counts: list[tuple[str, str, int]], wanted: str | None) -> str:
         """The topic that is read: of the usual name, or with most messages; "" if there is none."""
@@ -233,7 +233,8 @@ class Bag:
             what = f"the clock of {topic} is {abs(off):.6g} s {'behind' if off > 0.0 else 'ahead'}"
             self.notes.append(f"{what}: its messages count from their reception")
         latest = np.maximum.accumulate([-math.inf, *table[:, 0]])[:-1]
-        lost = (table[:, 0] <= latest) | ~np.isfinite(table).all(axis=1)
+        needed = table[:, [0, 1, -1]] if role == "gyro" else table  # a gyro may have one axis
+        lost = (table[:, 0] <= latest) | ~np.isfinite(needed).all(axis=1)
         table[lost, 0] = math.nan
         if lost.any() and role != "info":
             what = "not finite, or going back"
@@ -249,15 +250,15 @@ class Bag:
         is_ros1 = self.path.suffix == ".bag"
         types = message_types(ros1=is_ros1)
         with self._opened() as (reader, unpack):
-            wanted = [each for each in reader.connections if each.topic in topics]
-            for each, received, data in reader.messages(wanted) if wanted else ():
+            wanted = [link for link in reader.connections if link.topic in topics]
+            for link, received, data in reader.messages(wanted) if wanted else ():
                 time = (received - self._begin) / 1e9
                 if not is_ros1:
-                    yield each.topic, time, deserialize_cdr(unpack(data), each.msgtype)
+                    yield link.topic, time, deserialize_cdr(unpack(data), link.msgtype)
                     continue
-                if each.digest not in {types.generate_msgdef(each.msgtype)[1], "*"}:
-                    raise ValueError(f"{each.msgtype} is not defined as in ROS 1 Noetic")
-                yield each.topic, time, types.deserialize_ros1(data, each.msgtype)
+                if link.digest not in {types.generate_msgdef(link.msgtype)[1], "*"}:
+                    raise ValueError(f"{link.msgtype} is not defined as in ROS 1 Noetic")
+                yield link.topic, time, types.deserialize_ros1(data, link.msgtype)
 
     @contextmanager
     def _opened(self) -> Iterator[tuple[Any, Callable[[bytes], bytes]]]:

@@ -189,11 +189,11 @@ VIEWER_CHANNELS = (
     ChannelInfo(COMMAND, "navfw.Command", "10 Hz", "the command, its leader, weights and reasons"),
     ChannelInfo(RULES, "navfw.FiredRules", "2 Hz", "rules that fired, as `navfw explain --json`"),
     ChannelInfo(IMU, "sensor_msgs/msg/Imu", "60 Hz", "gyro"),
-    ChannelInfo(JOINTS, "sensor_msgs/msg/JointState", "60 Hz", "turns of the wheels"),
-    ChannelInfo(ODOMETRY, "nav_msgs/msg/Odometry", "10 Hz", "wheels and gyro, in `odom`"),
-    ChannelInfo(TWIST, "geometry_msgs/msg/TwistStamped", "60 Hz", "command of the stack"),
-    ChannelInfo(CAMERA_INFO, "sensor_msgs/msg/CameraInfo", "10 Hz", "of the camera's image"),
-    ChannelInfo(LOG, "rcl_interfaces/msg/Log", "1 Hz", "leader and its reason, or why it is held"),
+    ChannelInfo(JOINTS, "sensor_msgs/msg/JointState", "60 Hz", "wheels"),
+    ChannelInfo(ODOMETRY, "nav_msgs/msg/Odometry", "10 Hz", "dead reckoning"),
+    ChannelInfo(TWIST, "geometry_msgs/msg/TwistStamped", "60 Hz", "command"),
+    ChannelInfo(CAMERA_INFO, "sensor_msgs/msg/CameraInfo", "10 Hz", "camera"),
+    ChannelInfo(LOG, "rcl_interfaces/msg/Log", "1 Hz", "what it does"),
 )
 """What people and tools look at."""
 DRIVEN_CHANNEL = ChannelInfo(

@@ -187,8 +187,8 @@ class BagReplay:
         if bag.info is not None:
             view = 2.0 * math.atan(0.5 * bag.info.width / max(float(bag.matrix[0]), 1e-9))
             if abs(view - robot.camera.hfov) > _VIEW:
-                told, given = math.degrees(view), math.degrees(robot.camera.hfov)
-                what = f"{given:.1f} degrees across, camera_info {told:.1f}: the robot's are used"
+                told, own = math.degrees(view), math.degrees(robot.camera.hfov)
+                what = f"{own:.1f} degrees across, camera_info {told:.1f}: the robot's are used"
                 bag.notes.append(f"the robot's camera shows {what}")
 
     def _mission(self) -> dict[str, Any]:

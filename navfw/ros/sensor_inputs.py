@@ -192,10 +192,6 @@ class SensorInputs:
         """The stamp [ns] of ``time`` [s], by the clock of the sensors."""
         return round(1e9 * (time - self.shift + (self._begin or 0.0)))
 
-    def age_of(self, frame: Frame, now: float) -> float:
-        """The age [s] of ``frame`` at ``now`` [s], by the clock of the sensors."""
-        return now - (frame.time - self.shift + (self._begin or 0.0))
-
     def reading(self, time: float) -> SensorReading:
         """What the sensors say at ``time`` [s]; each image is given once."""
         if self._rates:

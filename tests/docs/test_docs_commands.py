@@ -31,6 +31,7 @@ QUICK = (
     "map convert",
     "list plugins",
     "explain ",
+    "export ",
     "replay ",
     "run empty straight --record",
 )

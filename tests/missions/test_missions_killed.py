@@ -194,7 +194,8 @@ def test_a_file_size_limit_costs_picture_and_recording_only(tmp_path: Path) -> N
     assert ended.stderr.splitlines() == [
         "navfw: run.mcap is missing: File too large",
         "navfw: trajectory.png is missing: File too large",
-        f"navfw: saved: map.yaml, result.json, stack.yaml in {tmp_path / 'o'}",
+        "navfw: saved: foxglove_layout.json, map.yaml, result.json, stack.yaml in"
+        f" {tmp_path / 'o'}",
     ]
     assert read_result(tmp_path / "o")["outcome"] == "timeout"
     assert sorted(file.name for file in tmp_path.iterdir()) == ["o"]

@@ -40,11 +40,10 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder.target
 
 
-@pytest.fixture(scope="module", params=["mcap", "sqlite3"])
-def exported(request: pytest.FixtureRequest, driven: Path) -> Path:
-    bag = driven.parent / f"bag-{request.param}"
-    answer("export", driven, "--to", bag, "--storage", request.param)
-    return bag
+@pytest.fixture(scope="module")
+def exported(driven: Path) -> Path:
+    answer("export", driven, "--to", driven.parent / "bag")
+    return driven.parent / "bag"
 
 
 def page_of(folder: Path) -> str:
