@@ -76,7 +76,7 @@ def arcs_of(
     free, observed, clearance = np.empty((3, speeds.size, turns.size))
     turn = np.full(turns.size, math.inf)
     robot = occupancy.robot
-    ground, start = _ground(occupancy, occupancy.footprint_observed), _start(pose)
+    ground, start = ground_of(occupancy, occupancy.footprint_observed), _start(pose)
     if robot.footprint is None:
         radius = robot.radius + margin
         filled = free, observed, clearance
@@ -84,7 +84,7 @@ def arcs_of(
     else:
         discs = np.array(robot.discs)
         forward, spot = speeds > 0.0, speeds == 0.0
-        for rows, around in ((forward, ground), (~forward, _blind_ground(occupancy))):
+        for rows, around in ((forward, ground), (~forward, blind_ground(occupancy))):
             swept = np.empty((3, int(rows.sum()), turns.size))
             sweep_body(around, start, speeds[rows], turns, discs, margin, reach, horizon, *swept)
             free[rows], observed[rows], clearance[rows] = swept
@@ -109,14 +109,14 @@ def free_distance(
     """
     if not (occupancy.located and occupancy.contains(pose.x, pose.y)):
         return FreeDistance(0.0, 0.0)
-    ground = _ground(occupancy, occupancy.footprint_observed)
+    ground = ground_of(occupancy, occupancy.footprint_observed)
     v, w, robot = float(twist.v), float(twist.w), occupancy.robot
     if robot.footprint is None:
         contact, unobserved, _ = follow_arc(ground, _start(pose), v, w, robot.radius, reach, 0.0)
     else:
         discs = np.array(robot.discs)
         # about a point within the body, its inner side goes backward
-        ground = ground if v > abs(w) * robot.radius else _blind_ground(occupancy)
+        ground = ground if v > abs(w) * robot.radius else blind_ground(occupancy)
         contact, unobserved, _ = follow_body(ground, _start(pose), v, w, discs, 0.0, reach, 0.0)
     return FreeDistance(contact, unobserved)
 
@@ -137,18 +137,18 @@ def _angle(free: Array, reach: float) -> Array:
     return np.where(free >= reach, math.inf, TURN * free / reach)
 
 
-def _ground(occupancy: OccupancyGrid, observed: npt.NDArray[np.uint8]) -> Ground:
+def ground_of(occupancy: OccupancyGrid, observed: npt.NDArray[np.uint8]) -> Ground:
     """The arrays that rays are cast through; ``observed`` (n, n) says where floor was seen."""
     return occupancy.clearance, observed, *occupancy.origin, occupancy.params.cell
 
 
-def _blind_ground(occupancy: OccupancyGrid) -> Ground:
+def blind_ground(occupancy: OccupancyGrid) -> Ground:
     """The arrays for turns on the spot, and for reversing, of a body that is not round.
 
     Beside a doorway the camera has seen a wall's near side only; the corners of a long body turn
     towards its far side.
     """
-    return occupancy.blind_clearance, *_ground(occupancy, occupancy.footprint_observed)[1:]
+    return occupancy.blind_clearance, *ground_of(occupancy, occupancy.footprint_observed)[1:]
 
 
 def _start(pose: Pose) -> Start:
@@ -200,7 +200,7 @@ class Ranges:
 def ranges_around(occupancy: OccupancyGrid, pose: Pose, limit: float = 3.0) -> Ranges:
     """Ranges in ``_SECTORS`` directions around odom ``pose``, at most ``limit`` [m]."""
     free, observed = np.empty((2, _SECTORS))
-    ground = _ground(occupancy, occupancy.observed)
+    ground = ground_of(occupancy, occupancy.observed)
     cast_ranges(ground, _start(pose), _BEARINGS, limit, free, observed)
     rim = _rim(occupancy.robot)
     return Ranges(_BEARINGS, np.maximum(free - rim, 0.0), np.maximum(observed - rim, 0.0), limit)

@@ -16,6 +16,7 @@ from pydantic import Field
 
 from navfw.config.strict_model import StrictModel
 from navfw.localmap.cost_kernels import cost_to_go, descend, first_leg, price_cells
+from navfw.localmap.manoeuvres import Manoeuvres
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.numerics import Array, Mask
 from navfw.signals import OccupiedDisc, Pose, wrap_angle
@@ -62,7 +63,8 @@ class LocalGoal:
     """The point to head for now, in base_link: x, y [m]; ``cost`` [m, priced] to the waypoint.
 
     ``reachable`` is false when occupied cells bar every way; the goal then lies straight toward the
-    waypoint. ``detour`` is the way's cost over the straight distance, at least 1.
+    waypoint. ``detour`` is the way's cost over the straight distance, at least 1. ``gear`` is of a
+    manoeuvre: 1 ahead, -1 back, 0 a turn on the spot; None while there is none.
     """
 
     x: float
@@ -70,6 +72,7 @@ class LocalGoal:
     cost: float
     reachable: bool
     detour: float
+    gear: int | None = None
 
     @property
     def distance(self) -> float:
@@ -91,11 +94,13 @@ class LocalPlanner:
 
     def __init__(self, params: LocalPlannerParams | None = None) -> None:
         self.params = params or LocalPlannerParams()
+        self._manoeuvres = Manoeuvres()
         self.reset()
 
     def reset(self) -> None:
         """Back to no way."""
         self._way: Array = np.empty((0, 2))
+        self._manoeuvres.reset()
 
     def plan(
         self,
@@ -134,9 +139,15 @@ class LocalPlanner:
         ahead = pose.to_local(
             occupancy.origin[0] + end[1] * cell, occupancy.origin[1] + end[0] * cell
         )
+        gear = None
+        if occupancy.robot.footprint is not None:
+            point = self._manoeuvres.next_point(occupancy, pose, (x, y), value, self.params.margin)
+            if point is not None:
+                ahead, gear = pose.to_local(*point[:2]), point[2]
         if not math.isfinite(to_go):
             to_go = float(value[round(end[0]), round(end[1])]) * cell + math.hypot(*ahead)
-        return LocalGoal(ahead[0], ahead[1], to_go, True, max(1.0, to_go / max(straight, cell)))
+        detour = max(1.0, to_go / max(straight, cell))
+        return LocalGoal(ahead[0], ahead[1], to_go, True, detour, gear)
 
     def _path(
         self,

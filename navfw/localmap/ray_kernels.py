@@ -148,7 +148,7 @@ def follow_body(
     _, observed, origin_x, origin_y, cell = ground
     size = observed.shape[0]
     px, py, yaw = start
-    least = _body_room(ground, px, py, yaw, discs, margin)
+    least = body_room(ground, px, py, yaw, discs, margin)
     floor = min(0.0, least - SLACK)
     if v == 0.0 and w == 0.0:
         return reach, reach, least
@@ -169,7 +169,7 @@ def follow_body(
         px += sign * step * math.cos(yaw + 0.5 * turn)
         py += sign * step * math.sin(yaw + 0.5 * turn)
         yaw += turn
-        room = _body_room(ground, px, py, yaw, discs, margin)
+        room = body_room(ground, px, py, yaw, discs, margin)
         if room < floor:
             blocked = True
             break
@@ -191,9 +191,7 @@ def follow_body(
 
 
 @numba.njit(cache=True)
-def _body_room(
-    ground: Ground, x: float, y: float, yaw: float, discs: Array, margin: float
-) -> float:
+def body_room(ground: Ground, x: float, y: float, yaw: float, discs: Array, margin: float) -> float:
     """Least distance [m] from the rim of the widened ``discs`` at this pose to anything."""
     clearance, _, origin_x, origin_y, cell = ground
     size = clearance.shape[0]

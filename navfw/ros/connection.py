@@ -138,12 +138,17 @@ class RosNode:
         self._node.destroy_node()
         self._rclpy.try_shutdown()
 
+    def has_type(self, kind: str) -> bool:
+        """Whether messages of ``kind`` can be sent here."""
+        return self._kind("", kind) is not None
+
     def _kind(self, topic: str, kind: str) -> Any:
         package, _, name = kind.split("/")
         try:
             return getattr(importlib.import_module(f"{package}.msg"), name)
         except ImportError:
-            self.note(f"{topic} is left out: {package} is not installed")
+            if topic:
+                self.note(f"{topic} is left out: {package} is not installed")
             return None
 
     def _quality(self, quality: Quality) -> Any:

@@ -40,6 +40,7 @@ _STILL = 0.02
 _STAND = Twist(0.0, 0.0)
 _TOLERANCE = 0.3
 """Distance [m] at which a goal that was sent is reached."""
+_TF = "tf2_msgs/msg/TFMessage"
 _SNAP = 240.0
 """Rate [Hz] of whose steps the times of ``navfw ros sim`` are multiples."""
 _LATENCIES = 10_000
@@ -83,7 +84,14 @@ class DriveNode:
         rpy = node.parameter("imu_rpy", [0.0, 0.0, 0.0])
         snap = _SNAP if options.lockstep else 0.0
         named = joints if all(joints) else ()
-        self._inputs = SensorInputs(self._robot, node.note, named, rpy, snap)
+        self._inputs = SensorInputs(
+            self._robot,
+            node.note,
+            named,
+            rpy,
+            snap,
+            same_clock=node.parameter("use_sim_time", False),
+        )
         self._stamped = node.parameter("stamped_cmd_vel", True)
         self._due, self._images = 0.0, list[str]()
         self._heard = self._ticked = time.monotonic()
@@ -120,7 +128,8 @@ class DriveNode:
         hear("imu", TOPICS["imu"][0], inputs.imu)
         topic = "joint_states" if wheels == "joints" else "odom"
         hear(topic, TOPICS[topic][0], self._take_wheels)
-        node.subscribe("odom", TOPICS["odom"][0], self._take_base, quality)
+        if node.has_type(_TF):
+            node.subscribe("odom", TOPICS["odom"][0], self._take_base, quality)
         node.subscribe("camera_info", TOPICS["camera_info"][0], self._compare_camera, quality)
         node.subscribe("goal_pose", TOPICS["goal_pose"][0], self._take_goal, "reliable")
         node.subscribe("goal_place", TOPICS["goal_place"][0], self._take_place, "reliable")
@@ -143,7 +152,7 @@ class DriveNode:
             "pose": out("navfw/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
             "path": out("navfw/path", "nav_msgs/msg/Path"),
             "odometry": out("navfw/odom", "nav_msgs/msg/Odometry"),
-            "tf": out("/tf", "tf2_msgs/msg/TFMessage"),
+            "tf": out("/tf", _TF),
             "local_map": out("navfw/local_map", "nav_msgs/msg/OccupancyGrid", "latched"),
             "explanation": out("navfw/explanation", "std_msgs/msg/String"),
             "overlay": out("navfw/image/compressed", "sensor_msgs/msg/CompressedImage"),

@@ -35,7 +35,8 @@ class SensorInputs:
 
     Times are those of stamps [s] from the first message on; ``shift`` [s] is added to them, so that
     time never goes back, even when a simulated clock begins anew. ``note`` is called with remarks
-    for people. ``snap`` [Hz]: stamps are multiples of 1 / ``snap``, exactly, not of nanoseconds.
+    for people. ``snap`` [Hz]: stamps are multiples of 1 / ``snap``, exactly, not of nanoseconds. ``same_clock``:
+    stamps are those of the node's own, simulated, clock, which may lag behind them.
     """
 
     def __init__(
@@ -45,8 +46,11 @@ class SensorInputs:
         joints: Sequence[str] = (),
         imu_rpy: Sequence[float] = (0.0, 0.0, 0.0),
         snap: float = 0.0,
+        *,
+        same_clock: bool = False,
     ) -> None:
         self._robot, self._note, self._snap = robot, note, snap
+        self._same_clock = same_clock or snap > 0.0
         self._joints = (joints[:1], joints[1:2]) if joints else wheel_joints(robot)
         roll, pitch, yaw = (rotation_matrix(a * e) for a, e in zip(imu_rpy, np.eye(3), strict=True))
         self._axes: Array = yaw @ pitch @ roll
@@ -68,7 +72,7 @@ class SensorInputs:
         A stamp of another clock counts as its reception.
         """
         time = float(stamp.sec) + 1e-9 * float(stamp.nanosec)
-        if abs(time - now) > _CLOCKS and not self._snap:
+        if abs(time - now) > _CLOCKS and not self._same_clock:
             where = "behind" if time < now else "ahead of"
             what = f"the clock of {topic} is {abs(time - now):.3g} s {where} this node's"
             self._note(f"{what}: its messages count from their reception")
