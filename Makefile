@@ -7,7 +7,7 @@ export UV_PYTHON ?= >=3.11,<3.14
 # some hundred processes import the same modules: they must find them compiled
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test check kernels coverage docs uv
+.PHONY: run test test-ros check kernels coverage docs uv
 
 # what a run needs, without the tools of those who develop navfw; what is there already stays
 run: | uv
@@ -17,6 +17,10 @@ run: | uv
 test: | uv
 	@$(MAKE) --no-print-directory --jobs=2 check kernels
 	$(UV) run pytest -n auto --maxprocesses 4 --dist worksteal $(PYTEST_OPTIONS)
+
+# by the wheels of ROS 2, in an environment of their own: uv cannot take them out of one again
+test-ros: | uv
+	UV_PROJECT_ENVIRONMENT=.venv-ros $(UV) run --group ros pytest tests/ros
 
 # of the robot's rooms, with a floor (pyproject.toml); tracing doubles the time
 coverage: | uv

@@ -151,6 +151,7 @@ def sim(
     """
     with quiet_stdout():
         from navfw.missions import MissionLoop, MissionResult, prepare
+        from navfw.recording import plain_json
         from navfw.ros import RosNode, RosPilot
 
         overrides = (*of_robot(robot), *(settings or ()))
@@ -167,6 +168,6 @@ def sim(
             node.close()
     summary = MissionResult(loaded, run, collision_cause=simulation.collision_cause).summary()
     line = f"{summary['outcome']} after {summary['sim_time_s']:.1f} s: {summary['reason']}"
-    print_result(summary, [line], json=json)
+    print_result(plain_json(summary), [line], json=json)
     if summary["outcome"] != "reached":
         raise typer.Exit(1)

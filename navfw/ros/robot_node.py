@@ -32,6 +32,8 @@ OLDEST_COMMAND = 0.25
 """Age [s] of the last command, by the simulated clock, from which on the robot stands."""
 _CAMERA_INFO = 1.0
 """Period [s] of camera_info."""
+_DISCOVERY = 1.0
+"""Time [s] in which the other node finds this one as well."""
 _STAND = Twist(0.0, 0.0)
 
 TOPICS = {
@@ -79,7 +81,14 @@ class RosPilot:
         node.subscribe("navfw/status", "std_msgs/msg/String", self._take_status, "reliable")
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        """Nothing: the driving node has been told where it is and goes."""
+        """In lock step wait for the driving node, which has been told where it is and goes."""
+        if self._pace > 0.0:
+            return
+        heard, driven = ("imu", "joint_states", "image"), ("cmd_vel", "navfw/status")
+        while not (all(map(self._node.wanted, heard)) and all(map(self._node.supplied, driven))):
+            check_interrupted()
+            self._node.spin(0.05)
+        self._node.spin_for(_DISCOVERY)
 
     def step(self, reading: SensorReading) -> Twist:
         """Publish ``reading``; the command that holds now."""

@@ -35,8 +35,8 @@ class SensorInputs:
 
     Times are those of stamps [s] from the first message on; ``shift`` [s] is added to them, so that
     time never goes back, even when a simulated clock begins anew. ``note`` is called with remarks
-    for people. ``snap`` [Hz]: stamps are multiples of 1 / ``snap``, exactly, not of nanoseconds. ``same_clock``:
-    stamps are those of the node's own, simulated, clock, which may lag behind them.
+    for people. ``snap`` [Hz]: stamps are multiples of 1 / ``snap``, exactly, not of nanoseconds.
+    ``same_clock``: stamps are of the node's own, simulated, clock, which may lag behind them.
     """
 
     def __init__(

@@ -1,0 +1,214 @@
+"""Nodes of ROS 2 over loopback: the stack drives the simulated robot; each survives the other."""
+
+import json
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import navfw
+
+pytest.importorskip("rclpy", reason="needs the group ros: make test-ros")
+
+from navfw.recording.ros_messages import image_message, ros_message
+from navfw.ros import RosNode
+
+DRIVE = ("drive", "--map", "empty", "--start", "0,0,0", "--goal", "3,0", "--tolerance", "0.4")
+SIM = ("sim", "empty", "straight", "--seed", "1")
+SIM_TIME = ("--ros-args", "-p", "use_sim_time:=true")
+
+
+@pytest.fixture
+def domain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A domain of ROS of this test's own, on loopback."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(random.SystemRandom().randint(1, 100)))
+
+
+@contextmanager
+def started(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
+    """A process of ``navfw ros``; its output goes to files called by its first word."""
+    code = "from navfw.cli import main; main()"
+    with (
+        (folder / f"{words[0]}.json").open("w") as out,
+        (folder / f"{words[0]}.err").open("w") as err,
+    ):
+        command = [sys.executable, "-c", code, "ros", *words]
+        process = subprocess.Popen(command, stdout=out, stderr=err, text=True)  # noqa: S603
+        try:
+            yield process
+        finally:
+            process.kill()
+            process.wait()
+
+
+def said(folder: Path, word: str) -> str:
+    return (folder / f"{word}.err").read_text()
+
+
+def wait_until(condition: Any, seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.02)
+
+
+class Listener:
+    """A node that keeps the newest message of each topic, and when it came."""
+
+    def __init__(self) -> None:
+        self.node = RosNode("listener")
+        self.newest: dict[str, Any] = {}
+        for topic, kind in (
+            ("cmd_vel", "geometry_msgs/msg/TwistStamped"),
+            ("/ground_truth/odom", "nav_msgs/msg/Odometry"),
+            ("navfw/local_map", "nav_msgs/msg/OccupancyGrid"),
+            ("navfw/explanation", "std_msgs/msg/String"),
+            ("navfw/image/compressed", "sensor_msgs/msg/CompressedImage"),
+            ("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray"),
+            ("navfw/path", "nav_msgs/msg/Path"),
+        ):
+            self.node.subscribe(topic, kind, self._keep(topic))
+
+    def _keep(self, topic: str) -> Any:
+        def keep(message: Any) -> None:
+            self.newest[topic] = message
+
+        return keep
+
+    @property
+    def x(self) -> float:
+        """Where the simulated robot truly is."""
+        message = self.newest.get("/ground_truth/odom")
+        return 0.0 if message is None else float(message.pose.pose.position.x)
+
+    @property
+    def speed(self) -> float:
+        message = self.newest.get("cmd_vel")
+        return 0.0 if message is None else float(message.twist.linear.x)
+
+    def spin_until(self, condition: Any, seconds: float = 60.0) -> None:
+        end = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < end, "waited in vain"
+            self.node.spin(0.05)
+
+
+@pytest.fixture
+def listener(domain: None) -> Iterator[Listener]:
+    made = Listener()
+    yield made
+    made.node.close()
+
+
+@pytest.mark.usefixtures("domain")
+def test_in_lock_step_the_commands_are_those_of_navfw_run(tmp_path: Path) -> None:
+    with ExitStack() as processes:
+        drive = (*DRIVE, "--lockstep", "--json", *SIM_TIME)
+        driver = processes.enter_context(started(tmp_path, *drive))
+        robot = processes.enter_context(started(tmp_path, *SIM, "--pace", "0", "--json"))
+        assert robot.wait(200.0) == 0, said(tmp_path, "sim")
+        assert driver.wait(20.0) == 0, said(tmp_path, "drive")
+    result = json.loads((tmp_path / "sim.json").read_text())
+    alone = navfw.run("empty", "straight", seed=1, stack="default")
+    assert result["command_hash"] == alone.run.log.command_hash
+    assert json.loads((tmp_path / "drive.json").read_text())["ended"] == "reached"
+
+
+def test_a_killed_driver_leaves_the_robot_standing_and_tells_what_it_sees(
+    tmp_path: Path, listener: Listener
+) -> None:
+    with ExitStack() as processes:
+        driver = processes.enter_context(started(tmp_path, *DRIVE, *SIM_TIME))
+        processes.enter_context(started(tmp_path, *SIM))
+        listener.spin_until(lambda: listener.speed > 0.2 and listener.x > 0.3, 200.0)
+        assert {"navfw/local_map", "navfw/explanation", "navfw/path"} <= set(listener.newest)
+        assert json.loads(listener.newest["navfw/explanation"].data)
+        assert bytes(listener.newest["navfw/image/compressed"].data[:2]) == b"\xff\xd8"
+        driver.send_signal(signal.SIGKILL)
+        listener.node.spin_for(0.7)
+        stood_at = listener.x
+        listener.node.spin_for(0.5)
+        assert listener.x == pytest.approx(stood_at, abs=0.01)
+
+
+def test_a_driver_without_its_robot_says_so_and_drives_on_when_it_is_back(
+    tmp_path: Path, listener: Listener
+) -> None:
+    with ExitStack() as processes:
+        driver = processes.enter_context(started(tmp_path, *DRIVE, *SIM_TIME))
+        robot = processes.enter_context(started(tmp_path, *SIM))
+        listener.spin_until(lambda: listener.speed > 0.2, 200.0)
+        robot.send_signal(signal.SIGKILL)
+        wait_until(lambda: "no message of camera, IMU and wheels" in said(tmp_path, "drive"), 3.0)
+        listener.spin_until(lambda: listener.speed == 0.0, 1.0)
+        (tmp_path / "sim.err").unlink()
+        processes.enter_context(started(tmp_path, *SIM))
+        listener.spin_until(lambda: listener.speed > 0.2, 200.0)
+        driver.send_signal(signal.SIGTERM)
+        driver.wait(10.0)
+        listener.spin_until(lambda: listener.speed == 0.0, 2.0)
+        assert "Traceback" not in said(tmp_path, "drive")
+
+
+def hostile_messages(generator: np.random.Generator) -> Iterator[tuple[str, str, bytes]]:
+    """Topic, type and content of messages that no robot should send."""
+    numbers = [float("nan"), float("inf"), -1e300, 0.0]
+    for _ in range(50):
+        number = float(generator.choice(numbers))
+        stamp = int(generator.integers(0, 2**31)) * 10**9
+        imu = {"angular_velocity": {"z": number}}
+        yield "imu", "sensor_msgs/msg/Imu", ros_message("sensor_msgs/msg/Imu", imu, stamp)
+        joints = {"name": ["left_wheel_joint"], "position": np.array([number])}
+        kind = "sensor_msgs/msg/JointState"
+        yield "joint_states", kind, ros_message(kind, joints, stamp)
+        size = int(generator.integers(1, 400))
+        image = image_message(np.zeros((size, 2 * size), np.uint8), stamp)
+        yield "image", "sensor_msgs/msg/Image", image
+        goal = {"header": {"frame_id": str(generator.choice(["map", "moon"]))}}
+        kind = "geometry_msgs/msg/PoseStamped"
+        fields = {**goal, "pose": {"position": {"x": number, "y": 1e6}}}
+        yield "goal_pose", kind, ros_message(kind, fields)
+
+
+def test_hostile_messages_give_no_traceback_and_no_motion(
+    tmp_path: Path, listener: Listener
+) -> None:
+    with started(tmp_path, "drive", "--map", "empty", "--start", "0,0,0") as driver:
+        wait_until(lambda: "on the map" in said(tmp_path, "drive"), 200.0)
+        senders = {}
+        for topic, kind, data in hostile_messages(np.random.default_rng(1)):
+            if topic not in senders:
+                senders[topic] = listener.node.publisher(topic, kind)
+                listener.node.spin_for(1.0)
+            senders[topic](data)
+            listener.node.spin(0.005)
+            assert listener.speed == 0.0
+        listener.node.spin_for(1.0)
+        assert listener.speed == 0.0
+        assert driver.poll() is None, said(tmp_path, "drive")
+        driver.send_signal(signal.SIGTERM)
+        driver.wait(10.0)
+    text = said(tmp_path, "drive")
+    assert "Traceback" not in text
+    assert "its frame is 'moon'" in text
+    assert "not numbers" in text
+
+
+def test_wrong_words_end_with_2_before_ros_starts(tmp_path: Path) -> None:
+    for words in (
+        ("drive", "--map", "empty", "--goal", "nowhere"),
+        ("drive", "--map", "empty", "--start", "1,2"),
+        ("sim", "nowhere"),
+    ):
+        with started(tmp_path, *words) as process:
+            assert process.wait(60.0) == 2
+        assert "navfw: " in said(tmp_path, words[0])

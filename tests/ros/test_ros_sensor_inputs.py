@@ -1,0 +1,164 @@
+"""Messages of ROS to readings of a stack: exact, in order, and judged; without ROS."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from navfw.recording import deserialize_cdr
+from navfw.recording.ros_messages import (
+    image_message,
+    imu_message,
+    joints_message,
+    odometry_message,
+    ros_message,
+)
+from navfw.robot import RobotModel
+from navfw.ros import SensorInputs
+from navfw.signals import Encoders, Inertial, Odometry, Pose, SensorReading, Twist
+
+ROBOT = RobotModel()
+CAMERA = ROBOT.camera
+IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"
+IMAGE, ODOMETRY = "sensor_msgs/msg/Image", "nav_msgs/msg/Odometry"
+
+
+def nanoseconds(time: float) -> int:
+    return round(1e9 * time)
+
+
+def read_at(time: float, yaw_rate: float = 0.0, left: int = 0, right: int = 0) -> SensorReading:
+    return SensorReading(time, Inertial(time, 0.1, -0.2, yaw_rate), Encoders(time, left, right))
+
+
+def joints(time: float, left: int, right: int) -> Any:
+    data = joints_message(ROBOT, read_at(time, 0.0, left, right), nanoseconds(time))
+    return deserialize_cdr(data, JOINTS)
+
+
+def image(time: float, pixels: Any = None, **fields: Any) -> Any:
+    grey = np.zeros((CAMERA.height, CAMERA.width), np.uint8) if pixels is None else pixels
+    message = deserialize_cdr(image_message(grey, nanoseconds(time)), IMAGE)
+    for name, value in fields.items():
+        setattr(message, name, value)
+    return message
+
+
+def made(notes: list[str], **options: Any) -> SensorInputs:
+    return SensorInputs(ROBOT, notes.append, **options)
+
+
+COUNTS = st.integers(-(10**8), 10**8)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.floats(-20, 20), COUNTS, COUNTS)
+def test_in_lock_step_readings_come_back_bit_for_bit(
+    step: int, rate: float, left: int, right: int
+) -> None:
+    first, time = read_at(0.0), step / 240.0
+    inputs = made([], snap=240.0)
+    sent = read_at(time, rate, left, right)
+    for reading in (first, sent) if step else (sent,):
+        now = nanoseconds(reading.time)
+        message = deserialize_cdr(imu_message(ROBOT, reading, now), IMU)
+        inputs.imu("imu", message, 0.0)
+        wheels = deserialize_cdr(joints_message(ROBOT, reading, now), JOINTS)
+        assert inputs.joints("joint_states", wheels, 0.0)
+        received = inputs.reading(inputs.newest_of("joint_states"))
+    assert received == sent
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.floats(0.0, 50.0), min_size=1, max_size=30))
+def test_time_never_goes_back(times: list[float]) -> None:
+    inputs, newest = made([], same_clock=True), -math.inf
+    for number, time in enumerate(times):
+        if inputs.joints("joint_states", joints(time, number, number), time):
+            assert inputs.newest_of("joint_states") > newest
+            newest = inputs.newest_of("joint_states")
+
+
+def test_a_clock_that_begins_anew_goes_on_and_the_wheels_do_not_jump() -> None:
+    notes: list[str] = []
+    inputs = made(notes, same_clock=True)
+    for time, ticks in ((100.0, 0), (100.1, 500), (0.0, 0), (0.1, 30)):
+        assert inputs.joints("joint_states", joints(time, ticks, ticks), time)
+    reading = inputs.reading(inputs.newest)
+    assert reading.encoders.left == reading.encoders.right == 530
+    assert 0.1 < reading.time < 0.4
+    assert any("begun anew" in note for note in notes)
+
+
+def test_stamps_of_another_clock_count_from_reception() -> None:
+    notes: list[str] = []
+    inputs = made(notes)
+    inputs.joints("joint_states", joints(5.0, 0, 0), 5.0)
+    inputs.imu("imu", deserialize_cdr(imu_message(ROBOT, read_at(0), nanoseconds(900)), IMU), 5.1)
+    assert inputs.newest == pytest.approx(0.1)
+    assert "imu is 895 s ahead" in notes[0]
+
+
+def test_each_image_is_given_once_and_grey() -> None:
+    inputs = made([])
+    shape = CAMERA.height, CAMERA.width
+    pixels = np.arange(CAMERA.height * CAMERA.width, dtype=np.uint8).reshape(shape)
+    inputs.image("image", image(1.0, pixels), 1.0)
+    frame = inputs.reading(0.0).frame
+    assert frame is not None
+    assert np.array_equal(frame.image, pixels)
+    assert inputs.reading(0.1).frame is None
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"encoding": "mono9"}, "unknown encoding 'mono9'"),
+        ({"step": 3}, "rows of 3"),
+        ({"height": 10**6}, "the image has"),
+        ({"height": 10, "data": np.zeros(10 * CAMERA.width, np.uint8)}, "another shape"),
+    ],
+)
+def test_images_that_are_wrong_are_left_out_and_said(fields: Any, said: str) -> None:
+    notes: list[str] = []
+    inputs = made(notes)
+    inputs.image("image", image(1.0, **fields), 1.0)
+    assert inputs.reading(0.0).frame is None
+    assert said in notes[0]
+
+
+def test_numbers_that_are_none_are_left_out_and_said() -> None:
+    notes: list[str] = []
+    inputs = made(notes)
+    wheels = joints(1.0, 3, 3)
+    wheels.position = np.array([math.nan, 0.0])
+    assert not inputs.joints("joint_states", wheels, 1.0)
+    turning = deserialize_cdr(ros_message(IMU, {"angular_velocity": {"z": math.inf}}, 10**9), IMU)
+    inputs.imu("imu", turning, 1.0)
+    assert len(notes) == 2
+    wheels.name = ["a", "b"]
+    assert not inputs.joints("joint_states", wheels, 1.0)
+    assert "set wheel_joints, of a, b" in notes[2]
+
+
+def test_rates_are_turned_to_base_link() -> None:
+    inputs = made([], imu_rpy=(math.pi, 0.0, 0.0))  # mounted upside down
+    rates = {"angular_velocity": {"x": 0.1, "y": 0.2, "z": 0.3}}
+    inputs.imu("imu", deserialize_cdr(ros_message(IMU, rates, 10**9), IMU), 1.0)
+    inertial = inputs.reading(0.0).inertial
+    assert (inertial.roll_rate, inertial.yaw_rate) == pytest.approx((0.1, -0.3))
+
+
+def test_odometry_is_ticks_of_both_wheels() -> None:
+    inputs = made([])
+    for time, pose in ((1.0, Pose(2.0, 1.0, 3.0)), (1.1, Pose(2.0, 1.0, -3.0))):
+        at = Odometry(time, pose, Twist(0, 0), 0.0, still=False)
+        message = deserialize_cdr(odometry_message(at, nanoseconds(time)), ODOMETRY)
+        assert inputs.odometry("odom", message, time)
+    encoders = inputs.reading(0.1).encoders
+    turn = 2.0 * math.pi - 6.0  # through pi
+    ticks = 0.5 * ROBOT.track * turn * ROBOT.ticks_per_turn / (2 * math.pi * ROBOT.wheel_radius)
+    assert (encoders.left, encoders.right) == (round(-ticks), round(ticks))
