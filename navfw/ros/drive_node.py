@@ -260,7 +260,8 @@ class DriveNode:
         over = threading.Event()
 
         def watch() -> None:
-            while not over.wait(0.25 * _OLDEST):
+            # in lock step the robot waits for the command, however long it takes
+            while not over.wait(0.25 * _OLDEST) and not self._options.lockstep:
                 if time.monotonic() - self._sent > _OLDEST:
                     self._send(_STAND)
 
