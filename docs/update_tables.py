@@ -1,7 +1,7 @@
 """Write the tables of keys in the pages beside this file anew, from the models themselves.
 
 A table stands between ``<!-- keys: module:Class -->`` and ``<!-- end -->``; the kinds of plugins
-between ``<!-- kinds -->`` and ``<!-- end -->``, and the channels of a recording likewise. Run it
+between ``<!-- kinds -->`` and ``<!-- end -->``, channels of a recording and topics likewise. Run it
 after a change of a model's fields::
 
     uv run python docs/update_tables.py
@@ -42,6 +42,7 @@ _SHORTER = (
 )
 """How a table shortens the words of error messages, in this order."""
 _CHANNELS = re.compile(r"(<!-- channels -->\n).*?(<!-- end -->)", re.DOTALL)
+_TOPICS = re.compile(r"(<!-- topics: ([\w.]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _KINDS = re.compile(r"(<!-- kinds -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -49,6 +50,7 @@ def renewed(text: str) -> str:
     """``text`` with all its tables as the models have them now."""
     text = _KEYS.sub(lambda m: f"{m[1]}{keys_table(_model(m[2], m[3]))}{m[4]}", text)
     text = _CHANNELS.sub(lambda m: f"{m[1]}{channels_table()}{m[2]}", text)
+    text = _TOPICS.sub(lambda m: f"{m[1]}{topics_table(m[2])}{m[3]}", text)
     return _KINDS.sub(lambda m: f"{m[1]}{kinds_table()}{m[2]}", text)
 
 
@@ -71,6 +73,14 @@ def channels_table() -> str:
     """A Markdown table of the channels of a recording."""
     rows = ["| channel | schema | rate | content |", "|---|---|---|---|"]
     rows += [f"| `{c.topic}` | `{c.schema}` | {c.rate} | {c.content} |" for c in CHANNELS]
+    return "\n".join(rows) + "\n"
+
+
+def topics_table(module: str) -> str:
+    """A Markdown table of the topics of a node of ROS."""
+    rows = ["| topic | type | meaning |", "|---|---|---|"]
+    topics = importlib.import_module(module).TOPICS.items()
+    rows += [f"| `{name}` | `{kind.split('/')[-1]}` | {text} |" for name, (kind, text) in topics]
     return "\n".join(rows) + "\n"
 
 

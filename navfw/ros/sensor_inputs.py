@@ -54,7 +54,7 @@ class SensorInputs:
         self._joints = (joints[:1], joints[1:2]) if joints else wheel_joints(robot)
         roll, pitch, yaw = (rotation_matrix(a * e) for a, e in zip(imu_rpy, np.eye(3), strict=True))
         self._axes: Array = yaw @ pitch @ roll
-        self._begin: float | None = None
+        self._begin = 0.0 if snap else None
         self._last: dict[str, float] = {}
         self._rates: list[tuple[float, ...]] = []
         self._inertial = Inertial(0.0, math.nan, math.nan, math.nan)

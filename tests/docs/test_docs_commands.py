@@ -162,6 +162,7 @@ NOT_TYPED = {
     r"navfw world import BARN": "needs worlds of others; tests/worldgen",
     r"navfw reproduce .*--data": "needs recordings of others; tests/reproduce",
     r".* examples/learn_weights": "an hour",
+    r"navfw ros|ros2 |source /opt|python3 -m venv|~/navfw": "tests/ros; needs a distribution",
     r".* examples/(drive|simulated)_robot": "tests/docs/test_docs_real_robot.py",
 }
 """Commands that are not typed here, as regular expressions, with the reason."""
