@@ -260,8 +260,7 @@ class DriveNode:
         over = threading.Event()
 
         def watch() -> None:
-            # in lock step the robot waits for the command, however long it takes
-            while not over.wait(0.25 * _OLDEST) and not self._options.lockstep:
+            while not over.wait(0.25 * _OLDEST):
                 if time.monotonic() - self._sent > _OLDEST:
                     self._send(_STAND)
 
@@ -313,6 +312,8 @@ class DriveNode:
             self._tell(self._node.now())
 
     def _send(self, twist: Twist, at: float | None = None) -> None:
+        if at is None and self._options.lockstep:
+            return  # the robot waits for the command of its tick, however long that takes
         stamp = self._node.now() if at is None else self._inputs.stamp_of(at)
         with self._sending:
             if self._stamped:
