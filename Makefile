@@ -20,7 +20,7 @@ test: | uv
 
 # by the wheels of ROS 2, in an environment of their own: uv cannot take them out of one again
 test-ros: | uv
-	UV_PROJECT_ENVIRONMENT=.venv-ros $(UV) run --group ros pytest tests/ros
+	UV_PROJECT_ENVIRONMENT=.venv-ros $(UV) run --group ros pytest $(or $(PYTEST_OPTIONS),tests/ros)
 
 # of the robot's rooms, with a floor (pyproject.toml); tracing doubles the time
 coverage: | uv

@@ -140,6 +140,7 @@ def test_a_killed_driver_leaves_the_robot_standing_and_tells_what_it_sees(
         assert listener.x == pytest.approx(stood_at, abs=0.01)
 
 
+@pytest.mark.thorough
 def test_a_driver_without_its_robot_says_so_and_drives_on_when_it_is_back(
     tmp_path: Path, listener: Listener
 ) -> None:
