@@ -89,17 +89,20 @@ def drive(
         node = RosNode("navfw", ctx.meta[_ROS_ARGS])
         try:
             driver = DriveNode(node, made, options)
-            node.say(f"{robot or 'default'} on the map {map_} by {stack or unnamed}")
-            ended = driver.run()
+            ended = driver.run(f"{robot or 'default'} on the map {map_} by {stack or unnamed}")
         except KeyboardInterrupt:
             ended = "ended by a signal"
         finally:
             node.close()
-        latency = driver.latency()
-    lines = [ended, *(f"  {name} {value}" for name, value in latency.items())]
-    print_result({"ended": ended, "notes": node.notes, **latency}, lines, json=json)
+    about = driver.latency()
+    _print_end(ended, {"notes": node.notes, **about}, json=json)
     if options.once and ended != "reached":
         raise typer.Exit(1)
+
+
+def _print_end(ended: str, about: dict[str, Any], *, json: bool) -> None:
+    lines = [ended, *(f"  {name} {value}" for name, value in about.items() if value)]
+    print_result({"ended": ended, **about}, lines, json=json)
 
 
 def _options(

@@ -22,14 +22,14 @@ from navfw.recording import planar_pose, ros_message
 from navfw.recording.ros_messages import command_message, odometry_message, transforms_message
 from navfw.ros import drive_outputs as outputs
 from navfw.ros.connection import Quality, RosNode
+from navfw.ros.goals import TOLERANCE, goal_at
 from navfw.ros.sensor_inputs import SensorInputs
 from navfw.signals import Frame, Pose, Twist, Waypoint
 from navfw.stack import Stack
-from navfw.topomap import TopoMap
 
 _RATES = {"explanation": 2.0, "local_map": 2.0, "overlay": 5.0, "diagnostics": 1.0}
 """How often each output is made at most [Hz]."""
-_OLDEST = 0.2
+_MAX_AGE = 0.2
 """Age [s] of the last command at which the robot is told to stand, whatever the stack does."""
 _LOST = 0.5
 """Time [s] without any message of the sensors after which what is missing is said."""
@@ -38,8 +38,6 @@ _SILENT = 0.1
 _STILL = 0.02
 """Speed [m/s] and turning rate [rad/s] up to which the robot stands."""
 _STAND = Twist(0.0, 0.0)
-_TOLERANCE = 0.3
-"""Distance [m] at which a goal that was sent is reached."""
 _TF = "tf2_msgs/msg/TFMessage"
 _SNAP = 240.0
 """Rate [Hz] of whose steps the times of ``navfw ros sim`` are multiples."""
@@ -182,7 +180,7 @@ class DriveNode:
         focal = message.k[0] * camera.width / message.width if message.width else 0.0
         if not (math.isfinite(focal) and focal > 0.0):
             self._node.note("camera_info is empty: the robot file's camera counts")
-        elif abs(focal / camera.focal - 1.0) > _TOLERANCE / 10.0:
+        elif abs(focal / camera.focal - 1.0) > TOLERANCE / 10.0:
             what = f"focal length of {focal:.1f} px, that of the robot file is {camera.focal:.1f}"
             self._node.note(f"camera_info has a {what} px: correct camera.hfov")
 
@@ -192,7 +190,7 @@ class DriveNode:
             self._node.note(f"a goal on goal_pose is left out: its frame is {what}")
             return
         place = message.pose.position
-        self._go_to(Waypoint(place.x, place.y, _TOLERANCE, "", "goal", final=True))
+        self._go_to(Waypoint(place.x, place.y, TOLERANCE, "", "goal", final=True))
 
     def _take_place(self, message: Any) -> None:
         try:
@@ -204,7 +202,7 @@ class DriveNode:
         try:
             if not (math.isfinite(goal.x) and math.isfinite(goal.y)):
                 raise InputError("its position is not a number")
-            self._stack.drive_to([goal])
+            self._stack.planner.start(self._stack.topo_map, [goal])
         except Exception as error:  # a planner may be a plugin
             self._node.note(f"a goal is left out: {error}")
             return
@@ -234,14 +232,18 @@ class DriveNode:
         return "driving on"
 
     def _cancel(self) -> str:
-        self._stack.drive_to([])
+        self._stack.planner.start(self._stack.topo_map, [])
         self._send(_STAND)
         return "the goals are dropped"
 
     # --- the loop --------------------------------------------------------------------------------
 
-    def run(self) -> str:
-        """Drive until a signal or, for a single drive, its end; how it ended, in a sentence."""
+    def run(self, about: str) -> str:
+        """Drive until a signal or, for a single drive, its end; how it ended, in a sentence.
+
+        ``about`` says what drives, for the log.
+        """
+        self._node.say(about)
         self._stack.start(self._options.start, self._options.goals)
         gc.freeze()  # one pass of garbage collection over what is loaded costs 0.1 s
         with self._guarded():
@@ -260,8 +262,8 @@ class DriveNode:
         over = threading.Event()
 
         def watch() -> None:
-            while not over.wait(0.25 * _OLDEST):
-                if time.monotonic() - self._sent > _OLDEST:
+            while not over.wait(0.25 * _MAX_AGE):
+                if time.monotonic() - self._sent > _MAX_AGE:
                     self._send(_STAND)
 
         watchdog = threading.Thread(target=watch, daemon=True)
@@ -391,16 +393,3 @@ class DriveNode:
         values: Array = 1e3 * np.array(self._latencies)
         p50, p99 = np.percentile(values, [50, 99]).round(1).tolist()
         return {"latency_p50_ms": p50, "latency_p99_ms": p99}
-
-
-def goal_at(topo_map: TopoMap, name: str, tolerance: float = _TOLERANCE) -> Waypoint:
-    """The place called ``name`` of the map, as a goal.
-
-    Raises:
-        UnknownNameError: there is no such place.
-
-    """
-    places = topo_map.places
-    if name not in places:
-        raise UnknownNameError("place", name, places)
-    return Waypoint(places[name].x, places[name].y, tolerance, name, "goal", final=True)

@@ -33,7 +33,7 @@ def pose_message(belief: Belief, now: int) -> bytes:
 
 def path_message(belief: Belief, path: Sequence[Waypoint], now: int) -> bytes:
     """``Path`` in ``map`` from the robot through the waypoints."""
-    points = [(belief.pose.x, belief.pose.y), *((each.x, each.y) for each in path)]
+    points = [(belief.pose.x, belief.pose.y), *((point.x, point.y) for point in path)]
     poses = [{"header": {"frame_id": "map"}, "pose": _pose(x, y, 0.0)} for x, y in points]
     return _in("map", "nav_msgs/msg/Path", {"poses": poses}, now)
 

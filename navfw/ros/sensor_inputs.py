@@ -26,7 +26,7 @@ _JUMP = 1.0
 """Step [s] of the clock backward, beyond which it has begun anew."""
 _SHAPE = 0.01
 """Relative difference of the shape of an image from that of the robot's camera that is allowed."""
-_MOST_TICKS = 1e12
+_MAX_TICKS = 1e12
 """Largest count of an encoder that is believed."""
 
 
@@ -168,7 +168,7 @@ class SensorInputs:
 
     def _wheels(self, topic: str, message: Any, now: float, ticks: Array) -> bool:
         """Take in counts (2,) since power-on."""
-        if not (np.abs(ticks) < _MOST_TICKS).all():
+        if not (np.abs(ticks) < _MAX_TICKS).all():
             self._note(f"angles on {topic} are not numbers: such messages are left out")
             return False
         time = self.time_of(topic, message.header.stamp, now)

@@ -216,17 +216,6 @@ class Stack:
         self.planner.start(self.topo_map, goals)
         self.timings.update(dict.fromkeys(TIMED, 0.0))
 
-    def drive_to(self, goals: Sequence[Waypoint]) -> None:
-        """Visit other ``goals`` from now on, with all that is known; none: stand still.
-
-        Raises:
-            InputError: the planner refuses the goals.
-            PluginCallError: the planner fails.
-
-        """
-        self.planner.start(self.topo_map, goals)
-        self._progress = ProgressWatch()
-
     def step(self, reading: SensorReading) -> Twist:
         """One control tick: the twist to drive until the next reading."""
         self.guard.time = reading.time

@@ -18,7 +18,7 @@ import navfw
 
 pytest.importorskip("rclpy", reason="needs the group ros: make test-ros")
 
-from navfw.recording.ros_messages import image_message, ros_message
+from navfw.recording import image_message, ros_message
 from navfw.ros import RosNode
 
 DRIVE = ("drive", "--map", "empty", "--start", "0,0,0", "--goal", "3,0", "--tolerance", "0.4")

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.recording import deserialize_cdr
-from navfw.recording.ros_messages import (
+from navfw.recording import (
+    deserialize_cdr,
     image_message,
     imu_message,
     joints_message,
