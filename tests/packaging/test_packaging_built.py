@@ -223,7 +223,7 @@ COMMANDS = {
     "explain RUN --at 1": "record",
     "report RUN": "record",
     "map show empty": "report",
-    "replay RUN --video out.mp4": "record",
+    "replay RUN --video out.mp4": "video",
 }
 """Commands, and the first extra that each of them lacks."""
 
