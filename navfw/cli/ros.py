@@ -86,16 +86,18 @@ def drive(
         model = load_robot(robot or "default")
         made = Stack.load(stack or unnamed, model, topo_map, default_registry())
         compile_with_progress(loaded=True, quiet=json)
-        node = RosNode("navfw", ctx.meta[_ROS_ARGS])
+        node, latency = RosNode("navfw", ctx.meta[_ROS_ARGS]), dict[str, float]()
         try:
             driver = DriveNode(node, made, options)
             node.say(f"{robot or 'default'} on the map {map_} by {stack or unnamed}")
-            ended = driver.run()
+            try:
+                ended = driver.run()
+            finally:
+                latency.update(driver.latency())
         except KeyboardInterrupt:
             ended = "ended by a signal"
         finally:
             node.close()
-        latency = driver.latency()
     lines = [ended, *(f"  {name} {value}" for name, value in latency.items())]
     print_result({"ended": ended, "notes": node.notes, **latency}, lines, json=json)
     if options.once and ended != "reached":

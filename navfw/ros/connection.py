@@ -16,7 +16,8 @@ from navfw.recording import deserialize_cdr
 Quality = Literal["sensor", "reliable", "latched"]
 """Quality of service: best effort as of sensor data, reliable, or kept for those that join late."""
 
-_DEPTH = 10
+_DEPTH, _MOST = 10, 200
+"""Messages that wait in a queue, and that are taken in before the caller has its turn."""
 
 
 class RosNode:
@@ -44,7 +45,9 @@ class RosNode:
             reason = " ".join(str(error).split())[:200]
             raise InputError(f"ROS refuses to start a node: {reason}", key="--ros-args") from None
         self._rclpy = rclpy
-        self._executor = importlib.import_module("rclpy.executors").SingleThreadedExecutor()
+        executors = importlib.import_module("rclpy.executors")
+        self._ended = executors.TimeoutException, executors.ShutdownException
+        self._executor = executors.SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self.notes: list[str] = []
 
@@ -117,8 +120,15 @@ class RosNode:
         self._node.create_service(trigger, f"~/{name}", serve)
 
     def spin(self, seconds: float) -> None:
-        """Take in what has arrived; wait up to ``seconds`` for the first of it."""
-        self._executor.spin_once(timeout_sec=seconds)
+        """Take in all that has arrived; wait up to ``seconds`` for the first of it."""
+        for number in range(_MOST):
+            try:
+                wait = seconds if number == 0 else 0.0
+                callback, *_ = self._executor.wait_for_ready_callbacks(timeout_sec=wait)
+            except self._ended:
+                return
+            callback()
+            callback.result()
 
     def spin_for(self, seconds: float) -> None:
         """Take in all that arrives within ``seconds`` of wall-clock time."""

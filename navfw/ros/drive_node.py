@@ -31,10 +31,13 @@ _RATES = {"explanation": 2.0, "local_map": 2.0, "overlay": 5.0, "diagnostics": 1
 """How often each output is made at most [Hz]."""
 _OLDEST = 0.2
 """Age [s] of the last command at which the robot is told to stand, whatever the stack does."""
-_LOST = 0.5
-"""Time [s] without any message of the sensors after which what is missing is said."""
-_SILENT = 0.1
-"""Time [s] without wheels after which ticks go by the clock: the safety monitor then judges."""
+_LOST = 0.7
+"""Time [s] without a message of a sensor after which it is said to be missing."""
+_SILENT = 0.15
+"""Time [s] without wheels after which ticks go by the other sensors, and the wheels do not count.
+Wheels of 10 Hz may be late by half their period, and a command may be 0.2 s old."""
+_ODD, _LONGEST = 0.75, 0.1
+"""Least time between two ticks, in periods; longest one [s] that the controller counts with."""
 _STILL = 0.02
 """Speed [m/s] and turning rate [rad/s] up to which the robot stands."""
 _STAND = Twist(0.0, 0.0)
@@ -90,13 +93,14 @@ class DriveNode:
             named,
             rpy,
             snap,
-            same_clock=node.parameter("use_sim_time", False),
         )
         self._stamped = node.parameter("stamped_cmd_vel", True)
-        self._due, self._images = 0.0, list[str]()
-        self._heard = self._ticked = time.monotonic()
+        self._images, self._missing = list[str](), list[str]()
+        self._heard: dict[str, float] = {}
+        self._ticked = time.monotonic()
         self._latest = self._stepped = -math.inf
-        self._held = ""
+        self._goals = options.goals
+        self._held, self._halted = "", False
         self._base: Pose | None = None
         self._frame: Frame | None = None
         self._told: dict[str, float] = {}
@@ -114,8 +118,10 @@ class DriveNode:
         quality: Quality = "reliable" if self._options.lockstep else "sensor"
 
         def hear(topic: str, kind: str, take: Any, **more: Any) -> None:
+            self._heard[topic] = time.monotonic()
+
             def receive(message: Any) -> None:
-                self._heard = time.monotonic()
+                self._heard[topic] = time.monotonic()
                 take(topic, message, 1e-9 * node.now(), **more)
 
             node.subscribe(topic, kind, receive, quality)
@@ -208,7 +214,7 @@ class DriveNode:
         except Exception as error:  # a planner may be a plugin
             self._node.note(f"a goal is left out: {error}")
             return
-        self._held = ""
+        self._goals = (goal,)
         self._node.say(f"to {goal.place or f'({goal.x:.2f}, {goal.y:.2f})'}")
 
     def _take_start(self, message: Any) -> None:
@@ -216,43 +222,62 @@ class DriveNode:
         if not all(map(math.isfinite, (x, y, yaw))):
             self._node.note("a pose on initialpose is left out: it is not a number")
             return
-        self._stack.start(Pose(x, y, yaw), [])
+        self._start(Pose(x, y, yaw))
+
+    def _start(self, pose: Pose | None) -> None:
+        """Begin anew at ``pose``, for the goals that are still ahead."""
+        state, at = self._stack.state, 0
+        if (last := next((each for each in state.path if each.final), None)) is not None:
+            places = [(goal.x, goal.y) for goal in self._goals]
+            at = places.index((last.x, last.y)) if (last.x, last.y) in places else 0
+        self._goals = () if state.finished else self._goals[at:]
+        self._stack.start(pose, self._goals)
         self._stepped = -math.inf
 
     def _stop(self) -> str:
         self._held = "stopped by ~/stop"
-        self._send(_STAND)
+        self._stand()
         return "the robot stands until ~/resume"
 
     def _resume(self) -> str:
         self._held, state = "", self._stack.state
         if state.fault is not None or state.stuck:
-            belief, path = state.belief, list(state.path)
-            known = belief is not None and not belief.lost
-            self._stack.start(belief.pose if belief is not None and known else None, path)
-            self._stepped = -math.inf
+            belief = state.belief
+            self._start(None if belief is None or belief.lost else belief.pose)
         return "driving on"
 
     def _cancel(self) -> str:
+        self._goals = ()
         self._stack.drive_to([])
-        self._send(_STAND)
+        self._stand()
         return "the goals are dropped"
 
     # --- the loop --------------------------------------------------------------------------------
 
     def run(self) -> str:
         """Drive until a signal or, for a single drive, its end; how it ended, in a sentence."""
-        self._stack.start(self._options.start, self._options.goals)
+        self.begin()
         gc.freeze()  # one pass of garbage collection over what is loaded costs 0.1 s
         with self._guarded():
-            while True:
+            while not (ended := self.advance(0.5 * self._period)):
                 check_interrupted()
-                self._node.spin(0.5 * self._period)
-                if (at := self._next_tick()) is not None:
-                    self._tick(at)
-                    ended = self._ended()
-                    if ended and self._options.once:
-                        return ended
+            return ended
+
+    def begin(self) -> None:
+        """Start the stack; raises as ``Stack.start``."""
+        self._stack.start(self._options.start, self._options.goals)
+
+    def advance(self, seconds: float) -> str:
+        """Take in what comes within ``seconds`` [s], and do the tick that is due.
+
+        How a single drive has ended, in a sentence; nothing while it goes on.
+        """
+        self._node.spin(seconds)
+        at = self._next_tick()
+        if at is None:
+            return ""
+        self._tick(at)
+        return self._ended() if self._options.once and not self._held else ""
 
     @contextmanager
     def _guarded(self) -> Any:
@@ -260,9 +285,9 @@ class DriveNode:
         over = threading.Event()
 
         def watch() -> None:
-            while not over.wait(0.25 * _OLDEST):
-                if time.monotonic() - self._sent > _OLDEST:
-                    self._send(_STAND)
+            while not over.wait(0.1 * _OLDEST):
+                if time.monotonic() - self._sent > 0.9 * _OLDEST:
+                    self._stand()
 
         watchdog = threading.Thread(target=watch, daemon=True)
         watchdog.start()
@@ -272,48 +297,58 @@ class DriveNode:
             over.set()
             watchdog.join()
             for _ in range(3):
-                self._send(_STAND)
+                self._stand()
                 time.sleep(0.02)
 
     def _next_tick(self) -> float | None:
         """The time [s] of the tick that is due; None while there is none."""
-        if self._latest > self._stepped and not (self._options.lockstep and self._waits()):
-            return self._latest
+        if self._options.lockstep:
+            came = self._inputs.complete(self._latest, self._images)
+            return self._latest if came and self._latest > self._stepped else None
         now = time.monotonic()
-        if self._options.lockstep or self._stepped == -math.inf:
-            self._say_missing(now)
-            return None
-        if now - max(self._heard, self._ticked) > _LOST:
-            self._say_missing(now)
-            return None
+        self._tell_missing(now)
+        if self._stepped == -math.inf:
+            return None if self._latest == -math.inf else self._latest
+        if self._latest > self._stepped + _ODD * self._period:
+            return self._latest
         alive = self._inputs.newest > self._stepped + self._period
         return self._inputs.newest if alive and now - self._ticked > _SILENT else None
 
-    def _waits(self) -> bool:
-        """Whether what belongs to the newest wheels has not come yet."""
-        return not self._inputs.complete(self._latest, self._images)
-
-    def _say_missing(self, now: float) -> None:
-        if now - max(self._heard, self._ticked) > _LOST and self._due <= now:
-            self._due = now + 5.0
-            self._node.say("no message of camera, IMU and wheels: the robot is told to stand")
+    def _tell_missing(self, now: float) -> None:
+        missing = [topic for topic, at in self._heard.items() if now - at > _LOST]
+        if missing == self._missing:
+            return
+        self._missing = missing
+        stands = ": the robot stands" if len(missing) == len(self._heard) else ""
+        self._node.say(f"nothing comes on {', '.join(missing) or 'no topic, all are back'}{stands}")
 
     def _tick(self, at: float) -> None:
-        reading = self._inputs.reading(at)
+        reading = self._inputs.reading(at, silent=at > self._latest)
+        if not self._options.lockstep:
+            if self._halted:
+                self._halted = False
+                self._stack.halt()
+            self._stack.period = min(at - self._stepped, _LONGEST)
         self._stepped, self._ticked = at, time.monotonic()
         self._frame = reading.frame or self._frame
         twist = self._stack.step(reading)
         state = self._stack.state
-        held = self._held or state.fault or state.stuck
-        self._send(_STAND if held else twist, at)
+        if self._held:
+            self._halted = True
+            self._stack.mofis.progress.reset()
+        self._send(_STAND if self._held or state.fault or state.stuck else twist, at)
         if reading.frame is not None:
             came_at, age = self._image_came
             self._latencies.append(max(0.0, age) + time.monotonic() - came_at)
             self._tell(self._node.now())
 
+    def _stand(self) -> None:
+        """Tell the robot to stand, until the next tick."""
+        if not self._options.lockstep:  # it waits for the command of its tick, as long as it takes
+            self._halted = True
+            self._send(_STAND)
+
     def _send(self, twist: Twist, at: float | None = None) -> None:
-        if at is None and self._options.lockstep:
-            return  # the robot waits for the command of its tick, however long that takes
         stamp = self._node.now() if at is None else self._inputs.stamp_of(at)
         with self._sending:
             if self._stamped:

@@ -6,6 +6,7 @@ Images, rates and wheels have clocks and faults of their own: each is judged whe
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -26,6 +27,8 @@ _JUMP = 1.0
 """Step [s] of the clock backward, beyond which it has begun anew."""
 _SHAPE = 0.01
 """Relative difference of the shape of an image from that of the robot's camera that is allowed."""
+_MOST_RATES = 1000
+"""Rates that are kept while the wheels are silent."""
 _MOST_TICKS = 1e12
 """Largest count of an encoder that is believed."""
 
@@ -36,7 +39,6 @@ class SensorInputs:
     Times are those of stamps [s] from the first message on; ``shift`` [s] is added to them, so that
     time never goes back, even when a simulated clock begins anew. ``note`` is called with remarks
     for people. ``snap`` [Hz]: stamps are multiples of 1 / ``snap``, exactly, not of nanoseconds.
-    ``same_clock``: stamps are of the node's own, simulated, clock, which may lag behind them.
     """
 
     def __init__(
@@ -46,21 +48,19 @@ class SensorInputs:
         joints: Sequence[str] = (),
         imu_rpy: Sequence[float] = (0.0, 0.0, 0.0),
         snap: float = 0.0,
-        *,
-        same_clock: bool = False,
     ) -> None:
         self._robot, self._note, self._snap = robot, note, snap
-        self._same_clock = same_clock or snap > 0.0
         self._joints = (joints[:1], joints[1:2]) if joints else wheel_joints(robot)
         roll, pitch, yaw = (rotation_matrix(a * e) for a, e in zip(imu_rpy, np.eye(3), strict=True))
         self._axes: Array = yaw @ pitch @ roll
         self._begin = 0.0 if snap else None
         self._last: dict[str, float] = {}
-        self._rates: list[tuple[float, ...]] = []
+        self._rates: deque[tuple[float, ...]] = deque(maxlen=_MOST_RATES)
         self._inertial = Inertial(0.0, math.nan, math.nan, math.nan)
         self._ticks = self._zero = np.zeros(2)
-        self._wheels_at = 0.0
+        self._wheels_at, self._read_at = 0.0, -math.inf
         self._odometry: tuple[float, float, float] | None = None
+        self._lost = False
         self._frame: Frame | None = None
         self._landmarks: Frame | None = None
         self.shift = 0.0
@@ -69,10 +69,11 @@ class SensorInputs:
     def time_of(self, topic: str, stamp: Any, now: float) -> float | None:
         """The time [s] of a message with ``stamp`` that came at ``now`` [s]; None if it goes back.
 
-        A stamp of another clock counts as its reception.
+        A stamp of another clock counts as its reception. A simulated clock is at 0 before it is
+        heard, and in lock step it may lag behind.
         """
         time = float(stamp.sec) + 1e-9 * float(stamp.nanosec)
-        if abs(time - now) > _CLOCKS and not self._same_clock:
+        if abs(time - now) > _CLOCKS and now > 0.0 and not self._snap:
             where = "behind" if time < now else "ahead of"
             what = f"the clock of {topic} is {abs(time - now):.3g} s {where} this node's"
             self._note(f"{what}: its messages count from their reception")
@@ -174,7 +175,9 @@ class SensorInputs:
         time = self.time_of(topic, message.header.stamp, now)
         if time is None:
             return False
-        self._ticks, self._wheels_at = self._zero + ticks, time
+        if self._lost:
+            self._zero, self._lost = self._ticks - ticks, False
+        self._ticks, self._wheels_at = self._zero + ticks, max(time, self._wheels_at)
         return True
 
     @property
@@ -196,12 +199,20 @@ class SensorInputs:
         """The stamp [ns] of ``time`` [s], by the clock of the sensors."""
         return round(1e9 * (time - self.shift + (self._begin or 0.0)))
 
-    def reading(self, time: float) -> SensorReading:
-        """What the sensors say at ``time`` [s]; each image is given once."""
+    def reading(self, time: float, *, silent: bool = False) -> SensorReading:
+        """What the sensors say at ``time`` [s]; each image is given once.
+
+        Rates are the mean ones since the wheels' last message before: over as long as they rolled.
+        Wheels that are ``silent`` do not count, and what they roll is lost, as in the simulator.
+        """
+        if silent:
+            self._lost, self._wheels_at = True, time
         if self._rates:
             means = np.mean([rates[1:] for rates in self._rates], axis=0).tolist()
             self._inertial = Inertial(min(self._rates[-1][0], time), *means)
+        if self._wheels_at > self._read_at:
             self._rates.clear()
+            self._read_at = self._wheels_at
         left, right = np.rint(self._ticks).astype(np.int64).tolist()
         encoders = Encoders(min(self._wheels_at, time), left, right)
         frame, self._frame = self._frame, None

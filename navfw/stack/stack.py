@@ -68,7 +68,10 @@ TIMED = (
 
 
 class Stack:
-    """Composes the stages. Its only inputs are sensor readings and the map file."""
+    """Composes the stages. Its only inputs are sensor readings and the map file.
+
+    ``period`` [s] is the time from one control tick to the next.
+    """
 
     def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
         self.guard = PluginGuard()
@@ -77,6 +80,7 @@ class Stack:
         self.features = GuardedFeatures(self.guard, cast(FeatureRecognizer, features))
         self._reduction = robot.camera.reduction
         self.robot = robot = robot.with_reduced_images()
+        self.period = 1.0 / robot.control_rate
 
         def build(stage: str) -> Any:
             return self.guard.construct(config.stages[stage], robot)
@@ -227,6 +231,16 @@ class Stack:
         self.planner.start(self.topo_map, goals)
         self._progress = ProgressWatch()
 
+    def halt(self) -> None:
+        """Take note that the robot was told to stand, in place of the last command.
+
+        That its wheels do not turn is then no fault.
+        """
+        self.verdict = replace(self.verdict, twist=Twist(0.0, 0.0))
+        self.safety.follow(Twist(0.0, 0.0))
+        self.trim.apply(Twist(0.0, 0.0))
+        self.controller.reset()
+
     def step(self, reading: SensorReading) -> Twist:
         """One control tick: the twist to drive until the next reading."""
         self.guard.time = reading.time
@@ -247,8 +261,7 @@ class Stack:
         if frame is not None:
             self._decide(reading, frame, odometry)
         with timed(self.timings, "control"):
-            dt = 1.0 / self.robot.control_rate
-            twist = self.controller.control(self.state.command, odometry, dt)
+            twist = self.controller.control(self.state.command, odometry, self.period)
         with timed(self.timings, "safety"):
             self.verdict = self.safety.limit(twist, reading.time, odometry.pose)
         if self.safety.failure is not None:

@@ -149,7 +149,9 @@ def test_a_driver_without_its_robot_says_so_and_drives_on_when_it_is_back(
         robot = processes.enter_context(started(tmp_path, *SIM))
         listener.spin_until(lambda: listener.speed > 0.2, 200.0)
         robot.send_signal(signal.SIGKILL)
-        wait_until(lambda: "no message of camera, IMU and wheels" in said(tmp_path, "drive"), 3.0)
+        wait_until(
+            lambda: "nothing comes on image, imu, joint_states" in said(tmp_path, "drive"), 3.0
+        )
         listener.spin_until(lambda: listener.speed == 0.0, 1.0)
         (tmp_path / "sim.err").unlink()
         processes.enter_context(started(tmp_path, *SIM))

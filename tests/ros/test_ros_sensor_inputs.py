@@ -75,7 +75,7 @@ def test_in_lock_step_readings_come_back_bit_for_bit(
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(0.0, 50.0), min_size=1, max_size=30))
 def test_time_never_goes_back(times: list[float]) -> None:
-    inputs, newest = made([], same_clock=True), -math.inf
+    inputs, newest = made([]), -math.inf
     for number, time in enumerate(times):
         if inputs.joints("joint_states", joints(time, number, number), time):
             assert inputs.newest_of("joint_states") > newest
@@ -84,7 +84,7 @@ def test_time_never_goes_back(times: list[float]) -> None:
 
 def test_a_clock_that_begins_anew_goes_on_and_the_wheels_do_not_jump() -> None:
     notes: list[str] = []
-    inputs = made(notes, same_clock=True)
+    inputs = made(notes)
     for time, ticks in ((100.0, 0), (100.1, 500), (0.0, 0), (0.1, 30)):
         assert inputs.joints("joint_states", joints(time, ticks, ticks), time)
     reading = inputs.reading(inputs.newest)
