@@ -37,9 +37,8 @@ class RosNode:
         words = ["--ros-args", *arguments] if arguments else []
         try:
             rclpy.init(args=words, signal_handler_options=signals)
-            self._node = rclpy.create_node(
-                name, automatically_declare_parameters_from_overrides=True
-            )
+            made = importlib.import_module("rclpy.lifecycle").LifecycleNode
+            self._node = made(name, automatically_declare_parameters_from_overrides=True)
         except Exception as error:  # rclpy raises errors of many kinds
             rclpy.try_shutdown()
             reason = " ".join(str(error).split())[:200]
@@ -118,6 +117,25 @@ class RosNode:
             return response
 
         self._node.create_service(trigger, f"~/{name}", serve)
+
+    def manage(self, activate: Callable[[], object], deactivate: Callable[[], object]) -> None:
+        """Let a lifecycle manager deactivate and activate the node, which is active from now on."""
+        lifecycle = importlib.import_module("rclpy.lifecycle")
+
+        class Managed(lifecycle.ManagedEntity):  # type: ignore[misc, name-defined]
+            def on_activate(self, _: Any) -> Any:
+                activate()
+                return lifecycle.TransitionCallbackReturn.SUCCESS
+
+            def on_deactivate(self, _: Any) -> Any:
+                deactivate()
+                return lifecycle.TransitionCallbackReturn.SUCCESS
+
+            on_shutdown = on_error = on_deactivate
+
+        self._node.add_managed_entity(Managed())
+        self._node.trigger_configure()
+        self._node.trigger_activate()
 
     def spin(self, seconds: float) -> None:
         """Take in all that has arrived; wait up to ``seconds`` for the first of it."""

@@ -41,6 +41,8 @@ _ODD, _LONGEST = 0.75, 0.1
 _STILL = 0.02
 """Speed [m/s] and turning rate [rad/s] up to which the robot stands."""
 _STAND = Twist(0.0, 0.0)
+_STOPPED, _INACTIVE = "stopped by ~/stop", "inactive"
+"""What holds the robot."""
 _TOLERANCE = 0.3
 """Distance [m] at which a goal that was sent is reached."""
 _TF = "tf2_msgs/msg/TFMessage"
@@ -100,7 +102,7 @@ class DriveNode:
         self._ticked = time.monotonic()
         self._latest = self._stepped = -math.inf
         self._goals = options.goals
-        self._held, self._halted = "", False
+        self._held, self._halted = set[str](), False
         self._base: Pose | None = None
         self._frame: Frame | None = None
         self._told: dict[str, float] = {}
@@ -146,6 +148,7 @@ class DriveNode:
             ("cancel", self._cancel),
         ):
             node.serve(name, answer)
+        node.manage(lambda: self._held.discard(_INACTIVE), lambda: self._hold(_INACTIVE))
 
     def _advertise(self) -> None:
         def out(topic: str, kind: str, quality: Any = "reliable") -> Any:
@@ -234,17 +237,21 @@ class DriveNode:
         self._stack.start(pose, self._goals)
         self._stepped = -math.inf
 
-    def _stop(self) -> str:
-        self._held = "stopped by ~/stop"
+    def _hold(self, why: str) -> None:
+        self._held.add(why)
         self._stand()
+
+    def _stop(self) -> str:
+        self._hold(_STOPPED)
         return "the robot stands until ~/resume"
 
     def _resume(self) -> str:
-        self._held, state = "", self._stack.state
+        self._held.discard(_STOPPED)
+        state = self._stack.state
         if state.fault is not None or state.stuck:
             belief = state.belief
             self._start(None if belief is None or belief.lost else belief.pose)
-        return "driving on"
+        return "driving on" if not self._held else f"still {', '.join(self._held)}"
 
     def _cancel(self) -> str:
         self._goals = ()
@@ -402,7 +409,7 @@ class DriveNode:
             width = self._robot.camera.width
             out["overlay"](outputs.overlay_message(self._frame, state, width, now))
         if self._turn_of("diagnostics", "/diagnostics"):
-            summary, level = self._ended() or self._held or state.veto or "driving", 0
+            summary, level = self._ended() or ", ".join(self._held) or state.veto or "driving", 0
             level = 2 if state.fault else 1 if state.stuck or state.veto or state.faults else 0
             values = {
                 **self.latency(),

@@ -34,6 +34,8 @@ _CAMERA_INFO = 1.0
 """Period [s] of camera_info."""
 _DISCOVERY = 1.0
 """Time [s] in which the other node finds this one as well."""
+_FASTEST = 100.0
+"""Largest speed [m/s] and turning rate [rad/s] that is taken for a command."""
 _STAND = Twist(0.0, 0.0)
 
 TOPICS = {
@@ -156,8 +158,8 @@ class RosPilot:
     def _take(self, message: Any) -> None:
         twist = message.twist if hasattr(message, "twist") else message
         v, w = twist.linear.x, twist.angular.z
-        if not (math.isfinite(v) and math.isfinite(w)):
-            self._node.note("a command is left out: it is not a number")
+        if not max(abs(v), abs(w)) <= _FASTEST or math.isnan(w):
+            self._node.note(f"a command is left out: v = {v:g}, w = {w:g}")
             return
         if hasattr(message, "header"):
             stamp = message.header.stamp
@@ -166,10 +168,11 @@ class RosPilot:
 
     def _take_status(self, message: Any) -> None:
         try:
-            status = json.loads(message.data)
-        except ValueError:
-            return
-        self._status = status if isinstance(status, dict) else {}
+            self._status = json.loads(message.data)
+            self._state(0.0)
+        except (ValueError, TypeError, AttributeError, RecursionError):
+            self._node.note("a message on navfw/status cannot be read")
+            self._status = {}
 
     def _state(self, now: float) -> StackState:
         """What the driving node says of its state, if it says anything."""
@@ -180,7 +183,7 @@ class RosPilot:
         spread = np.zeros((3, 3))
         lost = bool(status.get("lost"))
         return StackState(
-            belief=None if at is None else Belief(now, Pose(*at), spread, lost=lost),
+            belief=None if at is None else Belief(now, Pose(*map(float, at)), spread, lost=lost),
             time=now,
             finished=bool(status.get("finished")),
             stuck=status.get("stuck"),

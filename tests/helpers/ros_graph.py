@@ -95,6 +95,9 @@ class GraphNode:
     def serve(self, name: str, answer: Callable[[], str]) -> None:
         self.services[name] = answer
 
+    def manage(self, *_: Callable[[], object]) -> None:
+        pass
+
     def wanted(self, topic: str) -> bool:
         return bool(self.graph.topics[topic])
 

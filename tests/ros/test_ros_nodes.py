@@ -18,6 +18,10 @@ import navfw
 
 pytest.importorskip("rclpy", reason="needs the group ros: make test-ros")
 
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from std_srvs.srv import Trigger
+
 from navfw.recording.ros_messages import image_message, ros_message
 from navfw.ros import RosNode
 
@@ -160,6 +164,45 @@ def test_a_driver_without_its_robot_says_so_and_drives_on_when_it_is_back(
         driver.wait(10.0)
         listener.spin_until(lambda: listener.speed == 0.0, 2.0)
         assert "Traceback" not in said(tmp_path, "drive")
+
+
+def call(listener: Listener, kind: Any, name: str, request: Any) -> Any:
+    """Call a service of the driver; its answer."""
+    client = listener.node._node.create_client(kind, f"/navfw/{name}")
+    listener.spin_until(client.service_is_ready)
+    answer = client.call_async(request)
+    listener.spin_until(answer.done)
+    return answer.result()
+
+
+def test_services_and_a_lifecycle_manager_hold_the_robot(
+    tmp_path: Path, listener: Listener
+) -> None:
+    def stands() -> None:
+        listener.spin_until(lambda: listener.speed == 0.0, 2.0)
+        listener.node.spin_for(1.0)
+        assert listener.speed == 0.0
+
+    def change(number: int) -> None:
+        transition = Transition(id=number)
+        answer = call(
+            listener, ChangeState, "change_state", ChangeState.Request(transition=transition)
+        )
+        assert answer.success
+
+    with ExitStack() as processes:
+        processes.enter_context(started(tmp_path, *DRIVE, *SIM_TIME))
+        processes.enter_context(started(tmp_path, *SIM, "--pace", "0.5"))
+        listener.spin_until(lambda: listener.speed > 0.1, 200.0)
+        change(Transition.TRANSITION_DEACTIVATE)
+        stands()
+        assert "stands" in call(listener, Trigger, "stop", Trigger.Request()).message
+        change(Transition.TRANSITION_ACTIVATE)
+        stands()
+        assert "driving on" in call(listener, Trigger, "resume", Trigger.Request()).message
+        listener.spin_until(lambda: listener.speed > 0.1, 10.0)
+        assert "dropped" in call(listener, Trigger, "cancel", Trigger.Request()).message
+        stands()
 
 
 def hostile_messages(generator: np.random.Generator) -> Iterator[tuple[str, str, bytes]]:

@@ -93,6 +93,27 @@ def test_a_clock_that_begins_anew_goes_on_and_the_wheels_do_not_jump() -> None:
     assert any("begun anew" in note for note in notes)
 
 
+def test_silent_wheels_do_not_count_and_what_they_roll_is_lost() -> None:
+    inputs = made([])
+    inputs.joints("joint_states", joints(1.0, 10, 20), 1.0)
+    assert inputs.reading(0.0).encoders == Encoders(0.0, 10, 20)
+    assert inputs.reading(0.5, silent=True).encoders == Encoders(0.5, 10, 20)
+    inputs.joints("joint_states", joints(1.6, 400, 500), 1.6)
+    inputs.joints("joint_states", joints(1.7, 403, 505), 1.7)
+    assert inputs.reading(0.7).encoders == Encoders(pytest.approx(0.7), 13, 25)
+
+
+def test_rates_are_means_over_the_time_that_the_wheels_rolled() -> None:
+    inputs = made([])
+    for time, rate in ((1.0, 0.0), (1.1, 0.2), (1.2, 0.6)):
+        sent = imu_message(ROBOT, read_at(time, rate), nanoseconds(time))
+        inputs.imu("imu", deserialize_cdr(sent, IMU), time)
+        if time != 1.1:
+            inputs.joints("joint_states", joints(time, 1, 1), time)
+        rates = inputs.reading(time - 1.0).inertial.yaw_rate
+    assert rates == pytest.approx(0.4)
+
+
 def test_stamps_of_another_clock_count_from_reception() -> None:
     notes: list[str] = []
     inputs = made(notes)
