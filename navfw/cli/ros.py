@@ -89,19 +89,22 @@ def drive(
         node, latency = RosNode("navfw", ctx.meta[_ROS_ARGS]), dict[str, float]()
         try:
             driver = DriveNode(node, made, options)
-            node.say(f"{robot or 'default'} on the map {map_} by {stack or unnamed}")
             try:
-                ended = driver.run()
+                ended = driver.run(f"{robot or 'default'} on the map {map_} by {stack or unnamed}")
             finally:
                 latency.update(driver.latency())
         except KeyboardInterrupt:
             ended = "ended by a signal"
         finally:
             node.close()
-    lines = [ended, *(f"  {name} {value}" for name, value in latency.items())]
-    print_result({"ended": ended, "notes": node.notes, **latency}, lines, json=json)
+    _print_end(ended, {"notes": node.notes, **latency}, json=json)
     if options.once and ended != "reached":
         raise typer.Exit(1)
+
+
+def _print_end(ended: str, about: dict[str, Any], *, json: bool) -> None:
+    lines = [ended, *(f"  {name} {value}" for name, value in about.items() if value)]
+    print_result({"ended": ended, **about}, lines, json=json)
 
 
 def _options(

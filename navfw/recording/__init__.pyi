@@ -29,7 +29,11 @@ from .provenance import machine_kind as machine_kind
 from .recorded_run import RecordedRun as RecordedRun
 from .recorded_run import image_of as image_of
 from .recorded_run import open_run as open_run
+from .ros_messages import image_message as image_message
+from .ros_messages import imu_message as imu_message
+from .ros_messages import joints_message as joints_message
 from .ros_messages import message_types as message_types
+from .ros_messages import odometry_message as odometry_message
 from .ros_messages import ros_message as ros_message
 from .run_folder import FILES as FILES
 from .run_folder import PICTURE as PICTURE

@@ -7,29 +7,23 @@ import json
 import math
 import threading
 import time
-from collections import deque
 from collections.abc import Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from navfw.errors import InputError, UnknownNameError
-from navfw.numerics import Array
 from navfw.process.interruption import check_interrupted
 from navfw.recording import planar_pose, ros_message
-from navfw.recording.ros_messages import command_message, odometry_message, transforms_message
-from navfw.ros import drive_outputs as outputs
+from navfw.recording.ros_messages import command_message
 from navfw.ros.connection import Quality, RosNode
+from navfw.ros.drive_outputs import DriveOutputs, text_message
+from navfw.ros.goals import TOLERANCE, goal_at
 from navfw.ros.sensor_inputs import SensorInputs
-from navfw.signals import Frame, Pose, Twist, Waypoint
-from navfw.stack import Stack
-from navfw.topomap import TopoMap
+from navfw.signals import Pose, Twist, Waypoint
+from navfw.stack import Stack, halt
 
-_RATES = {"explanation": 2.0, "local_map": 2.0, "overlay": 5.0, "diagnostics": 1.0}
-"""How often each output is made at most [Hz]."""
-_OLDEST = 0.2
+_MAX_AGE = 0.2
 """Age [s] of the last command at which the robot is told to stand, whatever the stack does."""
 _LOST = 0.7
 """Time [s] without a message of a sensor after which it is said to be missing."""
@@ -48,14 +42,13 @@ _TOLERANCE = 0.3
 _TF = "tf2_msgs/msg/TFMessage"
 _SNAP = 240.0
 """Rate [Hz] of whose steps the times of ``navfw ros sim`` are multiples."""
-_LATENCIES = 10_000
-"""Latencies kept for the median."""
 
 TOPICS: Mapping[str, tuple[str, str]] = {
     "image": ("sensor_msgs/msg/Image", "the camera; with `compressed`, image/compressed"),
     "imu": ("sensor_msgs/msg/Imu", "rates; turned to base_link by the parameter imu_rpy"),
     "joint_states": ("sensor_msgs/msg/JointState", "positions of the wheels"),
     "odom": ("nav_msgs/msg/Odometry", "in place of joint_states, with wheels:=odom"),
+    "landmark_image": ("sensor_msgs/msg/Image", "for stacks that find markers, in full resolution"),
     "camera_info": ("sensor_msgs/msg/CameraInfo", "compared with the robot file"),
     "goal_pose": ("geometry_msgs/msg/PoseStamped", "a goal, as of RViz's button"),
     "goal_place": ("std_msgs/msg/String", "a goal by the name of a place"),
@@ -89,13 +82,7 @@ class DriveNode:
         rpy = node.parameter("imu_rpy", [0.0, 0.0, 0.0])
         snap = _SNAP if options.lockstep else 0.0
         named = joints if all(joints) else ()
-        self._inputs = SensorInputs(
-            self._robot,
-            node.note,
-            named,
-            rpy,
-            snap,
-        )
+        self._inputs = SensorInputs(self._robot, node.note, named, rpy, snap)
         self._stamped = node.parameter("stamped_cmd_vel", True)
         self._images, self._missing = list[str](), list[str]()
         self._heard: dict[str, float] = {}
@@ -104,10 +91,7 @@ class DriveNode:
         self._goals = options.goals
         self._held, self._halted = set[str](), False
         self._base: Pose | None = None
-        self._frame: Frame | None = None
-        self._told: dict[str, float] = {}
         self._image_came = 0.0, 0.0
-        self._latencies: deque[float] = deque(maxlen=_LATENCIES)
         self._sent = math.inf
         self._sending = threading.Lock()
         self._subscribe(node.parameter("wheels", "joints"), node.parameter("compressed", False))
@@ -123,7 +107,8 @@ class DriveNode:
             self._heard[topic] = time.monotonic()
 
             def receive(message: Any) -> None:
-                self._heard[topic] = time.monotonic()
+                if topic in self._heard:
+                    self._heard[topic] = time.monotonic()
                 take(topic, message, 1e-9 * node.now(), **more)
 
             node.subscribe(topic, kind, receive, quality)
@@ -133,6 +118,7 @@ class DriveNode:
         hear(image, kind, self._take_image)
         if self._stack.features.landmark_frames:
             hear("landmark_image", TOPICS["image"][0], inputs.image, landmarks=True)
+            del self._heard["landmark_image"]
         hear("imu", TOPICS["imu"][0], inputs.imu)
         topic = "joint_states" if wheels == "joints" else "odom"
         hear(topic, TOPICS[topic][0], self._take_wheels)
@@ -157,16 +143,7 @@ class DriveNode:
         velocity = "TwistStamped" if self._stamped else "Twist"
         self._command = out("cmd_vel", f"geometry_msgs/msg/{velocity}")
         self._status = out("navfw/status", "std_msgs/msg/String", "latched")
-        self._out = {
-            "pose": out("navfw/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
-            "path": out("navfw/path", "nav_msgs/msg/Path"),
-            "odometry": out("navfw/odom", "nav_msgs/msg/Odometry"),
-            "tf": out("/tf", _TF),
-            "local_map": out("navfw/local_map", "nav_msgs/msg/OccupancyGrid", "latched"),
-            "explanation": out("navfw/explanation", "std_msgs/msg/String"),
-            "overlay": out("navfw/image/compressed", "sensor_msgs/msg/CompressedImage"),
-            "diagnostics": out("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray"),
-        }
+        self._outputs = DriveOutputs(self._node, self._stack)
 
     # --- what comes in ---------------------------------------------------------------------------
 
@@ -191,7 +168,7 @@ class DriveNode:
         focal = message.k[0] * camera.width / message.width if message.width else 0.0
         if not (math.isfinite(focal) and focal > 0.0):
             self._node.note("camera_info is empty: the robot file's camera counts")
-        elif abs(focal / camera.focal - 1.0) > _TOLERANCE / 10.0:
+        elif abs(focal / camera.focal - 1.0) > TOLERANCE / 10.0:
             what = f"focal length of {focal:.1f} px, that of the robot file is {camera.focal:.1f}"
             self._node.note(f"camera_info has a {what} px: correct camera.hfov")
 
@@ -201,7 +178,7 @@ class DriveNode:
             self._node.note(f"a goal on goal_pose is left out: its frame is {what}")
             return
         place = message.pose.position
-        self._go_to(Waypoint(place.x, place.y, _TOLERANCE, "", "goal", final=True))
+        self._go_to(Waypoint(place.x, place.y, TOLERANCE, "", "goal", final=True))
 
     def _take_place(self, message: Any) -> None:
         try:
@@ -213,7 +190,7 @@ class DriveNode:
         try:
             if not (math.isfinite(goal.x) and math.isfinite(goal.y)):
                 raise InputError("its position is not a number")
-            self._stack.drive_to([goal])
+            self._stack.planner.start(self._stack.topo_map, [goal])
         except Exception as error:  # a planner may be a plugin
             self._node.note(f"a goal is left out: {error}")
             return
@@ -255,14 +232,18 @@ class DriveNode:
 
     def _cancel(self) -> str:
         self._goals = ()
-        self._stack.drive_to([])
+        self._stack.planner.start(self._stack.topo_map, [])
         self._stand()
         return "the goals are dropped"
 
     # --- the loop --------------------------------------------------------------------------------
 
-    def run(self) -> str:
-        """Drive until a signal or, for a single drive, its end; how it ended, in a sentence."""
+    def run(self, about: str) -> str:
+        """Drive until a signal or, for a single drive, its end; how it ended, in a sentence.
+
+        ``about`` says what drives, for the log.
+        """
+        self._node.say(about)
         self.begin()
         gc.freeze()  # one pass of garbage collection over what is loaded costs 0.1 s
         with self._guarded():
@@ -292,8 +273,8 @@ class DriveNode:
         over = threading.Event()
 
         def watch() -> None:
-            while not over.wait(0.1 * _OLDEST):
-                if time.monotonic() - self._sent > 0.9 * _OLDEST:
+            while not over.wait(0.1 * _MAX_AGE):
+                if time.monotonic() - self._sent > 0.9 * _MAX_AGE:
                     self._stand()
 
         watchdog = threading.Thread(target=watch, daemon=True)
@@ -334,10 +315,9 @@ class DriveNode:
         if not self._options.lockstep:
             if self._halted:
                 self._halted = False
-                self._stack.halt()
+                halt(self._stack)
             self._stack.period = min(at - self._stepped, _LONGEST)
         self._stepped, self._ticked = at, time.monotonic()
-        self._frame = reading.frame or self._frame
         twist = self._stack.step(reading)
         state = self._stack.state
         if self._held:
@@ -346,8 +326,9 @@ class DriveNode:
         self._send(_STAND if self._held or state.fault or state.stuck else twist, at)
         if reading.frame is not None:
             came_at, age = self._image_came
-            self._latencies.append(max(0.0, age) + time.monotonic() - came_at)
-            self._tell(self._node.now())
+            self._outputs.latencies.append(max(0.0, age) + time.monotonic() - came_at)
+            ended = self._ended() or ", ".join(self._held)
+            self._outputs.tell(reading.frame, self._base, ended, self._node.now())
 
     def _stand(self) -> None:
         """Tell the robot to stand, until the next tick."""
@@ -376,7 +357,7 @@ class DriveNode:
                 "stuck": state.stuck,
                 "fault": None if state.fault is None else state.fault.reason,
             }
-            self._status(outputs.text_message(json.dumps(status)))
+            self._status(text_message(json.dumps(status)))
 
     def _ended(self) -> str:
         """How the drive has ended; nothing while it goes on."""
@@ -389,60 +370,6 @@ class DriveNode:
         still = max(abs(twist.v), abs(twist.w)) <= _STILL
         return "reached" if state.finished and still else ""
 
-    def _tell(self, now: int) -> None:
-        """Publish what is to be seen of the last decision, each at its rate."""
-        stack, state, out = self._stack, self._stack.state, self._out
-        if state.belief is not None and state.odometry is not None:
-            out["pose"](outputs.pose_message(state.belief, now))
-            out["path"](outputs.path_message(state.belief, state.path, now))
-            out["odometry"](odometry_message(state.odometry, now))
-            base = self._base
-            pose, camera = (
-                (state.odometry.pose, self._robot.camera) if base is None else (base, None)
-            )
-            out["tf"](transforms_message(pose, now, state.belief, camera))
-        if self._turn_of("explanation", "navfw/explanation"):
-            out["explanation"](outputs.explanation_message(stack.explain()))
-        if self._turn_of("local_map", "navfw/local_map") and stack.local_map.occupancy.located:
-            out["local_map"](outputs.grid_message(stack.local_map.occupancy, now))
-        if self._frame is not None and self._turn_of("overlay", "navfw/image/compressed"):
-            width = self._robot.camera.width
-            out["overlay"](outputs.overlay_message(self._frame, state, width, now))
-        if self._turn_of("diagnostics", "/diagnostics"):
-            summary, level = self._ended() or ", ".join(self._held) or state.veto or "driving", 0
-            level = 2 if state.fault else 1 if state.stuck or state.veto or state.faults else 0
-            values = {
-                **self.latency(),
-                "sight": state.sight.name,
-                "faults": "; ".join(state.faults),
-            }
-            out["diagnostics"](outputs.diagnostics_message(level, summary, values, now))
-
-    def _turn_of(self, name: str, topic: str) -> bool:
-        """Whether the output is due, and wanted by someone."""
-        now = time.monotonic()
-        if now < self._told.get(name, 0.0) or not self._node.wanted(topic):
-            return False
-        self._told[name] = now + 1.0 / _RATES[name]
-        return True
-
     def latency(self) -> Mapping[str, float]:
         """From an image's stamp to the command [ms]: median and 99th percentile."""
-        if not self._latencies:
-            return {}
-        values: Array = 1e3 * np.array(self._latencies)
-        p50, p99 = np.percentile(values, [50, 99]).round(1).tolist()
-        return {"latency_p50_ms": p50, "latency_p99_ms": p99}
-
-
-def goal_at(topo_map: TopoMap, name: str, tolerance: float = _TOLERANCE) -> Waypoint:
-    """The place called ``name`` of the map, as a goal.
-
-    Raises:
-        UnknownNameError: there is no such place.
-
-    """
-    places = topo_map.places
-    if name not in places:
-        raise UnknownNameError("place", name, places)
-    return Waypoint(places[name].x, places[name].y, tolerance, name, "goal", final=True)
+        return self._outputs.latency()

@@ -28,7 +28,7 @@ from navfw.safety import PersistentFailure
 from navfw.signals import Belief, Pose, SensorReading, Twist, Waypoint
 from navfw.stack import StackState
 
-OLDEST_COMMAND = 0.25
+MAX_COMMAND_AGE = 0.25
 """Age [s] of the last command, by the simulated clock, from which on the robot stands."""
 _CAMERA_INFO = 1.0
 """Period [s] of camera_info."""
@@ -99,7 +99,7 @@ class RosPilot:
             self._wait_for(round(1e9 * reading.time))
         else:
             self._keep_pace(reading.time)
-            if reading.time - self._commanded > OLDEST_COMMAND:
+            if reading.time - self._commanded > MAX_COMMAND_AGE:
                 self._twist = _STAND
         self.state = self._state(reading.time)
         return self._twist

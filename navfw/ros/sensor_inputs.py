@@ -29,7 +29,7 @@ _SHAPE = 0.01
 """Relative difference of the shape of an image from that of the robot's camera that is allowed."""
 _MOST_RATES = 1000
 """Rates that are kept while the wheels are silent."""
-_MOST_TICKS = 1e12
+_MAX_TICKS = 1e12
 """Largest count of an encoder that is believed."""
 
 
@@ -169,7 +169,7 @@ class SensorInputs:
 
     def _wheels(self, topic: str, message: Any, now: float, ticks: Array) -> bool:
         """Take in counts (2,) since power-on."""
-        if not (np.abs(ticks) < _MOST_TICKS).all():
+        if not (np.abs(ticks) < _MAX_TICKS).all():
             self._note(f"angles on {topic} are not numbers: such messages are left out")
             return False
         time = self.time_of(topic, message.header.stamp, now)

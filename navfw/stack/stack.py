@@ -68,10 +68,7 @@ TIMED = (
 
 
 class Stack:
-    """Composes the stages. Its only inputs are sensor readings and the map file.
-
-    ``period`` [s] is the time from one control tick to the next.
-    """
+    """Composes the stages, every ``period`` [s], from sensor readings and the map file alone."""
 
     def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
         self.guard = PluginGuard()
@@ -219,27 +216,6 @@ class Stack:
         self.features.set_map(self.topo_map)
         self.planner.start(self.topo_map, goals)
         self.timings.update(dict.fromkeys(TIMED, 0.0))
-
-    def drive_to(self, goals: Sequence[Waypoint]) -> None:
-        """Visit other ``goals`` from now on, with all that is known; none: stand still.
-
-        Raises:
-            InputError: the planner refuses the goals.
-            PluginCallError: the planner fails.
-
-        """
-        self.planner.start(self.topo_map, goals)
-        self._progress = ProgressWatch()
-
-    def halt(self) -> None:
-        """Take note that the robot was told to stand, in place of the last command.
-
-        That its wheels do not turn is then no fault.
-        """
-        self.verdict = replace(self.verdict, twist=Twist(0.0, 0.0))
-        self.safety.follow(Twist(0.0, 0.0))
-        self.trim.apply(Twist(0.0, 0.0))
-        self.controller.reset()
 
     def step(self, reading: SensorReading) -> Twist:
         """One control tick: the twist to drive until the next reading."""

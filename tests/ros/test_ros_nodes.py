@@ -22,7 +22,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from std_srvs.srv import Trigger
 
-from navfw.recording.ros_messages import image_message, ros_message
+from navfw.recording import image_message, ros_message
 from navfw.ros import RosNode
 
 DRIVE = ("drive", "--map", "empty", "--start", "0,0,0", "--goal", "3,0", "--tolerance", "0.4")

@@ -1,0 +1,23 @@
+"""Goals that a driving node is given by name."""
+
+from __future__ import annotations
+
+from navfw.errors import UnknownNameError
+from navfw.signals import Waypoint
+from navfw.topomap import TopoMap
+
+TOLERANCE = 0.3
+"""Distance [m] at which a goal that was sent is reached."""
+
+
+def goal_at(topo_map: TopoMap, name: str, tolerance: float = TOLERANCE) -> Waypoint:
+    """The place called ``name`` of the map, as a goal.
+
+    Raises:
+        UnknownNameError: there is no such place.
+
+    """
+    places = topo_map.places
+    if name not in places:
+        raise UnknownNameError("place", name, places)
+    return Waypoint(places[name].x, places[name].y, tolerance, name, "goal", final=True)
