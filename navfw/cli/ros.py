@@ -86,18 +86,15 @@ def drive(
         model = load_robot(robot or "default")
         made = Stack.load(stack or unnamed, model, topo_map, default_registry())
         compile_with_progress(loaded=True, quiet=json)
-        node, latency = RosNode("navfw", ctx.meta[_ROS_ARGS]), dict[str, float]()
+        node, driver = RosNode("navfw", ctx.meta[_ROS_ARGS]), None
         try:
             driver = DriveNode(node, made, options)
-            try:
-                ended = driver.run(f"{robot or 'default'} on the map {map_} by {stack or unnamed}")
-            finally:
-                latency.update(driver.latency())
+            ended = driver.run(f"{robot or 'default'} on the map {map_} by {stack or unnamed}")
         except KeyboardInterrupt:
             ended = "ended by a signal"
         finally:
             node.close()
-    _print_end(ended, {"notes": node.notes, **latency}, json=json)
+    _print_end(ended, {"notes": node.notes, **(driver.latency() if driver else {})}, json=json)
     if options.once and ended != "reached":
         raise typer.Exit(1)
 

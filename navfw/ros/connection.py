@@ -16,7 +16,7 @@ from navfw.recording import deserialize_cdr
 Quality = Literal["sensor", "reliable", "latched"]
 """Quality of service: best effort as of sensor data, reliable, or kept for those that join late."""
 
-_DEPTH, _MOST = 10, 200
+_DEPTH, _MAX_TAKEN = 10, 200
 """Messages that wait in a queue, and that are taken in before the caller has its turn."""
 
 
@@ -139,7 +139,7 @@ class RosNode:
 
     def spin(self, seconds: float) -> None:
         """Take in all that has arrived; wait up to ``seconds`` for the first of it."""
-        for number in range(_MOST):
+        for number in range(_MAX_TAKEN):
             try:
                 wait = seconds if number == 0 else 0.0
                 callback, *_ = self._executor.wait_for_ready_callbacks(timeout_sec=wait)

@@ -30,7 +30,7 @@ _LOST = 0.7
 _SILENT = 0.15
 """Time [s] without wheels after which ticks go by the other sensors, and the wheels do not count.
 Wheels of 10 Hz may be late by half their period, and a command may be 0.2 s old."""
-_ODD, _LONGEST = 0.75, 0.1
+_ODD, _MAX_PERIOD = 0.75, 0.1
 """Least time between two ticks, in periods; longest one [s] that the controller counts with."""
 _STILL = 0.02
 """Speed [m/s] and turning rate [rad/s] up to which the robot stands."""
@@ -207,7 +207,7 @@ class DriveNode:
     def _start(self, pose: Pose | None) -> None:
         """Begin anew at ``pose``, for the goals that are still ahead."""
         state, at = self._stack.state, 0
-        if (last := next((each for each in state.path if each.final), None)) is not None:
+        if (last := next((point for point in state.path if point.final), None)) is not None:
             places = [(goal.x, goal.y) for goal in self._goals]
             at = places.index((last.x, last.y)) if (last.x, last.y) in places else 0
         self._goals = () if state.finished else self._goals[at:]
@@ -316,7 +316,7 @@ class DriveNode:
             if self._halted:
                 self._halted = False
                 halt(self._stack)
-            self._stack.period = min(at - self._stepped, _LONGEST)
+            self._stack.period = min(at - self._stepped, _MAX_PERIOD)
         self._stepped, self._ticked = at, time.monotonic()
         twist = self._stack.step(reading)
         state = self._stack.state

@@ -34,7 +34,7 @@ _CAMERA_INFO = 1.0
 """Period [s] of camera_info."""
 _DISCOVERY = 1.0
 """Time [s] in which the other node finds this one as well."""
-_FASTEST = 100.0
+_MAX_COMMAND = 100.0
 """Largest speed [m/s] and turning rate [rad/s] that is taken for a command."""
 _STAND = Twist(0.0, 0.0)
 
@@ -158,7 +158,7 @@ class RosPilot:
     def _take(self, message: Any) -> None:
         twist = message.twist if hasattr(message, "twist") else message
         v, w = twist.linear.x, twist.angular.z
-        if not max(abs(v), abs(w)) <= _FASTEST or math.isnan(w):
+        if not max(abs(v), abs(w)) <= _MAX_COMMAND or math.isnan(w):
             self._node.note(f"a command is left out: v = {v:g}, w = {w:g}")
             return
         if hasattr(message, "header"):

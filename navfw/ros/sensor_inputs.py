@@ -27,7 +27,7 @@ _JUMP = 1.0
 """Step [s] of the clock backward, beyond which it has begun anew."""
 _SHAPE = 0.01
 """Relative difference of the shape of an image from that of the robot's camera that is allowed."""
-_MOST_RATES = 1000
+_MAX_RATES = 1000
 """Rates that are kept while the wheels are silent."""
 _MAX_TICKS = 1e12
 """Largest count of an encoder that is believed."""
@@ -55,7 +55,7 @@ class SensorInputs:
         self._axes: Array = yaw @ pitch @ roll
         self._begin = 0.0 if snap else None
         self._last: dict[str, float] = {}
-        self._rates: deque[tuple[float, ...]] = deque(maxlen=_MOST_RATES)
+        self._rates: deque[tuple[float, ...]] = deque(maxlen=_MAX_RATES)
         self._inertial = Inertial(0.0, math.nan, math.nan, math.nan)
         self._ticks = self._zero = np.zeros(2)
         self._wheels_at, self._read_at = 0.0, -math.inf

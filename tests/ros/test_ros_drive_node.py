@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from ros_graph import Graph, GraphDrive
 
-from navfw.recording.ros_messages import ros_message
+from navfw.recording import ros_message
 
 STRAIGHT = "empty", "straight"
 GOAL = ros_message(
