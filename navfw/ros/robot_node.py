@@ -50,6 +50,8 @@ TOPICS = {
     "cmd_vel": ("geometry_msgs/msg/TwistStamped", "what to drive; also Twist on cmd_vel_unstamped"),
 }
 """Topics of the simulated robot: type, and what it is."""
+_SENSORS = "image", "camera_info", "imu"
+"""Topics that are sent by best effort; who listens to tf and odom wants them reliably."""
 
 
 class RosPilot:
@@ -70,10 +72,9 @@ class RosPilot:
         self._status: dict[str, Any] = {}
         self._info_due = 0.0
         self._began: tuple[float, float] | None = None
-        lockstep = pace == 0.0
-        quality: Quality = "reliable" if lockstep else "sensor"
+        quality: Quality = "reliable" if pace == 0.0 else "sensor"
         self._out = {
-            topic: node.publisher(topic, kind, quality)
+            topic: node.publisher(topic, kind, quality if topic in _SENSORS else "reliable")
             for topic, (kind, _) in TOPICS.items()
             if topic != "cmd_vel"
         }
