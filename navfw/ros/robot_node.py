@@ -30,8 +30,8 @@ from navfw.stack import StackState
 
 MAX_COMMAND_AGE = 0.25
 """Age [s] of the last command, by the simulated clock, from which on the robot stands."""
-_CAMERA_INFO = 1.0
-"""Period [s] of camera_info."""
+_SENSORS = ("image", "camera_info", "imu")
+"""Topics with best effort; others are reliable, which those who want either can hear."""
 _DISCOVERY = 1.0
 """Time [s] in which the other node finds this one as well."""
 _MAX_COMMAND = 100.0
@@ -70,7 +70,6 @@ class RosPilot:
         self._odometer = Odometer(robot)
         self._twist, self._commanded, self._stamp = _STAND, -math.inf, -1
         self._status: dict[str, Any] = {}
-        self._info_due = 0.0
         self._began: tuple[float, float] | None = None
         quality: Quality = "reliable" if pace == 0.0 else "sensor"
         self._out = {
@@ -114,15 +113,13 @@ class RosPilot:
         images = []
         if reading.frame is not None:
             images.append("image")
-            out["image"](image_message(reading.frame.image, round(1e9 * reading.frame.time)))
+            taken, image = round(1e9 * reading.frame.time), reading.frame.image
+            out["image"](image_message(image, taken))
+            out["camera_info"](camera_message(robot.camera, image.shape, taken))
         if reading.landmark_frame is not None:
             images.append("landmarks")
             taken = round(1e9 * reading.landmark_frame.time)
             self._landmarks(image_message(reading.landmark_frame.image, taken))
-        if reading.time >= self._info_due:
-            self._info_due = reading.time + _CAMERA_INFO
-            size = robot.camera.height, robot.camera.width
-            out["camera_info"](camera_message(robot.camera, size, now))
         out["imu"](imu_message(robot, reading, round(1e9 * reading.inertial.time)))
         frame = "+".join(["", *images])
         wheels_at = round(1e9 * reading.encoders.time)
@@ -171,7 +168,7 @@ class RosPilot:
         try:
             self._status = json.loads(message.data)
             self._state(0.0)
-        except (ValueError, TypeError, AttributeError, RecursionError):
+        except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
             self._node.note("a message on navfw/status cannot be read")
             self._status = {}
 
@@ -187,6 +184,6 @@ class RosPilot:
             belief=None if at is None else Belief(now, Pose(*map(float, at)), spread, lost=lost),
             time=now,
             finished=bool(status.get("finished")),
-            stuck=status.get("stuck"),
+            stuck=str(status.get("stuck") or "") or None,
             fault=None if fault is None else PersistentFailure("sensor", str(fault)),
         )
