@@ -29,6 +29,10 @@ _SHAPE = 0.01
 """Relative difference of the shape of an image from that of the robot's camera that is allowed."""
 _MAX_RATES = 1000
 """Rates that are kept while the wheels are silent."""
+_BASES = {"", "base_link", "base_footprint"}
+"""Frames with the axes of base_link."""
+_UNIT, _MAX_DEPTH, _MAX_LINKS = 0.1, 50, 1000
+"""Allowed error of a quaternion's norm, links from the IMU to base_link, links that are kept."""
 _MAX_TICKS = 1e12
 """Largest count of an encoder that is believed."""
 
@@ -52,7 +56,8 @@ class SensorInputs:
         self._robot, self._note, self._snap = robot, note, snap
         self._joints = (joints[:1], joints[1:2]) if joints else wheel_joints(robot)
         roll, pitch, yaw = (rotation_matrix(a * e) for a, e in zip(imu_rpy, np.eye(3), strict=True))
-        self._axes: Array = yaw @ pitch @ roll
+        self._axes: Array | None = yaw @ pitch @ roll if any(imu_rpy) else None
+        self._mounts: dict[str, tuple[str, Array]] = {}
         self._begin = 0.0 if snap else None
         self._last: dict[str, float] = {}
         self._rates: deque[tuple[float, ...]] = deque(maxlen=_MAX_RATES)
@@ -129,12 +134,42 @@ class SensorInputs:
     def imu(self, topic: str, message: Any, now: float) -> None:
         """Take in the rates of an ``Imu``; they are turned into base_link's axes."""
         rates = np.array((*turn_rates(message), math.nan, math.nan)[:3])
-        turned = self._axes @ rates if np.isfinite(rates).all() else rates
+        axes = self._axes_of(topic, message.header.frame_id.lstrip("/"))
+        turned = axes @ rates if np.isfinite(rates).all() else rates
         if not math.isfinite(turned[2]):
             self._note(f"rates on {topic} are not numbers: such messages are left out")
             return
         if (time := self.time_of(topic, message.header.stamp, now)) is not None:
             self._rates.append((time, *turned.tolist()))
+
+    def mounts(self, message: Any) -> None:
+        """Take in static transforms, a ``TFMessage``: they tell how the IMU is mounted."""
+        for each in message.transforms[:_MAX_LINKS]:
+            q = each.transform.rotation
+            size = math.sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w)
+            if not abs(size - 1.0) < _UNIT or len(self._mounts) >= _MAX_LINKS:
+                self._note("a transform on /tf_static is left out: its rotation is none")
+                continue
+            across = np.cross(np.eye(3), np.array([q.x, q.y, q.z]) / size)
+            turn = np.eye(3) + 2.0 * (q.w / size) * across + 2.0 * across @ across
+            parent = each.header.frame_id.lstrip("/")
+            self._mounts[each.child_frame_id.lstrip("/")] = parent, turn
+
+    def _axes_of(self, topic: str, frame: str) -> Array:
+        """The axes of ``frame`` in base_link, as the columns of a rotation (3, 3)."""
+        if self._axes is not None:
+            return self._axes
+        axes, at = np.eye(3), frame
+        for _ in range(_MAX_DEPTH):
+            if at in _BASES:
+                return axes
+            if at not in self._mounts:
+                break
+            at, turn = self._mounts[at]
+            axes = turn @ axes
+        what = f"no transform from {frame[:40]!r} to base_link on /tf_static"
+        self._note(f"{what}: rates on {topic} count as base_link's, or set imu_rpy")
+        return np.eye(3)
 
     def joints(self, topic: str, message: Any, now: float) -> bool:
         """Take in the wheels of a ``JointState``; whether it has them."""
