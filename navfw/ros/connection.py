@@ -6,6 +6,7 @@ Messages are read and written by the types of rosbags, as those of bags are.
 from __future__ import annotations
 
 import importlib
+import re
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
@@ -18,6 +19,8 @@ Quality = Literal["sensor", "reliable", "latched"]
 
 _DEPTH, _MAX_TAKEN = 10, 200
 """Messages that wait in a queue, and that are taken in before the caller has its turn."""
+_MOST_NOTES = 100
+"""Notes that are kept: hostile messages could give any number."""
 
 
 class RosNode:
@@ -49,6 +52,7 @@ class RosNode:
         self._executor = executors.SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self.notes: list[str] = []
+        self._noted: set[str] = set()
 
     def parameter(self, name: str, default: Any) -> Any:
         """The parameter called ``name``, of the type of ``default``.
@@ -106,7 +110,9 @@ class RosNode:
             receive(read)
 
         if message is not None:
-            self._node.create_subscription(message, topic, take, self._quality(quality), raw=True)
+            profile = self._quality(quality)
+            profile.depth = _DEPTH  # several nodes may have kept one message each
+            self._node.create_subscription(message, topic, take, profile, raw=True)
 
     def serve(self, name: str, answer: Callable[[], str]) -> None:
         """Offer a service ``std_srvs/Trigger``: its message is what ``answer`` returns."""
@@ -155,8 +161,10 @@ class RosNode:
             self.spin(left)
 
     def note(self, text: str) -> None:
-        """Say ``text`` once."""
-        if text not in self.notes:
+        """Say ``text`` once, whatever its numbers are."""
+        kind = re.sub(r"[-+.\d]+", "", text)
+        if kind not in self._noted and len(self.notes) < _MOST_NOTES:
+            self._noted.add(kind)
             self.notes.append(text)
             self._node.get_logger().warning(text)
 

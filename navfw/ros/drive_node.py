@@ -45,7 +45,7 @@ _SNAP = 240.0
 
 TOPICS: Mapping[str, tuple[str, str]] = {
     "image": ("sensor_msgs/msg/Image", "the camera; with `compressed`, image/compressed"),
-    "imu": ("sensor_msgs/msg/Imu", "rates; turned to base_link by the parameter imu_rpy"),
+    "imu": ("sensor_msgs/msg/Imu", "rates; turned to base_link by /tf_static, or by imu_rpy"),
     "joint_states": ("sensor_msgs/msg/JointState", "positions of the wheels"),
     "odom": ("nav_msgs/msg/Odometry", "in place of joint_states, with wheels:=odom"),
     "landmark_image": ("sensor_msgs/msg/Image", "for stacks that find markers, in full resolution"),
@@ -123,6 +123,7 @@ class DriveNode:
         topic = "joint_states" if wheels == "joints" else "odom"
         hear(topic, TOPICS[topic][0], self._take_wheels)
         if node.has_type(_TF):
+            node.subscribe("/tf_static", _TF, inputs.mounts, "latched")
             node.subscribe("odom", TOPICS["odom"][0], self._take_base, quality)
         node.subscribe("camera_info", TOPICS["camera_info"][0], self._compare_camera, quality)
         node.subscribe("goal_pose", TOPICS["goal_pose"][0], self._take_goal, "reliable")
@@ -368,7 +369,8 @@ class DriveNode:
             return f"stuck: {state.stuck}"
         twist = self._stack.verdict.twist
         still = max(abs(twist.v), abs(twist.w)) <= _STILL
-        return "reached" if state.finished and still else ""
+        done = "reached" if self._goals else "no goal"
+        return done if state.finished and still else ""
 
     def latency(self) -> Mapping[str, float]:
         """From an image's stamp to the command [ms]: median and 99th percentile."""

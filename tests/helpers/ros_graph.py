@@ -140,6 +140,7 @@ class GraphDrive:
     def __post_init__(self) -> None:
         for module in ("drive_node", "robot_node"):
             self.monkeypatch.setattr(f"navfw.ros.{module}.time", self.graph)
+        self.ended = ""
         self.session = prepare(self.world, self.mission, seed=self.seed, overrides=self.settings)
         self.node = GraphNode(self.graph, **self.parameters)
         self.robot_node = GraphNode(self.graph)
@@ -161,7 +162,7 @@ class GraphDrive:
         return MissionResult(self.session, run, collision_cause=simulation.collision_cause)
 
     def _step(self) -> None:
-        self.driver.advance(0.0)
+        self.ended = self.driver.advance(0.0) or self.ended
         self.each(self)
 
     @property

@@ -95,6 +95,19 @@ def test_a_stop_holds_until_resume_and_is_no_fault(monkeypatch: pytest.MonkeyPat
     assert drive.stack.state.belief.pose.x == pytest.approx(2.0, abs=0.4)
 
 
+def test_a_cancelled_drive_has_not_reached_its_goal(monkeypatch: pytest.MonkeyPatch) -> None:
+    graph = Graph()
+
+    def each(drive: GraphDrive) -> None:
+        if 3.0 < graph.time < 3.1:
+            drive.node.services["cancel"]()
+
+    drive = GraphDrive(graph, monkeypatch, *STRAIGHT, each=each)
+    drive.run()
+    assert drive.ended == "no goal"
+    assert drive.speed == 0.0
+
+
 def test_a_corrected_pose_keeps_the_goals(monkeypatch: pytest.MonkeyPatch) -> None:
     graph, sent = Graph(), list[float]()
 
