@@ -19,7 +19,7 @@ Quality = Literal["sensor", "reliable", "latched"]
 
 _DEPTH, _MAX_TAKEN = 10, 200
 """Messages that wait in a queue, and that are taken in before the caller has its turn."""
-_MOST_NOTES = 100
+_MAX_NOTES = 100
 """Notes that are kept: hostile messages could give any number."""
 
 
@@ -163,7 +163,7 @@ class RosNode:
     def note(self, text: str) -> None:
         """Say ``text`` once, whatever its numbers are."""
         kind = re.sub(r"[-+.\d]+", "", text)
-        if kind not in self._noted and len(self.notes) < _MOST_NOTES:
+        if kind not in self._noted and len(self.notes) < _MAX_NOTES:
             self._noted.add(kind)
             self.notes.append(text)
             self._node.get_logger().warning(text)

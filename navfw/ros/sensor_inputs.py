@@ -144,16 +144,16 @@ class SensorInputs:
 
     def mounts(self, message: Any) -> None:
         """Take in static transforms, a ``TFMessage``: they tell how the IMU is mounted."""
-        for each in message.transforms[:_MAX_LINKS]:
-            q = each.transform.rotation
+        for link in message.transforms[:_MAX_LINKS]:
+            q = link.transform.rotation
             size = math.sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w)
             if not abs(size - 1.0) < _UNIT or len(self._mounts) >= _MAX_LINKS:
                 self._note("a transform on /tf_static is left out: its rotation is none")
                 continue
             across = np.cross(np.eye(3), np.array([q.x, q.y, q.z]) / size)
             turn = np.eye(3) + 2.0 * (q.w / size) * across + 2.0 * across @ across
-            parent = each.header.frame_id.lstrip("/")
-            self._mounts[each.child_frame_id.lstrip("/")] = parent, turn
+            parent = link.header.frame_id.lstrip("/")
+            self._mounts[link.child_frame_id.lstrip("/")] = parent, turn
 
     def _axes_of(self, topic: str, frame: str) -> Array:
         """The axes of ``frame`` in base_link, as the columns of a rotation (3, 3)."""
