@@ -30,8 +30,6 @@ from navfw.stack import StackState
 
 MAX_COMMAND_AGE = 0.25
 """Age [s] of the last command, by the simulated clock, from which on the robot stands."""
-_SENSORS = ("image", "camera_info", "imu")
-"""Topics with best effort; others are reliable, which those who want either can hear."""
 _DISCOVERY = 1.0
 """Time [s] in which the other node finds this one as well."""
 _MAX_COMMAND = 100.0
