@@ -86,7 +86,7 @@ def drive(
         model = load_robot(robot or "default")
         made = Stack.load(stack or unnamed, model, topo_map, default_registry())
         compile_with_progress(loaded=True, quiet=json)
-        node = RosNode("navfw", ctx.meta[_ROS_ARGS])
+        node, driver = RosNode("navfw", ctx.meta[_ROS_ARGS]), None
         try:
             driver = DriveNode(node, made, options)
             ended = driver.run(f"{robot or 'default'} on the map {map_} by {stack or unnamed}")
@@ -94,8 +94,7 @@ def drive(
             ended = "ended by a signal"
         finally:
             node.close()
-    about = driver.latency()
-    _print_end(ended, {"notes": node.notes, **about}, json=json)
+    _print_end(ended, {"notes": node.notes, **(driver.latency() if driver else {})}, json=json)
     if options.once and ended != "reached":
         raise typer.Exit(1)
 

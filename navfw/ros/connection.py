@@ -6,6 +6,7 @@ Messages are read and written by the types of rosbags, as those of bags are.
 from __future__ import annotations
 
 import importlib
+import re
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
@@ -16,7 +17,10 @@ from navfw.recording import deserialize_cdr
 Quality = Literal["sensor", "reliable", "latched"]
 """Quality of service: best effort as of sensor data, reliable, or kept for those that join late."""
 
-_DEPTH = 10
+_DEPTH, _MAX_TAKEN = 10, 200
+"""Messages that wait in a queue, and that are taken in before the caller has its turn."""
+_MAX_NOTES = 100
+"""Notes that are kept: hostile messages could give any number."""
 
 
 class RosNode:
@@ -36,17 +40,19 @@ class RosNode:
         words = ["--ros-args", *arguments] if arguments else []
         try:
             rclpy.init(args=words, signal_handler_options=signals)
-            self._node = rclpy.create_node(
-                name, automatically_declare_parameters_from_overrides=True
-            )
+            made = importlib.import_module("rclpy.lifecycle").LifecycleNode
+            self._node = made(name, automatically_declare_parameters_from_overrides=True)
         except Exception as error:  # rclpy raises errors of many kinds
             rclpy.try_shutdown()
             reason = " ".join(str(error).split())[:200]
             raise InputError(f"ROS refuses to start a node: {reason}", key="--ros-args") from None
         self._rclpy = rclpy
-        self._executor = importlib.import_module("rclpy.executors").SingleThreadedExecutor()
+        executors = importlib.import_module("rclpy.executors")
+        self._ended = executors.TimeoutException, executors.ShutdownException
+        self._executor = executors.SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self.notes: list[str] = []
+        self._noted: set[str] = set()
 
     def parameter(self, name: str, default: Any) -> Any:
         """The parameter called ``name``, of the type of ``default``.
@@ -104,7 +110,9 @@ class RosNode:
             receive(read)
 
         if message is not None:
-            self._node.create_subscription(message, topic, take, self._quality(quality), raw=True)
+            profile = self._quality(quality)
+            profile.depth = _DEPTH  # several nodes may have kept one message each
+            self._node.create_subscription(message, topic, take, profile, raw=True)
 
     def serve(self, name: str, answer: Callable[[], str]) -> None:
         """Offer a service ``std_srvs/Trigger``: its message is what ``answer`` returns."""
@@ -116,9 +124,35 @@ class RosNode:
 
         self._node.create_service(trigger, f"~/{name}", serve)
 
+    def manage(self, activate: Callable[[], object], deactivate: Callable[[], object]) -> None:
+        """Let a lifecycle manager deactivate and activate the node, which is active from now on."""
+        lifecycle = importlib.import_module("rclpy.lifecycle")
+
+        class Managed(lifecycle.ManagedEntity):  # type: ignore[misc, name-defined]
+            def on_activate(self, _: Any) -> Any:
+                activate()
+                return lifecycle.TransitionCallbackReturn.SUCCESS
+
+            def on_deactivate(self, _: Any) -> Any:
+                deactivate()
+                return lifecycle.TransitionCallbackReturn.SUCCESS
+
+            on_shutdown = on_error = on_deactivate
+
+        self._node.add_managed_entity(Managed())
+        self._node.trigger_configure()
+        self._node.trigger_activate()
+
     def spin(self, seconds: float) -> None:
-        """Take in what has arrived; wait up to ``seconds`` for the first of it."""
-        self._executor.spin_once(timeout_sec=seconds)
+        """Take in all that has arrived; wait up to ``seconds`` for the first of it."""
+        for number in range(_MAX_TAKEN):
+            try:
+                wait = seconds if number == 0 else 0.0
+                callback, *_ = self._executor.wait_for_ready_callbacks(timeout_sec=wait)
+            except self._ended:
+                return
+            callback()
+            callback.result()
 
     def spin_for(self, seconds: float) -> None:
         """Take in all that arrives within ``seconds`` of wall-clock time."""
@@ -127,8 +161,10 @@ class RosNode:
             self.spin(left)
 
     def note(self, text: str) -> None:
-        """Say ``text`` once."""
-        if text not in self.notes:
+        """Say ``text`` once, whatever its numbers are."""
+        kind = re.sub(r"[-+.\d]+", "", text)
+        if kind not in self._noted and len(self.notes) < _MAX_NOTES:
+            self._noted.add(kind)
             self.notes.append(text)
             self._node.get_logger().warning(text)
 

@@ -7,48 +7,48 @@ import json
 import math
 import threading
 import time
-from collections import deque
 from collections.abc import Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from navfw.errors import InputError, UnknownNameError
-from navfw.numerics import Array
 from navfw.process.interruption import check_interrupted
 from navfw.recording import planar_pose, ros_message
-from navfw.recording.ros_messages import command_message, odometry_message, transforms_message
-from navfw.ros import drive_outputs as outputs
+from navfw.recording.ros_messages import command_message
 from navfw.ros.connection import Quality, RosNode
+from navfw.ros.drive_outputs import DriveOutputs, text_message
 from navfw.ros.goals import TOLERANCE, goal_at
 from navfw.ros.sensor_inputs import SensorInputs
-from navfw.signals import Frame, Pose, Twist, Waypoint
-from navfw.stack import Stack
+from navfw.signals import Pose, Twist, Waypoint
+from navfw.stack import Stack, halt
 
-_RATES = {"explanation": 2.0, "local_map": 2.0, "overlay": 5.0, "diagnostics": 1.0}
-"""How often each output is made at most [Hz]."""
 _MAX_AGE = 0.2
 """Age [s] of the last command at which the robot is told to stand, whatever the stack does."""
-_LOST = 0.5
-"""Time [s] without any message of the sensors after which what is missing is said."""
-_SILENT = 0.1
-"""Time [s] without wheels after which ticks go by the clock: the safety monitor then judges."""
+_LOST = 0.7
+"""Time [s] without a message of a sensor after which it is said to be missing."""
+_SILENT = 0.15
+"""Time [s] without wheels after which ticks go by the other sensors, and the wheels do not count.
+Wheels of 10 Hz may be late by half their period, and a command may be 0.2 s old."""
+_ODD, _MAX_PERIOD = 0.75, 0.1
+"""Least time between two ticks, in periods; longest one [s] that the controller counts with."""
 _STILL = 0.02
 """Speed [m/s] and turning rate [rad/s] up to which the robot stands."""
 _STAND = Twist(0.0, 0.0)
+_STOPPED, _INACTIVE = "stopped by ~/stop", "inactive"
+"""What holds the robot."""
+_TOLERANCE = 0.3
+"""Distance [m] at which a goal that was sent is reached."""
 _TF = "tf2_msgs/msg/TFMessage"
 _SNAP = 240.0
 """Rate [Hz] of whose steps the times of ``navfw ros sim`` are multiples."""
-_LATENCIES = 10_000
-"""Latencies kept for the median."""
 
 TOPICS: Mapping[str, tuple[str, str]] = {
     "image": ("sensor_msgs/msg/Image", "the camera; with `compressed`, image/compressed"),
-    "imu": ("sensor_msgs/msg/Imu", "rates; turned to base_link by the parameter imu_rpy"),
+    "imu": ("sensor_msgs/msg/Imu", "rates; turned to base_link by /tf_static, or by imu_rpy"),
     "joint_states": ("sensor_msgs/msg/JointState", "positions of the wheels"),
     "odom": ("nav_msgs/msg/Odometry", "in place of joint_states, with wheels:=odom"),
+    "landmark_image": ("sensor_msgs/msg/Image", "for stacks that find markers, in full resolution"),
     "camera_info": ("sensor_msgs/msg/CameraInfo", "compared with the robot file"),
     "goal_pose": ("geometry_msgs/msg/PoseStamped", "a goal, as of RViz's button"),
     "goal_place": ("std_msgs/msg/String", "a goal by the name of a place"),
@@ -82,24 +82,16 @@ class DriveNode:
         rpy = node.parameter("imu_rpy", [0.0, 0.0, 0.0])
         snap = _SNAP if options.lockstep else 0.0
         named = joints if all(joints) else ()
-        self._inputs = SensorInputs(
-            self._robot,
-            node.note,
-            named,
-            rpy,
-            snap,
-            same_clock=node.parameter("use_sim_time", False),
-        )
+        self._inputs = SensorInputs(self._robot, node.note, named, rpy, snap)
         self._stamped = node.parameter("stamped_cmd_vel", True)
-        self._due, self._images = 0.0, list[str]()
-        self._heard = self._ticked = time.monotonic()
+        self._images, self._missing = list[str](), list[str]()
+        self._heard: dict[str, float] = {}
+        self._ticked = time.monotonic()
         self._latest = self._stepped = -math.inf
-        self._held = ""
+        self._goals = options.goals
+        self._held, self._halted = set[str](), False
         self._base: Pose | None = None
-        self._frame: Frame | None = None
-        self._told: dict[str, float] = {}
         self._image_came = 0.0, 0.0
-        self._latencies: deque[float] = deque(maxlen=_LATENCIES)
         self._sent = math.inf
         self._sending = threading.Lock()
         self._subscribe(node.parameter("wheels", "joints"), node.parameter("compressed", False))
@@ -112,8 +104,11 @@ class DriveNode:
         quality: Quality = "reliable" if self._options.lockstep else "sensor"
 
         def hear(topic: str, kind: str, take: Any, **more: Any) -> None:
+            self._heard[topic] = time.monotonic()
+
             def receive(message: Any) -> None:
-                self._heard = time.monotonic()
+                if topic in self._heard:
+                    self._heard[topic] = time.monotonic()
                 take(topic, message, 1e-9 * node.now(), **more)
 
             node.subscribe(topic, kind, receive, quality)
@@ -123,10 +118,12 @@ class DriveNode:
         hear(image, kind, self._take_image)
         if self._stack.features.landmark_frames:
             hear("landmark_image", TOPICS["image"][0], inputs.image, landmarks=True)
+            del self._heard["landmark_image"]
         hear("imu", TOPICS["imu"][0], inputs.imu)
         topic = "joint_states" if wheels == "joints" else "odom"
         hear(topic, TOPICS[topic][0], self._take_wheels)
         if node.has_type(_TF):
+            node.subscribe("/tf_static", _TF, inputs.mounts, "latched")
             node.subscribe("odom", TOPICS["odom"][0], self._take_base, quality)
         node.subscribe("camera_info", TOPICS["camera_info"][0], self._compare_camera, quality)
         node.subscribe("goal_pose", TOPICS["goal_pose"][0], self._take_goal, "reliable")
@@ -138,6 +135,7 @@ class DriveNode:
             ("cancel", self._cancel),
         ):
             node.serve(name, answer)
+        node.manage(lambda: self._held.discard(_INACTIVE), lambda: self._hold(_INACTIVE))
 
     def _advertise(self) -> None:
         def out(topic: str, kind: str, quality: Any = "reliable") -> Any:
@@ -146,16 +144,7 @@ class DriveNode:
         velocity = "TwistStamped" if self._stamped else "Twist"
         self._command = out("cmd_vel", f"geometry_msgs/msg/{velocity}")
         self._status = out("navfw/status", "std_msgs/msg/String", "latched")
-        self._out = {
-            "pose": out("navfw/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
-            "path": out("navfw/path", "nav_msgs/msg/Path"),
-            "odometry": out("navfw/odom", "nav_msgs/msg/Odometry"),
-            "tf": out("/tf", _TF),
-            "local_map": out("navfw/local_map", "nav_msgs/msg/OccupancyGrid", "latched"),
-            "explanation": out("navfw/explanation", "std_msgs/msg/String"),
-            "overlay": out("navfw/image/compressed", "sensor_msgs/msg/CompressedImage"),
-            "diagnostics": out("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray"),
-        }
+        self._outputs = DriveOutputs(self._node, self._stack)
 
     # --- what comes in ---------------------------------------------------------------------------
 
@@ -206,7 +195,7 @@ class DriveNode:
         except Exception as error:  # a planner may be a plugin
             self._node.note(f"a goal is left out: {error}")
             return
-        self._held = ""
+        self._goals = (goal,)
         self._node.say(f"to {goal.place or f'({goal.x:.2f}, {goal.y:.2f})'}")
 
     def _take_start(self, message: Any) -> None:
@@ -214,26 +203,38 @@ class DriveNode:
         if not all(map(math.isfinite, (x, y, yaw))):
             self._node.note("a pose on initialpose is left out: it is not a number")
             return
-        self._stack.start(Pose(x, y, yaw), [])
+        self._start(Pose(x, y, yaw))
+
+    def _start(self, pose: Pose | None) -> None:
+        """Begin anew at ``pose``, for the goals that are still ahead."""
+        state, at = self._stack.state, 0
+        if (last := next((point for point in state.path if point.final), None)) is not None:
+            places = [(goal.x, goal.y) for goal in self._goals]
+            at = places.index((last.x, last.y)) if (last.x, last.y) in places else 0
+        self._goals = () if state.finished else self._goals[at:]
+        self._stack.start(pose, self._goals)
         self._stepped = -math.inf
 
+    def _hold(self, why: str) -> None:
+        self._held.add(why)
+        self._stand()
+
     def _stop(self) -> str:
-        self._held = "stopped by ~/stop"
-        self._send(_STAND)
+        self._hold(_STOPPED)
         return "the robot stands until ~/resume"
 
     def _resume(self) -> str:
-        self._held, state = "", self._stack.state
+        self._held.discard(_STOPPED)
+        state = self._stack.state
         if state.fault is not None or state.stuck:
-            belief, path = state.belief, list(state.path)
-            known = belief is not None and not belief.lost
-            self._stack.start(belief.pose if belief is not None and known else None, path)
-            self._stepped = -math.inf
-        return "driving on"
+            belief = state.belief
+            self._start(None if belief is None or belief.lost else belief.pose)
+        return "driving on" if not self._held else f"still {', '.join(self._held)}"
 
     def _cancel(self) -> str:
+        self._goals = ()
         self._stack.planner.start(self._stack.topo_map, [])
-        self._send(_STAND)
+        self._stand()
         return "the goals are dropped"
 
     # --- the loop --------------------------------------------------------------------------------
@@ -244,17 +245,28 @@ class DriveNode:
         ``about`` says what drives, for the log.
         """
         self._node.say(about)
-        self._stack.start(self._options.start, self._options.goals)
+        self.begin()
         gc.freeze()  # one pass of garbage collection over what is loaded costs 0.1 s
         with self._guarded():
-            while True:
+            while not (ended := self.advance(0.5 * self._period)):
                 check_interrupted()
-                self._node.spin(0.5 * self._period)
-                if (at := self._next_tick()) is not None:
-                    self._tick(at)
-                    ended = self._ended()
-                    if ended and self._options.once:
-                        return ended
+            return ended
+
+    def begin(self) -> None:
+        """Start the stack; raises as ``Stack.start``."""
+        self._stack.start(self._options.start, self._options.goals)
+
+    def advance(self, seconds: float) -> str:
+        """Take in what comes within ``seconds`` [s], and do the tick that is due.
+
+        How a single drive has ended, in a sentence; nothing while it goes on.
+        """
+        self._node.spin(seconds)
+        at = self._next_tick()
+        if at is None:
+            return ""
+        self._tick(at)
+        return self._ended() if self._options.once and not self._held else ""
 
     @contextmanager
     def _guarded(self) -> Any:
@@ -262,9 +274,9 @@ class DriveNode:
         over = threading.Event()
 
         def watch() -> None:
-            while not over.wait(0.25 * _MAX_AGE):
-                if time.monotonic() - self._sent > _MAX_AGE:
-                    self._send(_STAND)
+            while not over.wait(0.1 * _MAX_AGE):
+                if time.monotonic() - self._sent > 0.9 * _MAX_AGE:
+                    self._stand()
 
         watchdog = threading.Thread(target=watch, daemon=True)
         watchdog.start()
@@ -274,48 +286,58 @@ class DriveNode:
             over.set()
             watchdog.join()
             for _ in range(3):
-                self._send(_STAND)
+                self._stand()
                 time.sleep(0.02)
 
     def _next_tick(self) -> float | None:
         """The time [s] of the tick that is due; None while there is none."""
-        if self._latest > self._stepped and not (self._options.lockstep and self._waits()):
-            return self._latest
+        if self._options.lockstep:
+            came = self._inputs.complete(self._latest, self._images)
+            return self._latest if came and self._latest > self._stepped else None
         now = time.monotonic()
-        if self._options.lockstep or self._stepped == -math.inf:
-            self._say_missing(now)
-            return None
-        if now - max(self._heard, self._ticked) > _LOST:
-            self._say_missing(now)
-            return None
+        self._tell_missing(now)
+        if self._stepped == -math.inf:
+            return None if self._latest == -math.inf else self._latest
+        if self._latest > self._stepped + _ODD * self._period:
+            return self._latest
         alive = self._inputs.newest > self._stepped + self._period
         return self._inputs.newest if alive and now - self._ticked > _SILENT else None
 
-    def _waits(self) -> bool:
-        """Whether what belongs to the newest wheels has not come yet."""
-        return not self._inputs.complete(self._latest, self._images)
-
-    def _say_missing(self, now: float) -> None:
-        if now - max(self._heard, self._ticked) > _LOST and self._due <= now:
-            self._due = now + 5.0
-            self._node.say("no message of camera, IMU and wheels: the robot is told to stand")
+    def _tell_missing(self, now: float) -> None:
+        missing = [topic for topic, at in self._heard.items() if now - at > _LOST]
+        if missing == self._missing:
+            return
+        self._missing = missing
+        stands = ": the robot stands" if len(missing) == len(self._heard) else ""
+        self._node.say(f"nothing comes on {', '.join(missing) or 'no topic, all are back'}{stands}")
 
     def _tick(self, at: float) -> None:
-        reading = self._inputs.reading(at)
+        reading = self._inputs.reading(at, silent=at > self._latest)
+        if not self._options.lockstep:
+            if self._halted:
+                self._halted = False
+                halt(self._stack)
+            self._stack.period = min(at - self._stepped, _MAX_PERIOD)
         self._stepped, self._ticked = at, time.monotonic()
-        self._frame = reading.frame or self._frame
         twist = self._stack.step(reading)
         state = self._stack.state
-        held = self._held or state.fault or state.stuck
-        self._send(_STAND if held else twist, at)
+        if self._held:
+            self._halted = True
+            self._stack.mofis.progress.reset()
+        self._send(_STAND if self._held or state.fault or state.stuck else twist, at)
         if reading.frame is not None:
             came_at, age = self._image_came
-            self._latencies.append(max(0.0, age) + time.monotonic() - came_at)
-            self._tell(self._node.now())
+            self._outputs.latencies.append(max(0.0, age) + time.monotonic() - came_at)
+            ended = self._ended() or ", ".join(self._held)
+            self._outputs.tell(reading.frame, self._base, ended, self._node.now())
+
+    def _stand(self) -> None:
+        """Tell the robot to stand, until the next tick."""
+        if not self._options.lockstep:  # it waits for the command of its tick, as long as it takes
+            self._halted = True
+            self._send(_STAND)
 
     def _send(self, twist: Twist, at: float | None = None) -> None:
-        if at is None and self._options.lockstep:
-            return  # the robot waits for the command of its tick, however long that takes
         stamp = self._node.now() if at is None else self._inputs.stamp_of(at)
         with self._sending:
             if self._stamped:
@@ -336,7 +358,7 @@ class DriveNode:
                 "stuck": state.stuck,
                 "fault": None if state.fault is None else state.fault.reason,
             }
-            self._status(outputs.text_message(json.dumps(status)))
+            self._status(text_message(json.dumps(status)))
 
     def _ended(self) -> str:
         """How the drive has ended; nothing while it goes on."""
@@ -347,49 +369,9 @@ class DriveNode:
             return f"stuck: {state.stuck}"
         twist = self._stack.verdict.twist
         still = max(abs(twist.v), abs(twist.w)) <= _STILL
-        return "reached" if state.finished and still else ""
-
-    def _tell(self, now: int) -> None:
-        """Publish what is to be seen of the last decision, each at its rate."""
-        stack, state, out = self._stack, self._stack.state, self._out
-        if state.belief is not None and state.odometry is not None:
-            out["pose"](outputs.pose_message(state.belief, now))
-            out["path"](outputs.path_message(state.belief, state.path, now))
-            out["odometry"](odometry_message(state.odometry, now))
-            base = self._base
-            pose, camera = (
-                (state.odometry.pose, self._robot.camera) if base is None else (base, None)
-            )
-            out["tf"](transforms_message(pose, now, state.belief, camera))
-        if self._turn_of("explanation", "navfw/explanation"):
-            out["explanation"](outputs.explanation_message(stack.explain()))
-        if self._turn_of("local_map", "navfw/local_map") and stack.local_map.occupancy.located:
-            out["local_map"](outputs.grid_message(stack.local_map.occupancy, now))
-        if self._frame is not None and self._turn_of("overlay", "navfw/image/compressed"):
-            width = self._robot.camera.width
-            out["overlay"](outputs.overlay_message(self._frame, state, width, now))
-        if self._turn_of("diagnostics", "/diagnostics"):
-            summary, level = self._ended() or self._held or state.veto or "driving", 0
-            level = 2 if state.fault else 1 if state.stuck or state.veto or state.faults else 0
-            values = {
-                **self.latency(),
-                "sight": state.sight.name,
-                "faults": "; ".join(state.faults),
-            }
-            out["diagnostics"](outputs.diagnostics_message(level, summary, values, now))
-
-    def _turn_of(self, name: str, topic: str) -> bool:
-        """Whether the output is due, and wanted by someone."""
-        now = time.monotonic()
-        if now < self._told.get(name, 0.0) or not self._node.wanted(topic):
-            return False
-        self._told[name] = now + 1.0 / _RATES[name]
-        return True
+        done = "reached" if self._goals else "no goal"
+        return done if state.finished and still else ""
 
     def latency(self) -> Mapping[str, float]:
         """From an image's stamp to the command [ms]: median and 99th percentile."""
-        if not self._latencies:
-            return {}
-        values: Array = 1e3 * np.array(self._latencies)
-        p50, p99 = np.percentile(values, [50, 99]).round(1).tolist()
-        return {"latency_p50_ms": p50, "latency_p99_ms": p99}
+        return self._outputs.latency()

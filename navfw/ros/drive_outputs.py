@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,13 +15,93 @@ import numpy as np
 from navfw.localmap import OccupancyGrid
 from navfw.numerics import Image
 from navfw.perceive import draw_flow
-from navfw.recording import plain_json, ros_message
-from navfw.signals import Belief, Frame, Waypoint
-from navfw.stack import StackState
+from navfw.recording import odometry_message, plain_json, ros_message
+from navfw.recording.ros_messages import transforms_message
+from navfw.ros.connection import RosNode
+from navfw.signals import Belief, Frame, Pose, Waypoint
+from navfw.stack import Stack, StackState
 
+_GRID = "nav_msgs/msg/OccupancyGrid"
+TOPICS = {
+    "navfw/pose": "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "navfw/path": "nav_msgs/msg/Path",
+    "navfw/odom": "nav_msgs/msg/Odometry",
+    "/tf": "tf2_msgs/msg/TFMessage",
+    "navfw/local_map": _GRID,
+    "navfw/explanation": "std_msgs/msg/String",
+    "navfw/image/compressed": "sensor_msgs/msg/CompressedImage",
+    "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+}
+"""Topics of what is told, and their types."""
+_RATES = {
+    "navfw/explanation": 2.0,
+    "navfw/local_map": 2.0,
+    "navfw/image/compressed": 5.0,
+    "/diagnostics": 1.0,
+}
+"""How often each output is made at most [Hz]."""
+_LATENCIES = 10_000
+"""Latencies kept for the median."""
 _ENLARGED = 3
 _LINE, _LETTERS, _MARGIN = 18, 0.45, 6
 """Height of a line of text [px], size of its letters, and margin [px]."""
+
+
+class DriveOutputs:
+    """What ``node`` tells of ``stack``'s decisions, each at its rate.
+
+    ``latencies`` [s] are the newest from an image's stamp to the command.
+    """
+
+    def __init__(self, node: RosNode, stack: Stack) -> None:
+        self._node, self._stack = node, stack
+        self._told: dict[str, float] = {}
+        self.latencies: deque[float] = deque(maxlen=_LATENCIES)
+        self._publish = {
+            topic: node.publisher(topic, kind, "latched" if kind == _GRID else "reliable")
+            for topic, kind in TOPICS.items()
+        }
+
+    def tell(self, frame: Frame, base: Pose | None, ended: str, now: int) -> None:
+        """Publish what is to be seen of the last decision, made of ``frame``, at ``now`` [ns].
+
+        ``base`` is the robot's own odometry, if it tells where ``base_link`` is. ``ended`` is why
+        the robot does not drive, or empty.
+        """
+        stack, state, send = self._stack, self._stack.state, self._publish
+        camera, grid = stack.robot.camera, stack.local_map.occupancy
+        if state.belief is not None and state.odometry is not None:
+            send["navfw/pose"](pose_message(state.belief, now))
+            send["navfw/path"](path_message(state.belief, state.path, now))
+            send["navfw/odom"](odometry_message(state.odometry, now))
+            at, own = (state.odometry.pose, camera) if base is None else (base, None)
+            send["/tf"](transforms_message(at, now, state.belief, own))
+        if self._turn_of("navfw/explanation"):
+            send["navfw/explanation"](text_message(json.dumps(plain_json(stack.explain()))))
+        if self._turn_of("navfw/local_map") and grid.located:
+            send["navfw/local_map"](grid_message(grid, now))
+        if self._turn_of("navfw/image/compressed"):
+            send["navfw/image/compressed"](overlay_message(frame, state, camera.width, now))
+        if self._turn_of("/diagnostics"):
+            level = 2 if state.fault else 1 if state.stuck or state.veto or state.faults else 0
+            faults = {"sight": state.sight.name, "faults": "; ".join(state.faults)}
+            summary, values = ended or state.veto or "driving", {**self.latency(), **faults}
+            send["/diagnostics"](diagnostics_message(level, summary, values, now))
+
+    def _turn_of(self, topic: str) -> bool:
+        """Whether the output is due, and wanted by someone."""
+        now = time.monotonic()
+        if now < self._told.get(topic, 0.0) or not self._node.wanted(topic):
+            return False
+        self._told[topic] = now + 1.0 / _RATES[topic]
+        return True
+
+    def latency(self) -> Mapping[str, float]:
+        """From an image's stamp to the command [ms]: median and 99th percentile."""
+        if not self.latencies:
+            return {}
+        p50, p99 = np.percentile(1e3 * np.array(self.latencies), [50, 99]).round(1).tolist()
+        return {"latency_p50_ms": p50, "latency_p99_ms": p99}
 
 
 def pose_message(belief: Belief, now: int) -> bytes:
@@ -47,12 +129,7 @@ def grid_message(grid: OccupancyGrid, now: int) -> bytes:
     origin = _pose(x - 0.5 * cell, y - 0.5 * cell, 0.0)
     about = {"resolution": cell, "width": columns, "height": rows, "origin": origin}
     fields = {"info": about, "data": percent.astype(np.int8).ravel()}
-    return _in("odom", "nav_msgs/msg/OccupancyGrid", fields, now)
-
-
-def explanation_message(explanation: Mapping[str, Any]) -> bytes:
-    """``String`` with the explanation of the last command as JSON."""
-    return text_message(json.dumps(plain_json(explanation)))
+    return _in("odom", _GRID, fields, now)
 
 
 def text_message(text: str) -> bytes:

@@ -30,10 +30,10 @@ from navfw.stack import StackState
 
 MAX_COMMAND_AGE = 0.25
 """Age [s] of the last command, by the simulated clock, from which on the robot stands."""
-_CAMERA_INFO = 1.0
-"""Period [s] of camera_info."""
 _DISCOVERY = 1.0
 """Time [s] in which the other node finds this one as well."""
+_MAX_COMMAND = 100.0
+"""Largest speed [m/s] and turning rate [rad/s] that is taken for a command."""
 _STAND = Twist(0.0, 0.0)
 
 TOPICS = {
@@ -48,6 +48,8 @@ TOPICS = {
     "cmd_vel": ("geometry_msgs/msg/TwistStamped", "what to drive; also Twist on cmd_vel_unstamped"),
 }
 """Topics of the simulated robot: type, and what it is."""
+_SENSORS = "image", "camera_info", "imu"
+"""Topics that are sent by best effort; who listens to tf and odom wants them reliably."""
 
 
 class RosPilot:
@@ -66,12 +68,10 @@ class RosPilot:
         self._odometer = Odometer(robot)
         self._twist, self._commanded, self._stamp = _STAND, -math.inf, -1
         self._status: dict[str, Any] = {}
-        self._info_due = 0.0
         self._began: tuple[float, float] | None = None
-        lockstep = pace == 0.0
-        quality: Quality = "reliable" if lockstep else "sensor"
+        quality: Quality = "reliable" if pace == 0.0 else "sensor"
         self._out = {
-            topic: node.publisher(topic, kind, quality)
+            topic: node.publisher(topic, kind, quality if topic in _SENSORS else "reliable")
             for topic, (kind, _) in TOPICS.items()
             if topic != "cmd_vel"
         }
@@ -111,15 +111,13 @@ class RosPilot:
         images = []
         if reading.frame is not None:
             images.append("image")
-            out["image"](image_message(reading.frame.image, round(1e9 * reading.frame.time)))
+            taken, image = round(1e9 * reading.frame.time), reading.frame.image
+            out["image"](image_message(image, taken))
+            out["camera_info"](camera_message(robot.camera, image.shape, taken))
         if reading.landmark_frame is not None:
             images.append("landmarks")
             taken = round(1e9 * reading.landmark_frame.time)
             self._landmarks(image_message(reading.landmark_frame.image, taken))
-        if reading.time >= self._info_due:
-            self._info_due = reading.time + _CAMERA_INFO
-            size = robot.camera.height, robot.camera.width
-            out["camera_info"](camera_message(robot.camera, size, now))
         out["imu"](imu_message(robot, reading, round(1e9 * reading.inertial.time)))
         frame = "+".join(["", *images])
         wheels_at = round(1e9 * reading.encoders.time)
@@ -156,8 +154,8 @@ class RosPilot:
     def _take(self, message: Any) -> None:
         twist = message.twist if hasattr(message, "twist") else message
         v, w = twist.linear.x, twist.angular.z
-        if not (math.isfinite(v) and math.isfinite(w)):
-            self._node.note("a command is left out: it is not a number")
+        if not max(abs(v), abs(w)) <= _MAX_COMMAND or math.isnan(w):
+            self._node.note(f"a command is left out: v = {v:g}, w = {w:g}")
             return
         if hasattr(message, "header"):
             stamp = message.header.stamp
@@ -166,10 +164,11 @@ class RosPilot:
 
     def _take_status(self, message: Any) -> None:
         try:
-            status = json.loads(message.data)
-        except ValueError:
-            return
-        self._status = status if isinstance(status, dict) else {}
+            self._status = json.loads(message.data)
+            self._state(0.0)
+        except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
+            self._node.note("a message on navfw/status cannot be read")
+            self._status = {}
 
     def _state(self, now: float) -> StackState:
         """What the driving node says of its state, if it says anything."""
@@ -180,9 +179,9 @@ class RosPilot:
         spread = np.zeros((3, 3))
         lost = bool(status.get("lost"))
         return StackState(
-            belief=None if at is None else Belief(now, Pose(*at), spread, lost=lost),
+            belief=None if at is None else Belief(now, Pose(*map(float, at)), spread, lost=lost),
             time=now,
             finished=bool(status.get("finished")),
-            stuck=status.get("stuck"),
+            stuck=str(status.get("stuck") or "") or None,
             fault=None if fault is None else PersistentFailure("sensor", str(fault)),
         )

@@ -6,6 +6,7 @@ Images, rates and wheels have clocks and faults of their own: each is judged whe
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -26,6 +27,12 @@ _JUMP = 1.0
 """Step [s] of the clock backward, beyond which it has begun anew."""
 _SHAPE = 0.01
 """Relative difference of the shape of an image from that of the robot's camera that is allowed."""
+_MAX_RATES = 1000
+"""Rates that are kept while the wheels are silent."""
+_BASES = {"", "base_link", "base_footprint"}
+"""Frames with the axes of base_link."""
+_UNIT, _MAX_DEPTH, _MAX_LINKS = 0.1, 50, 1000
+"""Allowed error of a quaternion's norm, links from the IMU to base_link, links that are kept."""
 _MAX_TICKS = 1e12
 """Largest count of an encoder that is believed."""
 
@@ -36,7 +43,6 @@ class SensorInputs:
     Times are those of stamps [s] from the first message on; ``shift`` [s] is added to them, so that
     time never goes back, even when a simulated clock begins anew. ``note`` is called with remarks
     for people. ``snap`` [Hz]: stamps are multiples of 1 / ``snap``, exactly, not of nanoseconds.
-    ``same_clock``: stamps are of the node's own, simulated, clock, which may lag behind them.
     """
 
     def __init__(
@@ -46,21 +52,20 @@ class SensorInputs:
         joints: Sequence[str] = (),
         imu_rpy: Sequence[float] = (0.0, 0.0, 0.0),
         snap: float = 0.0,
-        *,
-        same_clock: bool = False,
     ) -> None:
         self._robot, self._note, self._snap = robot, note, snap
-        self._same_clock = same_clock or snap > 0.0
         self._joints = (joints[:1], joints[1:2]) if joints else wheel_joints(robot)
         roll, pitch, yaw = (rotation_matrix(a * e) for a, e in zip(imu_rpy, np.eye(3), strict=True))
-        self._axes: Array = yaw @ pitch @ roll
+        self._axes: Array | None = yaw @ pitch @ roll if any(imu_rpy) else None
+        self._mounts: dict[str, tuple[str, Array]] = {}
         self._begin = 0.0 if snap else None
         self._last: dict[str, float] = {}
-        self._rates: list[tuple[float, ...]] = []
+        self._rates: deque[tuple[float, ...]] = deque(maxlen=_MAX_RATES)
         self._inertial = Inertial(0.0, math.nan, math.nan, math.nan)
         self._ticks = self._zero = np.zeros(2)
-        self._wheels_at = 0.0
+        self._wheels_at, self._read_at = 0.0, -math.inf
         self._odometry: tuple[float, float, float] | None = None
+        self._lost = False
         self._frame: Frame | None = None
         self._landmarks: Frame | None = None
         self.shift = 0.0
@@ -69,10 +74,11 @@ class SensorInputs:
     def time_of(self, topic: str, stamp: Any, now: float) -> float | None:
         """The time [s] of a message with ``stamp`` that came at ``now`` [s]; None if it goes back.
 
-        A stamp of another clock counts as its reception.
+        A stamp of another clock counts as its reception. A simulated clock is at 0 before it is
+        heard, and in lock step it may lag behind.
         """
         time = float(stamp.sec) + 1e-9 * float(stamp.nanosec)
-        if abs(time - now) > _CLOCKS and not self._same_clock:
+        if abs(time - now) > _CLOCKS and now > 0.0 and not self._snap:
             where = "behind" if time < now else "ahead of"
             what = f"the clock of {topic} is {abs(time - now):.3g} s {where} this node's"
             self._note(f"{what}: its messages count from their reception")
@@ -128,12 +134,42 @@ class SensorInputs:
     def imu(self, topic: str, message: Any, now: float) -> None:
         """Take in the rates of an ``Imu``; they are turned into base_link's axes."""
         rates = np.array((*turn_rates(message), math.nan, math.nan)[:3])
-        turned = self._axes @ rates if np.isfinite(rates).all() else rates
+        axes = self._axes_of(topic, message.header.frame_id.lstrip("/"))
+        turned = axes @ rates if np.isfinite(rates).all() else rates
         if not math.isfinite(turned[2]):
             self._note(f"rates on {topic} are not numbers: such messages are left out")
             return
         if (time := self.time_of(topic, message.header.stamp, now)) is not None:
             self._rates.append((time, *turned.tolist()))
+
+    def mounts(self, message: Any) -> None:
+        """Take in static transforms, a ``TFMessage``: they tell how the IMU is mounted."""
+        for link in message.transforms[:_MAX_LINKS]:
+            q = link.transform.rotation
+            size = math.sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w)
+            if not abs(size - 1.0) < _UNIT or len(self._mounts) >= _MAX_LINKS:
+                self._note("a transform on /tf_static is left out: its rotation is none")
+                continue
+            across = np.cross(np.eye(3), np.array([q.x, q.y, q.z]) / size)
+            turn = np.eye(3) + 2.0 * (q.w / size) * across + 2.0 * across @ across
+            parent = link.header.frame_id.lstrip("/")
+            self._mounts[link.child_frame_id.lstrip("/")] = parent, turn
+
+    def _axes_of(self, topic: str, frame: str) -> Array:
+        """The axes of ``frame`` in base_link, as the columns of a rotation (3, 3)."""
+        if self._axes is not None:
+            return self._axes
+        axes, at = np.eye(3), frame
+        for _ in range(_MAX_DEPTH):
+            if at in _BASES:
+                return axes
+            if at not in self._mounts:
+                break
+            at, turn = self._mounts[at]
+            axes = turn @ axes
+        what = f"no transform from {frame[:40]!r} to base_link on /tf_static"
+        self._note(f"{what}: rates on {topic} count as base_link's, or set imu_rpy")
+        return np.eye(3)
 
     def joints(self, topic: str, message: Any, now: float) -> bool:
         """Take in the wheels of a ``JointState``; whether it has them."""
@@ -174,7 +210,9 @@ class SensorInputs:
         time = self.time_of(topic, message.header.stamp, now)
         if time is None:
             return False
-        self._ticks, self._wheels_at = self._zero + ticks, time
+        if self._lost:
+            self._zero, self._lost = self._ticks - ticks, False
+        self._ticks, self._wheels_at = self._zero + ticks, max(time, self._wheels_at)
         return True
 
     @property
@@ -196,12 +234,20 @@ class SensorInputs:
         """The stamp [ns] of ``time`` [s], by the clock of the sensors."""
         return round(1e9 * (time - self.shift + (self._begin or 0.0)))
 
-    def reading(self, time: float) -> SensorReading:
-        """What the sensors say at ``time`` [s]; each image is given once."""
+    def reading(self, time: float, *, silent: bool = False) -> SensorReading:
+        """What the sensors say at ``time`` [s]; each image is given once.
+
+        Rates are the mean ones since the wheels' last message before: over as long as they rolled.
+        Wheels that are ``silent`` do not count, and what they roll is lost, as in the simulator.
+        """
+        if silent:
+            self._lost, self._wheels_at = True, time
         if self._rates:
             means = np.mean([rates[1:] for rates in self._rates], axis=0).tolist()
             self._inertial = Inertial(min(self._rates[-1][0], time), *means)
+        if self._wheels_at > self._read_at:
             self._rates.clear()
+            self._read_at = self._wheels_at
         left, right = np.rint(self._ticks).astype(np.int64).tolist()
         encoders = Encoders(min(self._wheels_at, time), left, right)
         frame, self._frame = self._frame, None

@@ -3,6 +3,7 @@ from .progress_watch import NO_ROUTE_AFTER as NO_ROUTE_AFTER
 from .progress_watch import STUCK_AFTER as STUCK_AFTER
 from .progress_watch import ProgressWatch as ProgressWatch
 from .shadow_stack import ShadowStack as ShadowStack
+from .shadow_stack import halt as halt
 from .stack import TIMED as TIMED
 from .stack import Stack as Stack
 from .stack_document import STAGES as STAGES

@@ -1,4 +1,4 @@
-"""A stack that says what it would command while another drives the robot."""
+"""A stack whose commands are not those that the robot was given."""
 
 from __future__ import annotations
 
@@ -6,6 +6,19 @@ from dataclasses import replace
 
 from navfw.signals import SensorReading, Twist
 from navfw.stack.stack import Stack
+
+_STAND = Twist(0.0, 0.0)
+
+
+def halt(stack: Stack) -> None:
+    """Tell ``stack`` that the robot was told to stand, in place of its last command.
+
+    That its wheels do not turn is then no fault.
+    """
+    stack.verdict = replace(stack.verdict, twist=_STAND)
+    stack.safety.follow(_STAND)
+    stack.trim.apply(_STAND)
+    stack.controller.reset()
 
 
 class ShadowStack(Stack):

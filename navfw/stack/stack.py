@@ -68,7 +68,7 @@ TIMED = (
 
 
 class Stack:
-    """Composes the stages. Its only inputs are sensor readings and the map file."""
+    """Composes the stages, every ``period`` [s], from sensor readings and the map file alone."""
 
     def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
         self.guard = PluginGuard()
@@ -77,6 +77,7 @@ class Stack:
         self.features = GuardedFeatures(self.guard, cast(FeatureRecognizer, features))
         self._reduction = robot.camera.reduction
         self.robot = robot = robot.with_reduced_images()
+        self.period = 1.0 / robot.control_rate
 
         def build(stage: str) -> Any:
             return self.guard.construct(config.stages[stage], robot)
@@ -236,8 +237,7 @@ class Stack:
         if frame is not None:
             self._decide(reading, frame, odometry)
         with timed(self.timings, "control"):
-            dt = 1.0 / self.robot.control_rate
-            twist = self.controller.control(self.state.command, odometry, dt)
+            twist = self.controller.control(self.state.command, odometry, self.period)
         with timed(self.timings, "safety"):
             self.verdict = self.safety.limit(twist, reading.time, odometry.pose)
         if self.safety.failure is not None:

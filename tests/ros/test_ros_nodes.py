@@ -18,11 +18,17 @@ import navfw
 
 pytest.importorskip("rclpy", reason="needs the group ros: make test-ros")
 
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from std_srvs.srv import Trigger
+
 from navfw.recording import image_message, ros_message
 from navfw.ros import RosNode
 
 DRIVE = ("drive", "--map", "empty", "--start", "0,0,0", "--goal", "3,0", "--tolerance", "0.4")
 SIM = ("sim", "empty", "straight", "--seed", "1")
+# waits for a driver that starts slowly
+PATIENT = (*SIM, "--set", "mission.timeout=600", "--set", "mission.stuck_after=600")
 SIM_TIME = ("--ros-args", "-p", "use_sim_time:=true")
 
 
@@ -77,6 +83,8 @@ class Listener:
             ("navfw/path", "nav_msgs/msg/Path"),
         ):
             self.node.subscribe(topic, kind, self._keep(topic))
+        # as Nav2 and tf listen
+        self.node.subscribe("odom", "nav_msgs/msg/Odometry", self._keep("odom"), "reliable")
 
     def _keep(self, topic: str) -> Any:
         def keep(message: Any) -> None:
@@ -128,9 +136,10 @@ def test_a_killed_driver_leaves_the_robot_standing_and_tells_what_it_sees(
 ) -> None:
     with ExitStack() as processes:
         driver = processes.enter_context(started(tmp_path, *DRIVE, *SIM_TIME))
-        processes.enter_context(started(tmp_path, *SIM))
+        processes.enter_context(started(tmp_path, *PATIENT))
         listener.spin_until(lambda: listener.speed > 0.2 and listener.x > 0.3, 200.0)
-        assert {"navfw/local_map", "navfw/explanation", "navfw/path"} <= set(listener.newest)
+        told = {"navfw/local_map", "navfw/explanation", "navfw/path", "odom"}
+        assert told <= set(listener.newest)
         assert json.loads(listener.newest["navfw/explanation"].data)
         assert bytes(listener.newest["navfw/image/compressed"].data[:2]) == b"\xff\xd8"
         driver.send_signal(signal.SIGKILL)
@@ -146,18 +155,59 @@ def test_a_driver_without_its_robot_says_so_and_drives_on_when_it_is_back(
 ) -> None:
     with ExitStack() as processes:
         driver = processes.enter_context(started(tmp_path, *DRIVE, *SIM_TIME))
-        robot = processes.enter_context(started(tmp_path, *SIM))
+        robot = processes.enter_context(started(tmp_path, *PATIENT))
         listener.spin_until(lambda: listener.speed > 0.2, 200.0)
         robot.send_signal(signal.SIGKILL)
-        wait_until(lambda: "no message of camera, IMU and wheels" in said(tmp_path, "drive"), 3.0)
+        wait_until(
+            lambda: "nothing comes on image, imu, joint_states" in said(tmp_path, "drive"), 3.0
+        )
         listener.spin_until(lambda: listener.speed == 0.0, 1.0)
         (tmp_path / "sim.err").unlink()
-        processes.enter_context(started(tmp_path, *SIM))
+        processes.enter_context(started(tmp_path, *PATIENT))
         listener.spin_until(lambda: listener.speed > 0.2, 200.0)
         driver.send_signal(signal.SIGTERM)
         driver.wait(10.0)
         listener.spin_until(lambda: listener.speed == 0.0, 2.0)
         assert "Traceback" not in said(tmp_path, "drive")
+
+
+def call(listener: Listener, kind: Any, name: str, request: Any) -> Any:
+    """Call a service of the driver; its answer."""
+    client = listener.node._node.create_client(kind, f"/navfw/{name}")
+    listener.spin_until(client.service_is_ready)
+    answer = client.call_async(request)
+    listener.spin_until(answer.done)
+    return answer.result()
+
+
+def test_services_and_a_lifecycle_manager_hold_the_robot(
+    tmp_path: Path, listener: Listener
+) -> None:
+    def stands() -> None:
+        listener.spin_until(lambda: listener.speed == 0.0, 2.0)
+        listener.node.spin_for(1.0)
+        assert listener.speed == 0.0
+
+    def change(number: int) -> None:
+        transition = Transition(id=number)
+        answer = call(
+            listener, ChangeState, "change_state", ChangeState.Request(transition=transition)
+        )
+        assert answer.success
+
+    with ExitStack() as processes:
+        processes.enter_context(started(tmp_path, *DRIVE, *SIM_TIME))
+        processes.enter_context(started(tmp_path, *PATIENT, "--pace", "0.5"))
+        listener.spin_until(lambda: listener.speed > 0.1, 200.0)
+        change(Transition.TRANSITION_DEACTIVATE)
+        stands()
+        assert "stands" in call(listener, Trigger, "stop", Trigger.Request()).message
+        change(Transition.TRANSITION_ACTIVATE)
+        stands()
+        assert "driving on" in call(listener, Trigger, "resume", Trigger.Request()).message
+        listener.spin_until(lambda: listener.speed > 0.1, 10.0)
+        assert "dropped" in call(listener, Trigger, "cancel", Trigger.Request()).message
+        stands()
 
 
 def hostile_messages(generator: np.random.Generator) -> Iterator[tuple[str, str, bytes]]:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from navfw.recording import (
     deserialize_cdr,
@@ -75,7 +76,7 @@ def test_in_lock_step_readings_come_back_bit_for_bit(
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(0.0, 50.0), min_size=1, max_size=30))
 def test_time_never_goes_back(times: list[float]) -> None:
-    inputs, newest = made([], same_clock=True), -math.inf
+    inputs, newest = made([]), -math.inf
     for number, time in enumerate(times):
         if inputs.joints("joint_states", joints(time, number, number), time):
             assert inputs.newest_of("joint_states") > newest
@@ -84,13 +85,35 @@ def test_time_never_goes_back(times: list[float]) -> None:
 
 def test_a_clock_that_begins_anew_goes_on_and_the_wheels_do_not_jump() -> None:
     notes: list[str] = []
-    inputs = made(notes, same_clock=True)
+    inputs = made(notes)
     for time, ticks in ((100.0, 0), (100.1, 500), (0.0, 0), (0.1, 30)):
         assert inputs.joints("joint_states", joints(time, ticks, ticks), time)
     reading = inputs.reading(inputs.newest)
     assert reading.encoders.left == reading.encoders.right == 530
     assert 0.1 < reading.time < 0.4
     assert any("begun anew" in note for note in notes)
+
+
+def test_silent_wheels_do_not_count_and_what_they_roll_is_lost() -> None:
+    inputs = made([])
+    inputs.joints("joint_states", joints(1.0, 10, 20), 1.0)
+    assert inputs.reading(0.0).encoders == Encoders(0.0, 10, 20)
+    assert inputs.reading(0.5, silent=True).encoders == Encoders(0.5, 10, 20)
+    inputs.joints("joint_states", joints(1.6, 400, 500), 1.6)
+    inputs.joints("joint_states", joints(1.7, 403, 505), 1.7)
+    encoders = inputs.reading(0.7).encoders
+    assert (encoders.left, encoders.right) == (13, 25)
+
+
+def test_rates_are_means_over_the_time_that_the_wheels_rolled() -> None:
+    inputs = made([])
+    for time, rate in ((1.0, 0.0), (1.1, 0.2), (1.2, 0.6)):
+        sent = imu_message(ROBOT, read_at(time, rate), nanoseconds(time))
+        inputs.imu("imu", deserialize_cdr(sent, IMU), time)
+        if time != 1.1:
+            inputs.joints("joint_states", joints(time, 1, 1), time)
+        rates = inputs.reading(time - 1.0).inertial.yaw_rate
+    assert rates == pytest.approx(0.4)
 
 
 def test_stamps_of_another_clock_count_from_reception() -> None:
@@ -162,3 +185,62 @@ def test_odometry_is_ticks_of_both_wheels() -> None:
     turn = 2.0 * math.pi - 6.0  # through pi
     ticks = 0.5 * ROBOT.track * turn * ROBOT.ticks_per_turn / (2 * math.pi * ROBOT.wheel_radius)
     assert (encoders.left, encoders.right) == (round(-ticks), round(ticks))
+
+
+def mounted(*links: tuple[str, str, tuple[float, ...]]) -> Any:
+    transforms = [
+        {
+            "header": {"frame_id": parent},
+            "child_frame_id": child,
+            "transform": {"rotation": dict(zip("xyzw", turn, strict=True))},
+        }
+        for parent, child, turn in links
+    ]
+    kind = "tf2_msgs/msg/TFMessage"
+    return deserialize_cdr(ros_message(kind, {"transforms": transforms}), kind)
+
+
+def rates_from(frame: str, time: float = 1.0) -> Any:
+    rates = {"x": 0.1, "y": 0.2, "z": 0.3}
+    fields = {"header": {"frame_id": frame}, "angular_velocity": rates}
+    return deserialize_cdr(ros_message(IMU, fields, nanoseconds(time)), IMU)
+
+
+UNIT = st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(lambda q: math.hypot(*q) > 0.1)
+
+
+@settings(max_examples=60, deadline=None)
+@given(UNIT, UNIT)
+def test_rates_are_turned_to_base_link_by_static_transforms(
+    first: list[float], second: list[float]
+) -> None:
+    one, two = Rotation.from_quat(first), Rotation.from_quat(second)
+    notes: list[str] = []
+    inputs = made(notes)
+    plate = ("/base_link", "plate", tuple(one.as_quat()))
+    inputs.mounts(mounted(("plate", "imu_link", tuple(two.as_quat()))))
+    inputs.mounts(mounted(plate))
+    inputs.imu("imu", rates_from("imu_link"), 1.0)
+    inertial = inputs.reading(0.0).inertial
+    turned = (inertial.roll_rate, inertial.pitch_rate, inertial.yaw_rate)
+    assert turned == pytest.approx(tuple((one * two).apply([0.1, 0.2, 0.3])))
+    assert not notes
+
+
+@pytest.mark.parametrize(
+    "links",
+    [
+        (),
+        (("base_link", "imu_link", (0.0, 0.0, 0.0, 0.0)),),
+        (("base_link", "imu_link", (math.nan, 0.0, 0.0, 1.0)),),
+        (("imu_link", "imu_link", (0.0, 0.0, 0.0, 1.0)),),
+        (("moon", "imu_link", (1.0, 0.0, 0.0, 0.0)),),
+    ],
+)
+def test_an_imu_that_no_transform_leads_to_is_said(links: Any) -> None:
+    notes: list[str] = []
+    inputs = made(notes)
+    inputs.mounts(mounted(*links))
+    inputs.imu("imu", rates_from("imu_link"), 1.0)
+    assert inputs.reading(0.0).inertial.yaw_rate == 0.3
+    assert any("no transform from 'imu_link' to base_link" in note for note in notes)
