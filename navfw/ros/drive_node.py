@@ -267,7 +267,7 @@ class DriveNode:
             return ""
         state, at, lasted = self._stack.state, readings[-1].time, time.monotonic() - began
         if lasted > _MAX_AGE and not self._options.lockstep:
-            self._node.note(f"a decision took {lasted:.1f} s: the robot stands meanwhile")
+            self._node.note(f"decisions take more than {_MAX_AGE} s: the robot stands meanwhile")
             self._halted = True
         stands = self._held or self._halted or state.fault or state.stuck
         self._send(_STAND if stands else twists[-1], at)

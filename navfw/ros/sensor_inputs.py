@@ -223,9 +223,9 @@ class SensorInputs:
         self._read = rolled[-1:]
         times = {time for time, _ in rolled}
         taken = math.inf if self._frame is None else self._frame.time
-        given = self._waited or silent_at is not None
+        late = self._waited or silent_at is not None
         for time in sorted(times | {taken} if begin < taken < end else times):
-            yield self._reading(time, known, seen=taken <= time or (given and time == end))
+            yield self._reading(time, known, seen=taken <= time or (late and time == end))
         self._waited = self._frame is not None
 
     def _reading(
