@@ -17,8 +17,8 @@ from navfw.recording import deserialize_cdr
 Quality = Literal["sensor", "reliable", "latched"]
 """Quality of service: best effort as of sensor data, reliable, or kept for those that join late."""
 
-_DEPTH, _MAX_TAKEN = 10, 200
-"""Messages that wait in a queue, and that are taken in before the caller has its turn."""
+_DEPTH, _IMAGES, _MAX_TAKEN = 100, 5, 500
+"""Messages that wait in a queue, images, and what is taken in before the caller has its turn."""
 _MAX_NOTES = 100
 """Notes that are kept: hostile messages could give any number."""
 
@@ -84,7 +84,7 @@ class RosNode:
         message = self._kind(topic, kind)
         if message is None:
             return lambda _: None
-        made = self._node.create_publisher(message, topic, self._quality(quality))
+        made = self._node.create_publisher(message, topic, self._quality(quality, kind))
         return lambda data: made.publish(data) if self._rclpy.ok() else None
 
     def wanted(self, topic: str) -> bool:
@@ -110,8 +110,9 @@ class RosNode:
             receive(read)
 
         if message is not None:
-            profile = self._quality(quality)
-            profile.depth = _DEPTH  # several nodes may have kept one message each
+            profile = self._quality(quality, kind)
+            if quality == "latched":
+                profile.depth = _DEPTH  # several nodes may have kept one message each
             self._node.create_subscription(message, topic, take, profile, raw=True)
 
     def serve(self, name: str, answer: Callable[[], str]) -> None:
@@ -191,13 +192,13 @@ class RosNode:
                 self.note(f"{topic} is left out: {package} is not installed")
             return None
 
-    def _quality(self, quality: Quality) -> Any:
+    def _quality(self, quality: Quality, kind: str) -> Any:
         qos = importlib.import_module("rclpy.qos")
         reliable = qos.ReliabilityPolicy.RELIABLE
         effort = qos.ReliabilityPolicy.BEST_EFFORT if quality == "sensor" else reliable
         local = qos.DurabilityPolicy.TRANSIENT_LOCAL
         kept = local if quality == "latched" else qos.DurabilityPolicy.VOLATILE
-        depth = 1 if quality == "latched" else _DEPTH
+        depth = 1 if quality == "latched" else _IMAGES if kind.endswith("Image") else _DEPTH
         return qos.QoSProfile(depth=depth, reliability=effort, durability=kept)
 
 

@@ -7,7 +7,7 @@ import json
 import math
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -20,7 +20,7 @@ from navfw.ros.connection import Quality, RosNode
 from navfw.ros.drive_outputs import DriveOutputs, text_message
 from navfw.ros.goals import TOLERANCE, goal_at
 from navfw.ros.sensor_inputs import SensorInputs
-from navfw.signals import Pose, Twist, Waypoint
+from navfw.signals import Pose, SensorReading, Twist, Waypoint
 from navfw.stack import Stack, halt
 
 _MAX_AGE = 0.2
@@ -262,10 +262,22 @@ class DriveNode:
         How a single drive has ended, in a sentence; nothing while it goes on.
         """
         self._node.spin(seconds)
-        at = self._next_tick()
-        if at is None:
+        began, readings = time.monotonic(), list(self._due())
+        twists = [self._step(reading) for reading in readings]
+        if not readings:
             return ""
-        self._tick(at)
+        state, at, lasted = self._stack.state, readings[-1].time, time.monotonic() - began
+        if lasted > _MAX_AGE and not self._options.lockstep:
+            self._node.note(f"decisions take more than {_MAX_AGE} s: the robot stands meanwhile")
+            self._halted = True
+        stands = self._held or self._halted or state.fault or state.stuck
+        self._send(_STAND if stands else twists[-1], at)
+        frame = next((reading.frame for reading in readings if reading.frame is not None), None)
+        if frame is not None:
+            came_at, age = self._image_came
+            self._outputs.latencies.append(max(0.0, age) + time.monotonic() - came_at)
+            ended = self._ended() or ", ".join(self._held)
+            self._outputs.tell(frame, self._base, ended, self._node.now())
         return self._ended() if self._options.once and not self._held else ""
 
     @contextmanager
@@ -289,19 +301,19 @@ class DriveNode:
                 self._stand()
                 time.sleep(0.02)
 
-    def _next_tick(self) -> float | None:
-        """The time [s] of the tick that is due; None while there is none."""
+    def _due(self) -> Iterable[SensorReading]:
+        """The readings of the ticks that are due."""
+        inputs, new = self._inputs, self._latest - self._stepped
         if self._options.lockstep:
-            came = self._inputs.complete(self._latest, self._images)
-            return self._latest if came and self._latest > self._stepped else None
+            due = new > 0.0 and inputs.complete(self._latest, self._images)
+            return inputs.readings() if due else ()
         now = time.monotonic()
         self._tell_missing(now)
-        if self._stepped == -math.inf:
-            return None if self._latest == -math.inf else self._latest
-        if self._latest > self._stepped + _ODD * self._period:
-            return self._latest
-        alive = self._inputs.newest > self._stepped + self._period
-        return self._inputs.newest if alive and now - self._ticked > _SILENT else None
+        if new > _ODD * self._period:
+            return inputs.readings()
+        alive = inputs.newest > self._stepped + self._period > -math.inf
+        silent = alive and now - self._ticked > _SILENT
+        return inputs.readings(inputs.newest) if silent else ()
 
     def _tell_missing(self, now: float) -> None:
         missing = [topic for topic, at in self._heard.items() if now - at > _LOST]
@@ -311,25 +323,17 @@ class DriveNode:
         stands = ": the robot stands" if len(missing) == len(self._heard) else ""
         self._node.say(f"nothing comes on {', '.join(missing) or 'no topic, all are back'}{stands}")
 
-    def _tick(self, at: float) -> None:
-        reading = self._inputs.reading(at, silent=at > self._latest)
+    def _step(self, reading: SensorReading) -> Twist:
         if not self._options.lockstep:
             if self._halted:
                 self._halted = False
                 halt(self._stack)
-            self._stack.period = min(at - self._stepped, _MAX_PERIOD)
-        self._stepped, self._ticked = at, time.monotonic()
-        twist = self._stack.step(reading)
-        state = self._stack.state
+            self._stack.period = min(reading.time - self._stepped, _MAX_PERIOD)
+        self._stepped, self._ticked = reading.time, time.monotonic()
         if self._held:
             self._halted = True
             self._stack.mofis.progress.reset()
-        self._send(_STAND if self._held or state.fault or state.stuck else twist, at)
-        if reading.frame is not None:
-            came_at, age = self._image_came
-            self._outputs.latencies.append(max(0.0, age) + time.monotonic() - came_at)
-            ended = self._ended() or ", ".join(self._held)
-            self._outputs.tell(reading.frame, self._base, ended, self._node.now())
+        return self._stack.step(reading)
 
     def _stand(self) -> None:
         """Tell the robot to stand, until the next tick."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import cv2
@@ -27,8 +27,8 @@ _JUMP = 1.0
 """Step [s] of the clock backward, beyond which it has begun anew."""
 _SHAPE = 0.01
 """Relative difference of the shape of an image from that of the robot's camera that is allowed."""
-_MAX_RATES = 1000
-"""Rates that are kept while the wheels are silent."""
+_MAX_ROWS = 1000
+"""Messages of gyro and wheels that wait for each other."""
 _BASES = {"", "base_link", "base_footprint"}
 """Frames with the axes of base_link."""
 _UNIT, _MAX_DEPTH, _MAX_LINKS = 0.1, 50, 1000
@@ -60,12 +60,13 @@ class SensorInputs:
         self._mounts: dict[str, tuple[str, Array]] = {}
         self._begin = 0.0 if snap else None
         self._last: dict[str, float] = {}
-        self._rates: deque[tuple[float, ...]] = deque(maxlen=_MAX_RATES)
+        self._rates: deque[tuple[float, ...]] = deque(maxlen=_MAX_ROWS)
         self._inertial = Inertial(0.0, math.nan, math.nan, math.nan)
         self._ticks = self._zero = np.zeros(2)
-        self._wheels_at, self._read_at = 0.0, -math.inf
+        self._rolled: deque[tuple[float, Array]] = deque(maxlen=_MAX_ROWS)
+        self._read: list[tuple[float, Array]] = []
         self._odometry: tuple[float, float, float] | None = None
-        self._lost = False
+        self._lost = self._waited = False
         self._frame: Frame | None = None
         self._landmarks: Frame | None = None
         self.shift = 0.0
@@ -212,7 +213,10 @@ class SensorInputs:
             return False
         if self._lost:
             self._zero, self._lost = self._ticks - ticks, False
-        self._ticks, self._wheels_at = self._zero + ticks, max(time, self._wheels_at)
+        self._ticks = self._zero + ticks
+        if len(self._rolled) > 1 and time - self._rolled[-2][0] < 1.0 / self._robot.control_rate:
+            self._rolled.pop()  # faster than the stack needs them
+        self._rolled.append((time, self._ticks))
         return True
 
     @property
@@ -234,25 +238,47 @@ class SensorInputs:
         """The stamp [ns] of ``time`` [s], by the clock of the sensors."""
         return round(1e9 * (time - self.shift + (self._begin or 0.0)))
 
-    def reading(self, time: float, *, silent: bool = False) -> SensorReading:
-        """What the sensors say at ``time`` [s]; each image is given once.
+    def readings(self, silent_at: float | None = None) -> Iterator[SensorReading]:
+        """One of each message of the wheels since the last call, and of when the image was taken.
 
-        Rates are the mean ones since the wheels' last message before: over as long as they rolled.
-        Wheels that are ``silent`` do not count, and what they roll is lost, as in the simulator.
+        The counts are interpolated for that: odometry must be known where an image was seen from.
+        Each image is given once; one that is newer than the wheels waits for the next call. Rates
+        are means from one reading to the next. With ``silent_at`` [s] the wheels do not count until
+        then, and what they roll is lost, as in the simulator.
         """
-        if silent:
-            self._lost, self._wheels_at = True, time
-        if self._rates:
-            means = np.mean([rates[1:] for rates in self._rates], axis=0).tolist()
-            self._inertial = Inertial(min(self._rates[-1][0], time), *means)
-        if self._wheels_at > self._read_at:
-            self._rates.clear()
-            self._read_at = self._wheels_at
-        left, right = np.rint(self._ticks).astype(np.int64).tolist()
-        encoders = Encoders(min(self._wheels_at, time), left, right)
-        frame, self._frame = self._frame, None
-        landmarks, self._landmarks = self._landmarks, None
-        return SensorReading(time, self._inertial, encoders, frame, landmarks)
+        if silent_at is not None:
+            self._lost = True
+            self._rolled.append((silent_at, self._ticks))
+        begin = self._read[-1][0] if self._read else -math.inf
+        rolled = [row for row in self._rolled if row[0] > begin]
+        self._rolled.clear()
+        if not rolled:
+            return
+        known, end = [*self._read, *rolled], rolled[-1][0]
+        self._read = rolled[-1:]
+        times = {time for time, _ in rolled}
+        taken = math.inf if self._frame is None else self._frame.time
+        late = self._waited or silent_at is not None
+        for time in sorted(times | {taken} if begin < taken < end else times):
+            yield self._reading(time, known, seen=taken <= time or (late and time == end))
+        self._waited = self._frame is not None
+
+    def _reading(
+        self, time: float, known: Sequence[tuple[float, Array]], *, seen: bool
+    ) -> SensorReading:
+        means = list[tuple[float, ...]]()
+        while self._rates and self._rates[0][0] <= time:
+            means.append(self._rates.popleft())
+        if means:
+            rates = np.mean([row[1:] for row in means], axis=0).tolist()
+            self._inertial = Inertial(means[-1][0], *rates)
+        at, ticks = [row[0] for row in known], np.array([row[1] for row in known])
+        left, right = (round(float(np.interp(time, at, ticks[:, side]))) for side in (0, 1))
+        frame = landmarks = None
+        if seen:
+            frame, self._frame = self._frame, None
+            landmarks, self._landmarks = self._landmarks, None
+        return SensorReading(time, self._inertial, Encoders(time, left, right), frame, landmarks)
 
 
 def _grey(message: Any, topic: str) -> Image:

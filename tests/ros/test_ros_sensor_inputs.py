@@ -52,6 +52,11 @@ def made(notes: list[str], **options: Any) -> SensorInputs:
     return SensorInputs(ROBOT, notes.append, **options)
 
 
+def newest(inputs: SensorInputs, silent_at: float | None = None) -> SensorReading:
+    """The last of the readings that are due."""
+    return list(inputs.readings(silent_at))[-1]
+
+
 COUNTS = st.integers(-(10**8), 10**8)
 
 
@@ -69,7 +74,7 @@ def test_in_lock_step_readings_come_back_bit_for_bit(
         inputs.imu("imu", message, 0.0)
         wheels = deserialize_cdr(joints_message(ROBOT, reading, now), JOINTS)
         assert inputs.joints("joint_states", wheels, 0.0)
-        received = inputs.reading(inputs.newest_of("joint_states"))
+        received = newest(inputs)
     assert received == sent
 
 
@@ -88,7 +93,7 @@ def test_a_clock_that_begins_anew_goes_on_and_the_wheels_do_not_jump() -> None:
     inputs = made(notes)
     for time, ticks in ((100.0, 0), (100.1, 500), (0.0, 0), (0.1, 30)):
         assert inputs.joints("joint_states", joints(time, ticks, ticks), time)
-    reading = inputs.reading(inputs.newest)
+    reading = newest(inputs)
     assert reading.encoders.left == reading.encoders.right == 530
     assert 0.1 < reading.time < 0.4
     assert any("begun anew" in note for note in notes)
@@ -97,11 +102,11 @@ def test_a_clock_that_begins_anew_goes_on_and_the_wheels_do_not_jump() -> None:
 def test_silent_wheels_do_not_count_and_what_they_roll_is_lost() -> None:
     inputs = made([])
     inputs.joints("joint_states", joints(1.0, 10, 20), 1.0)
-    assert inputs.reading(0.0).encoders == Encoders(0.0, 10, 20)
-    assert inputs.reading(0.5, silent=True).encoders == Encoders(0.5, 10, 20)
+    assert newest(inputs).encoders == Encoders(0.0, 10, 20)
+    assert newest(inputs, 0.5).encoders == Encoders(0.5, 10, 20)
     inputs.joints("joint_states", joints(1.6, 400, 500), 1.6)
     inputs.joints("joint_states", joints(1.7, 403, 505), 1.7)
-    encoders = inputs.reading(0.7).encoders
+    encoders = newest(inputs).encoders
     assert (encoders.left, encoders.right) == (13, 25)
 
 
@@ -112,8 +117,29 @@ def test_rates_are_means_over_the_time_that_the_wheels_rolled() -> None:
         inputs.imu("imu", deserialize_cdr(sent, IMU), time)
         if time != 1.1:
             inputs.joints("joint_states", joints(time, 1, 1), time)
-        rates = inputs.reading(time - 1.0).inertial.yaw_rate
-    assert rates == pytest.approx(0.4)
+    assert newest(inputs).inertial.yaw_rate == pytest.approx(0.4)
+
+
+def test_an_image_between_messages_of_the_wheels_has_a_reading_of_its_own() -> None:
+    inputs = made([])
+    inputs.joints("joint_states", joints(1.0, 0, 0), 1.0)
+    newest(inputs)
+    inputs.image("image", image(1.04), 1.04)
+    inputs.joints("joint_states", joints(1.1, 10, -20), 1.1)
+    inputs.image("image", image(1.12), 1.12)
+    inputs.joints("joint_states", joints(1.1 + 1 / 15, 20, 0), 1.17)
+    seen = [(r.frame is not None, r.encoders.left, r.encoders.right) for r in inputs.readings()]
+    assert seen == [(False, 10, -20), (True, 13, -14), (False, 20, 0)]
+
+
+def test_an_image_that_is_newer_than_the_wheels_waits_once() -> None:
+    inputs, given = made([]), list[bool]()
+    for number in range(3):
+        time = 1.0 + 0.1 * number
+        inputs.image("image", image(time + 0.05), time)
+        inputs.joints("joint_states", joints(time, 0, 0), time)
+        given.append(newest(inputs).frame is not None)
+    assert given == [False, True, False]
 
 
 def test_stamps_of_another_clock_count_from_reception() -> None:
@@ -130,10 +156,10 @@ def test_each_image_is_given_once_and_grey() -> None:
     shape = CAMERA.height, CAMERA.width
     pixels = np.arange(CAMERA.height * CAMERA.width, dtype=np.uint8).reshape(shape)
     inputs.image("image", image(1.0, pixels), 1.0)
-    frame = inputs.reading(0.0).frame
+    frame = newest(inputs, 0.0).frame
     assert frame is not None
     assert np.array_equal(frame.image, pixels)
-    assert inputs.reading(0.1).frame is None
+    assert newest(inputs, 0.1).frame is None
 
 
 @pytest.mark.parametrize(
@@ -149,7 +175,7 @@ def test_images_that_are_wrong_are_left_out_and_said(fields: Any, said: str) -> 
     notes: list[str] = []
     inputs = made(notes)
     inputs.image("image", image(1.0, **fields), 1.0)
-    assert inputs.reading(0.0).frame is None
+    assert newest(inputs, 0.0).frame is None
     assert said in notes[0]
 
 
@@ -171,7 +197,7 @@ def test_rates_are_turned_to_base_link() -> None:
     inputs = made([], imu_rpy=(math.pi, 0.0, 0.0))  # mounted upside down
     rates = {"angular_velocity": {"x": 0.1, "y": 0.2, "z": 0.3}}
     inputs.imu("imu", deserialize_cdr(ros_message(IMU, rates, 10**9), IMU), 1.0)
-    inertial = inputs.reading(0.0).inertial
+    inertial = newest(inputs, 0.0).inertial
     assert (inertial.roll_rate, inertial.yaw_rate) == pytest.approx((0.1, -0.3))
 
 
@@ -181,7 +207,7 @@ def test_odometry_is_ticks_of_both_wheels() -> None:
         at = Odometry(time, pose, Twist(0, 0), 0.0, still=False)
         message = deserialize_cdr(odometry_message(at, nanoseconds(time)), ODOMETRY)
         assert inputs.odometry("odom", message, time)
-    encoders = inputs.reading(0.1).encoders
+    encoders = newest(inputs).encoders
     turn = 2.0 * math.pi - 6.0  # through pi
     ticks = 0.5 * ROBOT.track * turn * ROBOT.ticks_per_turn / (2 * math.pi * ROBOT.wheel_radius)
     assert (encoders.left, encoders.right) == (round(-ticks), round(ticks))
@@ -221,7 +247,7 @@ def test_rates_are_turned_to_base_link_by_static_transforms(
     inputs.mounts(mounted(("plate", "imu_link", tuple(two.as_quat()))))
     inputs.mounts(mounted(plate))
     inputs.imu("imu", rates_from("imu_link"), 1.0)
-    inertial = inputs.reading(0.0).inertial
+    inertial = newest(inputs, 0.0).inertial
     turned = (inertial.roll_rate, inertial.pitch_rate, inertial.yaw_rate)
     assert turned == pytest.approx(tuple((one * two).apply([0.1, 0.2, 0.3])))
     assert not notes
@@ -242,5 +268,5 @@ def test_an_imu_that_no_transform_leads_to_is_said(links: Any) -> None:
     inputs = made(notes)
     inputs.mounts(mounted(*links))
     inputs.imu("imu", rates_from("imu_link"), 1.0)
-    assert inputs.reading(0.0).inertial.yaw_rate == 0.3
+    assert newest(inputs, 0.0).inertial.yaw_rate == 0.3
     assert any("no transform from 'imu_link' to base_link" in note for note in notes)
