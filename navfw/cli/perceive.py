@@ -18,7 +18,7 @@ from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
 
 if TYPE_CHECKING:
-    from navfw.camera_geometry.lens_models import CameraCalibration
+    from navfw.lenses import CameraCalibration
     from navfw.perceive.image_sources import ImageSource
     from navfw.perceive.lens_estimate import LensEstimate
     from navfw.perceive.motion_record import MotionRecord
@@ -214,7 +214,7 @@ def _with_lens(
     bar: ProgressBar,
 ) -> tuple[ImageSource, float | None, LensEstimate | None]:
     """The images, their field of view [deg], and the estimate of a lens that is not given."""
-    from navfw.perceive.calibration import load_calibration
+    from navfw.lenses import load_calibration
     from navfw.perceive.lens_estimate import open_with_lens
 
     if calibration is not None:

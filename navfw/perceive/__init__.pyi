@@ -1,5 +1,3 @@
-from .calibration import Undistortion as Undistortion
-from .calibration import load_calibration as load_calibration
 from .floor_motion import FloorFinder as FloorFinder
 from .image_sources import ImageSource as ImageSource
 from .image_sources import open_source as open_source

@@ -1,6 +1,7 @@
 from .camera_models import AutoExposure as AutoExposure
 from .camera_models import CameraEffects as CameraEffects
 from .camera_models import CameraModel as CameraModel
+from .camera_models import LensCalibration as LensCalibration
 from .camera_models import SideViews as SideViews
 from .robot_model import DrivenUrdf as DrivenUrdf
 from .robot_model import Footprint as Footprint

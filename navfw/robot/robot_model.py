@@ -274,6 +274,7 @@ class RobotModel(BaseModel):
         half = math.atan(0.5 * sides.width / camera.focal)
         turn = 0.5 * camera.hfov - sides.overlap + half
         view = camera.model_dump() | {"width": sides.width, "hfov": 2.0 * half}
+        view["calibration"] = None  # they are straight
         return tuple(SideCamera(**view, turn=side * turn) for side in (1.0, -1.0))
 
     @property

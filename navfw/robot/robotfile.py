@@ -17,11 +17,11 @@ from typing import Annotated
 
 from pydantic import Field
 
-from navfw.config.document import Data, KeyPath, YamlDocument, load_yaml
+from navfw.config.document import Data, KeyPath, YamlDocument, key_text, load_yaml
 from navfw.config.lookup import find
 from navfw.config.overrides import layered, on_its_base
 from navfw.config.yamlfile import validate
-from navfw.robot import RobotModel
+from navfw.robot import LensCalibration, RobotModel
 from navfw.robot.urdf import urdf_path, with_urdf
 
 _DEFAULT_ROBOT = "default"
@@ -31,6 +31,8 @@ _SECTION = "robot"
 """Key of a mission's robot."""
 _URDF = ("urdf", "file")
 """Path of the key of a robot that names its URDF."""
+_CALIBRATION = ("camera", "calibration")
+"""That of the key that names a calibration file."""
 
 
 class RobotSpec(RobotModel):
@@ -105,15 +107,22 @@ def _load(path: Path) -> YamlDocument:
 
 
 def _located(document: YamlDocument, at: KeyPath, folder: Path) -> YamlDocument:
-    """``document`` with the path of the URDF in its part ``at`` made absolute, from ``folder``."""
-    name = document.at((*at, *_URDF))
-    if not isinstance(name, str) or not name:
-        return document
-    origin = document.origin_of((*at, *_URDF))
-    path = urdf_path(name, Path() if origin.option else folder).absolute()
+    """``document`` with the files that its part ``at`` names, from ``folder``.
+
+    The path of the URDF is made absolute, the calibration is read.
+    """
     data = copy.deepcopy(document.data)
-    section = YamlDocument(None, data).at((*at, _URDF[0]))
-    section[_URDF[1]] = str(path)
+    for key in (_URDF, _CALIBRATION):
+        name = document.at((*at, *key))
+        if not isinstance(name, str) or not name:
+            continue
+        from_here = Path() if document.origin_of((*at, *key)).option else folder
+        section = YamlDocument(None, data).at((*at, key[0]))
+        if key == _URDF:
+            section[key[1]] = str(urdf_path(name, from_here).absolute())
+        else:
+            with document.locating((*at, *key), key=key_text(key)):
+                section[key[1]] = LensCalibration.load(from_here / name).model_dump()
     return YamlDocument(document.file, data, document.origins)
 
 
