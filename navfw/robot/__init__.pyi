@@ -11,3 +11,4 @@ from .robotfile import RobotSpec as RobotSpec
 from .robotfile import load_robot as load_robot
 from .urdf import read_urdf as read_urdf
 from .urdf_inertia import inertia_notes as inertia_notes
+from .urdf_measures import robot_notes as robot_notes

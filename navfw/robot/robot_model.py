@@ -79,9 +79,18 @@ class DrivenUrdf(BaseModel):
         Field(
             min_length=1,
             max_length=1000,
-            description="relative to the robot file, or pybullet_data:FILE of PyBullet's own",
+            description="URDF or xacro, relative to the robot file, or pybullet_data:FILE of"
+            " PyBullet's own",
         ),
     ]
+    packages: Annotated[
+        tuple[str, ...],
+        Field(
+            max_length=100,
+            description="folders with the packages of ROS of its meshes (`package://`), relative to"
+            " the robot file; besides those of ROS_PACKAGE_PATH and AMENT_PREFIX_PATH",
+        ),
+    ] = ()
     left: Annotated[JointNames, Field(description="wheel joints of the left side")]
     right: Annotated[JointNames, Field(description="wheel joints of the right side")]
     camera: Annotated[

@@ -6,10 +6,14 @@ Only what concerns a robot on wheels is read: PyBullet loads the file itself. A 
 
 from __future__ import annotations
 
+import copy
 import math
+import os
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from xml.etree.ElementTree import Element, tostring
@@ -18,22 +22,29 @@ import numpy as np
 
 from navfw.config.document import KeyPath, YamlDocument, key_text
 from navfw.config.extras import require_extra
-from navfw.config.input_file import is_file, shown_path
-from navfw.config.xml_file import line_of, read_xml
+from navfw.config.input_file import is_file, read_input, shown_path
+from navfw.config.xml_file import line_of, parse_xml
 from navfw.errors import ConfigError, UnknownNameError
 from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.robot import CameraModel, DrivenUrdf, RobotModel
+from navfw.robot.xacro_expansion import expand_xacro
 
 _MAX_BYTES = 5_000_000
 """Largest size of a file [bytes]; that of Husky has 11 kB."""
 _BULLET_DATA = "pybullet_data:"
 """Prefix of files that are installed with PyBullet."""
+_MAX_MESH = 200_000_000
+"""Largest size of a mesh file [bytes]."""
+_PACKAGE, _FILE = "package://", "file://"
+"""Prefixes of the names of meshes: in a package of ROS, and at an absolute path."""
 _MOVABLE = ("revolute", "continuous", "prismatic")
 """Types of joints that a motor moves or holds."""
 _KINDS = (*_MOVABLE, "fixed")
-_ACROSS = 0.99
+ACROSS = 0.99
 """Least share of a wheel's axis that is across the body."""
+_STL_HEAD = 84
+"""Length of a binary STL file's header [bytes], which ends with the number of triangles."""
 _RADIUS_TOLERANCE = 0.02
 """Largest difference between a wheel's radius and its collision shape's, share of the radius."""
 
@@ -72,11 +83,14 @@ class UrdfCollision:
 class UrdfModel:
     """A URDF file: its joints by name, links and collision shapes.
 
+    ``root`` is its XML, ``packages`` the folders in which packages of ROS were looked for.
     ``inertials`` are the masses [kg] and <inertial> elements of links with a mass, ``massless`` the
     others; ``wheel_radii`` [m] are the radii of the links that collide as one cylinder or sphere.
     """
 
     file: Path
+    root: Element
+    packages: tuple[str, ...]
     links: tuple[str, ...]
     joints: dict[str, UrdfJoint]
     collisions: tuple[UrdfCollision, ...]
@@ -109,18 +123,33 @@ def urdf_path(name: str, folder: Path) -> Path:
     return Path(str(files("pybullet_data"))) / name.removeprefix(_BULLET_DATA)
 
 
-def read_urdf(path: Path) -> UrdfModel:
-    """The links and joints of a URDF file.
+def read_urdf(path: Path, packages: tuple[str, ...] = ()) -> UrdfModel:
+    """The links and joints of a URDF file, or of a xacro file; one with the same text is kept.
+
+    ``packages`` are folders with packages of ROS, besides those of the environment's
+    ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``, and those that the file lies in.
 
     Raises:
         ConfigError: the file cannot be read, is no URDF, has an invalid number, a joint between
-            links that it does not have, or names a mesh that does not exist.
+            links that it does not have, or names a mesh that does not exist or is empty.
+        MissingExtraError: it is a xacro file, and the extra xacro is not installed.
 
     """
-    root = read_xml(path, _MAX_BYTES, "a URDF robot")
+    if path.suffix == ".xacro":
+        text = expand_xacro(path, tuple(map(str, _package_roots(path, packages))), _MAX_BYTES)
+    else:
+        text = read_input(path, _MAX_BYTES)
+    model = _parsed(path, packages, text)
+    _check_meshes(model)
+    return model
+
+
+@lru_cache(maxsize=16)
+def _parsed(path: Path, packages: tuple[str, ...], text: bytes) -> UrdfModel:
+    root = parse_xml(text, shown_path(path), "a URDF robot")
     if root.tag != "robot":
         raise ConfigError(
-            f"expected a URDF <robot>, got <{root.tag}>; convert xacro files with the tool xacro",
+            f"expected a URDF <robot>, got <{root.tag}>; a xacro file ends in .xacro",
             file=shown_path(path),
             line=line_of(root),
         )
@@ -130,7 +159,6 @@ def read_urdf(path: Path) -> UrdfModel:
     for element in root.findall("joint"):
         joint = _joint(path, element, links)
         joints[joint.name] = joint
-    _check_meshes(path, root)
     inertials = _inertials(path, elements)
     massless = frozenset(links) - frozenset(inertials)
     collisions = tuple(
@@ -140,7 +168,7 @@ def read_urdf(path: Path) -> UrdfModel:
         for shape in collision.findall("geometry/*")
     )
     radii = _wheel_radii(path, collisions)
-    return UrdfModel(path, links, joints, collisions, inertials, massless, radii)
+    return UrdfModel(path, root, packages, links, joints, collisions, inertials, massless, radii)
 
 
 def _inertials(path: Path, links: list[Element]) -> dict[str, tuple[float, Element]]:
@@ -178,35 +206,80 @@ def _joint(path: Path, element: Element, links: tuple[str, ...]) -> UrdfJoint:
     )
 
 
-def _check_meshes(path: Path, root: Element) -> None:
+def _package_roots(path: Path, packages: tuple[str, ...]) -> Iterator[Path]:
+    """The folders that have packages of ROS as folders in them."""
+    yield from map(Path, packages)
+    yield from map(Path, filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)))
+    prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
+    yield from (Path(prefix) / "share" for prefix in prefixes)
+    yield from path.absolute().parents
+
+
+def _mesh_path(model: UrdfModel, name: str) -> Path | None:
+    """The file of the mesh called ``name``; None if it is in a package that is not there."""
+    if not name.startswith(_PACKAGE):
+        return model.file.parent / name.removeprefix(_FILE)
+    package = Path(name.removeprefix(_PACKAGE))
+    for root in _package_roots(model.file, model.packages):
+        for folder in (root, *((root.parent,) if root.name == package.parts[0] else ())):
+            if is_file(folder / package):
+                return Path(folder / package)
+    return None
+
+
+def _check_meshes(model: UrdfModel) -> None:
     """Check that the files of all meshes that collide exist; PyBullet would drop the shape.
 
-    Those that are only seen may be missing: no camera sees its own robot.
+    Those that are only seen may be missing: no camera sees its own robot. None may be empty.
     """
-    for mesh in root.iterfind("link/collision/geometry/mesh"):
+    colliding = set(model.root.iterfind("link/collision/geometry/mesh"))
+    for mesh in model.root.iter("mesh"):
         name = mesh.get("filename", "")
-        if "://" in name:
-            raise urdf_error(
-                path, mesh, f"mesh {name!r}: expected a path relative to this file; replace the URI"
-            )
-        if not is_file(path.parent / name):
-            raise urdf_error(path, mesh, f"mesh {name!r} does not exist; copy it beside this file")
+        file = _mesh_path(model, name)
+        if file is not None and is_file(file):
+            if _is_empty(file):
+                raise urdf_error(
+                    model.file, mesh, f"mesh {name!r}: {shown_path(file)} is empty: no triangle"
+                )
+        elif mesh in colliding:
+            advice = "copy it beside this file"
+            if name.startswith(_PACKAGE):
+                advice = "name the folder with its package in urdf.packages or ROS_PACKAGE_PATH"
+            raise urdf_error(model.file, mesh, f"mesh {name!r} does not exist; {advice}")
 
 
-def loadable_urdf(path: Path, folder: Path) -> Path:
-    """``path``, or a copy in ``folder`` without visuals if a mesh of them is missing."""
-    root = read_xml(path, _MAX_BYTES, "a URDF robot")
-    files = [path.parent / mesh.get("filename", "") for mesh in root.iter("mesh")]
-    if all(map(is_file, files)):
-        return path
-    for mesh, file in zip(root.iter("mesh"), files, strict=True):
-        mesh.set("filename", str(file))
-    for link in root.findall("link"):
+def _is_empty(file: Path) -> bool:
+    """Whether a mesh file has no byte or, of a kind in which they are easily found, no triangle."""
+    content = read_input(file, _MAX_MESH)
+    kind = file.suffix.lower()
+    if kind == ".stl" and len(content) >= _STL_HEAD:
+        count = int.from_bytes(content[_STL_HEAD - 4 : _STL_HEAD], "little")
+        return count == 0 or (content.startswith(b"solid") and b"facet" not in content)
+    if kind == ".obj":
+        return not any(line.startswith(b"f ") for line in content.splitlines())
+    return not content.strip() or (kind == ".stl" and b"facet" not in content)
+
+
+def loadable_urdf(model: UrdfModel, folder: Path) -> Path:
+    """A copy in ``folder`` for PyBullet, or the file itself if that is what PyBullet would read.
+
+    The copy names its meshes by absolute paths, and has no visuals if a mesh of them is missing.
+    """
+    meshes = {mesh.get("filename", "") for mesh in model.root.iter("mesh")}
+    files = {name: _mesh_path(model, name) for name in meshes}
+    there = all(file is not None and is_file(file) for file in files.values())
+    plain = not any("://" in name for name in meshes) and model.file.suffix != ".xacro"
+    if there and plain:
+        return model.file
+    root = copy.deepcopy(model.root)
+    for mesh in root.iter("mesh"):
+        mesh.set("filename", str(files[mesh.get("filename", "")]))
+    for link in () if there else root.findall("link"):
         for visual in link.findall("visual"):
             link.remove(visual)
-    copy = folder / path.name
-    copy.write_bytes(tostring(root))
-    return copy
+    written = folder / "robot.urdf"
+    written.write_bytes(tostring(root))
+    return written
 
 
 def _wheel_radii(path: Path, collisions: tuple[UrdfCollision, ...]) -> dict[str, float]:
@@ -299,9 +372,12 @@ def with_urdf(robot: RobotModel, document: YamlDocument, at: KeyPath = ()) -> Ro
         return robot
     if robot.footprint is None:
         with _place(document, at, "urdf"):
-            raise ConfigError("a body with a URDF needs a footprint: {front, rear, width} [m]")
+            raise ConfigError(
+                "a body with a URDF whose collision shapes are meshes, or none, needs a footprint:"
+                " {front, rear, width} [m]"
+            )
     with _place(document, at, "urdf", "file"):
-        model = read_urdf(Path(urdf.file))
+        model = read_urdf(Path(urdf.file), urdf.packages)
     _check_wheels(urdf, robot.wheel_radius, model, document, at)
     for index, name in enumerate(urdf.casters):
         if name not in model.joints:
@@ -321,7 +397,7 @@ def urdf_drive(robot: RobotModel, model: UrdfModel | None = None) -> UrdfDrive:
     urdf = robot.urdf
     if urdf is None:
         raise ValueError("the robot has no URDF")
-    model = read_urdf(Path(urdf.file)) if model is None else model
+    model = read_urdf(Path(urdf.file), urdf.packages) if model is None else model
     wheels = (*urdf.left, *urdf.right)
     frames = [model.frame_of(model.joints[name].child) for name in wheels]
     centres = np.array([frame[:3, 3] for frame in frames])
@@ -332,7 +408,7 @@ def urdf_drive(robot: RobotModel, model: UrdfModel | None = None) -> UrdfDrive:
     return UrdfDrive(
         left=urdf.left,
         right=urdf.right,
-        sense={name: math.copysign(1.0, _axis_across(model, name)) for name in wheels},
+        sense={name: math.copysign(1.0, axis_across(model, name)) for name in wheels},
         origin=origin,
         supports=centres[:, :2] - origin[:2],
         held=tuple(j.name for j in model.joints.values() if j.movable and j.name not in kept),
@@ -359,7 +435,7 @@ def _check_wheels(
                 if name in seen:
                     raise ConfigError(f"the joint {name!r} is named twice: name each wheel once")
                 seen.add(name)
-                if abs(_axis_across(model, name)) < _ACROSS:
+                if abs(axis_across(model, name)) < ACROSS:
                     what = f"the axis of {name!r} is not across the body: name a wheel's joint"
                     raise ConfigError(what)
             radius = model.wheel_radii.get(model.joints[name].child)
@@ -369,7 +445,7 @@ def _check_wheels(
                     raise ConfigError(f"{what} {radius:g} m: give that")
 
 
-def _axis_across(model: UrdfModel, joint: str) -> float:
+def axis_across(model: UrdfModel, joint: str) -> float:
     """The share of a joint's axis that points left, -1 to 1."""
     wheel = model.joints[joint]
     axis = product(model.frame_of(wheel.child)[:3, :3], wheel.axis)
