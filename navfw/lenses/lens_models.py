@@ -141,8 +141,8 @@ class CameraCalibration:
             return straighten(bent, float(self._numbers[0]))
         at = np.asarray(points, dtype=np.float64)[:, None]
         options = {} if self.model == FISHEYE else {"criteria": _UNTIL}
-        found = self._opencv.undistortPoints(at, self.matrix, self._numbers, **options)
-        return np.asarray(found, dtype=np.float64).reshape(-1, 2)
+        rays = self._opencv.undistortPoints(at, self.matrix, self._numbers, **options)
+        return np.asarray(rays, dtype=np.float64).reshape(-1, 2)
 
     def pinhole_maps(self, focal: float, width: int, height: int) -> tuple[Array, Array]:
         """Maps for ``cv2.remap`` to the image (height, width) of a pinhole camera.

@@ -91,8 +91,10 @@ class DrivenUrdf(BaseModel):
             " the robot file; besides those of ROS_PACKAGE_PATH and AMENT_PREFIX_PATH",
         ),
     ] = ()
-    left: Annotated[JointNames, Field(description="wheel joints of the left side")]
-    right: Annotated[JointNames, Field(description="wheel joints of the right side")]
+    left: Annotated[
+        JointNames, Field(description="wheel joints of the left side; left out: by their places")
+    ] = ()
+    right: Annotated[JointNames, Field(description="those of the right side")] = ()
     camera: Annotated[
         str | None,
         Field(description="link at which the camera is mounted, x ahead; gives mount and pitch"),

@@ -23,7 +23,8 @@ from navfw.config.lookup import URDF_SUFFIXES, find
 from navfw.config.overrides import layered, on_its_base
 from navfw.config.yamlfile import validate
 from navfw.robot import LensCalibration, RobotModel
-from navfw.robot.urdf import read_urdf, urdf_path, with_urdf
+from navfw.robot.urdf import read_urdf, urdf_path
+from navfw.robot.urdf_drive import with_urdf
 from navfw.robot.urdf_measures import measured
 
 _DEFAULT_ROBOT = "default"
@@ -123,10 +124,10 @@ def _measured(document: YamlDocument, at: KeyPath) -> YamlDocument:
     with document.locating((*at, *_URDF), key=key_text(_URDF)):
         model = read_urdf(Path(file), tuple(map(str, packages)))
         radius = document.at((*at, "wheel_radius"))
-        found: Data = measured(model, {**part, "wheel_radius": radius})
+        lower: Data = measured(model, {**part, "wheel_radius": radius})
     for step in reversed(at):
-        found = {step: found}
-    return layered(YamlDocument(shown_path(Path(file)), found), document)
+        lower = {step: lower}
+    return layered(YamlDocument(shown_path(Path(file)), lower), document)
 
 
 def _located(document: YamlDocument, at: KeyPath, folder: Path) -> YamlDocument:

@@ -1,4 +1,4 @@
-"""URDF files: the frames of links and joints, and the drive: wheel joints, base_link, the camera.
+"""URDF files: the frames of links and joints, collision shapes, masses, meshes.
 
 Only what concerns a robot on wheels is read: PyBullet loads the file itself. A file given as
 ``pybullet_data:husky/husky.urdf`` is one of those installed with PyBullet.
@@ -8,10 +8,7 @@ from __future__ import annotations
 
 import copy
 import math
-import os
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
@@ -20,14 +17,13 @@ from xml.etree.ElementTree import Element, tostring
 
 import numpy as np
 
-from navfw.config.document import KeyPath, YamlDocument, key_text
 from navfw.config.extras import require_extra
 from navfw.config.input_file import is_file, read_input, shown_path
+from navfw.config.ros_packages import package_folders, package_roots
 from navfw.config.xml_file import line_of, parse_xml
-from navfw.errors import ConfigError, UnknownNameError
+from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.robot import CameraModel, DrivenUrdf, RobotModel
 from navfw.robot.xacro_expansion import expand_xacro
 
 _MAX_BYTES = 5_000_000
@@ -41,12 +37,8 @@ _PACKAGE, _FILE = "package://", "file://"
 _MOVABLE = ("revolute", "continuous", "prismatic")
 """Types of joints that a motor moves or holds."""
 _KINDS = (*_MOVABLE, "fixed")
-ACROSS = 0.99
-"""Least share of a wheel's axis that is across the body."""
 _STL_HEAD = 84
 """Length of a binary STL file's header [bytes], which ends with the number of triangles."""
-_RADIUS_TOLERANCE = 0.02
-"""Largest difference between a wheel's radius and its collision shape's, share of the radius."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +128,7 @@ def read_urdf(path: Path, packages: tuple[str, ...] = ()) -> UrdfModel:
 
     """
     if path.suffix == ".xacro":
-        text = expand_xacro(path, tuple(map(str, _package_roots(path, packages))), _MAX_BYTES)
+        text = expand_xacro(path, tuple(map(str, package_roots(path, packages))), _MAX_BYTES)
     else:
         text = read_input(path, _MAX_BYTES)
     model = _parsed(path, packages, text)
@@ -206,25 +198,13 @@ def _joint(path: Path, element: Element, links: tuple[str, ...]) -> UrdfJoint:
     )
 
 
-def _package_roots(path: Path, packages: tuple[str, ...]) -> Iterator[Path]:
-    """The folders that have packages of ROS as folders in them."""
-    yield from map(Path, packages)
-    yield from map(Path, filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)))
-    prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
-    yield from (Path(prefix) / "share" for prefix in prefixes)
-    yield from path.absolute().parents
-
-
 def _mesh_path(model: UrdfModel, name: str) -> Path | None:
     """The file of the mesh called ``name``; None if it is in a package that is not there."""
     if not name.startswith(_PACKAGE):
         return model.file.parent / name.removeprefix(_FILE)
-    package = Path(name.removeprefix(_PACKAGE))
-    for root in _package_roots(model.file, model.packages):
-        for folder in (root, *((root.parent,) if root.name == package.parts[0] else ())):
-            if is_file(folder / package):
-                return Path(folder / package)
-    return None
+    package, _, rest = name.removeprefix(_PACKAGE).partition("/")
+    folders = package_folders(package, package_roots(model.file, model.packages))
+    return next((folder / rest for folder in folders if is_file(folder / rest)), None)
 
 
 def _check_meshes(model: UrdfModel) -> None:
@@ -267,14 +247,14 @@ def loadable_urdf(model: UrdfModel, folder: Path) -> Path:
     """
     meshes = {mesh.get("filename", "") for mesh in model.root.iter("mesh")}
     files = {name: _mesh_path(model, name) for name in meshes}
-    there = all(file is not None and is_file(file) for file in files.values())
+    complete = all(file is not None and is_file(file) for file in files.values())
     plain = not any("://" in name for name in meshes) and model.file.suffix != ".xacro"
-    if there and plain:
+    if complete and plain:
         return model.file
     root = copy.deepcopy(model.root)
     for mesh in root.iter("mesh"):
         mesh.set("filename", str(files[mesh.get("filename", "")]))
-    for link in () if there else root.findall("link"):
+    for link in () if complete else root.findall("link"):
         for visual in link.findall("visual"):
             link.remove(visual)
     written = folder / "robot.urdf"
@@ -336,130 +316,3 @@ def attribute_numbers(path: Path, element: Element, key: str, default: list[floa
 def urdf_error(path: Path, element: Element, message: str) -> ConfigError:
     """An error at the line of an element."""
     return ConfigError(message, file=shown_path(path), line=line_of(element))
-
-
-# --- the drive ------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class UrdfDrive:
-    """How a URDF is driven: the names of its wheel joints, left and right, each with its sense.
-
-    A ``sense`` is -1 where a positive speed drives backward. ``origin`` (3,) [m] is base_link in
-    the root link's axes, on the floor where the body turns; ``supports`` (n, 2) [m] are the
-    wheels' contact points in base_link. ``held`` joints stay at 0.
-    """
-
-    left: tuple[str, ...]
-    right: tuple[str, ...]
-    sense: dict[str, float]
-    origin: Array
-    supports: Array
-    held: tuple[str, ...]
-    model: UrdfModel
-
-
-def with_urdf(robot: RobotModel, document: YamlDocument, at: KeyPath = ()) -> RobotModel:
-    """``robot``, of the document's part ``at``, checked against its URDF, with the camera mounted.
-
-    Raises:
-        ConfigError: the URDF cannot be used; a joint is no wheel, or the robot lacks a footprint.
-        UnknownNameError: the URDF has no joint or link of a name; the message has the nearest.
-
-    """
-    urdf = robot.urdf
-    if urdf is None:
-        return robot
-    if robot.footprint is None:
-        with _place(document, at, "urdf"):
-            raise ConfigError(
-                "a body with a URDF whose collision shapes are meshes, or none, needs a footprint:"
-                " {front, rear, width} [m]"
-            )
-    with _place(document, at, "urdf", "file"):
-        model = read_urdf(Path(urdf.file), urdf.packages)
-    _check_wheels(urdf, robot.wheel_radius, model, document, at)
-    for index, name in enumerate(urdf.casters):
-        if name not in model.joints:
-            with _place(document, at, "urdf", "casters", index):
-                raise UnknownNameError("joint of the URDF", name, model.joints)
-    if urdf.camera is None:
-        return robot
-    if urdf.camera not in model.links:
-        with _place(document, at, "urdf", "camera"):
-            raise UnknownNameError("link of the URDF", urdf.camera, model.links)
-    origin = urdf_drive(robot, model).origin
-    return robot.model_copy(update={"camera": _mounted(robot.camera, model, urdf.camera, origin)})
-
-
-def urdf_drive(robot: RobotModel, model: UrdfModel | None = None) -> UrdfDrive:
-    """The drive of a checked robot with a URDF; ``model`` is that file if already read."""
-    urdf = robot.urdf
-    if urdf is None:
-        raise ValueError("the robot has no URDF")
-    model = read_urdf(Path(urdf.file), urdf.packages) if model is None else model
-    wheels = (*urdf.left, *urdf.right)
-    frames = [model.frame_of(model.joints[name].child) for name in wheels]
-    centres = np.array([frame[:3, 3] for frame in frames])
-    floor = float(centres[:, 2].min()) - robot.wheel_radius
-    middle = centres[:, :2].mean(axis=0)
-    origin = np.array([middle[0] + urdf.turning_point, middle[1], floor])
-    kept = {*wheels, *urdf.casters}
-    return UrdfDrive(
-        left=urdf.left,
-        right=urdf.right,
-        sense={name: math.copysign(1.0, axis_across(model, name)) for name in wheels},
-        origin=origin,
-        supports=centres[:, :2] - origin[:2],
-        held=tuple(j.name for j in model.joints.values() if j.movable and j.name not in kept),
-        model=model,
-    )
-
-
-def _place(document: YamlDocument, at: KeyPath, *key: str | int) -> AbstractContextManager[None]:
-    """Give errors in the block the place of this key of the robot."""
-    return document.locating((*at, *key), key=key_text(key))
-
-
-def _check_wheels(
-    urdf: DrivenUrdf, wheel_radius: float, model: UrdfModel, document: YamlDocument, at: KeyPath
-) -> None:
-    """Check that the named joints are wheels of this radius, each once."""
-    seen: set[str] = set()
-    turning = {name: joint for name, joint in model.joints.items() if joint.movable}
-    for side in ("left", "right"):
-        for index, name in enumerate(getattr(urdf, side)):
-            with _place(document, at, "urdf", side, index):
-                if name not in turning:
-                    raise UnknownNameError("movable joint of the URDF", name, turning)
-                if name in seen:
-                    raise ConfigError(f"the joint {name!r} is named twice: name each wheel once")
-                seen.add(name)
-                if abs(axis_across(model, name)) < ACROSS:
-                    what = f"the axis of {name!r} is not across the body: name a wheel's joint"
-                    raise ConfigError(what)
-            radius = model.wheel_radii.get(model.joints[name].child)
-            if radius and abs(radius / wheel_radius - 1.0) > _RADIUS_TOLERANCE:
-                what = f"{wheel_radius:g} m, but the wheel of {name!r} has a radius of"
-                with _place(document, at, "wheel_radius"):
-                    raise ConfigError(f"{what} {radius:g} m: give that")
-
-
-def axis_across(model: UrdfModel, joint: str) -> float:
-    """The share of a joint's axis that points left, -1 to 1."""
-    wheel = model.joints[joint]
-    axis = product(model.frame_of(wheel.child)[:3, :3], wheel.axis)
-    return float(axis[1] / max(math.hypot(*axis), 1e-9))
-
-
-def _mounted(camera: CameraModel, model: UrdfModel, link: str, origin: Array) -> CameraModel:
-    """``camera`` at ``link``; what the robot's file says of mount and pitch takes precedence."""
-    frame = model.frame_of(link)
-    ahead = frame[:3, 0]
-    mount = {
-        "mount_forward": float(frame[0, 3] - origin[0]),
-        "mount_height": float(frame[2, 3] - origin[2]),
-        "pitch": math.asin(min(max(float(-ahead[2]), -1.0), 1.0)),
-    }
-    from_file = {name: getattr(camera, name) for name in camera.model_fields_set}
-    return camera.model_copy(update=mount | from_file)

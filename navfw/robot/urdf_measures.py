@@ -17,15 +17,8 @@ from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.robot import CameraModel, RobotModel
-from navfw.robot.urdf import (
-    ACROSS,
-    UrdfJoint,
-    UrdfModel,
-    attribute_numbers,
-    axis_across,
-    origin_frame,
-    read_urdf,
-)
+from navfw.robot.urdf import UrdfJoint, UrdfModel, attribute_numbers, origin_frame, read_urdf
+from navfw.robot.urdf_drive import ACROSS, axis_across
 from navfw.robot.urdf_inertia import inertia_notes
 
 _SENSORS = ("camera", "depth", "rgbd_camera")
@@ -176,12 +169,12 @@ def _camera(model: UrdfModel) -> tuple[dict[str, Any], str | None]:
         "height": "camera/image/height",
         "rate": "update_rate",
     }
-    found: dict[str, Any] = {}
+    read: dict[str, Any] = {}
     for key, place in keys.items():
         text = (sensor.findtext(place) or "").strip()
         if re.fullmatch(r"[0-9]+\.?[0-9]*", text):
-            found[key] = int(text) if key in {"width", "height"} else float(text)
-    return found, link if link in model.links else None
+            read[key] = int(text) if key in {"width", "height"} else float(text)
+    return read, link if link in model.links else None
 
 
 def robot_notes(robot: RobotModel) -> tuple[str, ...]:
@@ -192,11 +185,11 @@ def robot_notes(robot: RobotModel) -> tuple[str, ...]:
     file = Path(urdf.file)
     model = read_urdf(file, urdf.packages)
     said = urdf.model_dump() | {"wheel_radius": robot.wheel_radius}
-    found = measured(model, said)
+    read = measured(model, said)
     own = robot.model_dump()
     notes = [
         f"{shown_path(file)}: {key} is {value:g}, the robot has {other:g}"
-        for key, value, other in _pairs("", found, own)
+        for key, value, other in _pairs("", read, own)
         if abs(value - other) > _DIFFERENT * max(abs(value), abs(other))
         and not (key == "camera.hfov" and robot.camera.calibration)
     ]
@@ -206,10 +199,10 @@ def robot_notes(robot: RobotModel) -> tuple[str, ...]:
     return (*inertia_notes(robot), *notes)
 
 
-def _pairs(at: str, found: dict[str, Any], own: dict[str, Any]) -> list[tuple[str, float, float]]:
+def _pairs(at: str, read: dict[str, Any], own: dict[str, Any]) -> list[tuple[str, float, float]]:
     """Keys with the numbers of both, of the parts that the robot has."""
     pairs = []
-    for key, value in found.items():
+    for key, value in read.items():
         other = own.get(key)
         if isinstance(value, dict) and isinstance(other, dict):
             pairs += _pairs(f"{at}{key}.", value, other)

@@ -19,6 +19,7 @@ from typing import Any, NoReturn
 
 from navfw.config.extras import require_extra
 from navfw.config.input_file import read_input, shown_path
+from navfw.config.ros_packages import package_folders
 from navfw.errors import ConfigError
 
 _SECONDS = 20
@@ -76,7 +77,7 @@ def _stamp(file: str) -> Stamp:
     return status.st_mtime_ns, status.st_size
 
 
-def check_expression(text: str) -> None:
+def _check_expression(text: str) -> None:
     """Check that an expression of a xacro file can do no more than calculate.
 
     Raises:
@@ -98,17 +99,16 @@ def _expanded(path: str, packages: list[str]) -> dict[str, Any]:
     evaluate = xacro.safe_eval
 
     def checked(text: str, *names: Any) -> Any:
-        check_expression(text)
+        _check_expression(text)
         return evaluate(text, *names)
 
     def refuse(*_: Any) -> NoReturn:
         raise ValueError("$(eval ...) is not allowed: use ${...}")
 
     def folder_of(package: str) -> str:
-        for root in map(Path, packages):
-            for folder in (root / package, root if root.name == package else None):
-                if folder is not None and folder.is_dir():
-                    return str(folder)
+        for folder in package_folders(package, map(Path, packages)):
+            if folder.is_dir():
+                return str(folder)
         raise ValueError(f"package {package!r} not found: name its folder in urdf.packages")
 
     xacro.safe_eval = checked

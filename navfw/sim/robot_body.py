@@ -24,7 +24,8 @@ from navfw.numerics import Array
 from navfw.numerics.products import product, sum_in_order
 from navfw.process.atomic import scratch_folder
 from navfw.robot import DrivenUrdf, RobotModel
-from navfw.robot.urdf import UrdfDrive, loadable_urdf, urdf_drive
+from navfw.robot.urdf import loadable_urdf
+from navfw.robot.urdf_drive import UrdfDrive, urdf_drive
 from navfw.robot.urdf_inertia import impossible_inertias
 from navfw.signals import Pose, wrap_angle
 from navfw.sim.engine import BulletClient, bullet, quaternion, quiet_output

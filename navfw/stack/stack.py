@@ -72,11 +72,9 @@ class Stack:
 
     def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
         self.guard = PluginGuard()
-        # recognisers of landmarks take the camera's images as they are
-        features = self.guard.construct(config.stages["features"], robot)
+        features = self.guard.construct(config.stages["features"], robot)  # images not reduced
         self.features = GuardedFeatures(self.guard, cast(FeatureRecognizer, features))
-        self._lens = robot.camera.undistortion()
-        self._reduction = robot.camera.reduction
+        self._lens, self._reduction = robot.camera.undistortion(), robot.camera.reduction
         self.robot = robot = robot.with_reduced_images()
 
         def build(stage: str) -> Any:
