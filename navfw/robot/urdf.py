@@ -39,6 +39,8 @@ _MOVABLE = ("revolute", "continuous", "prismatic")
 _KINDS = (*_MOVABLE, "fixed")
 _STL_HEAD = 84
 """Length of a binary STL file's header [bytes], which ends with the number of triangles."""
+_STL_TRIANGLE = 50
+"""Length of one triangle in it [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -232,12 +234,14 @@ def _is_empty(file: Path) -> bool:
     """Whether a mesh file has no byte or, of a kind in which they are easily found, no triangle."""
     content = read_input(file, _MAX_MESH)
     kind = file.suffix.lower()
-    if kind == ".stl" and len(content) >= _STL_HEAD:
+    if kind == ".stl":
+        # a binary header may begin with "solid" as well, but only there the size fits the number
         count = int.from_bytes(content[_STL_HEAD - 4 : _STL_HEAD], "little")
-        return count == 0 or (content.startswith(b"solid") and b"facet" not in content)
+        binary = len(content) >= _STL_HEAD + _STL_TRIANGLE * count and len(content) >= _STL_HEAD
+        return count == 0 if binary else b"facet" not in content
     if kind == ".obj":
-        return not any(line.startswith(b"f ") for line in content.splitlines())
-    return not content.strip() or (kind == ".stl" and b"facet" not in content)
+        return not any(line.split(maxsplit=1)[:1] == [b"f"] for line in content.splitlines())
+    return not content.strip()
 
 
 def loadable_urdf(model: UrdfModel, folder: Path) -> Path:

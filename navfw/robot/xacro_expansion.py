@@ -3,7 +3,8 @@
 Xacro evaluates expressions of the file by Python's ``eval``, whose ban on builtins is known to be
 no protection. Here an expression may calculate, compare, choose and call the functions that xacro
 offers: generators, names with an underscore, formatting and the namespace ``python`` are refused.
-The process has little time and memory.
+What is included or read lies in the file's folder or in packages; the environment is not shown. The
+process has little time and memory.
 """
 
 from __future__ import annotations
@@ -11,11 +12,13 @@ from __future__ import annotations
 import ast
 import contextlib
 import json
+import posixpath
+import re
 import resource
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 from navfw.config.extras import require_extra
 from navfw.config.input_file import read_input, shown_path
@@ -105,12 +108,33 @@ def _expanded(path: str, packages: list[str]) -> dict[str, Any]:
     def refuse(*_: Any) -> NoReturn:
         raise ValueError("$(eval ...) is not allowed: use ${...}")
 
+    own = Path(path).parents
+    readable = [own[0], *(folder for folder in own if (folder / "package.xml").is_file())]
+    readable += [root for root in map(Path, packages) if root not in own]
+
     def folder_of(package: str) -> str:
-        for folder in package_folders(package, map(Path, packages)):
-            if folder.is_dir():
+        plain = re.fullmatch(r"[\w-]+", package)
+        for folder in package_folders(package, map(Path, packages)) if plain else ():
+            # beside the folders that the file lies in not all folders are packages
+            known = folder in own or folder.parent not in own
+            if folder.is_dir() and (known or (folder / "package.xml").is_file()):
+                readable.append(folder)
                 return str(folder)
         raise ValueError(f"package {package!r} not found: name its folder in urdf.packages")
 
+    def opened(name: str) -> TextIO:
+        file = Path(posixpath.normpath(Path(name).absolute()))  # no "..", links stay
+        if not any(file.is_relative_to(folder) for folder in readable):
+            raise ValueError(f"{name} lies in no package: name its folder in urdf.packages")
+        return file.open(encoding="utf-8")
+
+    def hidden(name: str) -> NoReturn:
+        raise ValueError(f"$(env {name}) is not allowed: use an argument or $(optenv ...)")
+
+    xacro.open = opened
+    xacro.init_stacks(path)  # what is named without folder lies beside the file
+    substitution_args._eval_env = hidden
+    substitution_args._eval_optenv = lambda _, default="": default  # as where it is not set
     xacro.safe_eval = checked
     substitution_args._eval = refuse
     substitution_args._eval_find = folder_of
