@@ -82,7 +82,7 @@ class CameraModel(BaseModel):
     pitch: Annotated[float, Field(gt=-1.0, lt=1.0, description="nose-down positive [rad]")] = 0.0
     rate: Annotated[Rate, Field(description="frames per second [Hz]")] = 10.0
     calibration: Annotated[
-        LensCalibration | None,
+        LensCalibration | str | None,
         Field(
             description="calibration file of a lens with distortion (ROS, OpenCV), relative to the"
             " robot file: the stack makes images straight; gives `hfov`"
@@ -92,6 +92,8 @@ class CameraModel(BaseModel):
     @model_validator(mode="after")
     def _as_wide_as_its_lens(self) -> CameraModel:
         try:
+            if isinstance(self.calibration, str):
+                self.__dict__["calibration"] = LensCalibration.load(Path(self.calibration))
             straight = self.undistortion()
         except InputError as error:
             raise ValueError(str(error)) from None
@@ -102,7 +104,7 @@ class CameraModel(BaseModel):
     def undistortion(self) -> Undistortion | None:
         """What makes this camera's images straight; None without a calibration."""
         lens = self.calibration
-        if lens is None:
+        if not isinstance(lens, LensCalibration):
             return None
         from navfw.lenses import CameraCalibration, Undistortion
 

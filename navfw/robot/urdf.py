@@ -24,7 +24,6 @@ from navfw.config.xml_file import line_of, parse_xml
 from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.robot.xacro_expansion import expand_xacro
 
 _MAX_BYTES = 5_000_000
 """Largest size of a file [bytes]; that of Husky has 11 kB."""
@@ -130,6 +129,8 @@ def read_urdf(path: Path, packages: tuple[str, ...] = ()) -> UrdfModel:
 
     """
     if path.suffix == ".xacro":
+        from navfw.robot.xacro_expansion import expand_xacro
+
         text = expand_xacro(path, tuple(map(str, package_roots(path, packages))), _MAX_BYTES)
     else:
         text = read_input(path, _MAX_BYTES)

@@ -15,7 +15,7 @@ from navfw.errors import InputError
 from navfw.flow import with_shutter_sigma
 from navfw.lenses import CameraCalibration, Undistortion
 from navfw.missions import prepare
-from navfw.robot import CameraEffects, CameraModel, RobotModel, load_robot
+from navfw.robot import CameraEffects, CameraModel, LensCalibration, RobotModel, load_robot
 from navfw.signals import CameraMotion, FlowField, Percept
 
 LENS = """image_width: 640
@@ -58,11 +58,12 @@ def straightener(camera: CameraModel) -> Undistortion:
 
 def test_the_camera_shows_what_the_straight_images_show(project: Path) -> None:
     camera = load_robot("real").camera
-    assert camera.calibration is not None
+    assert isinstance(camera.calibration, LensCalibration)
     assert camera.calibration.size == (640, 480)
     assert camera.hfov == straightener(camera).hfov
     wide = RobotModel(camera=camera.model_copy(update={"width": 320, "height": 240}))
     assert straightener(wide.camera).hfov == pytest.approx(camera.hfov, abs=0.02)
+    assert CameraModel(calibration="lens.yaml").hfov == camera.hfov
     (project / "lens.yaml").write_text(OPENCV)
     assert load_robot("real").camera.hfov == camera.hfov
     spec = prepare("empty", "straight", overrides=["robot=real"]).mission.spec
