@@ -28,9 +28,9 @@ from navfw.bench.recording_truth import (
     yaw_rates,
     yaw_summary,
 )
-from navfw.camera_geometry.lens_models import CameraCalibration
 from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
+from navfw.lenses import CameraCalibration
 from navfw.numerics import Array
 from navfw.perceive.image_sources import IMAGES, ImageSource, open_source
 from navfw.perceive.image_times import ImageTimes, natural_key

@@ -1,11 +1,4 @@
 from .image_reduction import reduce_frame as reduce_frame
-from .lens_models import ARCTAN as ARCTAN
-from .lens_models import FISHEYE as FISHEYE
-from .lens_models import CameraCalibration as CameraCalibration
-from .lens_models import LensShape as LensShape
-from .lens_models import distort as distort
-from .lens_models import focal_for as focal_for
-from .lens_models import straighten as straighten
 from .rotations import derotate as derotate
 from .rotations import rotate_points as rotate_points
 from .rotations import rotation_matrix as rotation_matrix

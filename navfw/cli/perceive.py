@@ -20,7 +20,7 @@ from navfw.errors import InputError, locating
 from navfw.recording.run_folder import is_bag
 
 if TYPE_CHECKING:
-    from navfw.camera_geometry.lens_models import CameraCalibration
+    from navfw.lenses import CameraCalibration
     from navfw.perceive.image_sources import ImageSource
     from navfw.perceive.lens_estimate import LensEstimate
     from navfw.perceive.motion_record import MotionRecord
@@ -250,7 +250,7 @@ def _with_lens(
     bar: ProgressBar,
 ) -> tuple[ImageSource, float | None, LensEstimate | None]:
     """The images, their field of view [deg], and the estimate of a lens that is not given."""
-    from navfw.perceive.calibration import load_calibration
+    from navfw.lenses import load_calibration
     from navfw.perceive.lens_estimate import open_with_lens
 
     if calibration is not None:

@@ -182,7 +182,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
     from navfw.missions.session_setup import prepare
     from navfw.recording.run_folder import RunFolder
     from navfw.recording.video_output import check_video
-    from navfw.robot.urdf_inertia import inertia_notes
+    from navfw.robot.urdf_measures import robot_notes
     from navfw.sim.engine import check_display
 
     if request.gui:
@@ -198,7 +198,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
             overrides=request.overrides,
         )
         check_interrupted()
-        for note in () if request.quiet else inertia_notes(session.mission.spec.robot):
+        for note in () if request.quiet else robot_notes(session.mission.spec.robot):
             typer.echo(f"note: {note}", err=True)
         compile_with_progress(loaded=True, quiet=request.quiet)
         observers = [] if request.port is None else [_live(session, request)]

@@ -25,6 +25,8 @@ from navfw.config.input_file import is_file, no_such_file, read_input_text
 from navfw.errors import ConfigError, UnknownNameError
 
 _SUFFIXES = {".yaml", ".yml"}
+URDF_SUFFIXES = {".urdf", ".xacro"}
+"""Of files that are robots by themselves, given by their path."""
 _PACKAGE = Path(__file__).parents[1]
 _MAX_PROJECT = 500_000
 """Largest size of a ``pyproject.toml`` [byte]."""
@@ -203,9 +205,9 @@ def list_missions(world: str | Path) -> list[NamedFile]:
 def find(kind: str, name: str | Path, base: Path | None = None) -> Path:
     """The file of a kind of ``FILE_KINDS`` that has this name.
 
-    ``name`` is a path (relative to ``base``, or to the working folder) when it ends in ``.yaml`` or
-    contains a ``/``; a world may be given by its folder. The name of a mission is
-    ``world/mission``.
+    ``name`` is a path (relative to ``base``, or to the working folder) when it ends in ``.yaml``,
+    of a robot in ``.urdf`` or ``.xacro``, or contains a ``/``; a world may be given by its folder.
+    The name of a mission is ``world/mission``.
 
     Raises:
         UnknownNameError: there is none of that name; the message gives the nearest name.
@@ -241,7 +243,8 @@ def _as_path(kind: str, name: str | Path, base: Path | None) -> Path | None:
     in_folder = FILE_KINDS[kind].file_name
     if in_folder is not None and is_file(path / in_folder):
         return path / in_folder
-    if path.suffix not in _SUFFIXES and "/" not in text and "\\" not in text:
+    suffixes = _SUFFIXES | (URDF_SUFFIXES if kind == "robot" else set())
+    if path.suffix not in suffixes and "/" not in text and "\\" not in text:
         return None
     if not is_file(path):
         raise no_such_file(path)

@@ -25,7 +25,11 @@ def read_xml(path: Path, max_bytes: int, what: str, *, doctype: bool = False) ->
             XML; the message says that ``what`` was expected, as in "an SDF world".
 
     """
-    content, name = read_input(path, max_bytes), shown_path(path)
+    return parse_xml(read_input(path, max_bytes), shown_path(path), what, doctype=doctype)
+
+
+def parse_xml(content: bytes, name: str, what: str, *, doctype: bool = False) -> Element:
+    """The root element of ``content``, that of the file ``name``; see ``read_xml``."""
     parser = expat.ParserCreate()
     builder = TreeBuilder()
     depth = 0

@@ -5,6 +5,7 @@ from .block_matching import judge_registration as judge_registration
 from .block_matching import uniqueness as uniqueness
 from .confidence import SIGMA_UNKNOWN as SIGMA_UNKNOWN
 from .confidence import ramp as ramp
+from .confidence import with_shutter_sigma as with_shutter_sigma
 from .dense_flow import Dis as Dis
 from .dense_flow import Farneback as Farneback
 from .divergence import ContactFilter as ContactFilter

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -11,8 +13,8 @@ import numpy.typing as npt
 from navfw.flow.aligned_past import rotation_matters
 from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats
-from navfw.robot import CameraModel
-from navfw.signals import FramePair
+from navfw.robot import CameraEffects, CameraModel
+from navfw.signals import FlowField, FramePair
 
 Floating = npt.NDArray[np.floating[Any]]
 
@@ -87,3 +89,21 @@ def local_spread(vectors: Array, confidence: Array) -> Array:
 def _sum_around(values: Array) -> Array:
     border = cv2.BORDER_ISOLATED | cv2.BORDER_CONSTANT
     return np.asarray(cv2.boxFilter(values, -1, (3, 3), normalize=False, borderType=border))
+
+
+def with_shutter_sigma(flow: FlowField, effects: CameraEffects, height: int) -> FlowField:
+    """``flow`` of images ``height`` px high, its sigma widened by blur and a rolling shutter.
+
+    A vector u over the time dt is an image motion of |u| / dt. While a row is exposed, for e, a
+    point draws a trail of b = e |u| / dt; where in it the match lies is uniform, which has the
+    standard deviation b / sqrt(12). Rows are exposed one after the other over the readout time r:
+    a point that moved by u_y rows was seen r u_y / height later than dt says, so that the vector
+    is wrong by s = |u| / dt times that. Both are independent of the sigma of the match:
+    sqrt(sigma^2 + b^2 / 12 + s^2).
+    """
+    x, y = flow.vectors[..., 0], flow.vectors[..., 1]
+    speed = np.hypot(x, y) / flow.motion.dt
+    blur = effects.exposure_time / math.sqrt(12.0)
+    skew = effects.readout_time * y / height
+    sigma = np.sqrt(flow.sigma**2 + speed**2 * (blur**2 + skew**2))
+    return replace(flow, sigma=np.minimum(sigma, SIGMA_UNKNOWN))

@@ -29,7 +29,7 @@ from navfw.config.yamlfile import validate
 from navfw.missions.eventspec import EventSpec
 from navfw.robot import RobotModel
 from navfw.robot.robotfile import with_robot
-from navfw.robot.urdf import with_urdf
+from navfw.robot.urdf_drive import with_urdf
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.worldspec import DropSpec
 

@@ -1,7 +1,5 @@
 from .bag_source import camera_contradiction as camera_contradiction
 from .bag_source import unpacked_bag as unpacked_bag
-from .calibration import Undistortion as Undistortion
-from .calibration import load_calibration as load_calibration
 from .floor_motion import FloorFinder as FloorFinder
 from .image_sources import ImageSource as ImageSource
 from .image_sources import open_source as open_source

@@ -12,12 +12,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.camera_geometry.lens_models import CameraCalibration
 from navfw.config.image_file import read_image
 from navfw.config.input_file import is_file, is_folder, no_such_file
 from navfw.errors import InputError
+from navfw.lenses import CameraCalibration, Undistortion
 from navfw.numerics import Image
-from navfw.perceive.calibration import Undistortion
 from navfw.perceive.image_times import ImageTimes, natural_key, require_order, times_in_names
 from navfw.perceive.video_file import FRAME_RATE, FRAME_RATES, VideoFile
 from navfw.recording.run_folder import FILES, RESULT

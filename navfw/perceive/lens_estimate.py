@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.camera_geometry.lens_models import ARCTAN, CameraCalibration, LensShape, focal_for
 from navfw.errors import InputError
+from navfw.lenses import ARCTAN, CameraCalibration, LensShape, focal_for
 from navfw.perceive.image_sources import ImageSource
 from navfw.perceive.lens_fit import LensFit, TrackedPair
 from navfw.perceive.pair_motion import TrackImage, track_points

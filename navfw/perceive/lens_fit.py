@@ -16,10 +16,10 @@ from typing import TypeAlias
 import numpy as np
 from scipy.optimize import least_squares
 
-from navfw.camera_geometry.lens_models import CURVATURES, LensShape, focal_for
 from navfw.camera_geometry.rotations import rotation_vector
 from navfw.egomotion.epipolar_kernels import fit_motion
 from navfw.egomotion.flow_egomotion import FREE_TURN, PointMotion, estimate_egomotion
+from navfw.lenses import CURVATURES, LensShape, focal_for
 from navfw.numerics import Array
 
 SIGMA = 0.18

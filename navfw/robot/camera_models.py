@@ -3,19 +3,24 @@
 Without effects images are ideal. Light falls off towards the image's corners, is collected while
 the robot moves, and its amount is controlled; rows are read out one after the other, and the image
 is compressed. The simulator (``navfw.sim.camera_rig``) applies them in this order; the stack does
-not correct them.
+not correct them. Of a camera with a calibration it takes the sigmas of flow to be wider by them.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from navfw.errors import InputError
 from navfw.numerics import Array
 from navfw.numerics.products import product
+
+if TYPE_CHECKING:
+    from navfw.lenses import Undistortion
 
 Rate = Annotated[float, Field(ge=0.1, le=60.0)]
 """Rate of frames [Hz]; a slower camera sees nothing in time, a faster one is not simulated."""
@@ -28,8 +33,38 @@ CELLS = 16, 12
 """Columns and rows of the usual grid of flow vectors."""
 
 
+class LensCalibration(BaseModel):
+    """What a calibration file says of a lens (``navfw.lenses.CameraCalibration``)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    file: Annotated[str, Field(description="where it was read")]
+    model: Annotated[str, Field(description="of the distortion, as OpenCV calls it")]
+    matrix: Annotated[tuple[float, ...], Field(min_length=9, max_length=9, description="[px]")]
+    coefficients: Annotated[tuple[float, ...], Field(max_length=14, description="in its order")]
+    size: Annotated[tuple[int, int] | None, Field(description="of its images [px]")] = None
+
+    @classmethod
+    def load(cls, path: Path) -> LensCalibration:
+        """The calibration in the file at ``path``; see ``navfw.lenses.load_calibration``."""
+        from navfw.lenses import load_calibration
+
+        read = load_calibration(path)
+        return cls(
+            file=read.file,
+            model=read.model,
+            matrix=tuple(read.matrix.ravel().tolist()),
+            coefficients=tuple(read.coefficients.tolist()),
+            size=read.size,
+        )
+
+
 class CameraModel(BaseModel):
-    """A pinhole camera fixed to base_link, looking forward (camera_optical: x right, y down)."""
+    """A camera fixed to base_link, looking forward (camera_optical: x right, y down).
+
+    To the stack it is a pinhole camera: with a calibration the stack makes its images straight, and
+    ``hfov`` is that of the straight images.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -46,6 +81,41 @@ class CameraModel(BaseModel):
     ] = 0.10
     pitch: Annotated[float, Field(gt=-1.0, lt=1.0, description="nose-down positive [rad]")] = 0.0
     rate: Annotated[Rate, Field(description="frames per second [Hz]")] = 10.0
+    calibration: Annotated[
+        LensCalibration | str | None,
+        Field(
+            description="calibration file of a lens with distortion (ROS, OpenCV), relative to the"
+            " robot file: the stack makes images straight; gives `hfov`"
+        ),
+    ] = None
+
+    @model_validator(mode="after")
+    def _as_wide_as_its_lens(self) -> CameraModel:
+        try:
+            if isinstance(self.calibration, str):
+                self.__dict__["calibration"] = LensCalibration.load(Path(self.calibration))
+            straight = self.undistortion()
+        except InputError as error:
+            raise ValueError(str(error)) from None
+        if straight is not None:
+            self.__dict__["hfov"] = straight.hfov
+        return self
+
+    def undistortion(self) -> Undistortion | None:
+        """What makes this camera's images straight; None without a calibration."""
+        lens = self.calibration
+        if not isinstance(lens, LensCalibration):
+            return None
+        from navfw.lenses import CameraCalibration, Undistortion
+
+        read = CameraCalibration(
+            lens.file,
+            np.array(lens.matrix).reshape(3, 3),
+            np.array(lens.coefficients),
+            lens.model,
+            lens.size,
+        )
+        return Undistortion(read, self.width, self.height, key=None)
 
     @property
     def focal(self) -> float:

@@ -79,11 +79,22 @@ class DrivenUrdf(BaseModel):
         Field(
             min_length=1,
             max_length=1000,
-            description="relative to the robot file, or pybullet_data:FILE of PyBullet's own",
+            description="URDF or xacro, relative to the robot file, or pybullet_data:FILE of"
+            " PyBullet's own",
         ),
     ]
-    left: Annotated[JointNames, Field(description="wheel joints of the left side")]
-    right: Annotated[JointNames, Field(description="wheel joints of the right side")]
+    packages: Annotated[
+        tuple[str, ...],
+        Field(
+            max_length=100,
+            description="folders with the packages of ROS of its meshes (`package://`), relative to"
+            " the robot file; besides those of ROS_PACKAGE_PATH and AMENT_PREFIX_PATH",
+        ),
+    ] = ()
+    left: Annotated[
+        JointNames, Field(description="wheel joints of the left side; left out: by their places")
+    ] = ()
+    right: Annotated[JointNames, Field(description="those of the right side")] = ()
     camera: Annotated[
         str | None,
         Field(description="link at which the camera is mounted, x ahead; gives mount and pitch"),
@@ -274,6 +285,7 @@ class RobotModel(BaseModel):
         half = math.atan(0.5 * sides.width / camera.focal)
         turn = 0.5 * camera.hfov - sides.overlap + half
         view = camera.model_dump() | {"width": sides.width, "hfov": 2.0 * half}
+        view["calibration"] = None  # they are straight
         return tuple(SideCamera(**view, turn=side * turn) for side in (1.0, -1.0))
 
     @property

@@ -17,12 +17,15 @@ from typing import Annotated
 
 from pydantic import Field
 
-from navfw.config.document import Data, KeyPath, YamlDocument, load_yaml
-from navfw.config.lookup import find
+from navfw.config.document import Data, KeyPath, YamlDocument, key_text, load_yaml
+from navfw.config.input_file import shown_path
+from navfw.config.lookup import URDF_SUFFIXES, find
 from navfw.config.overrides import layered, on_its_base
 from navfw.config.yamlfile import validate
-from navfw.robot import RobotModel
-from navfw.robot.urdf import urdf_path, with_urdf
+from navfw.robot import LensCalibration, RobotModel
+from navfw.robot.urdf import read_urdf, urdf_path
+from navfw.robot.urdf_drive import with_urdf
+from navfw.robot.urdf_measures import measured
 
 _DEFAULT_ROBOT = "default"
 """The robot of a mission that names none."""
@@ -31,6 +34,10 @@ _SECTION = "robot"
 """Key of a mission's robot."""
 _URDF = ("urdf", "file")
 """Path of the key of a robot that names its URDF."""
+_PACKAGES = ("urdf", "packages")
+"""That of the key with folders of packages."""
+_CALIBRATION = ("camera", "calibration")
+"""That of the key that names a calibration file."""
 
 
 class RobotSpec(RobotModel):
@@ -50,7 +57,7 @@ def load_robot(name: str | Path) -> RobotSpec:
         ConfigError: the file or its base breaks the schema.
 
     """
-    document = _read(find("robot", name))
+    document = _measured(_read(find("robot", name)), ())
     robot = validate(document, RobotSpec)
     return robot.model_copy(update={"camera": with_urdf(robot, document).camera})
 
@@ -89,10 +96,10 @@ def with_robot(mission: YamlDocument, folder: Path) -> YamlDocument:
     with mission.locating((_SECTION, "base"), key=_SECTION):
         file = find("robot", name, base=None if origin.option else folder)
     robot = _read(file)
-    validate(robot, RobotSpec)
+    validate(_measured(robot, ()), RobotSpec)
     changes = {key: value for key, value in section.items() if key != "base"}
     located = _located(_with(mission, changes), (_SECTION,), folder)
-    return layered(_as_section(robot), located)
+    return _measured(layered(_as_section(robot), located), (_SECTION,))
 
 
 def _read(path: Path) -> YamlDocument:
@@ -101,19 +108,50 @@ def _read(path: Path) -> YamlDocument:
 
 
 def _load(path: Path) -> YamlDocument:
+    if path.suffix in URDF_SUFFIXES:
+        data = {"urdf": {"file": path.name}, "description": f"by {path.name}"}
+        return _located(YamlDocument(shown_path(path), data), (), path.parent)
     return _located(load_yaml(path), (), path.parent)
 
 
-def _located(document: YamlDocument, at: KeyPath, folder: Path) -> YamlDocument:
-    """``document`` with the path of the URDF in its part ``at`` made absolute, from ``folder``."""
-    name = document.at((*at, *_URDF))
-    if not isinstance(name, str) or not name:
+def _measured(document: YamlDocument, at: KeyPath) -> YamlDocument:
+    """``document`` on top of what the URDF of its part ``at`` says of the robot."""
+    part = document.at((*at, _URDF[0]))
+    file = part.get(_URDF[1]) if isinstance(part, dict) else None
+    packages = part.get(_PACKAGES[1]) or [] if isinstance(part, dict) else []
+    if not isinstance(file, str) or not isinstance(packages, list):
         return document
-    origin = document.origin_of((*at, *_URDF))
-    path = urdf_path(name, Path() if origin.option else folder).absolute()
+    with document.locating((*at, *_URDF), key=key_text(_URDF)):
+        model = read_urdf(Path(file), tuple(map(str, packages)))
+        radius = document.at((*at, "wheel_radius"))
+        lower: Data = measured(model, {**part, "wheel_radius": radius})
+    for step in reversed(at):
+        lower = {step: lower}
+    return layered(YamlDocument(shown_path(Path(file)), lower), document)
+
+
+def _located(document: YamlDocument, at: KeyPath, folder: Path) -> YamlDocument:
+    """``document`` with the files that its part ``at`` names, from ``folder``.
+
+    The path of the URDF is made absolute, the calibration is read.
+    """
     data = copy.deepcopy(document.data)
-    section = YamlDocument(None, data).at((*at, _URDF[0]))
-    section[_URDF[1]] = str(path)
+    for key in (_URDF, _CALIBRATION):
+        name = document.at((*at, *key))
+        if not isinstance(name, str) or not name:
+            continue
+        from_here = Path() if document.origin_of((*at, *key)).option else folder
+        section = YamlDocument(None, data).at((*at, key[0]))
+        if key == _URDF:
+            section[key[1]] = str(urdf_path(name, from_here).absolute())
+        else:
+            with document.locating((*at, *key), key=key_text(key)):
+                section[key[1]] = LensCalibration.load(from_here / name).model_dump()
+    folders = document.at((*at, *_PACKAGES))
+    if isinstance(folders, list) and all(isinstance(name, str) for name in folders):
+        from_here = Path() if document.origin_of((*at, *_PACKAGES)).option else folder
+        section = YamlDocument(None, data).at((*at, _PACKAGES[0]))
+        section[_PACKAGES[1]] = [str((from_here / name).absolute()) for name in folders]
     return YamlDocument(document.file, data, document.origins)
 
 

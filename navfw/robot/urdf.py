@@ -1,4 +1,4 @@
-"""URDF files: the frames of links and joints, and the drive: wheel joints, base_link, the camera.
+"""URDF files: the frames of links and joints, collision shapes, masses, meshes.
 
 Only what concerns a robot on wheels is read: PyBullet loads the file itself. A file given as
 ``pybullet_data:husky/husky.urdf`` is one of those installed with PyBullet.
@@ -6,36 +6,40 @@ Only what concerns a robot on wheels is read: PyBullet loads the file itself. A 
 
 from __future__ import annotations
 
+import copy
 import math
 from collections import Counter
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from xml.etree.ElementTree import Element, tostring
 
 import numpy as np
 
-from navfw.config.document import KeyPath, YamlDocument, key_text
 from navfw.config.extras import require_extra
-from navfw.config.input_file import is_file, shown_path
-from navfw.config.xml_file import line_of, read_xml
-from navfw.errors import ConfigError, UnknownNameError
+from navfw.config.input_file import is_file, read_input, shown_path
+from navfw.config.ros_packages import package_folders, package_roots
+from navfw.config.xml_file import line_of, parse_xml
+from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.numerics.products import product
-from navfw.robot import CameraModel, DrivenUrdf, RobotModel
 
 _MAX_BYTES = 5_000_000
 """Largest size of a file [bytes]; that of Husky has 11 kB."""
 _BULLET_DATA = "pybullet_data:"
 """Prefix of files that are installed with PyBullet."""
+_MAX_MESH = 200_000_000
+"""Largest size of a mesh file [bytes]."""
+_PACKAGE, _FILE = "package://", "file://"
+"""Prefixes of the names of meshes: in a package of ROS, and at an absolute path."""
 _MOVABLE = ("revolute", "continuous", "prismatic")
 """Types of joints that a motor moves or holds."""
 _KINDS = (*_MOVABLE, "fixed")
-_ACROSS = 0.99
-"""Least share of a wheel's axis that is across the body."""
-_RADIUS_TOLERANCE = 0.02
-"""Largest difference between a wheel's radius and its collision shape's, share of the radius."""
+_STL_HEAD = 84
+"""Length of a binary STL file's header [bytes], which ends with the number of triangles."""
+_STL_TRIANGLE = 50
+"""Length of one triangle in it [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -72,11 +76,14 @@ class UrdfCollision:
 class UrdfModel:
     """A URDF file: its joints by name, links and collision shapes.
 
+    ``root`` is its XML, ``packages`` the folders in which packages of ROS were looked for.
     ``inertials`` are the masses [kg] and <inertial> elements of links with a mass, ``massless`` the
     others; ``wheel_radii`` [m] are the radii of the links that collide as one cylinder or sphere.
     """
 
     file: Path
+    root: Element
+    packages: tuple[str, ...]
     links: tuple[str, ...]
     joints: dict[str, UrdfJoint]
     collisions: tuple[UrdfCollision, ...]
@@ -109,18 +116,35 @@ def urdf_path(name: str, folder: Path) -> Path:
     return Path(str(files("pybullet_data"))) / name.removeprefix(_BULLET_DATA)
 
 
-def read_urdf(path: Path) -> UrdfModel:
-    """The links and joints of a URDF file.
+def read_urdf(path: Path, packages: tuple[str, ...] = ()) -> UrdfModel:
+    """The links and joints of a URDF file, or of a xacro file; one with the same text is kept.
+
+    ``packages`` are folders with packages of ROS, besides those of the environment's
+    ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``, and those that the file lies in.
 
     Raises:
         ConfigError: the file cannot be read, is no URDF, has an invalid number, a joint between
-            links that it does not have, or names a mesh that does not exist.
+            links that it does not have, or names a mesh that does not exist or is empty.
+        MissingExtraError: it is a xacro file, and the extra xacro is not installed.
 
     """
-    root = read_xml(path, _MAX_BYTES, "a URDF robot")
+    if path.suffix == ".xacro":
+        from navfw.robot.xacro_expansion import expand_xacro
+
+        text = expand_xacro(path, tuple(map(str, package_roots(path, packages))), _MAX_BYTES)
+    else:
+        text = read_input(path, _MAX_BYTES)
+    model = _parsed(path, packages, text)
+    _check_meshes(model)
+    return model
+
+
+@lru_cache(maxsize=16)
+def _parsed(path: Path, packages: tuple[str, ...], text: bytes) -> UrdfModel:
+    root = parse_xml(text, shown_path(path), "a URDF robot")
     if root.tag != "robot":
         raise ConfigError(
-            f"expected a URDF <robot>, got <{root.tag}>; convert xacro files with the tool xacro",
+            f"expected a URDF <robot>, got <{root.tag}>; a xacro file ends in .xacro",
             file=shown_path(path),
             line=line_of(root),
         )
@@ -130,7 +154,6 @@ def read_urdf(path: Path) -> UrdfModel:
     for element in root.findall("joint"):
         joint = _joint(path, element, links)
         joints[joint.name] = joint
-    _check_meshes(path, root)
     inertials = _inertials(path, elements)
     massless = frozenset(links) - frozenset(inertials)
     collisions = tuple(
@@ -140,7 +163,7 @@ def read_urdf(path: Path) -> UrdfModel:
         for shape in collision.findall("geometry/*")
     )
     radii = _wheel_radii(path, collisions)
-    return UrdfModel(path, links, joints, collisions, inertials, massless, radii)
+    return UrdfModel(path, root, packages, links, joints, collisions, inertials, massless, radii)
 
 
 def _inertials(path: Path, links: list[Element]) -> dict[str, tuple[float, Element]]:
@@ -178,35 +201,70 @@ def _joint(path: Path, element: Element, links: tuple[str, ...]) -> UrdfJoint:
     )
 
 
-def _check_meshes(path: Path, root: Element) -> None:
+def _mesh_path(model: UrdfModel, name: str) -> Path | None:
+    """The file of the mesh called ``name``; None if it is in a package that is not there."""
+    if not name.startswith(_PACKAGE):
+        return model.file.parent / name.removeprefix(_FILE)
+    package, _, rest = name.removeprefix(_PACKAGE).partition("/")
+    folders = package_folders(package, package_roots(model.file, model.packages))
+    return next((folder / rest for folder in folders if is_file(folder / rest)), None)
+
+
+def _check_meshes(model: UrdfModel) -> None:
     """Check that the files of all meshes that collide exist; PyBullet would drop the shape.
 
-    Those that are only seen may be missing: no camera sees its own robot.
+    Those that are only seen may be missing: no camera sees its own robot. None may be empty.
     """
-    for mesh in root.iterfind("link/collision/geometry/mesh"):
+    colliding = set(model.root.iterfind("link/collision/geometry/mesh"))
+    for mesh in model.root.iter("mesh"):
         name = mesh.get("filename", "")
-        if "://" in name:
-            raise urdf_error(
-                path, mesh, f"mesh {name!r}: expected a path relative to this file; replace the URI"
-            )
-        if not is_file(path.parent / name):
-            raise urdf_error(path, mesh, f"mesh {name!r} does not exist; copy it beside this file")
+        file = _mesh_path(model, name)
+        if file is not None and is_file(file):
+            if _is_empty(file):
+                raise urdf_error(
+                    model.file, mesh, f"mesh {name!r}: {shown_path(file)} is empty: no triangle"
+                )
+        elif mesh in colliding:
+            advice = "copy it beside this file"
+            if name.startswith(_PACKAGE):
+                advice = "name the folder with its package in urdf.packages or ROS_PACKAGE_PATH"
+            raise urdf_error(model.file, mesh, f"mesh {name!r} does not exist; {advice}")
 
 
-def loadable_urdf(path: Path, folder: Path) -> Path:
-    """``path``, or a copy in ``folder`` without visuals if a mesh of them is missing."""
-    root = read_xml(path, _MAX_BYTES, "a URDF robot")
-    files = [path.parent / mesh.get("filename", "") for mesh in root.iter("mesh")]
-    if all(map(is_file, files)):
-        return path
-    for mesh, file in zip(root.iter("mesh"), files, strict=True):
-        mesh.set("filename", str(file))
-    for link in root.findall("link"):
+def _is_empty(file: Path) -> bool:
+    """Whether a mesh file has no byte or, of a kind in which they are easily found, no triangle."""
+    content = read_input(file, _MAX_MESH)
+    kind = file.suffix.lower()
+    if kind == ".stl":
+        # a binary header may begin with "solid" as well, but only there the size fits the number
+        count = int.from_bytes(content[_STL_HEAD - 4 : _STL_HEAD], "little")
+        binary = len(content) >= _STL_HEAD + _STL_TRIANGLE * count and len(content) >= _STL_HEAD
+        return count == 0 if binary else b"facet" not in content
+    if kind == ".obj":
+        return not any(line.split(maxsplit=1)[:1] == [b"f"] for line in content.splitlines())
+    return not content.strip()
+
+
+def loadable_urdf(model: UrdfModel, folder: Path) -> Path:
+    """A copy in ``folder`` for PyBullet, or the file itself if that is what PyBullet would read.
+
+    The copy names its meshes by absolute paths, and has no visuals if a mesh of them is missing.
+    """
+    meshes = {mesh.get("filename", "") for mesh in model.root.iter("mesh")}
+    files = {name: _mesh_path(model, name) for name in meshes}
+    complete = all(file is not None and is_file(file) for file in files.values())
+    plain = not any("://" in name for name in meshes) and model.file.suffix != ".xacro"
+    if complete and plain:
+        return model.file
+    root = copy.deepcopy(model.root)
+    for mesh in root.iter("mesh"):
+        mesh.set("filename", str(files[mesh.get("filename", "")]))
+    for link in () if complete else root.findall("link"):
         for visual in link.findall("visual"):
             link.remove(visual)
-    copy = folder / path.name
-    copy.write_bytes(tostring(root))
-    return copy
+    written = folder / "robot.urdf"
+    written.write_bytes(tostring(root))
+    return written
 
 
 def _wheel_radii(path: Path, collisions: tuple[UrdfCollision, ...]) -> dict[str, float]:
@@ -263,127 +321,3 @@ def attribute_numbers(path: Path, element: Element, key: str, default: list[floa
 def urdf_error(path: Path, element: Element, message: str) -> ConfigError:
     """An error at the line of an element."""
     return ConfigError(message, file=shown_path(path), line=line_of(element))
-
-
-# --- the drive ------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class UrdfDrive:
-    """How a URDF is driven: the names of its wheel joints, left and right, each with its sense.
-
-    A ``sense`` is -1 where a positive speed drives backward. ``origin`` (3,) [m] is base_link in
-    the root link's axes, on the floor where the body turns; ``supports`` (n, 2) [m] are the
-    wheels' contact points in base_link. ``held`` joints stay at 0.
-    """
-
-    left: tuple[str, ...]
-    right: tuple[str, ...]
-    sense: dict[str, float]
-    origin: Array
-    supports: Array
-    held: tuple[str, ...]
-    model: UrdfModel
-
-
-def with_urdf(robot: RobotModel, document: YamlDocument, at: KeyPath = ()) -> RobotModel:
-    """``robot``, of the document's part ``at``, checked against its URDF, with the camera mounted.
-
-    Raises:
-        ConfigError: the URDF cannot be used; a joint is no wheel, or the robot lacks a footprint.
-        UnknownNameError: the URDF has no joint or link of a name; the message has the nearest.
-
-    """
-    urdf = robot.urdf
-    if urdf is None:
-        return robot
-    if robot.footprint is None:
-        with _place(document, at, "urdf"):
-            raise ConfigError("a body with a URDF needs a footprint: {front, rear, width} [m]")
-    with _place(document, at, "urdf", "file"):
-        model = read_urdf(Path(urdf.file))
-    _check_wheels(urdf, robot.wheel_radius, model, document, at)
-    for index, name in enumerate(urdf.casters):
-        if name not in model.joints:
-            with _place(document, at, "urdf", "casters", index):
-                raise UnknownNameError("joint of the URDF", name, model.joints)
-    if urdf.camera is None:
-        return robot
-    if urdf.camera not in model.links:
-        with _place(document, at, "urdf", "camera"):
-            raise UnknownNameError("link of the URDF", urdf.camera, model.links)
-    origin = urdf_drive(robot, model).origin
-    return robot.model_copy(update={"camera": _mounted(robot.camera, model, urdf.camera, origin)})
-
-
-def urdf_drive(robot: RobotModel, model: UrdfModel | None = None) -> UrdfDrive:
-    """The drive of a checked robot with a URDF; ``model`` is that file if already read."""
-    urdf = robot.urdf
-    if urdf is None:
-        raise ValueError("the robot has no URDF")
-    model = read_urdf(Path(urdf.file)) if model is None else model
-    wheels = (*urdf.left, *urdf.right)
-    frames = [model.frame_of(model.joints[name].child) for name in wheels]
-    centres = np.array([frame[:3, 3] for frame in frames])
-    floor = float(centres[:, 2].min()) - robot.wheel_radius
-    middle = centres[:, :2].mean(axis=0)
-    origin = np.array([middle[0] + urdf.turning_point, middle[1], floor])
-    kept = {*wheels, *urdf.casters}
-    return UrdfDrive(
-        left=urdf.left,
-        right=urdf.right,
-        sense={name: math.copysign(1.0, _axis_across(model, name)) for name in wheels},
-        origin=origin,
-        supports=centres[:, :2] - origin[:2],
-        held=tuple(j.name for j in model.joints.values() if j.movable and j.name not in kept),
-        model=model,
-    )
-
-
-def _place(document: YamlDocument, at: KeyPath, *key: str | int) -> AbstractContextManager[None]:
-    """Give errors in the block the place of this key of the robot."""
-    return document.locating((*at, *key), key=key_text(key))
-
-
-def _check_wheels(
-    urdf: DrivenUrdf, wheel_radius: float, model: UrdfModel, document: YamlDocument, at: KeyPath
-) -> None:
-    """Check that the named joints are wheels of this radius, each once."""
-    seen: set[str] = set()
-    turning = {name: joint for name, joint in model.joints.items() if joint.movable}
-    for side in ("left", "right"):
-        for index, name in enumerate(getattr(urdf, side)):
-            with _place(document, at, "urdf", side, index):
-                if name not in turning:
-                    raise UnknownNameError("movable joint of the URDF", name, turning)
-                if name in seen:
-                    raise ConfigError(f"the joint {name!r} is named twice: name each wheel once")
-                seen.add(name)
-                if abs(_axis_across(model, name)) < _ACROSS:
-                    what = f"the axis of {name!r} is not across the body: name a wheel's joint"
-                    raise ConfigError(what)
-            radius = model.wheel_radii.get(model.joints[name].child)
-            if radius and abs(radius / wheel_radius - 1.0) > _RADIUS_TOLERANCE:
-                what = f"{wheel_radius:g} m, but the wheel of {name!r} has a radius of"
-                with _place(document, at, "wheel_radius"):
-                    raise ConfigError(f"{what} {radius:g} m: give that")
-
-
-def _axis_across(model: UrdfModel, joint: str) -> float:
-    """The share of a joint's axis that points left, -1 to 1."""
-    wheel = model.joints[joint]
-    axis = product(model.frame_of(wheel.child)[:3, :3], wheel.axis)
-    return float(axis[1] / max(math.hypot(*axis), 1e-9))
-
-
-def _mounted(camera: CameraModel, model: UrdfModel, link: str, origin: Array) -> CameraModel:
-    """``camera`` at ``link``; what the robot's file says of mount and pitch takes precedence."""
-    frame = model.frame_of(link)
-    ahead = frame[:3, 0]
-    mount = {
-        "mount_forward": float(frame[0, 3] - origin[0]),
-        "mount_height": float(frame[2, 3] - origin[2]),
-        "pitch": math.asin(min(max(float(-ahead[2]), -1.0), 1.0)),
-    }
-    from_file = {name: getattr(camera, name) for name in camera.model_fields_set}
-    return camera.model_copy(update=mount | from_file)

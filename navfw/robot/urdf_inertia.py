@@ -39,7 +39,7 @@ def inertia_notes(robot: RobotModel) -> tuple[str, ...]:
     """What to tell of the inertia of a checked robot, a line for each link."""
     if robot.urdf is None:
         return ()
-    model = read_urdf(Path(robot.urdf.file))
+    model = read_urdf(Path(robot.urdf.file), robot.urdf.packages)
     return tuple(note for note, _ in impossible_inertias(robot, model).values())
 
 

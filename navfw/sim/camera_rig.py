@@ -1,11 +1,12 @@
 """The robot's cameras, with what a real camera does to images, and their faults.
 
 Main view, side views and the finer landmark view; shutter and motion blur, lens, exposure control,
-JPEG. A frame delivered at time t has its last row exposed until t and its first row until t minus
-the readout time, as cameras give frames that are stamped on arrival. The scene is rendered from
-several poses of that time, and each row is a mean of those within its exposure, so that near and
-far surfaces move differently and edges cover what they hide. Walkers are drawn where they are at t:
-the blur is that of the robot's own motion.
+JPEG. The main view is distorted as the robot's calibration says, the others never are. A frame
+delivered at time t has its last row exposed until t and its first row until t minus the readout
+time, as cameras give frames that are stamped on arrival. The scene is rendered from several poses
+of that time, and each row is a mean of those within its exposure, so that near and far surfaces
+move differently and edges cover what they hide. Walkers are drawn where they are at t: the blur is
+that of the robot's own motion.
 """
 
 from __future__ import annotations
@@ -271,6 +272,7 @@ class CameraRig:
         if landmark_rng is not None:
             view = robot.landmark_view
             self._for_landmarks = Camera(view, light, scenery, landmark_rng, noise, fine)
+        self._lens = robot.camera.undistortion()
         effects = robot.camera_effects
         self._shutter, self._sensor = Shutter(effects), ImageSensor(effects)
         lens = (robot.camera, *robot.side_cameras)
@@ -303,6 +305,8 @@ class CameraRig:
         begun = wall.perf_counter()
         exposure = self._sensor.exposure_time
         clean, self._raw_depth = self._shutter.render(self.camera, time, body, exposure)
+        if self._lens is not None:
+            clean = self._lens.distort(clean)
         self._captured.append((time, body))
         sides = (self._shutter.render(side, time, body, exposure)[0] for side in self._sides)
         parts = [clean, *sides]

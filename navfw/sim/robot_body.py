@@ -16,7 +16,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -25,7 +24,8 @@ from navfw.numerics import Array
 from navfw.numerics.products import product, sum_in_order
 from navfw.process.atomic import scratch_folder
 from navfw.robot import DrivenUrdf, RobotModel
-from navfw.robot.urdf import UrdfDrive, loadable_urdf, urdf_drive
+from navfw.robot.urdf import loadable_urdf
+from navfw.robot.urdf_drive import UrdfDrive, urdf_drive
 from navfw.robot.urdf_inertia import impossible_inertias
 from navfw.signals import Pose, wrap_angle
 from navfw.sim.engine import BulletClient, bullet, quaternion, quiet_output
@@ -277,7 +277,7 @@ class UrdfBody(WheeledBody):
         super().__init__(client)
         self._floor = frozenset(floor)
         drive = urdf_drive(robot)
-        self.body = self._load(robot.urdf.file, drive, start)
+        self.body = self._load(drive, start)
         joints, links = self._names()
         wheels = [joints[name] for name in (*drive.left, *drive.right)]
         self._sides = (len(drive.left), len(drive.right))
@@ -293,17 +293,17 @@ class UrdfBody(WheeledBody):
         self._offset = bullet.multiplyTransforms(*to_root, drive.origin.tolist(), [0, 0, 0, 1])
         self.set_wheel_speeds(0.0, 0.0)
 
-    def _load(self, file: str, drive: UrdfDrive, start: Pose) -> int:
+    def _load(self, drive: UrdfDrive, start: Pose) -> int:
         x, y = start.to_parent(-float(drive.origin[0]), -float(drive.origin[1]))
         flags = bullet.URDF_USE_INERTIA_FROM_FILE
         at = [x, y, -float(drive.origin[2])]
         try:
             # PyBullet prints a warning for every link without inertia
             with scratch_folder("robot") as folder, quiet_output():
-                loaded = str(loadable_urdf(Path(file), folder))
+                loaded = str(loadable_urdf(drive.model, folder))
                 return int(self._call("loadURDF", loaded, at, quaternion(start.yaw), flags=flags))
         except bullet.error as error:
-            raise SimulationError(f"PyBullet cannot load {file}: {error}") from None
+            raise SimulationError(f"PyBullet cannot load {drive.model.file}: {error}") from None
 
     def _names(self) -> tuple[dict[str, int], dict[str, int]]:
         """PyBullet's indices of joints and of links by their names in the file."""

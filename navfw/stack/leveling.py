@@ -1,18 +1,33 @@
-"""Frames made ready for the stages: reduced, and made level where the body rocks.
+"""Frames made ready for the stages: straight, reduced, and made level where the body rocks.
 
 All that is known of the floor, of heights and of bearings supposes a level camera of fixed pitch.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from navfw.camera_geometry.image_reduction import reduce_frame
 from navfw.egomotion.camera_motions import pitch_rotation
 from navfw.egomotion.odometer import OdometryHistory
 from navfw.flow.aligned_past import align_past
+from navfw.lenses import Undistortion
 from navfw.numerics import Image
 from navfw.numerics.products import product
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Frame
+from navfw.signals import Frame, SensorReading
+
+
+def straight_reading(reading: SensorReading, lens: Undistortion | None) -> SensorReading:
+    """``reading`` with its frame as a pinhole camera would show it; nothing without a ``lens``.
+
+    A frame of another size than the camera's stays: the flow refuses it. Side views and landmark
+    frames are straight already.
+    """
+    frame = reading.frame
+    if lens is None or frame is None or frame.image.shape != lens.shape:
+        return reading
+    return replace(reading, frame=replace(frame, image=lens.apply(frame.image)))
 
 
 def ready_frame(

@@ -46,7 +46,7 @@ from navfw.signals import (
     Twist,
     Waypoint,
 )
-from navfw.stack.leveling import ready_frame
+from navfw.stack.leveling import ready_frame, straight_reading
 from navfw.stack.progress_watch import ProgressWatch
 from navfw.stack.stack_state import StackState
 from navfw.stack.stackfile import PluginSource, StackConfig, load_stack
@@ -72,10 +72,9 @@ class Stack:
 
     def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
         self.guard = PluginGuard()
-        # recognisers of landmarks take the camera's images as they are
-        features = self.guard.construct(config.stages["features"], robot)
+        features = self.guard.construct(config.stages["features"], robot)  # images not reduced
         self.features = GuardedFeatures(self.guard, cast(FeatureRecognizer, features))
-        self._reduction = robot.camera.reduction
+        self._lens, self._reduction = robot.camera.undistortion(), robot.camera.reduction
         self.robot = robot = robot.with_reduced_images()
         self.period = 1.0 / robot.control_rate
 
@@ -231,6 +230,7 @@ class Stack:
         self.trim.update(reading.encoders)
         with timed(self.timings, "safety"):
             self.safety.update(reading, measured, tuple(self.guard.failing.values()))
+        reading = straight_reading(reading, self._lens)
         frame = ready_frame(reading.frame, self.robot, self._reduction, self.history)
         odometry = self._corrected(measured, frame)
         self._began = reading.time if self._began is None else self._began

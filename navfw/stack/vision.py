@@ -8,10 +8,11 @@ from navfw.camera_geometry.rotations import derotate
 from navfw.egomotion.camera_motions import with_yaw_sigma
 from navfw.egomotion.pairing import FrameBuffer
 from navfw.egomotion.refinement import refine
+from navfw.flow.confidence import with_shutter_sigma
 from navfw.flow.grid_flow import above_horizon
 from navfw.guard.guarded_stages import GuardedFlow, GuardedPerception
 from navfw.movers import MultiViewDetector
-from navfw.robot import RobotModel
+from navfw.robot import CameraEffects, RobotModel
 from navfw.signals import FlowField, Frame, MovingObject, Odometry, Percept, Stixels, YawCorrection
 from navfw.stack.stackfile import StackSettings
 from navfw.stack.stopwatch import timed
@@ -54,6 +55,8 @@ class Vision:
         self.perception = perception
         self.timings = timings
         self._camera = robot.camera
+        # those of the simulated camera's effects alone stay as they were measured
+        self._shutter = robot.camera_effects if robot.camera.calibration else CameraEffects()
         self._settings = settings
         self._frames = FrameBuffer(robot, settings.pairing)
         self._detector = MultiViewDetector(
@@ -81,6 +84,8 @@ class Vision:
                 computed = self.flow.compute(pair)
                 if computed is None:
                     continue
+                if self._shutter.shutter_time > 0.0:
+                    computed = with_shutter_sigma(computed, self._shutter, self._camera.height)
                 flow, correction = self._derotated(computed, odometry)
             with timed(self.timings, "perception"):
                 percept = self.perception.perceive(flow, odometry.twist)

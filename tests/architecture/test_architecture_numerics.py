@@ -22,10 +22,10 @@ REORDERING = {"reassoc", "contract", "afn", "arcp", "fast"}
 
 LENSES = "of recorded images alone: simulated cameras have no such lens"
 ALLOWED = {
-    ("navfw/camera_geometry/lens_models.py", "@"): LENSES,
-    ("navfw/camera_geometry/lens_models.py", "np.arctan"): LENSES,
-    ("navfw/camera_geometry/lens_models.py", "np.arctanh"): LENSES,
-    ("navfw/camera_geometry/lens_models.py", "np.tan"): LENSES,
+    ("navfw/lenses/lens_models.py", "@"): LENSES,
+    ("navfw/lenses/lens_models.py", "np.arctan"): LENSES,
+    ("navfw/lenses/lens_models.py", "np.arctanh"): LENSES,
+    ("navfw/lenses/lens_models.py", "np.tan"): LENSES,
     ("navfw/egomotion/flow_egomotion.py", "np.linalg.eigh"): "of recorded images alone",
     ("navfw/egomotion/flow_egomotion.py", "np.linalg.eigvalsh"): "of recorded images alone",
     ("navfw/flow/block_matching.py", "cv2.matchTemplate"): "reference of tests and benchmarks",

@@ -25,9 +25,9 @@ from docs_pages import PAGES, ROOT, DocBlock, blocks_of, execute
 
 from navfw.context import CommandGrid, CommandGridParams
 from navfw.fuzzy import parse_rule
+from navfw.lenses import load_calibration
 from navfw.missions import load_mission
 from navfw.mofis import BehaviorRules
-from navfw.perceive import load_calibration
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel, RobotSpec, load_robot
 from navfw.sim import load_world

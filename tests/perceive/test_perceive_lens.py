@@ -10,18 +10,20 @@ import pytest
 from cli_calls import put_file
 from perceive_images import HEIGHT, WIDTH, texture
 
-from navfw.camera_geometry import (
+from navfw.camera_geometry import rotation_matrix
+from navfw.egomotion import PointMotion
+from navfw.errors import InputError
+from navfw.lenses import (
     ARCTAN,
     FISHEYE,
     CameraCalibration,
     LensShape,
+    Undistortion,
     distort,
     focal_for,
-    rotation_matrix,
+    load_calibration,
     straighten,
 )
-from navfw.egomotion import PointMotion
-from navfw.errors import InputError
 from navfw.numerics import Array, Image
 from navfw.perceive import (
     ImageSource,
@@ -29,12 +31,10 @@ from navfw.perceive import (
     LensFit,
     TrackedPair,
     TrackImage,
-    Undistortion,
     WorkingSize,
     estimate_lens,
     estimate_line,
     lens_estimate,
-    load_calibration,
 )
 from navfw.perceive.lens_fit import _MIN_STRETCH, _pair_residuals
 

@@ -13,7 +13,8 @@ import pytest
 from bag_samples import KINDS, Sent, image, imu, odometry, packed_image, write_bag
 from cli_calls import output
 
-from navfw.perceive import load_calibration, load_gyro_record, load_pose_record, unpacked_bag
+from navfw.lenses import load_calibration
+from navfw.perceive import load_gyro_record, load_pose_record, unpacked_bag
 from navfw.recording import Bag
 
 NOISE = np.random.default_rng(3).integers(0, 256, (120, 260), np.uint8)

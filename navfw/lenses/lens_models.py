@@ -30,6 +30,9 @@ _MAX_ANGLE = 1.4
 """Largest ``c`` times radius [rad] that is straightened: beyond it the image is stretched by more
 than 5."""
 
+_UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-7)
+"""When the search for a ray ends: number of steps, and error [px]."""
+
 _STRAIGHT = 1e-6
 """Curvature below which the lens is a pinhole up to rounding."""
 
@@ -126,6 +129,20 @@ class CameraCalibration:
         zero = np.zeros(3)
         points, _ = self._opencv.projectPoints(solid, zero, zero, self.matrix, self._numbers)
         return np.asarray(points, dtype=np.float64).reshape(-1, 2)
+
+    def rays(self, points: Array) -> Array:
+        """Rays (n, 2), at unit depth, that the lens shows at ``points`` (n, 2) [px].
+
+        The inverse of ``project``, by iteration where it has no closed form: of use where the
+        lens's model is invertible.
+        """
+        if self.model == ARCTAN:
+            bent = (points - self.matrix[:2, 2]) / np.diag(self.matrix)[:2]
+            return straighten(bent, float(self._numbers[0]))
+        at = np.asarray(points, dtype=np.float64)[:, None]
+        options = {} if self.model == FISHEYE else {"criteria": _UNTIL}
+        rays = self._opencv.undistortPoints(at, self.matrix, self._numbers, **options)
+        return np.asarray(rays, dtype=np.float64).reshape(-1, 2)
 
     def pinhole_maps(self, focal: float, width: int, height: int) -> tuple[Array, Array]:
         """Maps for ``cv2.remap`` to the image (height, width) of a pinhole camera.

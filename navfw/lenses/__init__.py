@@ -1,0 +1,5 @@
+"""Lenses with distortion: their models, calibration files, and images made straight."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,211 @@
+"""What a URDF says of a robot, wheels, track, body and camera, and what its file says otherwise.
+
+A robot file on a URDF has these values beneath its own; ``--robot FILE.urdf`` has them alone.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from navfw.config.input_file import shown_path
+from navfw.errors import ConfigError
+from navfw.numerics import Array
+from navfw.numerics.products import product
+from navfw.robot import CameraModel, RobotModel
+from navfw.robot.urdf import UrdfJoint, UrdfModel, attribute_numbers, origin_frame, read_urdf
+from navfw.robot.urdf_drive import ACROSS, axis_across
+from navfw.robot.urdf_inertia import inertia_notes
+
+_SENSORS = ("camera", "depth", "rgbd_camera")
+"""Types of Gazebo's sensors that give images, by preference."""
+_SKID = {"side_friction": 0.2, "skid": 0.08}
+"""What a body with two or more wheels on a side gets: the figures measured for Husky."""
+_DIFFERENT = 0.02
+"""Share by which a value of the robot file differs from the URDF's before it is told."""
+_PLACES = 6
+
+
+def measured(model: UrdfModel, said: dict[str, Any]) -> dict[str, Any]:
+    """The keys of a robot file that the URDF gives; ``said`` is the robot file's part ``urdf``.
+
+    Raises:
+        ConfigError: the file names no wheels, and the URDF has none in pairs.
+
+    """
+    left, right = _sides(model, said)
+    wheels = [model.joints[name] for name in (*left, *right) if name in model.joints]
+    if len(wheels) < len(left) + len(right):
+        return {}  # the check of the named wheels says what is wrong
+    centres = np.array([model.frame_of(wheel.child)[:3, 3] for wheel in wheels])
+    radius = next((r for wheel in wheels if (r := model.wheel_radii.get(wheel.child))), None)
+    urdf: dict[str, Any] = {"left": left, "right": right, "casters": _casters(model, wheels)}
+    values: dict[str, Any] = {"urdf": urdf}
+    if len(left) > 1:
+        urdf["side_friction"], values["skid"] = _SKID["side_friction"], _SKID["skid"]
+    track = centres[: len(left), 1].mean() - centres[len(left) :, 1].mean()
+    values["track"] = round(float(track), _PLACES)
+    camera, link = _camera(model)
+    values["camera"] = camera
+    if link is not None:
+        urdf["camera"] = link
+    if radius is None:
+        return values
+    values["wheel_radius"] = radius
+    ahead = float(said.get("turning_point") or 0.0)
+    middle = centres[:, :2].mean(axis=0)
+    floor = float(centres[:, 2].min()) - float(said.get("wheel_radius") or radius)
+    extent = _extent(model, np.array([middle[0] + ahead, middle[1], floor]))
+    if extent is not None:
+        low, high = extent
+        width = 2.0 * max(-low[1], high[1])
+        body = {"front": high[0], "rear": -low[0], "width": width}
+        values["footprint"] = {key: round(float(size), _PLACES) for key, size in body.items()}
+        eye = CameraModel().mount_height  # of a camera that the URDF does not have
+        if link is not None:
+            eye = float(model.frame_of(link)[2, 3]) - floor
+        else:
+            camera["mount_forward"] = min(CameraModel().mount_forward, body["front"])
+        values["height"] = round(max(float(high[2]), eye), _PLACES)
+    return values
+
+
+def _sides(model: UrdfModel, said: dict[str, Any]) -> tuple[list[str], list[str]]:
+    """The wheel joints, left and right: those named, or all pairs that nothing movable carries."""
+    if said.get("left") and said.get("right"):
+        return list(said["left"]), list(said["right"])
+    moved = {joint.child for joint in model.joints.values() if joint.movable}
+    parents = {joint.child: joint.parent for joint in model.joints.values()}
+
+    def carried(link: str | None) -> bool:
+        for _ in model.links:
+            if link is None or link in moved:
+                return link is not None
+            link = parents.get(link)
+        return False
+
+    wheels = [
+        joint
+        for joint in model.joints.values()
+        if joint.kind == "continuous"
+        and abs(axis_across(model, joint.name)) >= ACROSS
+        and not carried(joint.parent)
+    ]
+    at = {joint.name: float(model.frame_of(joint.child)[1, 3]) for joint in wheels}
+    middle = sum(at.values()) / max(len(at), 1)
+    left = [name for name, y in at.items() if y > middle + 1e-3]
+    right = [name for name, y in at.items() if y < middle - 1e-3]
+    if not left or len(left) != len(right):
+        raise ConfigError(
+            f"has no wheels in pairs, but {sorted(at) or 'no continuous joint across the body'}:"
+            " name them in a robot file with urdf: {file, left, right}",
+            file=shown_path(model.file),
+        )
+    return left, right
+
+
+def _casters(model: UrdfModel, wheels: list[UrdfJoint]) -> list[str]:
+    """Joints called casters, and of the other wheels and their swivels."""
+    names = {wheel.name for wheel in wheels}
+    return [
+        joint.name
+        for joint in model.joints.values()
+        if joint.name not in names
+        and (
+            re.search("cast[eo]r", f"{joint.name} {joint.child}".lower())
+            or (joint.kind == "continuous" and abs(axis_across(model, joint.name)) >= ACROSS)
+        )
+    ]
+
+
+def _extent(model: UrdfModel, origin: Array) -> tuple[Array, Array] | None:
+    """Least and greatest (3,) [m] of the collision shapes, from ``origin``; None with meshes."""
+    lows, highs = [], []
+    for collision in model.collisions:
+        half = _half_size(model.file, collision.shape)
+        if half is None:
+            return None
+        local = origin_frame(model.file, collision.origin)
+        frame = product(model.frame_of(collision.link), local)
+        reach = product(np.abs(frame[:3, :3]), half[:3]) + half[3] * np.sqrt(
+            np.maximum(1.0 - np.square(frame[:3, 2]), 0.0) if half[2] else np.ones(3)
+        )
+        lows.append(frame[:3, 3] - origin - reach)
+        highs.append(frame[:3, 3] - origin + reach)
+    return (np.min(lows, axis=0), np.max(highs, axis=0)) if lows else None
+
+
+def _half_size(path: Path, shape: Element) -> Array | None:
+    """Half the size (3,) [m] of a box, and the radius about it (1,): about z of a cylinder."""
+    if shape.tag == "box":
+        size = attribute_numbers(path, shape, "size", [0.0, 0.0, 0.0])
+        return np.array([*(0.5 * side for side in size), 0.0])
+    radius = attribute_numbers(path, shape, "radius", [0.0])[0]
+    if shape.tag == "cylinder":
+        half = 0.5 * attribute_numbers(path, shape, "length", [0.0])[0]
+        return np.array([0.0, 0.0, half, radius])
+    return np.array([0.0, 0.0, 0.0, radius]) if shape.tag == "sphere" else None
+
+
+def _camera(model: UrdfModel) -> tuple[dict[str, Any], str | None]:
+    """Keys of the camera by Gazebo's first sensor with images, and the link that it is at."""
+    sensors = [
+        (gazebo.get("reference", ""), sensor)
+        for kind in _SENSORS
+        for gazebo in model.root.iterfind("gazebo")
+        for sensor in gazebo.iterfind(f"sensor[@type='{kind}']")
+    ]
+    if not sensors:
+        names = (n for n in model.links if "camera" in n.lower() and "optical" not in n.lower())
+        return {}, next(names, None)
+    link, sensor = sensors[0]
+    keys = {
+        "hfov": "camera/horizontal_fov",
+        "width": "camera/image/width",
+        "height": "camera/image/height",
+        "rate": "update_rate",
+    }
+    read: dict[str, Any] = {}
+    for key, place in keys.items():
+        text = (sensor.findtext(place) or "").strip()
+        if re.fullmatch(r"[0-9]+\.?[0-9]*", text):
+            read[key] = int(text) if key in {"width", "height"} else float(text)
+    return read, link if link in model.links else None
+
+
+def robot_notes(robot: RobotModel) -> tuple[str, ...]:
+    """What to tell of a checked robot with a URDF: impossible inertias, values that differ."""
+    urdf = robot.urdf
+    if urdf is None:
+        return ()
+    file = Path(urdf.file)
+    model = read_urdf(file, urdf.packages)
+    said = urdf.model_dump() | {"wheel_radius": robot.wheel_radius}
+    read = measured(model, said)
+    own = robot.model_dump()
+    notes = [
+        f"{shown_path(file)}: {key} is {value:g}, the robot has {other:g}"
+        for key, value, other in _pairs("", read, own)
+        if abs(value - other) > _DIFFERENT * max(abs(value), abs(other))
+        and not (key == "camera.hfov" and robot.camera.calibration)
+    ]
+    if urdf.camera is None and not {"mount_height"} & robot.camera.model_fields_set:
+        height = robot.camera.mount_height
+        notes.append(f"{shown_path(file)} has no camera: taken to be {height:g} m above the floor")
+    return (*inertia_notes(robot), *notes)
+
+
+def _pairs(at: str, read: dict[str, Any], own: dict[str, Any]) -> list[tuple[str, float, float]]:
+    """Keys with the numbers of both, of the parts that the robot has."""
+    pairs = []
+    for key, value in read.items():
+        other = own.get(key)
+        if isinstance(value, dict) and isinstance(other, dict):
+            pairs += _pairs(f"{at}{key}.", value, other)
+        elif isinstance(value, int | float) and isinstance(other, int | float):
+            pairs.append((f"{at}{key}", float(value), float(other)))
+    return pairs

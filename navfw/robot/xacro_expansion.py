@@ -1,0 +1,159 @@
+"""Xacro files expanded to URDF, by xacrodoc, in a process of its own that cannot do harm.
+
+Xacro evaluates expressions of the file by Python's ``eval``, whose ban on builtins is known to be
+no protection. Here an expression may calculate, compare, choose and call the functions that xacro
+offers: generators, names with an underscore, formatting and the namespace ``python`` are refused.
+What is included or read lies in the file's folder or in packages; the environment is not shown. The
+process has little time and memory.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import json
+import posixpath
+import re
+import resource
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, NoReturn, TextIO
+
+from navfw.config.extras import require_extra
+from navfw.config.input_file import read_input, shown_path
+from navfw.config.ros_packages import package_folders
+from navfw.errors import ConfigError
+
+_SECONDS = 20
+"""Longest time that an expansion takes [s]; that of a big robot takes 2 s."""
+_MEMORY = 2_000_000_000
+"""Most memory that it takes [bytes]."""
+_ALLOWED = (
+    *(ast.Expression, ast.Constant, ast.Name, ast.Load, ast.Attribute, ast.Subscript, ast.Slice),
+    *(ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.IfExp, ast.Call, ast.keyword),
+    *(ast.List, ast.Tuple, ast.Dict, ast.operator, ast.unaryop, ast.boolop, ast.cmpop),
+)
+_REFUSED = {"format", "format_map"}
+"""Methods that reach any attribute by its name."""
+
+Stamp = tuple[int, int]
+_kept: dict[tuple[Path, tuple[str, ...]], tuple[bytes, dict[str, Stamp]]] = {}
+
+
+def expand_xacro(path: Path, packages: tuple[str, ...], max_bytes: int) -> bytes:
+    """The URDF of the xacro file at ``path``; ``packages`` are folders with packages of ROS.
+
+    Expanded again only when one of its files has changed.
+
+    Raises:
+        ConfigError: the file cannot be read or expanded, or has an expression that is refused.
+        MissingExtraError: xacrodoc is not installed.
+
+    """
+    read_input(path, max_bytes)
+    require_extra("xacro", "xacrodoc", key=path.name)
+    text, stamps = _kept.get((path, packages), (b"", {}))
+    if stamps and all(_stamp(file) == stamp for file, stamp in stamps.items()):
+        return text
+    # -P: no module of the working folder
+    words = [sys.executable, "-P", "-m", __name__, str(path.absolute()), *packages]
+    try:
+        # S603: fixed words and paths, no shell
+        done = subprocess.run(words, capture_output=True, timeout=_SECONDS, check=False)  # noqa: S603
+        answer = json.loads(done.stdout or b"{}")
+    except (OSError, subprocess.SubprocessError, ValueError):
+        answer = {}
+    if "text" not in answer or len(answer["text"]) > max_bytes:
+        reason = answer.get("error", f"takes more than {_SECONDS} s, or too much memory")
+        raise ConfigError(f"xacro: {reason}", file=shown_path(path))
+    text = str(answer["text"]).encode()
+    _kept[path, packages] = text, {file: _stamp(file) for file in (str(path), *answer["files"])}
+    return text
+
+
+def _stamp(file: str) -> Stamp:
+    try:
+        status = Path(file).stat()
+    except OSError:
+        return 0, 0
+    return status.st_mtime_ns, status.st_size
+
+
+def _check_expression(text: str) -> None:
+    """Check that an expression of a xacro file can do no more than calculate.
+
+    Raises:
+        ValueError: it has a part that is refused; SyntaxError where it is no expression.
+
+    """
+    for node in ast.walk(ast.parse(text.strip(), mode="eval")):
+        name = getattr(node, "attr", getattr(node, "id", ""))
+        if not isinstance(node, _ALLOWED) or name.startswith("_") or name in _REFUSED:
+            raise ValueError(f"{name or type(node).__name__} is not allowed in {text.strip()!r}")
+
+
+def _expanded(path: str, packages: list[str]) -> dict[str, Any]:
+    """What the process answers: the text and the files read, or the error."""
+    import xacro
+    from xacro import substitution_args
+    from xacrodoc import XacroDoc
+
+    evaluate = xacro.safe_eval
+
+    def checked(text: str, *names: Any) -> Any:
+        _check_expression(text)
+        return evaluate(text, *names)
+
+    def refuse(*_: Any) -> NoReturn:
+        raise ValueError("$(eval ...) is not allowed: use ${...}")
+
+    own = Path(path).parents
+    readable = [own[0], *(folder for folder in own if (folder / "package.xml").is_file())]
+    readable += [root for root in map(Path, packages) if root not in own]
+
+    def folder_of(package: str) -> str:
+        plain = re.fullmatch(r"[\w-]+", package)
+        for folder in package_folders(package, map(Path, packages)) if plain else ():
+            # beside the folders that the file lies in not all folders are packages
+            known = folder in own or folder.parent not in own
+            if folder.is_dir() and (known or (folder / "package.xml").is_file()):
+                readable.append(folder)
+                return str(folder)
+        raise ValueError(f"package {package!r} not found: name its folder in urdf.packages")
+
+    def opened(name: str) -> TextIO:
+        file = Path(posixpath.normpath(Path(name).absolute()))  # no "..", links stay
+        if not any(file.is_relative_to(folder) for folder in readable):
+            raise ValueError(f"{name} lies in no package: name its folder in urdf.packages")
+        return file.open(encoding="utf-8")
+
+    def hidden(name: str) -> NoReturn:
+        raise ValueError(f"$(env {name}) is not allowed: use an argument or $(optenv ...)")
+
+    xacro.open = opened
+    xacro.init_stacks(path)  # what is named without folder lies beside the file
+    substitution_args._eval_env = hidden
+    substitution_args._eval_optenv = lambda _, default="": default  # as where it is not set
+    xacro.safe_eval = checked
+    substitution_args._eval = refuse
+    substitution_args._eval_find = folder_of
+    xacro._global_symbols.pop("python")
+    try:
+        document = XacroDoc.from_file(path, walk_up=False, resolve_packages=False)
+        return {"text": document.dom.toxml(), "files": [str(file) for file in xacro.all_includes]}
+    except (Exception, RecursionError) as error:  # of a library: all that it raises
+        return {"error": " ".join(str(error).split())[:300] or type(error).__name__}
+
+
+def main() -> None:
+    """Expand the file of the first argument; the others are folders with packages."""
+    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
+    resource.setrlimit(resource.RLIMIT_CPU, (_SECONDS, _SECONDS))
+    with contextlib.redirect_stdout(sys.stderr):
+        answer = _expanded(sys.argv[1], sys.argv[2:])
+    sys.stdout.write(json.dumps(answer))
+
+
+if __name__ == "__main__":
+    main()
