@@ -125,6 +125,47 @@ class RosNode:
 
         self._node.create_service(trigger, f"~/{name}", serve)
 
+    def serve_action(
+        self, name: str, kind: str, begin: Callable[[Any], bool], cancel: Callable[[], object]
+    ) -> Callable[[bool], None]:
+        """Offer an action where its type is installed; ``begin`` says whether it takes a goal.
+
+        What is returned ends the goals that were taken: with success, or without.
+        """
+        action = self._kind(name, kind)
+        if action is None:
+            return lambda _: None
+        server, future = importlib.import_module("rclpy.action"), self._rclpy.task.Future
+        waiting = list[Any]()
+
+        def end(success: bool) -> None:
+            while waiting:
+                waiting.pop().set_result(success)
+
+        def take(goal: Any) -> Any:
+            return server.GoalResponse.ACCEPT if begin(goal) else server.GoalResponse.REJECT
+
+        def give_up(_: Any) -> Any:
+            cancel()
+            return server.CancelResponse.ACCEPT
+
+        async def execute(goal: Any) -> Any:
+            waiting.append(future())
+            success = await waiting[-1]
+            (
+                goal.canceled
+                if goal.is_cancel_requested
+                else goal.succeed
+                if success
+                else goal.abort
+            )()
+            return action.Result()
+
+        server.ActionServer(
+            self._node, action, name, execute, goal_callback=take, cancel_callback=give_up
+        )
+        return end
+
     def manage(self, activate: Callable[[], object], deactivate: Callable[[], object]) -> None:
         """Let a lifecycle manager deactivate and activate the node, which is active from now on."""
         lifecycle = importlib.import_module("rclpy.lifecycle")
@@ -184,9 +225,9 @@ class RosNode:
         return self._kind("", kind) is not None
 
     def _kind(self, topic: str, kind: str) -> Any:
-        package, _, name = kind.split("/")
+        package, group, name = kind.split("/")
         try:
-            return getattr(importlib.import_module(f"{package}.msg"), name)
+            return getattr(importlib.import_module(f"{package}.{group}"), name)
         except ImportError:
             if topic:
                 self.note(f"{topic} is left out: {package} is not installed")

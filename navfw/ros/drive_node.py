@@ -37,8 +37,6 @@ _STILL = 0.02
 _STAND = Twist(0.0, 0.0)
 _STOPPED, _INACTIVE = "stopped by ~/stop", "inactive"
 """What holds the robot."""
-_TOLERANCE = 0.3
-"""Distance [m] at which a goal that was sent is reached."""
 _TF = "tf2_msgs/msg/TFMessage"
 _SNAP = 240.0
 """Rate [Hz] of whose steps the times of ``navfw ros sim`` are multiples."""
@@ -135,6 +133,10 @@ class DriveNode:
             ("cancel", self._cancel),
         ):
             node.serve(name, answer)
+        kind = "nav2_msgs/action/NavigateToPose"
+        self._end_goal = node.serve_action(
+            "navigate_to_pose", kind, lambda goal: self._take_goal(goal.pose), self._cancel
+        )
         node.manage(lambda: self._held.discard(_INACTIVE), lambda: self._hold(_INACTIVE))
 
     def _advertise(self) -> None:
@@ -173,13 +175,14 @@ class DriveNode:
             what = f"focal length of {focal:.1f} px, that of the robot file is {camera.focal:.1f}"
             self._node.note(f"camera_info has a {what} px: correct camera.hfov")
 
-    def _take_goal(self, message: Any) -> None:
+    def _take_goal(self, message: Any) -> bool:
+        """Go where a ``PoseStamped`` is, in ``map``; whether that is possible."""
         if message.header.frame_id.lstrip("/") != "map":
             what = f"{message.header.frame_id!r:.40}, expected 'map'"
             self._node.note(f"a goal on goal_pose is left out: its frame is {what}")
-            return
+            return False
         place = message.pose.position
-        self._go_to(Waypoint(place.x, place.y, TOLERANCE, "", "goal", final=True))
+        return self._go_to(Waypoint(place.x, place.y, TOLERANCE, "", "goal", final=True))
 
     def _take_place(self, message: Any) -> None:
         try:
@@ -187,16 +190,18 @@ class DriveNode:
         except UnknownNameError as error:
             self._node.note(f"a goal on goal_place is left out: {error}")
 
-    def _go_to(self, goal: Waypoint) -> None:
+    def _go_to(self, goal: Waypoint) -> bool:
         try:
             if not (math.isfinite(goal.x) and math.isfinite(goal.y)):
                 raise InputError("its position is not a number")
             self._stack.planner.start(self._stack.topo_map, [goal])
         except Exception as error:  # a planner may be a plugin
             self._node.note(f"a goal is left out: {error}")
-            return
+            return False
+        self._end_goal(False)
         self._goals = (goal,)
         self._node.say(f"to {goal.place or f'({goal.x:.2f}, {goal.y:.2f})'}")
+        return True
 
     def _take_start(self, message: Any) -> None:
         x, y, yaw = planar_pose(message)
@@ -278,7 +283,9 @@ class DriveNode:
             self._outputs.latencies.append(max(0.0, age) + time.monotonic() - came_at)
             ended = self._ended() or ", ".join(self._held)
             self._outputs.tell(frame, self._base, ended, self._node.now())
-        return self._ended() if self._options.once and not self._held else ""
+        if ended := self._ended():
+            self._end_goal(ended == "reached")
+        return ended if self._options.once and not self._held else ""
 
     @contextmanager
     def _guarded(self) -> Any:

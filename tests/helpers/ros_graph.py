@@ -70,6 +70,7 @@ class GraphNode:
         self.graph, self.parameters = graph, parameters
         self.notes: list[str] = []
         self.services: dict[str, Callable[[], str]] = {}
+        self.action_ends: list[bool] = []
         self.meanwhile: Callable[[], object] = lambda: None
 
     def parameter(self, name: str, default: Any) -> Any:
@@ -94,6 +95,10 @@ class GraphNode:
 
     def serve(self, name: str, answer: Callable[[], str]) -> None:
         self.services[name] = answer
+
+    def serve_action(self, _name: str, _kind: str, begin: Any, cancel: Any) -> Any:
+        self.begin, self.cancel = begin, cancel
+        return self.action_ends.append
 
     def manage(self, *_: Callable[[], object]) -> None:
         pass

@@ -2,16 +2,18 @@
 
 import math
 from collections.abc import Callable, Sequence
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from ros_graph import Graph, GraphDrive
 
-from navfw.recording import ros_message
+from navfw.recording import deserialize_cdr, ros_message
 
 STRAIGHT = "empty", "straight"
+POSE = "geometry_msgs/msg/PoseStamped"
 GOAL = ros_message(
-    "geometry_msgs/msg/PoseStamped",
+    POSE,
     {"header": {"frame_id": "map"}, "pose": {"position": {"x": 2.0}}},
 )
 
@@ -109,6 +111,29 @@ def test_a_cancelled_drive_has_not_reached_its_goal(monkeypatch: pytest.MonkeyPa
     drive.run()
     assert drive.ended == "no goal"
     assert drive.speed == 0.0
+
+
+@pytest.mark.parametrize("cancelled", [False, True])
+def test_a_goal_of_an_action_ends_with_it(
+    monkeypatch: pytest.MonkeyPatch, *, cancelled: bool
+) -> None:
+    graph, taken = Graph(), list[bool]()
+
+    def each(drive: GraphDrive) -> None:
+        if not taken and graph.time > 1.0:
+            for frame in ("moon", "map"):
+                place = {"header": {"frame_id": frame}, "pose": {"position": {"x": 2.0}}}
+                pose = deserialize_cdr(ros_message(POSE, place), POSE)
+                taken.append(drive.node.begin(SimpleNamespace(pose=pose)))
+            drive.node.action_ends.clear()  # of the goal before
+        if cancelled and 2.0 < graph.time < 2.1:
+            drive.node.cancel()
+
+    drive = GraphDrive(graph, monkeypatch, *STRAIGHT, each=each, settings=["mission.timeout=12"])
+    drive.run()
+    assert taken == [False, True]
+    assert drive.node.action_ends[0] is not cancelled
+    assert drive.speed < 0.02
 
 
 def test_a_corrected_pose_keeps_the_goals(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,9 +18,12 @@ import navfw
 
 pytest.importorskip("rclpy", reason="needs the group ros: make test-ros")
 
+from action_msgs.msg import GoalStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
+from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
+from test_msgs.action import Fibonacci
 
 from navfw.recording import image_message, ros_message
 from navfw.ros import RosNode
@@ -210,6 +213,40 @@ def test_services_and_a_lifecycle_manager_hold_the_robot(
         stands()
 
 
+def test_goals_of_an_action_succeed_fail_and_are_cancelled(listener: Listener) -> None:
+    node, begun = listener.node, list[int]()
+
+    def begin(goal: Any) -> bool:
+        begun.append(goal.order)
+        return bool(goal.order > 0)
+
+    # stands in for NavigateToPose, whose wheels there are not
+    end = node.serve_action("~/count", "test_msgs/action/Fibonacci", begin, lambda: end(False))
+    client = ActionClient(node._node, Fibonacci, "~/count")
+    listener.spin_until(client.server_is_ready)
+    ended = []
+    for order in (0, 1, 2, 3):
+        sent = client.send_goal_async(Fibonacci.Goal(order=order))
+        listener.spin_until(sent.done)
+        assert sent.result().accepted == (order > 0)
+        if order == 0:
+            continue
+        result = sent.result().get_result_async()
+        listener.node.spin_for(0.3)
+        assert not result.done()
+        if order == 3:
+            sent.result().cancel_goal_async()
+        else:
+            end(order == 1)
+        listener.spin_until(result.done)
+        ended.append(result.result().status)
+    assert begun == [0, 1, 2, 3]
+    status = GoalStatus
+    assert ended == [status.STATUS_SUCCEEDED, status.STATUS_ABORTED, status.STATUS_CANCELED]
+    node.serve_action("~/x", "nav2_msgs/action/NavigateToPose", begin, node.close)(True)
+    assert any("nav2_msgs is not installed" in note for note in node.notes)
+
+
 def hostile_messages(generator: np.random.Generator) -> Iterator[tuple[str, str, bytes]]:
     """Topic, type and content of messages that no robot should send."""
     numbers = [float("nan"), float("inf"), -1e300, 0.0]
@@ -221,8 +258,8 @@ def hostile_messages(generator: np.random.Generator) -> Iterator[tuple[str, str,
         joints = {"name": ["left_wheel_joint"], "position": np.array([number])}
         kind = "sensor_msgs/msg/JointState"
         yield "joint_states", kind, ros_message(kind, joints, stamp)
-        size = int(generator.integers(1, 400))
-        image = image_message(np.zeros((size, 2 * size), np.uint8), stamp)
+        size = int(generator.choice([1, 40, 400, 2160]))  # of 4k at the most
+        image = image_message(np.zeros((size, 16 * size // 9), np.uint8), stamp)
         yield "image", "sensor_msgs/msg/Image", image
         goal = {"header": {"frame_id": str(generator.choice(["map", "moon"]))}}
         kind = "geometry_msgs/msg/PoseStamped"
