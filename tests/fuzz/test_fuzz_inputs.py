@@ -15,10 +15,10 @@ def check(done: list[Tried]) -> None:
 
 @pytest.mark.thorough
 def test_a_damaged_input_is_read_or_refused() -> None:
-    done = fuzz(2000)
-    assert len(done) == 2000
+    done = fuzz(1000)
+    assert len(done) == 1000
     assert {tried.kind for tried in done} == set(TARGETS)
-    assert sum(tried.code == 0 for tried in done) > 100
+    assert sum(tried.code == 0 for tried in done) > 50
     check(done)
 
 

@@ -117,7 +117,7 @@ def expected_in_office() -> str:
     return hash_in_this_process(*OFFICE, 2, "mission.timeout=6")
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_processor_with_avx2_alone_gives_the_same_commands(
     expected_in_office: str, tmp_path: Path
 ) -> None:
