@@ -155,7 +155,7 @@ def kill(who: str, suite: Undisturbed, number: signal.Signals, count: int, folde
 def test_a_killed_process(
     who: str, number: signal.Signals, fake: Undisturbed, tmp_path: Path
 ) -> None:
-    kill(who, fake, number, 2, tmp_path)
+    kill(who, fake, number, 1, tmp_path)
 
 
 def test_ctrl_c_while_workers_start_prints_no_traceback(tmp_path: Path) -> None:
