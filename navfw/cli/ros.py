@@ -75,6 +75,7 @@ def drive(
     """
     with quiet_stdout():
         from navfw.plugins import default_registry
+        from navfw.process import listed_kernels
         from navfw.robot.robotfile import load_robot
         from navfw.ros import DriveNode, RosNode
         from navfw.stack import Stack
@@ -86,6 +87,8 @@ def drive(
         model = load_robot(robot or "default")
         made = Stack.load(stack or unnamed, model, topo_map, default_registry())
         compile_with_progress(loaded=True, quiet=json)
+        for kernel in listed_kernels(loaded=True):
+            kernel.compile()  # loads it: while driving, that would stop the robot
         node, driver = RosNode("navfw", ctx.meta[_ROS_ARGS]), None
         try:
             driver = DriveNode(node, made, options)

@@ -121,7 +121,7 @@ class FloorPlanLocalizer(PlaceLocalizer):
         self.filter = MetricFilter(p, LandmarkExistence(p.prior), self.robot)
         self.tracking = pose is not None
         self.fit = 1.0
-        self._last = odometry.pose
+        self._last = odometry
         self._driven = 0.0
         self._scanned_at = -math.inf
         if pose is not None:
@@ -132,8 +132,8 @@ class FloorPlanLocalizer(PlaceLocalizer):
     ) -> Belief:
         """The belief after the newest odometry and, where there is one, percept."""
         posterior = self.posterior
-        self._driven += math.dist((self._last.x, self._last.y), (odometry.pose.x, odometry.pose.y))
-        self._last = odometry.pose
+        last, self._last = self._last, odometry
+        self._driven += math.dist((last.pose.x, last.pose.y), (odometry.pose.x, odometry.pose.y))
         if self.tracking:
             self.filter.predict(odometry)
         scan = self._scan(percept, odometry.twist)
@@ -142,7 +142,8 @@ class FloorPlanLocalizer(PlaceLocalizer):
             if self.tracking:
                 self._correct(scan)
             if not self.tracking or self.fit < self.params.doubt_below:
-                self._find(odometry)
+                self._search.begin()
+        self._find(odometry, odometry.time - last.time)
         return self._belief(posterior, odometry)
 
     def _scan(self, percept: Percept | None, twist: Twist) -> PlanScan | None:
@@ -202,16 +203,20 @@ class FloorPlanLocalizer(PlaceLocalizer):
         """Whether the plan contradicts the tracked pose."""
         return self.fit < self.params.contradicted_below
 
-    def _find(self, odometry: Odometry) -> None:
-        """Search the plan for the pose; track it once it is found, unless it is tracked already."""
-        pose = self._search.find()
-        if pose is None:
+    def _find(self, odometry: Odometry, seconds: float) -> None:
+        """Go on with the search; track the pose that it finds, unless it is tracked already."""
+        frame = self._search.go_on(seconds)
+        if frame is None:
             return
+        pose = frame.compose(odometry.pose)
         if self.tracking:
             tracked = self.filter.pose
             within = probability_within(self.filter.pose_covariance)
             needed = 0.0 if within < self.params.lost_below else _CLEARLY_BETTER
-            if are_close(pose, tracked) or self._search.advantage(pose, tracked) < needed:
+            if (
+                are_close(pose, tracked)
+                or self._search.advantage(pose, tracked, odometry.pose) < needed
+            ):
                 return
         self._track(pose, _SEARCH_XY, _SEARCH_YAW, odometry)
 

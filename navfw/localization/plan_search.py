@@ -8,6 +8,7 @@ pose is found when one of them is much more probable than all others, several ti
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 
 import numpy as np
 
@@ -77,6 +78,12 @@ _AGREEING = 3
 CERTAIN = 0.98
 """Probability from which on a pose is found."""
 
+_RATED_AT_ONCE, _FOLLOWED_AT_ONCE, _REFINED_AT_ONCE = 2000, 200, 2
+"""Poses that one part of a search rates, whose rays it follows, and that it refines: some 5 ms."""
+
+_PARTS, _MAX_PARTS = 60.0, 12
+"""Parts of a search in a second, and in one call: all of it at once would stop a robot."""
+
 
 class PlanSearch:
     """Collects scans with their poses in ``odom``, and searches the plan for where they fit.
@@ -91,6 +98,7 @@ class PlanSearch:
         self._scans = ScanMemory(MEMORY)
         self._searched_at = -math.inf
         self.hypotheses = 0
+        self._search: Generator[None, None, Pose | None] | None = None
         self._previous_frame: Pose | None = None  # that of odom in map, by the last search
         self._agreed = 0
 
@@ -101,31 +109,48 @@ class PlanSearch:
     def forget(self, before: float) -> None:
         """Drop the scans that were seen less than ``before`` [m] after the start."""
         self._scans.forget(before)
+        self._search = None
 
-    def find(self) -> Pose | None:
-        """The pose in ``map`` at the newest scan; None while it is not known."""
-        if len(self._scans) < _MIN_SCANS:
-            return None
+    def begin(self) -> None:
+        """Begin a search, unless one goes on or the last was too near."""
+        if self._search is not None or len(self._scans) < _MIN_SCANS:
+            return
         driven, odom = self._scans.newest
-        if driven - self._searched_at < EVERY:
-            return None
-        self._searched_at = driven
-        pose = self._best(odom)
-        if pose is None:
-            self._previous_frame = None
-            return None
-        previous = self._previous_frame
-        again = previous is not None and are_close(previous.compose(odom), pose)
-        self._agreed = self._agreed + 1 if again else 1
-        self._previous_frame = pose.frame_of(odom)
-        return pose if self._agreed >= _AGREEING else None
+        if driven - self._searched_at >= EVERY:
+            self._searched_at = driven
+            self._search = self._best(odom)
 
-    def advantage(self, pose: Pose, other: Pose) -> float:
+    def go_on(self, seconds: float) -> Pose | None:
+        """Do the part of a search that is due after ``seconds``, if one was begun.
+
+        At its end the pose of ``odom`` in ``map``; None before, and where it is not known.
+        """
+        if self._search is None:
+            return None
+        try:
+            for _ in range(min(max(round(_PARTS * seconds), 1), _MAX_PARTS)):
+                next(self._search)
+        except StopIteration as end:
+            self._search, frame = None, end.value
+            return self._agreed_on(frame)
+        return None
+
+    def _agreed_on(self, frame: Pose | None) -> Pose | None:
+        """``frame``, if several searches in a row have found it."""
+        previous, odom = self._previous_frame, self._scans.newest[1]
+        self._previous_frame = frame
+        if frame is None:
+            return None
+        again = previous is not None and are_close(previous.compose(odom), frame.compose(odom))
+        self._agreed = self._agreed + 1 if again else 1
+        return frame if self._agreed >= _AGREEING else None
+
+    def advantage(self, pose: Pose, other: Pose, odom: Pose) -> float:
         """How much better the scans fit at ``pose`` than at ``other``: mean log likelihood.
 
-        Both are poses in ``map`` at the newest scan.
+        Both are poses in ``map`` of the robot at ``odom``.
         """
-        cloud = self._scans.cloud(self._scans.newest[1], _FINE_POINTS)
+        cloud = self._scans.cloud(odom, _FINE_POINTS)
         poses = np.array([(at.x, at.y, at.yaw) for at in (pose, other)])
         better, worse = self._rating(cloud, poses).tolist()
         return float(better - worse)
@@ -135,19 +160,22 @@ class PlanSearch:
         blocked = self._field.blocked(cloud, poses)
         return self._field.rate(cloud, poses, _FINE_SIGMA) - _BLOCKED * blocked
 
-    def _best(self, odom: Pose) -> Pose | None:
-        """The one pose at ``odom`` that explains the scans, if all others are improbable."""
-        coarse = self._rated(self._scans.cloud(odom, _COARSE_POINTS), self._grid, _COARSE_SIGMA)
-        cloud = self._scans.cloud(odom, _FINE_POINTS)
+    def _best(self, odom: Pose) -> Generator[None, None, Pose | None]:
+        """The one frame of ``odom`` that explains the scans, if all others are improbable."""
+        coarse, cloud = (self._scans.cloud(odom, n) for n in (_COARSE_POINTS, _FINE_POINTS))
+        way = np.array([(at.x, at.y) for at in map(odom.relative, self._scans.poses)])
+        evidence = min(_EVIDENCE * len(self._scans), _MAX_EVIDENCE)
+        kept = yield from self._rated(coarse, self._grid, _COARSE_SIGMA)
         refined: list[Pose] = []
-        for k in coarse:
+        for number, k in enumerate(kept):
             start = Pose(*self._grid[k].tolist())
             refined.append(self._field.match(cloud, start, _LOOSE).pose)
+            if number % _REFINED_AT_ONCE == 0:
+                yield
         poses = np.array([(pose.x, pose.y, pose.yaw) for pose in refined])
         rating = self._rating(cloud, poses)
-        impossible = self._impossible(poses, odom)
+        impossible = self._impossible(poses, way)
         rating -= _THROUGH_WALLS * impossible
-        evidence = min(_EVIDENCE * len(self._scans), _MAX_EVIDENCE)
         needed = math.log(CERTAIN / (1.0 - CERTAIN)) / evidence
         fitting: list[Pose] = []
         order = np.argsort(-rating, kind="stable")
@@ -155,13 +183,25 @@ class PlanSearch:
             if not any(are_close(refined[k], other) for other in fitting):
                 fitting.append(refined[k])
         self.hypotheses = len(fitting)
-        return fitting[0] if self.hypotheses == 1 and not impossible[order[0]] else None
+        one = self.hypotheses == 1 and not impossible[order[0]]
+        return fitting[0].frame_of(odom) if one else None
 
-    def _rated(self, cloud: PlanScan, poses: Array, sigma: float) -> list[int]:
+    def _rated(
+        self, cloud: PlanScan, poses: Array, sigma: float
+    ) -> Generator[None, None, list[int]]:
         """The best of ``poses`` (m, 3), by index, best first, all of them apart."""
-        rating = self._field.rate(cloud, poses, sigma)
+        ratings = []
+        for first in range(0, len(poses), _RATED_AT_ONCE):
+            ratings.append(self._field.rate(cloud, poses[first : first + _RATED_AT_ONCE], sigma))
+            yield
+        rating = np.concatenate(ratings)
         best = np.argsort(-rating, kind="stable")[:_MAX_RATED]
-        rating = rating[best] - _BLOCKED * self._field.blocked(cloud, poses[best])
+        blocked = []
+        for first in range(0, len(best), _FOLLOWED_AT_ONCE):
+            some = poses[best[first : first + _FOLLOWED_AT_ONCE]]
+            blocked.append(self._field.blocked(cloud, some))
+            yield
+        rating = rating[best] - _BLOCKED * np.concatenate(blocked)
         kept: list[int] = []
         for k in best[np.argsort(-rating, kind="stable")].tolist():
             if all(_gap(poses[k], poses[other]) > 1.0 for other in kept):
@@ -170,9 +210,11 @@ class PlanSearch:
                 break
         return kept
 
-    def _impossible(self, poses: Array, odom: Pose) -> Array:
-        """Which of ``poses`` (m, 3) would have led the robot through a wall, or off the plan."""
-        way = np.array([(q.x, q.y) for q in map(odom.relative, self._scans.poses)])
+    def _impossible(self, poses: Array, way: Array) -> Array:
+        """Which of ``poses`` (m, 3) would have led the robot through a wall, or off the plan.
+
+        ``way`` (n, 2) [m] is where it came from, in its own frame.
+        """
         blocked = []
         for pose in poses.tolist():
             clearance = self._field.clearance(Pose(*pose).points_to_parent(way))
