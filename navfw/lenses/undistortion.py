@@ -58,7 +58,8 @@ class Undistortion:
             )
         self._maps = self._lens.pinhole_maps(focal, width, height)
         view = math.degrees(self.hfov)
-        self.notes.append(f"calibration applied: images then show {view:.1f} degrees across")
+        by = f"distortion removed by {calibration.file}"
+        self.notes.append(f"{by}: images then show {view:.1f} degrees across")
 
     @property
     def shape(self) -> tuple[int, int]:

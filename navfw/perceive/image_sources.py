@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -57,7 +59,7 @@ class SourceImage:
 
 
 class ImageSource:
-    """Images of one size in the order of time, for a single iteration.
+    """Images of one size, the usual one, in the order of time, for a single iteration.
 
     ``rate`` [1/s] is the usual frame rate, assumed unless ``rate_known``; ``total`` the number of
     images, 0 if unknown; ``duration`` [s] the time from the first to the last, inf if unknown;
@@ -78,31 +80,30 @@ class ImageSource:
         self.notes = list(notes)
         self.start: float | None = None
         self.hfov: float | None = None
+        self._shape: tuple[int, ...] | None = None
         self._calibration = calibration
 
     def __iter__(self) -> Iterator[SourceImage]:
         """The images.
 
         Raises:
-            InputError: an image cannot be read, sizes differ, there are fewer than two, or the
+            InputError: an image cannot be read, there are fewer than two of one size, or the
                 calibration is not for them.
 
         """
         first: SourceImage | None = None
+        others: list[str] = []
         straighten: Undistortion | None = None
         longest = max(MAX_GAP, _GAP_STEPS / self.rate)
         gaps: list[str] = []
         last, count = 0.0, 0
         for item in self._items():
+            if self._shape is not None and item.image.shape != self._shape:
+                others.append(f"{item.name} is {_size(item.image.shape)}")
+                continue
             if first is None:
-                first, last = item, item.time
+                first, last, self._shape = item, item.time, item.image.shape
                 straighten = self._undistortion(item.image)
-            elif item.image.shape != first.image.shape:
-                raise InputError(
-                    f"is {_size(item.image)}, but {first.name} is {_size(first.image)}: "
-                    "all images must have one size",
-                    file=item.name,
-                )
             image = item.image if straighten is None else straighten.apply(item.image)
             after_gap = item.time - last > longest
             if after_gap:
@@ -110,10 +111,14 @@ class ImageSource:
             last = item.time
             count += 1
             yield replace(item, image=image, after_gap=after_gap)
+        if others and self._shape is not None:
+            what = f"{len(others)} images are not {_size(self._shape)} as the others, and left out"
+            self.notes.append(f"{what}: {_listed(others)}")
         if gaps:
             self.notes.append(f"not compared across gaps in time: {_listed(gaps)}")
         if count < 2:
-            raise InputError(f"{self} has {count or 'no'} image; flow needs at least two")
+            sizes = f" of one size: {_listed(others)}" if others else ""
+            raise InputError(f"{self} has {count or 'no'} image{sizes}; flow needs at least two")
 
     def _undistortion(self, image: Image) -> Undistortion | None:
         if self._calibration is None:
@@ -160,6 +165,8 @@ class _Files(ImageSource):
     def _items(self) -> Iterator[SourceImage]:
         """The readable images; the others are left out, as long as there are two."""
         broken: list[InputError] = []
+        shapes = Counter(sample.shape for sample in self._samples())
+        self._shape = shapes.most_common(1)[0][0] if shapes else None
         for path, time in zip(self._paths, self._times, strict=True):
             try:
                 image = self._in_8_bits(_read(path))
@@ -184,7 +191,8 @@ class _Files(ImageSource):
         if image.dtype == np.uint8:
             return np.asarray(image, np.uint8)
         if not self._bits:
-            brightest = max(int(sample.max()) for sample in (image, *self._samples()))
+            deep = (sample for sample in self._samples() if sample.dtype == np.uint16)
+            brightest = max(int(sample.max()) for sample in (image, *deep))
             self._bits = next(bits for bits in _BITS if brightest < 1 << bits)
             self.notes.append(
                 f"images of 16 bits with values up to {brightest}: taken as {self._bits} bits"
@@ -194,15 +202,11 @@ class _Files(ImageSource):
         return np.asarray(cv2.convertScaleAbs(image, alpha=255.0 / white), dtype=np.uint8)
 
     def _samples(self) -> Iterator[DeepImage]:
-        """Readable images of 16 bits spread over the sequence."""
+        """Readable images spread over the sequence."""
         steps = np.linspace(0, len(self._paths) - 1, min(_SAMPLES, len(self._paths)))
         for k in sorted({round(step) for step in steps.tolist()}):
-            try:
-                image = _read(self._paths[k])
-            except InputError:
-                continue  # reported when it is its turn
-            if image.dtype == np.uint16:
-                yield image
+            with contextlib.suppress(InputError):  # reported when it is its turn
+                yield _read(self._paths[k])
 
 
 class _Video(ImageSource):
@@ -296,5 +300,5 @@ def _listed(things: Sequence[str]) -> str:
     return "; ".join([*things[:_NAMED], *more])
 
 
-def _size(image: Image) -> str:
-    return f"{image.shape[1]} x {image.shape[0]}"
+def _size(shape: Sequence[int]) -> str:
+    return f"{shape[1]} x {shape[0]}"

@@ -17,21 +17,33 @@ from navfw.perceive.pair_result import PairResult, strongest_term
 from navfw.perceive.working_size import WorkingSize
 from navfw.process.atomic import AtomicFolder
 from navfw.recording.video_output import VIDEO_SUFFIX, VideoOutput
-from navfw.signals import FlowField, Percept
+from navfw.signals import FlowField, Label, Percept
 
 _NO_FOLDERS = {".avi", ".m4v", ".mov", ".mkv", ".webm", ".gif", ".png", ".jpg", ".jpeg"}
 _OURS = re.compile(r"view-[0-9]{5,}\.png")
 
 
 class _Pictures(AtomicFolder):
+    """Each picture is in its place as soon as it is drawn; the first replaces earlier ones."""
+
     def __init__(self, target: Path) -> None:
         super().__init__(target, _OURS, "--overlay")
         self._count = 0
 
     def add(self, picture: Image) -> None:
+        if self._count == 0:
+            self._refuse_foreign()
+            self.place.mkdir(exist_ok=True)
+            for earlier in self.place.iterdir():
+                earlier.unlink()
         self._count += 1
-        if not cv2.imwrite(str(self.path / f"view-{self._count:05d}.png"), picture):
+        name = f"view-{self._count:05d}.png"
+        if not cv2.imwrite(str(self.path / name), picture):
             raise InputError("is not writable", file=self.target)
+        (self.path / name).replace(self.place / name)
+
+    def _move_into_place(self) -> None:
+        """They are there."""
 
 
 def open_output(target: Path, source: ImageSource) -> VideoOutput | _Pictures:
@@ -53,14 +65,15 @@ def open_output(target: Path, source: ImageSource) -> VideoOutput | _Pictures:
     return _Pictures(target)
 
 
-# Okabe and Ito's colours (blue, green, red), distinguishable by colour-blind readers
+# Okabe and Ito's colours (as blue, green, red), distinguishable by colour-blind readers
 COLOURS: dict[str, Colour] = {
     "near": (0, 94, 213),
     "middle": (0, 159, 230),
     "far": (178, 114, 0),
+    "floor": (115, 158, 0),
     "unknown": (150, 150, 150),
 }
-"""Colour of each distance term."""
+"""Colour of each distance term, of the floor, and of the unknown."""
 _INK, _PAPER, _FAINT, _WARNING = (30, 26, 24), (250, 250, 250), (170, 165, 160), (60, 190, 250)
 _PLANE, _FOCUS = (255, 255, 160), (120, 255, 120)
 _KEY = (*COLOURS.items(), ("flow", _PAPER), ("planes", _PLANE), ("heading", _FOCUS))
@@ -93,10 +106,11 @@ def draw(image: Image, result: PairResult, size: WorkingSize) -> Image:
     corners = middle - half, middle + half
     _draw_quadrants(scene, result, corners)
     if result.known:
-        _draw_planes(scene, result.percept, corners)
+        if "Front is unknown" not in result.percept.sentence:
+            _draw_planes(scene, result.percept, corners)
         draw_flow(scene, result.flow, gain)
         if result.focus is not None:
-            _draw_focus(scene, np.array(result.focus) * scale)
+            _draw_focus(scene, np.array(result.focus) * scale, result, scale)
     _label_quadrants(scene, result, corners)
     return np.concatenate([scene, _caption(result, width)])
 
@@ -124,16 +138,25 @@ def draw_flow(scene: Image, flow: FlowField, gain: float) -> None:
 
 
 def _draw_quadrants(scene: Image, result: PairResult, corners: tuple[Array, Array]) -> None:
-    """Tint quadrants by distance, the nearest ones more strongly, and frame their nearest parts."""
+    """Tint quadrants by distance, the nearest ones more strongly, and frame their nearest parts.
+
+    Cells of floor have its colour, those of which nothing is known that of the unknown.
+    """
     percept = result.percept
     nearest = next(iter(percept.obstacles.values()), {})
+    tint = np.zeros((*percept.label.shape, 4))  # colour and share
+    ends = np.zeros(2), np.array(percept.label.shape[::-1], dtype=np.float64)
     for name, degrees in percept.quadrants.items():
-        colour = COLOURS[strongest_term(degrees) if result.known else "unknown"]
+        (x0, y0), (x1, y1) = (np.rint(end).astype(int).tolist() for end in _region(name, ends))
         share = 0.34 if name in nearest else 0.14
-        low, high = _region(name, corners)
-        x0, y0, x1, y1 = (round(v) for v in (*low, *high))
-        quadrant = scene[y0:y1, x0:x1]
-        quadrant[:] = np.rint((1.0 - share) * quadrant + share * np.array(colour)).astype(np.uint8)
+        tint[y0:y1, x0:x1] = (*COLOURS[strongest_term(degrees)], share)
+    unknown = np.full(percept.label.shape, not result.known) | (percept.label == Label.UNKNOWN)
+    tint[unknown] = (*COLOURS["unknown"], 0.14)
+    tint[(percept.label == Label.FLOOR) & ~unknown] = (*COLOURS["floor"], 0.34)
+    x0, y0, x1, y1 = (round(v) for end in corners for v in end.tolist())
+    tint = cv2.resize(tint, (x1 - x0, y1 - y0), interpolation=cv2.INTER_NEAREST)
+    part, share = scene[y0:y1, x0:x1], tint[..., 3:]
+    part[:] = np.rint((1.0 - share) * part + share * tint[..., :3]).astype(np.uint8)
     for layer in list(percept.obstacles.values())[1:]:
         for name, term in layer.items():
             low, high = _region(name, corners)
@@ -189,10 +212,16 @@ def _draw_planes(scene: Image, percept: Percept, corners: tuple[Array, Array]) -
             cv2.polylines(scene, [fixed], True, colour, thick, cv2.LINE_AA, _SHIFT)
 
 
-def _draw_focus(scene: Image, at: Array) -> None:
+def _draw_focus(scene: Image, at: Array, result: PairResult, scale: float) -> None:
+    """A cross where the camera heads, in an ellipse of two standard deviations."""
     height, width = scene.shape[:2]
     if not (0.0 <= at[0] < width and 0.0 <= at[1] < height):
         return
+    variances, axes = np.linalg.eigh(result.egomotion.covariance[3:, 3:])
+    half = 2.0 * scale * result.focal * np.sqrt(np.clip(variances, 0.0, 1.0))
+    turn = math.degrees(math.atan2(-axes[1, 1], -axes[0, 1]))  # bearing is left, elevation up
+    ellipse = (tuple(at.tolist()), tuple((2.0 * half[::-1]).tolist()), turn)
+    cv2.ellipse(scene, ellipse, _FOCUS, 1, cv2.LINE_AA)
     for colour, thick in ((_INK, 5), (_FOCUS, 2)):
         cv2.circle(scene, _fixed(at), 9 << _SHIFT, colour, thick, cv2.LINE_AA, _SHIFT)
         for step in ((14, 0), (-14, 0), (0, 14), (0, -14)):

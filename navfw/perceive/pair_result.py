@@ -19,7 +19,8 @@ class PairResult:
     """Everything computed from one pair of images.
 
     ``flow`` is derotated and refers to the working image. ``focus`` (x, y) is the focus of
-    expansion [px from the top left of the original image], None where it is unknown.
+    expansion [px from the top left of the original image], None where it is unknown; ``focal`` is
+    the focal length [px of the original image].
     ``rotation_vector`` (3,) [rad] is the camera's rotation about base_link's x, y, z (roll, pitch,
     yaw); ``turn_source`` says what measured it: "gyro", "poses" or "flow"; ``egomotion`` is the
     estimate before it is refined by the flow on the grid. ``contact`` [s] is the time to
@@ -40,6 +41,7 @@ class PairResult:
     turn_source: str
     egomotion: Egomotion
     focus: tuple[float, float] | None
+    focal: float
     contact: float
     quadrant_contact: dict[str, float]
     confidence: float

@@ -28,7 +28,7 @@ from navfw.perceive.pair_motion import (
 )
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver_options import MAX_STRIDE, PerceiverOptions
-from navfw.perceive.working_size import WorkingSize
+from navfw.perceive.working_size import WorkingSize, are_alike, has_texture
 from navfw.plugins import Registry
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import FlowField, Frame, FramePair, Label, Percept, Twist
@@ -59,6 +59,7 @@ the camera."""
 _FRONT_HEIGHTS = 4.0
 """Greatest distance of walls and doors in front, in heights of the camera."""
 _TEXTURELESS = "too little texture to measure motion"
+_UNRELATED = "the images have nothing in common: another scene, or one too far on"
 _MOTIONLESS = "no motion between the images"
 _ROTATING = "the camera only rotates: distances are not observable"
 _UNDECIDED = "the direction of travel cannot be told from the flow"
@@ -158,8 +159,10 @@ class Perceiver:
         flow = self._with_floor(derotated, floor, lost=lost)
         if lost:
             notes += (NO_FLOOR,)
-        if problems == [_TEXTURELESS] and _alike(past.frame, now.frame):
+        if problems == [_TEXTURELESS] and are_alike(past.frame.image, now.frame.image):
             problems = [_MOTIONLESS]
+        elif problems == [_TEXTURELESS] and has_texture(now.frame.image, raw.shape):
+            problems = [_UNRELATED]
         self._choose_stride(raw, flow, motion)
         ratio = None if floor is None else floor.ratio
         self._scales.speed = self.options.speed_between(past.frame.time, now.frame.time)
@@ -241,6 +244,7 @@ class Perceiver:
             turn_source=analysis.motion.turn_source,
             egomotion=analysis.motion.egomotion,
             focus=self._focus(analysis.motion, size),
+            focal=self._camera.focal / size.scale,
             contact=_inverse(closing * _nearness_ahead(percept, flow, self._camera)),
             quadrant_contact={
                 name: _inverse(closing * regions[name]["nearest"]) for name in percept.quadrants
@@ -335,11 +339,6 @@ def _fastest(flow: FlowField) -> float:
         return 0.0
     length = np.hypot(flow.vectors[..., 0], flow.vectors[..., 1])
     return float(np.quantile(length[measured], 0.9))
-
-
-def _alike(past: Frame, now: Frame) -> bool:
-    change = np.abs(now.image.astype(np.int16) - past.image).mean()
-    return bool(change < 0.1 * now.image.std() and now.image.std() > 4.0)
 
 
 def _unknown(flow: FlowField) -> FlowField:

@@ -6,8 +6,10 @@ import contextlib
 import math
 import os
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 import cv2
 import numpy as np
@@ -23,7 +25,11 @@ FRAME_RATES = (0.01, 10_000.0)
 """Least and largest frame rate [1/s]."""
 _MAX_VIDEO = 20_000_000_000
 """Largest size of a video file [byte]; it is read frame by frame."""
+_ONE_THREAD = (cv2.CAP_PROP_N_THREADS, 1)
+"""Others write messages when nobody listens."""
 _FRAME_SIZE = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+_MIN_RATE = 5.0
+"""Frame rate [1/s] below which what a file says is doubted: cameras that move take more."""
 _FEW_FRAMES = 5
 """Frames by which a container's length may be wrong: it is an estimate."""
 
@@ -44,8 +50,8 @@ class VideoFile:
         self._path = path
         self._fps = fps
         self.notes: list[str] = []
-        with open_input(path, _MAX_VIDEO), _silent():
-            self._capture = cv2.VideoCapture(str(path))
+        with open_input(path, _MAX_VIDEO), tempfile.TemporaryFile() as said, _messages_to(said):
+            self._capture = cv2.VideoCapture(str(path), cv2.CAP_ANY, _ONE_THREAD)
         width, height = (self._capture.get(side) for side in _FRAME_SIZE)
         if not (self._capture.isOpened() and width * height > 0.0):
             raise InputError(
@@ -72,18 +78,22 @@ class VideoFile:
 
         """
         count, first, last = 0, 0.0, 0.0
+        damaged = list[float]()
         try:
-            while True:
-                with _silent():
-                    good, image = self._capture.read()
-                if not good:
-                    break
-                # the frame rate of telephones varies: the file has the time of each frame
-                stamp = 1e-3 * self._capture.get(cv2.CAP_PROP_POS_MSEC)
-                first = first if count else stamp
-                last = self._time(count, stamp - first, last)
-                yield last, np.asarray(image, np.uint8)
-                count += 1
+            with tempfile.TemporaryFile() as said:
+                while True:
+                    before = said.tell()
+                    with _messages_to(said):
+                        good, image = self._capture.read()
+                    if not good:
+                        break
+                    # the frame rate of telephones varies: the file has the time of each frame
+                    stamp = 1e-3 * self._capture.get(cv2.CAP_PROP_POS_MSEC)
+                    first = first if count else stamp
+                    last = self._time(count, stamp - first, last)
+                    damaged += [last] if said.seek(0, os.SEEK_END) > before else []
+                    yield last, np.asarray(image, np.uint8)
+                    count += 1
         finally:
             self._capture.release()
         if count == 0:
@@ -93,6 +103,11 @@ class VideoFile:
                 f"the video ends early: only {count} of {self.promised} frames could be read, "
                 f"its first {last:.1f} s are used"
             )
+        if damaged:
+            what = (
+                f"the video is damaged: its decoder met errors at {len(damaged)} of {count} frames"
+            )
+            self.notes.append(f"{what}, from {damaged[0]:.1f} s on; its images may be wrong there")
 
     def _time(self, count: int, stamp: float, last: float) -> float:
         """Time [s] of frame ``count``; by the rate if it was given or the ``stamp`` is of no use.
@@ -109,22 +124,25 @@ class VideoFile:
         if self._fps is not None:
             return self._fps
         rate = float(self._capture.get(cv2.CAP_PROP_FPS))
-        if math.isfinite(rate) and FRAME_RATES[0] <= rate <= FRAME_RATES[1]:
+        self.rate_known = math.isfinite(rate) and _MIN_RATE <= rate <= FRAME_RATES[1]
+        if self.rate_known:
             return rate
-        self.rate_known = False
+        if FRAME_RATES[0] <= rate < _MIN_RATE:
+            what = f"the video says {rate:g} images a second, few for a camera that moves"
+            self.notes.append(f"{what}: times are by that, or give --fps")
+            return rate
         self.notes.append(f"the video has no frame rate: {FRAME_RATE:g} images a second assumed")
         return FRAME_RATE
 
 
 @contextlib.contextmanager
-def _silent() -> Iterator[None]:
-    """Suppress the messages that video decoders write to stderr; errors are raised instead."""
+def _messages_to(file: IO[bytes]) -> Iterator[None]:
+    """Keep in ``file`` what video decoders write to stderr."""
     sys.stderr.flush()
-    saved, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
+    saved = os.dup(2)
+    os.dup2(file.fileno(), 2)
     try:
         yield
     finally:
         os.dup2(saved, 2)
         os.close(saved)
-        os.close(nowhere)

@@ -16,6 +16,9 @@ HFOV = (15.0, 155.0)
 """Smallest and largest horizontal field of view of a pinhole camera [deg]."""
 _AREA = 160 * 120
 """Area of the paper's images [px^2], for which windows and search range are chosen."""
+_CONTRAST, _TEXTURED = 6.0, 0.3
+"""Standard deviation [grey levels] in a cell with texture, and share of such cells in an image that
+has texture."""
 _MIN_SIDE = 24
 """Least side of an image [px], the side of a window of block matching."""
 
@@ -106,3 +109,17 @@ def _cells(cut_width: int, width: int, height: int, rows: int) -> tuple[int, ...
     """Cell heights [px] with the least cropping for working images of ``cut_width`` [px]."""
     exact = cut_width * height / (width * rows)
     return tuple(n for n in {math.floor(exact), math.ceil(exact)} if n >= 2)
+
+
+def are_alike(past: Image, now: Image) -> bool:
+    """Whether two grey images (height, width) with some contrast show the same, unmoved."""
+    change = np.abs(now.astype(np.int16) - past).mean()
+    return bool(change < 0.1 * now.std() and now.std() > 4.0)
+
+
+def has_texture(image: Image, shape: tuple[int, int]) -> bool:
+    """Whether most cells of a grid of ``shape`` over a grey image (height, width) have contrast."""
+    grey, size = image.astype(np.float32), shape[::-1]
+    mean, squares = (cv2.resize(i, size, interpolation=cv2.INTER_AREA) for i in (grey, grey**2))
+    contrast = np.sqrt(np.maximum(squares - np.square(mean), 0.0))
+    return float((contrast > _CONTRAST).mean()) > _TEXTURED

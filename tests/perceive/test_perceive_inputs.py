@@ -32,8 +32,8 @@ def names(source: ImageSource) -> list[str]:
     return [item.name for item in source]
 
 
-def film(path: Path, frames: int = 6, codec: str = "mp4v") -> Path:
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), 25.0, (64, 48))
+def film(path: Path, frames: int = 6, codec: str = "mp4v", rate: float = 25.0) -> Path:
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), rate, (64, 48))
     for k in range(frames):
         writer.write(cv2.cvtColor(np.roll(PICTURE, k, axis=1), cv2.COLOR_GRAY2BGR))
     writer.release()
@@ -211,6 +211,52 @@ def test_video_that_ends_early(tmp_path: Path) -> None:
         open_source([tmp_path / "part.mp4"])
 
 
+def test_a_video_that_is_damaged_inside_is_told(tmp_path: Path) -> None:
+    av = pytest.importorskip("av", reason="needs the extra video")
+    file, picture = tmp_path / "whole.mp4", texture()
+    with av.open(file, "w") as video:
+        stream = video.add_stream("libx264", rate=20, options={"threads": "1"})
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        for k in range(40):
+            view = np.repeat(picture[:HEIGHT, 4 * k : 4 * k + WIDTH, None], 3, axis=2)
+            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(view), format="bgr24")
+            video.mux(stream.encode(frame))
+        video.mux(stream.encode(None))
+    assert notes_of(file) == []
+    content = bytearray(file.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 5] = b"\x5a" * 5
+    (tmp_path / "damaged.mp4").write_bytes(content)
+    told = "; ".join(notes_of(tmp_path / "damaged.mp4"))
+    assert "the video is damaged: its decoder met errors at" in told
+
+
+def notes_of(path: Path) -> list[str]:
+    source = open_source([path])
+    names(source)
+    return source.notes
+
+
+def test_a_rate_that_no_moving_camera_has_is_doubted(tmp_path: Path) -> None:
+    source = open_source([film(tmp_path / "slow.avi", 4, "MJPG", rate=1.0)])
+    assert source.rate == 1.0
+    assert not source.rate_known
+    assert "the video says 1 images a second" in source.notes[0]
+
+
+def test_images_of_other_sizes_are_left_out_and_told(tmp_path: Path) -> None:
+    images = [PICTURE[:30], *[PICTURE] * 5, PICTURE[:20]]
+    source = open_source([save(tmp_path / "mixed", images)])
+    assert names(source) == [f"image_{k}.png" for k in range(2, 7)]
+    assert (
+        "2 images are not 64 x 48 as the others, and left out: image_1.png is 64 x 30"
+        in (source.notes[-1])
+    )
+    source = open_source([save(tmp_path / "all", [PICTURE[:k] for k in (30, 31, 32)])])
+    with pytest.raises(InputError, match=r"has 1 image of one size: image_2.png is 64 x 31"):
+        names(source)
+
+
 def test_video_of_16_bits(tmp_path: Path) -> None:
     depth = [cv2.VIDEOWRITER_PROP_DEPTH, cv2.CV_16U, cv2.VIDEOWRITER_PROP_IS_COLOR, 0]
     codec, file = cv2.VideoWriter.fourcc(*"FFV1"), str(tmp_path / "deep.mkv")
@@ -222,7 +268,7 @@ def test_video_of_16_bits(tmp_path: Path) -> None:
         assert np.abs(item.image.astype(int) - PICTURE[..., None]).max() <= 1
 
 
-def film_of_a_telephone(_name: str) -> Mock:
+def film_of_a_telephone(*_: object) -> Mock:
     """Stands for OpenCV's reader: frames at irregular times, and some without a time."""
     width, height, rate = cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FPS
     facts = {width: 64.0, height: 48.0, rate: 25.0}
@@ -292,7 +338,7 @@ def test_a_sequence_has_two_images_of_one_size(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="has 1 image; flow needs at least two"):
         names(open_source([tmp_path]))
     save(tmp_path, [PICTURE, PICTURE[:40]])
-    with pytest.raises(InputError, match=r"image_2\.png: is 64 x 40, but image_1\.png is 64 x 48"):
+    with pytest.raises(InputError, match=r"has 1 image of one size: image_2.png is 64 x 40"):
         names(open_source([tmp_path]))
     (tmp_path / "image_2.png").write_bytes(b"")
     with pytest.raises(InputError, match=r"image_2\.png: is not a readable image"):

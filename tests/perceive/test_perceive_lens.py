@@ -206,7 +206,9 @@ def test_result_is_that_of_a_pinhole_camera(calibration: CameraCalibration) -> N
 def test_lens_without_distortion_keeps_its_focal_length() -> None:
     straighten = Undistortion(lens(np.zeros(0), focal=200.0), 320, 240)
     assert straighten.hfov == pytest.approx(2.0 * math.atan(160.0 / 200.0), abs=1e-6)
-    assert straighten.notes == ["calibration applied: images then show 77.3 degrees across"]
+    assert straighten.notes == [
+        f"distortion removed by {straighten._lens.file}: images then show 77.3 degrees across"
+    ]
 
 
 def test_very_wide_lens_is_cut_to_what_a_pinhole_image_shows() -> None:
