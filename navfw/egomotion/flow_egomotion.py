@@ -8,7 +8,7 @@ over directions comes first, since the residuals have several minima.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cache
@@ -52,6 +52,13 @@ _MIN_FLOW = 0.25
 
 _MIN_VECTORS = 12
 """Least number of vectors with confidence."""
+
+_BLOCKS = 4, 2
+"""Columns and rows of the blocks of an image of which each is left out once: the errors of points
+that are near to each other are alike (rolling shutter, distortion, things that move)."""
+
+_CENTRE_SIGMA = math.radians(0.7)
+"""Standard deviation [rad] of the heading by a principal point off the centre of the image."""
 
 _SIGN_SHARE = 0.6
 """Least share of the vectors that point away from, or towards, the focus of expansion."""
@@ -203,6 +210,14 @@ def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Eg
     best = int(np.argmin(costs))
     rotation, direction, matrix, _ = fits[best]
     covariance: Any = inverse(matrix + 1e-9 * np.eye(5)) * scale**2
+
+    def refit(weight: Array) -> tuple[Array, Array]:
+        start, known = (rotation, direction), (prior.rotation, information)
+        fitted = fit_motion(*arrays[:3], weight, focal, start, known, (prior.direction, pull), 5)
+        return fitted[0], fitted[1]
+
+    covariance += _jackknife(motion, rotation, direction, refit)
+    covariance[3:, 3:] += np.eye(2) * _CENTRE_SIGMA**2
     sigma = math.sqrt(max(float(np.linalg.eigvalsh(covariance[3:, 3:])[-1]), 0.0))
     share = _forward_share(motion, focal, rotation, direction)
     if share < 0.5:
@@ -220,6 +235,28 @@ def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Eg
         covariance=covariance,
         heading_sigma=sigma if decided else math.inf,
     )
+
+
+def _jackknife(
+    motion: PointMotion,
+    rotation: Array,
+    direction: Array,
+    refit: Callable[[Array], tuple[Array, Array]],
+) -> Array:
+    """Covariance (5, 5) of a fit, from the motions by ``refit`` without each block of the image."""
+    number = np.zeros(len(motion.points), dtype=np.int64)
+    for axis, count in enumerate(_BLOCKS):
+        places = motion.points[:, axis]
+        edges = np.quantile(places[motion.used], np.arange(1, count) / count)
+        number = number * count + np.searchsorted(edges, places)
+    basis, count = tangents(direction), math.prod(_BLOCKS)
+    off = np.zeros((count, 5))
+    for block in range(count):
+        other, heading = refit(np.where(number == block, 0.0, motion.weight))
+        off[block, :3] = rotation_vector(product(other, rotation.T))
+        off[block, 3:] = product(basis, heading - direction)
+    off -= off.mean(axis=0)
+    return np.asarray(product(off.T, off) * (count - 1) / count)
 
 
 def _bounded_cost(motion: PointMotion, residual: Array, scale: float) -> float:
