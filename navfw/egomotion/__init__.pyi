@@ -19,6 +19,7 @@ from .odometer import OdometryHistory as OdometryHistory
 from .pairing import FrameBuffer as FrameBuffer
 from .pairing import PairingParams as PairingParams
 from .pairing import seeing_speed as seeing_speed
+from .plane_approach import towards_plane as towards_plane
 from .refinement import RefinementParams as RefinementParams
 from .refinement import refine as refine
 from .rocking import RockingFilter as RockingFilter

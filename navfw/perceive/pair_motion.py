@@ -33,6 +33,7 @@ from navfw.egomotion.flow_egomotion import (
     PointMotion,
     estimate_egomotion,
 )
+from navfw.egomotion.plane_approach import towards_plane
 from navfw.numerics import Array, Image
 from navfw.perceive.motion_record import RATES, MotionRecord
 from navfw.perceive.working_size import WorkingSize
@@ -200,7 +201,7 @@ change, since changes come suddenly."""
 MEMORY = 20
 """Number of pairs whose headings and changes of rate are remembered."""
 
-_SURE_HEADING = 0.25
+SURE_HEADING = 0.25
 """Largest standard deviation of a known heading [rad]: beyond it distances are not known."""
 
 
@@ -209,18 +210,24 @@ class PairMotion:
     """The ``egomotion`` between two images ``dt`` [s] apart.
 
     ``turn_source`` says what measured the rotation: "gyro", "poses" or "flow"; ``notes`` are
-    remarks.
+    remarks. ``to_plane``: towards one plane across the optical axis, which needs no heading.
     """
 
     egomotion: Egomotion
     dt: float
     turn_source: str
     notes: tuple[str, ...]
+    to_plane: bool = False
+
+    @property
+    def has_heading(self) -> bool:
+        """Whether the heading is known."""
+        return self.egomotion.heading_sigma <= SURE_HEADING
 
     @property
     def translates(self) -> bool:
-        """Whether the heading is known."""
-        return self.egomotion.heading_sigma <= _SURE_HEADING
+        """Whether distances can be known up to scale."""
+        return self.has_heading or self.to_plane
 
     def camera_motion(self, way: float) -> CameraMotion:
         """The motion of a camera that travels ``way`` [m]."""
@@ -266,15 +273,18 @@ class PairMotionEstimator:
         """The motion from image ``past`` at ``begin`` [s] to image ``now`` at ``end`` [s]."""
         prior, source, notes = self._prior(begin, end)
         tracks = track_points(past, now, self._size)
-        egomotion = estimate_egomotion(tracks, self._camera.focal, prior)
+        egomotion, plane = estimate_egomotion(tracks, self._camera.focal, prior), None
+        if egomotion.kind is MotionKind.UNKNOWN or egomotion.heading_sigma > SURE_HEADING:
+            plane = towards_plane(tracks, self._camera.focal, prior)
+            egomotion = plane or egomotion
         if egomotion.kind is not MotionKind.UNKNOWN:
             rate = rotation_vector(egomotion.rotation, self._camera) / (end - begin)
             if self._rate is not None:
                 self._changes.append(float(np.abs(rate - self._rate).max()))
             self._rate = rate
-        if egomotion.heading_sigma <= _SURE_HEADING:
+        if egomotion.heading_sigma <= SURE_HEADING:
             self._headings.append(egomotion.direction)
-        return PairMotion(egomotion, end - begin, source, notes)
+        return PairMotion(egomotion, end - begin, source, notes, to_plane=plane is not None)
 
     def _prior(self, begin: float, end: float) -> tuple[EgomotionPrior, str, tuple[str, ...]]:
         turn, sigma = np.zeros(3), np.full(3, FREE_TURN)

@@ -19,6 +19,7 @@ from navfw.offis.offis import Offis
 from navfw.perceive.floor_motion import FloorFinder, FloorMotion
 from navfw.perceive.image_sources import ImageSource, SourceImage
 from navfw.perceive.pair_motion import (
+    SURE_HEADING,
     PairMotion,
     PairMotionEstimator,
     Scale,
@@ -216,7 +217,8 @@ class Perceiver:
             return derotate(raw, camera), [_ROTATING]
         if not motion.translates:
             return derotate(raw, camera), [_UNDECIDED]
-        params = RefinementParams(direction_sigma=motion.egomotion.heading_sigma)
+        sigma = min(motion.egomotion.heading_sigma, SURE_HEADING)
+        params = RefinementParams(direction_sigma=sigma)
         flow = refine(raw, camera, params).apply(raw, camera)
         before, after = float(raw.confidence.sum()), float(flow.confidence.sum())
         if after < _MIN_AGREEMENT * before:
@@ -257,7 +259,7 @@ class Perceiver:
     def _focus(self, motion: PairMotion, size: WorkingSize) -> tuple[float, float] | None:
         """Focus of expansion [px of the original image]; None if it is unknown or far outside."""
         direction = motion.egomotion.direction
-        if not motion.translates or abs(direction[2]) < _MIN_AHEAD:
+        if not motion.has_heading or abs(direction[2]) < _MIN_AHEAD:
             return None
         x, y = size.to_image(self._camera.focal * direction[:2] / direction[2]).tolist()
         return x, y

@@ -1,6 +1,7 @@
 """The motion of the camera: between paired frames by odometry, and from point motion alone."""
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -11,7 +12,7 @@ from localization_drives import odometry, step
 from param_ranges import check_ranges
 from pydantic import ValidationError
 
-from navfw.camera_geometry import rotation_matrix
+from navfw.camera_geometry import rotate_points, rotation_matrix
 from navfw.egomotion import (
     Egomotion,
     EgomotionPrior,
@@ -22,6 +23,7 @@ from navfw.egomotion import (
     camera_motion,
     estimate_egomotion,
     seeing_speed,
+    towards_plane,
     yaw_rotation,
 )
 from navfw.egomotion.flow_egomotion import _DIRECTIONS, _hemisphere
@@ -280,7 +282,8 @@ def test_the_covariance_tells_the_truth() -> None:
         bearings.append(off / math.sqrt(found.covariance[3, 3]))
         within += angle_between(found, shift) < math.degrees(2.0 * found.heading_sigma)
     assert within >= 0.84 * 60
-    assert 0.6 < float(np.std(bearings)) < 1.5
+    # less than 1: the principal point, exact here, is not known elsewhere
+    assert 0.5 < float(np.std(bearings)) < 1.5
 
 
 def test_deviations_are_as_far_off_as_the_covariance_says() -> None:
@@ -320,11 +323,14 @@ def test_points_that_move_at_random_show_no_motion() -> None:
 
 def test_a_gyro_sharpens_the_heading() -> None:
     shift, turn = np.array([0.01, 0.0, 0.1]), rotation_matrix(np.array([0.0, 0.04, 0.0]))
-    motion = seen(*scene(5), turn, shift, noise=0.3)
-    alone = estimate_egomotion(motion, FOCAL)
-    helped = estimate_egomotion(motion, FOCAL, EgomotionPrior(turn, np.eye(3) * 0.0005**2))
-    assert helped.heading_sigma < 0.85 * alone.heading_sigma
-    assert angle_between(helped, shift) < 2.5
+    ratios = []
+    for seed in range(8):
+        motion = seen(*scene(seed), turn, shift, noise=0.3)
+        alone = estimate_egomotion(motion, FOCAL)
+        helped = estimate_egomotion(motion, FOCAL, EgomotionPrior(turn, np.eye(3) * 0.0005**2))
+        ratios.append(helped.heading_sigma / alone.heading_sigma)
+        assert angle_between(helped, shift) < 3.0
+    assert np.mean(ratios) < 0.85
 
 
 @pytest.mark.parametrize("towards", [np.array([0.0, 0.0, 1.0]), np.array([0.5, 0.0, 0.8])])
@@ -353,8 +359,8 @@ def test_the_directions_searched_are_spread_evenly() -> None:
 @pytest.mark.parametrize(
     ("informed", "direction", "sigmas"),
     [
-        (False, [0.329998, -0.108971, 0.937671], [1.16467, 1.17042, 1.32111, 19.7866, 21.6293]),
-        (True, [0.343577, -0.103511, 0.933402], [1.13619, 1.00096, 1.20550, 17.9298, 21.0771]),
+        (False, [0.329998, -0.108971, 0.937671], [2.24885, 1.89120, 1.65099, 33.4033, 42.5974]),
+        (True, [0.343577, -0.103511, 0.933402], [1.77540, 0.909263, 1.26966, 23.7007, 32.4209]),
     ],
 )
 def test_noisy_points_with_outliers_give_these_numbers(
@@ -369,6 +375,47 @@ def test_noisy_points_with_outliers_give_these_numbers(
     found = estimate_egomotion(motion, FOCAL, prior)
     assert found.direction == pytest.approx(direction, abs=1e-6)
     assert np.sqrt(found.covariance.diagonal()) == pytest.approx(1e-3 * np.array(sigmas), rel=1e-5)
+
+
+def test_points_that_move_alike_in_parts_of_the_image_widen_the_covariance() -> None:
+    shift = np.array([0.0, 0.0, 0.1])
+    inside = []
+    for seed in range(60):
+        motion = seen(*scene(seed, 300), np.eye(3), shift, noise=0.1, seed=seed)
+        corner = np.floor(motion.points / 40.0)  # the error of each patch of 40 px is its own
+        waves = np.random.default_rng(seed).normal(0.0, 0.4, (8, 8, 2))
+        past = motion.past + waves[tuple((corner.astype(int) + 4).T)]
+        found = estimate_egomotion(replace(motion, past=past), FOCAL)
+        inside.append(angle_between(found, shift) < math.degrees(2.15 * found.heading_sigma))
+    assert np.mean(inside) > 0.8
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.floats(-0.03, 0.03), st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(0.03, 0.3),
+    st.integers(0, 9),
+)  # fmt: skip
+def test_a_plane_across_the_axis_is_approached_whatever_the_heading(
+    yaw: float, right: float, down: float, ahead: float, seed: int
+) -> None:
+    points, _ = scene(seed)
+    turn, shift = rotation_matrix(np.array([0.0, yaw, 0.0])), np.array([right, down, ahead])
+    motion = seen(points, np.ones(len(points)), turn, shift, noise=0.1)
+    prior = EgomotionPrior(turn, np.eye(3) * 0.05**2)
+    found = towards_plane(motion, FOCAL, prior)
+    assert found is not None
+    assert math.isinf(found.heading_sigma)
+    left = motion.points - rotate_points(motion.past, found.rotation, FOCAL)
+    growth = np.polyfit(points[:, 0], left[:, 0], 1)[0]
+    assert growth == pytest.approx(ahead / (1.0 + ahead), abs=0.02)
+
+
+def test_no_plane_is_claimed_in_a_room_along_a_wall_or_going_back() -> None:
+    prior, ahead = EgomotionPrior(), np.array([0.0, 0.0, 0.15])
+    points, _ = scene(3)
+    slanted = 2.0 / (1.0 + 0.8 * points[:, 0] / HALF[0])
+    for depth, shift in ((scene(3)[1], ahead), (slanted, ahead), (np.ones(len(points)), -ahead)):
+        assert towards_plane(seen(points, depth, np.eye(3), shift), FOCAL, prior) is None
 
 
 def test_a_camera_that_went_backward_before_goes_on_backward() -> None:

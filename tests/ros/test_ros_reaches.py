@@ -20,6 +20,8 @@ import pytest
 pytest.importorskip("rclpy", reason="needs the group ros: make test-ros")
 
 from drawn_plans import PLANS
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs import msg
 from test_ros_nodes import (
     DRIVE,
     PATIENT,
@@ -53,10 +55,13 @@ class Relay:
         self._number, self._due = count(), dict.fromkeys(SENSORS, 0.0)
         for topic in SENSORS:
             send = self._node.publisher(topic, TOPICS[topic][0], "sensor")
-            self._node.subscribe(f"raw/{topic}", TOPICS[topic][0], self._taker(topic, send))
+            kind = getattr(msg, TOPICS[topic][0].rpartition("/")[2])
+            take = self._taker(topic, send)
+            graph = self._node._node
+            graph.create_subscription(kind, f"raw/{topic}", take, qos_profile_sensor_data, raw=True)
 
-    def _taker(self, topic: str, send: Any) -> Callable[[Any], None]:
-        def take(message: Any) -> None:
+    def _taker(self, topic: str, send: Any) -> Callable[[bytes], None]:
+        def take(message: bytes) -> None:
             if self._random.random() < self._dropped:
                 return
             due = time.monotonic() + self._jitter * self._random.random()
