@@ -35,6 +35,7 @@ from test_ros_nodes import (
 )
 
 from navfw.missions import prepare
+from navfw.recording import provenance
 from navfw.ros import RosNode
 from navfw.ros.drive_node import TOPICS
 from navfw.worldgen import generate, import_plan
@@ -127,25 +128,55 @@ def driven(
     }
 
 
-def table(folder: Path, drives: Sequence[tuple[str, str, int]], *, relayed: bool = False) -> Any:
+def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Drives in numbers: latencies [ms], and the node's processor time over the driven time."""
+    outcomes = [row["outcome"] for row in rows]
+    seconds = sum(row["wall_time_s"] for row in rows)
+    return {
+        "drives": len(rows),
+        "reached": outcomes.count("reached"),
+        "collided": outcomes.count("collided"),
+        "latency_p50_ms": float(np.median([row["p50"] for row in rows])),
+        "latency_p99_ms": float(np.median([row["p99"] for row in rows])),
+        "latency_p99_max_ms": float(max(row["p99"] for row in rows)),
+        "processor_share": sum(row["cpu"] for row in rows)
+        / sum(row["wall_time_s"] for row in rows),
+    }
+
+
+def keep(name: str, values: dict[str, Any]) -> None:
+    """Add values to runs/ros.json, in the form of ``navfw bench``, for ``navfw results add``."""
+    file = Path("runs") / "ros.json"
+    file.parent.mkdir(exist_ok=True)
+    kept = json.loads(file.read_text()) if file.exists() else {}
+    origin = provenance(f"make test-ros PYTEST_OPTIONS='-m slow {Path(__file__).name}'", {})
+    file.write_text(json.dumps({**kept, name: values, "provenance": origin}))
+
+
+def table(
+    folder: Path, name: str, drives: Sequence[tuple[str, str, int]], *, relayed: bool = False
+) -> int:
     """How many of the drives arrive; none may touch anything by the robot's own motion."""
-    outcomes = list[str]()
+    rows = []
     for number, drive in enumerate(drives):
-        (here := folder / str(number)).mkdir()
-        result = driven(here, *drive, relayed=relayed)
-        tell(result)
-        outcomes.append(result["outcome"])
-    assert "collided" not in outcomes
-    return outcomes.count("reached")
+        (own := folder / str(number)).mkdir()
+        rows.append(driven(own, *drive, relayed=relayed))
+        tell(rows[-1])
+    values = summary(rows)
+    keep(name, values)
+    assert values["collided"] == 0
+    return int(values["reached"])
+
+
+OFFICE = [("office", "lobby-to-lab", seed) for seed in range(10)]
 
 
 def test_the_office(tmp_path: Path) -> None:
-    assert table(tmp_path, [("office", "lobby-to-lab", seed) for seed in range(10)]) >= 9
+    assert table(tmp_path, "office", OFFICE) >= 9
 
 
 def test_the_office_with_late_and_lost_messages(tmp_path: Path) -> None:
-    drives = [("office", "lobby-to-lab", seed) for seed in range(10)]
-    assert table(tmp_path, drives, relayed=True) >= 8
+    assert table(tmp_path, "late_and_lost", OFFICE, relayed=True) >= 8
 
 
 def test_rooms(tmp_path: Path) -> None:
@@ -153,7 +184,7 @@ def test_rooms(tmp_path: Path) -> None:
     for seed in range(9100, 9120):
         folder = generate("rooms", seed).write(tmp_path / f"rooms-{seed}")
         drives.append((str(folder / "world.yaml"), "cross", seed))
-    assert table(tmp_path, drives) >= 18
+    assert table(tmp_path, "rooms", drives) >= 18
 
 
 def test_plans_of_a_person(tmp_path: Path) -> None:
@@ -162,7 +193,7 @@ def test_plans_of_a_person(tmp_path: Path) -> None:
         made = import_plan(plan(), name)
         longest = max(made.lengths, key=made.lengths.__getitem__)
         drives.append((str(made.write(tmp_path / name) / "world.yaml"), longest, 0))
-    assert table(tmp_path, drives) == len(drives)
+    assert table(tmp_path, "plans", drives) == len(drives)
 
 
 def test_a_driver_killed_at_any_moment_leaves_the_robot_standing(
@@ -183,4 +214,5 @@ def test_a_driver_killed_at_any_moment_leaves_the_robot_standing(
         listener.newest.clear()
         stood.append(moved)
         tell({"killed": number, "stood_after_s": round(moved, 3)})
+    keep("killed", {"kills": len(stood), "stood_after_max_s": max(stood)})
     assert max(stood) <= 0.5
