@@ -35,7 +35,7 @@ from test_ros_nodes import (
 )
 
 from navfw.missions import prepare
-from navfw.recording import provenance
+from navfw.recording import code_revision, machine_kind
 from navfw.ros import RosNode
 from navfw.ros.drive_node import TOPICS
 from navfw.worldgen import generate, import_plan
@@ -139,8 +139,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "latency_p50_ms": float(np.median([row["p50"] for row in rows])),
         "latency_p99_ms": float(np.median([row["p99"] for row in rows])),
         "latency_p99_max_ms": float(max(row["p99"] for row in rows)),
-        "processor_share": sum(row["cpu"] for row in rows)
-        / sum(row["wall_time_s"] for row in rows),
+        "processor_share": sum(row["cpu"] for row in rows) / seconds,
     }
 
 
@@ -149,8 +148,9 @@ def keep(name: str, values: dict[str, Any]) -> None:
     file = Path("runs") / "ros.json"
     file.parent.mkdir(exist_ok=True)
     kept = json.loads(file.read_text()) if file.exists() else {}
-    origin = provenance(f"make test-ros PYTEST_OPTIONS='-m slow {Path(__file__).name}'", {})
-    file.write_text(json.dumps({**kept, name: values, "provenance": origin}))
+    command = f"make test-ros PYTEST_OPTIONS='-m slow {Path(__file__).name}'"
+    about = {"seeds": "", "revision": code_revision(), "machine": machine_kind()}
+    file.write_text(json.dumps({**kept, name: values, "provenance": {"command": command, **about}}))
 
 
 def table(
