@@ -155,8 +155,8 @@ def _draw_quadrants(scene: Image, result: PairResult, corners: tuple[Array, Arra
     tint[(percept.label == Label.FLOOR) & ~unknown] = (*COLOURS["floor"], 0.34)
     x0, y0, x1, y1 = (round(v) for end in corners for v in end.tolist())
     tint = cv2.resize(tint, (x1 - x0, y1 - y0), interpolation=cv2.INTER_NEAREST)
-    part, share = scene[y0:y1, x0:x1], tint[..., 3:]
-    part[:] = np.rint((1.0 - share) * part + share * tint[..., :3]).astype(np.uint8)
+    part, alpha = scene[y0:y1, x0:x1], tint[..., 3:]
+    part[:] = np.rint((1.0 - alpha) * part + alpha * tint[..., :3]).astype(np.uint8)
     for layer in list(percept.obstacles.values())[1:]:
         for name, term in layer.items():
             low, high = _region(name, corners)

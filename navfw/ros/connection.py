@@ -96,7 +96,7 @@ class RosNode:
         return bool(self._node.count_publishers(self._node.resolve_topic_name(topic)))
 
     def subscribe(
-        self, topic: str, kind: str, receive: Callable[[Any], None], quality: Quality = "sensor"
+        self, topic: str, kind: str, receive: Callable[[Any], object], quality: Quality = "sensor"
     ) -> None:
         """Call ``receive`` with every message of ``topic`` that can be read."""
         message = self._kind(topic, kind)

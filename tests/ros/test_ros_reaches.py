@@ -21,8 +21,7 @@ pytest.importorskip("rclpy", reason="needs the group ros: make test-ros")
 
 from drawn_plans import PLANS
 from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs import msg
-from test_ros_nodes import (
+from ros_processes import (
     DRIVE,
     PATIENT,
     SIM_TIME,
@@ -33,6 +32,7 @@ from test_ros_nodes import (
     started,
     wait_until,
 )
+from sensor_msgs import msg
 
 from navfw.missions import prepare
 from navfw.recording import code_revision, machine_kind
