@@ -75,7 +75,6 @@ def drive(
     """
     with quiet_stdout():
         from navfw.plugins import default_registry
-        from navfw.process import listed_kernels
         from navfw.robot.robotfile import load_robot
         from navfw.ros import DriveNode, RosNode
         from navfw.stack import Stack
@@ -86,9 +85,7 @@ def drive(
         options = _options(topo_map, start, goal or [], tolerance, lockstep=lockstep)
         model = load_robot(robot or "default")
         made = Stack.load(stack or unnamed, model, topo_map, default_registry())
-        compile_with_progress(loaded=True, quiet=json)
-        for kernel in listed_kernels(loaded=True):
-            kernel.compile()  # loads it: while driving, that would stop the robot
+        _load_kernels(quiet=json)
         node, driver = RosNode("navfw", ctx.meta[_ROS_ARGS]), None
         try:
             driver = DriveNode(node, made, options)
@@ -100,6 +97,15 @@ def drive(
     _print_end(ended, {"notes": node.notes, **(driver.latency() if driver else {})}, json=json)
     if options.once and ended != "reached":
         raise typer.Exit(1)
+
+
+def _load_kernels(*, quiet: bool) -> None:
+    """Compile and load what drives: the first call of each kernel would stop the robot."""
+    from navfw.process import listed_kernels
+
+    compile_with_progress(loaded=True, quiet=quiet)
+    for kernel in listed_kernels(loaded=True):
+        kernel.compile()
 
 
 def _print_end(ended: str, about: dict[str, Any], *, json: bool) -> None:

@@ -1,6 +1,7 @@
 from .bag_source import camera_contradiction as camera_contradiction
 from .bag_source import unpacked_bag as unpacked_bag
 from .floor_motion import FloorFinder as FloorFinder
+from .held_words import HeldWords as HeldWords
 from .image_sources import ImageSource as ImageSource
 from .image_sources import open_source as open_source
 from .image_times import load_image_times as load_image_times

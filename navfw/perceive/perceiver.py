@@ -17,6 +17,7 @@ from navfw.errors import InputError
 from navfw.interfaces import FlowProcessor
 from navfw.offis.offis import Offis
 from navfw.perceive.floor_motion import FloorFinder, FloorMotion
+from navfw.perceive.held_words import HeldWords
 from navfw.perceive.image_sources import ImageSource, SourceImage
 from navfw.perceive.pair_motion import (
     SURE_HEADING,
@@ -124,6 +125,7 @@ class Perceiver:
             if item.after_gap:
                 earlier.clear()
                 self._motions.interrupt()
+                self._words.interrupt()
             frame = Frame(item.time, size.prepare(item.image))
             now = _Prepared(item.name, frame, TrackImage.of(item.image))
             if earlier:
@@ -145,6 +147,7 @@ class Perceiver:
         self._motions = PairMotionEstimator(self._camera, size, o.gyro)
         pitch = None if o.pitch is None else math.radians(o.pitch)
         self._floors = FloorFinder(self._camera, (rows, cols), pitch)
+        self._words = HeldWords()
         self._number = 0
         return size
 
@@ -228,8 +231,10 @@ class Perceiver:
     def _result(
         self, past: _Prepared, now: _Prepared, analysis: _Analysis, size: WorkingSize
     ) -> PairResult:
-        flow, percept, scale = analysis.flow, analysis.percept, analysis.scale
-        known = not analysis.problems
+        flow, scale, known = analysis.flow, analysis.scale, not analysis.problems
+        if _UNRELATED in analysis.problems:
+            self._words.interrupt()
+        percept = self._words.hold(analysis.percept, known=known)
         regions = percept.explanation["regions"]
         # while the camera moves backward nothing approaches
         closing = max(float(flow.motion.translation[2]) / analysis.motion.dt, 0.0)

@@ -46,7 +46,10 @@ TOPICS: Mapping[str, tuple[str, str]] = {
     "imu": ("sensor_msgs/msg/Imu", "rates; turned to base_link by /tf_static, or by imu_rpy"),
     "joint_states": ("sensor_msgs/msg/JointState", "positions of the wheels"),
     "odom": ("nav_msgs/msg/Odometry", "in place of joint_states, with wheels:=odom"),
-    "landmark_image": ("sensor_msgs/msg/Image", "for stacks that find markers, in full resolution"),
+    "landmark_image": (
+        "sensor_msgs/msg/Image",
+        "for stacks that find markers, in full resolution, rectified",
+    ),
     "camera_info": ("sensor_msgs/msg/CameraInfo", "compared with the robot file"),
     "goal_pose": ("geometry_msgs/msg/PoseStamped", "a goal, as of RViz's button"),
     "goal_place": ("std_msgs/msg/String", "a goal by the name of a place"),

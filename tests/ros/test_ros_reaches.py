@@ -37,13 +37,12 @@ from sensor_msgs import msg
 from navfw.missions import prepare
 from navfw.recording import code_revision, machine_kind
 from navfw.ros import RosNode
-from navfw.ros.drive_node import TOPICS
 from navfw.worldgen import generate, import_plan
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("domain")]
 
 __all__ = ["domain", "listener"]
-SENSORS = "image", "imu", "joint_states"
+SENSORS = {"image": msg.Image, "imu": msg.Imu, "joint_states": msg.JointState}
 
 
 class Relay:
@@ -54,9 +53,8 @@ class Relay:
         self._dropped, self._jitter = dropped, jitter
         self._queue: list[tuple[float, int, Any, Any]] = []
         self._number, self._due = count(), dict.fromkeys(SENSORS, 0.0)
-        for topic in SENSORS:
-            send = self._node.publisher(topic, TOPICS[topic][0], "sensor")
-            kind = getattr(msg, TOPICS[topic][0].rpartition("/")[2])
+        for topic, kind in SENSORS.items():
+            send = self._node.publisher(topic, f"sensor_msgs/msg/{kind.__name__}", "sensor")
             take = self._taker(topic, send)
             graph = self._node._node
             graph.create_subscription(kind, f"raw/{topic}", take, qos_profile_sensor_data, raw=True)
