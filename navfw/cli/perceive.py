@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from navfw.perceive.motion_record import MotionRecord
     from navfw.perceive.pair_result import PairResult
     from navfw.perceive.perceiver_options import PerceiverOptions
+    from navfw.report.perceive_page import PerceivePage
 
     Assessed: TypeAlias = tuple[PairResult, dict[str, float | str]]
 
@@ -128,6 +129,14 @@ _Overlay = Annotated[
         show_default=False,
     ),
 ]
+_Page = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Write a page to scroll through: pictures, sentences, nearness (extra report).",
+        show_default=False,
+    ),
+]
 _JsonList = Annotated[
     bool, typer.Option("--json", help="Print a JSON list of objects, one per pair of images.")
 ]
@@ -181,6 +190,7 @@ def perceive(
     grid: _Grid = None,
     stride: _Stride = None,
     overlay: _Overlay = None,
+    page: _Page = None,
     json: _JsonList = False,
     quiet: Quiet = False,
 ) -> None:
@@ -211,7 +221,8 @@ def perceive(
             images, view, lens = _with_lens(opened, calibration, hfov, bar)
         options = replace(options, hfov=view)
         counter = _ResultCounter(images.total, bar)
-        with contextlib.closing(_results(options, images, overlay)) as results:
+        drawn = None if page is None else _new_page(source[0])
+        with contextlib.closing(_results(options, images, overlay, drawn)) as results:
             shown = counter.counted(quietly(results))
             if json:
                 estimated = None if lens is None else lens.as_data()
@@ -221,8 +232,23 @@ def perceive(
                 )
             else:
                 _print(shown, lens, overlay)
-    for note in [*counter.notes(options), *images.notes]:
+    _end([*counter.notes(options), *images.notes], page, drawn)
+
+
+def _new_page(source: Path) -> PerceivePage:
+    from navfw.report.perceive_page import PerceivePage
+
+    return PerceivePage(f"Perceived: {source}")
+
+
+def _end(notes: list[str], page: Path | None, drawn: PerceivePage | None) -> None:
+    """Tell the notes, and write the page."""
+    for note in notes:
         typer.echo(f"note: {note}", err=True)
+    if page is not None and drawn is not None:
+        from navfw.process.atomic import write_text
+
+        write_text(page, drawn.render(notes))
 
 
 def _print(results: Iterable[Assessed], lens: LensEstimate | None, overlay: Path | None) -> None:
@@ -259,10 +285,14 @@ def _with_lens(
 
 
 def _results(
-    options: PerceiverOptions, images: ImageSource, overlay: Path | None
+    options: PerceiverOptions,
+    images: ImageSource,
+    overlay: Path | None,
+    page: PerceivePage | None,
 ) -> Generator[Assessed]:
-    """The result of each pair of images and what it assumes; drawn to ``overlay`` if given."""
+    """The result of each pair of images and what it assumes; drawn to ``overlay``, ``page``."""
     from navfw.perceive.overlay import draw, open_output
+    from navfw.perceive.pair_result import as_data
     from navfw.perceive.perceiver import Perceiver
     from navfw.perceive.perceiver_options import assumptions
     from navfw.plugins import default_registry
@@ -272,8 +302,12 @@ def _results(
     with nothing if overlay is None else open_output(overlay, images) as output:
         for item, result in perceiver.results():
             assert perceiver.size is not None  # noqa: S101 - known from the first image on
+            if output is not None or page is not None:
+                picture = draw(item.image, result, perceiver.size)
             if output is not None:
-                output.add(draw(item.image, result, perceiver.size))
+                output.add(picture)
+            if page is not None:
+                page.add(picture, as_data(result))
             yield result, assumptions(options, images, perceiver.size)
 
 

@@ -1,1 +1,2 @@
+from .perceive_page import PerceivePage as PerceivePage
 from .run_moments import read_moments as read_moments

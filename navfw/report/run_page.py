@@ -112,16 +112,16 @@ def timeline_figures(timeline: RunTimeline) -> dict[str, figure]:
     """Speed and turn, clearance, and confidence over time, by name."""
     time, v, w = timeline.time, timeline.commands[:, 0], timeline.commands[:, 1]
     driven = [] if np.isnan(timeline.driven).all() else [*timeline.driven.T]
-    first = _timeline(time, [v, w, *driven], "command", "v [m/s], w [rad/s]", None)
+    first = time_figure(time, [v, w, *driven], "command", "v [m/s], w [rad/s]", None)
     clearance, confidence = timeline.clearance, timeline.confidence
     return {
         "speed": first,
-        "clearance": _timeline(time, [clearance], "clearance", "clearance [m]", first),
-        "confidence": _timeline(time, [confidence], "confidence", "confidence", first),
+        "clearance": time_figure(time, [clearance], "clearance", "clearance [m]", first),
+        "confidence": time_figure(time, [confidence], "confidence", "confidence", first),
     }
 
 
-def _timeline(
+def time_figure(
     time: Array, columns: Sequence[Array], name: str, label: str, other: figure | None
 ) -> figure:
     """Lines over time, on the time axis of ``other``, with a mark for now: ``now-NAME``."""

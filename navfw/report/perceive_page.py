@@ -1,0 +1,67 @@
+"""The page of perceived images: picture, sentence, front and nearness, image by image."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from navfw.numerics import Image
+from navfw.report.report_page import reduced_source, render_page
+from navfw.report.run_page import time_figure
+
+_WIDTH, _QUALITY = 640, 60
+"""Width [px] and quality of the pictures."""
+_MAX_PICTURES = 600
+"""Largest number of pictures on a page; of longer sequences every second, fourth, ... is shown."""
+_KEPT = "time", "sentence", "notes", "situations", "known", "confidence"
+_QUADRANTS = ("P1", "P2", "P3", "P4")
+
+
+class PerceivePage:
+    """Collects the results of a sequence called ``title`` for one page that needs no network."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._moments: list[dict[str, Any]] = []
+        self._nearness: list[tuple[float, ...]] = []
+        self._every, self._seen, self._changes, self._sentence = 1, 0, 0, ""
+
+    def add(self, picture: Image, result: Mapping[str, Any]) -> None:
+        """Add a pair of images: its overlay (height, width, 3) BGR, its result as plain data."""
+        contacts = [result["distances"][name]["ttc_s"] for name in _QUADRANTS]
+        nearness = (math.nan if contact is None else 1.0 / contact for contact in contacts)
+        self._nearness.append((result["time"], *nearness))
+        self._seen += 1
+        self._changes += self._sentence not in {"", result["sentence"]}
+        self._sentence = result["sentence"]
+        if (self._seen - 1) % self._every:
+            return
+        moment = {name: result[name] for name in _KEPT}
+        moment["situation"] = result["situation"]
+        moment["image"] = reduced_source(picture, _WIDTH, _QUALITY)
+        self._moments.append(moment)
+        if len(self._moments) > _MAX_PICTURES:
+            self._every *= 2
+            del self._moments[1::2]
+
+    def render(self, notes: list[str]) -> str:
+        """The page as HTML, with ``notes`` on the whole sequence."""
+        from bokeh.embed import components
+
+        time, *columns = np.array(self._nearness).reshape(-1, 5).T
+        label = "nearness [1/s]"
+        figures: dict[str, Any] = {"nearness": time_figure(time, columns, "nearness", label, None)}
+        script, places = components(figures)
+        return render_page(
+            "perceive_page.html",
+            title=self._title,
+            notes=notes,
+            moments=self._moments,
+            pairs=self._seen,
+            changes=self._changes,
+            figures=places,
+            script=script,
+        )

@@ -1,0 +1,70 @@
+"""The page of perceived images: what it shows in a browser, and how much of a long sequence."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from perceive_calls import APPROACH, perceive
+from perceive_images import save
+from report_browser import seen_in_browser
+
+from navfw.numerics import Image
+from navfw.report import PerceivePage
+
+PROBE = """
+setTimeout(() => {
+  const seen = () => [document.getElementById("picture").src.length,
+    document.getElementById("time").textContent, document.getElementById("sentence").textContent,
+    document.querySelectorAll("#front tr").length,
+    Bokeh.documents[0].get_model_by_name("now-nearness").location].join("|");
+  const slider = document.getElementById("slider");
+  const before = seen().split("|");
+  slider.value = slider.max;
+  slider.dispatchEvent(new Event("input"));
+  const after = seen().split("|");
+  document.body.dataset.changed = after.map((part, i) => part !== before[i]).join(" ");
+  document.body.dataset.rows = after[3];
+}, 4000);
+"""
+"""Moves the slider to its end; leaves in the page what has changed, and the rows of the front."""
+PICTURE: Image = np.full((60, 80, 3), 90, np.uint8)
+
+
+def result(number: int, sentence: str = "Front is a wall") -> dict[str, Any]:
+    contact = {"ttc_s": 2.0 + number}
+    return {
+        "time": 0.1 * number,
+        "sentence": sentence,
+        "notes": [],
+        "situation": "wall",
+        "situations": {"wall": 0.8, "unknown": 0.2},
+        "known": True,
+        "confidence": 0.7,
+        "distances": dict.fromkeys(("P1", "P2", "P3", "P4"), contact),
+    }
+
+
+def test_in_a_browser_the_slider_moves_picture_sentence_and_time(tmp_path: Path) -> None:
+    images = save(tmp_path / "images", APPROACH)
+    page = tmp_path / "page.html"
+    perceive(images, "--fps", "10", "--page", page)
+    assert page.stat().st_size < 3e6
+    seen = seen_in_browser(page, PROBE, tmp_path / "profile")
+    assert 'data-changed="true true' in seen.body
+    assert 'data-rows="6"' in seen.body
+    assert [line for line in seen.console if "setting log level" not in line] == []
+
+
+@pytest.mark.parametrize(("count", "shown"), [(3, 3), (601, 301), (1300, 325)])
+def test_of_a_long_sequence_evenly_spaced_pictures_are_shown(count: int, shown: int) -> None:
+    page = PerceivePage("long")
+    for number in range(count):
+        page.add(PICTURE, result(number, f"Front is a wall{number // 100 * '!'}"))
+    times = [moment["time"] for moment in page._moments]
+    assert len(times) == shown
+    assert np.ptp(np.diff(times)) < 1e-6
+    text = page.render(["a note with <b>"])
+    assert f"{count} pairs of images, {shown} of them shown" in text
+    assert f"the words change {(count - 1) // 100} times" in text
+    assert "a note with &lt;b&gt;" in text
