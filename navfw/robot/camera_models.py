@@ -33,6 +33,10 @@ CELLS = 16, 12
 """Columns and rows of the usual grid of flow vectors."""
 
 
+_Entry = Annotated[float, Field(ge=-1e6, le=1e6)]
+_Side = Annotated[int, Field(ge=1, le=20_000)]
+
+
 class LensCalibration(BaseModel):
     """What a calibration file says of a lens (``navfw.lenses.CameraCalibration``)."""
 
@@ -40,9 +44,9 @@ class LensCalibration(BaseModel):
 
     file: Annotated[str, Field(description="where it was read")]
     model: Annotated[str, Field(description="of the distortion, as OpenCV calls it")]
-    matrix: Annotated[tuple[float, ...], Field(min_length=9, max_length=9, description="[px]")]
-    coefficients: Annotated[tuple[float, ...], Field(max_length=14, description="in its order")]
-    size: Annotated[tuple[int, int] | None, Field(description="of its images [px]")] = None
+    matrix: Annotated[tuple[_Entry, ...], Field(min_length=9, max_length=9, description="[px]")]
+    coefficients: Annotated[tuple[_Entry, ...], Field(max_length=14, description="in its order")]
+    size: Annotated[tuple[_Side, _Side] | None, Field(description="of its images [px]")] = None
 
     @classmethod
     def load(cls, path: Path) -> LensCalibration:

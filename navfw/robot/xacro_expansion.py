@@ -17,11 +17,12 @@ import re
 import resource
 import subprocess
 import sys
+from io import StringIO
 from pathlib import Path
-from typing import Any, NoReturn, TextIO
+from typing import Any, NoReturn
 
 from navfw.config.extras import require_extra
-from navfw.config.input_file import read_input, shown_path
+from navfw.config.input_file import read_input, read_input_text, shown_path
 from navfw.config.ros_packages import package_folders
 from navfw.errors import ConfigError
 
@@ -29,6 +30,8 @@ _SECONDS = 20
 """Longest time that an expansion takes [s]; that of a big robot takes 2 s."""
 _MEMORY = 2_000_000_000
 """Most memory that it takes [bytes]."""
+_MAX_FILE = 10_000_000
+"""Largest size of a file that is included or read [byte]."""
 _ALLOWED = (
     *(ast.Expression, ast.Constant, ast.Name, ast.Load, ast.Attribute, ast.Subscript, ast.Slice),
     *(ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.IfExp, ast.Call, ast.keyword),
@@ -122,11 +125,11 @@ def _expanded(path: str, packages: list[str]) -> dict[str, Any]:
                 return str(folder)
         raise ValueError(f"package {package!r} not found: name its folder in urdf.packages")
 
-    def opened(name: str) -> TextIO:
+    def opened(name: str) -> StringIO:
         file = Path(posixpath.normpath(Path(name).absolute()))  # no "..", links stay
         if not any(file.is_relative_to(folder) for folder in readable):
             raise ValueError(f"{name} lies in no package: name its folder in urdf.packages")
-        return file.open(encoding="utf-8")
+        return StringIO(read_input_text(file, _MAX_FILE))
 
     def hidden(name: str) -> NoReturn:
         raise ValueError(f"$(env {name}) is not allowed: use an argument or $(optenv ...)")
