@@ -135,7 +135,7 @@ def rows_of(result: dict[str, Any]) -> list[list[str]]:
     return table.rows
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_the_benchmark_counts_verdicts_and_headings(approach: Path) -> None:
     result = bench_real(approach, "tuning", ["dis"], default_registry())
     assert result["frames"] == 2
