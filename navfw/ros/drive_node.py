@@ -331,7 +331,8 @@ class DriveNode:
             return
         self._missing = missing
         stands = ": the robot stands" if len(missing) == len(self._heard) else ""
-        self._node.say(f"nothing comes on {', '.join(missing) or 'no topic, all are back'}{stands}")
+        silent = f"nothing comes on {', '.join(missing)}{stands}"
+        self._node.say(silent if missing else "all topics are heard again")
 
     def _step(self, reading: SensorReading) -> Twist:
         if not self._options.lockstep:
