@@ -62,6 +62,10 @@ _FEW_BLOCKS = 1.16
 _CENTRE_SIGMA = math.radians(0.7)
 """Standard deviation [rad] of the heading by a principal point off the centre of the image."""
 
+_MIN_EVIDENCE = 2.0
+"""Least 90th percentile of the vectors' parts along the lines through the focus of expansion, over
+that of the parts across, for a translation."""
+
 _SIGN_SHARE = 0.6
 """Least share of the vectors that point away from, or towards, the focus of expansion."""
 
@@ -223,7 +227,9 @@ def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Eg
     covariance = max(least_squares, without_blocks, key=lambda c: float(np.trace(c[3:, 3:])))
     covariance[3:, 3:] += np.eye(2) * _CENTRE_SIGMA**2
     sigma = math.sqrt(max(float(np.linalg.eigvalsh(covariance[3:, 3:])[-1]), 0.0))
-    share = _forward_share(motion, focal, rotation, direction)
+    share, parallax = _forward_share(motion, focal, rotation, direction)
+    if parallax < _MIN_EVIDENCE:
+        return without_direction(MotionKind.ROTATION, prior, rotation)
     if share < 0.5:
         direction, share = -direction, 1.0 - share
     rivals = [
@@ -314,14 +320,29 @@ def _hemisphere(count: int) -> Array:
     return np.stack([flat * np.cos(angle), flat * np.sin(angle), z], axis=1)
 
 
-def _forward_share(motion: PointMotion, focal: float, rotation: Array, direction: Array) -> float:
-    """Share of the significant vectors that point away from the focus of expansion."""
+def _forward_share(
+    motion: PointMotion, focal: float, rotation: Array, direction: Array
+) -> tuple[float, float]:
+    """Share of the significant vectors that point away from the focus of expansion; the evidence.
+
+    That is how much longer vectors are along the lines through the focus than across them: errors
+    alone, beside a rotation, are as long across.
+    """
     off = motion.points - rotate_points(motion.past, rotation, focal)
     lines = motion.points * direction[2] - focal * direction[:2]
-    along = (off * lines).sum(axis=1) / np.maximum(np.hypot(*lines.T), 1e-12)
+    lengths = np.maximum(np.hypot(*lines.T), 1e-12)
+    along = (off * lines).sum(axis=1) / lengths
+    across = (off[:, 0] * lines[:, 1] - off[:, 1] * lines[:, 0]) / lengths
+    parts = np.abs(np.stack([along, across], axis=1)[motion.used & np.isfinite(along)])
+    evidence = math.inf
+    if len(parts):  # without what moves by itself
+        parts = parts[parts[:, 1] <= _BOUND / 0.674 * np.median(parts[:, 1])]
+        radial, rest = np.quantile(parts, 0.9, axis=0).tolist()
+        evidence = radial / max(rest, 1e-9)
     significant = motion.used & (np.abs(along) > 2.0 * motion.sigma)
     total = float(motion.weight[significant].sum())
-    return float(motion.weight[significant & (along > 0.0)].sum()) / total if total > 0.0 else 0.5
+    forward = float(motion.weight[significant & (along > 0.0)].sum())
+    return (forward / total if total > 0.0 else 0.5), evidence
 
 
 def _kind(direction: Array) -> MotionKind:

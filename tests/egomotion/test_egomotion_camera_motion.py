@@ -377,6 +377,17 @@ def test_noisy_points_with_outliers_give_these_numbers(
     assert np.sqrt(found.covariance.diagonal()) == pytest.approx(1e-3 * np.array(sigmas), rel=1e-5)
 
 
+def test_a_rotation_with_noise_is_not_taken_for_a_translation() -> None:
+    turn, still = rotation_matrix(np.array([0.0, 0.03, 0.0])), np.zeros(3)
+    kinds = []
+    for seed in range(40):
+        motion = seen(*scene(seed), turn, still, noise=0.4, seed=seed)
+        found = estimate_egomotion(replace(motion, sigma=0.25 * motion.sigma), FOCAL)
+        kinds.append(found.kind)
+        assert math.isinf(found.heading_sigma)
+    assert kinds.count(MotionKind.ROTATION) > 30
+
+
 def test_points_that_move_alike_in_parts_of_the_image_widen_the_covariance() -> None:
     shift = np.array([0.0, 0.0, 0.1])
     inside = []
