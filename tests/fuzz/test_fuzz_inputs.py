@@ -15,10 +15,10 @@ def check(done: list[Tried]) -> None:
 
 @pytest.mark.thorough
 def test_a_damaged_input_is_read_or_refused() -> None:
-    done = fuzz(1000)
-    assert len(done) == 1000
+    done = fuzz(500)
+    assert len(done) == 500
     assert {tried.kind for tried in done} == set(TARGETS)
-    assert sum(tried.code == 0 for tried in done) > 50
+    assert sum(tried.code == 0 for tried in done) > 25
     check(done)
 
 

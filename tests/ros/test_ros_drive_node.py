@@ -29,7 +29,7 @@ def test_messages_that_are_late_and_lost_lead_to_the_goal(monkeypatch: pytest.Mo
     assert drive.driver.latency()["latency_p99_ms"] < 150.0
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_with_late_and_lost_messages_it_touches_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     graph = Graph(dropped=0.1, jitter=0.05)
     drive = GraphDrive(graph, monkeypatch, "office", "lobby-to-lab", 0)
