@@ -31,6 +31,7 @@ from navfw.interfaces import Perception
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
 from navfw.offis.nearness import TERMS
 from navfw.offis.offis import Offis
+from navfw.offis.percept_explanation import front_in
 from navfw.offis.pyramid import QUADRANTS
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Percept, Twist
@@ -241,10 +242,7 @@ def check_percept(percept: Percept, truth: ViewTruth) -> tuple[bool, bool, bool 
 
 def front_of(percept: Percept) -> str:
     """The situation in front by the percept's sentence: an entry of Table 1, or "door"."""
-    for statement in percept.sentence.split("; "):
-        if statement.startswith("Front is "):
-            return statement.removeprefix("Front is ").removeprefix("a ")
-    return max(TABLE, key=percept.situations.__getitem__)
+    return front_in(percept.sentence) or max(TABLE, key=percept.situations.__getitem__)
 
 
 def no_situation(truth: ViewTruth) -> str | None:

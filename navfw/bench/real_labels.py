@@ -9,6 +9,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from navfw.config.input_file import read_input_text
+from navfw.offis.percept_explanation import front_in
 
 _MAX_BYTES = 1_000_000
 """Largest size of the file of labels [byte]."""
@@ -111,10 +112,7 @@ def _nearest(sentence: str, nearest: Mapping[str, str], label: FrameLabel) -> bo
 
 
 def _front(sentence: str, label: FrameLabel) -> bool | None:
-    said = next(
-        (statement for statement in sentence.split("; ") if statement.startswith("Front is ")), ""
-    )
-    alternatives = said.removeprefix("Front is ").removeprefix("a ").split(" or ")
+    alternatives = front_in(sentence).split(" or ")
     named = _FRONTS & {name.rpartition(" ")[2] for name in alternatives}
     if not named or label.front == "unknown":
         return None

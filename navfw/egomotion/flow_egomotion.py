@@ -215,6 +215,9 @@ def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Eg
     ]
     best = int(np.argmin(costs))
     rotation, direction, matrix, _ = fits[best]
+    share, evidence = _along_lines(motion, focal, rotation, direction)
+    if evidence < _MIN_EVIDENCE:
+        return without_direction(MotionKind.ROTATION, prior, rotation)
 
     def refit(weight: Array) -> tuple[Array, Array]:
         start, known = (rotation, direction), (prior.rotation, information)
@@ -227,9 +230,6 @@ def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Eg
     covariance = max(least_squares, without_blocks, key=lambda c: float(np.trace(c[3:, 3:])))
     covariance[3:, 3:] += np.eye(2) * _CENTRE_SIGMA**2
     sigma = math.sqrt(max(float(np.linalg.eigvalsh(covariance[3:, 3:])[-1]), 0.0))
-    share, parallax = _forward_share(motion, focal, rotation, direction)
-    if parallax < _MIN_EVIDENCE:
-        return without_direction(MotionKind.ROTATION, prior, rotation)
     if share < 0.5:
         direction, share = -direction, 1.0 - share
     rivals = [
@@ -320,7 +320,7 @@ def _hemisphere(count: int) -> Array:
     return np.stack([flat * np.cos(angle), flat * np.sin(angle), z], axis=1)
 
 
-def _forward_share(
+def _along_lines(
     motion: PointMotion, focal: float, rotation: Array, direction: Array
 ) -> tuple[float, float]:
     """Share of the significant vectors that point away from the focus of expansion; the evidence.

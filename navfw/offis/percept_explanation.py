@@ -172,6 +172,12 @@ def report(
     return "; ".join(parts)
 
 
+def front_in(sentence: str) -> str:
+    """The front that a ``report`` names: alternatives joined by "or", or "unknown"; "" without."""
+    clauses = (part for part in sentence.split("; ") if part.startswith("Front is "))
+    return next(clauses, "").removeprefix("Front is ").removeprefix("a ")
+
+
 def _location(layer: int, regions: Mapping[str, str]) -> str:
     nearest: dict[str, str] = {}
     for region, term in regions.items():

@@ -6,7 +6,7 @@ from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from navfw.offis.percept_explanation import report
+from navfw.offis.percept_explanation import front_in, report
 from navfw.signals import Percept
 
 _PAIRS = 3
@@ -31,10 +31,9 @@ class _Words:
     @classmethod
     def of(cls, percept: Percept) -> _Words:
         clauses = percept.sentence.split("; ")
-        front = next(clause for clause in clauses if clause.startswith("Front is "))
         unknown = "Layer1: nearest object is unknown" in clauses
-        front = front.removeprefix("Front is ").removeprefix("a ")
-        return cls(None if unknown else percept.obstacles, front, "Floor in front" in clauses)
+        layers = None if unknown else percept.obstacles
+        return cls(layers, front_in(percept.sentence), "Floor in front" in clauses)
 
 
 class HeldWords:

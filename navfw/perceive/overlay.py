@@ -11,6 +11,7 @@ import numpy as np
 
 from navfw.errors import InputError
 from navfw.numerics import Array, Image
+from navfw.offis.percept_explanation import front_in
 from navfw.perceive.image_sources import ImageSource
 from navfw.perceive.lettering import Colour, text_width, wrap, write, write_key
 from navfw.perceive.pair_result import PairResult, strongest_term
@@ -106,7 +107,7 @@ def draw(image: Image, result: PairResult, size: WorkingSize) -> Image:
     corners = middle - half, middle + half
     _draw_quadrants(scene, result, corners)
     if result.known:
-        if "Front is unknown" not in result.percept.sentence:
+        if front_in(result.percept.sentence) != "unknown":
             _draw_planes(scene, result.percept, corners)
         draw_flow(scene, result.flow, gain)
         if result.focus is not None:

@@ -10,6 +10,7 @@ from typing import Any
 from navfw.egomotion.flow_egomotion import Egomotion
 from navfw.numerics import Array
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
+from navfw.offis.percept_explanation import front_in
 from navfw.perceive.pair_motion import Scale
 from navfw.signals import FlowField, Percept
 
@@ -26,7 +27,8 @@ class PairResult:
     estimate before it is refined by the flow on the grid. ``contact`` [s] is the time to
     contact with the surface straight ahead, ``quadrant_contact`` [s] that of the nearest part of
     each quadrant; both are inf where nothing approaches. ``confidence`` is in [0, 1]. If ``known``
-    is false, the percept is "unknown" and ``notes`` give the reason.
+    is false, this pair says nothing and ``notes`` give the reason: the words of the percept are
+    those held from the pairs before, or unknown.
     """
 
     number: int
@@ -128,11 +130,8 @@ def _heading(result: PairResult) -> dict[str, Any]:
 
 def _front_situation(result: PairResult) -> str:
     """The front in the sentence: an entry of Table 1 or an elementary situation."""
-    for clause in result.percept.sentence.split("; "):
-        if clause.startswith("Front is "):
-            front = clause.removeprefix("Front is ").removeprefix("a ")
-            return front if front in TABLE or front in ELEMENTARY else "unknown"
-    return "unknown"
+    front = front_in(result.percept.sentence)
+    return front if front in TABLE or front in ELEMENTARY else "unknown"
 
 
 def strongest_term(degrees: Mapping[str, float]) -> str:

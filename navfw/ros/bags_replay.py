@@ -36,7 +36,8 @@ from navfw.recording import (
 )
 from navfw.recording.channel_list import SeenRun
 from navfw.robot import RobotModel
-from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist, Waypoint
+from navfw.ros.goals import TOLERANCE, goal_at
+from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist
 from navfw.stack import ShadowStack
 from navfw.topomap import Passage, Place, TopoMap
 
@@ -47,8 +48,8 @@ _SLACK = 1e-6
 """Rounding of times [s]."""
 _DELAY = 1.0
 """Largest time [s] from an image's stamp to its reception, and that a command of the bag holds."""
-_LEG, _TOLERANCE = 2.0, 0.3
-"""Distance [m] of the places along a way that was driven, and at which a goal is reached."""
+_LEG = 2.0
+"""Distance [m] of the places along a way that was driven."""
 _SHAPE, _VIEW = 0.01, math.radians(1.0)
 """Relative difference of the shapes of two images, and of fields of view [rad], that is told."""
 
@@ -177,8 +178,7 @@ class BagReplay:
         stack_name: str = "default",
     ) -> None:
         self._bag, self._start, self._robot = bag, start, robot
-        places = [topo_map.place(name) for name in goals]
-        self._goals = [Waypoint(p.x, p.y, _TOLERANCE, p.name, "goal", final=True) for p in places]
+        self._goals = [goal_at(topo_map, name) for name in goals]
         self._stack = ShadowStack.load(stack_name, robot, topo_map, default_registry())
         self._config = {"mission": self._mission(), "stack": self._stack.config}
         about = {"world": bag.path.name, "config": json.dumps(plain_json(self._config))}
@@ -198,7 +198,7 @@ class BagReplay:
             "start_known": self._start is not None,
             "shadow": True,
             "goals": [{"place": goal.place, "x": goal.x, "y": goal.y} for goal in self._goals],
-            "tolerance": _TOLERANCE,
+            "tolerance": TOLERANCE,
             "robot": robot.model_dump(mode="json", include=set(RobotModel.model_fields)),
         }
 

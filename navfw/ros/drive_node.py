@@ -37,6 +37,8 @@ _STILL = 0.02
 _STAND = Twist(0.0, 0.0)
 _STOPPED, _INACTIVE = "stopped by ~/stop", "inactive"
 """What holds the robot."""
+_FOCAL = 0.03
+"""Relative difference of focal lengths from which on it is told."""
 _TF = "tf2_msgs/msg/TFMessage"
 _SNAP = 240.0
 """Rate [Hz] of whose steps the times of ``navfw ros sim`` are multiples."""
@@ -174,7 +176,7 @@ class DriveNode:
         focal = message.k[0] * camera.width / message.width if message.width else 0.0
         if not (math.isfinite(focal) and focal > 0.0):
             self._node.note("camera_info is empty: the robot file's camera counts")
-        elif abs(focal / camera.focal - 1.0) > TOLERANCE / 10.0:
+        elif abs(focal / camera.focal - 1.0) > _FOCAL:
             what = f"focal length of {focal:.1f} px, that of the robot file is {camera.focal:.1f}"
             self._node.note(f"camera_info has a {what} px: correct camera.hfov")
 

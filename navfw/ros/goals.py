@@ -1,8 +1,7 @@
-"""Goals that a driving node is given by name."""
+"""Goals that a stack is given by name."""
 
 from __future__ import annotations
 
-from navfw.errors import UnknownNameError
 from navfw.signals import Waypoint
 from navfw.topomap import TopoMap
 
@@ -17,7 +16,5 @@ def goal_at(topo_map: TopoMap, name: str, tolerance: float = TOLERANCE) -> Waypo
         UnknownNameError: there is no such place.
 
     """
-    places = topo_map.places
-    if name not in places:
-        raise UnknownNameError("place", name, places)
-    return Waypoint(places[name].x, places[name].y, tolerance, name, "goal", final=True)
+    place = topo_map.place(name)
+    return Waypoint(place.x, place.y, tolerance, name, "goal", final=True)
