@@ -104,11 +104,8 @@ def joints_message(robot: RobotModel, reading: SensorReading, now: int, frame: s
     """``JointState`` of the wheels [rad]; of a URDF's first wheel on each side."""
     names = [side[0] for side in wheel_joints(robot)]
     ticks = np.array([reading.encoders.left, reading.encoders.right], dtype=np.float64)
-    fields = {
-        "header": {"frame_id": frame},
-        "name": names,
-        "position": 2.0 * math.pi / robot.ticks_per_turn * ticks,
-    }
+    angles = 2.0 * math.pi / robot.ticks_per_turn * ticks
+    fields = {"header": {"frame_id": frame}, "name": names, "position": angles}
     return ros_message("sensor_msgs/msg/JointState", fields, now)
 
 
@@ -122,15 +119,15 @@ def image_message(image: Image, now: int, frame: str = "camera") -> bytes:
 
 def command_message(twist: Twist, now: int) -> bytes:
     """``TwistStamped`` of a command."""
-    fields = {"header": {"frame_id": "base_link"}, "twist": _twist(twist)}
+    fields = {"header": {"frame_id": "base_link"}, "twist": twist_fields(twist)}
     return ros_message("geometry_msgs/msg/TwistStamped", fields, now)
 
 
 def odometry_message(odometry: Odometry, now: int) -> bytes:
     """``Odometry`` of wheels and gyro, of ``base_link`` in ``odom``."""
     pose = odometry.pose
-    at = {"position": {"x": pose.x, "y": pose.y}, "orientation": _about_z(pose.yaw)}
-    moved = {"pose": {"pose": at}, "twist": {"twist": _twist(odometry.twist)}}
+    at = pose_fields(pose.x, pose.y, pose.yaw)
+    moved = {"pose": {"pose": at}, "twist": {"twist": twist_fields(odometry.twist)}}
     fields = {"header": {"frame_id": "odom"}, "child_frame_id": "base_link", **moved}
     return ros_message("nav_msgs/msg/Odometry", fields, now)
 
@@ -153,10 +150,9 @@ def transforms_message(
     """``TFMessage``: with a belief ``map`` to ``odom``; with a camera to ``base_link`` and it."""
     links = [] if belief is None else [_to_odom(belief.pose, odometry)]
     links += [] if camera is None else _to_camera(odometry, camera)
-    stamp = dict(zip(("sec", "nanosec"), divmod(now, 10**9), strict=True))
     made = [
         {
-            "header": {"frame_id": parent, "stamp": stamp},
+            "header": {"frame_id": parent, "stamp": time_fields(now)},
             "child_frame_id": child,
             "transform": {"translation": place, "rotation": turn},
         }
@@ -182,7 +178,18 @@ def _to_camera(odometry: Pose, camera: CameraModel) -> list[_Link]:
     ]
 
 
-def _twist(twist: Twist) -> Mapping[str, Any]:
+def time_fields(now: int) -> Mapping[str, int]:
+    """``now`` [ns] as a ``Time``."""
+    return dict(zip(("sec", "nanosec"), divmod(now, 10**9), strict=True))
+
+
+def pose_fields(x: float, y: float, yaw: float) -> Mapping[str, Any]:
+    """A ``Pose`` in the plane [m, rad]."""
+    return {"position": {"x": x, "y": y}, "orientation": _about_z(yaw)}
+
+
+def twist_fields(twist: Twist) -> Mapping[str, Any]:
+    """A ``Twist``."""
     return {"linear": {"x": twist.v}, "angular": {"z": twist.w}}
 
 

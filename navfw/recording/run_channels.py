@@ -254,9 +254,9 @@ def _line(state: StackState, now: int) -> bytes:
     """A line of the log: why the stack is held (a warning, 30), or what it does (20)."""
     command, held = state.command, state.veto or (state.fault.reason if state.fault else "")
     does = "no command" if command is None else f"{command.leader}: {command.reason}"
-    stamp = dict(zip(("sec", "nanosec"), divmod(now, 10**9), strict=True))
-    fields = {"msg": f"held: {held}" if held else does, "level": 30 if held else 20}
-    return ros.ros_message("rcl_interfaces/msg/Log", {"stamp": stamp, "name": "navfw", **fields})
+    said = {"msg": f"held: {held}" if held else does, "level": 30 if held else 20}
+    fields = {"stamp": ros.time_fields(now), "name": "navfw", **said}
+    return ros.ros_message("rcl_interfaces/msg/Log", fields)
 
 
 def _percept(percept: Percept) -> Mapping[str, Any]:

@@ -14,7 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from navfw.errors import ConfigError, InputError
+from navfw.errors import InputError, locating
 from navfw.numerics import Array
 from navfw.perceive import camera_contradiction
 from navfw.plugins import default_registry
@@ -37,6 +37,7 @@ from navfw.recording import (
 from navfw.recording.channel_list import SeenRun
 from navfw.robot import RobotModel
 from navfw.ros.goals import TOLERANCE, goal_at
+from navfw.ros.sensor_inputs import as_taken
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist
 from navfw.stack import ShadowStack
 from navfw.topomap import Passage, Place, TopoMap
@@ -50,8 +51,8 @@ _DELAY = 1.0
 """Largest time [s] from an image's stamp to its reception, and that a command of the bag holds."""
 _LEG = 2.0
 """Distance [m] of the places along a way that was driven."""
-_SHAPE, _VIEW = 0.01, math.radians(1.0)
-"""Relative difference of the shapes of two images, and of fields of view [rad], that is told."""
+_VIEW = math.radians(1.0)
+"""Difference of fields of view [rad] that is told."""
 
 
 def _gyro(bag: Bag) -> Array:
@@ -117,22 +118,13 @@ class _Readings:
 
     def _frame(self, item: BagImage) -> Frame | None:
         """The image as the robot's camera takes it; None, and a note, if it is damaged."""
-        camera = self._robot.camera
         try:
             grey = cv2.cvtColor(ros_image(item.message, item.name), cv2.COLOR_BGR2GRAY)
         except InputError as error:
             self._bag.notes.append(f"an image is left out: {error}")
             return None
-        height, width = grey.shape
-        if abs(width * camera.height / (height * camera.width) - 1.0) > _SHAPE:
-            what = (
-                f"images of {width} x {height} have another shape than those of the robot's camera"
-            )
-            how = f"{what}, {camera.width} x {camera.height}: give a robot file with its camera"
-            raise ConfigError(how, file=self._bag.file, key="--robot")
-        if (width, height) != (camera.width, camera.height):
-            grey = cv2.resize(grey, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
-        return Frame(item.time, np.asarray(grey, dtype=np.uint8))
+        with locating(file=self._bag.file, key="--robot"):
+            return Frame(item.time, as_taken(np.asarray(grey, dtype=np.uint8), self._robot.camera))
 
 
 def _due(item: BagImage) -> float:

@@ -15,7 +15,7 @@ from typing import Any
 from navfw.errors import InputError, UnknownNameError
 from navfw.process.interruption import check_interrupted
 from navfw.recording import planar_pose, ros_message
-from navfw.recording.ros_messages import command_message
+from navfw.recording.ros_messages import command_message, twist_fields
 from navfw.ros.connection import Quality, RosNode
 from navfw.ros.drive_outputs import DriveOutputs, text_message
 from navfw.ros.goals import TOLERANCE, goal_at
@@ -360,8 +360,7 @@ class DriveNode:
             if self._stamped:
                 self._command(command_message(twist, stamp))
             else:
-                twists = {"linear": {"x": twist.v}, "angular": {"z": twist.w}}
-                self._command(ros_message("geometry_msgs/msg/Twist", twists))
+                self._command(ros_message("geometry_msgs/msg/Twist", twist_fields(twist)))
             self._sent = time.monotonic()
         if at is not None:
             state, still = self._stack.state, max(abs(twist.v), abs(twist.w)) <= _STILL

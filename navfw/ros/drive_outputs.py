@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -16,7 +15,7 @@ from navfw.localmap import OccupancyGrid
 from navfw.numerics import Image
 from navfw.perceive import draw_flow
 from navfw.recording import odometry_message, plain_json, ros_message
-from navfw.recording.ros_messages import transforms_message
+from navfw.recording.ros_messages import pose_fields, transforms_message
 from navfw.ros.connection import RosNode
 from navfw.signals import Belief, Frame, Pose, Waypoint
 from navfw.stack import Stack, StackState
@@ -108,7 +107,7 @@ def pose_message(belief: Belief, now: int) -> bytes:
     """``PoseWithCovarianceStamped`` of ``base_link`` in ``map``."""
     covariance = np.zeros((6, 6))
     covariance[np.ix_([0, 1, 5], [0, 1, 5])] = belief.covariance
-    pose = {"pose": _pose(belief.pose.x, belief.pose.y, belief.pose.yaw)}
+    pose = {"pose": pose_fields(belief.pose.x, belief.pose.y, belief.pose.yaw)}
     fields = {"pose": {**pose, "covariance": covariance.ravel()}}
     return _in("map", "geometry_msgs/msg/PoseWithCovarianceStamped", fields, now)
 
@@ -116,7 +115,7 @@ def pose_message(belief: Belief, now: int) -> bytes:
 def path_message(belief: Belief, path: Sequence[Waypoint], now: int) -> bytes:
     """``Path`` in ``map`` from the robot through the waypoints."""
     points = [(belief.pose.x, belief.pose.y), *((point.x, point.y) for point in path)]
-    poses = [{"header": {"frame_id": "map"}, "pose": _pose(x, y, 0.0)} for x, y in points]
+    poses = [{"header": {"frame_id": "map"}, "pose": pose_fields(x, y, 0.0)} for x, y in points]
     return _in("map", "nav_msgs/msg/Path", {"poses": poses}, now)
 
 
@@ -126,7 +125,7 @@ def grid_message(grid: OccupancyGrid, now: int) -> bytes:
     percent = np.rint(100.0 / (1.0 + np.exp(-grid.log_odds)))
     percent[np.abs(grid.log_odds) < 1e-3] = -1
     rows, columns = percent.shape
-    origin = _pose(x - 0.5 * cell, y - 0.5 * cell, 0.0)
+    origin = pose_fields(x - 0.5 * cell, y - 0.5 * cell, 0.0)
     about = {"resolution": cell, "width": columns, "height": rows, "origin": origin}
     fields = {"info": about, "data": percent.astype(np.int8).ravel()}
     return _in("odom", _GRID, fields, now)
@@ -171,8 +170,3 @@ def diagnostics_message(level: int, summary: str, values: Mapping[str, object], 
 
 def _in(frame: str, kind: str, fields: Mapping[str, Any], now: int) -> bytes:
     return ros_message(kind, {"header": {"frame_id": frame}, **fields}, now)
-
-
-def _pose(x: float, y: float, yaw: float) -> Mapping[str, Any]:
-    turn = {"z": math.sin(0.5 * yaw), "w": math.cos(0.5 * yaw)}
-    return {"position": {"x": x, "y": y}, "orientation": turn}

@@ -19,7 +19,9 @@ from navfw.recording.ros_messages import (
     imu_message,
     joints_message,
     odometry_message,
+    pose_fields,
     ros_message,
+    time_fields,
     transforms_message,
 )
 from navfw.robot import RobotModel
@@ -104,10 +106,7 @@ class RosPilot:
 
     def _publish(self, reading: SensorReading) -> None:
         now, robot, out = round(1e9 * reading.time), self._robot, self._out
-        sec, nanosec = divmod(now, 10**9)
-        out["/clock"](
-            ros_message("rosgraph_msgs/msg/Clock", {"clock": {"sec": sec, "nanosec": nanosec}})
-        )
+        out["/clock"](ros_message("rosgraph_msgs/msg/Clock", {"clock": time_fields(now)}))
         images = []
         if reading.frame is not None:
             images.append("image")
@@ -129,8 +128,7 @@ class RosPilot:
 
     def _truth(self, time: float, twist: Twist, now: int) -> None:
         pose = self._simulator.true_pose()
-        turn = {"z": math.sin(0.5 * pose.yaw), "w": math.cos(0.5 * pose.yaw)}
-        at = {"pose": {"position": {"x": pose.x, "y": pose.y}, "orientation": turn}}
+        at = {"pose": pose_fields(pose.x, pose.y, pose.yaw)}
         fields = {"header": {"frame_id": "map"}, "child_frame_id": "base_link", "pose": at}
         self._out["/ground_truth/odom"](ros_message("nav_msgs/msg/Odometry", fields, now))
 

@@ -18,7 +18,7 @@ from navfw.errors import ConfigError
 from navfw.numerics import Array, Image
 from navfw.recording import planar_pose, ros_image, turn_rates
 from navfw.recording.ros_messages import wheel_joints
-from navfw.robot import RobotModel
+from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Encoders, Frame, Inertial, SensorReading
 
 _CLOCKS = 1.0
@@ -116,21 +116,10 @@ class SensorInputs:
             if landmarks:
                 self._landmarks = Frame(time, grey)
                 return
-            self._frame = Frame(time, self._as_taken(grey))
+            self._frame = Frame(time, as_taken(grey, self._robot.camera))
             self.images += 1
         except (ConfigError, cv2.error, ValueError) as error:
             self._note(f"images on {topic} are left out: {error}")
-
-    def _as_taken(self, grey: Image) -> Image:
-        """``grey`` (height, width) in the size of the robot's camera."""
-        camera, (height, width) = self._robot.camera, grey.shape
-        if (width, height) == (camera.width, camera.height):
-            return grey
-        if abs(width * camera.height / (height * camera.width) - 1.0) > _SHAPE:
-            what = f"{width} x {height} pixels have another shape than the robot's camera"
-            raise ConfigError(f"{what}, {camera.width} x {camera.height}: correct the robot file")
-        size = camera.width, camera.height
-        return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
     def imu(self, topic: str, message: Any, now: float) -> None:
         """Take in the rates of an ``Imu``; they are turned into base_link's axes."""
@@ -279,6 +268,24 @@ class SensorInputs:
             frame, self._frame = self._frame, None
             landmarks, self._landmarks = self._landmarks, None
         return SensorReading(time, self._inertial, Encoders(time, left, right), frame, landmarks)
+
+
+def as_taken(grey: Image, camera: CameraModel) -> Image:
+    """``grey`` (height, width) in the size of the robot's ``camera``.
+
+    Raises:
+        ConfigError: it has another shape.
+
+    """
+    height, width = grey.shape
+    if (width, height) == (camera.width, camera.height):
+        return grey
+    if abs(width * camera.height / (height * camera.width) - 1.0) > _SHAPE:
+        what = f"images of {width} x {height} have another shape than those of the robot's camera"
+        how = "give a robot file with its camera"
+        raise ConfigError(f"{what}, {camera.width} x {camera.height}: {how}")
+    size = camera.width, camera.height
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def _grey(message: Any, topic: str) -> Image:
