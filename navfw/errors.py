@@ -19,11 +19,14 @@ import difflib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Self
+from typing import Self, TypeGuard, TypeVar
 
 _NEAR = 0.52
 """Least similarity of a name that is meant: "bride" and "bright" have 0.55, "latency" and
 "emergency" 0.5."""
+
+
+ErrorT = TypeVar("ErrorT", bound=BaseException)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
@@ -35,6 +38,27 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     if names:
         return "known: " + ", ".join(names)
     return "none is known"
+
+
+def described(error: BaseException) -> tuple[str, str]:
+    """The name of the class of ``error``, and its message on one line.
+
+    All that the class defines may raise, ``__str__`` and its metaclass included.
+    """
+    try:
+        message = " ".join(str(error).split())
+    except BaseException as second:
+        message = f"its message raises {_class_name(type(second))}"
+    return _class_name(type(error)), message
+
+
+def is_a(error: BaseException, cls: type[ErrorT]) -> TypeGuard[ErrorT]:
+    """Whether ``error`` is of ``cls`` truly, whatever its ``__class__`` answers or raises."""
+    return issubclass(type(error), cls)
+
+
+def _class_name(cls: type) -> str:
+    return str(type.__dict__["__name__"].__get__(cls))
 
 
 class NavfwError(Exception):

@@ -18,6 +18,7 @@ import typer
 
 from navfw.cli.command_groups import PanelGroup
 from navfw.cli.output import standard_streams
+from navfw.cli.run import show_result
 from navfw.cli.supervisor import supervise
 from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
 from navfw.config.project_code import asking, trusting
@@ -114,7 +115,7 @@ def main() -> None:
     command = next((word for word in sys.argv[1:] if not word.startswith("-")), "")
     with standard_streams():
         try:
-            sys.exit(supervise(_run) if command == "run" else app())
+            sys.exit(supervise(_run, show_result) if command == "run" else app())
         finally:
             ignore_signals()  # the interpreter's end would take them for a failure
 

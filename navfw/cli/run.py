@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -28,14 +29,15 @@ from navfw.cli.options import (
 from navfw.cli.output import console, print_json, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.recordings import VIDEO, write_video
-from navfw.cli.supervisor import announce, announce_end
 from navfw.cli.warm import compile_with_progress
 from navfw.errors import InputError
 from navfw.process.interruption import check_interrupted, deferred, interruptible
+from navfw.process.supervised import SupervisedRun, send, send_result, supervised
 
 if TYPE_CHECKING:
     from navfw.missions.runner import Progress
     from navfw.missions.session import MissionResult, Session
+    from navfw.recording.run_folder import RunFolder
     from navfw.recording.run_observers import LiveServer
 
 LINE_PERIOD = 5.0
@@ -157,19 +159,18 @@ class _Request:
 
 
 def _run(request: _Request) -> NoReturn:
-    """Drive and print the result. No signal interrupts the printing."""
+    """Drive and hand over the result. No signal interrupts the printing."""
+    from navfw.recording.run_folder import plain_json
+
     with deferred():
         with quiet_stdout():
             result, folder, missing = _drive(request)
-        summary = {**result.summary(), "run_folder": None if folder is None else str(folder)}
-        if request.json:
-            from navfw.recording.run_folder import plain_json
-
-            print_json(plain_json(summary))
+            where = None if folder is None else str(folder)
+            summary = plain_json({**result.summary(), "run_folder": where})
+        if supervised():
+            send_result(summary, missing)
         else:
-            _print_result(summary)
-        if missing:
-            _report_missing(missing, folder)
+            show_result(summary, missing, request.json)
         raise typer.Exit(_NOT_SAVED if missing else result.outcome.exit_code)
 
 
@@ -202,22 +203,11 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
             typer.echo(f"note: {note}", err=True)
         compile_with_progress(loaded=True, quiet=request.quiet)
         observers = [] if request.port is None else [_live(session, request)]
-    numbered = request.out is None
-    target = RunFolder(request.out or default_folder(session), numbered=numbered)
+    target = RunFolder(request.out or default_folder(session), numbered=request.out is None)
     result = None
     try:
         with target:
-            announce(
-                {
-                    "world": session.world_name,
-                    "mission": session.mission_name,
-                    "seed": session.seed,
-                },
-                target.target.absolute(),
-                numbered=numbered,
-                as_json=request.json,
-                limit=request.limit,
-            )
+            _announce(session, target, request)
             with _RunProgress(quiet=request.quiet) as line:
                 result = session.run(
                     line.show,
@@ -226,13 +216,33 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
                     observers=observers,
                     limit=request.limit,
                 )
-            announce_end()
+            send({"driven": True})
             missing = write_run(result, target)
     except InputError as error:
         if result is None:
             raise
         missing = (str(error),)
     return result, target.final, (*missing, *_write_video(request, target.final))
+
+
+def _announce(session: Session, target: RunFolder, request: _Request) -> None:
+    """Tell the supervisor what run begins."""
+    from navfw.missions.process_check import own_plugins
+
+    SupervisedRun(
+        summary={
+            "world": session.world_name,
+            "mission": session.mission_name,
+            "seed": session.seed,
+        },
+        folder=str(target.target.absolute()),
+        numbered=request.out is None,
+        as_json=request.json,
+        limit=request.limit,
+        goals=[(goal.x, goal.y, goal.place) for goal in session.mission.goals],
+        radius=session.mission.spec.success.within,
+        plugins=own_plugins(session.stack.resolved.plugins),
+    ).announce()
 
 
 def _write_video(request: _Request, folder: Path | None) -> tuple[str, ...]:
@@ -258,16 +268,31 @@ def _live(session: Session, request: _Request) -> LiveServer:
     return server
 
 
-def _report_missing(missing: tuple[str, ...], folder: Path | None) -> None:
+def show_result(summary: Mapping[str, Any], missing: Sequence[str], as_json: bool) -> None:
+    """Print the result of a run on stdout, and on stderr what its folder lacks.
+
+    The result of a run that was ended from outside has the first few keys only.
+    """
+    if as_json:
+        print_json(summary)
+    elif "command_hash" in summary:
+        _print_result(summary)
+    else:
+        typer.echo(f"{summary['outcome']}: {summary['reason']}")
+    if missing:
+        _report_missing(missing, summary["run_folder"])
+
+
+def _report_missing(missing: Sequence[str], folder: str | None) -> None:
     """Print on stderr what was not written, and what was."""
     for what in missing:
         typer.echo(f"navfw: {what}", err=True)
-    names = [] if folder is None else sorted(file.name for file in folder.iterdir())
+    names = [] if folder is None else sorted(file.name for file in Path(folder).iterdir())
     saved = f"{', '.join(names)} in {folder}" if names else "nothing; the result is on stdout"
     typer.echo(f"navfw: saved: {saved}", err=True)
 
 
-def _print_result(summary: dict[str, Any]) -> None:
+def _print_result(summary: Mapping[str, Any]) -> None:
     good = summary["outcome"] == "reached"
     leader = f" (leading behaviour {summary['behavior']})" if summary["behavior"] else ""
     screen = console()
@@ -280,7 +305,7 @@ def _print_result(summary: dict[str, Any]) -> None:
     count = summary["collisions"]
     collisions = f"{count or 'no'} collision{'' if count == 1 else 's'}"
     nearest = summary["min_clearance_m"]
-    clearance = f"at least {nearest:.2f} m" if math.isfinite(nearest) else "no obstacle near"
+    clearance = "no obstacle near" if nearest is None else f"at least {nearest:.2f} m"
     rows = {
         "path": f"{summary['path_length_m']:.2f} m, shortest {summary['shortest_path_m']:.2f} m"
         f" (SPL {summary['spl']:.2f})",

@@ -1,13 +1,14 @@
-"""Supervision of ``navfw run``: a child process drives, its parent waits and can end it.
+"""Supervision of ``navfw run``: a child process drives; its parent owns stdout and the result.
 
-The child is forked before anything large is imported. It announces its run, and tells by the
-heartbeat which plugin it calls. A child that dies, or hangs where no signal reaches it, is ended by
-the parent, which writes the result in its place.
+The child is forked before anything large is imported. It announces its run, tells every true
+position of the robot, shows by the heartbeat which plugin it calls, and hands over its result. The
+parent imports no plugin. It judges arrival and contact by what the simulator has told, ends a child
+that hangs where no signal reaches it, ends what plugins have left running, prints the result once,
+and writes one where the child has none.
 """
 
 from __future__ import annotations
 
-import atexit
 import ctypes
 import json
 import math
@@ -18,15 +19,18 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from navfw.process.interruption import ignore_signals, set_handlers
-from navfw.process.watchdog import HEARTBEAT_SIZE, HeartbeatMonitor, set_memory
+from navfw.process import supervised
+from navfw.process.interruption import ignore_signals
+from navfw.process.supervised import SupervisedRun, TextToSupervisor, send
+from navfw.process.watchdog import HEARTBEAT_SIZE, HeartbeatMonitor
+
+if TYPE_CHECKING:
+    from navfw.missions.outcome import GoalChecker
 
 PATIENCE = 10.0
 """Wall time [s] for a run to end by itself after a signal, or beyond its wall-clock limit."""
@@ -37,73 +41,59 @@ _SAVING = 600.0
 _LAST_STEPS = 5.0
 """Wall time [s] for a process to end after its last message: threads of plugins may not end."""
 
-_PERIOD = 0.2
-"""Period [s] of looking at the heartbeat."""
+_PERIOD = 0.05
+"""Period [s] of reading messages and looking at the heartbeat; signals end it early."""
 
-_PR_SET_PDEATHSIG = 1
-"""``prctl``: the signal to get when the parent dies (Linux)."""
+_ORPHAN_GRACE = 0.3
+"""Wall time [s] for processes that the child has started to end after it."""
 
-_messages = -1
-"""The descriptor to which the child writes its messages; -1 without a supervisor."""
+_PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
+"""``prctl``: the signal to get when the parent dies; orphans of the child become own children."""
 
-
-@dataclass(frozen=True, slots=True)
-class _Announcement:
-    """What the parent needs for a result: the run's ``summary``, its folder, how to print it."""
-
-    summary: dict[str, Any]
-    folder: str
-    numbered: bool
-    as_json: bool
-    limit: float
+_Show = Callable[[Mapping[str, Any], Sequence[str], bool], None]
 
 
-def announce(
-    summary: dict[str, Any], folder: Path, *, numbered: bool, as_json: bool, limit: float
-) -> None:
-    """Tell the supervisor, if there is one, that a run begins.
+def supervise(command: Callable[[], object], show: _Show) -> int:
+    """Call ``command`` in a child process; its exit code, or 1 if it failed to tell a true one.
 
-    ``summary`` are the keys of the result known by now; ``folder``, absolute, is where the result
-    goes, with a number if it is taken and ``numbered``; ``limit`` [s] is the wall-clock limit.
+    ``show(summary, missing, as_json)`` prints the result of a run.
     """
-    _send({"run": [summary, str(folder), numbered, as_json, limit]})
-
-
-def announce_end() -> None:
-    """Tell the supervisor, if there is one, that the drive is over, and its files are written."""
-    _send({"driven": True})
-
-
-def supervise(command: Callable[[], object]) -> int:
-    """Call ``command`` in a child process; its exit code, or 1 if the child was ended."""
-    if not hasattr(os, "fork"):  # Windows: only the watchdog inside the process
+    if sys.platform != "linux":  # only the watchdog inside the process
         command()
         return 0
     memory = mmap.mmap(-1, HEARTBEAT_SIZE)
     receiving, sending = os.pipe()
     sys.stdout.flush()
     sys.stderr.flush()
+    _prctl(_PR_SET_CHILD_SUBREAPER, 1)
+    signals = {s for s in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(s) != signal.SIG_IGN}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {*signals, signal.SIGCHLD})
     parent, child = os.getpid(), os.fork()
     if child == 0:
         os.close(receiving)
         _begin_child(sending, memory, parent)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
         _end_child(_exit_code(command))
     os.close(sending)
-    return _Supervisor(child, receiving, memory).wait()
+    return _Supervisor(child, receiving, HeartbeatMonitor(memory), signals, show).wait()
+
+
+def _prctl(option: int, value: int) -> None:
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(option, value)
 
 
 # --- in the child --------------------------------------------------------------------------------
 
 
 def _begin_child(messages: int, memory: mmap.mmap, parent: int) -> None:
-    global _messages  # noqa: PLW0603 - a process has one supervisor
-    _messages = messages
-    set_memory(memory)
-    if sys.platform == "linux":
-        with suppress(OSError, AttributeError):
-            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    """Connect the child with its supervisor; all that it prints goes to stderr or through it."""
+    _prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != parent:  # it has died meanwhile
         os._exit(1)
+    supervised.begin(messages, memory)
+    os.dup2(2, 1)
+    sys.stdout = TextToSupervisor()
 
 
 def _exit_code(command: Callable[[], object]) -> int:
@@ -120,60 +110,101 @@ def _exit_code(command: Callable[[], object]) -> int:
     return 0
 
 
-def _end_child(code: int) -> None:
+def _end_child(code: int, end: Callable[[int], object] = os._exit) -> None:
     """End the process, whatever threads plugins have left behind."""
-    ignore_signals()
-    for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError):
-            stream.flush()
-    _send({"finished": code})
     with suppress(BaseException):
-        atexit._run_exitfuncs()
-    os._exit(code)
-
-
-def _send(message: dict[str, Any]) -> None:
-    if _messages >= 0:
-        with suppress(OSError):  # the supervisor has died
-            os.write(_messages, json.dumps(message).encode() + b"\n")
+        ignore_signals()
+        sys.stderr.flush()
+    send({"finished": code})
+    end(code)
 
 
 # --- in the parent -------------------------------------------------------------------------------
 
 
+class _Record:
+    """What the simulator tells of a run: the goals visited, the contacts, the last position."""
+
+    def __init__(self, run: SupervisedRun) -> None:
+        from navfw.missions.outcome import GoalChecker
+        from navfw.signals import Waypoint
+
+        goals = [Waypoint(x, y, run.radius, place, "goal", True) for x, y, place in run.goals]
+        self._goals: GoalChecker = GoalChecker(goals, run.radius)
+        self._touched = 0
+        self._last: tuple[float, float] | None = None
+
+    def take(self, x: float, y: float, touched: int) -> None:
+        """Take in a position [m], and the number of bodies in contact there."""
+        from navfw.signals import Pose
+
+        self._last = x, y
+        self._touched += touched
+        self._goals.update(Pose(x, y, 0.0))
+
+    def contradiction(self, outcome: object) -> str:
+        """Why a run with this ``outcome`` was not that by the simulator's record; "" if it was."""
+        from navfw.signals import Pose
+
+        if outcome != "reached":
+            return ""
+        if self._touched:
+            return "something was touched"
+        if self._last is None:
+            return "the robot has not moved"
+        return self._goals.missed(Pose(*self._last, 0.0)) or ""
+
+
 class _Supervisor:
     """Waits for the child; ends it when a call is overdue, after a signal, or at the limit."""
 
-    def __init__(self, child: int, messages: int, memory: mmap.mmap) -> None:
+    def __init__(
+        self,
+        child: int,
+        messages: int,
+        heartbeat: HeartbeatMonitor,
+        signals: set[signal.Signals],
+        show: _Show,
+    ) -> None:
         self._child = child
         self._messages = messages
-        self._heartbeat = HeartbeatMonitor(memory)
+        self._heartbeat = heartbeat
+        self._signals = signals
+        self._show = show
         self._text = b""
-        self._run: _Announcement | None = None
+        self._run: SupervisedRun | None = None
+        self._record: _Record | None = None
+        self._result: tuple[dict[str, Any], list[str]] | None = None
         self._code: int | None = None
         self._deadline = math.inf
         self._stopped = False
         self._driven = False
-        self._ended = False
+        self._misdeeds: list[str] = []
 
     def wait(self) -> int:
-        """The exit code of the child, or of the result written in its place."""
-        self._forward_signals()
+        """The exit code of the child, or of the result that is written in its place."""
         status = self._watch()
-        self._ended = True
+        self._take_signals()
+        left = _end_orphans()
+        if self._run is None:
+            return self._without_run(status)
+        if left:
+            self._misdeeds.append(f"{left} process{'es' * (left != 1)} left running")
+        if self._result is None:
+            return self._conclude(status)
+        return self._judge(*self._result)
+
+    def _without_run(self, status: int | str) -> int:
+        """The exit code of a command that has begun no run."""
         if self._code is not None:
             return self._code
-        if isinstance(status, int):
-            how = os.waitstatus_to_exitcode(status)
-            what = f"exit code {how}" if how >= 0 else signal.Signals(-how).name
-            status = f"the process of the run ended ({what})"
-        return self._conclude(status, self._heartbeat.plugin)
+        sys.stderr.write(f"navfw: {self._reason(status)}\n")
+        return 1
 
     def _watch(self) -> int | str:
         """The status of the ended child, or why it was killed."""
         while True:
-            with suppress(InterruptedError):
-                select.select([self._messages], [], [], _PERIOD)
+            self._take_signals(signal.sigtimedwait({*self._signals, signal.SIGCHLD}, _PERIOD))
             self._receive()
             ended, status = os.waitpid(self._child, os.WNOHANG)
             if ended:
@@ -199,12 +230,29 @@ class _Supervisor:
             return "stopped by the user"
         return "exceeded the wall-clock limit"
 
+    def _take_signals(self, first: Any = None) -> None:
+        """Forward the signals that have arrived; note whether the user or a plugin sent them.
+
+        A terminal sends Ctrl-C to the child as well, which takes it once.
+        """
+        infos = [] if first is None or first.si_signo == signal.SIGCHLD else [first]
+        while (info := signal.sigtimedwait(self._signals, 0.0)) is not None:
+            infos.append(info)
+        for info in infos:
+            if _is_within(info.si_pid, self._child):
+                self._misdeeds.append(f"sent {signal.Signals(info.si_signo).name} to navfw")
+            elif not self._driven:
+                self._stopped = True
+            with suppress(ProcessLookupError):  # it ends at this moment
+                os.kill(self._child, info.si_signo)
+            if not self._driven:
+                self._deadline = min(self._deadline, time.monotonic() + PATIENCE)
+
     def _receive(self) -> None:
         """Read what the child has written by now, without waiting."""
         while select.select([self._messages], [], [], 0.0)[0]:
             part = os.read(self._messages, 65536)
             if not part:
-                time.sleep(0.01)  # the child is ending
                 return
             *lines, self._text = (self._text + part).split(b"\n")
             for line in lines:
@@ -212,56 +260,126 @@ class _Supervisor:
 
     def _take(self, message: dict[str, Any]) -> None:
         now = time.monotonic()
-        if "run" in message:
-            self._run = _Announcement(*message["run"])
+        if "at" in message:
+            if self._record is not None:
+                self._record.take(*message["at"][1:])
+        elif "out" in message:
+            if self._run is None:  # later, stdout is for the result
+                sys.stdout.write(message["out"])
+        elif "run" in message:
+            self._run = SupervisedRun(**message["run"])
+            self._record = _Record(self._run)
             self._deadline = now + self._run.limit + PATIENCE
         elif "driven" in message:
             self._driven = True
             self._deadline = now + _SAVING
+        elif "result" in message:
+            self._result = tuple(message["result"])
         else:
             self._code = int(message["finished"])
             self._deadline = now + _LAST_STEPS
 
-    def _forward_signals(self) -> None:
-        """Forward signals to the child; it takes Ctrl-C from a terminal, sent to both, once.
+    def _reason(self, status: int | str) -> str:
+        """Why there is no result, with the plugin that was being called."""
+        why = status
+        if isinstance(status, int):
+            how = os.waitstatus_to_exitcode(status)
+            what = f"exit code {how}" if how >= 0 else signal.Signals(-how).name
+            why = f"the process of the run ended ({what})"
+        who = self._heartbeat.plugin or ("" if self._run is None else self._run.plugins)
+        return f"{who}: {why}" if who else str(why)
 
-        A signal that arrives after the child has ended changes nothing.
-        """
-
-        def stop(number: int, frame: FrameType | None) -> None:
-            del frame
-            if self._ended:
-                return
-            with suppress(ProcessLookupError):  # it ends at this moment
-                os.kill(self._child, number)
-            if not self._stopped and not self._driven:
-                self._stopped = True
-                self._deadline = min(self._deadline, time.monotonic() + PATIENCE)
-
-        set_handlers(stop)
-
-    def _conclude(self, why: str, plugin: str) -> int:
+    def _conclude(self, status: int | str) -> int:
         """Print and write the result of a run whose process has ended without one."""
-        reason = f"{plugin}: {why}" if plugin else why
-        if self._run is None:
-            sys.stderr.write(f"navfw: {reason}\n")
-            return 1
         from navfw.errors import InputError
         from navfw.recording.run_folder import RESULT, RunFolder
 
-        run = self._run
+        assert self._run is not None  # noqa: S101 - a run has begun
+        run, reason = self._run, self._reason(status)
+        faults = self._faults() + ([reason] if ": " in reason else [])
         outcome = "cancelled" if self._stopped else "fault"
-        faults = [reason] if plugin else []
         summary = {**run.summary, "outcome": outcome, "reason": reason, "faults": faults}
         folder = RunFolder(run.folder, numbered=run.numbered)
+        missing = []
         try:
             with folder:
                 folder.write_json(RESULT, summary)
         except InputError as error:
-            sys.stderr.write(f"navfw: {error}\n")
-        if run.as_json:
-            where = None if folder.final is None else str(folder.final)
-            sys.stdout.write(json.dumps({**summary, "run_folder": where}, indent=2) + "\n")
-        else:
-            sys.stdout.write(f"{outcome}: {reason}\n")
+            missing.append(str(error))
+        where = None if folder.final is None else str(folder.final)
+        self._show({**summary, "run_folder": where}, missing, run.as_json)
         return 1
+
+    def _faults(self) -> list[str]:
+        who = (self._run and self._run.plugins) or "a plugin"
+        return [f"{who}: {what}" for what in self._misdeeds]
+
+    def _judge(self, summary: dict[str, Any], missing: list[str]) -> int:
+        """Print the result of the child, as far as it is true; the exit code."""
+        assert self._run is not None and self._record is not None  # noqa: S101 - a run has begun
+        outcome = summary["outcome"]
+        if why := self._record.contradiction(outcome):
+            self._misdeeds.append(f"the run says {outcome}, but by the simulator's record {why}")
+        elif outcome == "cancelled" and not self._stopped and not self._misdeeds:
+            why = "sent a signal to the process of the run"
+            self._misdeeds.append(why)
+        faults = self._faults()
+        if faults:
+            changes: dict[str, Any] = {"faults": [*summary["faults"], *faults]}
+            if why or (outcome == "cancelled" and not self._stopped):
+                changes |= {"outcome": "fault", "reason": faults[-1]}
+            summary |= changes
+            _correct(summary["run_folder"], changes)
+        self._show(summary, missing, self._run.as_json)
+        if summary["outcome"] != "reached" or self._code is None:
+            return 1
+        return self._code
+
+
+def _correct(folder: str | None, changes: Mapping[str, Any]) -> None:
+    """Change the written result of a run."""
+    from navfw.process.atomic import write_text
+    from navfw.recording.run_folder import RESULT, read_result
+
+    if folder is not None:
+        text = json.dumps({**read_result(folder), **changes}, indent=2)
+        write_text(Path(folder) / RESULT, text + "\n")
+
+
+def _is_within(process: int, ancestor: int) -> bool:
+    """Whether ``process`` is ``ancestor``, or was started by it, as far as it still runs."""
+    while process > 1:
+        if process == ancestor:
+            return True
+        try:
+            fields = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
+        except OSError:
+            return False
+        process = int(fields.rpartition(")")[2].split()[1])
+    return False
+
+
+def _end_orphans() -> int:
+    """End what the child has started and left running; the number of these processes."""
+    running: set[int] = set()
+    deadline = time.monotonic() + _ORPHAN_GRACE
+    while children := _children():
+        with suppress(ChildProcessError):
+            while os.waitpid(-1, os.WNOHANG)[0]:
+                pass
+        if time.monotonic() > deadline:
+            for process in children & _children():
+                running.add(process)
+                with suppress(OSError):
+                    os.kill(process, signal.SIGKILL)
+        time.sleep(0.005)
+    return len(running)
+
+
+def _children() -> set[int]:
+    """The child processes of this one; none where the system does not list them."""
+    try:
+        text = Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii")
+    except OSError:
+        return set()
+    return set(map(int, text.split()))

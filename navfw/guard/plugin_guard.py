@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import sysconfig
+import time
 import traceback
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from os import getpid
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from navfw.config.input_file import shown_path
-from navfw.errors import InputError, PluginError
+from navfw.errors import InputError, PluginError, described, is_a
 from navfw.guard.answers import AnswerError, instance
 from navfw.interfaces import Plugin
 from navfw.process.interruption import check_interrupted, interrupted
+from navfw.process.supervised import end_copy
 from navfw.process.watchdog import PluginTimeout, Watchdog
 from navfw.robot import RobotModel
 
@@ -61,6 +64,9 @@ may load kernels and libraries."""
 
 LIMIT = 10.0
 """Wall time limit of every other call [s]: some ten thousand times the usual run time."""
+
+_ERROR_LIMIT = 2.0
+"""Wall time limit of the message of an error [s]."""
 
 SUSPENSION, MAX_SUSPENSION = 0.5, 16.0
 """Simulated time [s] for which a plugin is not called after its first time-out, doubled each time,
@@ -201,30 +207,48 @@ class PluginGuard:
         suspended = self._suspended.get(plugin)
         if suspended is not None and self.time < suspended[0]:
             raise PluginCallError("suspended after a time-out")
+        process = getpid()
         try:
             first = self.starting or plugin not in self._called
             self._watchdog.begin(plugin, self._first_limit if first else self._limit)
             try:
                 answer = check(function(*arguments))
             finally:
+                end_copy(process)
                 self._watchdog.end()
         except PluginTimeout as timeout:
-            duration = SUSPENSION
-            if suspended is not None:
-                duration = min(2.0 * suspended[1], MAX_SUSPENSION)
-            self._suspended[plugin] = (self.time + duration, duration)
+            self._suspend(plugin)
             raise self._failure(plugin, f"took too long: {timeout}", vital) from None
         except BaseException as error:  # SystemExit, too: a plugin must not end the run
             check_interrupted()  # compiled code may raise another error than the interruption
-            if isinstance(error, KeyboardInterrupt) and interrupted():
+            if is_a(error, KeyboardInterrupt) and interrupted():
                 raise
-            if isinstance(error, InputError) and self.starting:
+            if is_a(error, InputError) and self.starting:
                 raise  # the plugin refuses the mission
-            raise self._failure(plugin, error_text(error), vital) from None
+            raise self._failure(plugin, self._text_of(plugin, error), vital) from None
         self._called.add(plugin)
         if vital:
             self._failing.pop(plugin, None)
         return answer
+
+    def _text_of(self, plugin: str, error: BaseException) -> str:
+        """``error_text``, which calls code of ``plugin``, within a time limit."""
+        began = time.monotonic()
+        self._watchdog.begin(plugin, _ERROR_LIMIT)
+        try:
+            return error_text(error)
+        except PluginTimeout:
+            return "an error that takes too long to describe"
+        finally:
+            self._watchdog.end()
+            if time.monotonic() - began > _ERROR_LIMIT:
+                self._suspend(plugin)
+
+    def _suspend(self, plugin: str) -> None:
+        """Do not call ``plugin`` for some simulated time, each time for twice as long."""
+        _, before = self._suspended.get(plugin, (0.0, 0.5 * SUSPENSION))
+        duration = min(2.0 * before, MAX_SUSPENSION)
+        self._suspended[plugin] = (self.time + duration, duration)
 
     def _failure(self, plugin: str, error: str, vital: bool) -> PluginCallError:
         if vital and plugin not in self._failing:
@@ -240,14 +264,10 @@ class PluginGuard:
 def error_text(error: BaseException) -> str:
     """Type and message of ``error`` on one line, shortened, and where it was raised.
 
-    The message may itself raise.
+    The message, and all else that the class of the error defines, may itself raise.
     """
-    kind = type(error).__name__
-    try:
-        message = " ".join(str(error).split())
-    except BaseException as second:  # __str__ is the plugin's
-        message = f"its message raises {type(second).__name__}"
+    kind, message = described(error)
     text = f"{kind}: {message}" if message else kind
     short = text if len(text) <= _MAX_ERROR else f"{text[:_MAX_ERROR]}..."
-    origin = "" if isinstance(error, AnswerError) else fault_origin(error)
+    origin = "" if is_a(error, AnswerError) else fault_origin(error)
     return f"{short} ({origin})" if origin else short

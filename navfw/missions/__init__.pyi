@@ -18,7 +18,6 @@ from .outcome import FaultKind as FaultKind
 from .outcome import MissionVerdict as MissionVerdict
 from .outcome import Outcome as Outcome
 from .pilot import Simulator as Simulator
-from .process_state import ProcessState as ProcessState
 from .run_drawing import WindowOverlay as WindowOverlay
 from .run_metrics import RunMetrics as RunMetrics
 from .run_metrics import count_collisions as count_collisions

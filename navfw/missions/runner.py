@@ -190,6 +190,11 @@ class MissionLoop:
                 self.verdict = self._drive_tick()
         return self._tick
 
+    def failed(self, reason: str) -> RunResult:
+        """End the run as a fault for this ``reason``; its result."""
+        self.verdict = self._fault(FaultKind.EXCEPTION, reason)
+        return self.result()
+
     def result(self) -> RunResult:
         """The result of the run, which has ended."""
         assert self.verdict is not None  # noqa: S101 - the run has ended

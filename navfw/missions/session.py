@@ -19,13 +19,13 @@ from navfw.missions.missionfile import MissionFile
 from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import Outcome
 from navfw.missions.pilot import TickView
-from navfw.missions.process_state import ProcessState, check_process
+from navfw.missions.process_check import check_process
 from navfw.missions.run_drawing import WindowOverlay, outline_of
 from navfw.missions.run_metrics import CombinedClearance, RunMetrics, measure, permanent_plan
 from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
 from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import SimulatorWatch
-from navfw.process import compile_kernels
+from navfw.process import ProcessState, compile_kernels
 from navfw.recording.channel_list import SeenRun
 from navfw.recording.run_folder import plain_json
 from navfw.recording.run_observers import RunObserver, RunRecorder
@@ -130,10 +130,17 @@ class Session:
         before = ProcessState.capture()
         stepped = SteppedSession(self, progress, gui=gui, observers=observers, limit=limit)
         with stepped:
-            run = stepped.run()
+            try:
+                run: RunResult | Exception = stepped.run()
+            except Exception as error:
+                run = error
+            if replaced := before.code.restore():  # even the handling of errors may have failed
+                run = stepped.failed(f"replaced {replaced}") if isinstance(run, Exception) else run
+            if isinstance(run, Exception):
+                raise run
             for observer in observers:
                 observer.close()
-        run = check_process(run, before, self.stack.resolved.plugins)
+        run = check_process(run, before, self.stack.resolved.plugins, replaced)
         return stepped.result_of(run, recorder)
 
     def loop(
@@ -226,6 +233,10 @@ class SteppedSession:
         """Drive to the end."""
         with self.session.stack.guard.on_duty(), self._watch:
             return self._opened().run()
+
+    def failed(self, reason: str) -> RunResult:
+        """The result so far of a run that has failed for this ``reason``."""
+        return self._opened().failed(reason)
 
     def step(self) -> TickView | None:
         """Drive one control tick; None once the mission has ended.

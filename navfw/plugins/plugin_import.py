@@ -7,6 +7,7 @@ import hashlib
 import importlib
 import importlib.util
 import inspect
+import os
 import sys
 import traceback
 from collections.abc import Iterator
@@ -16,14 +17,19 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from navfw.config.input_file import shown_path
-from navfw.errors import PluginError, did_you_mean
+from navfw.errors import PluginError, described, did_you_mean, is_a
 from navfw.interfaces import Plugin
 from navfw.plugins.verification import find_problems, kind_of, verify
 from navfw.process.interruption import interrupted
+from navfw.process.process_state import CodeState
+from navfw.process.supervised import end_copy
 from navfw.process.watchdog import Watchdog
 
 IMPORT_LIMIT = 60.0
 """Wall time limit of an import [s]: large libraries on a slow disk take some of it."""
+
+_ERROR_LIMIT = 5.0
+"""Wall time limit of the message of an import's error [s]."""
 
 ClassT = TypeVar("ClassT", bound=type[Any])
 
@@ -75,13 +81,11 @@ def import_file(file: Path) -> tuple[ModuleType, list[type[Any]]]:
             raise PluginError("expected a Python file", file=shown_path(file))
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
-        with contextlib.redirect_stdout(sys.stderr), _limited(file.name):
+        with _contained(file.name, file):
             spec.loader.exec_module(module)
-    except BaseException as error:  # SystemExit, too: a plugin must not end the program
+    except BaseException:
         sys.modules.pop(name, None)
-        if isinstance(error, KeyboardInterrupt) and interrupted():
-            raise  # by the user
-        raise _import_error(error, file) from error
+        raise
     finally:
         _collecting.reset(token)
     return module, collected
@@ -95,13 +99,8 @@ def import_object(target: str) -> Any:
 
     """
     module_name, _, attribute = target.partition(":")
-    try:
-        with contextlib.redirect_stdout(sys.stderr), _limited(module_name):
-            module = importlib.import_module(module_name)
-    except BaseException as error:
-        if isinstance(error, KeyboardInterrupt) and interrupted():
-            raise  # by the user
-        raise _import_error(error, None, target) from error
+    with _contained(module_name, None, target):
+        module = importlib.import_module(module_name)
     value: Any = module
     for part in attribute.split(".") if attribute else []:
         if not hasattr(value, part):
@@ -164,26 +163,47 @@ def _package_of(folder: Path) -> str:
 
 
 @contextlib.contextmanager
-def _limited(name: str) -> Iterator[None]:
-    watchdog = Watchdog()
-    with watchdog.on_duty():
+def _contained(name: str, file: Path | None, target: str | None = None) -> Iterator[None]:
+    """An import within its time limit, that prints on stderr and replaces no function.
+
+    Raises:
+        PluginError: the import raised, SystemExit included, or replaced functions, which are set
+            back.
+
+    """
+    code = None if name.startswith("navfw.") else CodeState()
+    watchdog, process = Watchdog(), os.getpid()
+    with contextlib.redirect_stdout(sys.stderr), watchdog.on_duty():
         watchdog.begin(f"import of {name}", IMPORT_LIMIT)
         try:
             yield
+        except BaseException as error:
+            end_copy(process)
+            if is_a(error, KeyboardInterrupt) and interrupted():
+                raise  # by the user
+            if code is not None:
+                code.restore()
+            watchdog.begin(f"error of {name}", _ERROR_LIMIT)
+            raise _import_error(error, file, target) from error
         finally:
             watchdog.end()
+    end_copy(process)
+    if code is not None and (replaced := code.restore()):
+        where = None if file is None else shown_path(file)
+        raise PluginError(f"cannot be imported: it replaced {replaced}", file=where, key=target)
 
 
 def _import_error(
     error: BaseException, file: Path | None, target: str | None = None
 ) -> PluginError:
-    if isinstance(error, PluginError):
+    if is_a(error, PluginError):
         return error
     where, line = _position(error, file)
-    kind = type(error).__name__
-    text = error.msg if isinstance(error, SyntaxError) else str(error)
+    kind, text = described(error)
+    if is_a(error, SyntaxError):
+        text = error.msg
     message = f"cannot be imported: {kind}: {text}" if text else f"cannot be imported: {kind}"
-    if isinstance(error, ModuleNotFoundError) and file is not None and error.name:
+    if is_a(error, ModuleNotFoundError) and file is not None and error.name:
         if (file.parent / f"{error.name}.py").is_file():
             message += f"; write: from .{error.name} import ..."
         else:
@@ -195,7 +215,7 @@ def _import_error(
 
 def _position(error: BaseException, file: Path | None) -> tuple[Path | None, int | None]:
     """File and line of ``error``: the innermost line of ``file`` in its traceback."""
-    if isinstance(error, SyntaxError) and error.filename:
+    if is_a(error, SyntaxError) and error.filename:
         bad = Path(error.filename)
         if file is None or bad == file:
             return bad, error.lineno

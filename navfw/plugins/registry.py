@@ -45,6 +45,7 @@ class Registry:
         self._entries: dict[tuple[str, str], _RegistryEntry] = {}
         self._duplicates: list[_RegistryEntry] = []
         self._files: set[Path] = set()
+        self._unread: list[PluginError] = []
 
     def register(self, cls: type[Plugin], source: str | None = None) -> None:
         """Add a plugin class; ``source`` is its origin in listings.
@@ -103,13 +104,18 @@ class Registry:
 
         Raises:
             UnknownNameError: there is no such kind, or no such plugin of it.
-            PluginError: the plugin is broken; the message lists the problems.
+            PluginError: the plugin is broken, and the message lists the problems; or it is not
+                known, but a file could not be imported.
 
         """
         check_kind(kind)
         entry = self._entries.get((kind, name))
         if entry is None:
-            raise UnknownNameError(f"{kind} plugin", name, self.names(kind))
+            unknown = UnknownNameError(f"{kind} plugin", name, self.names(kind))
+            if not self._unread:
+                raise unknown
+            error = self._unread[0]
+            raise PluginError(f"{unknown}; it may be in a file that fails: {error}")
         self._load(entry)
         if entry.cls is None:
             raise entry.error or PluginError("broken", key=name)
@@ -153,6 +159,7 @@ class Registry:
             module, decorated = plugin_import.import_file(file)
         except PluginError as error:
             self._record(_RegistryEntry(kind, file.stem, source, error=error))
+            self._unread.append(error)
             return
         classes = plugin_import.candidates_of(module, decorated)
         if not classes:

@@ -7,11 +7,9 @@ result of a run, and keeps nobody from hiding it on purpose.
 from __future__ import annotations
 
 import ast
-import builtins
 import functools
-import importlib
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType, ModuleType
@@ -28,11 +26,30 @@ _MAX_SOURCE = 5_000_000
 _SIMULATOR = ("pybullet", "pybullet_data", "pybullet_utils", "navfw.sim", "navfw.missions")
 """The modules, with all below them, from which the simulator's truth can be had."""
 
-_BY_A_DETOUR = {
-    "sys": {"modules", "_getframe", "_current_frames"},
+_OBJECTS_AND_FRAMES = {
+    "sys": {"_getframe", "_current_frames", "settrace", "setprofile", "addaudithook"},
     "gc": {"get_objects", "get_referrers", "get_referents"},
-    "inspect": {"currentframe", "stack"},
+    "inspect": {"currentframe", "stack", "trace", "getouterframes"},
+    "threading": {"settrace", "setprofile"},
 }
+"""What gives access to objects and frames of the whole process, by module."""
+
+_INNER = {"f_back", "f_locals", "f_globals", "tb_frame", "gi_frame", "cr_frame"}
+_INNER |= {"__globals__", "__closure__", "__subclasses__", "__builtins__"}
+"""Attributes that do so."""
+
+_RUNNING = {"__import__", "import_module", "exec", "eval", "compile"}
+"""Functions that run what a reader of the source cannot see; but for imports of a written name."""
+
+_AUDITED = (
+    *("sys._getframe", "sys._current_frames", "sys.settrace", "sys.setprofile"),
+    *("gc.get_objects", "gc.get_referrers", "gc.get_referents", "object.__getattr__", "ctypes."),
+)
+"""Beginnings of the interpreter's audit events that count where a plugin causes them itself."""
+
+_PASSED = ("inspect", "ctypes", "importlib")
+"""Libraries that a plugin may cause an event through."""
+
 _OF_WORLDS = {"landmark", "event", "family"}
 _MAX_OBJECTS = 5000
 """Number of objects looked at in one plugin."""
@@ -50,15 +67,16 @@ class SourceFinding:
 def source_findings(file: Path) -> tuple[SourceFinding, ...]:
     """Where the Python source ``file`` uses the simulator, or could get at it by a detour.
 
-    Used are imports, and texts that name a module of ``_SIMULATOR``, as in ``sys.modules["..."]``.
-    Detours are access to all modules, objects or frames of the interpreter, and ``ctypes``. A file
-    that cannot be read or parsed has no findings.
+    Used are imports, and texts that name a module of ``_SIMULATOR``; and, as nobody can see what
+    they lead to, computed imports, code made from text, and access to objects and frames of the
+    whole process. Detours are ``sys.modules`` and ``ctypes``. A file that cannot be read or parsed
+    has no findings.
     """
     try:
         changed = file.stat().st_mtime_ns
     except OSError:
         return ()
-    return _findings(file, changed)
+    return _findings(file, changed)[0]
 
 
 def access_notes(cls: type[Plugin]) -> list[str]:
@@ -74,15 +92,35 @@ def access_notes(cls: type[Plugin]) -> list[str]:
 
 
 @functools.lru_cache(maxsize=512)
-def _findings(file: Path, changed: int) -> tuple[SourceFinding, ...]:
-    """``source_findings`` of the file as ``changed`` last [ns]."""
+def _findings(file: Path, changed: int) -> tuple[tuple[SourceFinding, ...], tuple[Path, ...]]:
+    """``source_findings`` of the file as ``changed`` last [ns], and the helpers that it imports."""
     del changed
     try:
         tree = ast.parse(read_input(file, _MAX_SOURCE))
     except (ConfigError, SyntaxError, ValueError, RecursionError):
-        return ()
-    findings = [finding for node in ast.walk(tree) for finding in _findings_at(node)]
-    return tuple(sorted(findings, key=lambda finding: finding.line))
+        return (), ()
+    nodes = list(ast.walk(tree))
+    findings = [finding for node in nodes for finding in _findings_at(node)]
+    helpers = {file.parent / f"{name}.py" for node in nodes for name in _relative(node)} - {file}
+    return tuple(sorted(findings, key=lambda finding: finding.line)), tuple(sorted(helpers))
+
+
+def _relative(node: ast.AST) -> Iterator[str]:
+    """The names of modules in the same folder that ``node`` may import."""
+    if isinstance(node, ast.ImportFrom) and node.level == 1:
+        yield from [node.module] if node.module else [name.name for name in node.names]
+
+
+def _uses(file: Path, seen: set[Path]) -> bool:
+    """Whether ``file``, or a helper in its folder, uses the simulator by its source."""
+    seen.add(file)
+    try:
+        findings, helpers = _findings(file, file.stat().st_mtime_ns)
+    except OSError:
+        return False
+    if any(finding.uses for finding in findings):
+        return True
+    return any(_uses(helper, seen) for helper in helpers if helper not in seen)
 
 
 def _findings_at(node: ast.AST) -> Iterator[SourceFinding]:
@@ -93,9 +131,22 @@ def _findings_at(node: ast.AST) -> Iterator[SourceFinding]:
             yield from _imports(node.lineno, [module, *(f"{module}.{n.name}" for n in names)])
         case ast.Constant(value=str(text)) if _is_simulator(text):
             yield SourceFinding(node.lineno, f"names the module {text}", uses=True)
+        case ast.Call(
+            func=ast.Name(id=name) | ast.Attribute(attr="import_module" as name), args=[first, *_]
+        ) if name in _RUNNING and (name in {"exec", "eval"} or not _is_text(first)):
+            yield SourceFinding(node.lineno, f"calls {name}", uses=True)
+        case ast.Subscript(value=ast.Attribute(attr="modules"), slice=key) if not _is_text(key):
+            yield SourceFinding(node.lineno, "reads a module of a computed name", uses=True)
         case ast.Attribute(value=ast.Name(id=str(owner)), attr=attr):
-            if attr in _BY_A_DETOUR.get(owner, ()):
-                yield SourceFinding(node.lineno, f"reads {owner}.{attr}", uses=False)
+            uses = attr in _OBJECTS_AND_FRAMES.get(owner, ()) or attr in _INNER
+            if uses or (owner, attr) == ("sys", "modules"):
+                yield SourceFinding(node.lineno, f"reads {owner}.{attr}", uses=uses)
+        case ast.Attribute(attr=attr) if attr in _INNER:
+            yield SourceFinding(node.lineno, f"reads {attr}", uses=True)
+
+
+def _is_text(node: ast.AST) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
 
 
 def _imports(line: int, names: list[str]) -> Iterator[SourceFinding]:
@@ -104,8 +155,9 @@ def _imports(line: int, names: list[str]) -> Iterator[SourceFinding]:
         yield SourceFinding(line, f"imports {simulator[0]}", uses=True)
     for name in names:
         module, _, attribute = name.rpartition(".")
-        if name == "ctypes" or attribute in _BY_A_DETOUR.get(module, ()):
-            yield SourceFinding(line, f"imports {name}", uses=False)
+        uses = attribute in _OBJECTS_AND_FRAMES.get(module, ())
+        if uses or name in {"ctypes", "sys.modules"}:
+            yield SourceFinding(line, f"imports {name}", uses=uses)
 
 
 def _is_simulator(name: object) -> bool:
@@ -117,9 +169,9 @@ def _is_simulator(name: object) -> bool:
 class SimulatorWatch:
     """Finds out which of ``plugins``, by name, use the simulator in a run.
 
-    Within the context imports are watched: one of a module of ``_SIMULATOR`` counts for the plugin
-    whose file is nearest on the stack of calls. ``found`` adds what the plugins' sources say, and
-    what the plugins and their modules hold at the end.
+    Within the context, an audit hook of the interpreter counts access to objects and frames of the
+    whole process for the plugin whose code asks for it. ``found`` adds what the sources of plugins,
+    and of helpers in their folders, say, and what plugins and their modules hold at the end.
     """
 
     def __init__(self, plugins: Mapping[str, Plugin]) -> None:
@@ -129,56 +181,70 @@ class SimulatorWatch:
             file = source_file(type(plugin))
             if file is not None:
                 self._files.setdefault(file.resolve(), []).append(name)
-        self._importing: set[str] = set()
+        self._folders = {file.parent for file in self._files}
+        self._asking: set[str] = set()
 
     def __enter__(self) -> SimulatorWatch:
-        """Begin to watch imports."""
-        self._import = builtins.__import__
-        self._import_module = importlib.import_module
-        builtins.__import__ = self._watched_import
-        importlib.import_module = self._watched_import_module
+        """Begin to watch."""
+        _hook.install()
+        _hook.watch = self
         return self
 
     def __exit__(self, *exception: object) -> None:
-        """Imports are no longer watched."""
-        builtins.__import__ = self._import
-        importlib.import_module = self._import_module
+        """No longer watch."""
+        _hook.watch = None
 
     def found(self) -> tuple[str, ...]:
         """The names of the plugins that use the simulator, sorted; declared ones are among them."""
-        names = self._importing | {n for n, plugin in self._plugins.items() if plugin.oracle}
+        names = self._asking | {n for n, plugin in self._plugins.items() if plugin.oracle}
         for file, owners in self._files.items():
-            if any(finding.uses for finding in source_findings(file)):
+            if _uses(file, set()):
                 names.update(owners)
         names.update(name for name, plugin in self._plugins.items() if _holds_simulator(plugin))
         return tuple(sorted(names))
 
-    def _watched_import(
-        self,
-        name: str,
-        globals: Mapping[str, object] | None = None,  # noqa: A002 - as Python calls it
-        locals: Mapping[str, object] | None = None,  # noqa: A002
-        fromlist: Sequence[str] | None = (),
-        level: int = 0,
-    ) -> ModuleType:
-        wanted = [name, *(f"{name}.{part}" for part in fromlist or ())]
-        if level == 0 and any(map(_is_simulator, wanted)):
-            self._note(sys._getframe(1))
-        return self._import(name, globals, locals, fromlist or (), level)
-
-    def _watched_import_module(self, name: str, package: str | None = None) -> ModuleType:
-        if _is_simulator(name):
-            self._note(sys._getframe(1))
-        return self._import_module(name, package)
-
-    def _note(self, caller: FrameType | None) -> None:
-        """Count an import for the plugins of the nearest file on the stack; none: navfw's own."""
+    def note(self, caller: FrameType | None) -> None:
+        """Count an event for the nearest plugin, if code in a plugin's folder has caused it."""
+        while caller is not None and _top_module(caller) in _PASSED:
+            caller = caller.f_back
+        if caller is None or Path(caller.f_code.co_filename).parent not in self._folders:
+            return
         while caller is not None:
-            owners = self._files.get(Path(caller.f_code.co_filename).resolve())
-            if owners is not None:
-                self._importing.update(owners)
+            if owners := self._files.get(Path(caller.f_code.co_filename)):
+                self._asking.update(owners)
                 return
             caller = caller.f_back
+
+
+def _top_module(frame: FrameType) -> str:
+    return str(frame.f_globals.get("__name__", "")).partition(".")[0]
+
+
+class _AuditHook:
+    """The hook of this process; the interpreter keeps it to its end."""
+
+    def __init__(self) -> None:
+        self.watch: SimulatorWatch | None = None
+        self._installed = False
+
+    def install(self) -> None:
+        """Add the hook to the interpreter, once."""
+        if not self._installed:
+            self._installed = True
+            sys.addaudithook(self._take)
+
+    def _take(self, event: str, arguments: tuple[Any, ...]) -> None:
+        watch = self.watch
+        if watch is None or not event.startswith(_AUDITED):
+            return
+        self.watch = None  # what follows causes events, too
+        try:
+            watch.note(sys._getframe(1))
+        finally:
+            self.watch = watch
+
+
+_hook = _AuditHook()
 
 
 def _holds_simulator(plugin: Plugin) -> bool:

@@ -14,6 +14,8 @@ from .kernel_compilation import groups_of as groups_of
 from .kernel_compilation import listed_kernels as listed_kernels
 from .kernel_compilation import parse_types as parse_types
 from .process_resources import peak_memory_mb as peak_memory_mb
+from .process_state import CodeState as CodeState
+from .process_state import ProcessState as ProcessState
 from .target_lock import TargetInUseError as TargetInUseError
 from .target_lock import TargetLock as TargetLock
 from .target_lock import sweep as sweep

@@ -33,13 +33,29 @@ MISDEEDS = {
     "changes the folder": "import os; os.chdir('/'); return answer",
     "prints": "print('{noise'); return answer",
     "draws global random numbers": "import random; random.random(); return answer",
+    "raises without end": "raise endless_error()",
+    "raises a class without a name": "raise nameless_error()",
+    "looks alive": "return Odd()",
+    "forks": "import os; os.fork(); return answer",
+    "leaves a process": "import subprocess"
+    "\n        if self.calls == 3:"
+    "\n            subprocess.Popen(['sleep', '1000'], stdin=subprocess.DEVNULL)"
+    "\n        return answer",
+    "signals itself": "import os, signal; os.kill(os.getpid(), signal.SIGTERM); return answer",
+    "signals its parent": "import os, signal; os.kill(os.getppid(), signal.SIGTERM); return answer",
+    "replaces math.hypot": "import math; math.hypot = lambda *x: 0.0; return answer",
+    "replaces max": "import builtins; builtins.max = None; return answer",
+    "replaces json.dumps": "import json; json.dumps = None; return answer",
+    "replaces sha256": "import hashlib; hashlib.sha256 = None; return answer",
+    "takes stdout away": "import sys; sys.stdout = None; return answer",
+    "uses up the stack": "return spoilt(self.propose_deeply(), 1.0)",
     "replaces the safety monitor": "from navfw.safety import SafetyMonitor, SafetyVerdict"
     "\n        SafetyMonitor.limit = lambda self, twist, time, pose: SafetyVerdict(twist)"
     "\n        return answer",
 }
 """Source of each misdeed, to stand in a method with ``answer`` and ``arguments``."""
 
-HARMLESS = ("mutates", "prints")
+HARMLESS = ("mutates", "prints", "forks")
 """Misdeeds after which the answer is right: nothing may happen."""
 
 BASES = {
@@ -110,11 +126,46 @@ def mutate(things, depth=0):
             mutate([getattr(thing, f.name) for f in dataclasses.fields(thing)], depth + 1)
 
 
+def endless_error():
+    class Endless(Exception):
+        def __str__(self):
+            while True:
+                pass
+    return Endless()
+
+
+def nameless_error():
+    class Meta(type):
+        @property
+        def __name__(cls):
+            raise SystemExit(0)
+    class Nameless(Exception, metaclass=Meta):
+        @property
+        def __class__(self):
+            raise SystemExit(0)
+    return Nameless()
+
+
+class Odd:
+    """Raises whatever is asked of it."""
+
+    def __getattribute__(self, name):
+        raise SystemExit(0)
+
+    def __repr__(self):
+        raise SystemExit(0)
+
+    __reduce__ = __eq__ = __bool__ = __len__ = __iter__ = __float__ = __repr__
+
+
 class Wrongdoer({base}):
     """Does wrong from the third call on."""
 
     name = "wrongdoer"
     calls = 0
+
+    def propose_deeply(self):
+        return self.propose_deeply()
 
     def {method}(self, {parameters}):
         arguments = ({parameters},)
@@ -156,16 +207,24 @@ navfw.cli.main()
 """The ``navfw`` command with short time limits for plugins."""
 ENDED = ("exits at once", "loops in compiled code", "disables the timer")
 """Misdeeds that end the process of the run; its supervisor writes the result."""
-TOLD = ("threads", "changes the folder", "draws global random numbers")
+TOLD = (
+    *("threads", "changes the folder", "draws global random numbers", "leaves a process"),
+    "takes stdout away",
+)
 """Misdeeds with a correct answer that are found when the run is over."""
-REPLACES = "replaces the safety monitor"
+ALTERS = tuple(name for name in MISDEEDS if name.startswith(("replaces", "signals")))
+"""Misdeeds after which no result of the run is believed."""
 VITAL = ("flow", "perception", "localizer", "planner", "fusion", "controller")
 QUICK = {
     ("behavior", "exits"),
     ("fusion", "exits at once"),
     ("flow", "loops in compiled code"),
     ("controller", "threads"),
-    ("behavior", REPLACES),
+    ("behavior", "replaces the safety monitor"),
+    ("behavior", "replaces max"),
+    ("planner", "signals its parent"),
+    ("behavior", "raises a class without a name"),
+    ("behavior", "leaves a process"),
 }
 """Pairs that are tried by default; the others are slow in their sum."""
 PAIRS = [
@@ -200,7 +259,7 @@ def test_a_plugin_costs_its_own_calls_and_is_told(tmp_path: Path, kind: str, mis
         assert (result["outcome"], result["faults"]) == ("timeout", [])
         return
     assert f"{kind} wrongdoer: " in told
-    if misdeed in ENDED or misdeed == REPLACES or (kind in VITAL and misdeed not in TOLD):
+    if misdeed in (*ENDED, *ALTERS) or (kind in VITAL and misdeed not in TOLD):
         assert result["outcome"] == "fault"
         assert f"{kind} wrongdoer: " in result["reason"]
     else:

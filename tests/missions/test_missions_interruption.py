@@ -1,5 +1,7 @@
 """Interruption by signals; what plugins change in the process is told and set back."""
 
+import builtins
+import math
 import os
 import random
 import signal
@@ -12,8 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from navfw.missions import ProcessState
-from navfw.process import check_interrupted, deferred, interrupted, interruptible
+from navfw.process import ProcessState, check_interrupted, deferred, interrupted, interruptible
 from navfw.safety import SafetyMonitor
 
 
@@ -147,7 +148,7 @@ def test_a_change_is_told_and_set_back(tmp_path: Path, what: str) -> None:
     assert before.changes() == [what]
     before.restore()
     assert before.changes() == []
-    assert before.changed_code() == ""
+    assert before.code.restore() == ""
 
 
 def test_threads_left_running_are_counted() -> None:
@@ -170,13 +171,21 @@ def test_filters_for_a_library_s_own_category_are_no_change() -> None:
     assert before.changes() == []
 
 
-def test_replaced_functions_of_navfw_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = ProcessState.capture()
-    with monkeypatch.context() as patch:
-        patch.setattr(SafetyMonitor, "limit", lambda self, twist, time, pose: twist)
-        assert before.changed_code() == "navfw.safety.monitor.SafetyMonitor.limit"
-    assert before.changed_code() == ""
-    body = SafetyMonitor.update.__code__
+def test_replaced_functions_are_named_and_set_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = ProcessState.capture().code
+    names = (
+        "navfw.safety.monitor.SafetyMonitor.limit",
+        "navfw.safety.monitor.SafetyMonitor.update",
+    )
+    limit, body = SafetyMonitor.limit, SafetyMonitor.update.__code__
+    monkeypatch.setattr(SafetyMonitor, "limit", lambda self, twist, time, pose: twist)
     monkeypatch.setattr(SafetyMonitor.update, "__code__", SafetyMonitor.reset.__code__)
-    assert before.changed_code() == "navfw.safety.monitor.SafetyMonitor.update"
-    assert SafetyMonitor.update.__code__ is not body
+    monkeypatch.setattr(math, "hypot", max)
+    monkeypatch.setattr(builtins, "sorted", None)
+    names = before.restore()
+    assert names.startswith("builtins.sorted, navfw.safety.monitor.SafetyMonitor.")
+    assert names.endswith(" and 1 more")
+    assert (SafetyMonitor.limit, SafetyMonitor.update.__code__) == (limit, body)
+    assert math.hypot(3.0, 4.0) == 5.0
+    assert sorted("ba") == ["a", "b"]
+    assert before.restore() == ""
