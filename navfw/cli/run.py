@@ -105,6 +105,8 @@ def run(
 ) -> None:
     """Drive a mission. Exit with 0 for success, 1 for failure, 2 for invalid input.
 
+    A plugin that fails in more than a tenth of its calls, or changes the process, is a failure.
+
     Exit with 3 if a file of the run folder could not be written; the result is printed anyway.
     """
     _run(
@@ -171,7 +173,7 @@ def _run(request: _Request) -> NoReturn:
             send_result(summary, missing)
         else:
             show_result(summary, missing, request.json)
-        raise typer.Exit(_NOT_SAVED if missing else result.outcome.exit_code)
+        raise typer.Exit(_NOT_SAVED if missing else result.exit_code)
 
 
 def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ...]]:
@@ -293,14 +295,17 @@ def _report_missing(missing: Sequence[str], folder: str | None) -> None:
 
 
 def _print_result(summary: Mapping[str, Any]) -> None:
-    good = summary["outcome"] == "reached"
+    objections = summary["objections"]
+    good = summary["outcome"] == "reached" and not objections
     leader = f" (leading behaviour {summary['behavior']})" if summary["behavior"] else ""
     screen = console()
     screen.print(
         f"[bold {'green' if good else 'red'}]{summary['outcome']}[/] after"
         f" {summary['sim_time_s']:.1f} s",
-        end=": ",
+        end=", but " if objections else ": ",
     )
+    if objections:
+        screen.print("; ".join(objections), markup=False, soft_wrap=True, end=": ")
     screen.print(f"{summary['reason']}{leader}", markup=False)
     count = summary["collisions"]
     collisions = f"{count or 'no'} collision{'' if count == 1 else 's'}"

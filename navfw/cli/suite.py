@@ -204,7 +204,7 @@ def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
     if died := summary["died"]:
         typer.echo(f"{died} {'run' if died == 1 else 'runs'} died; --resume runs them again")
     if faults := summary["plugin_faults"]:
-        typer.echo(f"plugins failed in ways that no entry injects ({faults}); see plugin_faults")
+        typer.echo(f"plugins failed often, or changed the process ({faults}); see plugin_faults")
 
 
 def _print_table(done: SuiteResult, table: Path) -> None:

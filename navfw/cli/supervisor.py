@@ -325,13 +325,16 @@ class _Supervisor:
             self._misdeeds.append(why)
         faults = self._faults()
         if faults:
-            changes: dict[str, Any] = {"faults": [*summary["faults"], *faults]}
+            changes: dict[str, Any] = {
+                "faults": [*summary["faults"], *faults],
+                "objections": [*summary["objections"], *faults],
+            }
             if why or (outcome == "cancelled" and not self._stopped):
                 changes |= {"outcome": "fault", "reason": faults[-1]}
             summary |= changes
             _correct(summary["run_folder"], changes)
         self._show(summary, missing, self._run.as_json)
-        if summary["outcome"] != "reached" or self._code is None:
+        if summary["outcome"] != "reached" or summary["objections"] or self._code is None:
             return 1
         return self._code
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sysconfig
 import time
 import traceback
+from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
@@ -71,6 +72,9 @@ _ERROR_LIMIT = 2.0
 SUSPENSION, MAX_SUSPENSION = 0.5, 16.0
 """Simulated time [s] for which a plugin is not called after its first time-out, doubled each time,
 and its bound."""
+
+MAX_FAILURE_RATE = 0.1
+"""Share of its calls in which a plugin may fail before that counts against the run."""
 
 _MAX_ERROR = 300
 """Length of the error of a fault [characters]."""
@@ -144,7 +148,8 @@ class PluginGuard:
         """Back to the start of a run: no faults, nothing suspended."""
         self.time = 0.0
         self.starting = True
-        self._called: set[str] = set()
+        self._answered: Counter[str] = Counter()
+        self._failed: Counter[str] = Counter()
         self._suspended: dict[str, tuple[float, float]] = {}
         self._faults: dict[tuple[str, str], PluginFault] = {}
         self._failing: dict[str, FailingStage] = {}
@@ -162,6 +167,16 @@ class PluginGuard:
     def faults(self) -> tuple[PluginFault, ...]:
         """Errors of plugins in this run, each kind of error once, oldest first."""
         return tuple(self._faults.values())
+
+    @property
+    def unreliable(self) -> Mapping[str, str]:
+        """The plugins that failed in more than a tenth of their calls, and in how many of them."""
+        calls = {plugin: failed + self._answered[plugin] for plugin, failed in self._failed.items()}
+        return {
+            plugin: f"{plugin} failed in {self._failed[plugin]} of {count} calls"
+            for plugin, count in calls.items()
+            if self._failed[plugin] > MAX_FAILURE_RATE * count
+        }
 
     @property
     def failing(self) -> Mapping[str, FailingStage]:
@@ -206,10 +221,11 @@ class PluginGuard:
         """
         suspended = self._suspended.get(plugin)
         if suspended is not None and self.time < suspended[0]:
+            self._failed[plugin] += 1
             raise PluginCallError("suspended after a time-out")
         process = getpid()
         try:
-            first = self.starting or plugin not in self._called
+            first = self.starting or not self._answered[plugin]
             self._watchdog.begin(plugin, self._first_limit if first else self._limit)
             try:
                 answer = check(function(*arguments))
@@ -226,7 +242,7 @@ class PluginGuard:
             if is_a(error, InputError) and self.starting:
                 raise  # the plugin refuses the mission
             raise self._failure(plugin, self._text_of(plugin, error), vital) from None
-        self._called.add(plugin)
+        self._answered[plugin] += 1
         if vital:
             self._failing.pop(plugin, None)
         return answer
@@ -251,6 +267,7 @@ class PluginGuard:
         self._suspended[plugin] = (self.time + duration, duration)
 
     def _failure(self, plugin: str, error: str, vital: bool) -> PluginCallError:
+        self._failed[plugin] += 1
         if vital and plugin not in self._failing:
             self._failing[plugin] = FailingStage(plugin, self.time, error)
         fault = self._faults.get((plugin, error))

@@ -36,7 +36,9 @@ def check_process(
             verdict, outcome=Outcome.FAULT, reason=faults[-1], fault=FaultKind.CODE_REPLACED
         )
     before.restore()
-    return replace(run, verdict=verdict, faults=(*run.faults, *faults))
+    return replace(
+        run, verdict=verdict, faults=(*run.faults, *faults), process_faults=tuple(faults)
+    )
 
 
 def _ships(cls: type[Plugin]) -> bool:

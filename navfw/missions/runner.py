@@ -95,8 +95,8 @@ class Progress:
 class RunResult:
     """The result of a run.
 
-    ``faults`` are faults of plugins that the stack contained. ``events`` are the mission's events
-    that happened.
+    ``faults`` are faults of plugins that the stack contained; ``process_faults`` those among them
+    that are changes of the process. ``events`` are the mission's events that happened.
     """
 
     verdict: MissionVerdict
@@ -105,6 +105,7 @@ class RunResult:
     wall_time: float
     faults: tuple[str, ...]
     events: tuple[EventRecord, ...] = ()
+    process_faults: tuple[str, ...] = ()
 
     @property
     def real_time_factor(self) -> float:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -279,7 +279,12 @@ class SteppedSession:
         """The result of the whole ``run``, after the context has ended."""
         oracles = self._watch.found()
         return MissionResult(
-            self.session, run, recorder=recorder, oracle_plugins=oracles, **self._of_simulator
+            self.session,
+            run,
+            recorder=recorder,
+            oracle_plugins=oracles,
+            unreliable=self.session.stack.guard.unreliable,
+            **self._of_simulator,
         )
 
     def _opened(self) -> MissionLoop:
@@ -297,6 +302,7 @@ class MissionResult:
     "robot" for any other collision, None without one. ``movers`` has the positions of the world's
     movers over time, ``changes`` the solids that existed for a part of the run only.
     ``oracle_plugins`` names the plugins that used the simulator's truth, declared or found out.
+    ``unreliable`` are those that failed in more than a tenth of their calls (``PluginGuard``).
     """
 
     session: Session
@@ -307,6 +313,7 @@ class MissionResult:
     movers: WalkerTrack | None = None
     changes: ChangeTrack | None = None
     oracle_plugins: tuple[str, ...] = ()
+    unreliable: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def outcome(self) -> Outcome:
@@ -321,9 +328,28 @@ class MissionResult:
     @property
     def uninvited_faults(self) -> list[str]:
         """The faults of plugins that the mission's events did not inject."""
+        return [fault for fault in self.run.faults if not fault.startswith(self._injected)]
+
+    @property
+    def objections(self) -> list[str]:
+        """What plugins did that counts against the run, whatever its outcome.
+
+        Which failed in more than a tenth of their calls, and what they changed in the process; not
+        what the mission's events injected.
+        """
+        failed = [t for name, t in self.unreliable.items() if f"{name}: " not in self._injected]
+        return [*failed, *self.run.process_faults]
+
+    @property
+    def exit_code(self) -> int:
+        """That of ``navfw run``: 0 for an accomplished mission without objections, else 1."""
+        return 1 if self.objections else self.outcome.exit_code
+
+    @property
+    def _injected(self) -> tuple[str, ...]:
+        """Beginnings of the faults that the mission's events injected."""
         events = self.session.events
-        injected = tuple(f"behavior {event.behavior}: " for event in events if event.behavior)
-        return [fault for fault in self.run.faults if not fault.startswith(injected)]
+        return tuple(f"behavior {event.behavior}: " for event in events if event.behavior)
 
     @cached_property
     def metrics(self) -> RunMetrics:
@@ -367,5 +393,6 @@ class MissionResult:
             "oracle": self.session.stack.resolved.settings.oracle or bool(self.oracle_plugins),
             "oracle_plugins": list(self.oracle_plugins),
             "faults": run.faults,
+            "objections": self.objections,
             "events": [event.as_data() for event in run.events],
         }

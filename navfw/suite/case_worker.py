@@ -73,7 +73,7 @@ def _row_of(case: Case, result: MissionResult) -> RunRow:
     return RunRow(
         **columns,
         hazards=", ".join(result.session.world.hazards),
-        plugin_faults=len(result.uninvited_faults),
+        plugin_faults=len(result.objections),
         cause=_cause(result),
         sct=sct(good, time, shortest, spec.robot.max_v),
         barn_score=barn_score(good, result.metrics.traversal_s, spec.success.reference or shortest),

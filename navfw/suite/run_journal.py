@@ -64,7 +64,7 @@ class RunRow:
     body that moved into the other: "robot" or "mover". ``picture`` is a file beside the table.
     ``variant`` is empty in suites without variants, ``hazards`` where worlds list none; their
     tables have no such column. Hazards are separated by commas.
-    ``plugin_faults`` is the number of kinds of plugin faults beside the injected ones. ``attempts``
+    ``plugin_faults`` is the number of objections (``MissionResult.objections``). ``attempts``
     is the number of processes that the run took: 2 if the first one died. ``cpu_time_s`` is the
     processor time of the whole run, with its world, checks and picture, ``memory_mb`` the largest
     resident memory [MB] of the process since its start. Those of the localisation are explained at

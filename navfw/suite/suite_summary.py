@@ -29,7 +29,7 @@ def summarize(rows: Sequence[RunRow], expect: Mapping[str, Expect] | None = None
     means over all runs, 0 for failures. ``collisions`` is the number of collisions,
     ``collision_rate`` the share of runs with one, ``collisions_by_robot`` the number of runs in
     which the robot moved into the object, ``died`` the number of runs whose process ended without a
-    result, ``plugin_faults`` the number of kinds of plugin faults, summed over the runs.
+    result, ``plugin_faults`` the number of objections to the runs.
     ``mean_time_s`` is over the successful runs, ``cpu_time_s`` a mean, ``memory_mb`` the largest.
     Numbers that no run has are None. With more than one stack, ``by_stack`` has the summary of
     each, and ``by_hazard`` that of the runs in worlds with each hazard. Entries in ``expect`` have

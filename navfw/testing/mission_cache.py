@@ -74,10 +74,10 @@ class DrivenRun:
 
     ``stack`` is the name of the stack that drove; ``stack_named`` tells whether the mission names
     one. ``faults`` are those of plugins, each with file and line, that the mission's events did not
-    inject; a test fails of them unless its marker says ``allow_faults=True``. ``behaviors`` are the
-    names of all behaviours of the stack, ``places`` x, y [m] of the map's places by name.
-    ``explanation`` is that of the last command (``Stack.explain``). ``log`` has one row per control
-    tick.
+    inject; a test fails of ``objections`` unless its marker says ``allow_faults=True``.
+    ``behaviors`` are the names of all behaviours of the stack, ``places`` x, y [m] of the map's
+    places by name. ``explanation`` is that of the last command (``Stack.explain``). ``log`` has one
+    row per control tick.
     """
 
     world: str
@@ -87,6 +87,7 @@ class DrivenRun:
     verdict: MissionVerdict
     metrics: RunMetrics
     faults: tuple[str, ...]
+    objections: tuple[str, ...]
     events: tuple[EventRecord, ...]
     behaviors: tuple[str, ...]
     places: Mapping[str, tuple[float, float]]
@@ -106,6 +107,7 @@ class DrivenRun:
             verdict=result.run.verdict,
             metrics=result.metrics,
             faults=tuple(result.uninvited_faults),
+            objections=tuple(result.objections),
             events=result.run.events,
             behaviors=tuple(session.stack.mofis.behaviors),
             places={place.name: (place.x, place.y) for place in places},

@@ -305,8 +305,8 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
     """Fail a test in whose mission a plugin faulted, unless its marker allows it."""
     yield
     run = item.stash.get(_RUN, None)
-    if run is not None and run.faults and not run.case.allow_faults:
-        faults = "\n".join(f"  {fault}" for fault in run.faults)
+    if run is not None and run.objections and not run.case.allow_faults:
+        faults = "\n".join(f"  {fault}" for fault in (*run.objections, *run.faults))
         what = (
             f"a plugin faulted; @pytest.mark.mission(..., allow_faults=True) allows it:\n{faults}"
         )

@@ -279,6 +279,7 @@ def run() -> MissionRun:
         verdict=MissionVerdict(Outcome.REACHED, "stopped 0.1 m from b", "turn", 60, 6.0),
         metrics=metrics,
         faults=(),
+        objections=(),
         events=(),
         behaviors=("go", "turn", "avoid"),
         places={"a": (0.0, 0.0), "b": (2.0, 0.0), "c": (4.0, 0.3), "far": (9.0, 0.0)},
