@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -33,7 +34,8 @@ def check(
 ) -> None:
     """Check files and plugins without driving. Exit with 2 if one is wrong; all errors are listed.
 
-    Missions are checked with world, map and stack; rule bases must cover their inputs.
+    Missions are checked with world, map, stack and route; rule bases must cover their inputs;
+    behaviours and composites are tried in many scenes.
     """
     with quiet_stdout():
         checked = list(_checked(paths or [_project()]))
@@ -44,9 +46,11 @@ def check(
         for row in checked:
             for note in row["notes"]:
                 typer.echo(f"note: {note}")
-        for row in checked:
-            if row["error"] is not None:
-                typer.echo(row["error"])
+        for cause, sources in _causes(checked).items():
+            typer.echo(cause)
+            if others := [source for source in sources if not cause.startswith(source)]:
+                using = "1 file that uses" if len(others) == 1 else f"{len(others)} files that use"
+                typer.echo(f"    also: {using} it: {', '.join(others)}")
         typer.echo(f"{len(checked)} checked, {wrong} wrong")
     if wrong:
         raise typer.Exit(2)
@@ -99,10 +103,39 @@ def _checked(paths: list[Path]) -> Iterator[Checked]:
         registry.discover_folder(folder)
     for row in registry.listing():
         if Path(row["source"]).resolve() in plugins:
-            yield {key: row[key] for key in ("name", "kind", "source", "notes", "error")}
+            error = row["error"] or _tried(row, registry)
+            yield {key: row[key] for key in ("name", "kind", "source", "notes")} | {"error": error}
     for file in (*files, *(file for folder in folders for file in data_files(folder))):
         if file.suffix != ".py":
             yield _check_data_file(file, registry)
+
+
+def _tried(row: Checked, registry: Registry) -> str | None:
+    """What is wrong with the answers of a behaviour or composite; None for nothing."""
+    from navfw.errors import PluginError
+    from navfw.interfaces import Behavior, Composite
+    from navfw.testing import check_behavior, check_composite
+
+    cls = registry.get(row["kind"], row["name"])
+    if any(info.is_required() for info in cls.Params.model_fields.values()):
+        return None  # a stack has to give its parameters
+    try:
+        if issubclass(cls, Behavior):
+            check_behavior(cls, budget=math.inf)
+        elif issubclass(cls, Composite):
+            check_composite(cls)
+    except PluginError as error:
+        return str(error)
+    return None
+
+
+def _causes(checked: list[Checked]) -> dict[str, list[str]]:
+    """The files of each error: several files may use one that is wrong."""
+    causes: dict[str, list[str]] = {}
+    for row in checked:
+        if row["error"] is not None:
+            causes.setdefault(row["error"], []).append(row["source"])
+    return causes
 
 
 def _check_data_file(file: Path, registry: Registry) -> Checked:

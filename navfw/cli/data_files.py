@@ -82,9 +82,9 @@ def check_mission(path: Path, registry: Registry) -> None:
 
     folder = path.absolute().parents[1]
     if (folder / "world.yaml").is_file():
-        prepare(folder, path.absolute(), registry=registry)
+        prepare(folder, path.absolute(), registry=registry).check_start()
     elif path.absolute().parent.name == "missions" and folder.parent.name == "worlds":
-        prepare(folder.name, path.absolute(), registry=registry)  # of a shipped world
+        prepare(folder.name, path.absolute(), registry=registry).check_start()  # a shipped world
     else:
         load_mission(path)
 

@@ -13,7 +13,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
-from navfw.errors import InputError
+import numpy as np
+
+from navfw.errors import InputError, PluginError
+from navfw.guard import PluginCallError
 from navfw.missions.mission_events import Event, EventClock, EventTarget
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.oracle import plugins_of, reveal
@@ -29,6 +32,7 @@ from navfw.process import ProcessState, compile_kernels
 from navfw.recording.channel_list import SeenRun
 from navfw.recording.run_folder import plain_json
 from navfw.recording.run_observers import RunObserver, RunRecorder
+from navfw.signals import Belief
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.simulation import Simulation
 from navfw.sim.walkers import WalkerTrack
@@ -90,6 +94,23 @@ class Session:
             "seed": str(self.seed),
             "config": json.dumps(plain_json(self.config)),
         }
+
+    def check_start(self) -> None:
+        """Let the stack begin the mission, as at the first tick, and plan the way to its goals.
+
+        Raises:
+            InputError: the stack refuses the mission: the map has no way, a plugin fails.
+
+        """
+        known = self.mission.start_known
+        pose = self.mission.start
+        try:
+            self.stack.start(pose if known else None, self.mission.goals)
+            if known:
+                with self.stack.guard.on_duty():
+                    self.stack.planner.update(Belief(0.0, pose, np.zeros((3, 3))))
+        except PluginCallError as error:
+            raise PluginError(str(error)) from None
 
     def simulation(self, gui: bool = False) -> Simulation:
         """The simulator, the robot at the start; a stack with ``oracle: true`` gets its truth."""

@@ -6,19 +6,22 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from statistics import median
 from typing import TypeVar
 
 import numpy as np
 
+from navfw.config.input_file import shown_path
 from navfw.context import Context
-from navfw.errors import PluginError
+from navfw.errors import PluginError, is_a
 from navfw.interfaces import Behavior, Composite, Plugin
 from navfw.plugins.verification import source_file, verify
+from navfw.process import PluginTimeout, Watchdog, interrupted
 from navfw.recording.run_folder import plain_json
 from navfw.robot import RobotModel
-from navfw.signals import Proposal
+from navfw.signals import Pose, Proposal
 from navfw.testing.behavior_scenes import SCENES, contexts_of
 
 PluginT = TypeVar("PluginT", bound=Plugin)
@@ -26,6 +29,20 @@ PluginT = TypeVar("PluginT", bound=Plugin)
 _BUDGET = 0.05
 """Largest median computing time [s] of a proposal: half of a camera period."""
 
+_TIME = 60.0
+"""Wall time limit of all scenes [s]."""
+
+_ELSEWHERE = Pose(5.0, -3.0, 2.0)
+_TO_TURN = ("no waypoint", "goal on the left", "goal behind")
+"""Scenes in which left and right are not alike."""
+
+_SAME = 0.01
+"""Largest difference of degrees that counts as none."""
+
+_FRAMES = (
+    "its proposals change when robot and waypoint are moved and turned together: waypoint.x and"
+    " waypoint.y are in the map; context.waypoint_local is the waypoint as seen from the robot"
+)
 _LIMIT = 12
 """Largest number of problems listed in an error."""
 
@@ -42,8 +59,9 @@ def check_behavior(
     Checked besides the verification at registration: every parameter has a description; the
     behaviour can be built with ``params``, or its defaults; in each scene of
     ``navfw.testing.behavior_scenes`` it returns a valid proposal, gives a reason of one line and an
-    explanation in plain data; its proposals are the same in a new instance and after ``reset()``;
-    and its median computing time is at most ``budget`` [s].
+    explanation in plain data; its proposals are the same in a new instance and after ``reset()``,
+    and wherever robot and waypoint stand in the map, if they do not depend on the place; and its
+    median computing time is at most ``budget`` [s].
 
     >>> def test_my_behavior():
     ...     check_behavior(MyBehavior)
@@ -54,6 +72,8 @@ def check_behavior(
     """
     durations: list[float] = []
     problems = _problems(cls, params, robot, "proposals", partial(_propose, durations=durations))
+    if not problems and _reads_map_as_robot(cls(robot or RobotModel(), params)):
+        problems.append(_FRAMES)
     if durations and median(durations) > budget:
         usual = 1e3 * median(durations)
         problems.append(
@@ -84,12 +104,13 @@ def check_composite(
 def _raise_if_any(cls: type[Plugin], kind: str, problems: Sequence[str]) -> None:
     if not problems:
         return
+    file = source_file(cls)
     listed = "".join(f"\n- {problem}" for problem in problems[:_LIMIT])
     more = len(problems) - _LIMIT
     rest = f"\n- and {more} more" if more > 0 else ""
     raise PluginError(
         f"does not keep the contract of a {kind}:{listed}{rest}",
-        file=source_file(cls),
+        file=None if file is None else shown_path(file),
         key=f"class {cls.__qualname__}",
     )
 
@@ -104,6 +125,28 @@ def _problems(
     """Problems of a plugin; ``run`` gives those in the contexts of a scene, and its ``answers``."""
     verify(cls)
     robot = robot or RobotModel()
+    watchdog = Watchdog()
+    with watchdog.on_duty():
+        watchdog.begin(f"check of {cls.name}", _TIME)
+        try:
+            return _problems_in_scenes(cls, params, robot, answers, run)
+        except PluginTimeout as error:
+            return [f"{cls.__name__} gave no answer: {error}"]
+        except (SystemExit, KeyboardInterrupt) as error:
+            if is_a(error, KeyboardInterrupt) and interrupted():
+                raise  # by the user
+            return [f"{cls.__name__} raised {type(error).__name__}"]
+        finally:
+            watchdog.end()
+
+
+def _problems_in_scenes(
+    cls: type[PluginT],
+    params: Plugin.Params | None,
+    robot: RobotModel,
+    answers: str,
+    run: Callable[[PluginT, Sequence[Context]], tuple[list[str], object]],
+) -> list[str]:
     problems = [
         f"Params.{name} has no description: Field(description=...), with its unit"
         for name, info in cls.Params.model_fields.items()
@@ -113,6 +156,7 @@ def _problems(
         plugin, other = cls(robot, params), cls(robot, params)
     except Exception as error:  # the class may do anything
         return [*problems, f"{cls.__name__}(robot, params) raised {_message(error)}"]
+    scenes: dict[str, list[str]] = {}
     for scene in SCENES:
         contexts = contexts_of(scene, robot)
         wrong, first = run(plugin, contexts)
@@ -126,8 +170,32 @@ def _problems(
                 )
                 if run(again, contexts)[1] != first
             ]
-        problems += [f"in the scene {scene.name!r} {what}" for what in wrong]
+        for what in wrong:
+            scenes.setdefault(what, []).append(scene.name)
+    for what, names in scenes.items():
+        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        problems.append(f"in the scene {names[0]!r}{more} {what}")
     return problems
+
+
+def _reads_map_as_robot(behavior: Behavior) -> bool:
+    """Whether proposals change when robot and waypoint are moved and turned together.
+
+    A behaviour that depends on its place in the map also does so without a waypoint: it may.
+    """
+    changed = {True: False, False: False}
+    for scene in (scene for scene in SCENES if scene.name in _TO_TURN):
+        blind = replace(scene, perceives=False)  # the cells of the local map lie elsewhere
+        layers = []
+        for start in (Pose(0.0, 0.0, 0.0), _ELSEWHERE):
+            behavior.reset()
+            proposals = [behavior.propose(c) for c in contexts_of(blind, behavior.robot, start)]
+            layers.append(
+                np.array([(p.applicability * p.desirability, p.prohibition) for p in proposals])
+            )
+        if not np.allclose(layers[0], layers[1], atol=_SAME):
+            changed[scene.waypoint is not None] = True
+    return changed[True] and not changed[False]
 
 
 def _weigh(

@@ -42,6 +42,9 @@ _GRID = (12, 16)
 """Rows and columns of the flow field."""
 
 
+_ORIGIN = Pose(0.0, 0.0, 0.0)
+
+
 @dataclass(frozen=True, slots=True)
 class BehaviorScene:
     """A drive of ``ticks`` frames at constant ``twist``, from the origin along x.
@@ -82,13 +85,18 @@ SCENES: tuple[BehaviorScene, ...] = (
 """The scenes in which ``check_behavior`` runs a behaviour."""
 
 
-def contexts_of(scene: BehaviorScene, robot: RobotModel | None = None) -> list[Context]:
-    """The context of every frame of ``scene``, as MOFIS passes it to its behaviours."""
+def contexts_of(
+    scene: BehaviorScene, robot: RobotModel | None = None, start: Pose = _ORIGIN
+) -> list[Context]:
+    """The context of every frame of ``scene``, as MOFIS passes it to its behaviours.
+
+    The robot begins at ``start`` in the map; where that is, changes nothing for the robot.
+    """
     robot = robot or RobotModel()
     local_map = LocalMap(robot)
     mofis = Mofis(robot, {}, _Scripted(robot, scene.twist), CommandGrid(robot), local_map)
     offis = Offis(robot)
-    pose = Pose(0.0, 0.0, 0.0)
+    pose = _ORIGIN
     twist = scene.twist if scene.moves else Twist(0.0, 0.0)
     flow: FlowField | None = None
     percept: Percept | None = None
@@ -104,9 +112,9 @@ def contexts_of(scene: BehaviorScene, robot: RobotModel | None = None) -> list[C
             flow = wall_flow(robot, time, *walls)
             percepts = [offis.perceive(flow, twist)]
             percept = percepts[0] if percepts[0].sees_depth else percept
-        belief = Belief(time, pose, np.zeros((3, 3)))
-        local_map.update(odometry, percepts, None, pose)
-        waypoint = _waypoint(scene.waypoint)
+        belief = Belief(time, start.compose(pose), np.zeros((3, 3)))
+        local_map.update(odometry, percepts, None, belief.pose)
+        waypoint = _waypoint(scene.waypoint, start)
         mofis.decide(DecisionInputs(odometry, belief, waypoint, percept, flow))
         if mofis.context is not None:
             contexts.append(mofis.context)
@@ -150,12 +158,11 @@ def wall_flow(robot: RobotModel, time: float, ahead: float, left: float, right: 
     )
 
 
-def _waypoint(point: tuple[float, float] | None) -> Waypoint | None:
+def _waypoint(point: tuple[float, float] | None, start: Pose) -> Waypoint | None:
     if point is None:
         return None
-    x, y = point
-    tolerance = min(0.3, 0.5 * math.hypot(x, y))
-    return Waypoint(x, y, tolerance, "there", "goal", final=True)
+    tolerance = min(0.3, 0.5 * math.hypot(*point))
+    return Waypoint(*start.to_parent(*point), tolerance, "there", "goal", final=True)
 
 
 class _Scripted(Fusion):

@@ -262,7 +262,8 @@ class {cls}(RuledBehavior):
     name: ClassVar[str] = "{name}"
 
     def propose(self, context: Context) -> Proposal:
-        raise NotImplementedError
+        nothing = context.commands.zeros()
+        return Proposal(0.0, nothing, nothing, "nothing to say")
 '''
 
 RULES = """
@@ -351,6 +352,29 @@ def test_plugins_lists_a_behaviour_without_covering_rules_as_broken(sound: Path)
     assert {name for name in status if status[name] == "broken"} == {"lonely", "open", "typo"}
 
 
+def test_what_a_run_would_refuse_is_refused_and_told_once(project: Path) -> None:
+    """A map without its door's edge, which two missions use; a behaviour that returns nothing."""
+    behavior = (project / "behaviors/cautious.py").read_text()
+    head, _, _ = behavior.partition("    def propose")
+    missions = project / "worlds/den/missions"
+    own_map = (project / "maps/den.yaml").read_text()
+    texts = {
+        "behaviors/silent.py": head.replace("Cautious", "Silent").replace('"cautious"', '"silent"')
+        + "    def propose(self, context: Context) -> Proposal:\n        return None\n",
+        "behaviors/silent.yaml": (project / "behaviors/cautious.yaml").read_text(),
+        "maps/den.yaml": "".join(
+            line for line in own_map.splitlines(True) if "from: door-west" not in line
+        ),
+        "worlds/den/missions/again.yaml": (missions / "next-room.yaml").read_text(),
+    }
+    put_files(project, texts)
+    done = invoke("check")
+    assert done.exit_code == 2
+    assert done.stdout.count("the map does not connect the start") == 1
+    assert "also: 2 files that use it: worlds/den/missions/again.yaml" in done.stdout
+    assert done.stdout.count("and 14 more propose returned NoneType, not a Proposal") == 1
+
+
 def test_single_files_are_checked_by_their_folder_or_keys(sound: Path) -> None:
     put_files(sound, BAD | {"elsewhere.yaml": RULES.format(name="open"), "other.yaml": "x: 1\n"})
     done = invoke("check", "--json", "elsewhere.yaml", "other.yaml", "behaviors/sound.py", "robots")
@@ -364,7 +388,7 @@ def test_single_files_are_checked_by_their_folder_or_keys(sound: Path) -> None:
 
 def test_use_of_the_simulator_is_noted(sound: Path) -> None:
     put_files(sound, {"behaviors/sound.py": SIMULATES})
-    assert "note: behaviors/sound.py:12: imports pybullet" in output("check", "behaviors")
+    assert "note: behaviors/sound.py:13: imports pybullet" in output("check", "behaviors")
 
 
 @pytest.mark.usefixtures("folder")

@@ -186,6 +186,35 @@ def test_a_breach_of_the_contract_is_named(propose: Any, message: str) -> None:
     assert message in str(caught.value)
 
 
+class MapForRobot(Behavior):
+    """Takes the waypoint's position in the map for one ahead of the robot."""
+
+    name: ClassVar[str] = "map_for_robot"
+
+    def propose(self, context: Context) -> Proposal:
+        """Fast, where the waypoint seems to be ahead."""
+        ahead = context.waypoint is not None and context.waypoint.x > 0.0
+        speed = np.full(context.commands.shape, 0.8 if ahead else 0.1)
+        return Proposal(1.0, speed, context.commands.zeros(), "it seems to be ahead")
+
+
+class SlowInTheEast(Behavior):
+    """Depends on the place of the robot in the map, as it may."""
+
+    name: ClassVar[str] = "slow_in_the_east"
+
+    def propose(self, context: Context) -> Proposal:
+        """Slow from x = 3 m on."""
+        speed = np.full(context.commands.shape, 0.1 if context.belief.pose.x > 3.0 else 0.8)
+        return Proposal(1.0, speed, context.commands.zeros(), "the east is dangerous")
+
+
+def test_the_map_s_frame_taken_for_the_robot_s_is_named() -> None:
+    check_behavior(SlowInTheEast)
+    with pytest.raises(PluginError, match="waypoint_local is the waypoint as seen"):
+        check_behavior(MapForRobot)
+
+
 def test_parameters_need_descriptions() -> None:
     class Bare(Stop):
         """Has an undescribed parameter."""
