@@ -208,6 +208,8 @@ class Fusion(Plugin):
     """Command fusion (paper sec 2, METHOD 3): all proposals in, one command out."""
 
     kind = "fusion"
+    needs_proposals: ClassVar[bool] = True
+    """If False, no behaviour is asked, and contexts have no local goal."""
 
     @abstractmethod
     def fuse(self, context: Context, proposals: Mapping[str, Proposal]) -> Command:

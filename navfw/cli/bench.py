@@ -1,4 +1,4 @@
-"""``navfw bench``: time of the loop and of planning; accuracy and time of perception and flow."""
+"""``navfw bench``: time of loop, planning, environments; accuracy and time of perception, flow."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SPLITS = ("tuning", "test", "all")
 def add_to(app: typer.Typer) -> None:
     """Add ``bench`` with its commands."""
     group = typer.Typer(help="Measure accuracy and computing time.", no_args_is_help=True)
-    for command in (loop, perception, flow, real, planning, landmarks):
+    for command in (loop, perception, flow, real, planning, landmarks, gym):
         group.command()(command)
     app.add_typer(group, name="bench")
 
@@ -102,6 +102,22 @@ def _print_loop(result: dict[str, Any]) -> None:
     for stage, milliseconds in result["stage_ms"].items():
         typer.echo(f"  {stage:<12} {milliseconds:7.2f} ms")
     typer.echo(f"peak memory {result['peak_memory_mb']:.0f} MB")
+
+
+def gym(
+    family: Annotated[str, typer.Option(help="Family of the world.")] = "rooms",
+    steps: Annotated[int, typer.Option(min=1, max=10_000, help="Steps of one run.")] = 200,
+    repeats: Annotated[int, typer.Option(min=1, max=100, help="Number of runs.")] = 5,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Time steps and resets of Gymnasium environments. Needs the extra gym."""
+    with quiet_stdout():
+        from navfw.gym.step_timing import bench_gym, tables
+
+    options = {"family": family, "steps": steps, "repeats": repeats}
+    measure = partial(bench_gym, family, steps, repeats)
+    _bench("gym", options, measure, tables, json=json, quiet=quiet)
 
 
 _RandomViews = Annotated[int, typer.Option(min=12, help="Number of random views.")]

@@ -7,21 +7,35 @@ that uses it must set ``oracle: true``, and only missions and benchmarks can pro
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol
+import math
+from typing import Annotated, ClassVar, Protocol
 
 import numpy as np
+from pydantic import Field
 
 from navfw.errors import PluginError
 from navfw.flow.confidence import SIGMA_UNKNOWN
 from navfw.flow.grid_flow import GridFlow, check_frame
-from navfw.numerics import Array
+from navfw.numerics import Array, Mask
 from navfw.numerics.arrays import Floats
+from navfw.numerics.functions import exp
 from navfw.numerics.products import product
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair
 
 #: Standard deviation reported with ideal flow [px].
 SIGMA = 0.02
+_DENSITY = 0.78
+"""Share of cells that block matching measures. This and the next from 841 rendered pairs of rooms,
+clutter, corridors, poles; each cell of each pair is independent, which real flow is not."""
+_LOG_SIGMA = (-1.66, 0.65)
+"""Mean and standard deviation of the logarithm of block matching's sigma [px]."""
+_ERROR = 0.72
+"""Standard deviation of its errors, outliers left out, as a share of its sigma."""
+_OUTLIERS, _OUTLIER = 0.02, 2.0
+"""Share of its errors beyond four sigma, and their mean length [px]."""
+_CONFIDENCE = (0.9, -0.58, 0.6)
+"""Mean, spread, and correlation with the logarithm of sigma, of its confidence before clipping."""
 #: Largest ratio of the nearness of neighbouring pixels of one surface.
 _ONE_SURFACE = 1.15
 
@@ -39,7 +53,10 @@ class TruthSource(Protocol):
 
 
 class Ideal(GridFlow):
-    """Flow without error, from the simulator's depth and the true motion; for evaluation only.
+    """Flow from the simulator's depth and the true motion; for evaluation only.
+
+    Without error, or, with ``noisy``, with density, sigma, confidence, errors and outliers as they
+    were measured of block matching.
 
     A cell has confidence 1 if its surface point projects into the past image, whether occluded
     there or not. The field's ``motion`` is the measured one: gyro and odometry stay realistic.
@@ -48,13 +65,23 @@ class Ideal(GridFlow):
     name: ClassVar[str] = "ideal"
     oracle: ClassVar[bool] = True
 
-    def __init__(self, robot: RobotModel, params: GridFlow.Params | None = None) -> None:
+    class Params(GridFlow.Params):
+        """The grid, and whether the flow has errors."""
+
+        noisy: Annotated[
+            bool, Field(description="with the density and the errors of block matching")
+        ] = False
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
         super().__init__(robot, params)
         self._truth: TruthSource | None = None
 
-    def set_truth(self, truth: TruthSource) -> None:
-        """Set the source of ground truth."""
+    def set_truth(self, truth: TruthSource, noise: np.random.Generator | None = None) -> None:
+        """Set the source of ground truth, and the generator of the noise of ``noisy`` flow."""
         self._truth = truth
+        self._noise = np.random.default_rng(0) if noise is None else noise
 
     def compute(self, pair: FramePair) -> FlowField:
         """True flow of ``pair.now`` against ``pair.past``.
@@ -77,27 +104,51 @@ class Ideal(GridFlow):
         vectors = true_vectors(self._points, nearness, motion, camera.focal)
         x, y = np.moveaxis(self._points - vectors, -1, 0)
         seen = (np.abs(x) <= 0.5 * camera.width) & (np.abs(y) <= 0.5 * camera.height)
+        confidence, sigma = np.ones(seen.shape), np.full(seen.shape, SIGMA)
+        if self.params.noisy:
+            measured, confidence, sigma, errors = _measured_noise(self._noise, seen.shape)
+            seen, vectors = seen & measured, vectors + errors
         return FlowField(
             time=pair.now.time,
             points=self._points,
             vectors=np.where(np.isfinite(vectors), vectors, 0.0),
-            confidence=np.where(seen, 1.0, 0.0),
-            sigma=np.where(seen, SIGMA, SIGMA_UNKNOWN),
+            confidence=np.where(seen, confidence, 0.0),
+            sigma=np.where(seen, sigma, SIGMA_UNKNOWN),
             motion=pair.motion,
         )
+
+
+def _measured_noise(
+    rng: np.random.Generator, shape: tuple[int, ...]
+) -> tuple[Mask, Array, Array, Array]:
+    """Whether a cell is measured, confidence, sigma [px] (rows, cols); errors (rows, cols, 2)."""
+    measured, outlier = rng.random((2, *shape)) < np.reshape([_DENSITY, _OUTLIERS], (2, 1, 1))
+    spread, other, *errors = rng.standard_normal((4, *shape))
+    mean, deviation = _LOG_SIGMA
+    sigma = exp(mean + deviation * spread)
+    middle, width, shared = _CONFIDENCE
+    confidence = middle + width * (shared * spread + math.sqrt(1.0 - shared**2) * other)
+    # a Gaussian in two dimensions has the mean length sqrt(pi / 2) standard deviations
+    length = np.where(outlier, _OUTLIER / math.sqrt(0.5 * math.pi), _ERROR * sigma)
+    vectors = length[..., None] * np.stack(errors, axis=-1)
+    return measured, np.clip(confidence, 0.02, 1.0), sigma, vectors
 
 
 def nearness_at(points: Array, depth: Floats, camera: CameraModel) -> Array:
     """Nearness 1/Z [1/m] at image ``points`` (..., 2) [px], interpolated in ``depth``.
 
+    ``depth`` may have fewer pixels than the camera's image, of the same field of view.
+
     Nearness is affine over the image of a plane, so bilinear interpolation is exact on planes.
     Where the four pixels around a point show more than one surface, the nearest pixel's value is
     taken.
     """
-    column = np.clip(points[..., 0] + 0.5 * camera.width - 0.5, 0.0, camera.width - 1.0)
-    row = np.clip(points[..., 1] + 0.5 * camera.height - 0.5, 0.0, camera.height - 1.0)
-    x0 = np.minimum(np.floor(column).astype(np.int64), camera.width - 2)
-    y0 = np.minimum(np.floor(row).astype(np.int64), camera.height - 2)
+    height, width = depth.shape
+    x, y = points[..., 0] * (width / camera.width), points[..., 1] * (height / camera.height)
+    column = np.clip(x + 0.5 * width - 0.5, 0.0, width - 1.0)
+    row = np.clip(y + 0.5 * height - 0.5, 0.0, height - 1.0)
+    x0 = np.minimum(np.floor(column).astype(np.int64), width - 2)
+    y0 = np.minimum(np.floor(row).astype(np.int64), height - 2)
     fx, fy = column - x0, row - y0
     nearness: Array = 1.0 / depth.astype(np.float64)
     corners = np.stack(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
@@ -25,10 +25,22 @@ from navfw.missions.session import Session, SteppedSession
 from navfw.numerics import Image
 from navfw.plugins import Registry, default_registry
 from navfw.signals import Pose
-from navfw.stack import Stack
 from navfw.suite.case import Case
 from navfw.suite.suite_plan import with_seed
 from navfw.suite.suitefile import EntrySpec, parse_seeds
+
+UNDRAWN = (
+    "oracle=true",
+    "flow={ideal: {noisy: true}}",
+    "movers.detect=false",
+    "stixels=false",
+    "robot.control_rate=10",
+)
+"""The changes of an environment without drawing: flow from the simulator's truth with measured
+noise, nothing that needs images, one control tick a frame."""
+
+_MAX_KEPT = 4
+"""Number of sessions that are kept for a reset with the same seed."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +50,8 @@ class Episodes:
     case: Case
     entry: EntrySpec
     registry: Registry
+    drawn: bool
+    _kept: dict[int, Session] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -50,6 +64,7 @@ class Episodes:
         mission: str | None,
         stack: str | None,
         changes: Settings,
+        drawn: bool,
     ) -> Episodes:
         """The episodes of a family, or of a world's mission.
 
@@ -63,7 +78,8 @@ class Episodes:
                 'gymnasium.make("navfw/Mission-v0", world="office", mission="lobby-to-lab")'
             )
         agent = ACTIONS[action]
-        overrides = (*override_texts(changes), f"{agent.kind}={agent.name}")
+        before = () if drawn else UNDRAWN
+        overrides = (*before, *override_texts(changes), f"{agent.kind}={agent.name}")
         file = "" if stack is None else str(find("stack", stack).absolute())
         case = Case(0, family or world or "", 0, file, stack or "", "", "", overrides)
         entry = EntrySpec(world=world, family=family)
@@ -81,17 +97,24 @@ class Episodes:
         registry = default_registry()
         for plugin in ACTIONS.values():
             registry.register(plugin, "navfw.gym")
-        return cls(case, entry, registry)
+        return cls(case, entry, registry, drawn)
 
     def session(self, seed: int) -> Session:
         """The run of ``seed``, which determines the world of a family, and all noise.
+
+        The last few are kept.
 
         Raises:
             InputError: the seed is out of range, or world, mission or stack is wrong.
 
         """
         parse_seeds(f"{seed}:{seed + 1}")
-        return with_seed(self.case, self.entry, seed).session(self.registry)
+        if seed not in self._kept:
+            made = with_seed(self.case, self.entry, seed).session(self.registry)
+            while len(self._kept) >= _MAX_KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[seed] = replace(made, drawn=self.drawn)
+        return self._kept[seed]
 
 
 class RewardWeights(StrictModel):
@@ -172,7 +195,8 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
     Either ``family`` with its ``difficulty`` (a number, or a range that the seed draws from), or
     ``world`` and ``mission``. ``reset(seed=N)`` drives the run with seed N, with the same world and
     noise as ``navfw suite``; ``reset()`` draws N from ``seeds`` (``A:B``). ``changes`` are values
-    as for ``--set``; ``reward`` weights of terms (``RewardWeights``).
+    as for ``--set``; ``reward`` weights of terms (``RewardWeights``). If not ``drawn``, no images
+    are rendered, and flow is that of ``UNDRAWN``: faster, and marked as ``oracle``.
 
     A step lasts one period of the camera, and an action takes effect with the decision on the next
     frame. The wheel drive's limits and the safety monitor stay between the agent and the wheels.
@@ -200,8 +224,11 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         seeds: str = "0:1000",
         changes: Settings = (),
         reward: dict[str, float] | None = None,
+        drawn: bool = True,
         render_mode: str | None = None,
     ) -> None:
+        if not drawn and (observation == "image" or render_mode is not None):
+            raise InputError("there are no images without drawing: leave drawn=False out")
         for what, name, names in (("observation", observation, KINDS), ("action", action, ACTIONS)):
             if name not in names:
                 raise UnknownNameError(what, name, names, key=what)
@@ -215,8 +242,9 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
             mission=mission,
             stack=stack,
             changes=changes,
+            drawn=drawn,
         )
-        stack_like = self._episodes.session(self._seeds[0]).stack
+        self._stack = stack_like = self._episodes.session(self._seeds[0]).stack
         self._view = AgentView(KINDS[observation](stack_like), stack_like)
         self._agent_class = ACTIONS[action]
         self.observation_space = self._view.space
@@ -224,6 +252,7 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": stack_like.robot.camera.rate}
         self._run: SteppedSession | None = None
+        self._compiled = False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -239,8 +268,9 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         drawn = int(self.np_random.integers(self._seeds[0], self._seeds[-1], endpoint=True))
         self._seed = drawn if seed is None else seed
         session = self._episodes.session(self._seed)
-        self._run = SteppedSession(session)
+        self._run = SteppedSession(session, compiled=self._compiled)
         self._run.__enter__()
+        self._compiled = True
         self._stack = session.stack
         stages = (self._stack.mofis.fusion, self._stack.mofis.composite)
         self._agent = next(stage for stage in stages if isinstance(stage, self._agent_class))
@@ -290,10 +320,9 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
 
     @property
     def behaviors(self) -> tuple[str, ...]:
-        """The behaviours of the run, in the order of the weights of an action."""
+        """The behaviours of the stack, in the order of the weights of an action."""
         return tuple(self._stack.mofis.behaviors)
 
-    _stack: Stack
     _last: TickView
 
     def _tick(self) -> TickView | None:

@@ -87,7 +87,7 @@ def reveal(simulation: Simulation, stack: Stack) -> None:
         return
     truth = SimulatorTruth(simulation)
     if isinstance(stack.vision.flow.plugin, Ideal):
-        stack.vision.flow.plugin.set_truth(truth)
+        stack.vision.flow.plugin.set_truth(truth, simulation.flow_noise)
     for behavior in stack.mofis.behaviors.values():
         if isinstance(behavior, Navground):
             behavior.set_truth(truth)

@@ -45,7 +45,8 @@ from navfw.stack import Stack
 class Session:
     """World, mission and stack of a run, loaded and checked; ``run`` may be called repeatedly.
 
-    ``shortest`` [m] is the length of the shortest path through all goals.
+    ``shortest`` [m] is the length of the shortest path through all goals. If not ``drawn``, images
+    show nothing: for a stack with ``ideal`` flow.
     """
 
     world_name: str
@@ -59,6 +60,7 @@ class Session:
     stack: Stack
     overrides: tuple[str, ...] = ()
     events: tuple[Event, ...] = ()
+    drawn: bool = True
 
     @property
     def task(self) -> Task:
@@ -124,6 +126,7 @@ class Session:
             sensors,
             gui=gui,
             landmark_frames=self.stack.features.landmark_frames,
+            drawn=self.drawn,
         )
         reveal(simulation, self.stack)
         return simulation
@@ -187,7 +190,7 @@ class SteppedSession:
 
     The commands are those of ``navfw.run`` with the same arguments, bit for bit. ``result`` is the
     mission's result, once it has ended. Kernels of imported modules that are not compiled yet are
-    compiled when the context begins.
+    compiled when the context begins, unless they are known to be ``compiled``.
     """
 
     def __init__(
@@ -198,8 +201,10 @@ class SteppedSession:
         gui: bool = False,
         observers: Sequence[RunObserver] = (),
         limit: float = math.inf,
+        compiled: bool = False,
     ) -> None:
         self.session = session
+        self._compiled = compiled
         self._gui = gui
         self._loop_options = (progress, observers, limit)
         self._watch = SimulatorWatch(plugins_of(session.stack))
@@ -209,7 +214,8 @@ class SteppedSession:
         self._result: MissionResult | None = None
 
     def __enter__(self) -> Self:
-        compile_kernels(loaded=True)
+        if not self._compiled:
+            compile_kernels(loaded=True)
         self._simulator = simulator = self.session.simulation(self._gui)
         try:
             self._loop = self.session.loop(simulator, *self._loop_options)

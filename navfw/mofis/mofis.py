@@ -152,9 +152,10 @@ class Mofis:
     def handles_moving_obstacles(self) -> bool:
         """Whether a behaviour that handles moving obstacles made a proposal in the last decision.
 
-        One that fails handles none.
+        One that fails handles none. A fusion without proposals stands for all behaviours.
         """
-        return any(self.behaviors[name].handles_moving_obstacles for name in self.proposals)
+        names = self.proposals if self.fusion.needs_proposals else self.behaviors
+        return any(self.behaviors[name].handles_moving_obstacles for name in names)
 
     @property
     def idle(self) -> float:
@@ -164,9 +165,10 @@ class Mofis:
     def decide(self, inputs: DecisionInputs) -> Command | None:
         """The command for now; None when the fusion fails."""
         context = self.context = self._context(inputs)
-        self.weights = self._weigh(context)
         self.proposals = {}
-        for name, behavior in self.behaviors.items():
+        asked = self.fusion.needs_proposals
+        self.weights = self._weigh(context) if asked else {}
+        for name, behavior in self.behaviors.items() if asked else ():
             label, check = f"behavior {name}", self._check_proposal
             proposal = self._answer(label, behavior.propose, context, check=check)
             if proposal is not None:
@@ -180,8 +182,8 @@ class Mofis:
     def _context(self, inputs: DecisionInputs) -> Context:
         odometry, belief, waypoint = inputs.odometry, inputs.belief, inputs.waypoint
         pose, commands = odometry.pose, self.commands
-        local_goal = None
-        if waypoint is not None:
+        local_goal, asked = None, self.fusion.needs_proposals
+        if waypoint is not None and asked:
             target = belief.pose.to_local(waypoint.x, waypoint.y)
             local_goal = self.local_map.local_goal(pose, target, inputs.moving_obstacles)
         previous = None if self._previous is None else self._previous.twist
@@ -201,7 +203,7 @@ class Mofis:
             local_goal=local_goal,
             previous=self._previous,
             stalled=stalled,
-            idle=idle,
+            idle=idle if asked else 0.0,
             flow=inputs.flow,
             conflicts=inputs.conflicts,
         )

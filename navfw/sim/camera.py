@@ -113,6 +113,12 @@ class Camera:
             )
         return grey.astype(np.uint8, copy=False), rendered.depth
 
+    def raw_depth(
+        self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
+    ) -> npt.NDArray[np.float32]:
+        """The raw depth of ``render``, without its image."""
+        return self._scenery.raster.depth(self.request(position, turn))
+
     def request(
         self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
     ) -> RenderRequest:

@@ -227,6 +227,8 @@ def _between(first: BodyState, second: BodyState, share: float) -> BodyState:
     return (x, y, z), (qx, qy, qz, qw)
 
 
+_COARSE = 4
+"""Pixels of an image to one of the true depth where no image is drawn."""
 _KEPT_STATES = 64
 """Number of past frames whose true body state is kept."""
 
@@ -247,7 +249,8 @@ class CameraRig:
     """Captures frames with side views at the camera's rate, landmark frames at their own rate.
 
     Landmark frames have noise and faults of their own: more draws from one generator do not change
-    the draws from another. Without ``landmark_rng`` none are captured.
+    the draws from another. Without ``landmark_rng`` none are captured. If not ``drawn``, images
+    are noise that shows nothing, and true depth has a ``_COARSE``-th of the image's size.
     """
 
     def __init__(
@@ -261,8 +264,10 @@ class CameraRig:
         faults: InjectedFaults,
         landmark_rng: np.random.Generator | None,
         landmark_faults: InjectedFaults,
+        drawn: bool = True,
     ) -> None:
-        noise, fine = sensors.image_noise, sensors.supersample
+        noise, fine = sensors.image_noise if drawn else 0.0, sensors.supersample
+        self._noise = None if drawn else self._undrawn(robot, light, scenery, rng)
         self.camera = Camera(robot.camera, light, scenery, rng, noise, fine)
         # one sensor captures them together with the camera's image and adds the noise to all
         self._sides = tuple(
@@ -300,8 +305,28 @@ class CameraRig:
         """Keep the true state ``body`` at ``time`` [s], for images of a robot in motion."""
         self._shutter.record(time, body)
 
+    def _undrawn(
+        self, robot: RobotModel, light: LightSpec, scenery: Scenery, rng: np.random.Generator
+    ) -> Image:
+        """Two images high of noise; ``_coarse`` is the camera that measures true depth."""
+        width, height = robot.camera.width, robot.camera.height
+        size = {"width": width // _COARSE, "height": height // _COARSE}
+        self._coarse = Camera(robot.camera.model_copy(update=size), light, scenery, rng)
+        return rng.integers(256, size=(2 * height, width), dtype=np.uint8)
+
+    def _noise_frame(self, time: float, body: BodyState, noise: Image) -> Frame:
+        """A frame of ``noise`` that differs from the one before."""
+        height, first = len(noise) // 2, 7 * self._frames % len(noise) // 2
+        self._captured.append((time, body))
+        self._frames = math.floor(time * self.camera.model.rate + 1e-6) + 1
+        light = self._faults.apply_optics(noise[first : first + height])
+        sides = tuple(np.zeros((s.model.height, s.model.width), np.uint8) for s in self._sides)
+        return Frame(time, self._faults.apply_readout(light), sides)
+
     def capture(self, time: float, body: BodyState) -> Frame:
         """The frame of ``time`` [s] at the true state ``body``."""
+        if self._noise is not None:
+            return self._noise_frame(time, body, self._noise)
         begun = wall.perf_counter()
         exposure = self._sensor.exposure_time
         clean, self._raw_depth = self._shutter.render(self.camera, time, body, exposure)
@@ -350,6 +375,8 @@ class CameraRig:
 
     def true_depth(self) -> DepthImage:
         """See ``Simulation.true_depth``."""
+        if self._noise is not None:
+            return self._coarse.depth(self._coarse.raw_depth(*self._captured[-1][1]))
         if self._raw_depth is None:
             raise SimulationError("no frame has been captured yet")
         return self.camera.depth(self._raw_depth)

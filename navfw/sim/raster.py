@@ -162,29 +162,8 @@ class Raster:
 
     def draw(self, request: RenderRequest) -> RenderedImage:
         """Render an image."""
-        packed = self._pack()
-        if self._shown is None:
-            shown = [body not in self._hidden for body in self._bodies]
-            self._shown = np.array(shown, np.bool_)
-        width, height = request.size
-        nearest = np.empty((height, width), np.float32)
-        faces = np.empty((height, width), np.int32)
-        weights = np.empty((3, height, width), np.float32)
-        rgb = np.empty((height, width, 3), np.uint8)
-        cover(
-            packed.points,
-            packed.corners,
-            packed.runs,
-            self._shown,
-            packed.models,
-            _singles(request.view),
-            _singles(request.projection),
-            np.asarray(request.eye, dtype=np.float64),
-            nearest,
-            faces,
-            weights,
-            packed.screens,
-        )
+        packed, nearest, faces, weights = self._covered(request)
+        rgb = np.empty((*nearest.shape, 3), np.uint8)
         light = request.light
         towards = np.array(light.direction, np.float32).astype(np.float64)
         shade(
@@ -200,6 +179,39 @@ class Raster:
             rgb,
         )
         return RenderedImage(rgb, nearest[::-1])
+
+    def depth(self, request: RenderRequest) -> Floats:
+        """The depth (height, width) of ``draw``, without the image."""
+        nearest: Floats = self._covered(request)[1][::-1]
+        return nearest
+
+    def _covered(
+        self, request: RenderRequest
+    ) -> tuple[_PackedBodies, Floats, npt.NDArray[np.int32], Floats]:
+        """The bodies; of each pixel, bottom row first, depth, triangle, weights of its corners."""
+        packed = self._pack()
+        if self._shown is None:
+            shown = [body not in self._hidden for body in self._bodies]
+            self._shown = np.array(shown, np.bool_)
+        width, height = request.size
+        nearest = np.empty((height, width), np.float32)
+        faces = np.empty((height, width), np.int32)
+        weights = np.empty((3, height, width), np.float32)
+        cover(
+            packed.points,
+            packed.corners,
+            packed.runs,
+            self._shown,
+            packed.models,
+            _singles(request.view),
+            _singles(request.projection),
+            np.asarray(request.eye, dtype=np.float64),
+            nearest,
+            faces,
+            weights,
+            packed.screens,
+        )
+        return packed, nearest, faces, weights
 
     def _pack(self) -> _PackedBodies:
         if self._packed is None:

@@ -40,10 +40,10 @@ from navfw.sim.world_changes import ChangeTrack, WorldChanges
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
 
-_PHYSICS_RATE = 240
-"""Physics steps per second."""
-_SETTLING_STEPS = 60
-"""Physics steps before time 0, in which the robot comes to rest on its wheels."""
+_PHYSICS_RATE, _COARSE_RATE = 240, 60
+"""Physics steps per second, with and without drawing."""
+_SETTLING_TIME = 0.25
+"""Time [s] of physics before time 0, in which the robot comes to rest on its wheels."""
 _GRAVITY = 9.81
 """Gravitational acceleration [m/s^2]."""
 _READINGS_AHEAD = 64
@@ -56,8 +56,9 @@ class Simulation(BulletConnection):
     With ``landmark_frames`` the camera also captures the larger frames of ``robot.landmark_view``.
     ``read()`` gives the robot's sensor readings; ``true_pose``, ``true_depth``, ``contacts``,
     ``walkers`` and ``plan`` are ground truth, for metrics and tests only. ``window`` is that of
-    ``gui``, else None. A new Simulation with the same arguments and the same commands gives the
-    same readings, bit for bit.
+    ``gui``, else None. If not ``drawn``, the physics is coarser, and images show nothing: for a
+    stack with ``ideal`` flow. A new Simulation with the same arguments and the same commands gives
+    the same readings, bit for bit.
 
     Raises:
         WorldError: the world's geometry is impossible, or the start is not free.
@@ -74,7 +75,9 @@ class Simulation(BulletConnection):
         sensors: SensorParams | None = None,
         gui: bool = False,
         landmark_frames: bool = False,
+        drawn: bool = True,
     ) -> None:
+        self._rate = _PHYSICS_RATE if drawn else _COARSE_RATE
         sensors = SensorParams() if sensors is None else sensors
         check_world(world)
         self.world, self.robot = world, robot
@@ -97,9 +100,11 @@ class Simulation(BulletConnection):
         self._robot_points: list[tuple[float, float]] = []
         self._reading: SensorReading | None = None
         # one generator for each component: draws of one do not change those of another
+        generators = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(7)]
         for_camera, for_gyro, for_encoders, for_faults, for_landmarks, for_their_faults = (
-            np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)
+            generators[:6]
         )
+        self.flow_noise = generators[6]
         self._faults = InjectedFaults(for_faults)
         self._landmark_faults = InjectedFaults(for_their_faults)
         try:
@@ -118,6 +123,7 @@ class Simulation(BulletConnection):
                 self._faults,
                 for_landmarks if landmark_frames else None,
                 self._landmark_faults,
+                drawn,
             )
             self._gyro = GyroModel(sensors, for_gyro, _READINGS_AHEAD)
             self._encoders = WheelEncoderModel(sensors, robot, for_encoders, _READINGS_AHEAD)
@@ -129,14 +135,14 @@ class Simulation(BulletConnection):
     def _set_up_engine(self, gui: bool) -> None:
         """Set the physics' parameters, and take hold of the window."""
         self._call("setGravity", 0.0, 0.0, -_GRAVITY)
-        self._call("setTimeStep", 1.0 / _PHYSICS_RATE)
+        self._call("setTimeStep", 1.0 / self._rate)
         self._call("setPhysicsEngineParameter", deterministicOverlappingPairs=1)
         if gui:
             self.window = SimulatorWindow(self._client)
 
     def _settle(self) -> None:
         """Let the robot come to rest on its wheels before time begins; then show it."""
-        for _ in range(_SETTLING_STEPS):
+        for _ in range(round(_SETTLING_TIME * self._rate)):
             self._call("stepSimulation")
         if isinstance(self._body, UrdfBody):
             self._body.set_level()
@@ -212,16 +218,16 @@ class Simulation(BulletConnection):
         begun = wall.perf_counter()
         self.time += dt
         self._contacts = set()
-        target = round(self.time * _PHYSICS_RATE)
-        if abs(self.time - target / _PHYSICS_RATE) < 1e-9:
-            self.time = target / _PHYSICS_RATE  # against accumulating rounding errors
+        target = round(self.time * self._rate)
+        if abs(self.time - target / self._rate) < 1e-9:
+            self.time = target / self._rate  # against accumulating rounding errors
         pose = self.true_pose() if self.walkers else self._last_pose
         for walker in self.walkers:
             walker.update_waiting(pose, self.robot.reach)
         self._true_state = None
         while self._steps < target:
             for walker in self.walkers:
-                walker.advance(1.0 / _PHYSICS_RATE)
+                walker.advance(1.0 / self._rate)
             self._place_walkers()
             self._call("stepSimulation")
             if points := self._body.contacts():

@@ -10,6 +10,7 @@ import math
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -308,6 +309,7 @@ def solid_patch(solid: Solid) -> SurfacePatch:
     return SurfacePatch(solid.texture, mesh)
 
 
+@lru_cache(maxsize=1024)
 def solid_mesh(solid: Solid, margin: float = 0.0) -> TexturedMesh:
     """The mesh of a solid around its own centre, enlarged by ``margin`` [m] on all sides."""
     height, shape, shift = solid.height + 2.0 * margin, solid.shape, texture_shift(solid.name)

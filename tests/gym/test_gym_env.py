@@ -87,6 +87,23 @@ def test_the_twist_is_driven_and_the_reward_counts_the_way(env: MissionEnv) -> N
     assert ended[-1][2:4] == (True, False)
 
 
+def test_without_drawing_steps_are_marked_as_oracle_and_use_noisy_flow() -> None:
+    made = MissionEnv(**STRAIGHT, observation="percept", drawn=False)
+    assert made.behaviors[0] == "go_to_xy"
+
+    def seen() -> Any:
+        made.reset(seed=2)
+        return steps(made, AHEAD, 100)
+
+    first, second = seen(), seen()
+    pairs = zip(first, second, strict=True)
+    assert all(np.array_equal(a[0]["nearness"], b[0]["nearness"]) for a, b in pairs)
+    assert first[-1][4]["outcome"] == "reached"
+    confident = (first[15][0]["confidence"] > 0.0).mean()
+    assert 0.3 < confident < 0.9
+    made.close()
+
+
 def test_the_time_limit_truncates() -> None:
     made = MissionEnv(**{**STRAIGHT, "changes": {"warmup": 0.3, "mission.timeout": 1}})
     made.reset(seed=0)
@@ -157,6 +174,7 @@ def test_every_family_has_an_id() -> None:
         ({"family": "rooms"}, InputError, "either a family, or a world and a mission"),
         ({"world": "ofice"}, UnknownNameError, "did you mean 'office'"),
         ({"stack": "navgrond"}, UnknownNameError, "unknown stack 'navgrond'"),
+        ({"drawn": False, "observation": "image"}, InputError, "no images without drawing"),
         ({"changes": {"warmpu": 1}}, ConfigError, "did you mean 'warmup'"),
     ],
 )
