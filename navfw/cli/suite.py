@@ -78,6 +78,14 @@ Restart = Annotated[
     bool, typer.Option("--restart", help="Begin again; earlier results go to OUT/before-N.")
 ]
 
+_Power = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PERCENT",
+        help="Run nothing: how many seeds show this difference of success; by the runs in --out.",
+    ),
+]
+
 
 def suite(
     file: options.Suite,
@@ -98,6 +106,7 @@ def suite(
     resume: Annotated[bool, typer.Option("--resume", help="Continue the suite in --out.")] = False,
     extend: _Extend = False,
     restart: Restart = False,
+    power: _Power = None,
     json: options.Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -105,6 +114,9 @@ def suite(
 
     Exit with 3 if the table could not be written; the runs are printed anyway.
     """
+    if power is not None:
+        _print_power(file, power, out)
+        return
     if engine is options.EngineKind.DASK and record is not Keep.NONE:
         what = "is not for --engine dask; drive the run again alone: navfw run --record"
         raise typer.BadParameter(what, param_hint="--record")
@@ -139,6 +151,38 @@ def suite(
                 done = drive(plan, folder, have=have, engine=runner, on_row=shown)
         _print_result(done, folder.table, json=json)
         raise typer.Exit(done.exit_code)
+
+
+def _print_power(file: str, text: str, out: Path | None) -> None:
+    """How many seeds a comparison of two stacks needs on a suite, for a difference of success."""
+    try:
+        difference = float(text.removesuffix("%")) / 100.0
+    except ValueError:
+        difference = 0.0
+    if not 0.001 <= difference <= 0.5:
+        raise typer.BadParameter(f"expected 0.1% to 50%, got {text!r}", param_hint="--power")
+    with quiet_stdout():
+        from navfw.suite.run_statistics import mcnemar_pairs
+        from navfw.suite.suite_folder import SuiteFolder
+        from navfw.suite.suite_plan import case_templates
+        from navfw.suite.suitefile import load_suite
+
+        loaded = load_suite(file)
+        rows = [] if out is None else SuiteFolder(out).rows()
+        entries = enumerate(loaded.spec.entries)
+        per_seed = sum(len(list(case_templates(loaded, n, entry, None))) for n, entry in entries)
+    rate = sum(row.succeeded for row in rows) / len(rows) if rows else 0.9
+    source = f"of {len(rows)} runs in {out}" if rows else "assumed; --out FOLDER takes that of runs"
+    typer.echo(f"success {100.0 * rate:.1f} % ({source}), difference {100.0 * difference:g} %")
+    other = max(rate - difference, 0.0)
+    apart = rate * (1.0 - other) + other * (1.0 - rate)
+    for share, what in ((apart, "runs of a seed independent"), (0.5 * apart, "half of that")):
+        pairs = mcnemar_pairs(difference, share)
+        seeds = -(-pairs // per_seed)
+        typer.echo(
+            f"{seeds} seeds: {pairs} pairs, {100.0 * share:.1f} % with one success ({what});"
+            " McNemar, 5 %, power 80 %"
+        )
 
 
 def _print_note(text: str) -> None:

@@ -7,6 +7,7 @@ One table has two renderers: ``navfw.cli.output.print_tables`` on a terminal, an
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -69,6 +70,13 @@ class ResultTable:
         """The table in Markdown, without its title."""
         return markdown_table(self.head, self.rows)
 
+    def latex(self) -> str:
+        """The table as a tabular of LaTeX's package booktabs."""
+        columns = "l" + "r" * (len(self.columns) - 1)
+        lines = [" & ".join(map(_in_latex, row)) + r" \\" for row in (self.head, *self.rows)]
+        parts = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", lines[0], r"\midrule", *lines[1:]]
+        return "\n".join([*parts, r"\bottomrule", r"\end{tabular}", ""])
+
     def section(self) -> str:
         """The table in Markdown, below its title as a heading."""
         return f"## {self.title}\n\n{self.markdown()}"
@@ -85,3 +93,9 @@ def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "".join(
         "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |\n" for row in lines
     )
+
+
+def _in_latex(cell: str) -> str:
+    """``cell`` with LaTeX's special characters escaped, and "<" and brackets kept as they are."""
+    escaped = re.sub(r"([&%$#_{}])", r"\\\1", cell).replace("<", "$<$")
+    return f"{{{escaped}}}" if escaped.startswith("[") else escaped

@@ -227,8 +227,7 @@ def _between(first: BodyState, second: BodyState, share: float) -> BodyState:
     return (x, y, z), (qx, qy, qz, qw)
 
 
-_COARSE = 4
-"""Pixels of an image to one of the true depth where no image is drawn."""
+_COARSE = 4  # pixels of an image to one of the true depth where no image is drawn
 _KEPT_STATES = 64
 """Number of past frames whose true body state is kept."""
 

@@ -22,6 +22,7 @@ from .run_journal import columns_of as columns_of
 from .run_journal import write_table as write_table
 from .run_statistics import barn_score as barn_score
 from .run_statistics import mcnemar_exact as mcnemar_exact
+from .run_statistics import mcnemar_pairs as mcnemar_pairs
 from .run_statistics import median_interval as median_interval
 from .run_statistics import paired_interval as paired_interval
 from .run_statistics import sct as sct

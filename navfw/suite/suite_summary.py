@@ -200,7 +200,7 @@ def summary_table(summary: Mapping[str, Any]) -> ResultTable:
     return ResultTable("summary", columns, named(rows))
 
 
-def markdown_summary(summary: Mapping[str, Any]) -> str:
+def brief_table(summary: Mapping[str, Any]) -> ResultTable:
     """One row per variant, with its success in every entry; without variants, one row per entry.
 
     Success in percent with its Wilson interval (95 %); ``p`` is of McNemar's exact test against the
@@ -209,12 +209,17 @@ def markdown_summary(summary: Mapping[str, Any]) -> str:
     """
     columns = [column for column in _columns(0) if column.title in _BRIEF]
     if "by_variant" in summary:
-        return _variant_table(summary, columns).markdown()
+        return _variant_table(summary, columns)
     rows = dict(summary["by_entry"])
     rows |= {f"all, {name}": figures for name, figures in summary.get("by_stack", {}).items()}
     if len(rows) > 1:
         rows["all"] = summary
-    return ResultTable("summary", [Column("entry", "name"), *columns], named(rows)).markdown()
+    return ResultTable("summary", [Column("entry", "name"), *columns], named(rows))
+
+
+def markdown_summary(summary: Mapping[str, Any]) -> str:
+    """``brief_table`` in Markdown."""
+    return brief_table(summary).markdown()
 
 
 def _variant_table(summary: Mapping[str, Any], columns: Sequence[Column]) -> ResultTable:

@@ -14,6 +14,7 @@ from navfw.suite import (
     barn_score,
     compare_tables,
     mcnemar_exact,
+    mcnemar_pairs,
     median_interval,
     paired_interval,
     sct,
@@ -149,3 +150,40 @@ def test_sct_is_a_share_and_1_only_at_top_speed(
     assert 0.0 <= value <= float(good)
     if good and shortest > 0.0:
         assert (value == 1.0) == (time <= shortest / speed)
+
+
+@pytest.mark.parametrize(("difference", "discordant"), [(0.05, 0.15), (0.1, 0.3), (0.2, 0.2)])
+def test_so_many_pairs_find_the_difference_in_four_of_five_comparisons(
+    difference: float, discordant: float
+) -> None:
+    pairs, rng = mcnemar_pairs(difference, discordant), np.random.default_rng(0)
+    only_b = 0.5 * (discordant + difference)
+    shares = [discordant - only_b, only_b, 1.0 - discordant]
+    drawn = rng.multinomial(pairs, shares, size=2000)[:, :2].tolist()
+    share = np.mean([mcnemar_exact(a, b) < 0.05 for a, b in drawn])
+    assert 0.7 < share < 0.9  # the exact test is more careful than its approximation
+
+
+def test_runs_as_a_table_of_pandas_are_compared_and_printed() -> None:
+    pandas = pytest.importorskip("pandas", reason="needs the extra pandas")
+    from navfw.suite.suite_frame import SuiteFrame
+
+    first = [row(n, spl=0.5 + 0.1 * n) for n in range(4)] + [row(4, "collided", spl=0.0)]
+    second = [row(n, spl=0.6 + 0.1 * n) for n in range(4)] + [row(4, spl=None)]
+    frame, other = SuiteFrame.of(first), SuiteFrame.of(second)
+    assert frame.rows == first
+    assert other.rows == second
+    assert frame["spl"].dtype == "Float64"
+    assert frame["seed"].dtype == "Int64"
+    assert isinstance(frame[frame.succeeded], SuiteFrame)
+    assert other["spl"].isna().tolist() == [False] * 4 + [True]
+    compared = frame.compare(other)
+    assert compared.attrs == compare_tables(first, second)
+    assert isinstance(compared, pandas.DataFrame)
+    assert compared.loc["success", "A"] == "80.0 %"
+    assert frame.plot_pairs(other).get_ylabel() == "spl of B"
+    assert frame.plot_families("spl").get_ylabel() == "spl"
+    assert frame.summary_markdown().count("\n") == 3
+    latex = frame.summary_latex()
+    assert "80 \\% [38, 96]" in latex
+    assert latex.endswith("\\end{tabular}\n")
