@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,6 +29,14 @@ Rules = Annotated[
     list[str] | None,
     typer.Option(help="PLUGIN or PLUGIN.INPUT whose break points to tune. May be repeated."),
 ]
+Variants = Annotated[
+    list[str] | None,
+    typer.Option("--variant", metavar="PATH=A|B", help="Values to choose from. May be repeated."),
+]
+Minutes = Annotated[
+    float | None,
+    typer.Option(min=0.1, max=100_000.0, help="Begin no trial after this time [min]."),
+]
 Objective = Annotated[
     list[str] | None,
     typer.Option(
@@ -50,6 +59,8 @@ def tune(
     validate: Validation = "1000:1020",
     param: Tuned = None,
     rules: Rules = None,
+    variant: Variants = None,
+    minutes: Minutes = None,
     objective: Objective = None,
     workers: options.Workers = 1,
     limit: options.Limit = 900.0,
@@ -85,6 +96,7 @@ def tune(
             parameters=tuple(param or ()),
             rules=tuple(rules or ()),
             objectives=tuple(objective or ("success", "spl")),
+            variants=tuple(variant or ()),
         )
         folder = StudyFolder(out or Path("runs") / f"tune-{suite.name}")
         lock = TargetLock(folder.created().absolute() / "study")
@@ -94,7 +106,13 @@ def tune(
             engine_or_processes(cluster, workers, limit=limit, memory=memory) as runner,
         ):
             result = study.run(
-                folder, driver(runner), trials, resume=resume, seed=search_seed, on_trial=_show
+                folder,
+                driver(runner),
+                trials,
+                resume=resume,
+                seed=search_seed,
+                on_trial=_show,
+                minutes=math.inf if minutes is None else minutes,
             )
     if json:
         print_json(result)
@@ -117,4 +135,7 @@ def _print_validation(result: dict[str, Any]) -> None:
         f" {result['difference']:+.3f}, 95 % [{low:+.3f}, {high:+.3f}], {result['runs']} runs)"
     )
     verdict = "better" if result["better"] else "not shown to be better"
+    if result["importance"]:
+        picture = Path(result["stack"]).with_name("importance.png")
+        typer.echo(f"what mattered: {picture}")
     typer.echo(f"the best trial, {result['trial']}, is {verdict}; its stack: {result['stack']}")

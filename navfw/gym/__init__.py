@@ -28,9 +28,14 @@ IDS = {
 } | {f"navfw/Mission-v{_VERSION}": {}}
 """The ids, each with the parameters that it stands for."""
 
+MAX_STEPS = 6000
+"""Largest number of steps, 10 min: more than the time limit of any mission of a family."""
+
 for _id, _parameters in IDS.items():
     if _id not in gymnasium.registry:
-        gymnasium.register(_id, entry_point=_CLASS, kwargs=_parameters)
+        gymnasium.register(
+            _id, entry_point=_CLASS, kwargs=_parameters, max_episode_steps=MAX_STEPS
+        )
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-__all__ += ["IDS"]
+__all__ += ["IDS", "MAX_STEPS"]

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import annotated_types
 import numpy as np
 
+from navfw.config.overrides import parse_override
 from navfw.errors import ConfigError, UnknownNameError
 from navfw.fuzzy import RuleBase, Variable
 from navfw.fuzzy.coverage import check_coverage
@@ -121,7 +122,41 @@ class BreakPoints:
         check_coverage(replace(self.base, inputs=inputs))
 
 
-Coordinate = TunedNumber | BreakPoints
+@dataclass(frozen=True)
+class TunedVariant:
+    """One of several values at ``path``, each as the text of ``--set``; the first one at first."""
+
+    path: str
+    texts: tuple[str, ...]
+
+    @classmethod
+    def parse(cls, text: str) -> TunedVariant:
+        """From ``PATH=A|B``.
+
+        Raises:
+            ConfigError: there are not at least two values, or they are malformed.
+
+        """
+        path, _, values = text.partition("=")
+        texts = tuple(value.strip() for value in values.split("|"))
+        if len(set(texts)) < 2:
+            what = f"expected PATH=A|B with two values or more, got {text!r}"
+            raise ConfigError(what, key="--variant")
+        for value in texts:
+            parse_override(f"{path}={value}")
+        return cls(path, texts)
+
+    def start(self) -> dict[str, str]:
+        """The first value."""
+        return {self.path: self.texts[0]}
+
+    def suggest(self, trial: BaseTrial) -> object:
+        """One of the values."""
+        chosen = trial.suggest_categorical(self.path, self.texts)
+        return parse_override(f"{self.path}={chosen}").value
+
+
+Coordinate = TunedNumber | BreakPoints | TunedVariant
 
 
 @dataclass(frozen=True)
@@ -130,8 +165,8 @@ class SearchSpace:
 
     coordinates: tuple[Coordinate, ...]
 
-    def start(self) -> dict[str, float]:
-        """The stack as it is, as parameters of a trial."""
+    def start(self) -> dict[str, float | str]:
+        """The stack as it is, with the first of each variant, as parameters of a trial."""
         return {k: v for coordinate in self.coordinates for k, v in coordinate.start().items()}
 
     def settings(self, trial: BaseTrial) -> dict[str, object]:
@@ -149,12 +184,16 @@ class SearchSpace:
 
 
 def search_space(
-    config: StackConfig, parameters: Sequence[str], rules: Sequence[str], robot: RobotModel
+    config: StackConfig,
+    parameters: Sequence[str],
+    rules: Sequence[str],
+    robot: RobotModel,
+    variants: Sequence[str] = (),
 ) -> SearchSpace:
-    """The coordinates of the ``parameters`` and ``rules`` of a stack.
+    """The coordinates of the ``parameters``, ``rules`` and ``variants`` of a stack.
 
     A parameter is ``PLUGIN.NAME``, or ``PLUGIN`` for all its bounded numbers; rules are ``PLUGIN``
-    or ``PLUGIN.INPUT``.
+    or ``PLUGIN.INPUT``; a variant is ``PATH=A|B``.
 
     Raises:
         UnknownNameError: the stack has no such plugin, parameter or input.
@@ -180,6 +219,7 @@ def search_space(
         if wanted and wanted not in inputs:
             raise UnknownNameError(f"input of {name}", wanted, inputs, key="--rules")
         coordinates |= {c.path: c for key, c in inputs.items() if not wanted or key == wanted}
+    coordinates |= {c.path: c for c in map(TunedVariant.parse, variants)}
     if not coordinates:
         raise ConfigError("nothing to tune: name a plugin with bounded numbers", key="--param")
     return SearchSpace(tuple(coordinates.values()))

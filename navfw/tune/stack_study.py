@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +30,7 @@ from navfw.suite.case import Case
 from navfw.suite.run_journal import RunRow
 from navfw.suite.suite_plan import plan_runs
 from navfw.suite.suitefile import Suite, parse_seeds
-from navfw.tune.search_spaces import SearchSpace, search_space
+from navfw.tune.search_spaces import SearchSpace, TunedVariant, search_space
 from navfw.tune.trials import (
     SETTINGS,
     Drive,
@@ -243,11 +244,12 @@ class StackStudy:
         parameters: tuple[str, ...],
         rules: tuple[str, ...],
         objectives: tuple[str, ...],
+        variants: tuple[str, ...] = (),
     ) -> StackStudy:
         """Check everything before the first trial.
 
-        Without ``parameters`` and ``rules`` all bounded numbers of the stack's behaviours are
-        tuned.
+        Without ``parameters``, ``rules`` and ``variants`` all bounded numbers of the stack's
+        behaviours are tuned.
 
         Raises:
             InputError: a name, a range of seeds or an objective is wrong, or the seeds overlap.
@@ -259,8 +261,11 @@ class StackStudy:
             raise InputError(what, key="--validate")
         scores = Objectives.parse(objectives)
         config = load_stack(find("stack", stack), registry)
-        wanted = parameters if parameters or rules else tuple(config.behaviors)
-        space = search_space(config, wanted, rules, RobotModel())
+        wanted = parameters if parameters or rules or variants else tuple(config.behaviors)
+        space = search_space(config, wanted, rules, RobotModel(), variants)
+        for variant in (c for c in space.coordinates if isinstance(c, TunedVariant)):
+            for text in variant.texts:
+                load_stack(find("stack", stack), registry, [f"{variant.path}={text}"])
         training = plan_runs(suite, first, registry, stacks=[stack])
         identity = {
             "suite": suite.name,
@@ -288,8 +293,11 @@ class StackStudy:
         resume: bool = False,
         seed: int = 0,
         on_trial: Callable[[FrozenTrial], None] | None = None,
+        minutes: float = math.inf,
     ) -> dict[str, Any]:
-        """Tune up to ``trials`` trials, validate the best one, write all files; the validation.
+        """Tune up to ``trials`` trials or ``minutes``, validate the best, write all files.
+
+        Returns the validation.
 
         Raises:
             InputError: the folder has a study of other runs, or cannot be written.
@@ -297,9 +305,8 @@ class StackStudy:
 
         """
         study = folder.open(self.identity, resume=resume, seed=seed)
-        run_trials(
-            study, self.space, self.training, self.objectives, drive, trials, on_trial=on_trial
-        )
+        runs = (self.training, self.objectives, drive)
+        run_trials(study, self.space, *runs, trials, on_trial=on_trial, minutes=minutes)
         folder.write_trials(study)
         best = best_of(study)
         if best is None:
@@ -308,7 +315,9 @@ class StackStudy:
         changes = self.space.overrides(settings)
         tuned = load_stack(find("stack", self.stack), self.registry, changes)
         folder.write_stack(
-            tuned, f"{self.stack}, tuned on the suite {self.identity['suite']} in {trials} trials"
+            tuned,
+            f"{self.stack}, tuned on the suite {self.identity['suite']}"
+            f" in {len(finished(study))} trials",
         )
         drawn = folder.write_importance(study)
         before = list(drive(self.validation))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -107,8 +109,11 @@ def run_trials(
     drive: Drive,
     trials: int,
     on_trial: Callable[[FrozenTrial], None] | None = None,
+    minutes: float = math.inf,
 ) -> None:
     """Add trials until ``trials`` are finished; the first one is the stack as it is.
+
+    After ``minutes`` of wall-clock time none is begun any more, but for the first.
 
     A trial whose runs are so far worse than the same runs of the best trial is pruned. A trial that
     an interruption leaves unfinished is not counted.
@@ -121,7 +126,8 @@ def run_trials(
         study.tell(stale.number, state=TrialState.FAIL)
     if not finished(study):
         study.enqueue_trial(space.start(), skip_if_exists=True)
-    while len(finished(study)) < trials:
+    end = time.monotonic() + 60.0 * minutes
+    while (done := len(finished(study))) < trials and (done == 0 or time.monotonic() < end):
         trial = study.ask()
         _try(study, trial, space, cases, objectives, drive)
         if on_trial is not None:

@@ -76,6 +76,18 @@ def table_of(folder: StudyFolder) -> list[dict[str, str]]:
     return list(csv.DictReader(text.splitlines()))
 
 
+def test_variants_are_chosen_from_and_no_trial_begins_after_the_time(
+    files: Files, folder: StudyFolder
+) -> None:
+    study = planned(files, parameters=(), variants=("avoid.spare=0.9|0.5|0.06",))
+    found = study.run(folder, FakeRuns(), 12)
+    assert found["settings"] == {"avoid.spare": BEST}
+    assert float(table_of(folder)[0]["avoid.spare"]) == 0.9
+    short = StudyFolder(folder.path / "short")
+    study.run(short, FakeRuns(), 12, minutes=0.0)
+    assert len(table_of(short)) == 1
+
+
 @pytest.mark.thorough
 def test_tuning_brings_a_detuned_parameter_back(files: Files, folder: StudyFolder) -> None:
     found = planned(files).run(folder, FakeRuns(), 30)
@@ -164,6 +176,8 @@ def test_a_file_that_is_no_study_is_told(folder: StudyFolder) -> None:
         ({"parameters": ("avoid.terms",)}, InputError, "no number with both bounds.*avoid.spare"),
         ({"rules": ("avoid.reserv",)}, UnknownNameError, "input of avoid 'reserv'.*'reserve'"),
         ({"rules": ("papfis",)}, InputError, "--rules: papfis has no rule base"),
+        ({"variants": ("avoid.spare=0.5",)}, InputError, "expected PATH=A|B with two values"),
+        ({"variants": ("avoid.spar=0.5|0.6",)}, InputError, "unknown key; did you mean 'spare'"),
         ({"objectives": ("spk",)}, UnknownNameError, "--objective: unknown objective 'spk'"),
         ({"objectives": ("spl=-1",)}, InputError, "a positive weight, got 'spl=-1'"),
     ],
