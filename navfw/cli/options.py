@@ -144,11 +144,27 @@ Record = Annotated[
     bool, typer.Option("--record", help="Record the run as MCAP, for replay, explain and viewers.")
 ]
 Live = Annotated[
-    bool, typer.Option("--live", help="Serve the run on this machine, for Foxglove or Lichtblick.")
+    bool,
+    typer.Option("--live", help="Serve the run as a page to this machine alone."),
 ]
 LivePort = Annotated[
     int, typer.Option(min=0, max=65535, help="Port of --live; 0 takes a free one.")
 ]
+LiveOrigin = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--origin",
+        metavar="ORIGIN",
+        help="Of --live: an origin whose pages may read, such as https://app.foxglove.dev, if they"
+        " have the address. May be repeated.",
+    ),
+]
+LiveSpeed = Annotated[
+    float | None,
+    typer.Option("--speed", min=0.05, max=50.0, help="Of --live: 1 is real time [default: any]."),
+]
+LiveWait = Annotated[bool, typer.Option("--wait", help="Of --live: begin with the first viewer.")]
+LiveStay = Annotated[bool, typer.Option("--stay", help="Of --live: serve the end until Ctrl-C.")]
 Video = Annotated[
     Path | None,
     typer.Option(

@@ -15,7 +15,11 @@ import typer
 from navfw.cli.options import (
     Json,
     Live,
+    LiveOrigin,
     LivePort,
+    LiveSpeed,
+    LiveStay,
+    LiveWait,
     Mission,
     Record,
     Robot,
@@ -37,8 +41,8 @@ from navfw.process.supervised import SupervisedRun, send, send_result, supervise
 if TYPE_CHECKING:
     from navfw.missions.runner import Progress
     from navfw.missions.session import MissionResult, Session
+    from navfw.recording.live_server import LiveServer
     from navfw.recording.run_folder import RunFolder
-    from navfw.recording.run_observers import LiveServer
 
 LINE_PERIOD = 5.0
 """Interval between progress lines where stderr is not a terminal [s]."""
@@ -92,6 +96,10 @@ def run(
     record: Record = False,
     live: Live = False,
     port: LivePort = 8765,
+    origin: LiveOrigin = None,
+    speed: LiveSpeed = None,
+    wait: LiveWait = False,
+    stay: LiveStay = False,
     video: Video = None,
     limit: Annotated[
         float | None,
@@ -109,6 +117,8 @@ def run(
 
     Exit with 3 if a file of the run folder could not be written; the result is printed anyway.
     """
+    if not live and (origin or speed or wait or stay):
+        raise InputError("--origin, --speed, --wait and --stay need --live", key="--live")
     _run(
         _Request(
             world,
@@ -119,7 +129,7 @@ def run(
             out,
             math.inf if limit is None else limit,
             record=record or video is not None,
-            port=port if live else None,
+            live=_LiveRequest(port, tuple(origin or ()), speed, wait, stay) if live else None,
             video=video,
             gui=gui,
             json=json,
@@ -144,6 +154,15 @@ def _target(world: str, mission: str, goal: str | None) -> str | tuple[float, fl
 
 
 @dataclass(frozen=True, slots=True)
+class _LiveRequest:
+    port: int
+    origins: tuple[str, ...]
+    speed: float | None
+    wait: bool
+    stay: bool
+
+
+@dataclass(frozen=True, slots=True)
 class _Request:
     world: str
     mission: str | tuple[float, float]
@@ -153,7 +172,7 @@ class _Request:
     out: Path | None
     limit: float
     record: bool
-    port: int | None
+    live: _LiveRequest | None
     video: Path | None
     gui: bool
     json: bool
@@ -204,7 +223,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
         for note in () if request.quiet else robot_notes(session.mission.spec.robot):
             typer.echo(f"note: {note}", err=True)
         compile_with_progress(loaded=True, quiet=request.quiet)
-        observers = [] if request.port is None else [_live(session, request)]
+        server = None if request.live is None else _live(session, request.live)
     target = RunFolder(request.out or default_folder(session), numbered=request.out is None)
     result = None
     try:
@@ -215,11 +234,16 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
                     line.show,
                     gui=request.gui,
                     record=request.record,
-                    observers=observers,
+                    observers=() if server is None else (server,),
                     limit=request.limit,
                 )
             send({"driven": True})
             missing = write_run(result, target)
+        if server is not None and request.live is not None:
+            if request.live.stay:
+                send({"stays": True})  # all is written: nothing is late any more
+                typer.echo("live: the run has ended; Ctrl-C ends the server", err=True)
+            server.end(f"{result.outcome}: {result.reason}", stay=request.live.stay)
     except InputError as error:
         if result is None:
             raise
@@ -261,12 +285,26 @@ def _write_video(request: _Request, folder: Path | None) -> tuple[str, ...]:
     return ()
 
 
-def _live(session: Session, request: _Request) -> LiveServer:
-    from navfw.recording.run_observers import LiveServer
+def _live(session: Session, request: _LiveRequest) -> LiveServer:
+    from navfw.recording.live_server import LiveServer
+    from navfw.report import live_page
 
-    server = LiveServer(session.seen, request.port or 0)
-    if not request.quiet:
-        typer.echo(f"live: open {server.url} in Foxglove or Lichtblick", err=True)
+    title = f"{session.world_name} / {session.mission_name}, seed {session.seed}"
+    goals = [(goal.x, goal.y) for goal in session.mission.goals]
+    server = LiveServer(
+        session.seen,
+        request.port,
+        page=live_page(title, session.seen, goals),
+        origins=request.origins,
+        speed=request.speed,
+        wait=request.wait,
+    )
+    # printed with --quiet as well: without its token the address is of no use
+    waits = " (the run begins with the first viewer)" if request.wait else ""
+    typer.echo(f"live: {server.url}{waits}", err=True)
+    if request.origins:
+        address = server.url.replace("http", "ws", 1)
+        typer.echo(f"live: {address} for Foxglove and Lichtblick", err=True)
     return server
 
 

@@ -273,6 +273,8 @@ class _Supervisor:
         elif "driven" in message:
             self._driven = True
             self._deadline = now + _SAVING
+        elif "stays" in message:
+            self._deadline = math.inf
         elif "result" in message:
             self._result = tuple(message["result"])
         else:

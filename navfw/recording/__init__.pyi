@@ -15,6 +15,9 @@ from .channel_list import RIGHT_IMAGE as RIGHT_IMAGE
 from .channel_list import ReadingRow as ReadingRow
 from .channel_list import pack_reading as pack_reading
 from .channel_list import unpack_reading as unpack_reading
+from .live_server import MAX_SPEED as MAX_SPEED
+from .live_server import MIN_SPEED as MIN_SPEED
+from .live_server import LiveServer as LiveServer
 from .palette import FLOOR as FLOOR
 from .palette import MOVING as MOVING
 from .palette import behavior_color as behavior_color
@@ -48,7 +51,6 @@ from .run_log import Contact as Contact
 from .run_log import RunLog as RunLog
 from .run_log import RunLogger as RunLogger
 from .run_log import hash_commands as hash_commands
-from .run_observers import LiveServer as LiveServer
 from .run_observers import RunRecorder as RunRecorder
 from .run_replay import compare_commands as compare_commands
 from .run_replay import explain_at as explain_at

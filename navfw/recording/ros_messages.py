@@ -48,39 +48,42 @@ def ros_message(kind: str, fields: Mapping[str, Any], now: int | None = None) ->
 
     ``now`` [ns] is the time of its header.
     """
-    made = _blank(kind)
     if now is not None:
-        made.header.stamp.sec, made.header.stamp.nanosec = divmod(now, 10**9)
-    _fill(made, fields)
-    return bytes(message_types().serialize_cdr(made, kind))
+        fields = {**fields, "header": {**fields.get("header", {}), "stamp": time_fields(now)}}
+    return bytes(message_types().serialize_cdr(_made(kind, fields), kind))
 
 
-def _blank(kind: str) -> Any:
+def _made(kind: str, fields: Mapping[str, Any]) -> Any:
+    """A message of ``kind`` to serialize; what ``fields`` leave out, messages have in common."""
+    values, kinds = _zeros(kind)
+    values = dict(values)
+    for name, value in fields.items():
+        if isinstance(value, dict):
+            values[name] = _made(kinds[name], value)
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            values[name] = [_made(kinds[name], part) for part in value]
+        else:
+            values[name] = value
+    return message_types().types[kind](**values)
+
+
+@cache
+def _zeros(kind: str) -> tuple[dict[str, Any], dict[str, str]]:
+    """The fields of ``kind``, zero or empty, and the kinds of those that hold messages."""
     values: dict[str, Any] = {}
+    kinds: dict[str, str] = {}
     for name, (node, of) in message_types().fielddefs[kind][1]:
         if node == Nodetype.NAME:
-            values[name] = _blank(str(of))
+            kinds[name] = str(of)
+            values[name] = _made(kinds[name], {})
         elif node == Nodetype.BASE:
             values[name] = {"string": "", "bool": False}.get(str(of[0]), 0)
         else:
             (inner, what), size = cast("tuple[tuple[int, Any], int]", of)
             plain = inner == Nodetype.BASE and what[0] != "string"
             values[name] = np.zeros(int(size), str(what[0])) if plain else []
-    return message_types().types[kind](**values)
-
-
-def _fill(made: Any, fields: Mapping[str, Any]) -> None:
-    for name, value in fields.items():
-        if isinstance(value, Mapping):
-            _fill(getattr(made, name), value)
-        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
-            kind = dict(message_types().fielddefs[made.__msgtype__][1])[name][1][0][1]
-            parts = [_blank(str(kind)) for _ in value]
-            for part, content in zip(parts, value, strict=True):
-                _fill(part, content)
-            setattr(made, name, parts)
-        else:
-            setattr(made, name, value)
+            kinds[name] = str(what)
+    return values, kinds
 
 
 def imu_message(robot: RobotModel, reading: SensorReading, now: int) -> bytes:

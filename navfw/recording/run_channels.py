@@ -1,10 +1,10 @@
-"""The channels of a run, in a context of Foxglove's SDK: for its file, and for its live server."""
+"""The channels of a run: for its file, and for its live server."""
 
 from __future__ import annotations
 
 import json
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 from foxglove import Channel, Context, Schema
-from foxglove import channels as typed
+from foxglove import messages as typed
 from foxglove.messages import Timestamp
 
 from navfw.config.input_file import read_json_object
@@ -33,6 +33,9 @@ _IMAGE_FORMAT = "png"
 """Format of the images. It loses nothing; WebP and JPEG 2000 are a tenth smaller and take five to
 ten times as long, an eighth of the run."""
 
+OpenChannel = Callable[[topics.ChannelInfo], Any]
+"""Opens a channel: it has ``has_sinks()``, and ``log(data, log_time=...)`` with a time [ns]."""
+
 
 class SensorChannels:
     """Logs sensor readings, each with its images before it.
@@ -41,8 +44,8 @@ class SensorChannels:
     thread sees nothing but the images, which are not changed.
     """
 
-    def __init__(self, context: Context) -> None:
-        channels = {info.topic: _channel(info, context) for info in topics.SENSOR_CHANNELS}
+    def __init__(self, open_channel: OpenChannel) -> None:
+        channels = {info.topic: open_channel(info) for info in topics.SENSOR_CHANNELS}
         self._reading = channels.pop(topics.READING)
         self._images = channels
         self._packer = ThreadPoolExecutor(max_workers=1)
@@ -59,18 +62,18 @@ class SensorChannels:
         if landmarks is not None:
             self._pack(topics.LANDMARK_IMAGE, landmarks.image, now)
         self._waiting.append((topics.READING, now, topics.pack_reading(reading, twist)))
-        self._send(wait=False)
+        self.send(wait=False)
 
     def close(self) -> None:
         """Log what still waits; nothing can be logged afterwards."""
-        self._send(wait=True)
+        self.send(wait=True)
         self._packer.shutdown()
 
     def _pack(self, topic: str, image: Image, now: int) -> None:
         if self._images[topic].has_sinks():
             self._waiting.append((topic, now, self._packer.submit(_packed, image)))
 
-    def _send(self, *, wait: bool) -> None:
+    def send(self, *, wait: bool) -> None:
         """Log what is ready, in order; with ``wait`` all of it."""
         while self._waiting:
             topic, now, data = self._waiting[0]
@@ -108,22 +111,26 @@ _WORLD_PERIOD = 5.0
 
 
 class RunChannels:
-    """Logs every control tick of a run to the sinks of ``context``.
+    """Logs every control tick of a run to channels of ``open_channel``.
 
     Without ``seen`` the sensor readings and images alone. A channel without a receiver costs
     nothing. The stack is only read: its plugins explain themselves outside its guard, so that a
     fault in an explanation is none of the run.
     """
 
-    def __init__(self, context: Context, seen: SeenRun | None = None) -> None:
-        self._context = context  # without it its channels are closed
-        self._sensors = SensorChannels(context)
+    def __init__(self, open_channel: OpenChannel, seen: SeenRun | None = None) -> None:
+        self._open_channel = open_channel
+        self._sensors = SensorChannels(open_channel)
         self._seen = seen
         self._guard = PluginGuard()
-        self._next_vision = self._next_map = self._next_world = self._next_log = 0.0
         self._channels: dict[str, Any] = {}
         for info in topics.VIEWER_CHANNELS if seen is not None else ():
-            self._channels[info.topic] = _channel(info, context)
+            self._channels[info.topic] = open_channel(info)
+        self.restart()
+
+    def restart(self) -> None:
+        """Log at the next frame what is not logged at every one, for who joins."""
+        self._next_vision = self._next_map = self._next_world = self._next_log = 0.0
 
     def observe(self, reading: SensorReading, twist: Twist, pose: Pose | None) -> None:
         """Log one control tick: the reading, the stack's command, the true pose if it is known."""
@@ -142,9 +149,13 @@ class RunChannels:
     def log_driven(self, twist: Twist, time: float) -> None:
         """Log what the robot was commanded at ``time`` [s] while the stack was not in command."""
         if topics.DRIVEN not in self._channels:
-            self._channels[topics.DRIVEN] = _channel(topics.DRIVEN_CHANNEL, self._context)
+            self._channels[topics.DRIVEN] = self._open_channel(topics.DRIVEN_CHANNEL)
         now = topics.nanoseconds(time)
         self._log(topics.DRIVEN, now, ros.command_message, twist, now)
+
+    def flush(self) -> None:
+        """Log what still waits."""
+        self._sensors.send(wait=True)
 
     def close(self) -> None:
         """Log what still waits; nothing can be logged afterwards."""
@@ -216,24 +227,34 @@ class RunChannels:
         """Log what ``make`` gives, if anybody receives it."""
         channel = self._channels[topic]
         if channel.has_sinks():
-            channel.log(make(*arguments), log_time=log_time)
+            made = make(*arguments)
+            data = made if isinstance(made, bytes) else made.encode()
+            channel.log(data, log_time=log_time)
 
     def _log_json(self, topic: str, log_time: int, make: Any, *arguments: Any) -> None:
         self._log(topic, log_time, lambda: _json(make(*arguments)))
 
 
-def _channel(info: topics.ChannelInfo, context: Context) -> Any:
-    """The channel of Foxglove's schema, of a message of ROS 2, or of JSON by ``_JSON_SCHEMAS``."""
+def context_channels(context: Context) -> OpenChannel:
+    """Channels whose sinks are those of ``context``."""
+
+    def open_channel(info: topics.ChannelInfo) -> Channel:
+        encoding, schema = channel_schema(info)
+        return Channel(info.topic, schema=schema, message_encoding=encoding, context=context)
+
+    return open_channel
+
+
+def channel_schema(info: topics.ChannelInfo) -> tuple[str, Schema]:
+    """Encoding and schema of messages: Foxglove's, of ROS 2, or JSON by ``json_schemas``."""
     namespace, _, name = info.schema.partition(".")
     if namespace == "foxglove":
-        return getattr(typed, f"{name}Channel")(info.topic, context=context)
+        return "protobuf", getattr(typed, name).get_schema()
     if "/msg/" in info.schema:
         text = topics.SCHEMA if info.topic == topics.READING else ros.schema_text(info.schema)
-        schema = Schema(name=info.schema, encoding="ros2msg", data=text.encode())
-        return Channel(info.topic, schema=schema, message_encoding="cdr", context=context)
+        return "cdr", Schema(name=info.schema, encoding="ros2msg", data=text.encode())
     data = json.dumps(json_schemas()[info.schema]).encode()
-    schema = Schema(name=info.schema, encoding="jsonschema", data=data)
-    return Channel(info.topic, schema=schema, message_encoding="json", context=context)
+    return "json", Schema(name=info.schema, encoding="jsonschema", data=data)
 
 
 @cache

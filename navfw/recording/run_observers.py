@@ -1,4 +1,4 @@
-"""What takes in a run while it goes on: its recording as MCAP, and its live server."""
+"""What takes in a run while it goes on; its recording as MCAP."""
 
 from __future__ import annotations
 
@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Protocol
 
 from navfw.config.extras import extra_imports
-from navfw.errors import InputError
 from navfw.recording import channel_list as topics
 from navfw.recording.channel_list import SeenRun
 from navfw.signals import Pose, SensorReading, Twist
 
 _CHUNK = 1 << 18
 """Size of a chunk before compression [byte]: a second or two, which a cut file loses at most."""
-_HOST = "127.0.0.1"
 
 
 class RunObserver(Protocol):
@@ -47,7 +45,7 @@ class RunRecorder:
             from foxglove import Context, open_mcap
             from foxglove.mcap import MCAPWriteOptions
 
-        from navfw.recording.run_channels import RunChannels
+        from navfw.recording.run_channels import RunChannels, context_channels
 
         context = Context()
         self.complete = True
@@ -62,7 +60,7 @@ class RunRecorder:
         )
         self._writer = open_mcap(self._file, context=context, writer_options=options)
         self._writer.write_metadata(topics.RUN, dict(metadata or {}))
-        self._channels = RunChannels(context, seen)
+        self._channels = RunChannels(context_channels(context), seen)
         self._closed = False
 
     def observe(self, reading: SensorReading, twist: Twist, pose: Pose | None) -> None:
@@ -95,52 +93,3 @@ class RunRecorder:
         """Write the recording to ``path``, ended if it was not."""
         self.close()
         path.write_bytes(self._file.getbuffer())
-
-
-class LiveServer:
-    """Serves what is ``seen`` of a run, until ``close``; ``port`` 0 takes a free one.
-
-    Foxglove and Lichtblick show it, by Foxglove's websocket protocol. The server listens on the
-    loopback interface alone, takes no messages from its clients, computes nothing that none has
-    subscribed to, and drops messages that a slow client does not fetch: the run never waits.
-
-    Raises:
-        InputError: the port is in use, or must not be used.
-
-    """
-
-    def __init__(self, seen: SeenRun, port: int) -> None:
-        with extra_imports("record"):
-            from foxglove import Context, start_server
-            from foxglove.websocket import Capability
-
-        from navfw.recording.run_channels import RunChannels
-
-        context = Context()
-        self._channels = RunChannels(context, seen)
-        try:
-            self._server = start_server(
-                name="navfw",
-                host=_HOST,
-                port=port,
-                capabilities=[Capability.Time],
-                context=context,
-            )
-        except RuntimeError as error:
-            reason = str(error).rpartition("Failed to bind port: ")[2]
-            raise InputError(
-                f"port {port} cannot be served ({reason}); choose another, or 0 for any free one",
-                key="--port",
-            ) from None
-        self.url = f"ws://{_HOST}:{self._server.port}"
-
-    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
-        """Send one control tick: reading, the stack's command for it, and the true pose."""
-        self._channels.observe(reading, twist, pose)
-        if reading.frame is not None:
-            self._server.broadcast_time(topics.nanoseconds(reading.time))
-
-    def close(self) -> None:
-        """Send what still waits, and end the server."""
-        self._channels.close()
-        self._server.stop()

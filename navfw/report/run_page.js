@@ -4,27 +4,6 @@
   const data = JSON.parse(document.getElementById("moments").textContent);
   const slider = document.getElementById("slider");
   const canvas = document.getElementById("camera");
-  const pen = canvas.getContext("2d");
-  const scale = canvas.width / data.size[0];
-
-  function drawCamera(moment, image) {
-    pen.drawImage(image, 0, 0, canvas.width, canvas.height);
-    const step = scale / 16; // points are in sixteenths of a pixel
-    for (const [color, points] of moment.cells) {
-      pen.fillStyle = color;
-      for (let i = 0; i < points.length; i += 2) {
-        pen.fillRect(points[i] * step - 2, points[i + 1] * step - 2, 4, 4);
-      }
-    }
-    pen.strokeStyle = data.flow_color;
-    pen.lineWidth = 1.5;
-    pen.beginPath();
-    for (let i = 0; i < moment.flow.length; i += 4) {
-      pen.moveTo(moment.flow[i] * step, moment.flow[i + 1] * step);
-      pen.lineTo(moment.flow[i + 2] * step, moment.flow[i + 3] * step);
-    }
-    pen.stroke();
-  }
 
   function showText(moment) {
     const command = moment.command;
@@ -84,7 +63,7 @@
     const image = new Image();
     image.onload = () => {
       if (Number(slider.value) !== number) return;
-      drawCamera(moment, image);
+      drawCamera(canvas, canvas.width / data.size[0], data.flow_color, moment, image);
       canvas.dataset.shown = number;
     };
     image.src = moment.image;

@@ -1,0 +1,338 @@
+"""The live server of a run: its channels by Foxglove's WebSocket protocol, and a page for them.
+
+It has no thread of its own: it serves between two control ticks, and while it holds the run.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+import socket
+import struct
+import time
+from base64 import b64encode
+from contextlib import suppress
+from selectors import EVENT_READ, DefaultSelector
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from navfw.config.extras import extra_imports
+from navfw.errors import InputError
+from navfw.process.interruption import interruptible
+from navfw.recording import channel_list as topics
+from navfw.recording.channel_list import ChannelInfo, SeenRun
+from navfw.signals import Pose, SensorReading, Twist
+
+with extra_imports("record"):
+    from websockets.datastructures import Headers
+    from websockets.frames import Frame, Opcode
+    from websockets.http11 import Request, Response
+    from websockets.protocol import State
+    from websockets.server import ServerProtocol
+    from websockets.typing import Subprotocol
+
+    from navfw.recording.run_channels import RunChannels, channel_schema
+
+_HOST = "127.0.0.1"
+MIN_SPEED, MAX_SPEED = 0.05, 50.0
+"""Bounds of a run's speed [simulated per wall time]."""
+_PAGE = Subprotocol("navfw.live.v1")
+"""Foxglove's protocol, and messages ``navfw``: the run's state to the page, its commands back."""
+_PROTOCOLS = (_PAGE, Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
+_MAX_CLIENTS = 16
+_MAX_REQUEST = 1 << 16
+"""Largest message from a client [byte]."""
+_MAX_WAITING = 1 << 22
+"""What may wait for a slow client before its messages are dropped [byte]."""
+_PERIOD = 0.05
+"""Wall time between two looks at the clients while the run is held [s]."""
+_CATCH_UP = 0.2
+"""Wall time by which a run may be behind its speed and still catch up [s]."""
+_HEADERS = {
+    "Content-Type": "text/html; charset=utf-8",
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "frame-ancestors 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+class _Client:
+    """A connection: a request for the page, or a viewer."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        self.connection = connection
+        self.protocol = ServerProtocol(subprotocols=_PROTOCOLS, max_size=_MAX_REQUEST)
+        self._waiting = bytearray()
+        self._over = False
+
+    @property
+    def viewing(self) -> bool:
+        """Whether it is a viewer."""
+        return self.protocol.state is State.OPEN
+
+    def send(self, data: bytes) -> None:
+        """Send binary ``data``, unless too much waits already."""
+        if self.viewing and len(self._waiting) < _MAX_WAITING:
+            self.protocol.send_binary(data)
+
+    def say(self, **message: Any) -> None:
+        """Send a message in JSON."""
+        if self.viewing:
+            self.protocol.send_text(json.dumps(message).encode())
+
+    def receive(self) -> list[Any]:
+        """The requests and frames that have arrived."""
+        data = b""
+        with suppress(OSError):
+            data = self.connection.recv(_MAX_REQUEST)
+        if data:
+            self.protocol.receive_data(data)
+        else:
+            self.protocol.receive_eof()
+            self._over = True
+        return self.protocol.events_received()
+
+    def flush(self) -> bool:
+        """Send what waits, as far as the connection takes it; whether it is over."""
+        for part in self.protocol.data_to_send():
+            self._over |= not part
+            self._waiting += part
+        try:
+            while self._waiting:
+                del self._waiting[: self.connection.send(self._waiting)]
+        except BlockingIOError:
+            return False
+        except OSError:
+            return True
+        return self._over
+
+
+class _LiveChannel:
+    """A channel with its receivers, each with the start of its messages: opcode, subscription."""
+
+    def __init__(self, number: int, info: ChannelInfo) -> None:
+        encoding, schema = channel_schema(info)
+        text = b64encode(schema.data) if encoding == "protobuf" else schema.data
+        self.receivers: dict[_Client, bytes] = {}
+        self.advertised = {
+            "id": number,
+            "topic": info.topic,
+            "encoding": encoding,
+            "schemaName": schema.name,
+            "schemaEncoding": schema.encoding,
+            "schema": text.decode(),
+        }
+
+    def has_sinks(self) -> bool:
+        """Whether it has receivers."""
+        return bool(self.receivers)
+
+    def log(self, data: bytes, log_time: int) -> None:
+        """Send ``data`` of ``log_time`` [ns] to the receivers."""
+        for client, start in self.receivers.items():
+            client.send(start + log_time.to_bytes(8, "little") + data)
+
+
+class LiveServer:
+    """Serves what is ``seen`` of a run until ``end``; ``port`` 0 takes a free one.
+
+    It listens on the loopback interface, and answers only where Host is this machine, the address
+    has the token of ``url``, and Origin, which browsers send, is the page's own or one of
+    ``origins``. ``page`` (HTML) may pause the run and set its ``speed`` [simulated per wall time],
+    None for as fast as it goes; nothing else can be commanded, and the run gives the same commands.
+    With ``wait`` it begins with the first viewer. What nobody has subscribed to is not computed,
+    and what a slow client does not fetch is dropped.
+
+    Raises:
+        InputError: the port is in use, or must not be used.
+
+    """
+
+    def __init__(
+        self,
+        seen: SeenRun,
+        port: int,
+        *,
+        page: str = "",
+        origins: tuple[str, ...] = (),
+        speed: float | None = None,
+        wait: bool = False,
+    ) -> None:
+        try:
+            self._socket = socket.create_server((_HOST, port))
+        except OSError as error:
+            raise InputError(
+                f"port {port} cannot be served ({error.strerror}); choose another, or 0 for any"
+                " free one",
+                key="--port",
+            ) from None
+        self._socket.setblocking(False)
+        self._selector = DefaultSelector()
+        self._selector.register(self._socket, EVENT_READ)
+        port = self._socket.getsockname()[1]
+        self._hosts = {f"{name}:{port}" for name in (_HOST, "localhost")}
+        self._origins = {*origins, *(f"http://{host}" for host in self._hosts)}
+        self._token = secrets.token_urlsafe(16)
+        self.url = f"http://{_HOST}:{port}/?token={self._token}"
+        self._page = page.encode()
+        self._clients: list[_Client] = []
+        self._open: dict[str, _LiveChannel] = {}
+        self._seen = seen
+        self._channels = RunChannels(self._channel, seen)
+        self._speed, self._paused, self._wait, self._ended = speed, False, wait, ""
+        self._time = self._due = 0.0
+        self._joined = False
+        self._last: tuple[SensorReading, Twist, Pose] | None = None
+
+    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
+        """Send one control tick: reading, the stack's command, the true pose; hold the run."""
+        self._channels.observe(reading, twist, pose)
+        if reading.frame is not None:
+            self._last = (reading, twist, pose)
+            now = struct.pack("<BQ", 2, topics.nanoseconds(reading.time))
+            for client in self._clients:
+                client.send(now)
+        if self._speed is not None:
+            due = self._due + (reading.time - self._time) / self._speed
+            self._due = max(due, time.monotonic() - _CATCH_UP)
+        self._time = reading.time
+        self.serve(0.0)
+        while self._paused or self._wait:
+            self._hold()
+        while self._speed is not None and (ahead := self._due - time.monotonic()) > 0.0:
+            self.serve(min(ahead, _PERIOD))
+
+    def close(self) -> None:
+        """Send what still waits: the run is over."""
+        self._channels.close()
+        self.serve(0.0)
+
+    def end(self, message: str = "the run has ended", *, stay: bool = False) -> None:
+        """Tell how the run ended, and end the server; with ``stay`` not before Ctrl-C."""
+        self._ended = message
+        self._tell_state(self._clients)
+        with suppress(KeyboardInterrupt), interruptible():
+            self._channels = RunChannels(self._channel, self._seen)
+            while stay:
+                self._hold()
+        self._channels.close()
+        for client in self._clients:
+            if client.viewing:
+                client.protocol.send_close(1000)
+        until = time.monotonic() + 1.0
+        while self._clients and time.monotonic() < until:
+            self.serve(_PERIOD)
+        for client in [*self._clients]:
+            self._drop(client)
+        self._selector.close()
+        self._socket.close()
+
+    def serve(self, patience: float) -> None:
+        """Send what waits and take what arrives, within ``patience`` [s]."""
+        self._flush()
+        for key, _ in self._selector.select(patience):
+            if key.data is None:
+                self._accept()
+            elif key.data in self._clients:
+                for event in key.data.receive():
+                    self._answer(key.data, event)
+        self._flush()
+
+    def _hold(self) -> None:
+        """Serve while the run stands still; who joins sees its newest frame."""
+        self.serve(_PERIOD)
+        if self._joined and self._last is not None:
+            self._channels.observe(*self._last)
+            self._channels.flush()
+        self._joined = False
+
+    def _channel(self, info: ChannelInfo) -> _LiveChannel:
+        return self._open.setdefault(info.topic, _LiveChannel(len(self._open), info))
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            client = _Client(self._socket.accept()[0])
+            idle = [other for other in self._clients if not other.viewing]
+            if len(self._clients) >= _MAX_CLIENTS:
+                self._drop(idle[0] if idle else self._clients[0])
+            self._clients.append(client)
+            self._selector.register(client.connection, EVENT_READ, client)
+
+    def _flush(self) -> None:
+        for client in [*self._clients]:
+            if client.flush():
+                self._drop(client)
+
+    def _drop(self, client: _Client) -> None:
+        for channel in self._open.values():
+            channel.receivers.pop(client, None)
+        self._clients.remove(client)
+        self._selector.unregister(client.connection)
+        client.connection.close()
+
+    def _answer(self, client: _Client, event: Request | Frame) -> None:
+        """Answer a request for the page or for a connection, or take a viewer's message."""
+        protocol = client.protocol
+        if isinstance(event, Frame):
+            if event.opcode in (Opcode.TEXT, Opcode.BINARY, Opcode.CONT):
+                self._take(client, event)
+        elif refusal := self._refusal(event):
+            protocol.send_response(protocol.reject(403, f"navfw: {refusal}\n"))
+        elif "Upgrade" not in event.headers:
+            headers = Headers(_HEADERS | {"Content-Length": str(len(self._page))})
+            protocol.send_response(Response(200, "OK", headers, self._page))
+        else:
+            protocol.send_response(protocol.accept(event))
+            about = {"name": "navfw", "capabilities": ["time"], "supportedEncodings": []}
+            client.say(op="serverInfo", **about, metadata={})
+            client.say(op="advertise", channels=[c.advertised for c in self._open.values()])
+            self._tell_state([client])
+
+    def _refusal(self, request: Request) -> str:
+        """Why a request is refused; "" if it is not."""
+        hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
+        if len(hosts) != 1 or hosts[0] not in self._hosts:
+            return "this machine has another name"
+        if not self._origins.issuperset(origins):
+            return "the page is of another origin (--origin of navfw run names one that may read)"
+        address = urlsplit(request.path)
+        token = parse_qs(address.query).get("token", [""])[0]
+        if not secrets.compare_digest(token.encode(), self._token.encode()):
+            return "the address needs the token that navfw run has printed"
+        return "" if address.path == "/" else "the page is at /"
+
+    def _tell_state(self, clients: list[_Client]) -> None:
+        state = {"paused": self._paused, "speed": self._speed, "ended": self._ended}
+        for client in clients:
+            if client.protocol.subprotocol == _PAGE:
+                client.say(op="navfw", **state)
+            elif self._ended:
+                client.say(op="status", level=0, message=self._ended)
+
+    def _take(self, client: _Client, frame: Frame) -> None:
+        """Take a message of a viewer; one that cannot be read ends the connection."""
+        try:
+            message = json.loads(bytes(frame.data))
+            if message["op"] == "subscribe":
+                channels = [*self._open.values()]
+                for wanted in message["subscriptions"]:
+                    start = struct.pack("<BI", 1, wanted["id"])
+                    channels[wanted["channelId"]].receivers[client] = start
+                self._joined, self._wait = True, False
+                self._channels.restart()
+            elif message["op"] == "unsubscribe":
+                ended = [struct.pack("<BI", 1, number) for number in message["subscriptionIds"]]
+                for channel in self._open.values():
+                    if channel.receivers.get(client) in ended:
+                        del channel.receivers[client]
+            elif message["op"] == "navfw" and client.protocol.subprotocol == _PAGE:
+                speed = message["speed"]
+                if not (speed is None or MIN_SPEED <= speed <= MAX_SPEED):
+                    raise ValueError(speed)
+                self._paused, self._speed = message["paused"] is True, speed
+                self._tell_state(self._clients)
+        except (ValueError, LookupError, TypeError, RecursionError, struct.error):
+            client.protocol.fail(1003)

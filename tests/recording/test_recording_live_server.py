@@ -1,0 +1,350 @@
+"""The live server: it shows the run to those who know its address, and takes two commands."""
+
+import json
+import signal
+import socket
+import struct
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_calls import invoke
+from live_browser import live_browser
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+from websockets.typing import Origin, Subprotocol
+
+from navfw.errors import InputError
+from navfw.missions import Session, prepare
+from navfw.recording import LiveServer, unpack_reading
+from navfw.recording import channel_list as topics
+from navfw.report import live_page
+
+WANTED = (topics.COMMAND, topics.READING, topics.CAMERA_IMAGE, topics.WORLD)
+PAGE, FOXGLOVE = Subprotocol("navfw.live.v1"), Subprotocol("foxglove.sdk.v1")
+
+
+def session(seconds: float) -> Session:
+    overrides = [f"mission.timeout={seconds}"]
+    return prepare("paper-room", "through-the-door", seed=3, overrides=overrides)
+
+
+def address(server: LiveServer) -> str:
+    return server.url.replace("http", "ws", 1)
+
+
+def port_of(server: LiveServer) -> int:
+    return int(server.url.split(":")[2].split("/")[0])
+
+
+def page_of(shown: Session) -> str:
+    return live_page("a run", shown.seen, [(goal.x, goal.y) for goal in shown.mission.goals])
+
+
+@contextmanager
+def serving(server: LiveServer) -> Iterator[LiveServer]:
+    """The server at work in a thread, and ended."""
+    over = threading.Event()
+
+    def work() -> None:
+        while not over.is_set():
+            server.serve(0.01)
+
+    worker = threading.Thread(target=work)
+    worker.start()
+    try:
+        yield server
+    finally:
+        over.set()
+        worker.join()
+        server.end()
+
+
+@pytest.fixture(scope="module")
+def idle() -> Session:
+    return prepare("empty", "straight")
+
+
+class Viewer:
+    """A client that subscribes to channels, and keeps what it receives by topic."""
+
+    def __init__(self, url: str) -> None:
+        self.received: dict[str, list[tuple[float, bytes]]] = defaultdict(list)
+        self.advertised: dict[str, dict[str, Any]] = {}
+        self.status = ""
+        self.subscribed = False
+        self.thread = threading.Thread(target=self._view, args=(url,), daemon=True)
+        self.thread.start()
+
+    def _view(self, url: str) -> None:
+        with connect(url, subprotocols=[FOXGLOVE]) as connection, suppress(ConnectionClosed):
+            for data in connection:
+                if isinstance(data, bytes):
+                    if data[0] == 1:
+                        number, stamp = struct.unpack_from("<IQ", data, 1)
+                        self.received[WANTED[number]].append((1e-9 * stamp, data[13:]))
+                    continue
+                message = json.loads(data)
+                if message["op"] == "advertise":
+                    self.advertised = {c["topic"]: c for c in message["channels"]}
+                    wanted = [
+                        {"id": number, "channelId": self.advertised[topic]["id"]}
+                        for number, topic in enumerate(WANTED)
+                    ]
+                    connection.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+                    self.subscribed = True
+                self.status = message.get("message", "")
+
+
+def test_a_client_receives_the_run_and_changes_no_command() -> None:
+    watched = session(4.0)
+    plain = watched.run()
+    server = LiveServer(watched.seen, port=0, page=page_of(watched))
+    viewer = Viewer(address(server))
+    while not viewer.subscribed:
+        server.serve(0.01)
+    with closing(socket.create_connection(("127.0.0.1", port_of(server)))) as reader:
+        reader.sendall(request(server))
+        result = watched.run(observers=[server])
+        server.end(f"{result.outcome}: {result.reason}")
+        assert reader.recv(99).startswith(b"HTTP/1.1 200 OK")
+    viewer.thread.join(10)
+    assert not viewer.thread.is_alive(), "the server ends with the run"
+    assert viewer.status.startswith("timeout: ")
+    assert result.run.log.command_hash == plain.run.log.command_hash
+    assert result.run.faults == ()
+
+    assert set(viewer.advertised) == {info.topic for info in topics.CHANNELS}
+    schemas = {topic: channel["schemaName"] for topic, channel in viewer.advertised.items()}
+    assert schemas == {info.topic: info.schema for info in topics.CHANNELS}
+    log = result.run.log
+    commands = dict(zip(log.time.tolist(), map(tuple, log.commands.tolist()), strict=True))
+    rows = [unpack_reading(data) for _, data in viewer.received[topics.READING]]
+    assert {row.time: (row.v, row.w) for row in rows} == commands
+    leaders = {json.loads(data)["leader"] for _, data in viewer.received[topics.COMMAND]}
+    assert leaders <= set(log.leaders)
+    assert 40 <= len(viewer.received[topics.CAMERA_IMAGE]) <= 42  # the first may come twice
+    assert viewer.received[topics.WORLD]
+
+
+def request(server: LiveServer, *, token: str = "", lines: str = "") -> bytes:
+    """A request for the page, with the token and the Host of the printed address by default."""
+    host, _, path = server.url.removeprefix("http://").partition("/")
+    path = path if not token else f"?token={token}"
+    return f"GET /{path} HTTP/1.1\r\n{lines or f'Host: {host}'}\r\n\r\n".encode()
+
+
+def test_only_this_machine_its_page_and_who_has_the_token_are_answered(idle: Session) -> None:
+    origins = ("https://app.foxglove.dev",)
+    with serving(LiveServer(idle.seen, 0, page="<p>secret", origins=origins)) as server:
+        port = port_of(server)
+        own = f"Host: 127.0.0.1:{port}"
+        answered = {
+            "": 200,
+            f"Host: localhost:{port}": 200,
+            f"{own}\r\nOrigin: http://localhost:{port}": 200,
+            f"{own}\r\nOrigin: https://app.foxglove.dev": 200,
+            f"{own}\r\nOrigin: https://foxglove.dev": 403,
+            f"{own}\r\nOrigin: null": 403,
+            f"{own}\r\nOrigin: http://127.0.0.1:{port + 1}": 403,
+            f"{own}\r\nOrigin: http://127.0.0.1:{port}\r\nOrigin: http://x.org": 403,
+            "Host: rebound.example.org": 403,
+            f"Host: rebound.example.org:{port}": 403,
+            f"{own}\r\nHost: rebound.example.org": 403,
+            "Accept: */*": 403,
+        }
+        requests = [(request(server, lines=lines), code) for lines, code in answered.items()]
+        requests += [(request(server, token=token), 403) for token in ("x", "%C3%A9", "&token=")]
+        requests += [(b"GET /other" + request(server)[5:], 403), (b"\x00\xff\r\n\r\n", 0)]
+        for sent, code in requests:
+            with closing(socket.create_connection(("127.0.0.1", port))) as reader:
+                reader.sendall(sent)
+                answer = b"".join(iter(partial(reader.recv, 4096), b""))
+            assert answer.startswith(f"HTTP/1.1 {code} ".encode() if code else b""), (sent, answer)
+            assert (b"secret" in answer) == (code == 200)
+        with connect(address(server), subprotocols=[FOXGLOVE], origin=Origin(origins[0])):
+            pass
+
+
+def test_the_page_alone_may_pause_and_nothing_else_is_taken(idle: Session) -> None:
+    def state(connection: Any) -> dict[str, Any]:
+        while (message := json.loads(connection.recv(timeout=5)))["op"] != "navfw":
+            pass
+        return dict(message)
+
+    with serving(LiveServer(idle.seen, 0, speed=2.0)) as server:
+        with connect(address(server), subprotocols=[PAGE]) as page:
+            assert state(page) == {"op": "navfw", "paused": False, "speed": 2.0, "ended": ""}
+            page.send(json.dumps({"op": "navfw", "paused": True, "speed": 0.5}))
+            assert state(page) == {"op": "navfw", "paused": True, "speed": 0.5, "ended": ""}
+            with connect(address(server), subprotocols=[FOXGLOVE]) as other:
+                other.send(json.dumps({"op": "navfw", "paused": False, "speed": None}))
+                other.ping().wait(5)
+            page.send(json.dumps({"op": "set", "v": 1.0}))
+            page.send(json.dumps({"op": "navfw", "paused": True, "speed": None}))
+            assert state(page) == {"op": "navfw", "paused": True, "speed": None, "ended": ""}
+        damaged: list[str | bytes] = [
+            '{"op": "navfw", "paused": false, "speed": 1e999}',
+            "[" * 60000,
+            "{}",
+            "\x00",
+        ]
+        damaged.append('{"op": "subscribe", "subscriptions": [{"id": -1, "channelId": 999}]}')
+        for text in (*damaged, b"\x00\xff", '{"op": "navfw", "paused": true, "speed": "x"}'):
+            with connect(address(server), subprotocols=[PAGE]) as page:
+                page.send(text)
+                with pytest.raises(ConnectionClosed):
+                    while True:
+                        page.recv(timeout=5)
+
+
+def test_a_run_is_as_fast_as_asked_for(idle: Session) -> None:
+    shown = prepare("empty", "straight", overrides=["mission.timeout=2"])
+    server = LiveServer(shown.seen, 0, speed=4.0)
+    began = time.monotonic()
+    shown.run(observers=[server])
+    server.end()
+    assert time.monotonic() - began > 0.25
+
+
+def test_a_port_in_use_is_told_before_the_run(idle: Session, tmp_path: Path) -> None:
+    with closing(socket.socket()) as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(InputError, match=rf"--port: port {port} cannot be served \(Address"):
+            LiveServer(idle.seen, port)
+        done = invoke("run", "empty", "straight", "--live", "--port", port, "--out", tmp_path / "r")
+    assert done.exit_code == 2
+    assert f"port {port} cannot be served" in done.output
+    done = invoke("run", "empty", "straight", "--stay", "--out", tmp_path / "r")
+    assert done.exit_code == 2
+    assert "need --live" in done.output
+    assert list(tmp_path.iterdir()) == []
+
+
+SPY = """
+async function spy(url) {
+  const read = [];
+  for (const mode of ["cors", "no-cors"]) {
+    try { read.push((await (await fetch(url, {mode})).text()).length); } catch { read.push(0); }
+  }
+  for (const protocol of ["navfw.live.v1", "foxglove.sdk.v1"]) {
+    read.push(await new Promise((resolve) => {
+      const socket = new WebSocket(url.replace("http", "ws"), [protocol]);
+      socket.onmessage = (event) => resolve(event.data.length || 1);
+      socket.onclose = () => resolve(0);
+    }));
+  }
+  const frame = document.createElement("iframe");
+  frame.src = url;
+  document.body.append(frame);
+  await new Promise((resolve) => { frame.onload = resolve; });
+  try { read.push(frame.contentDocument.body.textContent.length); } catch { read.push(0); }
+  return read.join(" ");
+}
+"""
+"""What a page of another origin reads of a URL, by each way that a browser offers."""
+
+
+CONTRAST = """
+(() => {
+  const light = (color) => color.match(/[\\d.]+/g).slice(0, 3).map((x) => x / 255)
+    .map((x) => x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, x, i) => sum + x * [0.2126, 0.7152, 0.0722][i], 0);
+  const behind = (e) => {
+    const color = e === null ? "rgb(255, 255, 255)" : getComputedStyle(e).backgroundColor;
+    return color === "rgba(0, 0, 0, 0)" ? behind(e.parentElement) : color;
+  };
+  const says = (e) => [...e.childNodes].some((n) => n.nodeType === 3 && n.data.trim());
+  return Math.min(...[...document.querySelectorAll("body *")]
+    .filter((e) => e.tagName !== "SCRIPT" && says(e))
+    .map((e) => [light(getComputedStyle(e).color), light(behind(e))].sort((a, b) => b - a))
+    .map(([bright, dark]) => (bright + 0.05) / (dark + 0.05)));
+})()
+"""
+"""The least contrast of a text to what is behind it."""
+DRAWN = """
+["camera", "plan", "commands"].every((id) => document.getElementById(id).toDataURL().length > 2500)
+"""
+"""Whether there is something in each canvas."""
+TEXT = "document.getElementById('{}').textContent"
+
+
+@pytest.mark.thorough
+def test_in_a_browser_the_own_page_shows_the_run_and_others_read_nothing(tmp_path: Path) -> None:
+    shown = session(5.0)
+    page = page_of(shown)
+    assert len(page) < 300_000
+    server = LiveServer(shown.seen, 0, page=page, speed=1.0, wait=True)
+
+    def drive() -> None:
+        server.end(str(shown.run(observers=[server]).outcome))
+
+    class Quiet(SimpleHTTPRequestHandler):
+        def log_message(self, *words: object) -> None:
+            """Print nothing."""
+
+    (tmp_path / "spy.html").write_text(f"<body><script>{SPY}</script></body>")
+    spy = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path)))
+    for work in (drive, spy.serve_forever):
+        threading.Thread(target=work, daemon=True).start()
+    with live_browser(tmp_path / "profile") as browser:
+        browser.open(server.url)
+        browser.wait_for(f"parseFloat({TEXT.format('time')}) > 2.5")
+        browser.press("Tab", 9)
+        browser.press("Enter", 13, "\r")
+        browser.wait_for(f"{TEXT.format('state')} === 'paused'")
+        for width in (1400, 390):
+            browser.resize(width, 900)
+            browser.wait_for(DRAWN)
+            assert browser.evaluate("document.documentElement.scrollWidth") <= width
+        assert browser.evaluate(CONTRAST) >= 4.5
+        assert "IF" in browser.evaluate(TEXT.format("rules"))
+        assert browser.evaluate(TEXT.format("P1")) != "?"
+        assert browser.console == []
+
+        browser.open(f"http://127.0.0.1:{spy.server_port}/spy.html")
+        browser.wait_for("typeof spy === 'function'")
+        for url in (server.url, server.url.partition("?")[0]):
+            assert browser.evaluate(f"spy('{url}')") == "0 0 0 0 0"
+        browser.open(server.url.replace("127.0.0.1", "rebound.test"))
+        browser.wait_for("document.body && document.body.textContent.includes('another name')")
+
+        browser.open(server.url)  # who joins a paused run sees it
+        browser.wait_for(f"typeof {TEXT.format('state')} === 'string' && {DRAWN}")
+        assert browser.evaluate(TEXT.format("state")) == "paused"
+        browser.press("Tab", 9)
+        browser.press("Enter", 13, "\r")
+        browser.wait_for(f"{TEXT.format('state')} === 'timeout'")
+    spy.shutdown()
+    spy.server_close()
+
+
+def test_a_run_that_stays_is_served_until_ctrl_c(tmp_path: Path) -> None:
+    with closing(socket.create_server(("127.0.0.1", 0))) as free:
+        port = free.getsockname()[1]
+    answers: list[bytes] = []
+
+    def interrupt() -> None:
+        while not (tmp_path / "r" / "result.json").is_file():
+            time.sleep(0.05)
+        with closing(socket.create_connection(("127.0.0.1", port))) as reader:
+            reader.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode())
+            answers.append(reader.recv(999))
+        signal.raise_signal(signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
+    words = ("--set", "mission.timeout=1", "--live", "--port", port, "--stay", "--json")
+    done = invoke("run", "empty", "straight", *words, "--out", tmp_path / "r")
+    assert answers[0].startswith(b"HTTP/1.1 403 ")  # without the token, which is printed
+    assert "/?token=" in done.stderr
+    result = json.loads(done.stdout)
+    assert (result["outcome"], done.exit_code, result["faults"]) == ("timeout", 1, [])
