@@ -209,7 +209,7 @@ def test_the_wheel_drives_in_an_empty_environment(
 
 OPTIONAL = """
     pybullet pybullet_data matplotlib bokeh jinja2 foxglove mcap mcap_protobuf trimesh collada
-    gymnasium optuna distributed av pandas navground skfuzzy
+    websockets gymnasium optuna distributed av pandas navground skfuzzy
 """
 """The modules of all extras."""
 
