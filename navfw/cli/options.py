@@ -161,7 +161,7 @@ LiveOrigin = Annotated[
 ]
 LiveSpeed = Annotated[
     float | None,
-    typer.Option("--speed", min=0.05, max=50.0, help="Of --live: 1 is real time [default: any]."),
+    typer.Option("--speed", help="Of --live: 1 is real time, at most [default: no limit]."),
 ]
 LiveWait = Annotated[bool, typer.Option("--wait", help="Of --live: begin with the first viewer.")]
 LiveStay = Annotated[bool, typer.Option("--stay", help="Of --live: serve the end until Ctrl-C.")]

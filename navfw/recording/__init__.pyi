@@ -15,8 +15,6 @@ from .channel_list import RIGHT_IMAGE as RIGHT_IMAGE
 from .channel_list import ReadingRow as ReadingRow
 from .channel_list import pack_reading as pack_reading
 from .channel_list import unpack_reading as unpack_reading
-from .live_server import MAX_SPEED as MAX_SPEED
-from .live_server import MIN_SPEED as MIN_SPEED
 from .live_server import LiveServer as LiveServer
 from .palette import FLOOR as FLOOR
 from .palette import MOVING as MOVING

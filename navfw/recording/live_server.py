@@ -34,7 +34,7 @@ with extra_imports("record"):
     from navfw.recording.run_channels import RunChannels, channel_schema
 
 _HOST = "127.0.0.1"
-MIN_SPEED, MAX_SPEED = 0.05, 50.0
+_MIN_SPEED, _MAX_SPEED = 0.05, 50.0
 """Bounds of a run's speed [simulated per wall time]."""
 _PAGE = Subprotocol("navfw.live.v1")
 """Foxglove's protocol, and messages ``navfw``: the run's state to the page, its commands back."""
@@ -147,7 +147,7 @@ class LiveServer:
     and what a slow client does not fetch is dropped.
 
     Raises:
-        InputError: the port is in use, or must not be used.
+        InputError: the port is in use, or must not be used; the speed is out of its bounds.
 
     """
 
@@ -161,6 +161,7 @@ class LiveServer:
         speed: float | None = None,
         wait: bool = False,
     ) -> None:
+        self._speed, self._paused, self._wait, self._ended = _checked(speed), False, wait, ""
         try:
             self._socket = socket.create_server((_HOST, port))
         except OSError as error:
@@ -182,7 +183,6 @@ class LiveServer:
         self._open: dict[str, _LiveChannel] = {}
         self._seen = seen
         self._channels = RunChannels(self._channel, seen)
-        self._speed, self._paused, self._wait, self._ended = speed, False, wait, ""
         self._time = self._due = 0.0
         self._joined = False
         self._last: tuple[SensorReading, Twist, Pose] | None = None
@@ -329,10 +329,15 @@ class LiveServer:
                     if channel.receivers.get(client) in ended:
                         del channel.receivers[client]
             elif message["op"] == "navfw" and client.protocol.subprotocol == _PAGE:
-                speed = message["speed"]
-                if not (speed is None or MIN_SPEED <= speed <= MAX_SPEED):
-                    raise ValueError(speed)
-                self._paused, self._speed = message["paused"] is True, speed
+                self._speed = _checked(message["speed"])
+                self._paused = message["paused"] is True
                 self._tell_state(self._clients)
-        except (ValueError, LookupError, TypeError, RecursionError, struct.error):
+        except (InputError, ValueError, LookupError, TypeError, RecursionError, struct.error):
             client.protocol.fail(1003)
+
+
+def _checked(speed: float | None) -> float | None:
+    """A speed of the run; raises InputError, or TypeError for what is no number."""
+    if not (speed is None or _MIN_SPEED <= speed <= _MAX_SPEED):
+        raise InputError(f"is to be between {_MIN_SPEED} and {_MAX_SPEED:g}", key="--speed")
+    return speed
