@@ -195,7 +195,8 @@ EngineName = Annotated[
     EngineKind, typer.Option("--engine", help="Processes of this machine, or a cluster of Dask.")
 ]
 Scheduler = Annotated[
-    str | None, typer.Option(metavar="ADDRESS", help="Of --engine dask: tcp://HOST:PORT.")
+    str | None,
+    typer.Option(metavar="ADDRESS", help="Of --engine dask: tls://HOST:PORT, or tcp://."),
 ]
 
 

@@ -59,7 +59,12 @@ class DaskEngine:
         with extra_imports("dask", key="--engine"):
             import distributed
         connect: Any = distributed.Client  # has no types
+        security: Any = distributed.Security
         try:
+            arguments = security().get_connection_args("client")
+            if self.address.startswith("tls://") and arguments["ssl_context"] is None:
+                what = "tls:// needs certificates: set distributed.comm.tls in Dask's configuration"
+                raise InputError(what, key="--scheduler")
             self._client = connect(self.address, timeout=CONNECT_TIME, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             what = f"no scheduler of Dask answers at {self.address} ({type(error).__name__})"

@@ -136,6 +136,12 @@ def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> No
         engine.__enter__()
 
 
+def test_tls_without_certificates_is_told_before_connecting() -> None:
+    engine = DaskEngine("tls://127.0.0.1:9", JobPackage(b"", ()), limit=1.0, memory=1.0)
+    with pytest.raises(InputError, match="--scheduler: tls:// needs certificates"):
+        engine.__enter__()
+
+
 def test_a_worker_is_not_profiled_while_it_has_a_suite(tmp_path: Path) -> None:
     log: list[str] = []
     profile = SimpleNamespace(stop=lambda: log.append("stop"), start=lambda: log.append("start"))
