@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import read_input_text
 from navfw.offis.percept_explanation import front_in
-
-_MAX_BYTES = 1_000_000
-"""Largest size of the file of labels [byte]."""
 
 QUADRANTS = {"P1": "upper_right", "P2": "upper_left", "P3": "lower_left", "P4": "lower_right"}
 """Names in the labels of the quadrants of layer 1."""
@@ -73,7 +71,8 @@ class Judgement:
 
 def load_labels() -> list[FrameLabel]:
     """All labels, in the order of the file."""
-    text = read_input_text(Path(__file__).with_name("real_frames.csv"), _MAX_BYTES)
+    file = Path(__file__).with_name("real_frames.csv")
+    text = read_input_text(file, max_bytes("benchmark"))
     return [
         FrameLabel(
             **row

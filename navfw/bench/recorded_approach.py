@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 
 from navfw.config.image_file import read_image
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import is_file, open_input
 from navfw.errors import ConfigError
 from navfw.flow.block_matching import BlockMatching
@@ -26,9 +27,6 @@ from navfw.process.result_table import Column, ResultTable
 from navfw.recording.run_folder import plain_json
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, Frame, FramePair
-
-_MAX_TIMES = 1_000_000
-"""Largest size of the file of times [byte]; the original has 1 kB."""
 
 _ZOOM_FROM = 0.05
 """Expected relative growth of the image between two frames above which the past frame is magnified
@@ -205,7 +203,7 @@ def _recorded_times(file: Path) -> Array:
     """The times to impact (n,) [s] in a file of MATLAB."""
     from scipy.io import loadmat
 
-    with open_input(file, _MAX_TIMES) as stream:
+    with open_input(file, max_bytes("benchmark")) as stream:
         try:
             return np.asarray(loadmat(stream)["TTI"], dtype=np.float64).ravel()
         except Exception as error:  # a damaged file makes scipy raise errors of many kinds

@@ -23,6 +23,7 @@ import numpy as np
 from navfw.bench.recorded_approach import read_grey
 from navfw.bench.true_pairs import TruePair
 from navfw.config.image_file import read_image
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import is_file, read_input_text
 from navfw.errors import ConfigError
 from navfw.numerics import Array, Image
@@ -32,8 +33,6 @@ from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, Frame, FramePair
 
-_MAX_TEXT = 50_000_000
-"""Largest size of a file of text [byte]; the originals have at most 0.3 MB."""
 _HOLOLENS_UNIT, _TUM_UNIT = 1000.0, 5000.0
 """Values of depth images for one metre."""
 _PERIOD = 0.1
@@ -169,7 +168,7 @@ def hololens_frames(folder: Path, rows: int, cols: int) -> tuple[CameraModel, li
 
 
 def _numbers(file: Path, columns: int) -> Array:
-    lines = read_input_text(file, _MAX_TEXT).splitlines()
+    lines = read_input_text(file, max_bytes("benchmark")).splitlines()
     try:
         rows = np.loadtxt(lines, ndmin=2, dtype=np.float64)
         if rows.shape[1] != columns or not np.isfinite(rows).all():
@@ -235,7 +234,7 @@ def tum_frames(folder: Path, size: tuple[int, int]) -> tuple[CameraModel, list[R
 
 
 def _listing(folder: Path, name: str) -> list[tuple[float, Path]]:
-    lines = read_input_text(folder / name, _MAX_TEXT).splitlines()
+    lines = read_input_text(folder / name, max_bytes("benchmark")).splitlines()
     pairs = [line.split() for line in lines if line and not line.startswith("#")]
     try:
         return [(float(t), folder / f) for t, f in pairs if is_file(folder / f)]

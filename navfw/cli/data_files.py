@@ -16,7 +16,6 @@ from navfw.config.document import load_yaml
 from navfw.config.yamlfile import validate
 from navfw.errors import InputError
 from navfw.stack.stack_document import read_stack
-from navfw.topomap.mapspec import MAX_BYTES, MAX_NODES
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
@@ -109,7 +108,7 @@ def mission_summary(path: Path) -> dict[str, Any]:
 
 def map_summary(path: Path) -> dict[str, Any]:
     """The description in a map file, and the numbers of its places and edges."""
-    return _counted(validate(load_yaml(path, MAX_BYTES, MAX_NODES), _MapSummary))
+    return _counted(validate(load_yaml(path, "map"), _MapSummary))
 
 
 def stack_summary(path: Path) -> dict[str, Any]:

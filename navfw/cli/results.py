@@ -61,15 +61,16 @@ def write(
     folder: Folder = _FOLDER,
 ) -> None:
     """Write FOLDER.md from the template and the results, and the marked tables of the README."""
+    from navfw.config.input_bounds import max_bytes
     from navfw.process.atomic import write_text
-    from navfw.results.results_page import MAX_PAGE, current_pages
+    from navfw.results.results_page import current_pages
 
     _check(folder)
     pages = current_pages(folder)
     old = [
         page
         for page, text in pages.items()
-        if not is_file(page) or read_input_text(page, MAX_PAGE) != text
+        if not is_file(page) or read_input_text(page, max_bytes("template or page")) != text
     ]
     for page in old:
         if not check:

@@ -1,4 +1,3 @@
-from .document import MAX_DEPTH as MAX_DEPTH
 from .document import KeyPath as KeyPath
 from .document import key_text as key_text
 from .document import load_yaml as load_yaml
@@ -8,6 +7,9 @@ from .extras import require_extra as require_extra
 from .file_kinds import FILE_KINDS as FILE_KINDS
 from .file_kinds import FileKind as FileKind
 from .image_file import read_image as read_image
+from .input_bounds import INPUT_BOUNDS as INPUT_BOUNDS
+from .input_bounds import MAX_DEPTH as MAX_DEPTH
+from .input_bounds import max_bytes as max_bytes
 from .input_file import is_file as is_file
 from .input_file import is_folder as is_folder
 from .input_file import read_input as read_input

@@ -17,6 +17,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
+from navfw.config.input_bounds import INPUT_BOUNDS, MAX_DEPTH
 from navfw.config.input_file import read_input_text, shown_path
 from navfw.config.yaml_compose import compose_quickly
 from navfw.errors import ConfigError, InputError, locating
@@ -27,18 +28,12 @@ KeyPath: TypeAlias = tuple[str | int, ...]
 Data: TypeAlias = Any
 """Data of a YAML file: None, bool, int, float, str, lists of these and dicts with str keys."""
 
-MAX_BYTES = 1_000_000
-"""Largest size of a file [byte], except for maps."""
-
-MAX_NODES = 40_000
-"""Largest number of keys and values in a file, except for maps: they are read in 2 to 4 s.
+MAX_NODES = INPUT_BOUNDS["YAML"].items
+"""Largest number of keys and values in a file, except for maps.
 
 A value counts again for each alias that repeats it: with nested aliases, a file of a megabyte can
 describe billions of values ("billion laughs").
 """
-
-MAX_DEPTH = 60
-"""Largest depth of nesting."""
 
 _TAG = "tag:yaml.org,2002:"
 _CONSTRUCTOR = YAML(typ="safe", pure=True).constructor
@@ -113,18 +108,17 @@ def key_text(path: KeyPath) -> str:
     return text
 
 
-def load_yaml(
-    path: str | Path, max_bytes: int = MAX_BYTES, max_nodes: int = MAX_NODES
-) -> YamlDocument:
+def load_yaml(path: str | Path, kind: str = "YAML") -> YamlDocument:
     """Read the YAML mapping in ``path``; nothing in the file is ever executed.
 
     Raises:
-        ConfigError: there is no such readable file, it is larger than ``max_bytes``, not UTF-8,
-            not YAML, empty, not a mapping, it repeats a key, or has more than ``max_nodes`` keys
-            and values.
+        ConfigError: there is no such readable file, it is larger than ``kind`` allows, not UTF-8,
+            not YAML, empty, not a mapping, it repeats a key, or has too many keys and values.
 
     """
-    return parse_mapping(read_input_text(path, max_bytes), shown_path(Path(path)), max_nodes)
+    bounds = INPUT_BOUNDS[kind]
+    text = read_input_text(path, bounds.max_bytes)
+    return parse_mapping(text, shown_path(Path(path)), bounds.items)
 
 
 def parse_mapping(text: str, file: str, max_nodes: int = MAX_NODES) -> YamlDocument:

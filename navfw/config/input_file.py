@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -16,6 +17,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from navfw.config.input_bounds import INPUT_BOUNDS, MAX_DEPTH
 from navfw.errors import ConfigError, did_you_mean
 
 _FLAGS = (
@@ -164,13 +166,41 @@ def _too_large(path: Path, max_bytes: int) -> ConfigError:
     )
 
 
-# --- JSON -------------------------------------------------------------------------------------
+# --- JSON and TOML ----------------------------------------------------------------------------
 
-MAX_BYTES = 16_000_000
-"""Largest size of a JSON file [byte]: the result of a run of 2 h with 1000 events has 1 MB."""
+_BESIDE_STRUCTURE = re.compile(
+    r"""\"{3}[^"\\]*(?:(?:\\.|"(?!""))[^"\\]*)*(?:\"{3}|\Z)|"[^"\\\n]*(?:\\.[^"\\\n]*)*"?"""
+    r"""|'{3}.*?(?:'{3}|\Z)|'[^'\n]*'?|#[^\n]*""",
+    re.DOTALL,
+)
+"""Texts and comments, also without their end."""
+_MAX_PARTS = 20
+"""Largest number of parts of a dotted key, which costs their square."""
+_CHAIN = re.compile(rf"(?<![\w-])(?:[\w-]+[ \t]*\.[ \t]*){{{_MAX_PARTS}}}")
 
 
-def read_json_object(path: str | Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
+def check_structure(text: str, file: str, kind: str) -> None:
+    """Check depth and number of items of a JSON or TOML ``text`` without parsing it.
+
+    A parser's memory grows with every item, and more than linearly with depth.
+
+    Raises:
+        ConfigError: ``text``, the content of ``file``, has more than a file of ``kind`` may have.
+
+    """
+    bare = _BESIDE_STRUCTURE.sub("x", text)
+    bounds, depth = INPUT_BOUNDS[kind], 0
+    for character in re.findall(r"[][{}]", bare):
+        depth += 1 if character in "[{" else -1
+        if depth > MAX_DEPTH:
+            raise ConfigError(f"nested too deeply: more than {MAX_DEPTH} levels", file=file)
+    if _CHAIN.search(bare):
+        raise ConfigError(f"nested too deeply: a key of more than {_MAX_PARTS} parts", file=file)
+    if bare.count(",") > bounds.items:
+        raise ConfigError(f"too much content: more than {bounds.items} {bounds.unit}", file=file)
+
+
+def read_json_object(path: str | Path) -> dict[str, Any]:
     """The JSON object in the file at ``path``.
 
     Raises:
@@ -178,25 +208,25 @@ def read_json_object(path: str | Path, max_bytes: int = MAX_BYTES) -> dict[str, 
 
     """
     name = shown_path(Path(path))
-    data = parse_json(read_input_text(path, max_bytes), name)
+    data = parse_json(read_input_text(path, INPUT_BOUNDS["JSON"].max_bytes), name)
     if not isinstance(data, dict):
         raise ConfigError("expected one JSON object", file=name)
     return data
 
 
-def parse_json(text: str, file: str) -> Any:
+def parse_json(text: str, file: str, kind: str = "JSON") -> Any:
     """The JSON value in ``text``; NaN and Infinity, which are not JSON, are refused.
 
     Raises:
-        ConfigError: ``text``, the content of ``file``, is not JSON; with the line.
+        ConfigError: ``text``, the content of ``file``, is not JSON, with the line; or has more than
+            a file of ``kind`` may have.
 
     """
+    check_structure(text, file, kind)
     try:
         return json.loads(text, parse_constant=_refuse_constant)
     except json.JSONDecodeError as error:
         raise ConfigError(f"not valid JSON: {error.msg}", file=file, line=error.lineno) from None
-    except RecursionError:
-        raise ConfigError("not valid JSON: nested too deeply", file=file) from None
     except ValueError as error:  # a constant, or an integer of thousands of digits
         raise ConfigError(f"not valid JSON: {error}", file=file) from None
 

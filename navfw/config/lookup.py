@@ -21,15 +21,14 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from navfw.config.file_kinds import FILE_KINDS
-from navfw.config.input_file import is_file, no_such_file, read_input_text
+from navfw.config.input_bounds import max_bytes
+from navfw.config.input_file import check_structure, is_file, no_such_file, read_input_text
 from navfw.errors import ConfigError, UnknownNameError
 
 _SUFFIXES = {".yaml", ".yml"}
 URDF_SUFFIXES = {".urdf", ".xacro"}
 """Of files that are robots by themselves, given by their path."""
 _PACKAGE = Path(__file__).parents[1]
-_MAX_PROJECT = 500_000
-"""Largest size of a ``pyproject.toml`` [byte]."""
 
 _Source: TypeAlias = Literal["project", "shipped"]
 
@@ -95,23 +94,24 @@ def project_folder(start: Path | None = None) -> Path | None:
 
 
 def _is_project(folder: Path) -> bool:
+    file = folder / "pyproject.toml"
     try:
         if is_file(folder / "navfw.toml"):
             return True
-        text = read_input_text(folder / "pyproject.toml", _MAX_PROJECT)
+        text = read_input_text(file, max_bytes("pyproject.toml"))
     except ConfigError:
         return False
     try:
         return "navfw" in text and _has_section(text)
-    except (ValueError, RecursionError) as error:  # also an integer of thousands of digits
+    except (ValueError, ConfigError) as error:  # also an integer of thousands of digits
         if "tool.navfw" not in text:
             return False
-        reason = "nested too deeply" if isinstance(error, RecursionError) else error
-        raise ConfigError(f"not valid TOML: {reason}", file=folder / "pyproject.toml") from None
+        raise ConfigError(f"not valid TOML: {error}", file=file) from None
 
 
 @lru_cache(maxsize=8)
 def _has_section(text: str) -> bool:
+    check_structure(text, "", "pyproject.toml")
     tool = tomllib.loads(text).get("tool", {})
     return isinstance(tool, dict) and "navfw" in tool
 

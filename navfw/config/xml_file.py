@@ -6,11 +6,10 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
+from navfw.config.input_bounds import MAX_DEPTH
 from navfw.config.input_file import read_input, shown_path
 from navfw.errors import ConfigError
 
-_MAX_DEPTH = 60
-"""Largest nesting of elements."""
 _LINE = "navfw-line"
 """Attribute with the line of an element."""
 
@@ -41,7 +40,7 @@ def parse_xml(content: bytes, name: str, what: str, *, doctype: bool = False) ->
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth
         depth += 1
-        if depth > _MAX_DEPTH:
+        if depth > MAX_DEPTH:
             raise ConfigError("is nested too deep", file=name, line=parser.CurrentLineNumber)
         builder.start(tag, {**attributes, _LINE: str(parser.CurrentLineNumber)})
 

@@ -7,7 +7,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from navfw.config.document import MAX_BYTES, KeyPath, YamlDocument, parse_mapping, parse_yaml
+from navfw.config.document import KeyPath, YamlDocument, parse_mapping, parse_yaml
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import read_input_text, shown_path
 from navfw.config.overrides import Override, apply_overrides
 from navfw.config.problems import FileProblem, config_error
@@ -36,7 +37,7 @@ def load_rule_base(path: str | Path, terms: TermCorners | None = None) -> RuleBa
 
     """
     try:
-        text, name = read_input_text(path, MAX_BYTES), shown_path(Path(path))
+        text, name = read_input_text(path, max_bytes("YAML")), shown_path(Path(path))
         if not terms:
             return _of_file(text, name)
         document = parse_mapping(text, name)

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from navfw.config.document import MAX_BYTES, KeyPath, YamlDocument, key_text, parse_yaml
+from navfw.config.document import KeyPath, YamlDocument, key_text, parse_yaml
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import read_input_text, shown_path
 from navfw.errors import InputError, did_you_mean
 from navfw.lenses.lens_models import ARCTAN, FISHEYE, CameraCalibration
@@ -59,7 +60,7 @@ def load_calibration(path: Path) -> CameraCalibration:
 
     """
     file = shown_path(path)
-    text = read_input_text(path, MAX_BYTES)
+    text = read_input_text(path, max_bytes("YAML"))
     if text.lstrip().startswith("<"):
         raise InputError("is XML; save the calibration as .yaml or .yml", file=file)
     document = parse_yaml(_plain_yaml(text), file)

@@ -12,11 +12,13 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from navfw.config.input_bounds import INPUT_BOUNDS
 from navfw.config.input_file import read_input, shown_path
-from navfw.config.xml_file import read_xml
+from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError
 from navfw.meshes.triangle_mesh import TriangleMesh
 from navfw.numerics import Array
@@ -26,6 +28,8 @@ _FREE_FORM = {"cstype", "curv", "curv2", "surf", "deg"}
 """Keywords of curved surfaces in OBJ files."""
 _STL_HEADER, _STL_RECORD = 84, 50
 """Bytes of a binary STL file before its triangles, and of each of them."""
+_PRIMITIVES = {"triangles", "polylist", "polygons", "trifans", "tristrips"}
+"""Elements of COLLADA with indices of corners, several for each: position, normal and so on."""
 _MAX_COORDINATE = 1e6
 """Largest coordinate, in the file's unit."""
 
@@ -41,7 +45,7 @@ class MeshLimits(NamedTuple):
     closed: bool = False
 
 
-FURNITURE_LIMITS = MeshLimits(10_000_000, 20_000, closed=True)
+FURNITURE_LIMITS = MeshLimits(*INPUT_BOUNDS["mesh of furniture"][:2], closed=True)
 """Bounds of meshes that are drawn: each image that shows one draws all of its triangles."""
 
 
@@ -132,8 +136,49 @@ def _by_trimesh(path: Path, content: bytes, limits: MeshLimits) -> Array:
 
 
 def _collada(path: Path, content: bytes, limits: MeshLimits) -> Array:
-    read_xml(path, limits.file_size, "a COLLADA mesh")  # neither document type nor entities
+    # neither document type nor entities
+    root = read_xml(path, limits.file_size, "a COLLADA mesh")
+    if _drawn_corners(path, root) > 3 * limits.triangles:
+        raise _too_many(path, limits)
     return _by_trimesh(path, content, limits)
+
+
+def _drawn_corners(path: Path, root: Element) -> int:
+    """The number of corners that the scenes of a COLLADA file draw, its instances expanded.
+
+    A few kilobytes of nodes that repeat each other can describe billions.
+    """
+    by_id = {element.get("id"): element for element in root.iter()}
+    counts: dict[str | None, int] = {}
+    open_nodes: set[str | None] = set()
+
+    def count(element: Element) -> int:
+        kind = element.tag.rpartition(":")[2]
+        if kind == "p":
+            return len((element.text or "").split())
+        total = sum(map(count, element))
+        if kind in _PRIMITIVES:
+            offsets = [int(child.get("offset", "0")[:3]) for child in element]
+            return total // (1 + max(offsets, default=0))
+        target = element.get("url", "")[1:]
+        if not kind.startswith("instance_") or target not in by_id:
+            return total
+        if target in open_nodes:
+            raise ConfigError(
+                "a node contains itself", file=shown_path(path), line=line_of(element)
+            )
+        if target not in counts:
+            open_nodes.add(target)
+            counts[target] = count(by_id[target])
+            open_nodes.discard(target)
+        return total + counts[target]
+
+    try:
+        return max(
+            (count(scene) for scene in root.iter() if "visual_scene" in scene.tag), default=0
+        )
+    except (RecursionError, ValueError):
+        raise ConfigError("is nested too deep", file=shown_path(path)) from None
 
 
 def _obj(path: Path, content: bytes, limits: MeshLimits) -> Array:

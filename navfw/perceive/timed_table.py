@@ -18,6 +18,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import read_input_text, shown_path
 from navfw.errors import InputError, did_you_mean
 from navfw.numerics import Array
@@ -53,8 +54,8 @@ _SPELLINGS = {
 }
 _MIN_LIKENESS = 0.75
 """Likeness from which an unknown name is taken for a misspelt one."""
-_MAX_BYTES = 50_000_000
-"""Largest size of a table [byte]: 15 minutes of readings at 1 kHz, an hour of poses at 100 Hz."""
+_MAX_NUMBER = 1e19
+"""Largest number of a cell: nanoseconds since 1970 have 2e18."""
 _MAX_INTERVAL = 2.0
 """Longest usual interval of samples [s]: longer ones are probably not in seconds."""
 
@@ -103,7 +104,7 @@ class TimedTable:
         self.texts: dict[str, list[str]] = {}
         self._kind = kind
         self._columns: list[_TimedColumn | None] = []
-        rows = list(self._split(read_input_text(path, _MAX_BYTES)))
+        rows = list(self._split(read_input_text(path, max_bytes("timed table"))))
         if not rows:
             return
         line, cells = rows[0]
@@ -245,7 +246,10 @@ class TimedTable:
 
     def _number(self, line: int, name: str, cell: str) -> float:
         try:
-            return float(cell) if cell else math.nan
+            number = float(cell) if cell else math.nan
+            if abs(number) > _MAX_NUMBER:  # false for nan, a missing number
+                raise ValueError
+            return number
         except ValueError:
             what = "a time in seconds" if name == TIME else "a number"
             raise self.error(f"{cell!r:.40} is not {what}", line, name) from None

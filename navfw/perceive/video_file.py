@@ -14,7 +14,7 @@ from typing import IO
 import cv2
 import numpy as np
 
-from navfw.config.image_file import MAX_PIXELS
+from navfw.config.input_bounds import INPUT_BOUNDS
 from navfw.config.input_file import open_input, shown_path
 from navfw.errors import InputError
 from navfw.numerics import Image
@@ -23,8 +23,7 @@ FRAME_RATE = 10.0
 """Frame rate assumed if none is known [1/s]."""
 FRAME_RATES = (0.01, 10_000.0)
 """Least and largest frame rate [1/s]."""
-_MAX_VIDEO = 20_000_000_000
-"""Largest size of a video file [byte]; it is read frame by frame."""
+_FILM = INPUT_BOUNDS["video"]
 _ONE_THREAD = (cv2.CAP_PROP_N_THREADS, 1)
 """Others write messages when nobody listens."""
 _FRAME_SIZE = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
@@ -50,7 +49,11 @@ class VideoFile:
         self._path = path
         self._fps = fps
         self.notes: list[str] = []
-        with open_input(path, _MAX_VIDEO), tempfile.TemporaryFile() as said, _messages_to(said):
+        with (
+            open_input(path, _FILM.max_bytes),
+            tempfile.TemporaryFile() as said,
+            _messages_to(said),
+        ):
             self._capture = cv2.VideoCapture(str(path), cv2.CAP_ANY, _ONE_THREAD)
         width, height = (self._capture.get(side) for side in _FRAME_SIZE)
         if not (self._capture.isOpened() and width * height > 0.0):
@@ -59,9 +62,9 @@ class VideoFile:
                 "missing: copy it again, or save it as .mp4 with another program",
                 file=shown_path(path),
             )
-        if width * height > MAX_PIXELS:
+        if width * height > _FILM.items:
             what = f"the video's frames are too large: {width:.0f} x {height:.0f} pixels"
-            raise InputError(f"{what}, at most {MAX_PIXELS}", file=shown_path(path))
+            raise InputError(f"{what}, at most {_FILM.items}", file=shown_path(path))
         self._capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
         turned = int(self._capture.get(cv2.CAP_PROP_ORIENTATION_META)) % 360
         if turned:

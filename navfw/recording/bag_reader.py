@@ -19,8 +19,10 @@ import numpy as np
 
 from navfw.config.document import load_yaml
 from navfw.config.extras import extra_imports
-from navfw.config.image_file import MAX_PIXELS, decode_image
+from navfw.config.image_file import decode_image
+from navfw.config.input_bounds import INPUT_BOUNDS, max_bytes
 from navfw.config.input_file import is_folder, open_input, shown_path
+from navfw.config.sqlite_file import check_database
 from navfw.errors import ConfigError, NavfwError, UnknownNameError, did_you_mean
 from navfw.numerics import Array, Image
 from navfw.recording.ros_messages import message_types
@@ -38,8 +40,8 @@ with extra_imports("bags"):
     else:
         from backports import zstd
 
-_MAX_BAG, _MAX_CHUNK, _MAX_METADATA = 20_000_000_000, 1 << 28, 10_000_000
-"""Largest size of a bag's file, of an unpacked chunk or message, and of metadata [byte]."""
+_MAX_CHUNK = max_bytes("chunk of a bag")
+"""Largest size of an unpacked chunk or message [byte]."""
 _CLOCKS = 1.0
 """Difference of a topic's clock from the bag's [s] from which its stamps are not used."""
 _ENCODINGS: Mapping[str, tuple[int, int | None]] = {
@@ -87,7 +89,8 @@ def ros_image(message: Any, name: str) -> Image:
     channels, conversion = _ENCODINGS[message.encoding]
     height, width, step = message.height, message.width, message.step
     row, data = channels * width, np.asarray(message.data, dtype=np.uint8)
-    if not (0 < width * height <= MAX_PIXELS and row <= step and step * height <= data.size):
+    fits = 0 < width * height <= INPUT_BOUNDS["image"].items
+    if not (fits and row <= step and step * height <= data.size):
         what = f"has {data.size} bytes in rows of {step} for {width} x {height} pixels"
         raise ConfigError(f"the image {what} of {message.encoding}", file=name)
     rows = data[: step * height].reshape(height, step)[:, :row]
@@ -281,7 +284,7 @@ class Bag:
         """Raise ConfigError unless all files are regular, of bounded size, and not packed."""
         files = [self.path]
         if is_folder(self.path):
-            listed = load_yaml(self.path / BAG_METADATA, _MAX_METADATA).data
+            listed = load_yaml(self.path / BAG_METADATA, "metadata of a bag").data
             about = listed.get("rosbag2_bagfile_information") if isinstance(listed, dict) else None
             names = about.get("relative_file_paths") if isinstance(about, dict) else None
             if not isinstance(about, dict) or not isinstance(names, list):
@@ -292,7 +295,9 @@ class Bag:
                 raise ConfigError(what, file=self.file)
             files = [self.path / PurePath(str(name)).name for name in names]
         for file in files:
-            with open_input(file, _MAX_BAG):
+            if file.suffix == ".db3":
+                check_database(file, "bag")
+            with open_input(file, max_bytes("bag")):
                 pass
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import IntFlag
 from typing import TYPE_CHECKING, NamedTuple
 
+from navfw.config.input_bounds import max_bytes
 from navfw.signals import SensorReading, Twist
 
 if TYPE_CHECKING:
@@ -103,8 +104,8 @@ def unpack_reading(data: bytes) -> ReadingRow:
     return ReadingRow(*_FIELDS.unpack_from(data, len(_HEADER)))
 
 
-MAX_BYTES = 1 << 30
-"""Largest size of a recording [byte]; an hour of 160x120 images at 10 Hz is 0.6 GB."""
+MAX_BYTES = max_bytes("recording")
+"""Largest size of a recording [byte]."""
 
 FORMAT_VERSION = 2
 """Version of the channels; raised when a replay reads them differently."""

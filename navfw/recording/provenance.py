@@ -19,6 +19,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Self
 
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import read_input
 from navfw.config.lookup import own_folders, owned_by_user, project_folder, shipped_folder
 from navfw.errors import ConfigError
@@ -27,17 +28,11 @@ from navfw.process.process_resources import usable_cores
 _SHIPPED = ("worlds", "maps", "behaviors")
 """The folders that ship with navfw beside its code."""
 
-_MAX_FILE = 1 << 28
-"""Largest size of a file that has a fingerprint [byte]."""
-
 DIRTY = "-dirty"
 """Suffix of a revision whose tracked files have uncommitted changes."""
 
 _GIT_TIMEOUT = 5.0
 """Largest time [s] that git may take."""
-
-_MAX_REFS = 64_000_000
-"""Largest size of a file of refs: that of some hundred thousand packed refs."""
 
 _MAX_SYMBOLIC_REFS = 5
 """Largest number of refs that lead to each other, as in git."""
@@ -109,14 +104,15 @@ def fingerprint(value: Any) -> str:
 
 
 def files_fingerprint(files: Iterable[tuple[str, Path]]) -> str:
-    """The fingerprint of files by name, each up to ``_MAX_FILE``.
+    """The fingerprint of files by name.
 
     Raises:
         ConfigError: one of them cannot be read.
 
     """
+    limit = max_bytes("fingerprinted file")
     return fingerprint(
-        {name: hashlib.sha256(read_input(file, _MAX_FILE)).hexdigest() for name, file in files}
+        {name: hashlib.sha256(read_input(file, limit)).hexdigest() for name, file in files}
     )
 
 
@@ -284,6 +280,6 @@ def _linked(file: Path, prefix: str = "") -> Path | None:
 def _read(file: Path) -> str:
     """The text of a regular file of bounded size; empty for anything else."""
     try:
-        return read_input(file, _MAX_REFS).decode("utf-8", "replace")
+        return read_input(file, max_bytes("refs of git")).decode("utf-8", "replace")
     except ConfigError:
         return ""

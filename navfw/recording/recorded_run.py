@@ -26,6 +26,7 @@ import numpy as np
 
 from navfw.config.extras import extra_imports
 from navfw.config.image_file import decode_image
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import is_file, open_input, shown_path
 from navfw.errors import ConfigError
 from navfw.numerics import Image
@@ -42,8 +43,8 @@ with extra_imports("record"):
 
 _EXPANSION = 8
 """Largest size of all unpacked chunks, in units of the largest file."""
-_MAX_CHUNK = 1 << 26
-"""Largest size of one record, and of one unpacked chunk [byte]; navfw writes chunks of 1 MB."""
+_MAX_CHUNK = max_bytes("chunk of a recording")
+"""Largest size of one record, and of one unpacked chunk [byte]."""
 
 _MAGIC = b"\x89MCAP0\r\n"
 

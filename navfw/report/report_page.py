@@ -12,6 +12,7 @@ import numpy as np
 from PIL import Image as PillowImage
 
 from navfw.config.extras import extra_imports
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import read_input
 from navfw.errors import ConfigError
 from navfw.numerics import Image
@@ -20,8 +21,6 @@ with extra_imports("report"):
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 _HERE = Path(__file__).parent
-_MAX_PICTURE = 5_000_000
-"""Largest size of a picture file [byte]."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 
 
@@ -32,7 +31,7 @@ def picture_source(path: Path) -> str:
         ConfigError: it cannot be read, is too large, or is no PNG.
 
     """
-    content = read_input(path, _MAX_PICTURE)
+    content = read_input(path, max_bytes("picture of a report"))
     if not content.startswith(_PNG):
         raise ConfigError("is not a PNG file", file=path)
     return f"data:image/png;base64,{base64.b64encode(content).decode('ascii')}"

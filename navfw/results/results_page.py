@@ -29,6 +29,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import is_file, read_input_text
 from navfw.config.lookup import list_files
 from navfw.errors import ConfigError, UnknownNameError, locating
@@ -47,9 +48,6 @@ TEMPLATE = "template.md"
 
 SENTENCES = "readme.md"
 """The name of the file with the README's sentences, beside the results."""
-
-MAX_PAGE = 2_000_000
-"""Largest size of a template or page [byte]."""
 
 _NOT_MEASURED = "not measured"
 
@@ -118,11 +116,11 @@ def current_pages(folder: Path) -> dict[Path, str]:
     template = folder / TEMPLATE
     results = load_results(folder)
     header = _HEADER.format(folder=f"{folder.parent.name}/{folder.name}")
-    page = fill(read_input_text(template, MAX_PAGE), results, template)
+    page = fill(read_input_text(template, max_bytes("template or page")), results, template)
     pages = {folder.with_suffix(".md"): header + page}
     readme, sentences = folder.parent.parent / "README.md", folder / SENTENCES
     if is_file(sentences):
-        text = read_input_text(sentences, MAX_PAGE)
+        text = read_input_text(sentences, max_bytes("template or page"))
         filled = dict(_MARKED.findall(fill(text, results, sentences)))
 
         def renewed(match: re.Match[str]) -> str:
@@ -130,7 +128,7 @@ def current_pages(folder: Path) -> dict[Path, str]:
             text = _NOT_MEASURED if _NOT_MEASURED in text else text
             return f"<!-- result: {match[1]} -->{text}<!-- end -->"
 
-        pages[readme] = _MARKED.sub(renewed, read_input_text(readme, MAX_PAGE))
+        pages[readme] = _MARKED.sub(renewed, read_input_text(readme, max_bytes("template or page")))
     return pages
 
 

@@ -18,6 +18,7 @@ from xml.etree.ElementTree import Element, tostring
 import numpy as np
 
 from navfw.config.extras import require_extra
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import is_file, read_input, shown_path
 from navfw.config.ros_packages import package_folders, package_roots
 from navfw.config.xml_file import line_of, parse_xml
@@ -25,12 +26,8 @@ from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.numerics.products import product
 
-_MAX_BYTES = 5_000_000
-"""Largest size of a file [bytes]; that of Husky has 11 kB."""
 _BULLET_DATA = "pybullet_data:"
 """Prefix of files that are installed with PyBullet."""
-_MAX_MESH = 200_000_000
-"""Largest size of a mesh file [bytes]."""
 _PACKAGE, _FILE = "package://", "file://"
 """Prefixes of the names of meshes: in a package of ROS, and at an absolute path."""
 _MOVABLE = ("revolute", "continuous", "prismatic")
@@ -131,9 +128,9 @@ def read_urdf(path: Path, packages: tuple[str, ...] = ()) -> UrdfModel:
     if path.suffix == ".xacro":
         from navfw.robot.xacro_expansion import expand_xacro
 
-        text = expand_xacro(path, tuple(map(str, package_roots(path, packages))), _MAX_BYTES)
+        text = expand_xacro(path, tuple(map(str, package_roots(path, packages))), max_bytes("URDF"))
     else:
-        text = read_input(path, _MAX_BYTES)
+        text = read_input(path, max_bytes("URDF"))
     model = _parsed(path, packages, text)
     _check_meshes(model)
     return model
@@ -233,7 +230,7 @@ def _check_meshes(model: UrdfModel) -> None:
 
 def _is_empty(file: Path) -> bool:
     """Whether a mesh file has no byte or, of a kind in which they are easily found, no triangle."""
-    content = read_input(file, _MAX_MESH)
+    content = read_input(file, max_bytes("mesh of a URDF"))
     kind = file.suffix.lower()
     if kind == ".stl":
         # a binary header may begin with "solid" as well, but only there the size fits the number

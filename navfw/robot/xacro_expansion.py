@@ -22,16 +22,16 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from navfw.config.extras import require_extra
+from navfw.config.input_bounds import INPUT_BOUNDS
 from navfw.config.input_file import read_input, read_input_text, shown_path
 from navfw.config.ros_packages import package_folders
 from navfw.errors import ConfigError
 
-_SECONDS = 20
+_INCLUDED = INPUT_BOUNDS["file that xacro includes"]
+_SECONDS = int(_INCLUDED.seconds)
 """Longest time that an expansion takes [s]; that of a big robot takes 2 s."""
 _MEMORY = 2_000_000_000
 """Most memory that it takes [bytes]."""
-_MAX_FILE = 10_000_000
-"""Largest size of a file that is included or read [byte]."""
 _ALLOWED = (
     *(ast.Expression, ast.Constant, ast.Name, ast.Load, ast.Attribute, ast.Subscript, ast.Slice),
     *(ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.IfExp, ast.Call, ast.keyword),
@@ -129,7 +129,7 @@ def _expanded(path: str, packages: list[str]) -> dict[str, Any]:
         file = Path(posixpath.normpath(Path(name).absolute()))  # no "..", links stay
         if not any(file.is_relative_to(folder) for folder in readable):
             raise ValueError(f"{name} lies in no package: name its folder in urdf.packages")
-        return StringIO(read_input_text(file, _MAX_FILE))
+        return StringIO(read_input_text(file, _INCLUDED.max_bytes))
 
     def hidden(name: str) -> NoReturn:
         raise ValueError(f"$(env {name}) is not allowed: use an argument or $(optenv ...)")

@@ -19,6 +19,7 @@ from typing import Any
 
 from navfw.config.document import load_yaml
 from navfw.config.file_kinds import FILE_KINDS
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import read_input_text, shown_path
 from navfw.config.lookup import (
     NamedFile,
@@ -87,9 +88,6 @@ def _name(template: Path) -> str:
     name = template.relative_to(_PROJECT).as_posix().removesuffix(_ENDING)
     return _HIDDEN.get(name, name)
 
-
-_MAX_TEMPLATE = 1_000_000
-"""Largest size of a template, and of the mission that another one begins as [byte]."""
 
 _HYPHENATED = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
@@ -177,7 +175,7 @@ def _model(world: str) -> NamedFile:
 
 def _rendered(template: str, words: Mapping[str, str]) -> str:
     """The text of a template, or of the file at an absolute path, with ``words`` replaced."""
-    text = read_input_text(TEMPLATES / template, _MAX_TEMPLATE)
+    text = read_input_text(TEMPLATES / template, max_bytes("template or page"))
     for word, by in words.items():
         text = re.sub(word, by, text)
     return text

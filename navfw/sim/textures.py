@@ -259,10 +259,6 @@ _STYLES: Mapping[str, Callable[[np.random.Generator, int], Array]] = MappingProx
 )
 
 
-_MAX_PICTURE_PIXELS = 4_000_000
-"""Largest number of pixels: 4 mm each over 8 x 8 m, finer than the camera resolves."""
-_MAX_PICTURE_BYTES = 20_000_000
-"""Largest size of a picture's file [byte]."""
 _MAX_ASPECT = 20.0
 """Largest ratio of a picture's sides."""
 _MAX_TEXELS = 2048
@@ -275,10 +271,10 @@ def read_picture(path: str) -> Image:
 
     Raises:
         ConfigError: the file cannot be read, is no PNG or JPEG image, is damaged, has more than
-            ``_MAX_PICTURE_PIXELS``, or is a narrow strip.
+            ``INPUT_BOUNDS``, or is a narrow strip.
 
     """
-    image = read_image(path, max_bytes=_MAX_PICTURE_BYTES, max_pixels=_MAX_PICTURE_PIXELS)
+    image = read_image(path, kind="picture of a texture")
     height, width = image.shape[:2]
     if max(height, width) > _MAX_ASPECT * min(height, width):
         what = f"the picture is {width} x {height} pixels; its sides may differ by a factor of"

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Self
 
 from navfw.config.extras import pybullet_version
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import read_input
 from navfw.config.lookup import project_folder, shipped_folder
 from navfw.errors import InputError
@@ -25,7 +26,7 @@ from navfw.plugins.built_in import GROUPS
 from navfw.recording.provenance import code_fingerprint, files_of
 from navfw.suite.case import Case, Job
 
-_MAX_PACKAGE = 200_000_000
+_MAX_PACKAGE = max_bytes("files of a job")
 """Largest size of all files that travel [byte]."""
 
 _PROJECT_PARTS = ("worlds", "maps", "stacks", "robots", "behaviors", "plugins")

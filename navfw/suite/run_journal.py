@@ -15,7 +15,6 @@ import hashlib
 import itertools
 import json
 import math
-import os
 import re
 import sqlite3
 from collections import Counter
@@ -26,7 +25,9 @@ from typing import NamedTuple
 
 from pydantic import TypeAdapter
 
-from navfw.config.input_file import is_file, no_such_file
+from navfw.config.input_bounds import INPUT_BOUNDS
+from navfw.config.input_file import is_file
+from navfw.config.sqlite_file import open_database
 from navfw.errors import ConfigError, InputError
 from navfw.missions.outcome import Outcome
 from navfw.process.atomic import atomic_file, write_text
@@ -196,11 +197,8 @@ def _cell(value: object) -> str:
 _VERSION = 1
 """Version of the tables, kept as SQLite's ``user_version``."""
 
-_MAX_JOURNAL = 2_000_000_000
-"""Largest size of a journal [byte]; the largest suite takes a tenth of it."""
-
-_WAIT = 10.0
-"""Longest time [s] to wait for another process that reads or writes the journal."""
+_KIND = "journal of a suite"
+"""The kind of file, by which it is bounded."""
 
 _TABLES = f"""
 CREATE TABLE run (
@@ -210,8 +208,11 @@ CREATE TABLE run (
 CREATE TABLE death (content TEXT NOT NULL, key TEXT NOT NULL, reason TEXT NOT NULL);
 PRAGMA user_version = {_VERSION};
 """
-_DAMAGE = {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR}
-"""Primary error codes of a damaged file; SQLITE_ERROR is that of a table that is not there."""
+_DAMAGE = {
+    *(sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_TOOBIG),
+    *(sqlite3.SQLITE_ERROR, sqlite3.SQLITE_INTERRUPT),
+}
+"""Primary error codes of a damaged file: also those of a missing table, and of reading too long."""
 
 
 class JournalDamagedError(ConfigError):
@@ -273,14 +274,19 @@ class RunJournal:
         A row that differs from its checksum is damage.
         """
         with self._opened() as database:
-            records = list(database.execute("SELECT * FROM run ORDER BY rowid"))
+            records = list(self._records(database, "run", "ASC"))
         return [self._checked(*record) for record in records]
 
     def deaths(self, contents: Collection[str]) -> Counter[RunKey]:
         """The number of deaths of the runs that have no row since."""
         with self._opened() as database:
-            deaths = list(database.execute("SELECT content, key FROM death"))
-        return Counter(RunKey(*json.loads(key)) for content, key in deaths if content in contents)
+            deaths = list(self._records(database, "death", "ASC"))
+        try:
+            keys = [(content, RunKey(*json.loads(str(key)))) for content, key, _ in deaths]
+            return Counter(key for content, key in keys if content in contents)
+        except (ValueError, TypeError, RecursionError):
+            what = "is damaged: a death has no valid key"
+            raise JournalDamagedError(what, file=self.file) from None
 
     def check(self) -> None:
         """Have SQLite look for damage in the whole file."""
@@ -298,7 +304,7 @@ class RunJournal:
         rows: dict[str, tuple[str, RunRow]] = {}
         for order in ("ASC", "DESC"):
             with contextlib.suppress(InputError), self._opened() as database:
-                for values in database.execute(f"SELECT * FROM run ORDER BY rowid {order}"):  # noqa: S608 - one of two words
+                for values in self._records(database, "run", order):
                     with contextlib.suppress(ConfigError):
                         content, row = self._checked(*values)
                         rows.setdefault(json.dumps([content, row.key]), (content, row))
@@ -318,18 +324,21 @@ class RunJournal:
             what = "is damaged: a row has no valid cells"
             raise JournalDamagedError(what, file=self.file) from None
 
+    def _records(
+        self, database: sqlite3.Connection, table: str, order: str
+    ) -> Iterator[tuple[object, ...]]:
+        """All records of a table; no more than the journal has room for, as pages may be shared."""
+        room, left = self.file.stat().st_size, INPUT_BOUNDS[_KIND].items
+        for record in database.execute(f"SELECT * FROM {table} ORDER BY rowid {order}"):  # noqa: S608 - words of this module
+            room, left = room - sum(len(str(value)) for value in record), left - 1
+            if min(room, left) < 0:
+                raise JournalDamagedError("is damaged: more rows than it can have", file=self.file)
+            yield record
+
     @contextlib.contextmanager
     def _opened(self) -> Iterator[sqlite3.Connection]:
-        if not is_file(self.file):
-            raise no_such_file(self.file)
-        if self.file.stat().st_size > _MAX_JOURNAL:
-            what = f"is larger than {_MAX_JOURNAL // 1_000_000} MB, so it is not read"
-            raise InputError(what, file=self.file)
-        # the first reading after a kill rolls back what that left unfinished, so it may write
-        mode = "rw" if os.access(self.file, os.W_OK) else "ro"
-        place = f"{self.file.absolute().as_uri()}?mode={mode}"
         try:
-            with contextlib.closing(sqlite3.connect(place, _WAIT, uri=True)) as database:
+            with open_database(self.file, _KIND) as database:
                 yield database
         except (sqlite3.Error, UnicodeDecodeError) as error:  # names of a damaged schema
             code = getattr(error, "sqlite_errorcode", 0) & 0xFF
@@ -353,6 +362,7 @@ def ready_journal(journal: RunJournal) -> str:
     try:
         journal.check()
         journal.all_rows()
+        journal.deaths(())
     except JournalDamagedError as error:
         kept = journal.intact()
         aside = _moved_aside(journal.file)

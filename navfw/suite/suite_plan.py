@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from navfw.config.document import MAX_BYTES
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import is_file, is_folder, read_input, read_input_text, shown_path
 from navfw.config.lookup import find, find_mission, list_missions
 from navfw.config.overrides import Settings, override_texts
@@ -104,7 +104,7 @@ def plan_runs(
         content,
         expect={e.title: e.expect for e in suite.spec.entries if e.expect is not None},
         skipped=skipped,
-        suite_hash=hashlib.sha256(read_input(suite.file, MAX_BYTES)).hexdigest(),
+        suite_hash=hashlib.sha256(read_input(suite.file, max_bytes("YAML"))).hexdigest(),
         options=_options(stacks, overrides, worlds),
     )
 
@@ -181,7 +181,7 @@ def _check_case(
     }
     if not case.family:
         world, mission = (
-            read_input_text(Path(file), MAX_BYTES) for file in (case.world, case.mission)
+            read_input_text(Path(file), max_bytes("YAML")) for file in (case.world, case.mission)
         )
         contents[f"world {case.world_name} of {title}"] = world
         name = f"mission {case.mission_name} of {case.world_name} of {title}"

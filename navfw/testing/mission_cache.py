@@ -25,6 +25,7 @@ from typing import Any, Self, get_type_hints
 import numpy as np
 from pydantic import TypeAdapter
 
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import open_input, read_input_text, traced_inputs
 from navfw.config.lookup import find, find_mission, project_folder
 from navfw.errors import InputError
@@ -63,9 +64,6 @@ _COLUMNS = (
     "vetoed",
     "confidence",
 )
-
-_MAX_FILE = 64_000_000
-"""Largest size of one file of a stored run [byte]: the log of a run of 2 h has 45 MB."""
 
 
 @dataclass(frozen=True)
@@ -176,8 +174,8 @@ def store_run(run: DrivenRun, folder: Path) -> None:
 def read_run(folder: Path) -> DrivenRun | None:
     """The run stored in ``folder``; None if there is none, or it is damaged."""
     try:
-        values = json.loads(read_input_text(folder / _RUN_FILE, _MAX_FILE))
-        with open_input(folder / _LOG_FILE, _MAX_FILE) as stream:
+        values = json.loads(read_input_text(folder / _RUN_FILE, max_bytes("stored run of a test")))
+        with open_input(folder / _LOG_FILE, max_bytes("stored run of a test")) as stream:
             columns = np.load(stream, allow_pickle=False)
             arrays = {name: columns[name] for name in _COLUMNS}
         log = RunLog(**arrays, **_validated(RunLog, values))

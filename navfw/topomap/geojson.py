@@ -98,7 +98,7 @@ class GeoJsonReader:
                 or unknown, an edge is one-way, or the map is invalid.
 
         """
-        data = parse_json(self._text, self._file)
+        data = parse_json(self._text, self._file, "exchanged map")
         if not isinstance(data, dict) or data.get("type") != "FeatureCollection":
             raise self._error("type", "expected a FeatureCollection", 1)
         features = data.get("features")

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import parse_json, read_input_text, shown_path
 from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError, MapError
@@ -33,7 +34,6 @@ from navfw.topomap.mapfile import (
     map_data,
     map_text,
 )
-from navfw.topomap.mapspec import MAX_BYTES
 from navfw.topomap.occupancy_map import save_ros_map
 from navfw.topomap.topological_map import TopoMap
 
@@ -81,7 +81,7 @@ class _GraphmlReader:
         self._keys: dict[str, tuple[str, str]] = {}  # id: attr.name, attr.type
 
     def read(self) -> TopoMap:
-        root = read_xml(self._path, 4 * MAX_BYTES, "GraphML", doctype=True)
+        root = read_xml(self._path, max_bytes("exchanged map"), "GraphML", doctype=True)
         elements = [(element.tag.rpartition(":")[2], element) for element in root.iter()]
         graphs = [element for tag, element in elements if tag == "graph"]
         if not graphs:
@@ -160,9 +160,6 @@ _WRITERS: dict[str, Callable[[TopoMap, str | None], str]] = {
     ".json": geojson_text,
 }
 
-_MAX_BYTES = 4 * MAX_BYTES
-"""Largest size of a file [bytes]: other formats have more words for the same map."""
-
 SUFFIXES: tuple[str, ...] = tuple(_WRITERS)
 """The suffixes of map files."""
 
@@ -188,7 +185,8 @@ def load_any_map(
         return load_map(path) if check_kind is None else load_map(path, check_kind)
     if _WRITERS[suffix] is graphml_text:
         return _GraphmlReader(path, both_ways).read()
-    return GeoJsonReader(read_input_text(path, _MAX_BYTES), shown_path(path), both_ways).read()
+    text = read_input_text(path, max_bytes("exchanged map"))
+    return GeoJsonReader(text, shown_path(path), both_ways).read()
 
 
 def save_map(topo_map: TopoMap, path: str | Path) -> None:

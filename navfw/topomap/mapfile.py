@@ -29,8 +29,6 @@ from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, MapError, did_you_mean
 from navfw.topomap.elements import Landmark, MapViolation, Passage, Place, map_violations
 from navfw.topomap.mapspec import (
-    MAX_BYTES,
-    MAX_NODES,
     EdgeSpec,
     MapLandmarkSpec,
     MapSpec,
@@ -68,7 +66,7 @@ def load_map(name: str | Path, check_kind: KindCheck = _shipped_kind) -> TopoMap
             impossible, a passage is given twice. The message lists every error, one a line.
 
     """
-    return read_map(load_yaml(find("map", name), MAX_BYTES, MAX_NODES), check_kind)
+    return read_map(load_yaml(find("map", name), "map"), check_kind)
 
 
 def read_map(document: YamlDocument, check_kind: KindCheck = _shipped_kind) -> TopoMap:

@@ -9,12 +9,6 @@ from pydantic import Field
 from navfw.config.strict_model import StrictModel
 from navfw.topomap.elements import PlaceKind
 
-MAX_BYTES = 8_000_000
-"""Largest size of a map file [bytes]: enough for some ten thousand places."""
-
-MAX_NODES = 300_000
-"""Largest number of keys and values in a map file; a map of that size is read in half a minute."""
-
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
 

@@ -20,6 +20,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from navfw.config.input_file import is_file
 from navfw.config.lookup import find
+from navfw.config.sqlite_file import check_database
 from navfw.errors import ConfigError, InputError
 from navfw.plugins import Registry
 from navfw.process.atomic import atomic_file, write_text
@@ -92,6 +93,8 @@ class StudyFolder:
             raise InputError(what, file=self.path)
         if resume and not exists:
             raise InputError("there is no study to resume; leave out --resume", file=self.path)
+        if exists:
+            check_database(self.database, "study")
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         sampler, pruner = sampler_and_pruner(seed)
         self.created()

@@ -14,7 +14,6 @@ from .plan_exchange import exported_plan as exported_plan
 from .plan_exchange import import_plan as import_plan
 from .plan_walls import wall_rectangles as wall_rectangles
 from .rooms import furnish as furnish
-from .sdf_reader import MAX_BYTES as MAX_BYTES
 from .sdf_reader import read_sdf as read_sdf
 from .upright_parts import MAX_PARTS as MAX_PARTS
 from .upright_parts import UprightPart as UprightPart

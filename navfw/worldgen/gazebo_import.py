@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.lib.format import read_array
 
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import is_file, read_input
 from navfw.config.problems import rewording
 from navfw.errors import ConfigError, InputError, WorldError
@@ -43,8 +44,6 @@ _RADIUS = 0.075
 """Radius of BARN's poles [m], half the side of a cell."""
 _ORIGIN = -_RADIUS - 30 * 2 * _RADIUS, _RADIUS + 5.0
 """x and y [m] of the cell (0, 0) of reference paths."""
-_MAX_BYTES = 1_000_000
-"""Largest file of a reference path."""
 
 
 def _is_barn(content: SdfWorld) -> bool:
@@ -77,7 +76,8 @@ def reference_length(world_file: Path) -> float | None:
 def _cells(path: Path) -> Array:
     """(n, 2) cells of a reference path."""
     try:
-        cells = read_array(io.BytesIO(read_input(path, _MAX_BYTES)), allow_pickle=False)
+        content = io.BytesIO(read_input(path, max_bytes("path of BARN")))
+        cells = read_array(content, allow_pickle=False)
     except (ValueError, EOFError, OSError) as error:
         raise ConfigError(f"is no NumPy array: {error}", file=path) from None
     if cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in "iuf":

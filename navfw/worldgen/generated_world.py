@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from navfw.config.document import MAX_BYTES
+from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import is_file, is_folder, open_input
 from navfw.errors import ConfigError, InputError
 from navfw.missions.missionspec import MissionSpec
@@ -108,7 +108,7 @@ def _check_target(folder: Path) -> None:
     if not any(folder.iterdir()):
         return
     try:
-        with open_input(folder / "world.yaml", MAX_BYTES) as stream:
+        with open_input(folder / "world.yaml", max_bytes("YAML")) as stream:
             made_here = stream.readline(len(_HEADER)) == _HEADER.encode()
     except ConfigError:
         made_here = False

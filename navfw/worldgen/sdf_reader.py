@@ -16,6 +16,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from navfw.config.input_bounds import INPUT_BOUNDS, max_bytes
 from navfw.config.input_file import is_file, shown_path
 from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError, WorldError
@@ -26,10 +27,7 @@ from navfw.robot.urdf import rigid_transform
 from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.worldgen.upright_parts import mesh_solids
 
-MAX_BYTES = 20_000_000
-"""Largest size of a file [bytes]; the largest BARN world has 0.7 MB."""
-
-_MESH_LIMITS = MeshLimits(file_size=50_000_000, triangles=500_000)
+_MESH_LIMITS = MeshLimits(*INPUT_BOUNDS["mesh of a Gazebo world"][:2])
 """1 million triangles of binary STL; collision meshes of rooms have hundreds."""
 
 _UPRIGHT = 1e-3
@@ -80,7 +78,7 @@ def read_sdf(path: str | Path, models: Path | None = None) -> SdfWorld:
 
     """
     path = Path(path)
-    root = read_xml(path, MAX_BYTES, "an SDF world")
+    root = read_xml(path, max_bytes("Gazebo world"), "an SDF world")
     if root.tag != "sdf":
         raise ConfigError(f"expected an SDF world, got <{root.tag}>", file=path, line=line_of(root))
     worlds = root.findall("world")
