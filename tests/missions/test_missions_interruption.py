@@ -173,10 +173,6 @@ def test_filters_for_a_library_s_own_category_are_no_change() -> None:
 
 def test_replaced_functions_are_named_and_set_back(monkeypatch: pytest.MonkeyPatch) -> None:
     before = ProcessState.capture().code
-    names = (
-        "navfw.safety.monitor.SafetyMonitor.limit",
-        "navfw.safety.monitor.SafetyMonitor.update",
-    )
     limit, body = SafetyMonitor.limit, SafetyMonitor.update.__code__
     monkeypatch.setattr(SafetyMonitor, "limit", lambda self, twist, time, pose: twist)
     monkeypatch.setattr(SafetyMonitor.update, "__code__", SafetyMonitor.reset.__code__)
