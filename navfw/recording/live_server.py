@@ -214,11 +214,12 @@ class LiveServer:
         """Tell how the run ended, and end the server; with ``stay`` not before Ctrl-C."""
         self._ended = message
         self._tell_state(self._clients)
-        with suppress(KeyboardInterrupt), interruptible():
+        if stay:
             self._channels = RunChannels(self._channel, self._seen)
-            while stay:
-                self._hold()
-        self._channels.close()
+            with suppress(KeyboardInterrupt), interruptible():
+                while True:
+                    self._hold()
+            self._channels.close()
         for client in self._clients:
             if client.viewing:
                 client.protocol.send_close(1000)
