@@ -33,9 +33,7 @@ MAX_STEPS = 6000
 
 for _id, _parameters in IDS.items():
     if _id not in gymnasium.registry:
-        gymnasium.register(
-            _id, entry_point=_CLASS, kwargs=_parameters, max_episode_steps=MAX_STEPS
-        )
+        gymnasium.register(_id, entry_point=_CLASS, kwargs=_parameters, max_episode_steps=MAX_STEPS)
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __all__ += ["IDS", "MAX_STEPS"]
