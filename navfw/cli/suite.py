@@ -117,10 +117,7 @@ def suite(
     if power is not None:
         _print_power(file, power, out)
         return
-    if engine is options.EngineKind.DASK and record is not Keep.NONE:
-        what = "is not for --engine dask; drive the run again alone: navfw run --record"
-        raise typer.BadParameter(what, param_hint="--record")
-    options.check_engine(engine, scheduler)
+    _check_engine(engine, scheduler, record)
     begin = _beginning(out, resume=resume, extend=extend, restart=restart)
     with quiet_stdout():
         from navfw.recording.provenance import code_revision
@@ -132,8 +129,6 @@ def suite(
         changes = [*options.of_robot(robot), *(set_ or [])]
         choice = {"stacks": stack or [], "overrides": changes, "variants": variant or []}
         plan = _checked_plan(file, span, worlds, choice, quiet=quiet)
-    for name, reason in plan.skipped.items():
-        _print_note(f"variant {name} skipped: {reason}")
     with deferred():  # from here on there are runs to save and to print
         with (
             quiet_stdout(),
@@ -151,6 +146,13 @@ def suite(
                 done = drive(plan, folder, have=have, engine=runner, on_row=shown)
         _print_result(done, folder.table, json=json)
         raise typer.Exit(done.exit_code)
+
+
+def _check_engine(engine: options.EngineKind, scheduler: str | None, record: Keep) -> None:
+    if engine is options.EngineKind.DASK and record is not Keep.NONE:
+        what = "is not for --engine dask; drive the run again alone: navfw run --record"
+        raise typer.BadParameter(what, param_hint="--record")
+    options.check_engine(engine, scheduler)
 
 
 def _print_power(file: str, text: str, out: Path | None) -> None:
@@ -199,7 +201,10 @@ def _checked_plan(
 
     with ProgressBar("checking", "missions", quiet=quiet) as bar:
         checked: Callable[..., SuitePlan] = partial(plan_runs, worlds=worlds, progress=bar.update)
-        return checked(load_suite(file), seeds, default_registry(), **choice)
+        plan = checked(load_suite(file), seeds, default_registry(), **choice)
+    for name, reason in plan.skipped.items():
+        _print_note(f"variant {name} skipped: {reason}")
+    return plan
 
 
 def _beginning(out: Path | None, *, resume: bool, extend: bool, restart: bool) -> StartMode:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -33,10 +34,7 @@ Variants = Annotated[
     list[str] | None,
     typer.Option("--variant", metavar="PATH=A|B", help="Values to choose from. May be repeated."),
 ]
-Minutes = Annotated[
-    float | None,
-    typer.Option(min=0.1, max=100_000.0, help="Begin no trial after this time [min]."),
-]
+Minutes = Annotated[float, typer.Option(min=0.1, help="Begin no trial after this time [min].")]
 Objective = Annotated[
     list[str] | None,
     typer.Option(
@@ -60,7 +58,7 @@ def tune(
     param: Tuned = None,
     rules: Rules = None,
     variant: Variants = None,
-    minutes: Minutes = None,
+    minutes: Minutes = math.inf,
     objective: Objective = None,
     workers: options.Workers = 1,
     limit: options.Limit = 900.0,
@@ -105,15 +103,8 @@ def tune(
             lock,
             engine_or_processes(cluster, workers, limit=limit, memory=memory) as runner,
         ):
-            result = study.run(
-                folder,
-                driver(runner),
-                trials,
-                resume=resume,
-                seed=search_seed,
-                on_trial=_show,
-                minutes=math.inf if minutes is None else minutes,
-            )
+            search = partial(study.run, folder, driver(runner), trials, resume=resume)
+            result = search(seed=search_seed, on_trial=_show, minutes=minutes)
     if json:
         print_json(result)
     else:

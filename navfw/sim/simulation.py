@@ -86,11 +86,9 @@ class Simulation(BulletConnection):
             self.plan.check_free(*start.to_parent(x, y), radius, "the start")
         self.walkers = tuple(Walker(spec) for spec in world.movers)
         _check_apart(self.walkers, start, robot.reach)
-        self.timings = Timings()
-        self.time = 0.0
+        self.timings, self._steps, self.time = Timings(), 0, 0.0
         self.window: SimulatorWindow | None = None
         super().__init__(gui)
-        self._steps = 0
         self._contacts: set[str] = set()
         self._cause: Literal["robot", "mover"] | None = None
         self._last_pose = start
@@ -100,12 +98,9 @@ class Simulation(BulletConnection):
         self._robot_points: list[tuple[float, float]] = []
         self._reading: SensorReading | None = None
         # one generator for each component: draws of one do not change those of another
-        generators = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(7)]
-        for_camera, for_gyro, for_encoders, for_faults, for_landmarks, for_their_faults = (
-            generators[:6]
-        )
-        self.flow_noise = generators[6]
-        self._faults = InjectedFaults(for_faults)
+        generators = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(7))
+        for_camera, for_gyro, for_encoders, for_faults, for_landmarks, *others = generators
+        self._faults, (for_their_faults, self.flow_noise) = InjectedFaults(for_faults), others
         self._landmark_faults = InjectedFaults(for_their_faults)
         try:
             self._set_up_engine(gui)
