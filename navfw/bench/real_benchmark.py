@@ -52,7 +52,7 @@ class LabelledRecording:
     """A recording: its camera, what it shows, its source, its licence.
 
     ``hfov`` is the camera's horizontal field of view [deg] or None, ``rate`` the frame rate [1/s].
-    Without a ``licence`` no frame may be shown.
+    Without a ``licence`` no frame may be shown. ``vertical`` is the axis of the gyro that is up.
     """
 
     hfov: float | None
@@ -60,6 +60,7 @@ class LabelledRecording:
     what: str
     source: str
     licence: str | None
+    vertical: str = "z"
 
 
 RECORDINGS = {
@@ -68,6 +69,9 @@ RECORDINGS = {
     ),
     "car_gyro_lab/images": LabelledRecording(
         None, 20.0, "a small car in the aisle of a computer lab", "unnamed", None
+    ),
+    "car_gyro_hall/images": LabelledRecording(
+        None, 20.0, "a small car on a track in an open hall", "unnamed", None, "y"
     ),
     "hololens_office/images": LabelledRecording(
         57.2, 10.0, "a walk along an office corridor", "ardaduz/deep-video-mvs", "MIT"
@@ -258,8 +262,9 @@ def _recording(data: Path, folder: str) -> _Recording:
         raise ConfigError(what, file=data / folder)
     images = [path for path in (data / folder).iterdir() if path.suffix.lower() in IMAGES]
     images.sort(key=natural_key)
-    gyro = recorded_gyro(data / folder.split("/", maxsplit=1)[0], images)
-    return _Recording(images, RECORDINGS[folder], *(gyro or (None, None)))
+    about = RECORDINGS[folder]
+    gyro = recorded_gyro(data / folder.split("/", maxsplit=1)[0], images, about.vertical)
+    return _Recording(images, about, *(gyro or (None, None)))
 
 
 def judge_result(result: PairResult | None, label: FrameLabel) -> Judgement:

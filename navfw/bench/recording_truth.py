@@ -27,10 +27,13 @@ MIN_PAIRS = 10
 """Least number of pairs for a correlation."""
 
 
-def recorded_gyro(folder: Path, images: Iterable[Path]) -> tuple[ImageTimes, GyroRecord] | None:
+def recorded_gyro(
+    folder: Path, images: Iterable[Path], vertical: str = "z"
+) -> tuple[ImageTimes, GyroRecord] | None:
     """The times of a recording's images by name, and the record of its gyro; None without one.
 
-    ``images`` are all images of the recording in ``folder``, in their order.
+    ``images`` are all images of the recording in ``folder``, in their order; ``vertical`` is the
+    gyro's axis that is up: "x", "y" or "z".
 
     Raises:
         ConfigError: the readings are not one for each image.
@@ -47,7 +50,9 @@ def recorded_gyro(folder: Path, images: Iterable[Path]) -> tuple[ImageTimes, Gyr
             f"expected a row for each of {len(names)} images, found {len(listed.times)}", file=file
         )
     by_name = dict(zip(names, listed.times, strict=True))
-    return replace(listed, by_name=by_name), load_gyro_record(file)
+    record = load_gyro_record(file)
+    upright = np.roll(record.rates, 2 - "xyz".index(vertical), axis=1)
+    return replace(listed, by_name=by_name), replace(record, rates=upright)
 
 
 def yaw_rates(results: Iterable[PairResult], start: float, record: GyroRecord) -> Array:

@@ -55,8 +55,8 @@ def test_every_label_is_one_of_the_rule() -> None:
         assert re.fullmatch(r"\w+(/\w+)*", row.folder), row
 
 
-def test_over_240_frames_are_labelled_once_and_their_cameras_are_known() -> None:
-    assert len({(row.folder, row.file) for row in LABELS}) == len(LABELS) > 240
+def test_over_450_frames_are_labelled_once_and_their_cameras_are_known() -> None:
+    assert len({(row.folder, row.file) for row in LABELS}) == len(LABELS) > 450
     assert {row.folder for row in LABELS} == set(RECORDINGS)
 
 
@@ -256,6 +256,9 @@ def test_yaw_rates_are_compared_at_the_time_of_the_pair(
     assert gyro is not None
     times, record = gyro
     assert times.of(images[2:4]) == [100.2, 100.3]
+    lying = recorded_gyro(tmp_path, images, "y")
+    assert lying is not None
+    assert lying[1].rates[:, 0] == pytest.approx(record.rates[:, 2])
     turned = replace(approached[0], time=0.2, dt=0.1, rotation_vector=np.array([0.0, 0.0, 0.04]))
     beyond = replace(turned, time=9.0)
     rates = yaw_rates([turned, beyond], 100.2, record)
