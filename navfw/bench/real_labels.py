@@ -15,9 +15,8 @@ from navfw.offis.percept_explanation import front_in
 QUADRANTS = {"P1": "upper_right", "P2": "upper_left", "P3": "lower_left", "P4": "lower_right"}
 """Names in the labels of the quadrants of layer 1."""
 
-_FRONTS = frozenset({"wall", "door", "corner", "corridor"})
-"""Names in the labels of the situations: the last words of theirs, such as "left slope wall"."""
-
+_FRONTS = frozenset({"wall", "door", "corner", "corridor", "open"})
+"""Names in the labels of the fronts: the last words of theirs, such as "left slope wall"."""
 
 _SETS = ("nearest", "nearest_also", "front_also")
 """Columns with any number of names."""

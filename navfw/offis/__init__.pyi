@@ -10,6 +10,7 @@ from .grid_geometry import floor_nearness as floor_nearness
 from .nearness import Nearness as Nearness
 from .nearness import triangulate as triangulate
 from .offis import Offis as Offis
+from .percept_explanation import with_front as with_front
 from .pyramid import Channels as Channels
 from .pyramid import Pyramid as Pyramid
 from .pyramid import position as position

@@ -123,12 +123,6 @@ TABLE = (
 FLOOR_IN_FRONT = 0.5
 """Least degree of floor in front for the report to contain "Floor in front"."""
 
-_SURE_CORRIDOR = 0.35
-"""Least degree of a corridor in a report that names only what the picture supports."""
-
-_GOOD_FIT = 0.65
-"""Least share of the object cells of each half that lie in its plane, for the same."""
-
 ELEMENTARY = (
     "door",
     "corridor",
@@ -151,8 +145,7 @@ class FrontFeatures:
     of both borders before them, whichever is larger; ``steepness`` [rad] the incline of the less
     steep plane; ``fit`` the share of the object cells that lie in the planes, in the worse half
     (all from ``walls``). ``floor`` is the share of the cells of the robot's path that show floor.
-    ``support`` in [0, 1] measures the number of object cells in the middle. ``distance`` [m] is
-    that of the nearer plane along the optical axis.
+    ``support`` in [0, 1] measures the number of object cells in the middle.
     """
 
     opening: Array
@@ -160,7 +153,6 @@ class FrontFeatures:
     fit: Array
     floor: Array
     support: float
-    distance: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,17 +182,11 @@ def front_features(geometry: GridGeometry, walls: Walls, objects: ObjectCells) -
         fit=walls.explained.min(keepdims=True),
         floor=np.array([floor_share]),
         support=support,
-        distance=1.0 / max(float(walls.front.max()), 1e-3),
     )
 
 
-def find_situations(
-    slopes: Slopes, ahead: FrontFeatures, front_distance: float | None = None
-) -> Situations:
-    """Degrees of all situations from the slopes and the features ``ahead``.
-
-    With a ``front_distance`` [m] the report names only what the picture supports, see ``_claim``.
-    """
+def find_situations(slopes: Slopes, ahead: FrontFeatures) -> Situations:
+    """Degrees of all situations from the slopes and the features ``ahead``."""
     support = float(slopes.support.min())
     in_table = infer(
         load_system("situation"), {"left": slopes.value[:1], "right": slopes.value[1:]}
@@ -233,8 +219,6 @@ def find_situations(
         degrees[name] = table[f"{name} or unknown"]
     floor_in_front = float(in_front.degree("floor_in_front", "present")[0])
     entry = _entry(table, degrees)
-    if front_distance is not None:
-        entry = _claim(entry, degrees, ahead, front_distance)
     return Situations(table, degrees, floor_in_front, entry, in_table, in_front)
 
 
@@ -244,20 +228,3 @@ def _entry(table: dict[str, float], degrees: dict[str, float]) -> str:
     if ("door" in entry or entry == "corner") and degrees["door"] >= 0.5:
         return "door"
     return entry
-
-
-def _claim(
-    entry: str, degrees: dict[str, float], ahead: FrontFeatures, front_distance: float
-) -> str:
-    """``entry`` if the picture supports it, else "unknown".
-
-    A corridor needs two planes that recede. Walls, corners and doors have to be within
-    ``front_distance`` [m], with both planes explaining most of their half: what is far away may be
-    anything. "Door or unknown" and "door or corner" claim nothing.
-    """
-    if entry == "door or corridor":
-        return entry if degrees["corridor"] >= _SURE_CORRIDOR else "unknown"
-    if entry == "unknown" or entry.startswith("door or"):
-        return "unknown"
-    supported = ahead.distance <= front_distance and float(ahead.fit[0]) >= _GOOD_FIT
-    return entry if supported else "unknown"

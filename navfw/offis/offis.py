@@ -104,15 +104,6 @@ class Offis(Perception):
                 "tell objects from noise",
             ),
         ] = 10.0
-        front_distance: Annotated[
-            float | None,
-            Field(
-                gt=0.0,
-                le=1e6,
-                description="greatest distance of a wall, corner or door that the report names in "
-                "front [m]; none: any, and doubtful ones too, as in the paper",
-            ),
-        ] = None
 
         @model_validator(mode="after")
         def _metric_fits_mode(self) -> Offis.Params:
@@ -256,9 +247,7 @@ class Offis(Perception):
             borders=borders,
             walls=walls,
             slopes=slopes,
-            situations=find_situations(
-                slopes, front_features(geometry, walls, objects), params.front_distance
-            ),
+            situations=find_situations(slopes, front_features(geometry, walls, objects)),
         )
 
     def _geometry_of(self, points: Array) -> GridGeometry:

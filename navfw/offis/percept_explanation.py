@@ -166,10 +166,20 @@ def report(
             parts.append(f"Layer{number}: no object in sight")
         else:
             parts.append(f"Layer{number}: nearest object is {_location(number, regions)}")
-    parts.append("Front is unknown" if front == "unknown" else f"Front is a {front}")
+    parts.append(_front_clause(front))
     if floor_in_front:
         parts.append("Floor in front")
     return "; ".join(parts)
+
+
+def with_front(sentence: str, front: str) -> str:
+    """The sentence of a ``report`` with another ``front``."""
+    clauses = sentence.split("; ")
+    return "; ".join(_front_clause(front) if c.startswith("Front is ") else c for c in clauses)
+
+
+def _front_clause(front: str) -> str:
+    return f"Front is {front}" if front in ("unknown", "open") else f"Front is a {front}"
 
 
 def front_in(sentence: str) -> str:

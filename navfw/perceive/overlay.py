@@ -107,7 +107,7 @@ def draw(image: Image, result: PairResult, size: WorkingSize) -> Image:
     corners = middle - half, middle + half
     _draw_quadrants(scene, result, corners)
     if result.known:
-        if front_in(result.percept.sentence) != "unknown":
+        if front_in(result.percept.sentence) not in ("unknown", "open"):
             _draw_planes(scene, result.percept, corners)
         draw_flow(scene, result.flow, gain)
         if result.focus is not None:

@@ -19,9 +19,10 @@ from navfw.signals import FlowField, Percept
 class PairResult:
     """Everything computed from one pair of images.
 
-    ``flow`` is derotated and refers to the working image. ``focus`` (x, y) is the focus of
-    expansion [px from the top left of the original image], None where it is unknown; ``focal`` is
-    the focal length [px of the original image].
+    ``flow`` is derotated and refers to the working image. ``front`` has the probabilities of what
+    stands in front, by this pair alone; it is empty where it cannot be told.
+    ``focus`` (x, y) is the focus of expansion [px from the top left of the original image], None
+    where it is unknown; ``focal`` is the focal length [px of the original image].
     ``rotation_vector`` (3,) [rad] is the camera's rotation about base_link's x, y, z (roll, pitch,
     yaw); ``turn_source`` says what measured it: "gyro", "poses" or "flow"; ``egomotion`` is the
     estimate before it is refined by the flow on the grid. ``contact`` [s] is the time to
@@ -39,6 +40,7 @@ class PairResult:
     scale: Scale
     flow: FlowField
     percept: Percept
+    front: dict[str, float]
     rotation_vector: Array
     turn_source: str
     egomotion: Egomotion
@@ -83,6 +85,7 @@ def as_data(result: PairResult) -> dict[str, Any]:
             for name, degrees in percept.quadrants.items()
         },
         "situation": _front_situation(result),
+        "front": {name: _n(probability) for name, probability in result.front.items()},
         "situations": {name: _n(degree) for name, degree in percept.situations.items()},
         "floor_in_front": _n(percept.floor_in_front),
         "slopes": dict(percept.slopes),
@@ -129,9 +132,9 @@ def _heading(result: PairResult) -> dict[str, Any]:
 
 
 def _front_situation(result: PairResult) -> str:
-    """The front in the sentence: an entry of Table 1 or an elementary situation."""
+    """The front in the sentence: "open", an entry of Table 1 or an elementary situation."""
     front = front_in(result.percept.sentence)
-    return front if front in TABLE or front in ELEMENTARY else "unknown"
+    return front if front in (*TABLE, *ELEMENTARY, "open") else "unknown"
 
 
 def strongest_term(degrees: Mapping[str, float]) -> str:

@@ -16,7 +16,9 @@ from navfw.egomotion.refinement import RefinementParams, refine
 from navfw.errors import InputError
 from navfw.interfaces import FlowProcessor
 from navfw.offis.offis import Offis
+from navfw.offis.percept_explanation import with_front
 from navfw.perceive.floor_motion import FloorFinder, FloorMotion
+from navfw.perceive.front_evidence import front_probabilities, probable_front
 from navfw.perceive.held_words import HeldWords
 from navfw.perceive.image_sources import ImageSource, SourceImage
 from navfw.perceive.pair_motion import (
@@ -58,8 +60,6 @@ camera, or if the scale is unknown, those of a robot would be too coarse."""
 MAX_DISTANCE, MAX_TIME, MAX_HEIGHTS = 10.0, 5.0, 10.0
 """An object is in sight up to the largest of: a distance [m], a time to contact [s], and heights of
 the camera."""
-_FRONT_HEIGHTS = 4.0
-"""Greatest distance of walls and doors in front, in heights of the camera."""
 _TEXTURELESS = "too little texture to measure motion"
 _UNRELATED = "the images have nothing in common: another scene, or one too far on"
 _MOTIONLESS = "no motion between the images"
@@ -90,6 +90,7 @@ class _Analysis:
 
     flow: FlowField
     percept: Percept
+    front: dict[str, float]
     scale: Scale
     motion: PairMotion
     notes: tuple[str, ...]
@@ -181,9 +182,15 @@ class Perceiver:
                 problems = ["too little of the flow is reliable"]
         if problems:
             percept = self._perceive(_unknown(flow), scale)
+        front = {} if problems else self._front(percept, scale)
+        percept = replace(percept, sentence=with_front(percept.sentence, probable_front(front)))
         if not problems and motion.egomotion.kind in DIRECTIONS:
             notes += (DIRECTIONS[motion.egomotion.kind],)
-        return _Analysis(flow, percept, scale, motion, notes, problems)
+        return _Analysis(flow, percept, front, scale, motion, notes, problems)
+
+    def _front(self, percept: Percept, scale: Scale) -> dict[str, float]:
+        pitch = self._floors.pitch or 0.0
+        return front_probabilities(percept, self._camera, scale.height, pitch)
 
     def _with_floor(self, flow: FlowField, floor: FloorMotion | None, *, lost: bool) -> FlowField:
         """``flow`` (derotated) with the floor's vectors, or without any where it may be."""
@@ -247,6 +254,7 @@ class Perceiver:
             scale=scale,
             flow=flow,
             percept=percept,
+            front=analysis.front,
             rotation_vector=rotation_vector(flow.motion.rotation, self._camera),
             turn_source=analysis.motion.turn_source,
             egomotion=analysis.motion.egomotion,
@@ -288,7 +296,6 @@ class Perceiver:
                     path_length=path,
                     obstacle_height=min(0.05, _OBSTACLE_SHARE * height),
                     drop_depth=min(0.08, _DROP_SHARE * height),
-                    front_distance=_FRONT_HEIGHTS * height,
                     farthest=max(MAX_DISTANCE, MAX_TIME * speed, MAX_HEIGHTS * height),
                 ),
             )
