@@ -156,6 +156,12 @@ ALIKE = 30.0
 _PROVEN, REACHED = 0.7, 0.3
 """Confidence of the floor's vectors in cells that prove it, and in the others."""
 
+_SURE = 0.4
+"""Largest relative standard deviation of the nearness of an object that hides the floor."""
+
+_LIKE_FLOOR = 1.25
+"""Nearness of a cell, relative to the floor's, up to which it may be floor."""
+
 _VECTOR_SIGMA = 0.3
 """Standard deviation of the floor's vectors [px]."""
 
@@ -181,12 +187,14 @@ class FloorMotion:
         nearness = self.ratio * fall / flow.motion.baseline
         lines = flow.points * shift[2] - camera.focal * shift[:2]
         vectors = lines * (nearness / (1.0 + shift[2] * nearness))[..., None]
-        confidence = np.where(self.cells, REACHED, flow.confidence)
+        hidden = _hidden(flow, lines, nearness, self.cells)
+        cells = self.cells & ~hidden
+        confidence = np.where(cells, REACHED, np.where(hidden, 0.0, flow.confidence))
         return replace(
             flow,
-            vectors=np.where(self.cells[..., None], vectors, flow.vectors),
-            confidence=np.where(self.proven, _PROVEN, confidence),
-            sigma=np.where(self.cells, _VECTOR_SIGMA, flow.sigma),
+            vectors=np.where(cells[..., None], vectors, flow.vectors),
+            confidence=np.where(self.proven & ~hidden, _PROVEN, confidence),
+            sigma=np.where(cells, _VECTOR_SIGMA, flow.sigma),
         )
 
 
@@ -302,6 +310,28 @@ class FloorFinder:
         y = ((np.arange(rows) + 0.5) / rows - 0.5) * self._camera.height
         fall = self._camera.fall_per_depth(np.stack([np.zeros(rows), y], axis=-1), pitch)
         return np.repeat((fall > MIN_FALL)[:, None], cols, axis=1)
+
+
+def _hidden(flow: FlowField, lines: Array, floor: Array, cells: Mask) -> Mask:
+    """Cells (rows, cols) that move like a floor of nearness ``floor``, behind an object above them.
+
+    An object stands on the floor: below it in the image there is no floor farther away. Two cells
+    of a column, other than the floor's ``cells``, have to be as near. What moves like the floor
+    then may be the object or not. ``lines`` (rows, cols, 2) are the vectors of nearness 1, to first
+    order.
+    """
+    length = np.maximum((lines * lines).sum(axis=-1), 1e-9)
+    along = (flow.vectors * lines).sum(axis=-1) / length
+    near = along / np.maximum(1.0 - flow.motion.translation[2] * along, 1e-3)
+    is_sure = (flow.sigma < _SURE * near * np.sqrt(length)) & (flow.confidence > REACHED)
+    objects = np.where(is_sure & (near > floor) & ~cells, near, 0.0)
+    first = second = np.zeros(near.shape[1])
+    hidden = np.zeros(near.shape, dtype=bool)
+    for row, values in enumerate(objects):
+        hidden[row] = floor[row] < second
+        second = np.maximum(second, np.minimum(first, values))
+        first = np.maximum(first, values)
+    return hidden & (cells | (near < _LIKE_FLOOR * floor))
 
 
 def _level(pitch: float) -> Array:
