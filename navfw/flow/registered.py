@@ -22,19 +22,16 @@ _FLOOR = 0.035
 #: Standard deviation [grey levels] of rounding to whole grey levels: residuals of images without
 #: noise may be smaller by chance.
 _ROUNDING = 0.29
-#: Standard deviation [grey levels] of errors that a window shares with its neighbours, so that
-#: neither its residual nor the roughness shows them. This, _MIXTURE_SHARE, ROUGHNESS_POWER and
-#: _USUAL_ROUGHNESS were fitted to the odd pairs of ``navfw bench flow``: about 86 % of the vectors
-#: lie within two sigmas.
-_COMMON_GREY = 0.45
-#: Share of the disagreement with both neighbours (``Registration.mixture``) that counts as standard
-#: deviation.
-_MIXTURE_SHARE = 0.36
+#: Shares that count as standard deviation: of the bend of the field at a vector, of its
+#: disagreement with both neighbours (``Registration.mixture``), and of its length. These,
+#: ROUGHNESS_POWER and _USUAL_ROUGHNESS were fitted to the odd pairs of ``navfw bench flow``, so
+#: that the shares within one and two sigmas are right for short and long, good and bad vectors.
+_BEND_SHARE, _MIXTURE_SHARE, _LENGTH_SHARE = 0.70, 0.19, 0.0052
 #: Power of the field's roughness by which all its sigmas are scaled: images with blur, or with a
 #: motion that varies within windows, have errors that no single window's residual shows.
-ROUGHNESS_POWER = 1.23
+ROUGHNESS_POWER = 0.77
 #: Roughness at which the parts above are the whole error.
-_USUAL_ROUGHNESS = 1.025
+_USUAL_ROUGHNESS = 1.17
 #: Roughness that is assumed if too few neighbours are there to measure it, the least number of
 #: triples for measuring, and the range that is believed.
 UNKNOWN_ROUGHNESS, _MIN_TRIPLES, ROUGHNESS_RANGE = 1.5, 10, (0.6, 3.0)
@@ -51,7 +48,9 @@ class Registered(MatchedFlow):
     finest scale of any of OpenCV's methods of equal cost, as it fits expansion and slant.
 
     A vector's sigma follows from the window's residual and gradients, from rounding, from the
-    disagreement with its neighbours, and from the roughness of the whole field. Where the window
+    disagreement with its neighbours, from its length, and from the roughness of the whole field.
+    Errors are longer along an edge in the image than across: were the two known exactly, one sigma
+    for both would hold 42 to 47 % within one where it holds 86 % within two. Where the window
     matches, the confidence is that of a small sigma, and falls with its inverse square.
 
     Windows at the border are clipped to the image; the field's ``points`` are the centres of the
@@ -82,7 +81,7 @@ class Registered(MatchedFlow):
         ] = 0.95
         sigma_full: Annotated[
             float, Field(gt=0.0, le=10.0, description="largest sigma of full confidence [px]")
-        ] = 0.19
+        ] = 0.175
         sigma_max: Annotated[
             float, Field(gt=0.0, le=10.0, description="largest sigma of a useful vector [px]")
         ] = 1.0
@@ -123,10 +122,11 @@ class Registered(MatchedFlow):
         likely = (registration.score > _LIKELY[0]) & (registration.share > _LIKELY[1])
         grey = np.where(likely, registration.sensitivity, 0.0)
         variance = registration.sigma**2 + (_ROUNDING * grey) ** 2 + _FLOOR**2
-        rough = roughness(registration.vectors, variance, likely, _MIN_TRIPLES)
+        rough, bend = roughness(registration.vectors, variance, likely, _MIN_TRIPLES)
         rough = UNKNOWN_ROUGHNESS if math.isnan(rough) else rough
         rough = min(max(rough, ROUGHNESS_RANGE[0]), ROUGHNESS_RANGE[1])
-        variance += (_COMMON_GREY * grey) ** 2 + (_MIXTURE_SHARE * registration.mixture) ** 2
+        variance += (_BEND_SHARE * bend) ** 2 + (_MIXTURE_SHARE * registration.mixture) ** 2
+        variance += _LENGTH_SHARE**2 * (registration.vectors**2).sum(axis=-1)
         sigma = (rough / _USUAL_ROUGHNESS) ** ROUGHNESS_POWER * np.sqrt(variance)
         confidence = ramp(registration.score, p.registered_low, p.registered_high)
         confidence *= ramp(registration.share, 0.6, 0.9)

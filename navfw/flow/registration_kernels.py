@@ -322,21 +322,26 @@ def find_mixtures(
 
 
 @numba.njit(cache=True)
-def roughness(vectors: Array, variance: Array, trusted: Mask, least: int) -> float:
+def roughness(vectors: Array, variance: Array, trusted: Mask, least: int) -> tuple[float, Array]:
     """Median over the field of the second differences in units of their standard deviation.
 
     Along a row or a column of cells three vectors of one surface lie almost on a line, so what is
     left of ``vectors`` (rows, cols, 2) [px] in their second difference is mostly error, and has the
     variance a + 4 b + c for three independent vectors. ``variance`` (rows, cols) [px^2] belongs to
     a component. Only triples of ``trusted`` cells count; NaN if there are fewer than ``least``.
+
+    The second value is how far (rows, cols) [px] each vector is off the middle of its neighbours,
+    along its row or its column, whichever is less: an edge in depth bends the field across it, but
+    not along it, an error both ways. It is 0 for cells without such a triple.
     """
     rows, cols = trusted.shape
-    ratios = np.empty(2 * rows * cols, np.float64)
+    ratios, bend = np.empty(2 * rows * cols, np.float64), np.zeros((rows, cols), np.float64)
     count = 0
     for r in range(rows):
         for c in range(cols):
             if not trusted[r, c]:
                 continue
+            least_off = np.inf
             for down, right in ((0, 1), (1, 0)):
                 i, j, k, m = r - down, c - right, r + down, c + right
                 if i < 0 or j < 0 or k >= rows or m >= cols:
@@ -347,7 +352,10 @@ def roughness(vectors: Array, variance: Array, trusted: Mask, least: int) -> flo
                 y = vectors[i, j, 1] - 2.0 * vectors[r, c, 1] + vectors[k, m, 1]
                 expected = variance[i, j] + 4.0 * variance[r, c] + variance[k, m]
                 ratios[count] = math.sqrt((x * x + y * y) / expected)
+                least_off = min(least_off, 0.5 * math.sqrt(x * x + y * y))
                 count += 1
+            if least_off < np.inf:
+                bend[r, c] = least_off
     if count < least:
-        return math.nan
-    return float(np.median(ratios[:count]))
+        return math.nan, bend
+    return float(np.median(ratios[:count])), bend

@@ -159,13 +159,13 @@ def plane() -> Array:
 
 @pytest.mark.parametrize("sigma", [0.02, 0.2])
 def test_roughness_is_error_in_units_of_sigma(sigma: float) -> None:
-    assert roughness(plane(), np.full((12, 16), sigma**2), EVERY, 10) < 1e-9
+    assert roughness(plane(), np.full((12, 16), sigma**2), EVERY, 10)[0] < 1e-9
     noise = sigma * np.random.default_rng(1).standard_normal((12, 16, 2))
     # the median length of two normal components
     usual = math.sqrt(2.0 * math.log(2.0))
     for share in (1.0, 0.5):
         variance = np.full((12, 16), (share * sigma) ** 2)
-        found = roughness(plane() + noise, variance, EVERY, 10)
+        found, _ = roughness(plane() + noise, variance, EVERY, 10)
         assert found == pytest.approx(usual / share, rel=0.12)
 
 
@@ -174,13 +174,25 @@ def test_roughness_leaves_out_what_is_not_trusted() -> None:
     vectors[::2, 5::2] += 7.0
     vectors[1::2, 6::2] += 7.0
     trusted[:, 5:] = False
-    assert roughness(vectors, variance, trusted, 10) < 1e-9
-    assert roughness(vectors, variance, EVERY, 10) > 10.0
+    assert roughness(vectors, variance, trusted, 10)[0] < 1e-9
+    assert roughness(vectors, variance, EVERY, 10)[0] > 10.0
     trusted[:, 3:] = False
     trusted[4:] = False
     # 3 columns of 4 rows: 4 triples along rows, 6 along columns
-    assert roughness(vectors, variance, trusted, 10) < 1e-9
-    assert math.isnan(roughness(vectors, variance, trusted, 11))
+    assert roughness(vectors, variance, trusted, 10)[0] < 1e-9
+    assert math.isnan(roughness(vectors, variance, trusted, 11)[0])
+
+
+def test_a_single_error_bends_the_field_both_ways_and_an_edge_only_one() -> None:
+    vectors, variance = plane(), np.full((12, 16), 0.01)
+    vectors[:, 8:] += 3.0
+    vectors[4, 3, 0] += 1.0
+    _, bend = roughness(vectors, variance, EVERY, 10)
+    assert bend[4, 3] == pytest.approx(1.0)
+    # its neighbours are bent along one of their two lines only
+    assert np.delete(bend[1:-1, 1:-1].ravel(), 3 * 14 + 2).max() < 1e-9
+    # corners have no triple
+    assert bend[0, 0] == 0.0
 
 
 def test_sensitivity_is_sigma_for_a_residual_of_one_grey_level() -> None:
@@ -255,7 +267,9 @@ def test_all_sigmas_grow_with_the_roughness(
     params = Registered.Params(sigma_max=10.0)
     sigmas = []
     for value in (1.0, rough):
-        monkeypatch.setattr(module, "roughness", lambda *_, value=value: value)
+        monkeypatch.setattr(
+            module, "roughness", lambda *_, value=value: (value, np.zeros((12, 16)))
+        )
         sigmas.append(Registered(ROBOT, params).compute(pair).sigma)
     usual, other = sigmas
     free = (usual < SIGMA_UNKNOWN) & (other < SIGMA_UNKNOWN)
