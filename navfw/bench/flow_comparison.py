@@ -226,8 +226,9 @@ def measure_set(
     - ``epe``, ``epe_median`` [px]: mean and median end-point error at the points that it trusts;
     - ``epe_common`` [px]: mean end-point error at the common points;
     - ``epe_at_first`` [px]: mean end-point error at the points that it and the first one trust;
-    - ``within_2_sigma``: share of its trusted vectors within two of their sigmas of the truth (0.86
-      is right for a normal error in two dimensions); None for OpenCV's, which have no sigma;
+    - ``within_1_sigma``, ``within_2_sigma``: shares of its trusted vectors within one and two of
+      their sigmas of the truth (0.39 and 0.86 are right for a normal error in two dimensions); None
+      for OpenCV's, which have no sigma;
     - ``beaten_by``: names of OpenCV's processors that cost less and have a smaller mean error at
       the points that this one trusts.
 
@@ -272,7 +273,12 @@ def _figures(
         "epe_median": float(np.median(error[own.trusted])) if own.trusted.any() else None,
         "epe_common": _mean(error[common]),
         "epe_at_first": _mean(error[own.trusted & first.trusted]),
-        "within_2_sigma": None if name in plain else _mean((error < 2.0 * own.sigma)[own.trusted]),
+        **{
+            f"within_{n}_sigma": None
+            if name in plain
+            else _mean((error < n * own.sigma)[own.trusted])
+            for n in (1, 2)
+        },
         "beaten_by": sorted(beaten_by),
     }
 
@@ -293,6 +299,7 @@ def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
             Column("median", "epe_median", ".3f"),
             Column(f"points of {next(iter(processors))}", "epe_at_first", ".3f"),
             Column("common points", "epe_common", ".3f"),
+            Column("within 1 sigma", "within_1_sigma", ".1%"),
             Column("within 2 sigma", "within_2_sigma", ".1%"),
             Column("beaten by, of OpenCV", lambda processor: len(processor["beaten_by"])),
         ]

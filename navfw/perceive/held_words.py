@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from navfw.offis.percept_explanation import front_in, report
 from navfw.signals import Percept
 
-_PAIRS = 3
-"""Number of pairs whose words count."""
+_PAIRS, _RECENT = 5, 3
+"""Numbers of pairs whose words count: for the nearest object, for front and floor."""
+_CHANGES, _STAYS = 0.75, 0.5
+"""Share of them from which on front and nearest object are what they say, whatever was said; the
+least one in which all regions of the object that are said are seen, for them to stay."""
 _ENTERS, _LEAVES = 0.6, 0.2
-"""Share of them from which on a word is said, and up to which one that was said is not any more."""
+"""Share of them from which on the floor is named, and up to which it is not any more."""
 _MAX_SILENT = 2
 """Pairs without a result over which words are held."""
 _TERMS = "near", "middle", "far"
@@ -37,9 +40,11 @@ class _Words:
 
 
 class HeldWords:
-    """The words of one sequence; a word changes when most of the last pairs say so, near at once.
+    """The words of one sequence, which change when most of the last pairs say so.
 
-    A pair without a result says nothing: the words before are held for a few of them.
+    The regions of the nearest object are held or changed together: regions that were never seen at
+    once would not be true of any pair. What comes near while nothing was is said at once. A pair
+    without a result says nothing: the words before are held for a few of them.
     """
 
     def __init__(self) -> None:
@@ -69,31 +74,46 @@ class HeldWords:
         votes = [words.layers for words in self._past if words.layers is not None]
         if not votes:
             return None
-        before = (self._said.layers or {}).get("layer1", {})
-        counts = Counter(region for layers in votes for region in layers["layer1"])
-        newest = votes[-1]["layer1"] if self._past[-1].layers is not None else {}
-        terms = {}
-        for region, count in counts.items():
-            share = count / len(votes)
-            seen = [layers["layer1"][region] for layers in votes if region in layers["layer1"]]
-            comes_near = newest.get(region) == "near" and "near" not in seen[:-1]
-            if share >= _ENTERS or comes_near or (region in before and share > _LEAVES):
-                ranks = sorted(map(_TERMS.index, seen))
-                terms[region] = "near" if comes_near else _TERMS[ranks[(len(ranks) - 1) // 2]]
-        if not terms and 2 * sum(not layers["layer1"] for layers in votes) <= len(votes):
-            terms = dict(votes[-1]["layer1"])
+        newest = votes[-1] if self._past[-1].layers is not None else {"layer1": {}}
+        before = None if self._said.layers is None else self._said.layers["layer1"]
+        if "near" in newest["layer1"].values() and "near" not in (before or {}).values():
+            return newest
+        seen = [frozenset(layers["layer1"]) for layers in votes]
+        regions = max(reversed(seen), key=seen.count)
+        if before is not None and seen.count(regions) < _CHANGES * len(seen):
+            stays = sum(_agree(before, now) for now in seen) >= _STAYS * len(seen)
+            regions = frozenset(before) if stays else regions
+        terms = {region: _term(region, votes, (before or {}).get(region)) for region in regions}
         return {layer: _parts(layer, terms, votes) for layer in votes[-1]}
 
     def _front(self) -> str:
-        (front, count), *_ = Counter(words.front for words in self._past).most_common()
-        return front if count >= _ENTERS * len(self._past) else self._said.front
+        recent = self._recent()
+        (front, count), *_ = Counter(words.front for words in recent).most_common()
+        return front if count >= _CHANGES * len(recent) else self._said.front
 
     def _floor(self) -> bool:
-        share = sum(words.floor for words in self._past) / len(self._past)
+        recent = self._recent()
+        share = sum(words.floor for words in recent) / len(recent)
         return share >= _ENTERS or (self._said.floor and share > _LEAVES)
 
+    def _recent(self) -> list[_Words]:
+        return list(self._past)[-_RECENT:]
 
-def _parts(layer: str, terms: Mapping[str, str], votes: list[Layers]) -> dict[str, str]:
+
+def _agree(said: Collection[str], seen: Collection[str]) -> bool:
+    """Whether a pair with the regions ``seen`` confirms those ``said``."""
+    return set(said) <= set(seen) if said else not seen
+
+
+def _term(region: str, votes: Sequence[Layers], before: str | None) -> str:
+    """The distance of a region: that ``before`` unless most of the last pairs say another."""
+    seen = [layers["layer1"][region] for layers in votes if region in layers["layer1"]]
+    ranks = sorted(map(_TERMS.index, seen))
+    term = _TERMS[ranks[(len(ranks) - 1) // 2]]
+    return term if before is None or seen.count(term) >= _CHANGES * len(seen) else before
+
+
+def _parts(layer: str, terms: Mapping[str, str], votes: Sequence[Layers]) -> dict[str, str]:
     """The regions of a ``layer`` in the quadrants with ``terms``: those that were seen last."""
     if layer == "layer1":
         return dict(sorted(terms.items()))

@@ -184,6 +184,7 @@ def test_a_processor_is_beaten_by_what_costs_less_and_errs_less() -> None:
     assert found["own"]["beaten_by"] == ["cv_lk_11"]
     assert found["own"]["epe"] == found["own"]["epe_common"] == pytest.approx(2.5)
     assert found["cv_lk_11"]["epe_at_first"] == pytest.approx(2.0)
+    assert found["own"]["within_1_sigma"] == 0.5
     assert found["own"]["within_2_sigma"] == 0.5  # sigma is 1 px in the upper half, 9 px below
     assert found["own"]["coverage"] == pytest.approx(96 / 159)
     assert figures(own=(1.5, 0.003), fast=(2.0, 0.0), slow=(1.0, 0.006))["own"]["beaten_by"] == []
@@ -215,6 +216,7 @@ def test_the_default_flow_is_not_beaten_and_its_sigma_is_true() -> None:
     found = measure_set(drawn, {"own": flow, **{name: plain[name] for name in rivals}})
     own = found["processors"]["own"]
     assert own["coverage"] > 0.7
+    assert 0.36 < own["within_1_sigma"] < 0.52
     assert 0.82 < own["within_2_sigma"] < 0.91
     for name in rivals:
         assert own["epe"] < 0.8 * found["processors"][name]["epe_at_first"]

@@ -44,7 +44,7 @@ def test_a_word_of_one_pair_alone_is_not_said() -> None:
     result = last(HeldWords(), usual, usual, other)
     assert result.obstacles["layer1"] == {"P2": "far"}
     assert "Front is a wall; Floor in front" in result.sentence
-    changed = last(HeldWords(), usual, other, other, other)
+    changed = last(HeldWords(), usual, other, other, other, other)
     assert changed.obstacles["layer1"] == {"P1": "far"}
     assert changed.sentence.endswith("Front is a corridor")
 
@@ -56,6 +56,17 @@ def test_what_comes_near_is_said_at_once() -> None:
     assert "in near distance" in result.sentence
     nearer = last(HeldWords(), far, far, said({"P2": "near"}))
     assert nearer.obstacles["layer1"] == {"P2": "near"}
+
+
+def test_regions_are_held_together_until_most_pairs_show_others() -> None:
+    held, one, both = HeldWords(), said({"P2": "far"}), said({"P2": "far", "P1": "far"})
+    # what is said of one region is true of a pair that shows another as well
+    assert last(held, one, one, one, both, both).obstacles["layer1"] == {"P2": "far"}
+    assert last(held, both, both).obstacles["layer1"] == {"P1": "far", "P2": "far"}
+    # an object that is gone is not said any more when three of five pairs lack it
+    none = said({})
+    assert last(held, none, none).obstacles["layer1"] == {"P1": "far", "P2": "far"}
+    assert last(held, none).obstacles["layer1"] == {}
 
 
 def test_words_are_held_over_two_pairs_without_a_result_and_not_over_three() -> None:
