@@ -331,7 +331,7 @@ def _hidden(flow: FlowField, lines: Array, floor: Array, cells: Mask) -> Mask:
         hidden[row] = floor[row] < second
         second = np.maximum(second, np.minimum(first, values))
         first = np.maximum(first, values)
-    return hidden & (cells | (near < _LIKE_FLOOR * floor))
+    return np.asarray(hidden & (cells | (near < _LIKE_FLOOR * floor)))
 
 
 def _level(pitch: float) -> Array:
