@@ -216,7 +216,7 @@ def test_the_default_flow_is_not_beaten_and_its_sigma_is_true() -> None:
     found = measure_set(drawn, {"own": flow, **{name: plain[name] for name in rivals}})
     own = found["processors"]["own"]
     assert own["coverage"] > 0.7
-    assert 0.36 < own["within_1_sigma"] < 0.52
+    assert 0.36 < own["within_1_sigma"] < 0.55
     assert 0.82 < own["within_2_sigma"] < 0.91
     for name in rivals:
         assert own["epe"] < 0.8 * found["processors"][name]["epe_at_first"]
