@@ -17,7 +17,7 @@ from typing import Annotated, Any
 import typer
 
 from navfw.cli.command_groups import PanelGroup
-from navfw.cli.output import standard_streams
+from navfw.cli.output import printable_output, standard_streams
 from navfw.cli.run import show_result
 from navfw.cli.supervisor import supervise
 from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
@@ -52,10 +52,16 @@ PANELS = {
 class _Navfw(PanelGroup):
     """Prints a ``NavfwError`` as one message on stderr and exits with its code.
 
+    All that is printed is made printable.
+
     Before a project's plugins are executed for the first time it asks, where there is a terminal.
     """
 
     panels = PANELS
+
+    def main(self, *args: Any, **options: Any) -> Any:
+        with printable_output():
+            return super().main(*args, **options)
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -115,7 +121,10 @@ def main() -> None:
     command = next((word for word in sys.argv[1:] if not word.startswith("-")), "")
     with standard_streams():
         try:
-            sys.exit(supervise(_run, show_result) if command == "run" else app())
+            if command != "run":
+                app()
+            with printable_output():
+                sys.exit(supervise(_run, show_result))
         finally:
             ignore_signals()  # the interpreter's end would take them for a failure
 

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
+from navfw.process.printable_text import printable
+
 if TYPE_CHECKING:
     from navfw.process.result_table import ResultTable
 
@@ -29,9 +31,42 @@ def print_status(text: str) -> None:
     typer.echo(text, err=True)
 
 
+class _PrintableStream:
+    """A text stream that makes what is written ``printable``; ``unfiltered`` is the stream.
+
+    Its ``encoding`` lets click write to it, not to the bytes below it.
+    """
+
+    encoding = "utf-8"
+
+    def __init__(self, unfiltered: Any) -> None:
+        self.unfiltered = unfiltered
+
+    def write(self, text: str) -> int:
+        self.unfiltered.write(printable(text, cut=True))
+        return len(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.unfiltered, name)
+
+
+@contextlib.contextmanager
+def printable_output() -> Iterator[None]:
+    """Make all text printable that is written to stdout and stderr inside the block."""
+    with (
+        contextlib.redirect_stdout(_PrintableStream(sys.stdout)),
+        contextlib.redirect_stderr(_PrintableStream(sys.stderr)),
+    ):
+        yield
+
+
+def _unfiltered(stream: Any) -> Any:
+    return getattr(stream, "unfiltered", stream)
+
+
 def print_json(data: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> None:
-    """Print one object, or a list of objects, on stdout."""
-    typer.echo(json.dumps(data, indent=2, allow_nan=False))
+    """Print one object, or a list of objects, on stdout: in ASCII, in lines of any length."""
+    typer.echo(json.dumps(data, indent=2, allow_nan=False), file=_unfiltered(sys.stdout))
 
 
 def print_result(data: Mapping[str, Any], lines: Iterable[str], *, json: bool) -> None:
@@ -50,7 +85,8 @@ def print_json_list(items: Iterable[Mapping[str, Any]]) -> None:
     opening = "["
     try:
         for item in items:
-            typer.echo(opening + json.dumps(item, allow_nan=False))
+            line = opening + json.dumps(item, allow_nan=False)
+            typer.echo(line, file=_unfiltered(sys.stdout))
             opening = ","
     finally:
         if opening == ",":
@@ -91,11 +127,30 @@ def quiet_stdout() -> Iterator[None]:
             os.close(saved)
 
 
-def console() -> Any:
-    """A rich console on stdout; 160 columns wide where stdout is not a terminal."""
-    from rich.console import Console
+def console(*, stderr: bool = False) -> Any:
+    """A rich console on stdout, 160 columns wide where that is no terminal, or on stderr.
 
-    return Console(highlight=False, width=None if sys.stdout.isatty() else 160)
+    Text is made ``printable``; only the styles of rich become escapes.
+    """
+    from rich.console import Console, ConsoleOptions, RenderHook
+    from rich.segment import Segment
+
+    class Printable(RenderHook):
+        def __init__(self, inner: Any = None) -> None:
+            self.inner = inner
+
+        def process_renderables(self, renderables: list[Any]) -> list[Any]:
+            return [Printable(renderable) for renderable in renderables]
+
+        def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
+            for text, style, control in console.render(self.inner, options):
+                yield Segment(text if control else printable(text), style, control)
+
+    stream = sys.stderr if stderr else sys.stdout
+    width = None if stderr or stream.isatty() else 160
+    made = Console(file=_unfiltered(stream), highlight=False, width=width)
+    made.push_render_hook(Printable())
+    return made
 
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[object]], nothing: str) -> None:

@@ -10,6 +10,9 @@ from typing import Annotated, Any
 
 import typer
 
+from navfw.cli.output import console
+from navfw.process.printable_text import printable_data
+
 LINE_PERIOD = 10.0
 """Interval between two lines where stderr is not a terminal [s]."""
 
@@ -104,7 +107,8 @@ class ProgressBar(contextlib.ExitStack):
         if self._bar is None and sys.stderr.isatty():
             self._start()
         if self._bar is not None:
-            self._bar.update(self._task, **shown)
+            texts = {key: printable_data(value) for key, value in shown.items()}
+            self._bar.update(self._task, **texts)
             if clock >= self._next_picture or last:
                 self._next_picture = clock + REFRESH_PERIOD
                 self._bar.refresh()
@@ -113,7 +117,6 @@ class ProgressBar(contextlib.ExitStack):
             typer.echo(line, err=True)
 
     def _start(self) -> None:
-        from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
         from rich.table import Column
 
@@ -127,7 +130,7 @@ class ProgressBar(contextlib.ExitStack):
         self._bar = Progress(
             *(counting if self._count is not None else []),
             TextColumn("{task.fields[now]}", markup=False, table_column=now),
-            console=Console(stderr=True),
+            console=console(stderr=True),
             auto_refresh=self._moving,
             refresh_per_second=MOVES_PER_SECOND,
             transient=True,

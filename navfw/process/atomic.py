@@ -20,6 +20,7 @@ from typing import Self
 
 from navfw.errors import InputError, SimulationError
 from navfw.process.interruption import deferred
+from navfw.process.printable_text import printable, printable_data
 from navfw.process.target_lock import TargetInUseError, TargetLock, lock_first_free, sweep
 
 _OF_THE_DISK = {
@@ -32,6 +33,8 @@ _OF_THE_DISK = {
     errno.EPERM,
 }
 """Errors while content is written that are those of the disk, not of the program."""
+_SHOWN = {".html", ".md"}
+"""Suffixes of pages, which people look at."""
 
 
 def output_place(target: Path, option: str, *, replaced: bool = True) -> Path:
@@ -222,6 +225,8 @@ def write_text(
 ) -> None:
     """Replace the file at ``path`` by a text, or by rows of CSV (see ``atomic_file``).
 
+    Pages and tables get ``printable`` text; of data every character stays.
+
     ``mode``: its permissions, instead of the usual.
     """
     with (
@@ -231,9 +236,9 @@ def write_text(
         if mode is not None:
             unfinished.chmod(mode)
         if isinstance(content, str):
-            stream.write(content)
+            stream.write(printable(content) if path.suffix in _SHOWN else content)
         else:
-            csv.writer(stream, lineterminator="\n").writerows(content)
+            csv.writer(stream, lineterminator="\n").writerows(printable_data(list(content)))
 
 
 @contextlib.contextmanager

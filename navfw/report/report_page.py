@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import read_input
 from navfw.errors import ConfigError
 from navfw.numerics import Image
+from navfw.process.printable_text import printable_data
 
 with extra_imports("report"):
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -61,9 +63,14 @@ def render_page(template: str, **content: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.policies["json.dumps_function"] = _dumped
     library = ""
     if content.get("figures"):
         from bokeh.resources import Resources
 
         library = Resources(mode="inline", components=["bokeh"], log_level="warn").render_js()
     return environment.get_template(template).render(**content, library=library)
+
+
+def _dumped(data: Any, **options: Any) -> str:
+    return json.dumps(printable_data(data), **options)

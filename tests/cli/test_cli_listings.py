@@ -244,3 +244,32 @@ def test_the_schema_knows_every_key_of_the_shipped_files(kind: str) -> None:
 def test_an_unknown_kind_gives_the_nearest() -> None:
     said = refusal("schema", "mision")
     assert "unknown kind of file 'mision': did you mean 'mission'?" in said
+
+
+HOSTILE = "a\x1b]0;title\x07\x1b[31m\u202e\u200b\x9b2J"
+"""Sets a terminal's title and colour, turns the direction of text, and clears the screen."""
+
+
+def test_texts_of_files_do_not_reach_the_terminal_as_they_are(project: Path) -> None:
+    """Descriptions, names in errors, words of the command line; JSON keeps them, in ASCII."""
+    text = json.dumps(HOSTILE)
+    put_files(
+        project,
+        {
+            "worlds/barn/world.yaml": f"description: {text}\nname: barn\n",
+            "stacks/odd.yaml": f"description: {text}\nbase: default\n",
+            "suites/odd.yaml": f"description: {text}\n{text}: 1\n",
+            "maps/odd.yaml": f"name: {text}\nplaces: 1\n",
+            "rules/odd.yaml": f"name: {text}\ninputs: {{}}\n",
+            "robots/odd.yaml": f"{text}: 1\n",
+        },
+    )
+    commands = [("list", kind.plural) for kind in FILE_KINDS.values() if kind.plural]
+    commands += [("list", "missions", "barn"), ("check",), ("run", "barn", HOSTILE)]
+    printed = "".join(invoke(*words).output for words in commands)
+    assert "\\x1b[31m\\u202e\\u200b" in printed
+    assert not set(HOSTILE) & set(printed) - {*"a]0;title[3m1J2"}
+    (row,) = (
+        row for row in json.loads(output("list", "worlds", "--json")) if row["name"] == "barn"
+    )
+    assert row["description"] == HOSTILE

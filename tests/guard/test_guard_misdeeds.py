@@ -220,10 +220,7 @@ QUICK = {
     ("fusion", "exits at once"),
     ("flow", "loops in compiled code"),
     ("controller", "threads"),
-    ("behavior", "replaces the safety monitor"),
     ("behavior", "replaces max"),
-    ("planner", "signals its parent"),
-    ("behavior", "raises a class without a name"),
     ("behavior", "leaves a process"),
 }
 """Pairs that are tried by default; the others are slow in their sum."""
