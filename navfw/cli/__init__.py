@@ -18,7 +18,7 @@ import typer
 
 from navfw.cli.command_groups import PanelGroup
 from navfw.cli.output import printable_output, standard_streams
-from navfw.cli.run import show_result
+from navfw.cli.run_result import show_result
 from navfw.cli.supervisor import supervise
 from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
 from navfw.config.project_code import asking, trusting

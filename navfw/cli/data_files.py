@@ -18,6 +18,7 @@ from navfw.errors import InputError
 from navfw.stack.stack_document import read_stack
 
 if TYPE_CHECKING:
+    from navfw.missions.session import Session
     from navfw.plugins import Registry
     from navfw.robot import RobotModel
 
@@ -81,11 +82,29 @@ def check_mission(path: Path, registry: Registry) -> None:
 
     folder = path.absolute().parents[1]
     if (folder / "world.yaml").is_file():
-        prepare(folder, path.absolute(), registry=registry).check_start()
+        _check_start(prepare(folder, path.absolute(), registry=registry))
     elif path.absolute().parent.name == "missions" and folder.parent.name == "worlds":
-        prepare(folder.name, path.absolute(), registry=registry).check_start()  # a shipped world
+        _check_start(prepare(folder.name, path.absolute(), registry=registry))  # a shipped world
     else:
         load_mission(path)
+
+
+def _check_start(session: Session) -> None:
+    """Let the stack begin the mission, as at the first tick, and plan the way to its goals."""
+    import numpy as np
+
+    from navfw.errors import PluginError
+    from navfw.guard import PluginCallError
+    from navfw.signals import Belief
+
+    known, pose = session.mission.start_known, session.mission.start
+    try:
+        session.stack.start(pose if known else None, session.mission.goals)
+        if known:
+            with session.stack.guard.on_duty():
+                session.stack.planner.update(Belief(0.0, pose, np.zeros((3, 3))))
+    except PluginCallError as error:
+        raise PluginError(str(error)) from None
 
 
 def check_stack(path: Path, registry: Registry) -> None:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import sysconfig
-import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from os import getpid
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -18,7 +16,7 @@ from navfw.errors import InputError, PluginError, described, is_a
 from navfw.guard.answers import AnswerError, instance
 from navfw.interfaces import Plugin
 from navfw.process.interruption import check_interrupted, interrupted
-from navfw.process.supervised import end_copy
+from navfw.process.supervised import end_copy, this_process
 from navfw.process.watchdog import PluginTimeout, Watchdog
 from navfw.robot import RobotModel
 
@@ -223,7 +221,7 @@ class PluginGuard:
         if suspended is not None and self.time < suspended[0]:
             self._failed[plugin] += 1
             raise PluginCallError("suspended after a time-out")
-        process = getpid()
+        process = this_process()
         try:
             first = self.starting or not self._answered[plugin]
             self._watchdog.begin(plugin, self._first_limit if first else self._limit)
@@ -249,15 +247,13 @@ class PluginGuard:
 
     def _text_of(self, plugin: str, error: BaseException) -> str:
         """``error_text``, which calls code of ``plugin``, within a time limit."""
-        began = time.monotonic()
         self._watchdog.begin(plugin, _ERROR_LIMIT)
         try:
             return error_text(error)
         except PluginTimeout:
             return "an error that takes too long to describe"
         finally:
-            self._watchdog.end()
-            if time.monotonic() - began > _ERROR_LIMIT:
+            if self._watchdog.end():
                 self._suspend(plugin)
 
     def _suspend(self, plugin: str) -> None:

@@ -13,16 +13,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
-import numpy as np
-
-from navfw.errors import InputError, PluginError
-from navfw.guard import PluginCallError
+from navfw.errors import InputError
 from navfw.missions.mission_events import Event, EventClock, EventTarget
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import Outcome
 from navfw.missions.pilot import TickView
-from navfw.missions.process_check import check_process
+from navfw.missions.process_check import check_process, drive_contained
 from navfw.missions.run_drawing import WindowOverlay, outline_of
 from navfw.missions.run_metrics import CombinedClearance, RunMetrics, measure, permanent_plan
 from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
@@ -32,7 +29,6 @@ from navfw.process import ProcessState, compile_kernels
 from navfw.recording.channel_list import SeenRun
 from navfw.recording.run_folder import plain_json
 from navfw.recording.run_observers import RunObserver, RunRecorder
-from navfw.signals import Belief
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.simulation import Simulation
 from navfw.sim.walkers import WalkerTrack
@@ -97,23 +93,6 @@ class Session:
             "config": json.dumps(plain_json(self.config)),
         }
 
-    def check_start(self) -> None:
-        """Let the stack begin the mission, as at the first tick, and plan the way to its goals.
-
-        Raises:
-            InputError: the stack refuses the mission: the map has no way, a plugin fails.
-
-        """
-        known = self.mission.start_known
-        pose = self.mission.start
-        try:
-            self.stack.start(pose if known else None, self.mission.goals)
-            if known:
-                with self.stack.guard.on_duty():
-                    self.stack.planner.update(Belief(0.0, pose, np.zeros((3, 3))))
-        except PluginCallError as error:
-            raise PluginError(str(error)) from None
-
     def simulation(self, gui: bool = False) -> Simulation:
         """The simulator, the robot at the start; a stack with ``oracle: true`` gets its truth."""
         spec = self.mission.spec
@@ -154,14 +133,7 @@ class Session:
         before = ProcessState.capture()
         stepped = SteppedSession(self, progress, gui=gui, observers=observers, limit=limit)
         with stepped:
-            try:
-                run: RunResult | Exception = stepped.run()
-            except Exception as error:
-                run = error
-            if replaced := before.code.restore():  # even the handling of errors may have failed
-                run = stepped.failed(f"replaced {replaced}") if isinstance(run, Exception) else run
-            if isinstance(run, Exception):
-                raise run
+            run, replaced = drive_contained(stepped.run, stepped.failed, before)
             for observer in observers:
                 observer.close()
         run = check_process(run, before, self.stack.resolved.plugins, replaced)

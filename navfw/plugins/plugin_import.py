@@ -7,7 +7,6 @@ import hashlib
 import importlib
 import importlib.util
 import inspect
-import os
 import sys
 import traceback
 from collections.abc import Iterator
@@ -22,7 +21,7 @@ from navfw.interfaces import Plugin
 from navfw.plugins.verification import find_problems, kind_of, verify
 from navfw.process.interruption import interrupted
 from navfw.process.process_state import CodeState
-from navfw.process.supervised import end_copy
+from navfw.process.supervised import end_copy, this_process
 from navfw.process.watchdog import Watchdog
 
 IMPORT_LIMIT = 60.0
@@ -172,7 +171,7 @@ def _contained(name: str, file: Path | None, target: str | None = None) -> Itera
 
     """
     code = None if name.startswith("navfw.") else CodeState()
-    watchdog, process = Watchdog(), os.getpid()
+    watchdog, process = Watchdog(), this_process()
     with contextlib.redirect_stdout(sys.stderr), watchdog.on_duty():
         watchdog.begin(f"import of {name}", IMPORT_LIMIT)
         try:

@@ -50,6 +50,11 @@ def supervised() -> bool:
     return _pipe.descriptor >= 0
 
 
+def this_process() -> int:
+    """The number of this process."""
+    return getpid()
+
+
 def end_copy(process: int) -> None:
     """End this process if it is a copy of ``process`` that a plugin has forked off."""
     if getpid() != process:

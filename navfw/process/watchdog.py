@@ -138,10 +138,12 @@ class Watchdog:
         self._deadline = time.monotonic() + limit
         begin_call(call, self._deadline)
 
-    def end(self) -> None:
-        """End the call in progress."""
+    def end(self) -> bool:
+        """End the call in progress; whether it was beyond its deadline."""
+        late = time.monotonic() > self._deadline
         self._deadline = math.inf
         end_call()
+        return late
 
     @contextmanager
     def on_duty(self) -> Iterator[None]:

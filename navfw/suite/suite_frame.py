@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from navfw.config.extras import extra_imports
 from navfw.suite.paired_comparison import compare_tables, comparison_rows, pair_up
 from navfw.suite.run_journal import RunRow
-from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_summary import brief_table, summarize
 
 with extra_imports("pandas", key="navfw.load_suite"):
@@ -99,14 +97,3 @@ class SuiteFrame(pandas.DataFrame):  # type: ignore[misc] # pandas has no types
     def summary_latex(self) -> str:
         """The table of ``summary_markdown`` for LaTeX with the package booktabs."""
         return brief_table(summarize(self.rows)).latex()
-
-
-def load_suite(folder: str | Path) -> SuiteFrame:
-    """The runs in a ``folder`` of ``navfw suite``, also while it runs.
-
-    Raises:
-        MissingExtraError: pandas is not installed.
-        InputError: it is no folder of a suite, or its journal is damaged.
-
-    """
-    return SuiteFrame.of(SuiteFolder(Path(folder)).rows())

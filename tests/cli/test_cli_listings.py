@@ -264,7 +264,9 @@ def test_texts_of_files_do_not_reach_the_terminal_as_they_are(project: Path) -> 
             "robots/odd.yaml": f"{text}: 1\n",
         },
     )
-    commands = [("list", kind.plural) for kind in FILE_KINDS.values() if kind.plural]
+    commands: list[tuple[str, ...]] = [
+        ("list", kind.plural) for kind in FILE_KINDS.values() if kind.plural
+    ]
     commands += [("list", "missions", "barn"), ("check",), ("run", "barn", HOSTILE)]
     printed = "".join(invoke(*words).output for words in commands)
     assert "\\x1b[31m\\u202e\\u200b" in printed
