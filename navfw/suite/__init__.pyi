@@ -29,6 +29,7 @@ from .run_statistics import sct as sct
 from .run_statistics import wilson as wilson
 from .suite_folder import StartMode as StartMode
 from .suite_folder import SuiteFolder as SuiteFolder
+from .suite_frame import SuiteFrame as SuiteFrame
 from .suite_plan import SuitePlan as SuitePlan
 from .suite_plan import draw_difficulty as draw_difficulty
 from .suite_plan import plan_runs as plan_runs

@@ -166,7 +166,7 @@ def test_so_many_pairs_find_the_difference_in_four_of_five_comparisons(
 
 def test_runs_as_a_table_of_pandas_are_compared_and_printed() -> None:
     pandas = pytest.importorskip("pandas", reason="needs the extra pandas")
-    from navfw.suite.suite_frame import SuiteFrame
+    from navfw.suite import SuiteFrame
 
     first = [row(n, spl=0.5 + 0.1 * n) for n in range(4)] + [row(4, "collided", spl=0.0)]
     second = [row(n, spl=0.6 + 0.1 * n) for n in range(4)] + [row(4, spl=None)]
