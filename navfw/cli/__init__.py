@@ -125,6 +125,8 @@ def main() -> None:
                 app()
             with printable_output():
                 sys.exit(supervise(_run, show_result))
+        except KeyboardInterrupt:  # after the command's own end
+            sys.exit(1)
         finally:
             ignore_signals()  # the interpreter's end would take them for a failure
 

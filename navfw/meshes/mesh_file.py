@@ -175,7 +175,7 @@ def _drawn_corners(path: Path, root: Element) -> int:
 
     try:
         return max(
-            (count(scene) for scene in root.iter() if "visual_scene" in scene.tag), default=0
+            (count(scene) for scene in root.iter() if scene.tag.endswith("visual_scene")), default=0
         )
     except (RecursionError, ValueError):
         raise ConfigError("is nested too deep", file=shown_path(path)) from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable
+from contextlib import nullcontext
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -48,7 +49,10 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
         writers |= target.input_writers(session.stack.config, session.mission.topo_map)
         writers[RECORDING] = result.recorder.save
     writers[PICTURE] = lambda path: draw(result, path)
-    missing = ((name, _why_missing(target.path / name, write)) for name, write in writers.items())
+    with deferred():  # a recording without its inputs could not be replayed
+        missing = [
+            (name, _why_missing(target.path / name, write)) for name, write in writers.items()
+        ]
     return tuple(f"{name} is missing: {why}" for name, why in missing if why)
 
 
@@ -70,7 +74,7 @@ def _content(result: MissionResult) -> dict[str, Any]:
 def _why_missing(path: Path, write: Callable[[Path], object]) -> str:
     """Write a file of the run; returns why it is missing, "" if it is not."""
     try:
-        with interruptible():
+        with interruptible() if path.name in {RECORDING, PICTURE} else nullcontext():
             write(path)
     except KeyboardInterrupt:
         why = "interrupted"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -123,12 +124,20 @@ def _handlers() -> Iterator[bool]:
     if _state.handled:
         yield False
         return
-    handlers = set_handlers(_interrupt)
-    _state.handled, _state.pending = True, ""
+    handlers, hook = set_handlers(_interrupt), sys.unraisablehook
+
+    def keep(dropped: Any) -> None:
+        """What Python drops of a signal waits for the next place that can be interrupted."""
+        if dropped.exc_type is KeyboardInterrupt:
+            _state.pending = str(dropped.exc_value)
+        else:
+            hook(dropped)
+
+    _state.handled, _state.pending, sys.unraisablehook = True, "", keep
     try:
         yield True
     finally:
-        _state.handled = False
+        _state.handled, sys.unraisablehook = False, hook
         for number, handler in handlers.items():
             signal.signal(number, handler)
 

@@ -19,6 +19,7 @@ from .run_journal import JournalDamagedError as JournalDamagedError
 from .run_journal import RunJournal as RunJournal
 from .run_journal import RunRow as RunRow
 from .run_journal import columns_of as columns_of
+from .run_journal import ready_journal as ready_journal
 from .run_journal import write_table as write_table
 from .run_statistics import barn_score as barn_score
 from .run_statistics import mcnemar_exact as mcnemar_exact

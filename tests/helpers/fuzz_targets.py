@@ -15,13 +15,16 @@ from navfw.cli import app
 from navfw.config import project_folder
 from navfw.errors import InputError
 from navfw.fuzzy import load_rule_base
+from navfw.meshes import FURNITURE_LIMITS, read_triangles
 from navfw.missions import prepare, write_run
 from navfw.plugins import default_registry
 from navfw.recording import RunFolder
 from navfw.results import load_results
+from navfw.robot import load_robot
 from navfw.stack import load_stack
-from navfw.suite import RunJournal, load_suite, plan_runs
+from navfw.suite import RunJournal, load_suite, plan_runs, ready_journal
 from navfw.topomap import load_any_map, save_map
+from navfw.tune import StudyFolder
 
 Read = Callable[[Path], object]
 Prepare = Callable[[Path], object]
@@ -85,6 +88,36 @@ SDF = """\
 <model name="b"><static>true</static><link name="l"><pose>3 1 0.5 0 0 0</pose><collision name="c">
 <geometry><cylinder><radius>0.2</radius><length>1</length></cylinder></geometry></collision></link>
 </model></world></sdf>
+"""
+
+
+COLLADA = """\
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset/>
+<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="12">
+0 0 0 1 0 0 0 1 0 0 0 1</float_array><technique_common><accessor source="#a" count="4" stride="3">
+<param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
+</accessor></technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/>
+</vertices><triangles count="4"><input semantic="VERTEX" source="#v" offset="0"/>
+<p>0 2 1 0 1 3 1 2 3 2 0 3</p></triangles></mesh></geometry></library_geometries>
+<library_nodes><node id="n"><instance_geometry url="#g"/></node></library_nodes>
+<library_visual_scenes><visual_scene id="s"><node id="m"><instance_node url="#n"/></node>
+</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>
+"""
+
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+STL = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n"
+
+URDF = """\
+<robot name="r"><link name="base_link"><inertial><mass value="5"/><inertia ixx="1" iyy="1" izz="1"
+ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry><box size="0.4 0.3 0.1"/></geometry>
+</collision></link><link name="camera"/><joint name="c" type="fixed"><parent link="base_link"/>
+<child link="camera"/><origin xyz="0.1 0 0.2" rpy="0 0 0"/></joint>
+<link name="lw"><collision><geometry><cylinder radius="0.1" length="0.05"/></geometry></collision>
+</link><link name="rw"><collision><geometry><cylinder radius="0.1" length="0.05"/></geometry>
+</collision></link><joint name="left" type="continuous"><parent link="base_link"/><child link="lw"/>
+<origin xyz="0 0.2 0" rpy="-1.5708 0 0"/><axis xyz="0 0 1"/></joint><joint name="right"
+type="continuous"><parent link="base_link"/><child link="rw"/><origin xyz="0 -0.2 0"
+rpy="-1.5708 0 0"/><axis xyz="0 0 1"/></joint></robot>
 """
 
 
@@ -176,6 +209,10 @@ def _images(folder: Path) -> None:
     poses = [f"{0.05 * k:.2f},1,2,{0.01 * k:.2f},0.6,0,0,0.8" for k in range(20)]
     (folder / "poses.txt").write_text("\n".join(poses))
     (folder / "camera.yaml").write_text(CALIBRATION)
+    names = ["0.png", "1.png", "2.png", "3.jpg"]
+    (folder / "times.csv").write_text(
+        "time,file\n" + "".join(f"{k / 10},{n}\n" for k, n in enumerate(names))
+    )
 
 
 def _journal(folder: Path) -> None:
@@ -186,6 +223,14 @@ def _journal(folder: Path) -> None:
         journal = RunJournal(folder / name / "journal.sqlite")
         journal.create()
         journal.add_all(("aa", row(seed)) for seed in range(4))
+
+
+def _study(folder: Path) -> None:
+    StudyFolder(folder).open({}, resume=False, seed=0)
+
+
+def _read_mesh(name: str) -> Read:
+    return lambda folder: read_triangles(folder / name, FURNITURE_LIMITS)
 
 
 PROJECT = '[project]\nname = "x"\n[tool.navfw]\nkeys = [1, 2.5, {a = "b"}]\n[tool.navfw.more]\n'
@@ -206,14 +251,27 @@ TARGETS: dict[str, Target] = {
     "suite": Target("suite.yaml", "data", _text("suite.yaml", SUITE), _plan_suite, 1),
     "rules": Target("rules.yaml", "data", _copy("rules.yaml", "behaviors/avoid.yaml"),
                     lambda folder: load_rule_base(folder / "rules.yaml"), 8),
-    "project": Target("pyproject.toml", "bytes", _text("pyproject.toml", PROJECT),
+    "project": Target("pyproject.toml", "toml", _text("pyproject.toml", PROJECT),
                       project_folder, 20),
     "recording": Target("run/run.mcap", "recording", _recorded,
                         _command("replay", "./run"), 6, DIFFERING),
     "result": Target("run/result.json", "data", _recorded,
                      _command("explain", "./run", "--at", "2.1"), 2),
-    "journal": Target("a/journal.sqlite", "bytes", _journal,
+    "journal": Target("a/journal.sqlite", "database", _journal,
                       _command("report", "--text", "./a", "./b"), 20),
+    "resumed": Target("a/journal.sqlite", "database", _journal,
+                      lambda folder: ready_journal(RunJournal(folder / "a/journal.sqlite")), 20),
+    "study": Target("study.db", "database", _study,
+                    lambda folder: StudyFolder(folder).open({}, resume=True, seed=0), 3),
+    "robot": Target("robot.yaml", "data", _copy("robot.yaml", "navfw/robot/robots/default.yaml"),
+                    lambda folder: load_robot(folder / "robot.yaml"), 8),
+    "collada": Target("a.dae", "references", _text("a.dae", COLLADA), _read_mesh("a.dae"), 10),
+    "obj": Target("a.obj", "numbers", _text("a.obj", OBJ), _read_mesh("a.obj"), 10),
+    "stl": Target("a.stl", "numbers", _text("a.stl", STL), _read_mesh("a.stl"), 10),
+    "urdf": Target("a.urdf", "xml", _text("a.urdf", URDF),
+                   lambda folder: load_robot(folder / "a.urdf"), 8),
+    "times": Target("times.csv", "cells", _images,
+                    _command("perceive", "./images", "--times", "./times.csv"), 5),
     "stored": Target("rooms-1000-1050.json", "data",
                      _copy("rooms-1000-1050.json", "docs/results/rooms-1000-1050.json"),
                      load_results, 15),
