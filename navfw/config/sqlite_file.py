@@ -60,4 +60,4 @@ def check_database(path: Path, kind: str) -> None:
         with open_database(path, kind):
             pass
     except (sqlite3.Error, UnicodeDecodeError) as error:
-        raise ConfigError(f"no readable database: {error}", file=shown_path(path)) from None
+        raise ConfigError(f"not a readable {kind}: {error}", file=shown_path(path)) from None

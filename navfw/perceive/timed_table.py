@@ -247,12 +247,13 @@ class TimedTable:
     def _number(self, line: int, name: str, cell: str) -> float:
         try:
             number = float(cell) if cell else math.nan
-            if abs(number) > _MAX_NUMBER:  # false for nan, a missing number
-                raise ValueError
-            return number
         except ValueError:
             what = "a time in seconds" if name == TIME else "a number"
             raise self.error(f"{cell!r:.40} is not {what}", line, name) from None
+        if abs(number) > _MAX_NUMBER:  # false for nan, a missing number
+            what = f"expected finite numbers, up to {_MAX_NUMBER:g}, got {cell!r:.40}"
+            raise self.error(what, line, name)
+        return number
 
 
 def name_and_unit(word: str) -> tuple[str, str | None]:

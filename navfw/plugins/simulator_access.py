@@ -82,10 +82,11 @@ def source_findings(file: Path) -> tuple[SourceFinding, ...]:
 def access_notes(cls: type[Plugin]) -> list[str]:
     """A line ``file:line: what`` for each of the ``source_findings`` of a stage's plugin.
 
-    Landmark kinds, events and families of worlds act on the world before a run: theirs are none.
+    Landmark kinds, events and families of worlds act on the world before a run, and an oracle says
+    what it is: theirs are none.
     """
     file = source_file(cls)
-    if file is None or cls.kind in _OF_WORLDS:
+    if file is None or cls.kind in _OF_WORLDS or getattr(cls, "oracle", False):
         return []
     findings = source_findings(file)
     return [f"{shown_path(file)}:{finding.line}: {finding.what}" for finding in findings]

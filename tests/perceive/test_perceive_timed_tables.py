@@ -258,7 +258,7 @@ _POSE_ERRORS = [
     (LINE + "1 0 0 0 0 0 1\n", r"poses\.txt:2: has 7 values, not 8 \(time, tx, ty, tz,"),
     (LINE + "1 0 0 0 0 0 0 one\n", r"poses\.txt:2: qw: 'one' is not a number"),
     (LINE + "1 0 0 nan 0 0 0 1\n", r"poses\.txt:2: expected finite numbers, positions in met"),
-    (LINE + "1 0 0 1e30 0 0 0 1\n", r"poses\.txt:2: expected finite numbers"),
+    (LINE + "1 0 0 1e30 0 0 0 1\n", r"poses\.txt:2: tz: expected finite numbers, up to"),
     (LINE + "1 0 0 0 1 0 0 1\n", r"poses\.txt:2: qx qy qz qw have the norm 1\.41, not 1"),
     (LINE + LINE, r"poses\.txt:2: time 0\.000000 s does not come after .*; sort the rows"),
     (LINE + "0.1 0 0 50 0 0 0 1\n", "moves at 500 m/s; expected positions in metres, not mill"),
