@@ -133,9 +133,11 @@ def _numpy_random() -> tuple[Any, ...]:
 
 def _entries() -> dict[str, _Entry]:
     """The functions of navfw's modules and classes and of ``_LIBRARIES``, by name."""
-    modules = [module for module in list(sys.modules.values()) if isinstance(module, ModuleType)]
-    own = [module for module in modules if module.__name__.startswith(_PACKAGE)]
-    libraries = [sys.modules[name] for name in _LIBRARIES if name in sys.modules]
+    modules = {
+        n: module for n, module in list(sys.modules.items()) if isinstance(module, ModuleType)
+    }
+    own = [module for module in modules.values() if module.__name__.startswith(_PACKAGE)]
+    libraries = [modules[name] for name in _LIBRARIES if name in modules]
     return {
         name: (owner, attribute, value, _body(value))
         for module, functions in (*((m, _own) for m in own), *((m, _all) for m in libraries))
