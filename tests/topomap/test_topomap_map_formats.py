@@ -233,7 +233,7 @@ def test_errors_in_graphml_name_their_line(
         ("m.geojson", '{"type": "FeatureCollection"}', ["features", "list"]),
         ("m.geojson", '{"type": "FeatureCollection", "features": []}', ["at least one place"]),
         ("m.geojson", '{"a": NaN}', ["NaN is not a number"]),
-        ("m.geojson", "[" * 100_000, ["not valid JSON"]),
+        ("m.geojson", "[" * 100_000, ["nested too deeply"]),
         ("m.graphml", "<a/>", ["there is no <graph>"]),
         ("m.txt", "", [".graphml", "m.txt"]),
         ("none.geojson", None, ["none.geojson", "no such file"]),
