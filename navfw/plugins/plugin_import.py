@@ -60,8 +60,10 @@ def decorated_plugins() -> list[type[Any]]:
     return list(_decorated.values())
 
 
-def import_file(file: Path) -> tuple[ModuleType, list[type[Any]]]:
+def import_file(file: Path, code: CodeState | None) -> tuple[ModuleType, list[type[Any]]]:
     """Import ``file``; returns the module and the classes decorated with ``plugin`` in it.
+
+    ``code`` is what the import must leave as it is; None for files that are navfw's own.
 
     The folder becomes a package with a unique name, so that files of the same name in two folders
     do not collide, ``from .other import x`` works, and ``sys.path`` remains unchanged.
@@ -80,7 +82,7 @@ def import_file(file: Path) -> tuple[ModuleType, list[type[Any]]]:
             raise PluginError("expected a Python file", file=shown_path(file))
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
-        with _contained(file.name, file):
+        with _contained(code, file.name, file):
             spec.loader.exec_module(module)
     except BaseException:
         sys.modules.pop(name, None)
@@ -98,7 +100,8 @@ def import_object(target: str) -> Any:
 
     """
     module_name, _, attribute = target.partition(":")
-    with _contained(module_name, None, target):
+    code = None if module_name.startswith("navfw.") else CodeState()
+    with _contained(code, module_name, None, target):
         module = importlib.import_module(module_name)
     value: Any = module
     for part in attribute.split(".") if attribute else []:
@@ -162,7 +165,9 @@ def _package_of(folder: Path) -> str:
 
 
 @contextlib.contextmanager
-def _contained(name: str, file: Path | None, target: str | None = None) -> Iterator[None]:
+def _contained(
+    code: CodeState | None, name: str, file: Path | None, target: str | None = None
+) -> Iterator[None]:
     """An import within its time limit, that prints on stderr and replaces no function.
 
     Raises:
@@ -170,7 +175,8 @@ def _contained(name: str, file: Path | None, target: str | None = None) -> Itera
             back.
 
     """
-    code = None if name.startswith("navfw.") else CodeState()
+    if code is not None:
+        code.extend()
     watchdog, process = Watchdog(), this_process()
     with contextlib.redirect_stdout(sys.stderr), watchdog.on_duty():
         watchdog.begin(f"import of {name}", IMPORT_LIMIT)

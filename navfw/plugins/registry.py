@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from navfw.config.input_file import shown_path
-from navfw.config.lookup import plugin_files, plugin_folders
+from navfw.config.lookup import plugin_files, plugin_folders, shipped_folder
 from navfw.config.project_code import require_trust
 from navfw.config.type_descriptions import parameters_of
 from navfw.errors import InputError, PluginError, UnknownNameError
@@ -19,6 +19,7 @@ from navfw.plugins import plugin_import
 from navfw.plugins.built_in import BUILT_IN, GROUPS, installed_points, summary_of
 from navfw.plugins.simulator_access import access_notes
 from navfw.plugins.verification import kind_of, source_file, verify
+from navfw.process.process_state import CodeState
 
 
 @dataclass
@@ -86,10 +87,12 @@ class Registry:
             raise PluginError(
                 f"expected a folder of plugins: {error.strerror}", file=shown_path(folder)
             ) from None
+        shipped = (shipped_folder() / "behaviors").resolve()
+        code = None if folder.resolve() == shipped else CodeState()
         for file in files:
             if file.resolve() not in self._files:
                 self._files.add(file.resolve())
-                self._discover_file(file)
+                self._discover_file(file, code)
 
     def discover_entry_points(self, points: Iterable[EntryPoint] | None = None) -> None:
         """Add the plugins of installed packages; they are imported on first use."""
@@ -153,10 +156,10 @@ class Registry:
         entries = (*self._entries.values(), *self._duplicates)
         return [self._listed(entry) for entry in entries if entry.error is not None]
 
-    def _discover_file(self, file: Path) -> None:
+    def _discover_file(self, file: Path, code: CodeState | None) -> None:
         source, kind = shown_path(file), "behavior"
         try:
-            module, decorated = plugin_import.import_file(file)
+            module, decorated = plugin_import.import_file(file, code)
         except PluginError as error:
             self._record(_RegistryEntry(kind, file.stem, source, error=error))
             self._unread.append(error)

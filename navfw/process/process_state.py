@@ -39,12 +39,25 @@ class CodeState:
 
     def __init__(self) -> None:
         self._builtins = dict(vars(builtins))
-        self._entries = _entries()
+        self._entries: dict[str, _Entry] = {}
+        self._modules: dict[str, ModuleType] = {}
+        self.extend()
+
+    def extend(self) -> None:
+        """Add the functions of modules imported since."""
+        modules = {
+            name: module
+            for name, module in list(sys.modules.items())
+            if isinstance(module, ModuleType) and self._modules.get(name) is not module
+        }
+        self._modules |= modules
+        self._entries |= _entries(modules)
 
     def restore(self) -> str:
         """Set back the functions that were replaced since; their names, "" if there are none.
 
-        A function whose body was replaced counts, too. What was imported since is not known.
+        A function whose body was replaced counts, too. What was imported since and not added by
+        ``extend`` is not known.
         """
         now = builtins.__dict__
         names = [
@@ -131,11 +144,8 @@ def _numpy_random() -> tuple[Any, ...]:
     return (name, tuple(np.asarray(keys).tolist()), *rest)
 
 
-def _entries() -> dict[str, _Entry]:
+def _entries(modules: Mapping[str, ModuleType]) -> dict[str, _Entry]:
     """The functions of navfw's modules and classes and of ``_LIBRARIES``, by name."""
-    modules = {
-        n: module for n, module in list(sys.modules.items()) if isinstance(module, ModuleType)
-    }
     own = [module for module in modules.values() if module.__name__.startswith(_PACKAGE)]
     libraries = [modules[name] for name in _LIBRARIES if name in modules]
     return {
