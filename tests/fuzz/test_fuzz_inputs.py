@@ -15,10 +15,10 @@ def check(done: list[Tried]) -> None:
 
 @pytest.mark.thorough
 def test_a_damaged_input_is_read_or_refused() -> None:
-    done = fuzz(500)
-    assert len(done) == 500
+    done = fuzz(250)
+    assert len(done) == 250
     assert {tried.kind for tried in done} == set(TARGETS)
-    assert sum(tried.code == 0 for tried in done) > 25
+    assert sum(tried.code == 0 for tried in done) > 12
     check(done)
 
 
