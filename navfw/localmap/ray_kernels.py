@@ -100,7 +100,7 @@ def follow_arc(
 
 
 SLACK = 0.005
-"""Length [m] by which a body that is too near already may come nearer: errors of interpolation."""
+"""Length [m] by which a body may be nearer than it was, or than its rim: interpolation errs."""
 
 TURN = 0.5
 """Angle [rad] of a turn on the spot by which the room to turn is judged."""
@@ -148,8 +148,7 @@ def follow_body(
     _, observed, origin_x, origin_y, cell = ground
     size = observed.shape[0]
     px, py, yaw = start
-    least = body_room(ground, px, py, yaw, discs, margin)
-    floor = min(0.0, least - SLACK)
+    least = widest = body_room(ground, px, py, yaw, discs, margin)
     if v == 0.0 and w == 0.0:
         return reach, reach, least
     front, rear = discs[:, 0].max(), discs[:, 0].min()
@@ -170,11 +169,10 @@ def follow_body(
         py += sign * step * math.sin(yaw + 0.5 * turn)
         yaw += turn
         room = body_room(ground, px, py, yaw, discs, margin)
-        if room < floor:
+        if room < min(0.0, widest) - SLACK:
             blocked = True
             break
-        if room > floor and floor < 0.0:
-            floor = min(0.0, room - SLACK)  # moving away: from now on no nearer than this
+        widest = max(widest, room)  # moving away: from now on no nearer than this
         if length < horizon and room < least:
             least = room
         row = int(math.floor((py + end * math.sin(yaw) - origin_y) / cell + 0.5))
