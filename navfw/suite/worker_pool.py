@@ -16,7 +16,7 @@ import signal
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
@@ -42,8 +42,10 @@ _LOOK_PERIOD = 0.25
 GRACE = 10.0
 """Time [s] for a worker to end its job after a request to stop."""
 
-_THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "NUMBA", "VECLIB_MAXIMUM")
-"""First parts of the environment variables that limit the threads of numerical libraries."""
+_LIBRARIES = ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "NUMEXPR_NUM", "NUMBA_NUM", "VECLIB_MAXIMUM")
+_SINGLE_THREADED = {f"{library}_THREADS": "1" for library in _LIBRARIES}
+_SINGLE_THREADED["OPENCV_FOR_THREADS_NUM"] = "1"
+"""Environment variables by which numerical libraries use one thread."""
 
 JobT = TypeVar("JobT")
 ResultT = TypeVar("ResultT")
@@ -95,7 +97,10 @@ class WorkerPool(Generic[JobT, ResultT]):
     def __enter__(self) -> Self:
         context = multiprocessing.get_context("spawn")
         self._flag = stop = context.RawValue(_Flag, 0)
-        self._cleanup.enter_context(_single_threaded())
+        # else the first process starts it, and unblocks SIGINT; of a killed pool it would warn
+        with _environment({"PYTHONWARNINGS": "ignore:resource_tracker"}):
+            resource_tracker.ensure_running()
+        self._cleanup.enter_context(_environment(_SINGLE_THREADED))
         self._cleanup.callback(setattr, stop, "value", 1)
         self._slots = [
             _WorkerSlot(context, stop, self.recycle, self.memory) for _ in range(self.workers)
@@ -229,7 +234,6 @@ class _WorkerSlot:
 @contextlib.contextmanager
 def _interrupt_blocked() -> Iterator[None]:
     """Block SIGINT; it arrives at the end."""
-    resource_tracker.ensure_running()  # else the first process starts it, and it unblocks SIGINT
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -238,20 +242,16 @@ def _interrupt_blocked() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _single_threaded() -> Iterator[None]:
-    """Processes started inside use one thread in their numerical libraries."""
-    wanted = {f"{library}_NUM_THREADS": "1" for library in _THREADS[:-1]}
-    wanted |= {f"{_THREADS[-1]}_THREADS": "1", "OPENCV_FOR_THREADS_NUM": "1"}
-    before = {name: os.environ.get(name) for name in wanted}
+def _environment(wanted: Mapping[str, str]) -> Iterator[None]:
+    """Processes started inside have these variables."""
+    before = {name: os.environ[name] for name in wanted if name in os.environ}
     os.environ.update(wanted)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in wanted:
+            del os.environ[name]
+        os.environ.update(before)
 
 
 # --- in the worker -------------------------------------------------------------------------------

@@ -106,6 +106,7 @@ def check_stopped(ended: Ended, folder: Path, suite: Undisturbed, number: signal
         return
     assert ended.code != 0
     assert all(row.has_result or row.died for row in rows)
+    assert "resource_tracker" not in ended.stderr
     assert "Traceback" not in ended.stderr or not (folder / "o").exists()  # while importing
     check_files(folder)
 
