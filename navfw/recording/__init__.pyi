@@ -12,9 +12,7 @@ from .channel_list import LOCAL_MAP as LOCAL_MAP
 from .channel_list import MAX_BYTES as MAX_BYTES
 from .channel_list import READING as READING
 from .channel_list import RIGHT_IMAGE as RIGHT_IMAGE
-from .channel_list import ReadingRow as ReadingRow
-from .channel_list import pack_reading as pack_reading
-from .channel_list import unpack_reading as unpack_reading
+from .channel_list import SCHEMA_NAME as SCHEMA_NAME
 from .live_server import LiveServer as LiveServer
 from .palette import FLOOR as FLOOR
 from .palette import MOVING as MOVING
@@ -35,6 +33,7 @@ from .ros_messages import imu_message as imu_message
 from .ros_messages import joints_message as joints_message
 from .ros_messages import message_types as message_types
 from .ros_messages import odometry_message as odometry_message
+from .ros_messages import reading_message as reading_message
 from .ros_messages import ros_message as ros_message
 from .run_folder import FILES as FILES
 from .run_folder import PICTURE as PICTURE

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass
 from enum import IntFlag
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from navfw.config.input_bounds import max_bytes
-from navfw.signals import SensorReading, Twist
 
 if TYPE_CHECKING:
     from navfw.recording.top_view import WorldOutline
@@ -33,10 +31,6 @@ float64 w                    # the stack's command [rad/s]
 """
 """The ROS 2 definition of the message."""
 
-_HEADER = b"\x00\x01\x00\x00"
-"""CDR, little-endian."""
-_FIELDS = struct.Struct("<6d2q2dq2d")
-
 
 class ImageFlags(IntFlag):
     """The images that belong to a reading."""
@@ -44,64 +38,6 @@ class ImageFlags(IntFlag):
     CAMERA = 1
     LANDMARKS = 2
     SIDES = 4
-
-
-class ReadingRow(NamedTuple):
-    """The fields of the message, in its order; units are in ``SCHEMA``."""
-
-    time: float
-    roll_rate: float
-    pitch_rate: float
-    yaw_rate: float
-    inertial_time: float
-    encoders_time: float
-    left: int
-    right: int
-    frame_time: float
-    landmark_frame_time: float
-    pictures: int
-    v: float
-    w: float
-
-
-def pack_reading(reading: SensorReading, twist: Twist) -> bytes:
-    """The message of ``reading`` and of the stack's command for it."""
-    inertial, encoders = reading.inertial, reading.encoders
-    frame, landmarks = reading.frame, reading.landmark_frame
-    pictures = ImageFlags(0)
-    if frame is not None:
-        pictures |= ImageFlags.CAMERA
-        if frame.sides:
-            pictures |= ImageFlags.SIDES
-    if landmarks is not None:
-        pictures |= ImageFlags.LANDMARKS
-    return _HEADER + _FIELDS.pack(
-        reading.time,
-        inertial.roll_rate,
-        inertial.pitch_rate,
-        inertial.yaw_rate,
-        inertial.time,
-        encoders.time,
-        encoders.left,
-        encoders.right,
-        0.0 if frame is None else frame.time,
-        0.0 if landmarks is None else landmarks.time,
-        int(pictures),
-        twist.v,
-        twist.w,
-    )
-
-
-def unpack_reading(data: bytes) -> ReadingRow:
-    """The fields of a message.
-
-    Raises:
-        ValueError: it is not such a message.
-
-    """
-    if len(data) != len(_HEADER) + _FIELDS.size or not data.startswith(_HEADER):
-        raise ValueError("a sensor reading has another layout")
-    return ReadingRow(*_FIELDS.unpack_from(data, len(_HEADER)))
 
 
 MAX_BYTES = max_bytes("recording")

@@ -53,8 +53,8 @@ _MAGIC = b"\x89MCAP0\r\n"
 class RecordedMessage:
     """A message of channel ``topic`` at simulated ``time`` [s].
 
-    ``content`` is a ``ReadingRow`` for sensor readings, a dict for JSON, and otherwise a message
-    with the fields of its schema, of Foxglove or of ROS 2 (``message.content.data``).
+    ``content`` is a dict for JSON, and otherwise a message with the fields of its schema, of
+    Foxglove or of ROS 2 (``message.content.data``).
     """
 
     topic: str
@@ -213,8 +213,6 @@ class RecordedRun:
 
     def _decoder(self, channel: Channel) -> Callable[[bytes], Any]:
         schema = self._schemas[channel.schema_id]
-        if channel.topic == topics.READING:
-            return topics.unpack_reading
         if channel.message_encoding == MessageEncoding.JSON:
             return json.loads
         if schema.encoding == SchemaEncoding.ROS2 and schema.name in message_types().types:

@@ -15,12 +15,13 @@ import numpy as np
 
 from navfw.config.extras import extra_imports
 from navfw.numerics import Image
+from navfw.recording.channel_list import SCHEMA, SCHEMA_NAME, ImageFlags
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Belief, Odometry, Pose, SensorReading, Twist
 
 with extra_imports("bags"):
     from rosbags.interfaces import Nodetype
-    from rosbags.typesys import Stores, get_typestore
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     from rosbags.typesys.store import Typestore
 
 _WHEELS = ("left_wheel_joint", "right_wheel_joint")
@@ -33,8 +34,12 @@ _ABSENT = np.array([-1.0, *[0.0] * 8])
 
 @cache
 def message_types(*, ros1: bool = False) -> Typestore:
-    """The message types of ROS 2 Jazzy, or of ROS 1 Noetic."""
-    return get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
+    """The message types of ROS 2 Jazzy and navfw's own, or of ROS 1 Noetic."""
+    if ros1:
+        return get_typestore(Stores.ROS1_NOETIC)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg(SCHEMA, SCHEMA_NAME))
+    return store
 
 
 @cache
@@ -84,6 +89,31 @@ def _zeros(kind: str) -> tuple[dict[str, Any], dict[str, str]]:
             values[name] = np.zeros(int(size), str(what[0])) if plain else []
             kinds[name] = str(what)
     return values, kinds
+
+
+def reading_message(reading: SensorReading, twist: Twist) -> bytes:
+    """The message by ``SCHEMA`` of a reading, and of the stack's command for it."""
+    inertial, encoders = reading.inertial, reading.encoders
+    frame, landmarks = reading.frame, reading.landmark_frame
+    pictures = 0 if landmarks is None else ImageFlags.LANDMARKS
+    if frame is not None:
+        pictures |= ImageFlags.CAMERA | (ImageFlags.SIDES if frame.sides else 0)
+    fields = {
+        "time": reading.time,
+        "roll_rate": inertial.roll_rate,
+        "pitch_rate": inertial.pitch_rate,
+        "yaw_rate": inertial.yaw_rate,
+        "inertial_time": inertial.time,
+        "encoders_time": encoders.time,
+        "left": encoders.left,
+        "right": encoders.right,
+        "frame_time": 0.0 if frame is None else frame.time,
+        "landmark_frame_time": 0.0 if landmarks is None else landmarks.time,
+        "pictures": pictures,
+        "v": twist.v,
+        "w": twist.w,
+    }
+    return ros_message(SCHEMA_NAME, fields)
 
 
 def imu_message(robot: RobotModel, reading: SensorReading, now: int) -> bytes:

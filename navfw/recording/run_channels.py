@@ -62,7 +62,7 @@ class SensorChannels:
                 self._pack(topic, side, now)
         if landmarks is not None:
             self._pack(topics.LANDMARK_IMAGE, landmarks.image, now)
-        self._waiting.append((topics.READING, now, topics.pack_reading(reading, twist)))
+        self._waiting.append((topics.READING, now, ros.reading_message(reading, twist)))
         self.send(wait=False)
 
     def close(self) -> None:

@@ -74,7 +74,7 @@ def load_recording(path: str | Path, max_bytes: int = topics.MAX_BYTES) -> Senso
     commands: list[tuple[float, float]] = []
     for message in run.messages(topics.READING, *topics.IMAGES):
         if message.topic == topics.READING:
-            row: topics.ReadingRow = message.content
+            row = message.content
             readings.append(images.complete(row))
             commands.append((row.v, row.w))
         else:
@@ -101,7 +101,7 @@ class _Images:
             raise _no_recording(self._path, "its images are too large")
         self._waiting[message.topic].append(image)
 
-    def complete(self, row: topics.ReadingRow) -> SensorReading:
+    def complete(self, row: Any) -> SensorReading:
         """The reading of ``row`` with the images that stand before it."""
         frame = landmark_frame = None
         if row.pictures & topics.ImageFlags.CAMERA:

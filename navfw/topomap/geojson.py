@@ -10,8 +10,10 @@ of the collection: as features Nav2 would read them as nodes. ``floor_plan`` is 
 from __future__ import annotations
 
 import json
+import json.decoder
+import json.scanner
 import math
-from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from navfw.config.input_file import parse_json
@@ -75,163 +77,126 @@ def _feature(geometry: dict[str, Any], properties: dict[str, Any]) -> dict[str, 
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
-class GeoJsonReader:
-    """Reads the text of one file, keeping the line of each feature for error messages.
+class _LocatingDecoder(json.JSONDecoder):
+    """Decodes JSON; ``begins`` has the index at which the object of an ``id`` begins."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.begins: dict[int, int] = {}
+        decode = json.decoder.JSONObject  # type: ignore[attr-defined]
+
+        def located(at: tuple[str, int], *settings: Any) -> tuple[Any, int]:
+            value, end = decode(at, *settings)
+            self.begins[id(value)] = at[1]
+            return value, end
+
+        self.parse_object = located
+        self.scan_once = json.scanner.py_make_scanner(self)  # type: ignore[attr-defined]
+
+
+@dataclass(frozen=True, slots=True)
+class _Feature:
+    """A feature of ``file``: its index, its content, and the line at which it begins."""
+
+    file: str
+    line: int
+    index: int
+    data: Any
+
+    def error(self, key: str, message: str) -> MapError:
+        key = f"features[{self.index}].{key}"
+        return MapError(message, file=self.file, line=self.line, key=key)
+
+    @property
+    def geometry(self) -> dict[str, Any]:
+        """The geometry: a Point or an edge."""
+        geometry = self.data.get("geometry") if isinstance(self.data, dict) else None
+        kind = geometry.get("type") if isinstance(geometry, dict) else None
+        if isinstance(geometry, dict) and kind in ("Point", *_EDGES):
+            return geometry
+        what = f"expected Point (a place) or MultiLineString (an edge), got {kind!r:.40}"
+        raise self.error("geometry.type", what)
+
+    def number(self, key: str) -> int:
+        """A property that is an id."""
+        properties = self.data.get("properties")
+        value = properties.get(key) if isinstance(properties, dict) else None
+        if isinstance(value, int) and not isinstance(value, bool) and value >= 0:
+            return value
+        got = "it is missing" if value is None else f"got {value!r:.40}"
+        raise self.error(f"properties.{key}", f"expected the id, an integer: {got}")
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        metadata = self.data["properties"].get("metadata")
+        return metadata if isinstance(metadata, dict) else {}
+
+
+def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
+    """The map in the ``text`` of a ``file``.
 
     A node without a name gets its number as name, an edge without a length its straight distance.
     With ``both_ways`` a one-way edge is a passage.
+
+    Raises:
+        ConfigError: it is not JSON, or a value is out of bounds.
+        MapError: it is not a FeatureCollection, a feature lacks a property, an id is duplicate or
+            unknown, an edge is one-way, or the map is invalid.
+
     """
-
-    def __init__(self, text: str, file: str, both_ways: bool) -> None:
-        self._text = text
-        self._file = file
-        self._importer = MapImporter(file, both_ways)
-        self._names: dict[int, str] = {}
-        self._lines: dict[int, int] = {}
-
-    def read(self) -> TopoMap:
-        """The map in the file.
-
-        Raises:
-            ConfigError: it is not JSON, or a value is out of bounds.
-            MapError: it is not a FeatureCollection, a feature lacks a property, an id is duplicate
-                or unknown, an edge is one-way, or the map is invalid.
-
-        """
-        data = parse_json(self._text, self._file, "exchanged map")
-        if not isinstance(data, dict) or data.get("type") != "FeatureCollection":
-            raise self._error("type", "expected a FeatureCollection", 1)
-        features = data.get("features")
-        if not isinstance(features, list):
-            raise self._error("features", "expected a list of features", 1)
-        placed = list(zip(features, _lines_of_features(self._text), strict=True))
-        for index, (feature, line) in enumerate(placed):
-            if self._geometry(feature, index, line) == "Point":
-                self._add_node(feature, index, line)
-        for index, (feature, line) in enumerate(placed):
-            if feature["geometry"]["type"] in _EDGES:
-                self._add_edge(feature, index, line)
-        if isinstance(landmarks := data.get("landmarks"), dict):
-            self._importer.add_landmarks(landmarks, self._line_of("landmarks"))
-        self._importer.set_floor_plan(data.get("floor_plan"), self._line_of("floor_plan"))
-        name = data.get("name")
-        return self._importer.finish(name if isinstance(name, str) and name else "graph")
-
-    def _geometry(self, feature: Any, index: int, line: int) -> str:
-        geometry = feature.get("geometry") if isinstance(feature, dict) else None
-        kind = geometry.get("type") if isinstance(geometry, dict) else None
-        if kind == "Point" or kind in _EDGES:
-            return str(kind)
-        raise self._error(
-            f"features[{index}].geometry.type",
-            f"expected Point (a place) or MultiLineString (an edge), got {_short(kind)}",
-            line,
-        )
-
-    def _add_node(self, feature: dict[str, Any], index: int, line: int) -> None:
-        key = f"features[{index}]"
-        number, properties = self._number(feature, index, "id", line)
-        if number in self._names:
-            raise self._duplicate_id(f"{key}.properties.id", number, line)
-        at = feature["geometry"].get("coordinates")
-        if not (isinstance(at, list) and len(at) >= 2 and all(map(_is_number, at[:2]))):
-            raise self._error(
-                f"{key}.geometry.coordinates", f"expected [x, y] [m], got {_short(at)}", line
-            )
-        metadata = self._metadata(properties)
-        name = metadata.get("name")
-        name = name if isinstance(name, str) and name else str(number)
-        self._names[number], self._lines[number] = name, line
-        kind = {"kind": metadata["kind"]} if "kind" in metadata else {}
-        self._importer.add_place(name, {"x": at[0], "y": at[1], **kind}, line, key)
-
-    def _add_edge(self, feature: dict[str, Any], index: int, line: int) -> None:
-        number, properties = self._number(feature, index, "id", line)
-        if number in self._lines:
-            raise self._duplicate_id(f"features[{index}].properties.id", number, line)
-        self._lines[number] = line
-        start, end = (self._end(feature, index, key, line) for key in ("startid", "endid"))
-        self._importer.add_edge(start, end, self._metadata(properties), line, directed=True)
-
-    def _end(self, feature: dict[str, Any], index: int, key: str, line: int) -> str:
-        number, _ = self._number(feature, index, key, line)
-        if number not in self._names:
-            raise self._error(
-                f"features[{index}].properties.{key}",
-                f"there is no Point with the id {number}; add it, or remove the edge",
-                line,
-            )
-        return self._names[number]
-
-    def _line_of(self, member: str) -> int:
-        """The line of a member of the collection."""
-        return self._text.count("\n", 0, max(self._text.find(f'"{member}"'), 0)) + 1
-
-    def _number(
-        self, feature: dict[str, Any], index: int, key: str, line: int
-    ) -> tuple[int, dict[str, Any]]:
-        """A property that is an id, and all properties."""
-        properties = feature.get("properties")
-        value = properties.get(key) if isinstance(properties, dict) else None
-        if isinstance(value, int) and not isinstance(value, bool) and value >= 0:
-            return value, properties or {}
-        got = "it is missing" if value is None else f"got {_short(value)}"
-        raise self._error(
-            f"features[{index}].properties.{key}", f"expected the id, an integer: {got}", line
-        )
-
-    @staticmethod
-    def _metadata(properties: dict[str, Any]) -> dict[str, Any]:
-        metadata = properties.get("metadata")
-        return metadata if isinstance(metadata, dict) else {}
-
-    def _duplicate_id(self, key: str, number: int, line: int) -> MapError:
-        return self._error(
-            key,
-            f"a second feature with the id {number} (the first is in line {self._lines[number]}); "
-            "nodes and edges share their numbers, so give each its own",
-            line,
-        )
-
-    def _error(self, key: str, message: str, line: int) -> MapError:
-        return MapError(message, file=self._file, line=line, key=key)
-
-
-def _lines_of_features(text: str) -> Iterator[int]:
-    """The 1-based line at which each element of the root's member ``features`` begins."""
-    decode = json.JSONDecoder().raw_decode
-    at = _next(text, text.index("{") + 1)
-    starts: list[int] = []
-    while text[at] == '"':
-        member, at = decode(text, at)
-        at = _next(text, _next(text, at) + 1)  # past the colon
-        if member != "features" or text[at] != "[":
-            at = decode(text, at)[1]
+    parse_json(text, file, "exchanged map")
+    decoder = _LocatingDecoder()
+    data = decoder.decode(text)
+    if not isinstance(data, dict) or data.get("type") != "FeatureCollection":
+        raise MapError("expected a FeatureCollection", file=file, line=1, key="type")
+    if not isinstance(data.get("features"), list):
+        raise MapError("expected a list of features", file=file, line=1, key="features")
+    features, line, last = list[_Feature](), 1, 0
+    for index, feature in enumerate(data["features"]):
+        begin = decoder.begins.get(id(feature), last)
+        line, last = line + text.count("\n", last, begin), begin
+        features.append(_Feature(file, line, index, feature))
+    importer, names, lines = MapImporter(file, both_ways), dict[int, str](), dict[int, int]()
+    for feature in sorted(features, key=lambda feature: feature.geometry["type"] != "Point"):
+        number = feature.number("id")
+        if number in lines:
+            what = f"a second feature with the id {number} (the first is in line {lines[number]}); "
+            what += "nodes and edges share their numbers, so give each its own"
+            raise feature.error("properties.id", what)
+        lines[number] = feature.line
+        if feature.geometry["type"] == "Point":
+            names[number] = _add_place(importer, feature, number)
         else:
-            starts = []
-            at = _next(text, at + 1)
-            while text[at] != "]":
-                starts.append(at)
-                at = _next(text, decode(text, at)[1])
-            at += 1
-        at = _next(text, at)
-    line, before = 1, 0
-    for start in starts:
-        line += text.count("\n", before, start)
-        before = start
-        yield line
+            start, end = (_end_of(feature, key, names) for key in ("startid", "endid"))
+            importer.add_edge(start, end, feature.metadata, feature.line, directed=True)
+    if isinstance(landmarks := data.get("landmarks"), dict):
+        importer.add_landmarks(landmarks, _line_of(text, "landmarks"))
+    importer.set_floor_plan(data.get("floor_plan"), _line_of(text, "floor_plan"))
+    name = data.get("name")
+    return importer.finish(name if isinstance(name, str) and name else "graph")
 
 
-def _next(text: str, at: int) -> int:
-    """The index of the next character that is neither space nor comma."""
-    while text[at] in " \t\r\n,":
-        at += 1
-    return at
+def _add_place(importer: MapImporter, node: _Feature, number: int) -> str:
+    """Add the place of a node; its name."""
+    at = node.geometry.get("coordinates")
+    numbers = at[:2] if isinstance(at, list) else []
+    if len(numbers) < 2 or not all(type(number) in (int, float) for number in numbers):
+        raise node.error("geometry.coordinates", f"expected [x, y] [m], got {at!r:.40}")
+    name, kind = node.metadata.get("name"), node.metadata.get("kind")
+    name = name if isinstance(name, str) and name else str(number)
+    values = {"x": numbers[0], "y": numbers[1], "kind": kind}
+    importer.add_place(name, values, node.line, f"features[{node.index}]")
+    return name
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+def _end_of(edge: _Feature, key: str, names: dict[int, str]) -> str:
+    number = edge.number(key)
+    if number not in names:
+        what = f"there is no Point with the id {number}; add it, or remove the edge"
+        raise edge.error(f"properties.{key}", what)
+    return names[number]
 
 
-def _short(value: object) -> str:
-    return f"{value!r:.40}"
+def _line_of(text: str, member: str) -> int:
+    """The line of a member of the collection."""
+    return text.count("\n", 0, max(text.find(f'"{member}"'), 0)) + 1

@@ -24,7 +24,7 @@ from navfw.config.input_file import parse_json, read_input_text, shown_path
 from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError, MapError
 from navfw.process.atomic import write_text
-from navfw.topomap.geojson import GeoJsonReader, geojson_text
+from navfw.topomap.geojson import geojson_text, read_geojson
 from navfw.topomap.mapfile import (
     EDGE_KEYS,
     PLACE_KEYS,
@@ -186,7 +186,7 @@ def load_any_map(
     if _WRITERS[suffix] is graphml_text:
         return _GraphmlReader(path, both_ways).read()
     text = read_input_text(path, max_bytes("exchanged map"))
-    return GeoJsonReader(text, shown_path(path), both_ways).read()
+    return read_geojson(text, shown_path(path), both_ways)
 
 
 def save_map(topo_map: TopoMap, path: str | Path) -> None:

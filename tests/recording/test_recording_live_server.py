@@ -23,7 +23,7 @@ from websockets.typing import Origin, Subprotocol
 
 from navfw.errors import InputError
 from navfw.missions import Session, prepare
-from navfw.recording import LiveServer, unpack_reading
+from navfw.recording import LiveServer, deserialize_cdr
 from navfw.recording import channel_list as topics
 from navfw.report import live_page
 
@@ -126,7 +126,9 @@ def test_a_client_receives_the_run_and_changes_no_command() -> None:
     assert schemas == {info.topic: info.schema for info in topics.CHANNELS}
     log = result.run.log
     commands = dict(zip(log.time.tolist(), map(tuple, log.commands.tolist()), strict=True))
-    rows = [unpack_reading(data) for _, data in viewer.received[topics.READING]]
+    rows = [
+        deserialize_cdr(data, topics.SCHEMA_NAME) for _, data in viewer.received[topics.READING]
+    ]
     assert {row.time: (row.v, row.w) for row in rows} == commands
     leaders = {json.loads(data)["leader"] for _, data in viewer.received[topics.COMMAND]}
     assert leaders <= set(log.leaders)

@@ -1,6 +1,7 @@
 """Recorded readings are loaded bit by bit; any other file is refused."""
 
 import struct
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -17,15 +18,16 @@ from navfw.recording import (
     MAX_BYTES,
     READING,
     RIGHT_IMAGE,
-    ReadingRow,
+    SCHEMA_NAME,
     RecordedRun,
     RunRecorder,
     compare_commands,
+    deserialize_cdr,
     load_recording,
-    pack_reading,
+    message_types,
+    reading_message,
     replay_commands,
     ros_message,
-    unpack_reading,
 )
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist, Waypoint
@@ -99,7 +101,7 @@ def test_a_reading_that_is_not_a_number_is_kept() -> None:
     """It is a fault of a sensor, and replayed as such."""
     inertial = Inertial(0.0, float("nan"), -0.0, float("inf"))
     reading = SensorReading(0.0, inertial, Encoders(0.0, 0, 0))
-    row = unpack_reading(pack_reading(reading, Twist(1.0, 0.0)))
+    row = deserialize_cdr(reading_message(reading, Twist(1.0, 0.0)), SCHEMA_NAME)
     assert np.isnan(row.roll_rate)
     assert (str(row.pitch_rate), row.yaw_rate) == ("-0.0", float("inf"))
 
@@ -154,7 +156,7 @@ def left_out(topic: str) -> Change:
     [
         (left_out(CAMERA_IMAGE), "images of /camera/image are missing"),
         (left_out(RIGHT_IMAGE), "images of /camera/right/image are missing"),
-        (other_message(READING, b"\0" * 9), "another layout"),
+        (other_message(READING, b"\0" * 9), "message size mismatch"),
         (other_message(LANDMARK_IMAGE, b"\xff\xff"), "a message of /camera/landmarks/image"),
         (other_message(LANDMARK_IMAGE, GIF), "is not a readable image"),
     ],
@@ -245,8 +247,8 @@ def with_row(**fields: Any) -> Change:
     def change(topic: str, data: bytes) -> bytes:
         if topic != READING or next(numbers) != 6:
             return data
-        row: ReadingRow = unpack_reading(data)._replace(**fields)
-        return data[:4] + struct.pack("<6d2q2dq2d", *row)
+        row = replace(deserialize_cdr(data, SCHEMA_NAME), **fields)
+        return bytes(message_types().serialize_cdr(row, SCHEMA_NAME))
 
     return change
 
