@@ -91,7 +91,9 @@ def _bench_kind(
     report: ProgressCallback,
 ) -> dict[str, Any]:
     world = _hall(kind)
-    recognizer.set_map(_map(kind))
+    size = _SIZES[kind]
+    marks = [Landmark(f"mark-{i}", kind, i, 0.0, 0.0, 0.0, size=size) for i in range(_ON_MAP)]
+    recognizer.set_map(TopoMap("hall", [Place("start", 2.0, 6.0)], [], landmarks=marks))
     large = robot.model_copy(update={"camera": robot.landmark_view})
     rows, false, chi = [], 0, []
     spent = rendered = 0.0
@@ -117,7 +119,7 @@ def _bench_kind(
             rows.append(_row(distance, angle, views, errors))
     total = len(rows) * views
     return {
-        "size_m": _SIZES[kind],
+        "size_m": size,
         "rows": rows,
         "false_per_frame": false / total,
         "chi_square_mean": float(np.mean(chi)) if chi else None,
@@ -166,12 +168,6 @@ def _hall(kind: str) -> WorldSpec:
         walls=(WallSpec(name="wall", points=outline),),
         landmarks=(mark,),
     )
-
-
-def _map(kind: str) -> TopoMap:
-    size = _SIZES[kind]
-    marks = [Landmark(f"mark-{i}", kind, i, 0.0, 0.0, 0.0, size=size) for i in range(_ON_MAP)]
-    return TopoMap("hall", [Place("start", 2.0, 6.0)], [], landmarks=marks)
 
 
 def tables(result: dict[str, Any]) -> Iterator[ResultTable]:

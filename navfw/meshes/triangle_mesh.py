@@ -40,8 +40,7 @@ class TriangleMesh:
     @property
     def corners(self) -> Array:
         """(M, 3, 3) corners of the triangles [m]."""
-        corners: Array = self.vertices[self.faces]
-        return corners
+        return self.vertices[self.faces]
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -110,8 +109,7 @@ class TriangleMesh:
         low, high = np.minimum(one, other), np.maximum(one, other)
         start, end = self.vertices[low], self.vertices[high]
         share = (height - start[:, 2:]) / (end[:, 2:] - start[:, 2:])
-        points: Array = start[:, :2] + share * (end - start)[:, :2]
-        return points
+        return start[:, :2] + share * (end - start)[:, :2]
 
 
 def joined(meshes: list[TriangleMesh]) -> TriangleMesh:

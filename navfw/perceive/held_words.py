@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from navfw.offis.percept_explanation import front_in, report
@@ -81,7 +81,9 @@ class HeldWords:
         seen = [frozenset(layers["layer1"]) for layers in votes]
         regions = max(reversed(seen), key=seen.count)
         if before is not None and seen.count(regions) < _CHANGES * len(seen):
-            stays = sum(_agree(before, now) for now in seen) >= _STAYS * len(seen)
+            # a pair with all of these regions confirms them; one without any confirms none
+            stays = sum(set(before) <= now if before else not now for now in seen)
+            stays = stays >= _STAYS * len(seen)
             regions = frozenset(before) if stays else regions
         terms = {region: _term(region, votes, (before or {}).get(region)) for region in regions}
         return {layer: _parts(layer, terms, votes) for layer in votes[-1]}
@@ -98,11 +100,6 @@ class HeldWords:
 
     def _recent(self) -> list[_Words]:
         return list(self._past)[-_RECENT:]
-
-
-def _agree(said: Collection[str], seen: Collection[str]) -> bool:
-    """Whether a pair with the regions ``seen`` confirms those ``said``."""
-    return set(said) <= set(seen) if said else not seen
 
 
 def _term(region: str, votes: Sequence[Layers], before: str | None) -> str:

@@ -96,8 +96,8 @@ class LensFit:
             for view in views
             for bend in bends
         ]
-        costs = [_cost(few, shape, _first_motions(few, shape)) for shape in shapes]
-        return shapes[int(np.argmin(costs))]
+        off = [_residuals(few, shape, _first_motions(few, shape)) / CAUCHY for shape in shapes]
+        return shapes[int(np.argmin([np.log1p(ratio * ratio).sum() for ratio in off]))]
 
     def refined(self, start: LensShape, left_out: slice | None = None) -> LensShape:
         """The lens of least cost near ``start``; without the pairs of ``left_out``.
@@ -111,7 +111,7 @@ class LensFit:
         motions = list(self._motions)
         if left_out is not None:
             del pairs[left_out], motions[left_out]
-        values = self._values(start)
+        values = np.array([math.log(start.focal), start.curvature])[self._free]
         steps = _STEPS[self._free]
 
         def residuals(trial: Array) -> Array:
@@ -157,9 +157,6 @@ class LensFit:
             return LensShape(focal_for(self._half, 0.5 * self._view, curvature), curvature)
         return LensShape(math.exp(float(values[0])), curvature)
 
-    def _values(self, shape: LensShape) -> Array:
-        return np.asarray(np.array([math.log(shape.focal), shape.curvature])[self._free])
-
 
 def _first_motions(pairs: Sequence[TrackedPair], shape: LensShape) -> list[Motion]:
     motions = []
@@ -170,11 +167,6 @@ def _first_motions(pairs: Sequence[TrackedPair], shape: LensShape) -> list[Motio
         motion = estimate_egomotion(tracks, shape.focal)
         motions.append((motion.rotation, motion.direction))
     return motions
-
-
-def _cost(pairs: Sequence[TrackedPair], shape: LensShape, motions: Sequence[Motion]) -> float:
-    off = _residuals(pairs, shape, motions) / CAUCHY
-    return float(np.log1p(off * off).sum())
 
 
 def _residuals(pairs: Sequence[TrackedPair], shape: LensShape, motions: Sequence[Motion]) -> Array:

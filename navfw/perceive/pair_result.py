@@ -63,6 +63,7 @@ def as_data(result: PairResult) -> dict[str, Any]:
     Positions are in pixels from the top left of the original images.
     """
     percept, scale = result.percept, result.scale
+    front = front_in(percept.sentence)
     regions = percept.explanation["regions"]
     focus = None if result.focus is None else {"x": _n(result.focus[0]), "y": _n(result.focus[1])}
     roll, pitch, yaw = (math.degrees(angle) for angle in result.rotation_vector)
@@ -84,7 +85,8 @@ def as_data(result: PairResult) -> dict[str, Any]:
             }
             for name, degrees in percept.quadrants.items()
         },
-        "situation": _front_situation(result),
+        # "open", an entry of Table 1 or an elementary situation
+        "situation": front if front in (*TABLE, *ELEMENTARY, "open") else "unknown",
         "front": {name: _n(probability) for name, probability in result.front.items()},
         "situations": {name: _n(degree) for name, degree in percept.situations.items()},
         "floor_in_front": _n(percept.floor_in_front),
@@ -129,12 +131,6 @@ def _heading(result: PairResult) -> dict[str, Any]:
         "elevation_deg": _n(math.degrees(elevation)) if has_heading else None,
         "sigma_deg": _n(math.degrees(egomotion.heading_sigma)),
     }
-
-
-def _front_situation(result: PairResult) -> str:
-    """The front in the sentence: "open", an entry of Table 1 or an elementary situation."""
-    front = front_in(result.percept.sentence)
-    return front if front in (*TABLE, *ELEMENTARY, "open") else "unknown"
 
 
 def strongest_term(degrees: Mapping[str, float]) -> str:

@@ -110,7 +110,8 @@ class Perceiver:
         self.source = source
         self._plugin = _flow_plugin(options, registry)
         self._scales = ScaleEstimator(options.speed or None, options.height)
-        self._stride = options.stride or self._first_stride()
+        apart = round(_BASELINE * source.rate / options.speed) if options.speed else 1
+        self._stride = options.stride or min(max(apart, 1), MAX_STRIDE)
         self.size: WorkingSize | None = None
 
     def results(self) -> Iterator[tuple[SourceImage, PairResult]]:
@@ -182,15 +183,12 @@ class Perceiver:
                 problems = ["too little of the flow is reliable"]
         if problems:
             percept = self._perceive(_unknown(flow), scale)
-        front = {} if problems else self._front(percept, scale)
+        pitch = self._floors.pitch or 0.0
+        front = {} if problems else front_probabilities(percept, self._camera, scale.height, pitch)
         percept = replace(percept, sentence=with_front(percept.sentence, probable_front(front)))
         if not problems and motion.egomotion.kind in DIRECTIONS:
             notes += (DIRECTIONS[motion.egomotion.kind],)
         return _Analysis(flow, percept, front, scale, motion, notes, problems)
-
-    def _front(self, percept: Percept, scale: Scale) -> dict[str, float]:
-        pitch = self._floors.pitch or 0.0
-        return front_probabilities(percept, self._camera, scale.height, pitch)
 
     def _with_floor(self, flow: FlowField, floor: FloorMotion | None, *, lost: bool) -> FlowField:
         """``flow`` (derotated) with the floor's vectors, or without any where it may be."""
@@ -300,12 +298,6 @@ class Perceiver:
                 ),
             )
         return self._offis[step]
-
-    def _first_stride(self) -> int:
-        speed = self.options.speed
-        if not speed:
-            return 1
-        return min(max(round(_BASELINE * self.source.rate / speed), 1), MAX_STRIDE)
 
     def _choose_stride(self, raw: FlowField, flow: FlowField, motion: PairMotion) -> None:
         """Increase the stride for slow flow, decrease it for fast flow (METHOD 2.7).

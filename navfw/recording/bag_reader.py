@@ -179,7 +179,9 @@ class Bag:
                 self.info = message
             header, width = getattr(message, "header", None), _ROLES[roles[name]][2]
             numbers = (*_ROLES[roles[name]][3](message), *[math.nan] * width)[:width]
-            stamp = received if header is None else self._since(header.stamp)
+            stamp = received
+            if header is not None:  # divided, as a decimal number is read
+                stamp = (10**9 * header.stamp.sec + header.stamp.nanosec - self._begin) / 1e9
             rows[roles[name]].append((stamp, received, *numbers))
         tables = {role: self._table(role, rows[role]) for role in _ROLES}
         self._all_images = tables["images"]
@@ -243,10 +245,6 @@ class Bag:
             what = "not finite, or going back"
             self.notes.append(f"{lost.sum()} of {len(lost)} messages of {topic} left out: {what}")
         return table
-
-    def _since(self, stamp: Any) -> float:
-        # divided, as a decimal number is read
-        return float((10**9 * stamp.sec + stamp.nanosec - self._begin) / 1e9)
 
     def _messages(self, *topics: str) -> Iterator[tuple[str, float, Any]]:
         """Topic, time of reception [s] and content of messages, in that order."""

@@ -72,7 +72,11 @@ def draw_map(
     figure, axes = plan_axes((wide, inches), frame, low, high)
     draw_shapes(axes, [*world.shapes(), *_passages(topo_map, avoid)], zorder=1.0)
     draw_shapes(axes, [*_places(topo_map), *_landmarks(topo_map)], zorder=6.0)
-    way = np.empty((0, 2)) if route is None else _route_points(topo_map, route)
+    way = np.empty((0, 2))
+    if route is not None:
+        stops = [(topo_map.places[name].x, topo_map.places[name].y) for name in route.places]
+        ends = [(end.x, end.y) for end in (route.start, route.goal)]
+        way = np.array([ends[0], *stops, ends[1]])
     if route is not None:
         draw_shapes(axes, [Line(way, _ROUTE)], zorder=5.0)
         draw_shapes(axes, [Marks(way[:1], _START), Marks(way[-1:], _GOAL)], zorder=7.0)
@@ -104,13 +108,6 @@ def _passages(topo_map: TopoMap, avoid: Sequence[Sequence[str]]) -> Iterator[Sha
         yield Line(ends, style)
         if passage.ends in crossed:
             yield Marks(ends.mean(axis=0)[None], _CLOSED)
-
-
-def _route_points(topo_map: TopoMap, route: Route) -> Array:
-    """The points (n, 2) [m] of a route."""
-    places = [topo_map.places[name] for name in route.places]
-    start, goal = (route.start.x, route.start.y), (route.goal.x, route.goal.y)
-    return np.array([start, *((place.x, place.y) for place in places), goal])
 
 
 def _draw_arrows(axes: Axes, way: Array) -> None:

@@ -142,7 +142,8 @@ class RecordedRun:
         with open_input(self.path, self._max_bytes) as stream:
             if stream.read(len(_MAGIC)) != _MAGIC:
                 raise self._refused("expected an MCAP file, as navfw run --record writes it")
-            ended = _ends_with_magic(stream)
+            stream.seek(-len(_MAGIC), io.SEEK_END)  # as a whole file ends
+            ended = stream.read() == _MAGIC and stream.tell() > len(_MAGIC)
             try:
                 yield from self._unpacked(stream)
             except Exception as error:
@@ -226,12 +227,6 @@ class RecordedRun:
             what = f"the schema of {channel.topic} is damaged ({error})"
             raise self._refused(what) from None
         return bytes
-
-
-def _ends_with_magic(stream: BinaryIO) -> bool:
-    """Whether a file ends as a whole MCAP file does."""
-    stream.seek(-len(_MAGIC), io.SEEK_END)
-    return stream.read() == _MAGIC and stream.tell() > len(_MAGIC)
 
 
 def _unpacked_size(chunk: Chunk) -> int:

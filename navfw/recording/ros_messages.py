@@ -181,8 +181,11 @@ def transforms_message(
     odometry: Pose, now: int, belief: Belief | None = None, camera: CameraModel | None = None
 ) -> bytes:
     """``TFMessage``: with a belief ``map`` to ``odom``; with a camera to ``base_link`` and it."""
-    links = [] if belief is None else [_to_odom(belief.pose, odometry)]
-    links += [] if camera is None else _to_camera(odometry, camera)
+    links: list[_Link] = [] if camera is None else _to_camera(odometry, camera)
+    if belief is not None:
+        # the pose of odom in map: base_link in map, and from there back to odom
+        odom = belief.pose.compose(odometry.relative(Pose(0.0, 0.0, 0.0)))
+        links.insert(0, ("map", "odom", {"x": odom.x, "y": odom.y}, _about_z(odom.yaw)))
     made = [
         {
             "header": {"frame_id": parent, "stamp": time_fields(now)},
@@ -192,12 +195,6 @@ def transforms_message(
         for parent, child, place, turn in links
     ]
     return ros_message("tf2_msgs/msg/TFMessage", {"transforms": made})
-
-
-def _to_odom(robot: Pose, odometry: Pose) -> _Link:
-    # the pose of odom in map: base_link in map, and from there back to odom
-    odom = robot.compose(odometry.relative(Pose(0.0, 0.0, 0.0)))
-    return "map", "odom", {"x": odom.x, "y": odom.y}, _about_z(odom.yaw)
 
 
 def _to_camera(odometry: Pose, camera: CameraModel) -> list[_Link]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from navfw.recording import viewer_messages as messages
 from navfw.recording.channel_list import SeenRun
 from navfw.recording.run_folder import plain_json
 from navfw.robot import RobotModel
-from navfw.signals import Percept, Pose, SensorReading, Twist
+from navfw.signals import Command, Percept, Pose, SensorReading, Twist
 from navfw.stack import Stack
 from navfw.stack.stack_state import StackState
 
@@ -101,17 +101,15 @@ def _packed(image: Image) -> bytes:
     return cv2.imencode(f".{_IMAGE_FORMAT}", image)[1].tobytes()
 
 
-_VISION_PERIOD = 0.2
-"""Interval between two flows, percepts and ratings of all commands [s]: what costs most."""
-_MAP_PERIOD = 0.5
-"""Interval between two local maps, and between two lists of fired rules [s]."""
-_LOG_PERIOD = 1.0
-"""Interval between two lines of the log [s]."""
+_PERIODS = {
+    info.topic: 1.0 / rate
+    for info in topics.VIEWER_CHANNELS
+    if (rate := float(info.rate.partition(" ")[0])) < 10.0
+}
+"""Intervals [s] of what is not logged at every frame: it costs most, or serves who joins."""
 _MAX_TICKS = 60
 """Ticks of which messages are made at once, at the latest at a frame: each alone costs three times
 as much, with cold caches."""
-_WORLD_PERIOD = 5.0
-"""Interval at which the world is sent again, for viewers that join [s]."""
 
 
 class RunChannels:
@@ -135,7 +133,7 @@ class RunChannels:
 
     def restart(self) -> None:
         """Log at the next frame what is not logged at every one, for who joins."""
-        self._next_vision = self._next_map = self._next_world = self._next_log = 0.0
+        self._next: dict[str, float] = {}
 
     def observe(self, reading: SensorReading, twist: Twist, pose: Pose | None) -> None:
         """Log one control tick: the reading, the stack's command, the true pose if it is known."""
@@ -148,15 +146,18 @@ class RunChannels:
         if reading.frame is not None:
             now, camera = topics.nanoseconds(reading.time), self._seen.stack.robot.camera
             size = reading.frame.image.shape
-            self._log(topics.CAMERA_INFO, now, ros.camera_message, camera, size, now)
-            self._show(self._seen, reading.time, twist, pose)
+            self._log(topics.CAMERA_INFO, now, partial(ros.camera_message, camera, size, now))
+            for topic, make in _views(self._seen, reading.time, pose, self._guard):
+                if reading.time >= self._next.get(topic, 0.0):
+                    self._next[topic] = reading.time + _PERIODS.get(topic, 0.0) - 1e-9
+                    self._log(topic, now, make)
 
     def log_driven(self, twist: Twist, time: float) -> None:
         """Log what the robot was commanded at ``time`` [s] while the stack was not in command."""
         if topics.DRIVEN not in self._channels:
             self._channels[topics.DRIVEN] = self._open_channel(topics.DRIVEN_CHANNEL)
         now = topics.nanoseconds(time)
-        self._log(topics.DRIVEN, now, ros.command_message, twist, now)
+        self._log(topics.DRIVEN, now, partial(ros.command_message, twist, now))
 
     def flush(self) -> None:
         """Log what still waits."""
@@ -173,84 +174,58 @@ class RunChannels:
         ticks = [(topics.nanoseconds(r.time), r, twist) for r, twist in self._ticks]
         self._ticks.clear()
         for now, reading, _ in ticks:
-            self._log(topics.IMU, now, ros.imu_message, robot, reading, now)
+            self._log(topics.IMU, now, partial(ros.imu_message, robot, reading, now))
         for now, reading, _ in ticks:
-            self._log(topics.JOINTS, now, ros.joints_message, robot, reading, now)
+            self._log(topics.JOINTS, now, partial(ros.joints_message, robot, reading, now))
         for now, _, twist in ticks:
-            self._log(topics.TWIST, now, ros.command_message, twist, now)
+            self._log(topics.TWIST, now, partial(ros.command_message, twist, now))
 
-    def _show(self, seen: SeenRun, now: float, twist: Twist, pose: Pose | None) -> None:
-        """Log what the stack has made of the newest frame."""
-        stack, state = seen.stack, seen.stack.state
-        log_time = topics.nanoseconds(now)
-        stamp = Timestamp(*divmod(log_time, 10**9))
-        if pose is not None:
-            self._log(topics.TRUE_POSE, log_time, messages.true_pose_message, pose, stamp)
-        if now >= self._next_vision:
-            self._next_vision = now + _VISION_PERIOD - 1e-9
-            self._show_vision(stack, state, stamp, log_time)
-        self._show_belief(stack, state, twist, stamp, log_time)
-        if state.command is not None:
-            self._log_json(topics.COMMAND, log_time, _command, state)
-        tracks = stack.tracker.confirmed
-        self._log(topics.OBSTACLES, log_time, messages.obstacles_message, tracks, now, stamp)
-        if now >= self._next_log:
-            self._next_log = now + _LOG_PERIOD - 1e-9
-            self._log(topics.LOG, log_time, _line, state, log_time)
-        if now >= self._next_world:
-            self._next_world = now + _WORLD_PERIOD - 1e-9
-            self._log(topics.WORLD, log_time, messages.world_message, seen.outline, stamp)
-        if now >= self._next_map:
-            self._next_map = now + _MAP_PERIOD - 1e-9
-            if stack.local_map.occupancy.located:
-                grid = stack.local_map.occupancy
-                self._log(topics.LOCAL_MAP, log_time, messages.local_map_message, grid, stamp)
-            if state.command is not None:
-                self._log_json(topics.RULES, log_time, _rules, stack, state, self._guard)
-
-    def _show_vision(
-        self, stack: Stack, state: StackState, stamp: Timestamp, log_time: int
-    ) -> None:
-        camera = stack.robot.camera
-        if state.flows:
-            flow = state.flows[-1]
-            self._log(topics.FLOW, log_time, messages.flow_message, flow, camera, stamp)
-        if state.percept is not None and state.flows:
-            percept = state.percept
-            self._log(topics.CELLS, log_time, messages.cells_message, percept, camera, stamp)
-            self._log_json(topics.PERCEPT, log_time, _percept, percept)
-        if state.command is not None and state.proposals:
-            grid = stack.mofis.commands
-            rated = state.proposals, grid.v, grid.w, stamp
-            self._log(topics.PROPOSALS, log_time, messages.proposals_message, *rated)
-
-    def _show_belief(
-        self, stack: Stack, state: StackState, twist: Twist, stamp: Timestamp, log_time: int
-    ) -> None:
-        belief, odometry = state.belief, state.odometry
-        if belief is None or odometry is None:
-            return
-        camera = stack.robot.camera
-        placed = odometry.pose, log_time, belief, camera
-        self._log(topics.TRANSFORMS, log_time, ros.transforms_message, *placed)
-        self._log(topics.ODOMETRY, log_time, ros.odometry_message, odometry, log_time)
-        self._log(topics.POSE, log_time, messages.pose_message, belief, odometry.twist, stamp)
-        self._log(topics.PATH, log_time, messages.path_message, belief, state.path, stamp)
-        context = stack.mofis.context
-        if state.command is not None and context is not None and context.local_goal is not None:
-            goal = context.local_goal
-            self._log(topics.LOCAL_GOAL, log_time, messages.local_goal_message, goal, stamp)
-
-    def _log(self, topic: str, log_time: int, make: Any, *arguments: Any) -> None:
+    def _log(self, topic: str, log_time: int, make: Callable[[], Any]) -> None:
         """Log what ``make`` gives, if anybody receives it."""
         channel = self._channels[topic]
         if channel.has_sinks():
-            made = make(*arguments)
-            data = made if isinstance(made, bytes) else made.encode()
-            channel.log(data, log_time=log_time)
+            made = make()
+            made = _json(made) if isinstance(made, Mapping) else made
+            channel.log(made if isinstance(made, bytes) else made.encode(), log_time=log_time)
 
-    def _log_json(self, topic: str, log_time: int, make: Any, *arguments: Any) -> None:
-        self._log(topic, log_time, lambda: _json(make(*arguments)))
+
+def _views(
+    seen: SeenRun, now: float, pose: Pose | None, guard: PluginGuard
+) -> Iterator[tuple[str, Callable[[], Any]]]:
+    """What the stack has made of the newest frame: topics, and what makes their messages."""
+    stack, state = seen.stack, seen.stack.state
+    camera, grid, tracks = stack.robot.camera, stack.local_map.occupancy, stack.tracker.confirmed
+    command, belief, odometry = state.command, state.belief, state.odometry
+    log_time = topics.nanoseconds(now)
+    stamp = Timestamp(*divmod(log_time, 10**9))
+    if pose is not None:
+        yield topics.TRUE_POSE, partial(messages.true_pose_message, pose, stamp)
+    if state.flows:
+        yield topics.FLOW, partial(messages.flow_message, state.flows[-1], camera, stamp)
+    if state.percept is not None and state.flows:
+        yield topics.CELLS, partial(messages.cells_message, state.percept, camera, stamp)
+        yield topics.PERCEPT, partial(_percept, state.percept)
+    if command is not None and state.proposals:
+        rated = state.proposals, stack.mofis.commands.v, stack.mofis.commands.w, stamp
+        yield topics.PROPOSALS, partial(messages.proposals_message, *rated)
+    if belief is not None and odometry is not None:
+        placed = odometry.pose, log_time, belief, camera
+        yield topics.TRANSFORMS, partial(ros.transforms_message, *placed)
+        yield topics.ODOMETRY, partial(ros.odometry_message, odometry, log_time)
+        yield topics.POSE, partial(messages.pose_message, belief, odometry.twist, stamp)
+        yield topics.PATH, partial(messages.path_message, belief, state.path, stamp)
+        context = stack.mofis.context
+        if command is not None and context is not None and context.local_goal is not None:
+            goal = context.local_goal
+            yield topics.LOCAL_GOAL, partial(messages.local_goal_message, goal, stamp)
+    yield topics.OBSTACLES, partial(messages.obstacles_message, tracks, now, stamp)
+    yield topics.LOG, partial(_line, state, log_time)
+    yield topics.WORLD, partial(messages.world_message, seen.outline, stamp)
+    if grid.located:
+        yield topics.LOCAL_MAP, partial(messages.local_map_message, grid, stamp)
+    if command is not None:
+        yield topics.COMMAND, partial(_command, state, command)
+        yield topics.RULES, partial(_rules, stack, state, command, guard)
 
 
 def context_channels(context: Context) -> OpenChannel:
@@ -303,10 +278,8 @@ def _percept(percept: Percept) -> Mapping[str, Any]:
     return {name: getattr(percept, name) for name in ("sentence", "floor_in_front", *named)}
 
 
-def _command(state: StackState) -> Mapping[str, Any]:
-    command, proposals = state.command, state.proposals or {}
-    if command is None:
-        return {}
+def _command(state: StackState, command: Command) -> Mapping[str, Any]:
+    proposals, belief = state.proposals or {}, state.belief
     return {
         "v": command.twist.v,
         "w": command.twist.w,
@@ -316,16 +289,18 @@ def _command(state: StackState) -> Mapping[str, Any]:
         "weights": command.weights,
         "reasons": {name: proposal.reason for name, proposal in proposals.items()},
         "applicability": {name: proposal.applicability for name, proposal in proposals.items()},
-        "confidence": None if state.belief is None else state.belief.confidence,
-        "lost": state.belief is not None and state.belief.lost,
-        "hypotheses": 0 if state.belief is None else state.belief.hypotheses,
+        "confidence": None if belief is None else belief.confidence,
+        "lost": belief is not None and belief.lost,
+        "hypotheses": 0 if belief is None else belief.hypotheses,
     }
 
 
-def _rules(stack: Stack, state: StackState, guard: PluginGuard) -> Mapping[str, Any]:
+def _rules(
+    stack: Stack, state: StackState, command: Command, guard: PluginGuard
+) -> Mapping[str, Any]:
     """The rules that fired for the command, as ``navfw explain`` gives them."""
-    if state.command is None or state.proposals is None:
+    if state.proposals is None:
         return {}
-    fired = explain_command(state.command, state.proposals, stack.mofis, guard)
+    fired = explain_command(command, state.proposals, stack.mofis, guard)
     sentence = "" if state.percept is None else state.percept.sentence
     return {**fired, "perception": {"sentence": sentence}}

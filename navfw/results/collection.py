@@ -102,7 +102,9 @@ def _of_suite(folder: SuiteFolder, name: str | None, *, total: bool) -> list[Sto
     results: list[StoredResult] = []
     for variant in [""] if total else dict.fromkeys(row.variant for row in rows):
         own = [row for row in rows if total or row.variant == variant]
-        _check_one_stack(own, folder.path)
+        if len({row.key._replace(stack="") for row in own}) < len(own):
+            what = "holds the same runs with several stacks; run each --stack into a folder of its"
+            raise InputError(f"{what} own", file=folder.path)
         seeds = seed_range((row.seed for row in own), folder.table)
         of_variant = ["--variant", variant] if variant else []
         words = ["navfw", "suite", about["suite"], "--seeds", seeds, *about["options"]]
@@ -133,13 +135,6 @@ def _name(words: Iterable[str]) -> str:
     """A file's name from words; those that only name an option are left out."""
     kept = [re.sub(r"[^\w.+]+", "-", word) for word in words if not word.startswith("--")]
     return "-".join(filter(None, kept))
-
-
-def _check_one_stack(rows: Sequence[RunRow], folder: Path) -> None:
-    runs = {row.key._replace(stack="") for row in rows}
-    if len(runs) < len(rows):
-        what = "holds the same runs with several stacks; run each --stack into a folder of its own"
-        raise InputError(what, file=folder)
 
 
 def _parts(rows: Sequence[RunRow], expect: Mapping[str, Expect]) -> dict[str, Figures]:

@@ -251,7 +251,9 @@ class _Writer:
         for text in wanted:
             label, _, rest = text.rpartition("=")
             key, _, form = rest.partition(":")
-            values.append((label, _formatted(result, key, form)))
+            value = _value_at(result, key)
+            numbers = value if isinstance(value, list) else [value]
+            values.append((label, " to ".join(format(number, form) for number in numbers)))
         table = markdown_table(["quantity", "value"], values)
         return f"{table}\nRevision {_short(result)}, machine {self._letter_of(result)}."
 
@@ -276,11 +278,6 @@ class _Writer:
             ),
         ]
         return ResultTable("", columns, self._machines).markdown() if self._machines else ""
-
-
-def _formatted(result: StoredResult, key: str, form: str) -> str:
-    value = _value_at(result, key)
-    return " to ".join(format(v, form) for v in (value if isinstance(value, list) else [value]))
 
 
 def _value_at(result: StoredResult, key: str) -> Any:

@@ -98,7 +98,10 @@ class DriveNode:
         self._sent = math.inf
         self._sending = threading.Lock()
         self._subscribe(node.parameter("wheels", "joints"), node.parameter("compressed", False))
-        self._advertise()
+        velocity = "TwistStamped" if self._stamped else "Twist"
+        self._command = node.publisher("cmd_vel", f"geometry_msgs/msg/{velocity}")
+        self._status = node.publisher("navfw/status", "std_msgs/msg/String", "latched")
+        self._outputs = DriveOutputs(node, stack)
 
     def _subscribe(self, wheels: str, compressed: bool) -> None:
         node, inputs = self._node, self._inputs
@@ -143,15 +146,6 @@ class DriveNode:
             "navigate_to_pose", kind, lambda goal: self._take_goal(goal.pose), self._cancel
         )
         node.manage(lambda: self._held.discard(_INACTIVE), lambda: self._hold(_INACTIVE))
-
-    def _advertise(self) -> None:
-        def out(topic: str, kind: str, quality: Any = "reliable") -> Any:
-            return self._node.publisher(topic, kind, quality)
-
-        velocity = "TwistStamped" if self._stamped else "Twist"
-        self._command = out("cmd_vel", f"geometry_msgs/msg/{velocity}")
-        self._status = out("navfw/status", "std_msgs/msg/String", "latched")
-        self._outputs = DriveOutputs(self._node, self._stack)
 
     # --- what comes in ---------------------------------------------------------------------------
 

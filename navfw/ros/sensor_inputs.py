@@ -12,8 +12,8 @@ from typing import Any
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from navfw.camera_geometry import rotation_matrix
 from navfw.errors import ConfigError
 from navfw.numerics import Array, Image
 from navfw.recording import planar_pose, ros_image, turn_rates
@@ -55,8 +55,8 @@ class SensorInputs:
     ) -> None:
         self._robot, self._note, self._snap = robot, note, snap
         self._joints = (joints[:1], joints[1:2]) if joints else wheel_joints(robot)
-        roll, pitch, yaw = (rotation_matrix(a * e) for a, e in zip(imu_rpy, np.eye(3), strict=True))
-        self._axes: Array | None = yaw @ pitch @ roll if any(imu_rpy) else None
+        turn = Rotation.from_euler("xyz", imu_rpy).as_matrix()
+        self._axes: Array | None = turn if any(imu_rpy) else None
         self._mounts: dict[str, tuple[str, Array]] = {}
         self._begin = 0.0 if snap else None
         self._last: dict[str, float] = {}
@@ -140,8 +140,7 @@ class SensorInputs:
             if not abs(size - 1.0) < _UNIT or len(self._mounts) >= _MAX_LINKS:
                 self._note("a transform on /tf_static is left out: its rotation is none")
                 continue
-            across = np.cross(np.eye(3), np.array([q.x, q.y, q.z]) / size)
-            turn = np.eye(3) + 2.0 * (q.w / size) * across + 2.0 * across @ across
+            turn = Rotation.from_quat((q.x, q.y, q.z, q.w)).as_matrix()
             parent = link.header.frame_id.lstrip("/")
             self._mounts[link.child_frame_id.lstrip("/")] = parent, turn
 

@@ -105,13 +105,13 @@ class Camera:
 
         ``position`` [m] and ``turn`` (quaternion x, y, z, w) are those of base_link in the map.
         """
-        rendered = self._scenery.raster.draw(self.request(position, turn))
-        grey = cv2.cvtColor(rendered.rgb, cv2.COLOR_RGB2GRAY)
+        rgb, depth = self._scenery.raster.draw(self.request(position, turn))
+        grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
         if self._supersample > 1:
             grey = cv2.resize(
                 grey, (self.model.width, self.model.height), interpolation=cv2.INTER_AREA
             )
-        return grey.astype(np.uint8, copy=False), rendered.depth
+        return grey.astype(np.uint8, copy=False), depth
 
     def raw_depth(
         self, position: tuple[float, float, float], turn: tuple[float, float, float, float]

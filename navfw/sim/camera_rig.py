@@ -124,8 +124,7 @@ def _angles(view: CameraModel, axis: Array) -> Array:
     y = (np.arange(view.height) - 0.5 * (view.height - 1)) / view.focal
     rays = np.stack([*np.meshgrid(x, y), np.ones((view.height, view.width))], axis=-1)
     along = product(rays, view.base_from_camera.T, axis) / np.linalg.norm(rays, axis=-1)
-    angles: Array = arccos(np.clip(along, -1.0, 1.0))
-    return angles
+    return arccos(np.clip(along, -1.0, 1.0))
 
 
 _MAX_POSES = 16
@@ -339,7 +338,9 @@ class CameraRig:
         self._sensor.settle(whole, self._falloff)
         light = self._faults.apply_optics(self._sensor.expose(whole, self._falloff))
         exposed = self.camera.add_noise(light, self._sensor.gain)
-        image, *aside = _parted(self._sensor.compress(self._faults.apply_readout(exposed)), parts)
+        whole = self._sensor.compress(self._faults.apply_readout(exposed))
+        ends = np.cumsum([part.shape[1] for part in parts])[:-1]
+        image, *aside = map(np.ascontiguousarray, np.split(whole, ends, axis=1))
         self._sensor.meter(image, time)
         self._frames = math.floor(time * self.camera.model.rate + 1e-6) + 1
         self._timings.frames += 1
@@ -392,9 +393,3 @@ class CameraRig:
             translation=product(to_axes.T, to_position - from_position),
             dt=now.time - past.time,
         )
-
-
-def _parted(whole: Image, parts: Sequence[Image]) -> list[Image]:
-    """``whole`` (height, sum of widths) cut into images as wide as ``parts``."""
-    ends = np.cumsum([image.shape[1] for image in parts])
-    return [np.ascontiguousarray(image) for image in np.split(whole, ends[:-1], axis=1)]

@@ -42,14 +42,10 @@ def quiet_output() -> Iterator[None]:
             os.close(descriptor)
 
 
-def _import_quietly() -> Any:
-    with extra_imports("sim"), quiet_output():  # of the banner
-        import pybullet
-    require_extra("sim", "matplotlib")  # draws the picture at the end of a run
-    return pybullet
-
-
-bullet = _import_quietly()
+with extra_imports("sim"), quiet_output():  # of the banner
+    import pybullet
+require_extra("sim", "matplotlib")  # draws the picture at the end of a run
+bullet: Any = pybullet
 
 
 def quaternion(yaw: float) -> tuple[float, float, float, float]:

@@ -166,19 +166,14 @@ class PhysicsWorld(BulletClient):
         yaw: float = 0.0,
         group: int = SOLID_GROUP,
     ) -> int:
-        body = int(
-            self._call(
-                "createMultiBody", 0.0, collision, self._invisible(), position, quaternion(yaw)
-            )
-        )
+        # with no visual shape PyBullet would draw the collision shape: one without area
+        hidden = TexturedMesh.without_area().arguments
+        visual = self._call("createVisualShape", bullet.GEOM_MESH, **hidden)
+        turn = quaternion(yaw)
+        body = int(self._call("createMultiBody", 0.0, collision, visual, position, turn))
         # without this mask walls are tested against each other: 100 us more in each step
         partners = WHEEL_GROUP if group == FLOOR_GROUP else BODY_GROUP
         self._call("setCollisionFilterGroupMask", body, -1, group, partners)
         self._call("changeDynamics", body, -1, lateralFriction=1.0, restitution=0.0)
         self._names[body] = name
         return body
-
-    def _invisible(self) -> int:
-        """A visual shape without area; with none PyBullet would draw the collision shape."""
-        mesh = TexturedMesh.without_area()
-        return int(self._call("createVisualShape", bullet.GEOM_MESH, **mesh.arguments))

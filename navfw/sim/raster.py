@@ -52,14 +52,6 @@ class RenderRequest(NamedTuple):
     light: Light
 
 
-@dataclass(frozen=True, slots=True)
-class RenderedImage:
-    """An image ``rgb`` (height, width, 3) and its negative clip ``depth`` (height, width)."""
-
-    rgb: Image
-    depth: Floats
-
-
 @dataclass(slots=True)
 class _Body:
     points: Floats
@@ -93,8 +85,7 @@ def depth_buffer(depth: Floats, projection: Array) -> Floats:
     near, far = shift / (scale - np.float32(1.0)), shift / (scale + np.float32(1.0))
     over = far * (near - depth)
     under = 2.0 * float(far) * float(near) - (far * depth).astype(np.float64)
-    buffer: Floats = (over / (under + (near * depth))).astype(np.float32)
-    return buffer
+    return (over / (under + (near * depth))).astype(np.float32)
 
 
 class Raster:
@@ -125,7 +116,8 @@ class Raster:
         """Add a body at ``position`` [m] with orientation ``turn`` (x, y, z, w); returns its id."""
         normals = np.array(mesh.normals, np.float32)
         for _ in range(_NORMALIZATIONS):
-            normals = normals * (np.float32(1.0) / _lengths(normals))[:, None]
+            x, y, z = normals.T
+            normals = normals * (np.float32(1.0) / np.sqrt(x * x + y * y + z * z))[:, None]
         self._bodies[self._next] = _Body(
             points=np.array(mesh.vertices, np.float32),
             normals=normals,
@@ -160,8 +152,8 @@ class Raster:
         self._hidden = set(bodies)
         self._shown = None
 
-    def draw(self, request: RenderRequest) -> RenderedImage:
-        """Render an image."""
+    def draw(self, request: RenderRequest) -> tuple[Image, Floats]:
+        """An image (height, width, 3), RGB, and its negative clip depth (height, width)."""
         packed, nearest, faces, weights = self._covered(request)
         rgb = np.empty((*nearest.shape, 3), np.uint8)
         light = request.light
@@ -178,12 +170,11 @@ class Raster:
             light.diffuse,
             rgb,
         )
-        return RenderedImage(rgb, nearest[::-1])
+        return rgb, nearest[::-1]
 
     def depth(self, request: RenderRequest) -> Floats:
         """The depth (height, width) of ``draw``, without the image."""
-        nearest: Floats = self._covered(request)[1][::-1]
-        return nearest
+        return self._covered(request)[1][::-1]
 
     def _covered(
         self, request: RenderRequest
@@ -226,7 +217,11 @@ class Raster:
                 points=_joined([b.points for b in bodies], (3,)),
                 corners=np.concatenate([np.empty((0, 3), np.int64), *corners]).astype(np.int32),
                 runs=runs.astype(np.int32),
-                surfaces=_joined([_surfaces(b) for b in bodies], (3, 5)),
+                # normal in the map's axes and texture coordinates of every corner
+                surfaces=_joined(
+                    [np.hstack([_turned(b.normals, b.model), b.uvs])[b.corners] for b in bodies],
+                    (3, 5),
+                ),
                 tables=tables[textures],
                 texels=texels,
                 models=np.array([b.model for b in bodies], np.float32).reshape(-1, 4, 4),
@@ -255,13 +250,11 @@ def _surfaces(body: _Body) -> Floats:
 
 def _joined(parts: Sequence[Floats], shape: tuple[int, ...]) -> Floats:
     """Concatenated arrays (N, *shape)."""
-    joined: Floats = np.concatenate([np.empty((0, *shape), np.float32), *parts])
-    return joined
+    return np.concatenate([np.empty((0, *shape), np.float32), *parts])
 
 
 def _singles(values: Array) -> Floats:
-    singles: Floats = np.ascontiguousarray(values).astype(np.float32)
-    return singles
+    return np.ascontiguousarray(values).astype(np.float32)
 
 
 def _lengths(vectors: Floats) -> Floats:

@@ -69,14 +69,6 @@ class WheeledBody(BulletClient, ABC):
         )
 
     @abstractmethod
-    def set_wheel_speeds(self, left: float, right: float) -> None:
-        """Set the motors' target angular speeds [rad/s] of each side, forward positive."""
-
-    @abstractmethod
-    def wheel_angles(self) -> tuple[float, float]:
-        """Accumulated angles of the wheels of each side (left, right) [rad]."""
-
-    @abstractmethod
     def state(self) -> BodyState:
         """The true pose of ``base_link``."""
 

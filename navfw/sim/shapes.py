@@ -52,8 +52,7 @@ class Rectangle:
         qy = np.abs(-s * dx + c * dy) - self.half_y
         outside = np.hypot(np.maximum(qx, 0.0), np.maximum(qy, 0.0))
         inside = np.minimum(np.maximum(qx, qy), 0.0)
-        result: Array = outside + inside
-        return result
+        return outside + inside
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +86,7 @@ class Circle:
 
     def distance(self, points: Array) -> Array:
         """Signed distance [m] of points (N, 2) to the outline; negative inside."""
-        result: Array = np.hypot(points[:, 0] - self.x, points[:, 1] - self.y) - self.radius
-        return result
+        return np.hypot(points[:, 0] - self.x, points[:, 1] - self.y) - self.radius
 
 
 Shape = Rectangle | Circle

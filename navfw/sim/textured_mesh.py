@@ -134,8 +134,7 @@ def split_positions(
         for low, high in pairwise(cuts)
         if high - low > 1e-9
     ]
-    result: Array = np.append(np.concatenate(parts), length)
-    return result
+    return np.append(np.concatenate(parts), length)
 
 
 def box_mesh(size: tuple[float, float, float], shift: Array) -> TexturedMesh:

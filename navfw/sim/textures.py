@@ -52,14 +52,12 @@ def _passed_share(frequency: Array, finest: float) -> Array:
     """
     cutoff = 0.5 / finest
     fall = np.clip((frequency / cutoff - 0.7) / 0.3, 0.0, 1.0)
-    share: Array = 0.5 * (1.0 + np.cos(np.pi * fall))
-    return share
+    return 0.5 * (1.0 + np.cos(np.pi * fall))
 
 
 def _filtered(pattern: Array, amplitudes: Array) -> Array:
     """The periodic ``pattern`` with its real Fourier transform times ``amplitudes``."""
-    result: Array = np.fft.irfft2(np.fft.rfft2(pattern) * amplitudes, s=pattern.shape)
-    return result
+    return np.fft.irfft2(np.fft.rfft2(pattern) * amplitudes, s=pattern.shape)
 
 
 def _spectral_noise(
@@ -90,8 +88,7 @@ def _passed_band(resolution: int, finest: float) -> Array:
     Half wavelengths are at least ``finest`` [m], wavelengths at most ``_MAX_WAVELENGTH``.
     """
     frequency = np.hypot(*_frequencies((resolution, resolution), (TILE, TILE)))
-    band: Array = _passed_share(frequency, finest) * (frequency >= 0.99 / _MAX_WAVELENGTH)
-    return band
+    return _passed_share(frequency, finest) * (frequency >= 0.99 / _MAX_WAVELENGTH)
 
 
 def _concrete(rng: np.random.Generator, resolution: int) -> Array:
@@ -212,8 +209,7 @@ def luminance_pattern(spec: TextureSpec, resolution: int = RESOLUTION) -> Array:
     # compress the tails into the range of a byte; a smooth curve hardly widens the spectrum
     bent = np.tanh(0.6 * smooth)
     bent -= bent.mean()
-    pattern: Array = spec.brightness + spec.contrast * bent / max(float(bent.std()), 1e-12)
-    return pattern
+    return spec.brightness + spec.contrast * bent / max(float(bent.std()), 1e-12)
 
 
 def _stone(rng: np.random.Generator, resolution: int) -> Array:
@@ -303,5 +299,4 @@ def picture_texture(spec: TextureSpec) -> Image:
     scaled = cv2.resize(picture, (columns, rows), interpolation=how).astype(np.float64)
     keep = _passed_share(np.hypot(*_frequencies(scaled.shape[:2], area[::-1])), spec.finest)
     smooth = np.stack([_filtered(scaled[..., c], keep) for c in range(3)], axis=2)
-    texels: Image = np.clip(np.rint(smooth), 0, 255).astype(np.uint8)
-    return texels
+    return np.clip(np.rint(smooth), 0, 255).astype(np.uint8)

@@ -141,8 +141,7 @@ class WalkerTrack:
             return np.repeat(self.points[:1], len(times), axis=0)
         span = self.time[after] - self.time[after - 1]
         share = np.clip((times - self.time[after - 1]) / span, 0.0, 1.0)[:, None, None]
-        result: Array = (1.0 - share) * self.points[after - 1] + share * self.points[after]
-        return result
+        return (1.0 - share) * self.points[after - 1] + share * self.points[after]
 
     def clearances(self, points: Array, times: Array) -> Array:
         """Distances (N,) [m] of points (N, 2) at times (N,) [s] to the nearest walker's body."""

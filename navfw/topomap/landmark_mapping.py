@@ -106,7 +106,8 @@ class _PoseGraph:
         self._index = index
         self._marks = np.zeros((len(index), 2))
         for j in range(len(index)):
-            guesses = [_position(self._poses[i], s) for i, k, s in self._detections if k == j]
+            seen = [(self._poses[i], s.range, s.bearing) for i, k, s in self._detections if k == j]
+            guesses = [at.to_parent(r * math.cos(b), r * math.sin(b)) for at, r, b in seen]
             self._marks[j] = np.median(guesses, axis=0)
         self._spread: Array = np.zeros((0, 0))
 
@@ -116,7 +117,9 @@ class _PoseGraph:
         size = 3 * poses + 2 * len(self._index)
         for _ in range(_ITERATIONS):
             normal, right = 1e-9 * np.eye(size), np.zeros(size)
-            for columns, jacobian, residual, information in self._factors():
+            factors = [self._step_factor(i) for i in range(len(self._steps))]
+            factors += [self._detection_factor(*detection) for detection in self._detections]
+            for columns, jacobian, residual, information in factors:
                 length = math.sqrt(float(product(residual, information, residual)))
                 weight = 1.0 if length <= _HUBER else _HUBER / length
                 weighted = product(weight * jacobian.T, information)
@@ -147,13 +150,8 @@ class _PoseGraph:
         yaw = math.atan2(facing[1], facing[0])
         return LandmarkEstimate(identity, x, y, yaw, sigma, observations)
 
-    def _factors(self) -> list[tuple[npt.NDArray[np.int64], Array, Array, Array]]:
-        """(columns, jacobian, residual, information) of every odometry step and detection."""
-        return [self._step_factor(i) for i in range(len(self._steps))] + [
-            self._detection_factor(i, j, detection) for i, j, detection in self._detections
-        ]
-
     def _step_factor(self, i: int) -> tuple[npt.NDArray[np.int64], Array, Array, Array]:
+        """Columns, jacobian, residual and information of an odometry step."""
         a = self._start if i == 0 else self._poses[i - 1]
         b, step = self._poses[i], self._steps[i]
         relative = a.relative(b)
@@ -185,13 +183,6 @@ class _PoseGraph:
         columns = np.r_[3 * i : 3 * i + 3, first : first + 2]
         information = np.asarray(inverse(detection.covariance), np.float64)
         return columns, np.hstack([of_pose, of_mark]), residual, information
-
-
-def _position(pose: Pose, detection: LandmarkDetection) -> tuple[float, float]:
-    """The landmark's position [m, map] according to a detection from ``pose``."""
-    return pose.to_parent(
-        detection.range * math.cos(detection.bearing), detection.range * math.sin(detection.bearing)
-    )
 
 
 def with_landmarks(

@@ -88,6 +88,7 @@ class _GraphmlReader:
             raise MapError(
                 "expected GraphML: there is no <graph>", file=shown_path(self._path), line=1
             )
+        default = "true" if graphs[0].get("edgedefault") == "directed" else "false"
         for tag, key in elements:
             if tag == "key":
                 name = key.get("attr.name", "")
@@ -99,17 +100,16 @@ class _GraphmlReader:
                     name, self._values(element), line_of(element), f"node {name!r}"
                 )
             elif tag == "edge":
-                self._add_edge(element, graphs[0].get("edgedefault") == "directed")
+                ends = self._attribute(element, "source"), self._attribute(element, "target")
+                directed = element.get("directed", default) == "true"
+                self._importer.add_edge(
+                    *ends, self._values(element), line_of(element), directed=directed
+                )
             elif tag == "graph":
                 self._add_graph_data(element)
             elif tag == "hyperedge":
                 raise self._error(element, tag, "a passage connects two places: use several edges")
         return self._importer.finish(graphs[0].get("id") or "graph")
-
-    def _add_edge(self, edge: Element, default: bool) -> None:
-        ends = self._attribute(edge, "source"), self._attribute(edge, "target")
-        directed = edge.get("directed", str(default).lower()) == "true"
-        self._importer.add_edge(*ends, self._values(edge), line_of(edge), directed)
 
     def _add_graph_data(self, graph: Element) -> None:
         values, line = self._values(graph), line_of(graph)

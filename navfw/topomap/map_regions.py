@@ -206,7 +206,8 @@ class PlaceNames:
 
     def __init__(self, rooms: Mapping[str, Bounds], regions: Regions) -> None:
         # smallest first: of nested rooms the inner one gives the name
-        self._rooms = sorted(rooms.items(), key=lambda room: _area(room[1]))
+        areas = {name: (x1 - x0) * (y1 - y0) for name, (x0, x1, y0, y1) in rooms.items()}
+        self._rooms = sorted(rooms.items(), key=lambda room: areas[room[0]])
         self._regions = regions
         self._region_names = {} if rooms else regions.names()
         self._taken: set[str] = set()
@@ -244,8 +245,3 @@ class PlaceNames:
         name = next(name for name in names if name not in self._taken)
         self._taken.add(name)
         return name
-
-
-def _area(bounds: Bounds) -> float:
-    x0, x1, y0, y1 = bounds
-    return (x1 - x0) * (y1 - y0)

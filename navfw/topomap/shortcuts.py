@@ -194,11 +194,9 @@ def _crosses(start: Array, ends: Array, segment: Segment) -> Mask:
     a, b = np.array(segment[0]), np.array(segment[1])
 
     def side(p: Array, q: Array, r: Array) -> Array:
-        turn: Array = (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (
-            q[..., 1] - p[..., 1]
-        ) * (r[..., 0] - p[..., 0])
-        return turn
+        return (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (q[..., 1] - p[..., 1]) * (
+            r[..., 0] - p[..., 0]
+        )
 
     apart = side(a, b, start) * side(a, b, ends) <= 0.0
-    crossing: Mask = apart & (side(start, ends, a) * side(start, ends, b) <= 0.0)
-    return crossing
+    return apart & (side(start, ends, a) * side(start, ends, b) <= 0.0)

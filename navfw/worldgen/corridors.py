@@ -93,7 +93,9 @@ class Corridors(WorldFamily):
 
     def build(self, rng: np.random.Generator, difficulty: float) -> WorldDraft:
         """Corridors 1.0 to 2.0 m wide; narrower, longer and with more obstacles when difficult."""
-        network, size = _plan_network(rng, difficulty)
+        network = _routes_and_branches(rng, difficulty)
+        _add_side_doors(rng, network, difficulty)
+        network, size = _shifted(network)
         draft = WorldDraft.empty(rng, *size)
         draft.description = "Bent and branching corridors 1.0 to 2.0 m wide with side doors."
         lines = boundary_lines(network.areas)
@@ -103,15 +105,6 @@ class Corridors(WorldFamily):
         _add_obstacles(draft, network, difficulty)
         _add_map(draft, network)
         return draft
-
-
-def _plan_network(
-    rng: np.random.Generator, difficulty: float
-) -> tuple[CorridorNetwork, tuple[float, float]]:
-    """A random network with side doors, and the size [m] of the floor around it."""
-    network = _routes_and_branches(rng, difficulty)
-    _add_side_doors(rng, network, difficulty)
-    return _shifted(network)
 
 
 # --- the network ------------------------------------------------------------------------------
@@ -134,7 +127,11 @@ def _routes_and_branches(rng: np.random.Generator, difficulty: float) -> Corrido
         CorridorSegment(a, b, round(2 * round(float(rng.uniform(low, high)) / 2, 3), 3))
         for a, b in sorted(map(sorted, graph.edges))
     ]
-    segments = _equal_collinear_widths(segments)
+    # collinear corridors have the same width: a step would leave a thin piece of wall
+    widths: dict[tuple[int, int], float] = {}
+    segments = [
+        replace(s, width=widths.setdefault((s.axis, s.a[1 - s.axis]), s.width)) for s in segments
+    ]
     network = CorridorNetwork(graph, route, {n: where[n] for n in graph}, segments)
     network.areas = [_area(network, segment) for segment in segments]
     return network
@@ -156,14 +153,6 @@ def _bent_walk(rng: np.random.Generator, lattice: nx.Graph, steps: int) -> list[
         if len(route) == steps + 1 and bends >= 2:
             return route
     raise Unsuitable("no route with two bends")
-
-
-def _equal_collinear_widths(segments: list[CorridorSegment]) -> list[CorridorSegment]:
-    """Give collinear corridors the same width: a step would leave a thin piece of wall."""
-    widths: dict[tuple[int, int], float] = {}
-    return [
-        replace(s, width=widths.setdefault((s.axis, s.a[1 - s.axis]), s.width)) for s in segments
-    ]
 
 
 def _area(network: CorridorNetwork, segment: CorridorSegment) -> FloorArea:
@@ -216,7 +205,9 @@ def _add_side_doors(rng: np.random.Generator, network: CorridorNetwork, difficul
                 segment,
             )
             room = _room_behind(door, number + 1)
-            if door.is_open and any(_too_close(room, area) for area in network.areas):
+            # overlapping areas, or such as have less than two walls between them
+            apart = [_distance(room, area) for area in network.areas]
+            if door.is_open and any(a < -1e-9 or 1e-9 < a < 2 * WALL for a in apart):
                 continue
             network.doors.append(door)
             if door.is_open:
@@ -233,11 +224,9 @@ def _room_behind(door: SideDoor, region: int) -> FloorArea:
     return FloorArea((x[0], x[1]), (y[0], y[1]), region)
 
 
-def _too_close(a: FloorArea, b: FloorArea) -> bool:
-    """Whether two areas overlap, or are less than two walls apart without sharing an edge."""
-    apart = max(a.x[0] - b.x[1], b.x[0] - a.x[1], a.y[0] - b.y[1], b.y[0] - a.y[1])
-    overlaps = apart < -1e-9
-    return overlaps or 1e-9 < apart < 2 * WALL
+def _distance(a: FloorArea, b: FloorArea) -> float:
+    """The gap [m] between two areas along an axis; negative where they overlap."""
+    return max(a.x[0] - b.x[1], b.x[0] - a.x[1], a.y[0] - b.y[1], b.y[0] - a.y[1])
 
 
 def _shifted(network: CorridorNetwork) -> tuple[CorridorNetwork, tuple[float, float]]:

@@ -137,8 +137,7 @@ def map_data(topo_map: TopoMap) -> dict[str, Any]:
 
 
 def _plain(spec: WorldSpec | MissionSpec) -> dict[str, Any]:
-    data: dict[str, Any] = spec.model_dump(mode="json", by_alias=True, exclude_defaults=True)
-    return data
+    return spec.model_dump(mode="json", by_alias=True, exclude_defaults=True)
 
 
 def _write_yaml(path: Path, data: Mapping[str, Any]) -> None:

@@ -158,8 +158,7 @@ def _without_gaps(free: Mask, width: float) -> Mask:
         x, y, w, h = stats[label, :4]
         around = np.s_[y - 1 : y + h + 1, x - 1 : x + w + 1]
         blunt[label] = _stretches(labels[around] == label, kept[around]) < 2
-    wide: Mask = (kept | blunt[labels])[edge:-edge, edge:-edge]
-    return wide
+    return (kept | blunt[labels])[edge:-edge, edge:-edge]
 
 
 def _stretches(region: Mask, kept: Mask) -> int:

@@ -184,7 +184,9 @@ def import_plan(
     report("walls")
     clean = cleaned(plan, cleaning or PlanCleaning(), inside)
     plan = clean.plan
-    size = _extent(plan)
+    rows, columns = np.nonzero(plan.free)
+    width, depth = (float(np.ptp(cells) + 1) * plan.resolution for cells in (columns, rows))
+    size = round(width, 2), round(depth, 2)
     walls = [_in_map(plan, wall) for wall in wall_rectangles(plan.free, plan.resolution)]
     world = _world(name, plan, walls, size)
     check_world(world, file=plan.file)
@@ -197,13 +199,6 @@ def import_plan(
         goal = next(iter(topo_map.places))
         missions[f"to-{goal}"], lengths[f"to-{goal}"] = _from_afar(world, clean.ground, topo_map)
     return ImportedPlan(world, topo_map, missions, lengths, clean.pieces, size)
-
-
-def _extent(plan: OccupancyMap) -> tuple[float, float]:
-    """Width and depth [m] of the free ground."""
-    rows, columns = np.nonzero(plan.free)
-    width, depth = (float(np.ptp(cells) + 1) * plan.resolution for cells in (columns, rows))
-    return round(width, 2), round(depth, 2)
 
 
 def _in_map(plan: OccupancyMap, wall: Rectangle) -> Rectangle:

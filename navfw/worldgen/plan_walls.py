@@ -47,7 +47,10 @@ def wall_rectangles(free: Mask, cell: float) -> list[Rectangle]:
     ground = np.pad(free, border)
     away = cv2.distanceTransform((~ground).astype(np.uint8), cv2.DIST_L2, 5)
     wanted: Mask = ~ground & (away <= max(_SHELL / cell, 2.0))
-    edges = [edge for outline in _outlines(ground) for edge in _straight_edges(outline)]
+    # outlines (n, 2) through the centres of free cells: what is not free lies to their left
+    outlines, _ = cv2.findContours(ground.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    centres = (outline[:, 0].astype(np.float64) + 0.5 for outline in outlines)
+    edges = [edge for outline in centres for edge in _straight_edges(outline)]
     open_ = cv2.erode(ground.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     grown = [_grown(ground, open_, edge, cell) for edge in edges]
     candidates = [strip for strip in grown if strip is not None]
@@ -103,32 +106,18 @@ class _Strip:
         return flat
 
 
-def _outlines(ground: Mask) -> list[Array]:
-    """The outlines (N, 2) of the free ground through the centres of its cells, in order.
-
-    What is not free lies to the left of their direction.
-    """
-    outlines, _ = cv2.findContours(ground.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    return [outline[:, 0, :].astype(np.float64) + 0.5 for outline in outlines]
-
-
 def _straight_edges(outline: Array) -> list[_Edge]:
     """The ends of the straight edges of an outline, moved onto the border of its cells."""
     if len(outline) < 3:
         return []
     corners = cv2.approxPolyDP(outline.astype(np.float32)[:, None], _OUTLINE_TOLERANCE, closed=True)
-    at = _positions(outline, corners[:, 0].astype(np.float64))
+    index = {(x, y): i for i, (x, y) in reversed(list(enumerate(outline.tolist())))}
+    at = sorted({index[x, y] for x, y in corners[:, 0].tolist()})
     edges = []
     for first, last in pairwise([*at, at[0] + len(outline)]):
         points = outline.take(range(first, last + 1), axis=0, mode="wrap")
         edges.append(_fitted(points))
     return edges
-
-
-def _positions(outline: Array, corners: Array) -> list[int]:
-    """The positions of the corners in the outline, ascending."""
-    index = {(float(x), float(y)): i for i, (x, y) in reversed(list(enumerate(outline)))}
-    return sorted({index[float(x), float(y)] for x, y in corners})
 
 
 def _fitted(points: Array) -> _Edge:
@@ -172,9 +161,9 @@ def _grown(ground: Mask, open_: Mask, edge: _Edge, cell: float) -> _Strip | None
     more = []
     for at, way in ((first, -along), (last, along)):
         points = at + ahead[:, None, None] * way + depths[:depth, None] * left
-        ends_at = np.flatnonzero(
-            _is_ground(ground, open_, points, axis=1) | _outside(ground, at + ahead[:, None] * way)
-        )
+        beyond = at + ahead[:, None] * way
+        outside = ((beyond < 0.0) | (beyond >= ground.shape[::-1])).any(axis=1)
+        ends_at = np.flatnonzero(_is_ground(ground, open_, points, axis=1) | outside)
         more.append(float(ends_at[0]) if ends_at.size else 0.0)
     start = first - more[0] * along
     strip = _Strip(
@@ -203,13 +192,6 @@ def _is_ground(ground: Mask, open_: Mask, points: Array, axis: int) -> Mask:
     i = np.clip(np.floor(points[..., 1]).astype(int), 0, rows - 1)
     is_ground: Mask = (ground[i, j].mean(axis=axis) >= 0.5) | open_[i, j].any(axis=axis)
     return is_ground
-
-
-def _outside(ground: Mask, points: Array) -> Mask:
-    """Whether points (N, 2) lie outside of the grid."""
-    rows, columns = ground.shape
-    inside: Mask = np.all((points >= 0.0) & (points < (columns, rows)), axis=1)
-    return ~inside
 
 
 def _cover(candidates: list[_Strip], wanted: Mask) -> list[_Strip]:

@@ -40,6 +40,8 @@ _IGNORED = frozenset(
     }
 )
 """Elements of a world that are no solids."""
+_FLAT = ("plane", "empty")
+"""Shapes that are no solids."""
 _GROUND = ("model://ground_plane", "model://sun", "ground_plane", "sun")
 """Included models that are ignored."""
 
@@ -136,7 +138,8 @@ class _SdfReader:
             return
         placed = product(parent, pose)
         static = (model.findtext("static") or "0").strip() in ("1", "true")
-        if outermost and not static and any(True for _ in _solid_geometries(model)):
+        shapes = (shape for shapes in model.iterfind(".//collision/geometry") for shape in shapes)
+        if outermost and not static and any(shape.tag not in _FLAT for shape in shapes):
             self._unsupported(model, f"the model {name!r}, which is not static")
             return
         for link in model.findall("link"):
@@ -171,7 +174,7 @@ class _SdfReader:
                 self._box(shape, pose, model)
             elif shape.tag == "mesh":
                 self._mesh(shape, pose, model)
-            elif shape.tag not in ("plane", "empty"):
+            elif shape.tag not in _FLAT:
                 self._unsupported(shape, f"a <{shape.tag}> of the model {model!r}")
 
     def _cylinder(self, shape: Element, pose: Array, model: str) -> None:
@@ -273,9 +276,3 @@ class _SdfReader:
                 key=f"{element.tag}.{key}",
             )
         return numbers
-
-
-def _solid_geometries(model: Element) -> Iterator[Element]:
-    """The collision shapes of a model except ground planes."""
-    for geometry in model.iterfind(".//collision/geometry"):
-        yield from (shape for shape in geometry if shape.tag not in ("plane", "empty"))

@@ -38,10 +38,10 @@ EYE = np.array([0.0, 0.0, 0.35])
 def agree(reference: ReferenceRenderer, pose: Pose) -> None:
     """Assert that the raster and PyBullet render the same image and depth from ``pose``."""
     request = reference.request(pose)
-    rendered = reference.scenery.raster.draw(request)
+    drawn, depth = reference.scenery.raster.draw(request)
     rgb, raw, _ = reference.draw(request)
-    np.testing.assert_array_equal(rendered.rgb, rgb)
-    np.testing.assert_array_equal(depth_buffer(rendered.depth, request.projection), raw)
+    np.testing.assert_array_equal(drawn, rgb)
+    np.testing.assert_array_equal(depth_buffer(depth, request.projection), raw)
 
 
 def without_culling(
@@ -107,9 +107,9 @@ def test_images_equal_tiny_renderer_when_bodies_are_added_moved_and_removed() ->
 def test_an_empty_raster_is_white() -> None:
     with without_culling(world_of("empty", 5)) as drawn:
         request = drawn.request(Pose(0.0, 0.0, 0.0))
-    rendered = Raster().draw(request)
-    assert (rendered.rgb == 255).all()
-    assert (depth_buffer(rendered.depth, request.projection) > 1.0 - 1e-6).all()
+    rgb, depth = Raster().draw(request)
+    assert (rgb == 255).all()
+    assert (depth_buffer(depth, request.projection) > 1.0 - 1e-6).all()
 
 
 def test_reference_equals_the_images_of_a_simulation() -> None:
