@@ -1,10 +1,6 @@
-"""Three faults at once, drawn from the suite of single ones: no contact, no false arrival.
-
-``NAVFW_THREE_FAULTS=100 uv run pytest -m slow tests/suite/test_suite_three_faults.py``: 100 runs.
-"""
+"""Three faults at once, drawn from the suite of single ones: no contact, no false arrival."""
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +12,7 @@ from suite_plans import planned
 from navfw.config import shipped_folder
 from navfw.suite import SuiteFolder, run_suite
 
-RUNS = int(os.environ.get("NAVFW_THREE_FAULTS", "40"))
+RUNS = 40
 TOLERANCE = 0.5
 WORLDS = (
     {"world": "office", "missions": ["lobby-to-lab"]},
