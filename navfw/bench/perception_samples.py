@@ -226,7 +226,10 @@ def random_views(
 
 def _aimed(rng: np.random.Generator, world: WorldSpec, aim: str) -> Pose:
     if aim == "corridor":
-        return _along_corridor(rng, world)
+        corridor = world.rooms[0]
+        yaw = float(rng.uniform(-0.35, 0.35)) + float(rng.choice([0.0, math.pi]))
+        x, y = float(rng.uniform(*corridor.x)), float(rng.uniform(*corridor.y))
+        return Pose(x, y, wrap_angle(yaw))
     if aim == "door":
         return _towards(rng, _door(rng, world), (0.7, 3.2), 0.9, 0.12)
     if aim == "corner":
@@ -240,12 +243,6 @@ def _aimed(rng: np.random.Generator, world: WorldSpec, aim: str) -> Pose:
         float(rng.uniform(*world.y)),
         float(rng.uniform(-math.pi, math.pi)),
     )
-
-
-def _along_corridor(rng: np.random.Generator, world: WorldSpec) -> Pose:
-    corridor = world.rooms[0]
-    yaw = float(rng.uniform(-0.35, 0.35)) + float(rng.choice([0.0, math.pi]))
-    return Pose(float(rng.uniform(*corridor.x)), float(rng.uniform(*corridor.y)), wrap_angle(yaw))
 
 
 _Facing = tuple[float, float, float]  # x, y [m] of a target, direction [rad] towards the viewer

@@ -196,7 +196,10 @@ class WallGeometry:
         if best < 0:
             return HalfPlane(-1, 0.0, 0.0)
         one = int(face[planes == best][0])
-        return HalfPlane(one, share, outer * self._slope(one, pose))
+        ahead, right = _ahead_and_right(pose)
+        towards = -self._normal[one]  # nearness grows along it
+        slope = math.atan2(float(towards @ right), float(towards @ ahead))
+        return HalfPlane(one, share, outer * slope)
 
     def _from_planes(self, left: HalfPlane, right: HalfPlane) -> list[str]:
         slope_left, slope_right = left.slope, right.slope
@@ -213,12 +216,6 @@ class WallGeometry:
         between = math.pi - slope_left - slope_right
         concave = slope_left + slope_right > math.radians(30.0)
         return ["corner"] if concave and between < math.radians(150.0) else []
-
-    def _slope(self, face: int, pose: Pose) -> float:
-        """Angle [rad] of a face to the image plane, positive when its right side is nearer."""
-        ahead, right = _ahead_and_right(pose)
-        towards = -self._normal[face]  # nearness grows along it
-        return math.atan2(float(towards @ right), float(towards @ ahead))
 
     def _door_ahead(self, pose: Pose, camera: CameraModel, depth: Array, scale: float) -> bool:
         eye, ahead, right = _axes(pose, camera)

@@ -236,7 +236,8 @@ class FloorFinder:
         if pitch is None:
             return None
         likelihood = scores[int(np.abs(tried - pitch).argmin())]
-        wall = np.log(self._likelihoods(warp, _upright(pitch))).sum(axis=(1, 2))
+        upright = np.array([0.0, -math.sin(pitch), math.cos(pitch)])  # of a wall in front
+        wall = np.log(self._likelihoods(warp, upright)).sum(axis=(1, 2))
         if wall.max() > likelihood.max() + _WALL_MARGIN:
             return None
         floor = self._floor(warp, pitch, _peak(likelihood + self._expected(motion.dt)))
@@ -337,11 +338,6 @@ def _hidden(flow: FlowField, lines: Array, floor: Array, cells: Mask) -> Mask:
 def _level(pitch: float) -> Array:
     """Unit normal (3,) of the floor, downward, in camera axes."""
     return np.array([0.0, math.cos(pitch), math.sin(pitch)])
-
-
-def _upright(pitch: float) -> Array:
-    """Unit normal (3,) of a wall in front, away from the camera, in camera axes."""
-    return np.array([0.0, -math.sin(pitch), math.cos(pitch)])
 
 
 def _peak(scores: Array) -> float:

@@ -120,7 +120,12 @@ class PathLabels:
         self._zorder = zorder
         self._renderer = axes.figure.canvas.get_renderer()  # type: ignore[attr-defined]
         self._pixels_per_pt = axes.figure.dpi / 72.0
-        self._path = _dense(axes.transData.transform(path)) if len(path) else np.empty((0, 2))
+        self._path = np.empty((0, 2))
+        if len(path):  # by points at most ``_STEP`` apart
+            points = axes.transData.transform(path)
+            along = np.concatenate([[0.0], np.hypot(*np.diff(points, axis=0).T).cumsum()])
+            steps = np.linspace(0.0, along[-1], int(along[-1] / _STEP) + 2)
+            self._path = np.column_stack([np.interp(steps, along, axis) for axis in points.T])
         self._taken: list[Bbox] = []
 
     def keep_clear(self, point: Point) -> None:
@@ -170,10 +175,3 @@ class PathLabels:
         margin = _PATH_MARGIN * self._pixels_per_pt
         low, high = np.array(box.min) - margin, np.array(box.max) + margin
         return not ((self._path > low) & (self._path < high)).all(axis=1).any()
-
-
-def _dense(points: Array) -> Array:
-    """Points (m, 2) at most ``_STEP`` apart on the lines through ``points`` (n, 2)."""
-    along = np.concatenate([[0.0], np.hypot(*np.diff(points, axis=0).T).cumsum()])
-    steps = np.linspace(0.0, along[-1], int(along[-1] / _STEP) + 2)
-    return np.column_stack([np.interp(steps, along, points[:, axis]) for axis in (0, 1)])

@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
@@ -90,8 +90,12 @@ def provenance(command: str, options: Mapping[str, object]) -> dict[str, Any]:
 
 def machine_kind() -> dict[str, Any]:
     """Processor model, usable cores, Python version and operating system; no host name."""
+    lines: list[str] = []
+    with suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return {
-        "processor": _processor(),
+        "processor": (models or [platform.processor()])[0] or platform.machine(),
         "cores": usable_cores(),
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
@@ -143,15 +147,6 @@ def navfw_files() -> dict[str, Path]:
 def code_fingerprint() -> str:
     """The fingerprint of ``navfw_files``."""
     return files_fingerprint(files_of(navfw_files()))
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
-    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return (models or [platform.processor()])[0] or platform.machine()
 
 
 @dataclass(frozen=True)

@@ -85,15 +85,11 @@ class SensorChannels:
             self._waiting.popleft()
             if topic == topics.READING:
                 self._reading.log(data, log_time=now)
-            else:
-                self._log_image(topic, data, now)
-
-    def _log_image(self, topic: str, data: bytes, now: int) -> None:
-        frame = topic.removeprefix("/").removesuffix("/image")
-        content = {"format": _IMAGE_FORMAT, "data": np.frombuffer(data, dtype=np.uint8)}
-        fields = {"header": {"frame_id": frame}, **content}
-        message = ros.ros_message(topics.IMAGE_SCHEMA, fields, now)
-        self._images[topic].log(message, log_time=now)
+                continue
+            frame = {"frame_id": topic.removeprefix("/").removesuffix("/image")}
+            content = {"format": _IMAGE_FORMAT, "data": np.frombuffer(data, dtype=np.uint8)}
+            message = ros.ros_message(topics.IMAGE_SCHEMA, {"header": frame, **content}, now)
+            self._images[topic].log(message, log_time=now)
 
 
 def _packed(image: Image) -> bytes:

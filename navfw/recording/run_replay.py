@@ -306,7 +306,12 @@ class _FaultReplay:
 
     def __init__(self, folder: Path, stack: Stack) -> None:
         self._waiting: list[tuple[float, Callable[[Failure], None], Failure]] = []
-        for recorded in _recorded_events(folder):
+        events = read_result(folder).get("events", [])
+        if not isinstance(events, list):
+            raise ConfigError("expected a list", file=folder / RESULT, key="events")
+        with rewording(prefix="events.", file=folder / RESULT):
+            all_recorded = [_RecordedEvent.model_validate(event) for event in events]
+        for recorded in all_recorded:
             fault = recorded.event.behavior
             if fault is None or fault.name not in stack.mofis.behaviors:
                 continue
@@ -320,14 +325,6 @@ class _FaultReplay:
         for due in [waiting for waiting in self._waiting if waiting[0] <= time + 1e-9]:
             due[1](due[2])
             self._waiting.remove(due)
-
-
-def _recorded_events(folder: Path) -> list[_RecordedEvent]:
-    events = read_result(folder).get("events", [])
-    if not isinstance(events, list):
-        raise ConfigError("expected a list", file=folder / RESULT, key="events")
-    with rewording(prefix="events.", file=folder / RESULT):
-        return [_RecordedEvent.model_validate(event) for event in events]
 
 
 def replay_commands(

@@ -13,11 +13,11 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from navfw.bench.perception_accuracy import check_percept
 from navfw.bench.perception_samples import PerceptionSample, drawn_samples
 from navfw.numerics import Array
-from navfw.numerics.arrays import Indices
 from navfw.offis.offis import Offis
 from navfw.offis.pyramid import QUADRANTS, Channels, Pyramid
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
@@ -193,23 +193,18 @@ def _classified(features: Sequence[Array], samples: Sequence[PerceptionSample]) 
 
 def _cross_validated(table: Array, labels: Sequence[str]) -> list[str]:
     """The label of each row by a linear discriminant trained on the other folds."""
-    inferred = [""] * len(labels)
-    fold = np.arange(len(labels)) % _FOLDS
-    for k in range(_FOLDS):
-        training, test = fold != k, fold == k
-        if not test.any() or not training.any():
-            continue
-        training_labels = [label for label, use in zip(labels, training, strict=True) if use]
-        answers = _discriminate(table[training], training_labels, table[test])
-        for index, label in zip(np.flatnonzero(test), answers, strict=True):
-            inferred[index] = label
-    return inferred
+    names = np.array(labels, np.str_)
+    inferred, fold = np.full_like(names, ""), np.arange(len(names)) % _FOLDS
+    for k in range(min(_FOLDS, len(names))):
+        test = fold == k
+        if not test.all():
+            inferred[test] = _discriminate(table[~test], names[~test], table[test])
+    return [str(label) for label in inferred]
 
 
-def _discriminate(training: Array, labels: Sequence[str], test: Array) -> list[str]:
+def _discriminate(training: Array, labels: npt.ArrayLike, test: Array) -> npt.NDArray[np.str_]:
     """The labels of ``test`` rows by linear discriminant analysis with a ridged covariance."""
-    classes = sorted(set(labels))
-    which: Indices = np.array([classes.index(label) for label in labels])
+    classes, which = np.unique(np.asarray(labels, np.str_), return_inverse=True)
     centre, spread = training.mean(axis=0), training.std(axis=0) + 1e-9
     x, y = (training - centre) / spread, (test - centre) / spread
     means = np.stack([x[which == c].mean(axis=0) for c in range(len(classes))])
@@ -218,4 +213,4 @@ def _discriminate(training: Array, labels: Sequence[str], test: Array) -> list[s
     weights = np.linalg.solve(covariance, means.T)
     prior = np.log(np.bincount(which, minlength=len(classes)) / len(x))
     scores = y @ weights - 0.5 * (means * weights.T).sum(axis=1) + prior
-    return [classes[int(best)] for best in scores.argmax(axis=1)]
+    return np.asarray(classes[scores.argmax(axis=1)])

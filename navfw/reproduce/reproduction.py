@@ -217,11 +217,9 @@ def _panel(image: Image, flow: FlowField | None, title: str) -> Image:
 
 
 def _beside(panels: list[Image]) -> Image:
-    gap = np.full((panels[0].shape[0], 8, 3), 255, dtype=np.uint8)
-    joined = [panels[0]]
-    for panel in panels[1:]:
-        joined += [gap, panel]
-    return np.concatenate(joined, axis=1)
+    gaps = [((0, 0), (8 * (number > 0), 0), (0, 0)) for number in range(len(panels))]
+    padded = [np.pad(p, gap, constant_values=255) for p, gap in zip(panels, gaps, strict=True)]
+    return np.concatenate(padded, axis=1)
 
 
 def draw_map(world: WorldSpec, way: list[MovingPose], rows: list[WaypointRow]) -> Image:

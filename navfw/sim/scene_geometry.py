@@ -56,13 +56,6 @@ class ConfigurationSpaceGrid:
     cell: float
     occupied: Mask
 
-    def index(self, x: float, y: float) -> tuple[int, int]:
-        """(row, column) of the cell that contains a point [m]; of the nearest cell when outside."""
-        rows, columns = self.occupied.shape
-        i = min(max(int((y - self.origin[1]) // self.cell), 0), rows - 1)
-        j = min(max(int((x - self.origin[0]) // self.cell), 0), columns - 1)
-        return i, j
-
     def centres(self, rows: Indices, columns: Indices) -> Array:
         """(N, 2) centres [m] of cells."""
         x = self.origin[0] + (columns + 0.5) * self.cell

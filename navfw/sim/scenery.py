@@ -20,7 +20,6 @@ from navfw.sim.raster import Raster
 from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import Solid, solids_of
 from navfw.sim.surface_patches import (
-    SurfacePatch,
     drop_patches,
     floor_patches,
     merged_parts,
@@ -188,17 +187,14 @@ def _surfaces(world: WorldSpec) -> tuple[tuple[str, TexturedMesh, PartBounds], .
     if key not in _known_surfaces:
         if len(_known_surfaces) == _KEPT_WORLDS:
             del _known_surfaces[next(iter(_known_surfaces))]
-        _known_surfaces[key] = tuple(merged_parts(_patches(world)))
+        solids = solids_of(world)
+        furniture = [solid for solid in solids if solid.kind in ("box", "cylinder")]
+        walls = [solid for solid in solids if solid.kind in ("wall", "lintel")]
+        patches = [solid_patch(s) for s in furniture] if len(furniture) > _MAX_SINGLE else []
+        patches += [patch for wall in walls for patch in wall_patches(world, wall)]
+        patches += [*floor_patches(world), *drop_patches(world)]
+        _known_surfaces[key] = tuple(merged_parts(patches))
     return _known_surfaces[key]
-
-
-def _patches(world: WorldSpec) -> list[SurfacePatch]:
-    solids = solids_of(world)
-    furniture = [solid for solid in solids if solid.kind in ("box", "cylinder")]
-    walls = [solid for solid in solids if solid.kind in ("wall", "lintel")]
-    patches = [solid_patch(s) for s in furniture] if len(furniture) > _MAX_SINGLE else []
-    patches += [patch for wall in walls for patch in wall_patches(world, wall)]
-    return [*patches, *floor_patches(world), *drop_patches(world)]
 
 
 def _visibility(

@@ -62,7 +62,9 @@ class WorldChanges:
     def __init__(self, world: WorldSpec, physics: PhysicsWorld) -> None:
         self._world = world
         self._physics = physics
-        self._doors = _all_doors(world)
+        doors = tuple(door.model_copy(update={"state": "closed"}) for door in world.doors)
+        closed = solids_of(world.model_copy(update={"doors": doors}))
+        self._doors = {solid.name: solid for solid in closed if solid.kind == "door"}
         self._door_changes: list[DoorChange] = []
         self._obstacles: list[tuple[Obstacle, Solid | None]] = []
         self._covers: list[tuple[Textureless, int]] = []
@@ -105,7 +107,10 @@ class WorldChanges:
         self._obstacles = [
             (thing, solid or self._place(thing, robot)) for thing, solid in self._obstacles
         ]
-        wanted = self._wanted()
+        state = {door.name: door.state for door in self._world.doors}
+        state |= {change.name: change.state for change in self._door_changes}
+        wanted = {name: self._doors[name] for name in state if state[name] == "closed"}
+        wanted |= {solid.name: solid for _, solid in self._obstacles if solid is not None}
         for name in [name for name in self._present if name not in wanted]:
             self._physics.remove_solid(name)
             self._past.append(
@@ -132,12 +137,6 @@ class WorldChanges:
         ]
         return ChangeTrack((*self._past, *still))
 
-    def _wanted(self) -> dict[str, Solid]:
-        state = {door.name: door.state for door in self._world.doors}
-        state |= {change.name: change.state for change in self._door_changes}
-        closed = {name: self._doors[name] for name in state if state[name] == "closed"}
-        return closed | {solid.name: solid for _, solid in self._obstacles if solid is not None}
-
     def _place(self, obstacle: Obstacle, robot: Pose) -> Solid | None:
         """The obstacle as a solid; None while its place is above a drop."""
         x, y = obstacle.at or robot.to_parent(obstacle.ahead or 0.0, 0.0)
@@ -146,13 +145,6 @@ class WorldChanges:
             return None
         kind: Literal["box", "cylinder"] = "cylinder" if obstacle.size is None else "box"
         return Solid(obstacle.name, kind, shape, 0.0, obstacle.height, obstacle.texture)
-
-
-def _all_doors(world: WorldSpec) -> dict[str, Solid]:
-    """Every door of the world by name, as the solid of its closed state."""
-    doors = tuple(door.model_copy(update={"state": "closed"}) for door in world.doors)
-    closed = world.model_copy(update={"doors": doors})
-    return {solid.name: solid for solid in solids_of(closed) if solid.kind == "door"}
 
 
 def _blanked(world: WorldSpec, change: Textureless) -> list[Solid]:

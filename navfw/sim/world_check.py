@@ -214,18 +214,15 @@ def _bounds(world: WorldSpec) -> Iterator[Problem]:
         return world.x[0] <= x <= world.x[1] and world.y[0] <= y <= world.y[1]
 
     floor = f"the floor, x {list(world.x)} y {list(world.y)} [m]"
-    for i, wall in enumerate(world.walls):
-        for j, point in enumerate(wall.points):
-            if not inside(*point):
-                yield ("walls", i, "points", j), f"point {list(point)} lies off {floor}"
+    for section, key in (("walls", "points"), ("movers", "path")):
+        for i, item in enumerate(getattr(world, section)):
+            for j, point in enumerate(getattr(item, key)):
+                if not inside(*point):
+                    yield (section, i, key, j), f"point {list(point)} lies off {floor}"
     for section in ("boxes", "cylinders", "meshes", "landmarks"):
         for i, item in enumerate(getattr(world, section)):
             if not inside(*item.at):
                 yield (section, i, "at"), f"{item.name!r} at {list(item.at)} lies off {floor}"
-    for i, walker in enumerate(world.movers):
-        for j, point in enumerate(walker.path):
-            if not inside(*point):
-                yield ("movers", i, "path", j), f"point {list(point)} lies off {floor}"
 
 
 def _walls(world: WorldSpec) -> Iterator[Problem]:

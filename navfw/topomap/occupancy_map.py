@@ -88,12 +88,6 @@ class OccupancyMap:
         occupied: Mask = self.cells == OCCUPIED
         return occupied
 
-    @property
-    def size(self) -> tuple[float, float]:
-        """Width and height [m] of the grid, along its own axes."""
-        rows, columns = self.cells.shape
-        return columns * self.resolution, rows * self.resolution
-
     def centres(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Array:
         """(N, 2) centres [m] of cells in the frame ``map``."""
         along_axes = np.stack([columns + 0.5, rows + 0.5], axis=1) * self.resolution

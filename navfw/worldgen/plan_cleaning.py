@@ -157,11 +157,7 @@ def _without_gaps(free: Mask, width: float) -> Mask:
     for label in range(1, count):
         x, y, w, h = stats[label, :4]
         around = np.s_[y - 1 : y + h + 1, x - 1 : x + w + 1]
-        blunt[label] = _stretches(labels[around] == label, kept[around]) < 2
+        ring = cv2.dilate((labels[around] == label).astype(np.uint8), np.ones((3, 3), np.uint8))
+        touching = ((ring > 0) & kept[around]).astype(np.uint8)
+        blunt[label] = cv2.connectedComponents(touching, connectivity=8)[0] - 1 < 2
     return (kept | blunt[labels])[edge:-edge, edge:-edge]
-
-
-def _stretches(region: Mask, kept: Mask) -> int:
-    """The number of separate stretches along which ``region`` touches the ground that is kept."""
-    ring = cv2.dilate(region.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    return int(cv2.connectedComponents((ring & kept).astype(np.uint8), connectivity=8)[0]) - 1

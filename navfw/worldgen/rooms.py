@@ -195,7 +195,10 @@ class Rooms(WorldFamily):
         _build_walls(draft, layout)
         draft.description = f"{count} furnished rooms joined by doors 0.8 to 1.0 m wide."
         start_room, goal_room = _far_apart(layout, rng)
-        _keep_doors_free(draft, layout)
+        for door in layout.doors:
+            draft.keep_free(*door.point(), 1.0)
+            for off in (-_APPROACH, _APPROACH):
+                draft.keep_free(*door.point(off), 0.5)
         start, goal = (_free_point(draft, room) for room in (start_room, goal_room))
         # the robot faces its room's first door
         exit_ = next(door.point() for door in layout.doors if start_room.name in door.rooms)
@@ -316,13 +319,6 @@ def _far_apart(layout: RoomLayout, rng: np.random.Generator) -> tuple[FloorRoom,
     most = max(doors.values())
     farthest = [room for room in layout.rooms if doors[room.name] == most]
     return start, farthest[int(rng.integers(len(farthest)))]
-
-
-def _keep_doors_free(draft: WorldDraft, layout: RoomLayout) -> None:
-    for door in layout.doors:
-        draft.keep_free(*door.point(), 1.0)
-        for off in (-_APPROACH, _APPROACH):
-            draft.keep_free(*door.point(off), 0.5)
 
 
 def _free_point(draft: WorldDraft, room: FloorRoom) -> Point:

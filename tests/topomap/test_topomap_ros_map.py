@@ -175,7 +175,6 @@ def test_cells_are_found_at_their_centres(plan: OccupancyMap) -> None:
 def test_the_origin_turns_the_grid() -> None:
     plan = OccupancyMap(np.array([[FREE, OCCUPIED]], np.int8), 1.0, Pose(2, 3, math.pi / 2))
     assert plan.centres(*np.nonzero(plan.occupied)) == pytest.approx(np.array([[1.5, 4.5]]))
-    assert plan.size == (2.0, 1.0)
     with pytest.raises(ValueError, match="read-only"):
         plan.cells[0, 0] = OCCUPIED
 

@@ -76,7 +76,8 @@ def connected(plan: SceneGeometry, a: Point, b: Point, wide: float) -> bool:
     """Whether a disc of radius ``wide`` can move from a to b, by flood fill of the grid."""
     grid = plan.configuration_space(wide, cell=0.03)
     labels = ndimage.label(~grid.occupied)[0]
-    first, last = labels[grid.index(*a)], labels[grid.index(*b)]
+    steps = [(np.array(end) - grid.origin) // grid.cell for end in (a, b)]
+    first, last = (labels[int(row), int(column)] for column, row in steps)
     return bool(first > 0 and first == last)
 
 
