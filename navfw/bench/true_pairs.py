@@ -247,19 +247,12 @@ def _slopes(points: Array, nearness: Array, camera: CameraModel) -> Array:
     f, half = camera.focal, 0.5 * camera.height
     x, y = points[..., 0], points[..., 1]
     zero = np.zeros_like(x)
-    turn = np.stack(
-        [
-            np.stack([x * y / f, -(f + x**2 / f), y], axis=-1),
-            np.stack([f + y**2 / f, -x * y / f, -x], axis=-1),
-        ],
-        axis=-2,
-    )
-    way = np.stack(
-        [
-            np.stack([zero - f, zero, x], axis=-1),
-            np.stack([zero, zero - f, y], axis=-1),
-        ],
-        axis=-2,
+    turn, way = (
+        np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+        for rows in (
+            ([x * y / f, -(f + x**2 / f), y], [f + y**2 / f, -x * y / f, -x]),
+            ([zero - f, zero, x], [zero, zero - f, y]),
+        )
     )
     by_row = turn * (y / half)[..., None, None]
     return np.concatenate([turn, way * nearness[..., None, None], by_row], axis=-1)

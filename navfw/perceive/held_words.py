@@ -64,7 +64,12 @@ class HeldWords:
             self.interrupt()
         if known:
             self._past.append(_Words.of(percept))
-            self._said = _Words(self._layers(), self._front(), self._floor())
+            recent = list(self._past)[-_RECENT:]
+            (front, count), *_ = Counter(words.front for words in recent).most_common()
+            front = front if count >= _CHANGES * len(recent) else self._said.front
+            share = sum(words.floor for words in recent) / len(recent)
+            floor = share >= _ENTERS or (self._said.floor and share > _LEAVES)
+            self._said = _Words(self._layers(), front, floor)
         said = self._said
         layers = said.layers or {layer: dict[str, str]() for layer in percept.obstacles}
         sentence = report(layers, said.front, said.floor, said.layers is not None)
@@ -87,19 +92,6 @@ class HeldWords:
             regions = frozenset(before) if stays else regions
         terms = {region: _term(region, votes, (before or {}).get(region)) for region in regions}
         return {layer: _parts(layer, terms, votes) for layer in votes[-1]}
-
-    def _front(self) -> str:
-        recent = self._recent()
-        (front, count), *_ = Counter(words.front for words in recent).most_common()
-        return front if count >= _CHANGES * len(recent) else self._said.front
-
-    def _floor(self) -> bool:
-        recent = self._recent()
-        share = sum(words.floor for words in recent) / len(recent)
-        return share >= _ENTERS or (self._said.floor and share > _LEAVES)
-
-    def _recent(self) -> list[_Words]:
-        return list(self._past)[-_RECENT:]
 
 
 def _term(region: str, votes: Sequence[Layers], before: str | None) -> str:

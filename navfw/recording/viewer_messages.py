@@ -218,8 +218,5 @@ def path_message(belief: Belief, path: Sequence[Waypoint], stamp: Timestamp) -> 
 
 
 def _pose3(pose: Pose, z: float = 0.0) -> fox.Pose:
-    return fox.Pose(position=fox.Vector3(x=pose.x, y=pose.y, z=z), orientation=_about_z(pose.yaw))
-
-
-def _about_z(yaw: float) -> fox.Quaternion:
-    return fox.Quaternion(x=0.0, y=0.0, z=math.sin(0.5 * yaw), w=math.cos(0.5 * yaw))
+    turn = fox.Quaternion(x=0.0, y=0.0, z=math.sin(0.5 * pose.yaw), w=math.cos(0.5 * pose.yaw))
+    return fox.Pose(position=fox.Vector3(x=pose.x, y=pose.y, z=z), orientation=turn)

@@ -153,9 +153,7 @@ class PhysicsWorld(BulletClient):
         collision = self._call("createCollisionShape", bullet.GEOM_CYLINDER, **size)
         centre = [*walker.path[0], 0.5 * walker.height]
         body = self._add_body(walker.name, centre, collision)
-        self._visuals[body] = self.scenery.add_walker(
-            walker.name, walker.radius, walker.height, walker.texture
-        )
+        self._visuals[body] = self.scenery.add_walker(walker)
         return body
 
     def _add_body(

@@ -37,10 +37,8 @@ class ReferenceRenderer(BulletConnection):
             for solid in solids_of(world):
                 if solid.kind == "door":
                     self.scenery.add_solid(solid)
-            self._walkers = [
-                (self.scenery.add_walker(m.name, m.radius, m.height, m.texture), 0.5 * m.height)
-                for m in world.movers
-            ]
+            add = self.scenery.add_walker
+            self._walkers = [(add(walker), 0.5 * walker.height) for walker in world.movers]
         except BaseException:
             self.close()
             raise

@@ -39,7 +39,7 @@ from navfw.sim.textures import (
     synthesize,
 )
 from navfw.sim.visibility import PartBounds, Visibility
-from navfw.sim.worldspec import TextureSpec, WorldSpec
+from navfw.sim.worldspec import TextureSpec, WalkerSpec, WorldSpec
 
 _MAX_SINGLE = 24
 """With more boxes and cylinders than this, they are merged by texture and area."""
@@ -115,10 +115,10 @@ class Scenery:
         """Add a solid as a body of its own; returns the body."""
         return self._add(solid_mesh(solid), solid.texture, solid.centre, solid.shape.yaw)
 
-    def add_walker(self, name: str, radius: float, height: float, texture: str) -> int:
-        """Add a walker's cylinder [m] at the origin; ``place`` moves it. Returns the body."""
-        mesh = cylinder_mesh(radius, height, texture_shift(name))
-        return self._add(mesh, texture)
+    def add_walker(self, walker: WalkerSpec) -> int:
+        """Add a walker's cylinder at the origin; ``place`` moves it. Returns the body."""
+        mesh = cylinder_mesh(walker.radius, walker.height, texture_shift(walker.name))
+        return self._add(mesh, walker.texture)
 
     def add_cover(self, solids: Sequence[Solid], brightness: float) -> int:
         """Cover ``solids`` with a textureless surface [grey levels]; returns its body.

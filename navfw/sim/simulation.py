@@ -229,7 +229,11 @@ class Simulation(BulletConnection):
                 self._record_contacts(points, pose, dt)
             self._steps += 1
             self.timings.steps += 1
-        self._record_fall()
+        if self.world.drops:
+            drop = fallen_into(self.world, self._body.support_points())
+            if drop is not None:
+                self._contacts.add(drop)
+                self._cause = self._cause or "robot"
         self._last_pose = pose
         self._record_walkers()
         if not self._changes.settled:
@@ -277,14 +281,6 @@ class Simulation(BulletConnection):
         return closed_by_robot(robot, walker) or caused_by_robot(
             self._last_pose, pose, dt, self.walkers[index]
         )
-
-    def _record_fall(self) -> None:
-        if not self.world.drops:
-            return
-        drop = fallen_into(self.world, self._body.support_points())
-        if drop is not None:
-            self._contacts.add(drop)
-            self._cause = self._cause or "robot"
 
     # --- the truth, for metrics and tests -----------------------------------------------------
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from navfw.interfaces import WorldFamily
 from navfw.sim.shapes import Circle, Rectangle, Shape
-from navfw.sim.worldspec import DoorSpec, RoomSpec
+from navfw.sim.worldspec import DoorSpec, OpeningSpec, RoomSpec
 from navfw.topomap import PlaceKind
-from navfw.worldgen.partition import DoorGap, FloorArea, WallLine, boundary_lines, walls_along
+from navfw.worldgen.partition import FloorArea, WallLine, boundary_lines, walls_along
 from navfw.worldgen.roadmap import Roadmap
 from navfw.worldgen.world_draft import (
     ROBOT,
@@ -255,7 +255,7 @@ def _build_walls(draft: WorldDraft, network: CorridorNetwork, lines: list[WallLi
     palette = draft.palette
     draft.ceiling = palette.draw("ceiling")
     walls, floors = palette.draw_many("wall", 4), palette.draw_many("floor", 2)
-    gaps = [DoorGap(door.name, door.at, door.width) for door in network.doors]
+    gaps = [OpeningSpec(name=door.name, at=door.at, width=door.width) for door in network.doors]
     for gap in gaps:
         if not any(line.contains(gap.at, 0.5 * gap.width + 0.1) for line in lines):
             raise Unsuitable("a door without a wall")

@@ -27,15 +27,6 @@ class FloorArea:
 
 
 @dataclass(frozen=True, slots=True)
-class DoorGap:
-    """A door gap on a wall line: its centre [m] and width [m]."""
-
-    name: str
-    at: tuple[float, float]
-    width: float
-
-
-@dataclass(frozen=True, slots=True)
 class WallLine:
     """A wall's centre line: at ``at`` [m] on ``axis`` (0: x), from ``low`` to ``high`` [m]."""
 
@@ -79,7 +70,10 @@ def _boundary_intervals(
 
 
 def walls_along(
-    lines: Sequence[WallLine], gaps: Sequence[DoorGap], palette: Palette, textures: Sequence[str]
+    lines: Sequence[WallLine],
+    gaps: Sequence[OpeningSpec],
+    palette: Palette,
+    textures: Sequence[str],
 ) -> list[WallSpec]:
     """A wall on every line, with its gaps; its ends extend into the walls that they meet.
 
@@ -90,11 +84,7 @@ def walls_along(
         low, high = round(line.low - _FILL, 3), round(line.high + _FILL, 3)
         ends = ((line.at, low), (line.at, high))
         points = ends if line.axis == 0 else tuple((b, a) for a, b in ends)
-        openings = tuple(
-            OpeningSpec(name=gap.name, at=gap.at, width=gap.width)
-            for gap in gaps
-            if line.contains(gap.at, 0.5 * gap.width)
-        )
+        openings = tuple(gap for gap in gaps if line.contains(gap.at, 0.5 * gap.width))
         walls.append(
             WallSpec(
                 name=f"wall-{number}",

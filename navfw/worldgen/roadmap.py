@@ -7,7 +7,7 @@ corners of the shortest path around it become places.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import combinations, pairwise
 
 import networkx as nx
@@ -16,6 +16,7 @@ import numpy as np
 from navfw.errors import WorldError
 from navfw.numerics import Array
 from navfw.sim.scene_geometry import SceneGeometry
+from navfw.sim.worldspec import RoomSpec
 from navfw.topomap import Passage, Place, PlaceKind, TopoMap
 from navfw.worldgen.world_draft import Point, Unsuitable
 
@@ -26,8 +27,6 @@ _MERGE_DISTANCE = 0.35
 """A corner closer to an existing place than this [m] is replaced by it."""
 _DETOUR = 1.25
 """Ratio of path length to distance above which two places of a room get a direct passage."""
-
-Inside = Callable[[float, float], bool]
 
 
 class Roadmap:
@@ -72,11 +71,11 @@ class Roadmap:
         return True
 
     def connect(
-        self, a: str, b: str, stem: str, inside: Inside | None = None, width: float = math.inf
+        self, a: str, b: str, stem: str, room: RoomSpec | None = None, width: float = math.inf
     ) -> bool:
         """Connect a and b: directly, or around solids through new places named after ``stem``.
 
-        Returns False when no path stays where ``inside`` (x, y), if given, is true.
+        Returns False when no path stays inside of the ``room``, if one is given.
         """
         if self.add_passage(a, b, width):
             return True
@@ -86,8 +85,10 @@ class Roadmap:
                 path = self.plan.shortest_path((start.x, start.y), (end.x, end.y), clearance)[1]
             except WorldError:
                 continue
-            if inside is not None and not all(inside(x, y) for x, y in path):
-                continue
+            if room is not None:
+                low, high = np.array([room.x, room.y]).T
+                if not ((path > low) & (path < high)).all():
+                    continue
             return self._add_path(a, b, self._simplified(path), stem, width)
         return False
 
@@ -119,13 +120,14 @@ class Roadmap:
         links = [self.add_passage(c, d, width) for c, d in pairwise([*names, b])]
         return all(links)
 
-    def connect_all(self, names: Sequence[str], stem: str, inside: Inside) -> None:
+    def connect_all(self, names: Sequence[str], room: RoomSpec) -> None:
         """Connect all places of one room: directly where the line is free, else around solids.
 
         Raises:
             Unsuitable: a place cannot be reached inside the room.
 
         """
+        stem = f"{room.name}-corner"
         pairs = sorted(combinations(names, 2), key=lambda pair: self._distance(*pair))
         for a, b in pairs:
             if self.clearance_between(self.places[a], self.places[b]) < _CLEARANCES[0]:
@@ -133,7 +135,7 @@ class Roadmap:
             if self._path_length(a, b) > 1.1 * self._distance(a, b):
                 self.add_passage(a, b)
         for a, b in pairs:
-            if math.isinf(self._path_length(a, b)) and not self.connect(a, b, stem, inside):
+            if math.isinf(self._path_length(a, b)) and not self.connect(a, b, stem, room):
                 raise Unsuitable(f"no path from {a} to {b}")
         for a, b in pairs:
             if self._path_length(a, b) > _DETOUR * self._distance(a, b):

@@ -140,19 +140,6 @@ DOOR_TO_CORNER = 0.85
 
 
 @dataclass(frozen=True)
-class FloorRoom:
-    """A rectangle between wall centre lines [m]."""
-
-    name: str
-    x: tuple[float, float]
-    y: tuple[float, float]
-
-    def contains(self, x: float, y: float) -> bool:
-        """Whether the point is inside."""
-        return self.x[0] < x < self.x[1] and self.y[0] < y < self.y[1]
-
-
-@dataclass(frozen=True)
 class RoomDoor:
     """A door in a dividing wall, between two rooms."""
 
@@ -170,9 +157,9 @@ class RoomDoor:
 
 @dataclass
 class RoomLayout:
-    """Rooms, the walls between them, and their doors."""
+    """Rooms between wall centre lines, the walls between them, and their doors."""
 
-    rooms: list[FloorRoom]
+    rooms: list[RoomSpec]
     cuts: list[WallLine]
     doors: list[RoomDoor] = field(default_factory=list)
 
@@ -237,13 +224,13 @@ def _divide(draft: WorldDraft, count: int) -> RoomLayout:
         cuts.append(WallLine(axis, at, *area[1 - axis]))
         for side in ((low, at), (at, high)):
             parts.append((side, area[1]) if axis == 0 else (area[0], side))
-    rooms = [FloorRoom(f"room-{i}", *area) for i, area in enumerate(parts, start=1)]
+    rooms = [RoomSpec(name=f"room-{i}", x=x, y=y) for i, (x, y) in enumerate(parts, start=1)]
     return RoomLayout(rooms, cuts)
 
 
 def _shared(
     layout: RoomLayout,
-) -> Iterator[tuple[FloorRoom, FloorRoom, WallLine, float, float]]:
+) -> Iterator[tuple[RoomSpec, RoomSpec, WallLine, float, float]]:
     """Adjacent rooms, the wall between them, and the interval [m] along it for a door."""
     for a, b in combinations(layout.rooms, 2):
         for cut in layout.cuts:
@@ -285,13 +272,7 @@ def _build_walls(draft: WorldDraft, layout: RoomLayout) -> None:
     floors = palette.draw_many("floor", 2)
     walls = palette.draw_many("wall", 3)
     draft.rooms += [
-        RoomSpec(
-            name=room.name,
-            x=room.x,
-            y=room.y,
-            floor=palette.pick(floors),
-            walls=palette.pick(walls),
-        )
+        room.model_copy(update={"floor": palette.pick(floors), "walls": palette.pick(walls)})
         for room in layout.rooms
     ]
     for i, cut in enumerate(layout.cuts, start=1):
@@ -311,7 +292,7 @@ def _build_walls(draft: WorldDraft, layout: RoomLayout) -> None:
 # --- start, goal, furniture -------------------------------------------------------------------
 
 
-def _far_apart(layout: RoomLayout, rng: np.random.Generator) -> tuple[FloorRoom, FloorRoom]:
+def _far_apart(layout: RoomLayout, rng: np.random.Generator) -> tuple[RoomSpec, RoomSpec]:
     """A random room, and one of those with the most doors between."""
     graph = nx.Graph(door.rooms for door in layout.doors)
     start = layout.rooms[int(rng.integers(len(layout.rooms)))]
@@ -321,13 +302,13 @@ def _far_apart(layout: RoomLayout, rng: np.random.Generator) -> tuple[FloorRoom,
     return start, farthest[int(rng.integers(len(farthest)))]
 
 
-def _free_point(draft: WorldDraft, room: FloorRoom) -> Point:
+def _free_point(draft: WorldDraft, room: RoomSpec) -> Point:
     """A random point of the room, away from its walls."""
     x, y = (draft.rng.uniform(low + 0.75, high - 0.75) for low, high in (room.x, room.y))
     return float(x), float(y)
 
 
-def inner_spans(draft: WorldDraft, room: FloorRoom | RoomSpec) -> tuple[Interval, Interval]:
+def inner_spans(draft: WorldDraft, room: RoomSpec) -> tuple[Interval, Interval]:
     """The room's x and y [m] between wall faces; outer walls are on the floor's edge."""
 
     def inner(span: Interval, edge: Interval) -> Interval:
@@ -338,7 +319,7 @@ def inner_spans(draft: WorldDraft, room: FloorRoom | RoomSpec) -> tuple[Interval
 
 
 def _add_map(
-    draft: WorldDraft, layout: RoomLayout, start_room: FloorRoom, goal_room: FloorRoom
+    draft: WorldDraft, layout: RoomLayout, start_room: RoomSpec, goal_room: RoomSpec
 ) -> None:
     """The map: doors with a place on either side, a centre of each room, start and goal."""
     roadmap = Roadmap(draft.geometry())
@@ -358,5 +339,5 @@ def _add_map(
         point = roadmap.central_point((x0, y0), (x1, y1))
         if all(roadmap.places[name].distance(*point) > 0.6 for name in members[room.name]):
             members[room.name].append(roadmap.add(room.name, *point))
-        roadmap.connect_all(members[room.name], f"{room.name}-corner", room.contains)
+        roadmap.connect_all(members[room.name], room)
     draft.topo_map = roadmap.build("generated-rooms")

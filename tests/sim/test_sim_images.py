@@ -92,7 +92,8 @@ def test_images_equal_tiny_renderer_when_bodies_are_added_moved_and_removed() ->
     box = next(s for s in solids_of(world) if s.kind == "box")
     pose = Pose(box.shape.x - 1.2, box.shape.y + 0.1, 0.1)
     with without_culling(world) as drawn:
-        mover = drawn.scenery.add_walker("mover", 0.25, 1.7, world.walls[0].texture)
+        walker = WalkerSpec(name="mover", path=((0, 0), (1, 1)), texture=world.walls[0].texture)
+        mover = drawn.scenery.add_walker(walker)
         for x, yaw in ((0.9, 0.3), (0.5, 2.1), (0.31, -1.9)):
             turn = (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
             drawn.scenery.place(mover, (pose.x + x, pose.y + 0.2, 0.85), turn)
