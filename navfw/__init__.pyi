@@ -81,7 +81,7 @@ from .signals import wrap_angle as wrap_angle
 from .sim.shapes import Circle as Circle
 from .sim.simulation import Simulation as Simulation
 from .stack import Stack as Stack
-from .suite.suite_loading import load_suite as load_suite
+from .suite.suite_folder import load_suite as load_suite
 from .suite.suite_plan import run_generated as run_generated
 from .topomap import TopoMap as TopoMap
 from .topomap import load_map as load_map

@@ -20,7 +20,7 @@ from .outcome import Outcome as Outcome
 from .pilot import Simulator as Simulator
 from .run_drawing import WindowOverlay as WindowOverlay
 from .run_metrics import RunMetrics as RunMetrics
-from .run_metrics import count_collisions as count_collisions
+from .run_metrics import first_contacts as first_contacts
 from .run_metrics import measure as measure
 from .run_metrics import measure_localization as measure_localization
 from .run_metrics import path_length as path_length

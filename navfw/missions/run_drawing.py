@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from navfw.recording import palette
-from navfw.recording.top_view import Disc, Line, Marks, OutlineDisc, WorldOutline, way_shapes
+from navfw.recording.top_view import Disc, Line, Marks, WorldOutline, way_shapes
 from navfw.signals import Pose, SensorReading, Twist
 from navfw.sim.scene_geometry import SceneGeometry
 
@@ -30,7 +30,7 @@ def outline_of(plan: SceneGeometry) -> WorldOutline:
         furniture=[
             corners for solid, corners in rectangles if solid.kind in {"box", "mesh", "drop"}
         ],
-        discs=[OutlineDisc(circle.x, circle.y, circle.radius) for _, circle in plan.circles()],
+        discs=[(circle.x, circle.y, circle.radius) for _, circle in plan.circles()],
     )
 
 

@@ -135,18 +135,16 @@ def path_length(points: Array) -> float:
     return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
 
-def count_collisions(contacts: Sequence[Contact], debounce: float = _DEBOUNCE) -> int:
-    """Number of collisions: contacts less than ``debounce`` [s] apart count as one.
+def first_contacts(contacts: Sequence[Contact], debounce: float = _DEBOUNCE) -> list[Contact]:
+    """The first of each collision: contacts less than ``debounce`` [s] apart are one.
 
     >>> touches = [Contact(t, 0.0, 0.0, "wall") for t in (1.0, 1.5, 2.4, 9.0)]
-    >>> count_collisions(touches)
-    2
+    >>> [contact.time for contact in first_contacts(touches)]
+    [1.0, 9.0]
     """
-    count, last = 0, -math.inf
-    for contact in sorted(contacts, key=lambda contact: contact.time):
-        count += contact.time - last >= debounce
-        last = contact.time
-    return count
+    ordered = sorted(contacts, key=lambda contact: contact.time)
+    before = [-math.inf, *(contact.time for contact in ordered)]
+    return [c for c, last in zip(ordered, before, strict=False) if c.time - last >= debounce]
 
 
 def traversal_time(log: RunLog, start: Point, goal: Point, within: float) -> float:
@@ -204,7 +202,7 @@ def measure(
         shortest_path_m=shortest,
         spl=shortest / longest if succeeded and longest > 0.0 else float(succeeded),
         traversal_s=traversal_time(log, start, goal, within),
-        collisions=count_collisions(log.contacts),
+        collisions=len(first_contacts(log.contacts)),
         min_clearance_m=float(clearance.min()),
         clearance_p05_m=float(np.percentile(clearance, 5.0, method="lower")),
         distance_to_goal_m=math.dist(true[-1, :2], goal),

@@ -21,7 +21,13 @@ from navfw.missions.outcome import Outcome
 from navfw.missions.pilot import TickView
 from navfw.missions.process_check import check_process, drive_contained
 from navfw.missions.run_drawing import WindowOverlay, outline_of
-from navfw.missions.run_metrics import CombinedClearance, RunMetrics, measure, permanent_plan
+from navfw.missions.run_metrics import (
+    CombinedClearance,
+    RunMetrics,
+    first_contacts,
+    measure,
+    permanent_plan,
+)
 from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
 from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import SimulatorWatch
@@ -388,6 +394,7 @@ class MissionResult:
             **measured.pop("localization"),
             **measured,
             "collision_cause": self.collision_cause,
+            "contacts": [asdict(contact) for contact in first_contacts(run.log.contacts)],
             "command_hash": run.log.command_hash,
             "oracle": self.session.stack.resolved.settings.oracle or bool(self.oracle_plugins),
             "oracle_plugins": list(self.oracle_plugins),

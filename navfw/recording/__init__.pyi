@@ -54,7 +54,6 @@ from .run_replay import explain_at as explain_at
 from .run_replay import load_recording as load_recording
 from .run_replay import replay as replay
 from .run_replay import replay_commands as replay_commands
-from .top_view import OutlineDisc as OutlineDisc
 from .top_view import WorldOutline as WorldOutline
 from .trajectory_picture import TrajectoryPicture as TrajectoryPicture
 from .trajectory_picture import draw_trajectory as draw_trajectory

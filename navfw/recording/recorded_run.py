@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Iterator
+import struct
+from collections.abc import Callable, Container, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -36,8 +37,10 @@ from navfw.recording.run_folder import OLD_RECORDING, RECORDING
 
 with extra_imports("record"):
     import zstandard
+    from mcap.data_stream import ReadDataStream
+    from mcap.opcode import Opcode
     from mcap.records import Channel, Chunk, DataEnd, Header, McapRecord, Message, Metadata, Schema
-    from mcap.stream_reader import StreamReader, breakup_chunk
+    from mcap.stream_reader import StreamReader, breakup_chunk, get_chunk_data_stream
     from mcap.well_known import MessageEncoding, SchemaEncoding
     from mcap_protobuf.decoder import DecoderFactory
 
@@ -46,6 +49,7 @@ _EXPANSION = 8
 _MAX_CHUNK = max_bytes("chunk of a recording")
 """Largest size of one record, and of one unpacked chunk [byte]."""
 
+_HEAD = struct.Struct("<BQH")  # of a record, with the channel of a message
 _MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -114,7 +118,7 @@ class RecordedRun:
 
         """
         of = {channel.id: channel.topic for channel in self._of(*wanted)}
-        for record in self._records():
+        for record in self._records(of):
             if isinstance(record, Message) and record.channel_id in of:
                 yield of[record.channel_id], record.log_time, record.data
 
@@ -137,15 +141,18 @@ class RecordedRun:
             newest = message
         return None if newest is None else image_of(newest, self.path)
 
-    def _records(self) -> Iterator[McapRecord]:
-        """The records up to the end of the data, those in chunks unpacked, in the file's order."""
+    def _records(self, wanted: Container[int] | None = None) -> Iterator[McapRecord]:
+        """The records up to the end of the data, those in chunks unpacked, in the file's order.
+
+        Of chunks, with ``wanted`` channels, the messages of these alone.
+        """
         with open_input(self.path, self._max_bytes) as stream:
             if stream.read(len(_MAGIC)) != _MAGIC:
                 raise self._refused("expected an MCAP file, as navfw run --record writes it")
             stream.seek(-len(_MAGIC), io.SEEK_END)  # as a whole file ends
             ended = stream.read() == _MAGIC and stream.tell() > len(_MAGIC)
             try:
-                yield from self._unpacked(stream)
+                yield from self._unpacked(stream, wanted)
             except Exception as error:
                 if not ended and not stream.read(1):
                     return  # the file is cut off within this record
@@ -156,7 +163,7 @@ class RecordedRun:
     def _refused(self, what: str) -> ConfigError:
         return ConfigError(f"not a recording: {what}", file=self.path)
 
-    def _unpacked(self, stream: BinaryIO) -> Iterator[McapRecord]:
+    def _unpacked(self, stream: BinaryIO, wanted: Container[int] | None) -> Iterator[McapRecord]:
         room = _EXPANSION * self._max_bytes
         stream.seek(0)
         reader = StreamReader(
@@ -171,7 +178,8 @@ class RecordedRun:
             room -= _unpacked_size(record)
             if room < 0:
                 raise ValueError(f"its chunks unpack to more than {_EXPANSION} times its limit")
-            yield from breakup_chunk(record, validate_crc=True)
+            inner = breakup_chunk(record, True) if wanted is None else _messages_in(record, wanted)
+            yield from inner
 
     def _scan(self) -> None:
         """Read the whole file once: metadata, channels, and whether it is intact."""
@@ -227,6 +235,18 @@ class RecordedRun:
             what = f"the schema of {channel.topic} is damaged ({error})"
             raise self._refused(what) from None
         return bytes
+
+
+def _messages_in(chunk: Chunk, wanted: Container[int]) -> Iterator[Message]:
+    """The messages of ``wanted`` channels; stepping over the others halves the time of a pass."""
+    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+    data, at = stream.read(size), 0
+    while at < size:
+        opcode, length, channel = _HEAD.unpack_from(data, at)
+        at += _HEAD.size - 2
+        if opcode == Opcode.MESSAGE and channel in wanted:
+            yield Message.read(ReadDataStream(io.BytesIO(data[at : at + length])), length)
+        at += length
 
 
 def _unpacked_size(chunk: Chunk) -> int:

@@ -35,12 +35,12 @@ OLD_RECORDING = "recording.npz"
 LAYOUT = "foxglove_layout.json"
 """The layout of Foxglove for the channels of a recording."""
 
-PLAN = "plan.yaml"
-"""The file of the map's floor plan, if it has one; its image is beside it."""
+MAP, PLAN = "map.yaml", "plan.yaml"
+"""The files of a recording's map, and of its floor plan, if any; its image is beside it."""
 
 FILES = frozenset(
     {RESULT, PICTURE, RECORDING, OLD_RECORDING, REPORT, LAYOUT}
-    | {"map.yaml", "stack.yaml", PLAN, "plan.png"},
+    | {MAP, "stack.yaml", PLAN, "plan.png"},
 )
 """The files of a run folder; a folder with any other file in it is never replaced."""
 
@@ -107,7 +107,7 @@ class RunFolder(AtomicTarget):
         writers: dict[str, Callable[[Path], object]] = {}
         if plan is not None:
             writers[PLAN] = lambda path: save_ros_map(plan, path)
-        writers["map.yaml"] = lambda path: self.write_json(path.name, data)
+        writers[MAP] = lambda path: self.write_json(path.name, data)
         writers["stack.yaml"] = lambda path: self.write_json(path.name, stack)
         writers[LAYOUT] = lambda path: shutil.copyfile(layout, path)
         return writers

@@ -1,6 +1,6 @@
 """A plan in top view as a list of shapes in metres, made once for all that draw it.
 
-Pictures draw shapes with matplotlib, reports with Bokeh, videos with OpenCV, recordings as messages
+Pictures draw shapes with matplotlib, pages on a canvas, videos with OpenCV, recordings as messages
 of Foxglove, and the simulator's window as lines.
 """
 
@@ -24,7 +24,7 @@ class Style:
 
     ``color`` fills areas, discs and marks ("" leaves them empty) and is that of lines, ``edge``
     that of outlines, none if it is "". ``width`` is that of lines and outlines [pt]; ``opacity`` is
-    in [0, 1]. ``marker`` is a shape of Bokeh's, ``size`` that of marks [pt]; ``height`` [m] is that
+    in [0, 1]. ``marker`` is a shape as "star", ``size`` that of marks [pt]; ``height`` [m] is that
     of a body in a scene. ``label`` names the shape in keys.
     """
 
@@ -87,34 +87,25 @@ _MOVER = Style(palette.MOVING, width=1.6, height=1.0, label="moving obstacle")
 
 
 @dataclass(frozen=True, slots=True)
-class OutlineDisc:
-    """A round object in top view: centre x, y [m, map frame] and radius [m]."""
-
-    x: float
-    y: float
-    radius: float
-
-
-@dataclass(frozen=True, slots=True)
 class WorldOutline:
-    """A world in top view; polygons are (k, 2) [m] in ``map``."""
+    """A world in top view: polygons (k, 2) and discs (x, y, radius) [m] in ``map``."""
 
     walls: Sequence[Array] = ()
     furniture: Sequence[Array] = ()
-    discs: Sequence[OutlineDisc] = ()
+    discs: Sequence[tuple[float, float, float]] = ()
 
     def shapes(self) -> list[Shape]:
         """Furniture, and walls over it."""
         return [
             *(Area(corners, _FURNITURE) for corners in self.furniture),
-            *(Disc(disc.x, disc.y, disc.radius, _FURNITURE) for disc in self.discs),
+            *(Disc(*disc, _FURNITURE) for disc in self.discs),
             *(Area(corners, _WALL) for corners in self.walls),
         ]
 
     def bounds(self, margin: float, *others: Array) -> tuple[Array, Array]:
         """Least and largest x, y [m] of the world and of ``others`` (n, 2), with a ``margin``."""
         ends = np.array([(-1.0, -1.0), (1.0, 1.0)])
-        round_ends = [np.array([disc.x, disc.y]) + disc.radius * ends for disc in self.discs]
+        round_ends = [np.array([x, y]) + radius * ends for x, y, radius in self.discs]
         corners = [*self.walls, *self.furniture, *round_ends, *others]
         points = np.vstack([corner_points.reshape(-1, 2) for corner_points in corners])
         points = points[np.isfinite(points).all(axis=1)]

@@ -73,15 +73,14 @@
       newest.robot = pose(one(fields(bytes), 3));
       path.push([newest.robot.x, newest.robot.y, (newest.command || {}).leader || "none"]);
     },
-    "/path"(bytes) { newest.way = (fields(bytes)[3] || []).map((p) => pose(fields(p))); },
+    "/path"(bytes) { newest.way = (fields(bytes)[3] || []).map((p) => pose(fields(p))).map((p) => [p.x, p.y]); },
     "/moving_obstacles"(bytes) {
       const entity = one(fields(bytes), 2);
       newest.movers = (entity[10] || []).map((cylinder) => {
-        const body = fields(cylinder), at = placed(odom, pose(one(body, 1)));
-        return [at.x, at.y, number(one(body, 2), 1) / 2];
+        const body = fields(cylinder), at = pose(one(body, 1));
+        return [...placed(odom, [at.x, at.y]), number(one(body, 2), 1) / 2];
       });
-      newest.courses = (entity[11] || []).map((line) => fields(line)[5].map(point)
-        .map(([x, y]) => placed(odom, {x, y, yaw: 0})).map((p) => [p.x, p.y]));
+      newest.courses = (entity[11] || []).map((line) => fields(line)[5].map((p) => placed(odom, point(p))));
     },
     "/command"(bytes) {
       const command = newest.command = JSON.parse(text(bytes));
@@ -110,93 +109,13 @@
     });
   }
 
-  function placed(frame, p) {
-    const c = Math.cos(frame.yaw), s = Math.sin(frame.yaw);
-    return {x: frame.x + c * p.x - s * p.y, y: frame.y + s * p.x + c * p.y, yaw: frame.yaw + p.yaw};
-  }
-
-  function sharp(canvas, ratio) { // its pen, for a height of ratio times its width, in CSS pixels
-    const wide = canvas.clientWidth, high = Math.min(ratio * wide, 520), dense = window.devicePixelRatio;
-    canvas.style.height = `${high}px`;
-    canvas.width = wide * dense;
-    canvas.height = high * dense;
-    const pen = canvas.getContext("2d");
-    pen.scale(dense, dense);
-    return [pen, wide, high];
-  }
-
-  function drawPlan() {
-    const [x0, y0, x1, y1] = data.bounds;
-    const [pen, wide, high] = sharp(part("plan"), (y1 - y0) / (x1 - x0));
-    const scale = Math.min(wide / (x1 - x0), high / (y1 - y0));
-    const px = (x) => (x - x0) * scale, py = (y) => high - (y - y0) * scale;
-    function draw(shape) {
-      pen.fillStyle = shape.fill || "transparent";
-      pen.strokeStyle = shape.edge || "transparent";
-      pen.lineWidth = shape.width || 1;
-      pen.setLineDash(shape.dash || []);
-      const trace = new Path2D();
-      for (const [x, y, r] of shape.discs || []) {
-        trace.moveTo(px(x) + r * scale, py(y));
-        trace.arc(px(x), py(y), r * scale, 0, 7);
-      }
-      for (const [x, y] of shape.marks || []) {
-        for (let i = 0; i < 10; i++) {
-          const r = i % 2 ? 4 : 9, turn = Math.PI * (i / 5 - 0.5);
-          trace[i ? "lineTo" : "moveTo"](px(x) + r * Math.cos(turn), py(y) + r * Math.sin(turn));
-        }
-      }
-      for (const [x, y] of shape.area || shape.line || []) trace.lineTo(px(x), py(y));
-      if (shape.area) trace.closePath();
-      if (!shape.line) pen.fill(trace);
-      pen.stroke(trace);
-    }
-    pen.font = "12px system-ui, sans-serif";
-    data.shapes.forEach(draw);
-    for (let i = 1, from = 0; i <= path.length; i++) {
-      if (i < path.length && path[i][2] === path[from][2]) continue;
-      draw({line: path.slice(Math.max(from - 1, 0), i), edge: data.colors[path[from][2]] || data.colors.none, width: 4});
-      from = i;
-    }
-    [pen.fillStyle, pen.strokeStyle, pen.lineWidth] = ["#1c2430", "#fff", 3];
-    const written = []; // of the places' names, those with room
-    for (const [name, x, y] of data.places) {
-      const size = pen.measureText(name).width + 6, left = Math.min(px(x) + 5, wide - size), low = py(y) - 4;
-      pen.fillRect(px(x) - 2, py(y) - 2, 4, 4);
-      if (written.some((w) => left < w[0] + w[2] && w[0] < left + size && Math.abs(low - w[1]) < 14)) continue;
-      written.push([left, low, size]);
-      pen.strokeText(name, left, low);
-      pen.fillText(name, left, low);
-    }
-    for (const course of newest.courses || []) draw({line: course, edge: data.moving, width: 2});
-    draw({discs: newest.movers || [], fill: data.moving});
-    if (newest.way) draw({line: newest.way.map((p) => [p.x, p.y]), edge: data.goal, width: 2, dash: [2, 4]});
-    const bodies = (at) => data.discs.map(([x, y, r]) => { const p = placed(at, {x, y, yaw: 0}); return [p.x, p.y, r]; });
-    if (newest.robot) {
-      const robot = newest.robot, nose = placed(robot, {x: 1.6 * data.discs[0][2], y: 0, yaw: 0});
-      draw({discs: bodies(robot), fill: "#fff", edge: "#000", width: 2});
-      draw({line: [[robot.x, robot.y], [nose.x, nose.y]], edge: "#000", width: 2});
-    }
-    if (newest.estimate) draw({discs: bodies(newest.estimate), edge: data.estimate, dash: [4, 3]});
-  }
+  const drawPlan = makePlan(part("plan"), data, redraw);
 
   function drawCommands() {
-    const [pen, wide, high] = sharp(part("commands"), 0.35);
-    pen.font = "12px system-ui, sans-serif";
-    pen.fillStyle = "#5b6675";
-    for (const [column, [low, high_], color, unit] of [[1, data.v, "#0072B2", "m/s"], [2, data.w, "#D55E00", "rad/s"]]) {
-      const top = (column - 1) * high / 2, size = high / 2 - 6;
-      const y = (value) => top + 2 + size * (1 - (value - low) / (high_ - low || 1));
-      pen.strokeStyle = "#d9dee5";
-      pen.strokeRect(70, top + 2, wide - 72, size);
-      pen.fillText(`${high_.toFixed(1)} ${unit}`, 0, top + 14);
-      pen.fillText(low.toFixed(1), 0, top + size);
-      pen.strokeStyle = color;
-      pen.lineWidth = 2;
-      pen.beginPath();
-      for (const row of commands) pen.lineTo(wide - 2 - (now - row[0]) / 60 * (wide - 72), y(row[column]));
-      pen.stroke();
-      pen.lineWidth = 1;
+    const time = commands.map((row) => row[0]), marks = [];
+    for (const [id, column, [low, high], color, label] of [["speeds", 1, data.v, "#0072B2", "v [m/s]"], ["turns", 2, data.w, "#D55E00", "w [rad/s], left upwards"]]) {
+      const lines = [{values: commands.map((row) => row[column]), color}];
+      drawChart(part(id), {time, lines, label, from: Math.max(0, now - 60), to: Math.max(60, now), low, high, marks});
     }
   }
 
@@ -211,7 +130,7 @@
         if (canvas.width !== 4 * image.width) [canvas.width, canvas.height] = [4 * image.width, 4 * image.height];
         drawCamera(canvas, 4, data.flow, newest, image);
       }
-      drawPlan();
+      drawPlan(path, newest);
       drawCommands();
     });
   }

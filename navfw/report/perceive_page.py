@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from navfw.numerics import Image
+from navfw.recording.run_folder import plain_json
 from navfw.report.report_page import reduced_source, render_page
-from navfw.report.run_page import time_figure
 
 _WIDTH, _QUALITY = 640, 60
 """Width [px] and quality of the pictures."""
@@ -48,12 +48,7 @@ class PerceivePage:
 
     def render(self, notes: list[str]) -> str:
         """The page as HTML, with ``notes`` on the whole sequence."""
-        from bokeh.embed import components
-
-        time, *columns = np.array(self._nearness).reshape(-1, 5).T
-        label = "nearness [1/s]"
-        figures: dict[str, Any] = {"nearness": time_figure(time, columns, "nearness", label, None)}
-        script, places = components(figures)
+        columns = np.round(np.array(self._nearness).reshape(-1, 5).T, 4)
         return render_page(
             "perceive_page.html",
             title=self._title,
@@ -61,6 +56,5 @@ class PerceivePage:
             moments=self._moments,
             pairs=self._seen,
             changes=self._changes,
-            figures=places,
-            script=script,
+            nearness=plain_json(columns),
         )

@@ -3,166 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.errors import ConfigError
 from navfw.mofis.mofis import explanation_lines
-from navfw.numerics import Array
+from navfw.numerics import Array, Image
 from navfw.recording import channel_list as topics
+from navfw.recording import palette
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of
-from navfw.recording.run_folder import RESULT
-from navfw.recording.top_view import OutlineDisc, WorldOutline
-from navfw.report.report_page import reduced_source
+from navfw.report.report_page import reduced_source, webp_source
+from navfw.report.run_timeline import RunEvent, located_damage, planar_pose
 from navfw.signals import Pose
-
-_MAX_ROWS = 4000
-"""Largest number of rows; of a longer run every n-th command is taken."""
-_OF_DAMAGED_MESSAGES = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
-
-
-@dataclass(frozen=True, slots=True)
-class RunTimeline:
-    """The course of a run, one row per command (n rows), and the world that it went through.
-
-    ``true`` and ``estimate`` (n, 2) [m] are positions in ``map``, ``leaders`` (n,) the leading
-    behaviours, ``commands`` (n, 2) v [m/s] and w [rad/s]. ``clearance`` (n,) [m] is the distance of
-    the robot's edge to walls and furniture, nan where none is known; ``confidence`` (n,) that of
-    the position in [0, 1], nan where there is none. ``driven`` (n, 2) are the commands of whoever
-    drove in the stack's stead, nan without. Where the true position is not known, ``true`` is the
-    estimate.
-    """
-
-    time: Array
-    true: Array
-    estimate: Array
-    leaders: tuple[str, ...]
-    commands: Array
-    clearance: Array
-    confidence: Array
-    driven: Array
-    outline: WorldOutline
-
-
-def read_timeline(run: RecordedRun, robot_radius: float) -> RunTimeline:
-    """The course of ``run``; ``robot_radius`` [m] is subtracted from distances.
-
-    Raises:
-        ConfigError: the recording is damaged.
-
-    """
-    with located_damage(run, "a message"):
-        outline = WorldOutline()
-        nowhere = (math.nan, math.nan)
-        true, estimate, driven = nowhere, nowhere, nowhere
-        rows: list[tuple[float, ...]] = []
-        leaders: list[str] = []
-        wanted = (topics.WORLD, topics.TRUE_POSE, topics.POSE, topics.COMMAND, topics.DRIVEN)
-        for message in run.messages(*wanted):
-            content = message.content
-            if message.topic == topics.WORLD:
-                outline = _outline(content) if not outline.walls else outline
-            elif message.topic == topics.TRUE_POSE:
-                true = (content.pose.position.x, content.pose.position.y)
-            elif message.topic == topics.POSE:
-                estimate = (content.pose.position.x, content.pose.position.y)
-            elif message.topic == topics.DRIVEN:
-                driven = (content.twist.linear.x, content.twist.angular.z)
-            else:
-                confidence, v, w = content["confidence"], content["v"], content["w"]
-                sure = math.nan if confidence is None else float(confidence)
-                rows.append((message.time, *true, *estimate, float(v), float(w), sure, *driven))
-                leaders.append(str(content["leader"]))
-        step = max(1, math.ceil(len(rows) / _MAX_ROWS))
-        table = np.array(rows[::step], dtype=np.float64).reshape(-1, 10)
-        if np.isnan(table[:, 1:3]).all():
-            table[:, 1:3] = table[:, 3:5]
-        clearance = _clearance(table[:, 1:3], outline) - robot_radius
-        return RunTimeline(
-            time=table[:, 0],
-            true=table[:, 1:3],
-            estimate=table[:, 3:5],
-            leaders=tuple(leaders[::step]),
-            commands=table[:, 5:7],
-            clearance=clearance,
-            confidence=table[:, 7],
-            driven=table[:, 8:],
-            outline=outline,
-        )
-
-
-@contextmanager
-def located_damage(run: RecordedRun, what: str) -> Iterator[None]:
-    """Name the file of ``run`` where fields of ``what`` are missing, or have impossible values."""
-    try:
-        yield
-    except (*_OF_DAMAGED_MESSAGES, cv2.error) as error:
-        reason = f"{type(error).__name__}: {error}"
-        raise ConfigError(f"{what} is damaged ({reason})", file=run.path) from None
-
-
-def robot_and_goals(result: Mapping[str, Any]) -> tuple[float, list[tuple[float, float]]]:
-    """The robot's radius [m] and the goals (x, y) [m] in a result."""
-    try:
-        mission = result["config"]["mission"]
-        goals = [(float(goal["x"]), float(goal["y"])) for goal in mission["goals"]]
-        return float(mission["robot"]["radius"]), goals
-    except (KeyError, TypeError, ValueError) as error:
-        what = f"its configuration has no robot's radius or goals ({type(error).__name__}: {error})"
-        raise ConfigError(what, file=RESULT) from None
-
-
-def _outline(scene: Any) -> WorldOutline:
-    """The world of ``viewer_messages.world_message`` from above."""
-    entity = scene.entities[0]
-    boxes = [(cube.size.z, _corners(cube)) for cube in entity.cubes]
-    tall = max((height for height, _ in boxes), default=0.0)
-    discs = [
-        OutlineDisc(c.pose.position.x, c.pose.position.y, 0.5 * c.size.x) for c in entity.cylinders
-    ]
-    return WorldOutline(
-        walls=[corners for height, corners in boxes if height == tall],
-        furniture=[corners for height, corners in boxes if height != tall],
-        discs=discs,
-    )
-
-
-def _corners(cube: Any) -> Array:
-    """The corners (4, 2) [m] of a cube that is turned about its vertical axis."""
-    half = 0.5 * np.array([cube.size.x, cube.size.y])
-    around = half * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
-    return planar_pose(cube).points_to_parent(around)
-
-
-def planar_pose(message: Any) -> Pose:
-    """The planar pose in a transform, or in a message with a ``pose``, with covariance or not."""
-    if hasattr(message, "translation"):
-        place, turn = message.translation, message.rotation
-    else:
-        pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
-        place, turn = pose.position, pose.orientation
-    return Pose(place.x, place.y, 2.0 * math.atan2(turn.z, turn.w))
-
-
-def _clearance(points: Array, outline: WorldOutline) -> Array:
-    """The distance [m] of each of ``points`` (n, 2) to the nearest object; nan without any."""
-    contours = [
-        np.asarray(corners, dtype=np.float32) for corners in (*outline.walls, *outline.furniture)
-    ]
-    nearest = np.full(len(points), math.inf)
-    for row, (x, y) in enumerate(points.tolist()):
-        away = [-cv2.pointPolygonTest(contour, (x, y), True) for contour in contours]
-        away += [math.hypot(x - disc.x, y - disc.y) - disc.radius for disc in outline.discs]
-        nearest[row] = min(away, default=math.inf)
-    nearest[~np.isfinite(nearest)] = math.nan
-    return nearest
-
 
 _MAX_MOMENTS = 240
 """Largest number of moments of a report; of a longer run they are further apart."""
@@ -191,6 +46,19 @@ class Rating:
     v: tuple[float, float]
     w: tuple[float, float]
 
+    def commands(self, reverse: int) -> tuple[Array, Array]:
+        """The speeds [m/s], ``reverse`` of them backward, and the turns [rad/s].
+
+        Speeds backward have a step of their own; 0 lies between both.
+        """
+        speeds, turns = self.prohibition.shape[1:]
+        top = self.v[0] + (speeds - 1) * self.v[1]
+        reverse = min(reverse, speeds - 1) if self.v[0] < 0.0 else 0
+        backward = np.linspace(self.v[0], 0.0, reverse + 1)[:-1]
+        forward = np.linspace(0.0 if reverse else self.v[0], top, speeds - reverse)
+        last = self.w[0] + (turns - 1) * self.w[1]
+        return np.concatenate([backward, forward]), np.linspace(self.w[0], last, turns)
+
 
 @dataclass(slots=True)
 class RunMoment:
@@ -198,8 +66,9 @@ class RunMoment:
 
     ``image`` is a data URL of ``size`` (width, height) [px of the camera]. ``flow`` holds lines
     (x0, y0, x1, y1), ``cells`` groups of points (x, y) with their CSS colour, both in sixteenths of
-    a pixel from the upper left corner. ``robot`` is its true position, ``way`` the points of the
-    way ahead, x, y [m].
+    a pixel from the upper left corner. ``robot`` is its true pose, ``estimate`` the believed one,
+    ``way`` the points of the way ahead, x, y [m]. ``movers`` are discs (x, y, radius), ``courses``
+    where each goes in a second; ``map`` is the local map, with its lowest corner, yaw and size.
     """
 
     time: float
@@ -210,20 +79,37 @@ class RunMoment:
     sentence: str = ""
     rules: str = ""
     command: dict[str, Any] = field(default_factory=dict)
-    robot: tuple[float, float] | None = None
+    robot: Pose | None = None
+    estimate: Pose | None = None
     way: list[tuple[float, float]] = field(default_factory=list)
+    movers: list[tuple[float, float, float]] = field(default_factory=list)
+    courses: list[Any] = field(default_factory=list)
+    map: tuple[str, Pose, tuple[float, float]] | None = None
     rating: Rating | None = None
 
 
-def read_moments(run: RecordedRun, limit: int = _MAX_MOMENTS) -> list[RunMoment]:
-    """At most ``limit`` moments of ``run``, evenly among the camera's images.
+def read_moments(
+    run: RecordedRun, events: Iterable[RunEvent] = (), limit: int = _MAX_MOMENTS
+) -> list[RunMoment]:
+    """At most ``limit`` moments of ``run``, evenly among the camera's images, and each event's.
+
+    Moments are those of images at which ratings were recorded as well: their command is that of
+    these ratings.
 
     Raises:
         ConfigError: the recording is damaged.
 
     """
-    count = sum(1 for _ in run.messages(topics.CAMERA_IMAGE))
-    kept = set(np.linspace(0, count - 1, min(count, limit)).round().astype(int).tolist())
+    stamps: dict[str, list[int]] = {topics.CAMERA_IMAGE: [], topics.PROPOSALS: []}
+    for topic, stamp, _ in run.packed(*stamps):
+        stamps[topic].append(stamp)
+    images, rated = (np.array(times, dtype=np.int64) for times in stamps.values())
+    shown = np.flatnonzero(np.isin(images, rated) | (images < min(rated, default=math.inf)))
+    if not len(shown):
+        return []
+    kept = shown[np.linspace(0, len(shown) - 1, min(len(shown), limit)).round().astype(int)]
+    at = np.array([topics.nanoseconds(event.time) for event in events], dtype=np.int64)
+    of_events = shown[np.minimum(np.searchsorted(images[shown], at), len(shown) - 1)]
     wanted = (
         topics.CAMERA_IMAGE,
         topics.FLOW,
@@ -233,12 +119,17 @@ def read_moments(run: RecordedRun, limit: int = _MAX_MOMENTS) -> list[RunMoment]
         topics.RULES,
         topics.PROPOSALS,
         topics.PATH,
+        topics.POSE,
         topics.TRUE_POSE,
+        topics.TRANSFORMS,
+        topics.OBSTACLES,
+        topics.LOCAL_MAP,
     )
     moments: list[RunMoment] = []
-    for newest in newest_at_images(run, wanted, kept):
+    maps: dict[float, str] = {}
+    for newest in newest_at_images(run, wanted, {*kept.tolist(), *of_events.tolist()}):
         with located_damage(run, f"a message before {newest[topics.CAMERA_IMAGE].time:.2f} s"):
-            moments.append(_moment(newest, run))
+            moments.append(_moment(newest, run, maps))
     return moments
 
 
@@ -261,7 +152,10 @@ def newest_at_images(
             yield newest | {topics.CAMERA_IMAGE: image}
 
 
-def _moment(newest: dict[str, RecordedMessage], run: RecordedRun) -> RunMoment:
+def _moment(
+    newest: dict[str, RecordedMessage], run: RecordedRun, maps: dict[float, str]
+) -> RunMoment:
+    """The moment of the ``newest`` messages; ``maps`` are pictures of local maps by their time."""
     picture = newest[topics.CAMERA_IMAGE]
     image = image_of(picture, run.path)
     source = reduced_source(image, _WIDTH, _QUALITY)
@@ -279,13 +173,67 @@ def _moment(newest: dict[str, RecordedMessage], run: RecordedRun) -> RunMoment:
     if content.get(topics.RULES):
         moment.rules = "\n".join(explanation_lines(content[topics.RULES]))[:_MAX_TEXT]
     if topics.TRUE_POSE in content:
-        position = content[topics.TRUE_POSE].pose.position
-        moment.robot = (position.x, position.y)
+        moment.robot = planar_pose(content[topics.TRUE_POSE])
+    if topics.POSE in content:
+        moment.estimate = planar_pose(content[topics.POSE])
+    if topics.TRANSFORMS in content:
+        _surround(
+            moment, newest, planar_pose(content[topics.TRANSFORMS].transforms[0].transform), maps
+        )
     if topics.PATH in content:
         moment.way = [(p.position.x, p.position.y) for p in content[topics.PATH].poses]
     if topics.PROPOSALS in content:
         moment.rating = _rating(content[topics.PROPOSALS])
     return moment
+
+
+def _surround(
+    moment: RunMoment, newest: Mapping[str, RecordedMessage], odom: Pose, maps: dict[float, str]
+) -> None:
+    """Add what is known of the surroundings in ``odom``, a frame in ``map``."""
+    if topics.OBSTACLES in newest:
+        for ends, (x, y), radius in moving_obstacles(newest[topics.OBSTACLES].content, odom):
+            moment.movers.append((x, y, radius))
+            moment.courses.append(ends.tolist())
+    if topics.LOCAL_MAP in newest:
+        time, grid = newest[topics.LOCAL_MAP].time, newest[topics.LOCAL_MAP].content
+        picture = local_map_picture(grid)
+        if time not in maps:
+            maps[time] = webp_source(picture[::-1], lossless=True)
+        at = odom.to_parent(grid.pose.position.x, grid.pose.position.y)
+        rows, columns = picture.shape[:2]
+        size = grid.cell_size.x * columns, grid.cell_size.y * rows
+        moment.map = (maps[time], Pose(*at, odom.yaw), size)
+
+
+def moving_obstacles(scene: Any, odom: Pose) -> Iterator[tuple[Array, tuple[float, float], float]]:
+    """Of ``viewer_messages.obstacles_message``, in the parent of ``odom``: course, middle, radius.
+
+    A course (2, 2) leads from the obstacle to where it will be in a second.
+    """
+    for entity in scene.entities:
+        for body, line in zip(entity.cylinders, entity.lines, strict=True):
+            ends = odom.points_to_parent(np.array([(p.x, p.y) for p in line.points]))
+            at = odom.to_parent(body.pose.position.x, body.pose.position.y)
+            yield ends, at, 0.5 * body.size.x
+
+
+_KNOWN = 0.04
+"""Distance of an occupancy from one half from which a cell of the local map is shown."""
+_STRENGTH = 1.3
+"""Opacity of the local map per distance of the occupancy from one half."""
+
+
+def local_map_picture(grid: Any) -> Image:
+    """``viewer_messages.local_map_message`` as a picture (rows, columns, 4): BGR and opacity."""
+    percent = np.frombuffer(grid.data, dtype=np.uint8).reshape(-1, grid.column_count)
+    lean = percent / 100.0 - 0.5
+    picture = np.zeros((*percent.shape, 4), dtype=np.uint8)
+    for side, color in ((lean, palette.OCCUPIED), (-lean, palette.FREE)):
+        picture[side > _KNOWN, :3] = palette.bgr(color)
+    opacity = np.where(abs(lean) > _KNOWN, np.minimum(_STRENGTH * abs(lean), 1.0), 0.0)
+    picture[..., 3] = np.rint(255.0 * opacity)
+    return picture
 
 
 def _points(group: Any, limit: int) -> list[int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +18,10 @@ from navfw.recording import palette, top_view
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of, recording_in
 from navfw.recording.run_folder import read_result
 from navfw.recording.video_output import VideoOutput
-from navfw.report.run_moments import (
+from navfw.report.run_moments import local_map_picture, moving_obstacles, newest_at_images
+from navfw.report.run_timeline import (
     RunTimeline,
     located_damage,
-    newest_at_images,
     planar_pose,
     read_timeline,
     robot_and_goals,
@@ -34,10 +34,6 @@ _SCALES = (36.0, 160.0)
 """Least and largest scale [px/m]; of a larger world the part around the robot is shown."""
 _BORDER = 0.4
 """Floor shown around the world [m]."""
-_KNOWN = 0.04
-"""Distance of an occupancy from one half from which a cell of the local map is shown."""
-_STRENGTH = 1.3
-"""Opacity of the local map per distance of the occupancy from one half."""
 _WHITE = "#FFFFFF"
 _PAPER, _INK, _FAINT = (255, 255, 255), (36, 28, 28), (117, 102, 91)
 """Blue, green and red of the background and of letters."""
@@ -89,8 +85,11 @@ class VideoPlan:
         canvas.draw(self._world)
         if topics.TRANSFORMS in content:
             odom = planar_pose(content[topics.TRANSFORMS].transforms[0].transform)
-            _draw_local_map(canvas, content.get(topics.LOCAL_MAP), odom)
-            canvas.draw(_movers(content.get(topics.OBSTACLES), odom))
+            if topics.LOCAL_MAP in content:
+                _draw_local_map(canvas, content[topics.LOCAL_MAP], odom)
+            if topics.OBSTACLES in content:
+                for course in moving_obstacles(content[topics.OBSTACLES], odom):
+                    canvas.draw(top_view.mover_shapes(*course))
         until = int(np.searchsorted(self._timeline.time, time + 1e-6))
         canvas.draw(top_view.led_lines(self._timeline.true[:until], self._timeline.leaders[:until]))
         canvas.draw([self._goals, *_way(content, believed)])
@@ -156,22 +155,19 @@ class _Canvas:
         ink = palette.bgr(color)
         cv2.polylines(self.image, lines, closed, ink, width, cv2.LINE_AA, _SHIFT)
 
-    def tint(self, opacity: Array, corners: Array, color: str) -> None:
-        """Blend a grid of opacities (rows, columns) in [0, 1] over the image.
+    def lay(self, picture: Image, corners: Array) -> None:
+        """Blend a ``picture`` (rows, columns, 4), BGR and opacity, over the image.
 
         ``corners`` (3, 2) [m] are the middles of its cells [0, 0], [0, columns - 1], [rows - 1, 0].
         """
-        rows, columns = opacity.shape
+        rows, columns = picture.shape[:2]
         cells = np.array([[0, 0], [columns - 1, 0], [0, rows - 1]], dtype=np.float32)
-        seen = self.pixels(corners).astype(np.float32)
+        turn = cv2.getAffineTransform(cells, self.pixels(corners).astype(np.float32))
         size = (self.image.shape[1], self.image.shape[0])
-        turn = cv2.getAffineTransform(cells, seen)
-        shown = cv2.warpAffine(
-            opacity.astype(np.float32), turn, size, flags=cv2.INTER_NEAREST, borderValue=0.0
-        )
-        at = np.nonzero(shown)
-        share = np.asarray(shown)[at][:, None]
-        mixed = (1.0 - share) * self.image[at] + share * np.array(palette.bgr(color))
+        shown = np.asarray(cv2.warpAffine(picture, turn, size, flags=cv2.INTER_NEAREST))
+        at = np.nonzero(shown[..., 3])
+        share = shown[at][:, 3:] / 255.0
+        mixed = (1.0 - share) * self.image[at] + share * shown[at][:, :3]
         self.image[at] = np.rint(mixed).astype(np.uint8)
 
     def _fixed(self, points: Array) -> Any:
@@ -192,26 +188,11 @@ def _key(leaders: Sequence[str]) -> list[tuple[str, tuple[int, int, int]]]:
 
 
 def _draw_local_map(canvas: _Canvas, grid: Any, odom: Pose) -> None:
-    if grid is None:
-        return
-    percent = np.frombuffer(grid.data, dtype=np.uint8).reshape(-1, grid.column_count)
     first, cell = grid.pose.position, grid.cell_size.x
-    rows, columns = percent.shape
+    picture = local_map_picture(grid)
+    rows, columns = picture.shape[:2]
     middles = np.array([[0.5, 0.5], [columns - 0.5, 0.5], [0.5, rows - 0.5]])
-    corners = odom.points_to_parent(cell * middles + (first.x, first.y))
-    lean = percent / 100.0 - 0.5
-    for side, color in ((lean, palette.OCCUPIED), (-lean, palette.FREE)):
-        opacity = np.where(side > _KNOWN, np.minimum(_STRENGTH * side, 1.0), 0.0)
-        canvas.tint(opacity, corners, color)
-
-
-def _movers(scene: Any, odom: Pose) -> Iterator[top_view.Shape]:
-    """Moving obstacles that the robot tracks, with where each will be in a second."""
-    for entity in () if scene is None else scene.entities:
-        for body, line in zip(entity.cylinders, entity.lines, strict=True):
-            at = odom.to_parent(body.pose.position.x, body.pose.position.y)
-            ends = odom.points_to_parent(np.array([(p.x, p.y) for p in line.points]))
-            yield from top_view.mover_shapes(ends, at, 0.5 * body.size.x)
+    canvas.lay(picture, odom.points_to_parent(cell * middles + (first.x, first.y)))
 
 
 def _way(content: Mapping[str, Any], believed: Pose | None) -> list[top_view.Shape]:

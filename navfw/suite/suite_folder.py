@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from navfw.config.input_file import is_file, is_folder, read_json_object
 from navfw.errors import ConfigError, InputError
@@ -35,6 +35,9 @@ from navfw.suite.run_journal import (
 )
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import markdown_summary
+
+if TYPE_CHECKING:
+    from navfw.suite.suite_frame import SuiteFrame
 
 TABLE, SUMMARY, _ABOUT, _PICTURES = "table.csv", "summary.json", "suite.json", "pictures"
 _MARKDOWN, _JOURNAL = "table.md", "journal.sqlite"
@@ -312,3 +315,16 @@ def _created(chosen: Path | None, default: Path) -> Path:
             place.mkdir(parents=True)
             return place
     raise AssertionError("numbers have no end")
+
+
+def load_suite(folder: str | Path) -> SuiteFrame:
+    """The runs in a ``folder`` of ``navfw suite`` as a table of pandas, also while it runs.
+
+    Raises:
+        MissingExtraError: pandas is not installed.
+        InputError: it is no folder of a suite, or its journal is damaged.
+
+    """
+    from navfw.suite.suite_frame import SuiteFrame
+
+    return SuiteFrame.of(SuiteFolder(Path(folder)).rows())

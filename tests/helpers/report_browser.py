@@ -8,6 +8,24 @@ from typing import NamedTuple
 import pytest
 from processes import run
 
+CONTRAST = """
+(() => {
+  const light = (color) => color.match(/[\\d.]+/g).slice(0, 3).map((x) => x / 255)
+    .map((x) => x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, x, i) => sum + x * [0.2126, 0.7152, 0.0722][i], 0);
+  const behind = (e) => {
+    const color = e === null ? "rgb(255, 255, 255)" : getComputedStyle(e).backgroundColor;
+    return color === "rgba(0, 0, 0, 0)" ? behind(e.parentElement) : color;
+  };
+  const says = (e) => [...e.childNodes].some((n) => n.nodeType === 3 && n.data.trim());
+  return Math.min(...[...document.querySelectorAll("body *")]
+    .filter((e) => e.tagName !== "SCRIPT" && says(e))
+    .map((e) => [light(getComputedStyle(e).color), light(behind(e))].sort((a, b) => b - a))
+    .map(([bright, dark]) => (bright + 0.05) / (dark + 0.05)));
+})()
+"""
+"""The least contrast of a text to what is behind it."""
+
 
 class SeenPage(NamedTuple):
     """The page's opening tag ``<body ...>``, and the lines of the console."""

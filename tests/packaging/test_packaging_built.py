@@ -208,7 +208,7 @@ def test_the_wheel_drives_in_an_empty_environment(
 # --- extras --------------------------------------------------------------------------------------
 
 OPTIONAL = """
-    pybullet pybullet_data matplotlib bokeh jinja2 foxglove mcap mcap_protobuf trimesh collada
+    pybullet pybullet_data matplotlib jinja2 foxglove mcap mcap_protobuf trimesh collada
     websockets gymnasium optuna distributed av pandas navground skfuzzy
 """
 """The modules of all extras."""

@@ -17,7 +17,7 @@ setTimeout(() => {
   const seen = () => [document.getElementById("picture").src.length,
     document.getElementById("time").textContent, document.getElementById("sentence").textContent,
     document.querySelectorAll("#front tr").length,
-    Bokeh.documents[0].get_model_by_name("now-nearness").location].join("|");
+    document.getElementById("nearness").toDataURL()].join("|");
   const slider = document.getElementById("slider");
   const before = seen().split("|");
   slider.value = slider.max;
@@ -25,7 +25,7 @@ setTimeout(() => {
   const after = seen().split("|");
   document.body.dataset.changed = after.map((part, i) => part !== before[i]).join(" ");
   document.body.dataset.rows = after[3];
-}, 4000);
+}, 500);
 """
 """Moves the slider to its end; leaves in the page what has changed, and the rows of the front."""
 PICTURE: Image = np.full((60, 80, 3), 90, np.uint8)

@@ -1,31 +1,51 @@
 """The report of a run: a page for the browser whose slider moves, and clear errors without one."""
 
+import re
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli_calls import invoke, refusal
-from report_browser import seen_in_browser
+from report_browser import CONTRAST, seen_in_browser
 
 from navfw.recording import PICTURE, RECORDING, REPORT, open_run
 from navfw.report import read_moments
 
 PROBE = """
-setTimeout(() => {
-  const seen = () => [document.getElementById("camera").toDataURL(),
-    document.getElementById("time").textContent,
-    Bokeh.documents[0].get_model_by_name("now-command").location].join("|");
-  const slider = document.getElementById("slider");
+setTimeout(async () => {
+  const part = (id) => document.getElementById(id);
+  const slider = part("slider"), out = document.body.dataset;
+  const panels = ["camera", "plan", "sum", "chart-speed", "chart-turn"];
+  const pause = () => new Promise((resolve) => setTimeout(resolve, 300));
+  const seen = () => [...panels.map((id) => part(id).toDataURL()),
+    part("time").textContent, part("values").textContent, part("link").hash];
+  out.event = part("event").textContent;
+  out.best = part("sum").dataset.best;
+  out.at = slider.value;
   const before = seen();
   slider.value = slider.max;
   slider.dispatchEvent(new Event("input"));
-  setTimeout(() => {
-    const changed = seen().split("|").map((part, i) => part !== before.split("|")[i]);
-    document.body.dataset.changed = changed.join(" ");
-  }, 2000);
-}, 4000);
-"""
-"""Moves the slider to its end; leaves in the page what of picture, time and timeline changed."""
+  await pause();
+  out.changed = seen().map((shown, i) => shown !== before[i]).join(" ");
+  out.linked = location.hash === part("link").hash;
+  part("before").click();
+  out.back = Number(slider.value) < Number(slider.max) && part("event").textContent !== "";
+  location.hash = "#t=1.0";
+  await pause();
+  out.jumped = part("time").textContent;
+  part("slider").dispatchEvent(new KeyboardEvent("keydown", {key: "n", bubbles: true}));
+  out.next = parseFloat(part("time").textContent) > parseFloat(out.jumped);
+  part("speed").value = "20";
+  part("play").click();
+  await pause();
+  await pause();
+  out.played = Number(slider.value) > 12;
+  out.contrast = CONTRAST;
+  out.wide = document.documentElement.scrollWidth - innerWidth;
+}, 3000);
+""".replace("CONTRAST", CONTRAST)
+"""What panels change with the slider, and what events, links, keys and play do."""
 
 
 @pytest.fixture(scope="module")
@@ -37,15 +57,33 @@ def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_in_a_browser_the_slider_changes_picture_time_and_timeline(
+def test_in_a_browser_all_panels_show_one_moment_and_go_from_event_to_event(
     run_folder: Path, tmp_path: Path
 ) -> None:
     page = tmp_path / REPORT
     assert invoke("report", run_folder, "--out", page).exit_code == 0
-    assert page.stat().st_size < 15e6
+    assert page.stat().st_size < 10e6
     seen = seen_in_browser(page, PROBE, tmp_path / "profile")
-    assert seen.body == '<body data-changed="true true true">'
+    left = dict(re.findall(r'data-(\w+)="([^"]*)"', seen.body))
+    assert "error" not in left
+    assert left["changed"] == " ".join(["true"] * 8)
+    assert left["event"].startswith("least clearance, 0.")
+    assert [left[name] for name in ("linked", "back", "next", "played")] == ["true"] * 4
+    assert left["jumped"] == "1.0 s"
+    assert float(left["contrast"]) >= 4.5
+    assert int(left["wide"]) <= 0
     assert [line for line in seen.console if "setting log level" not in line] == []
+    moment = read_moments(open_run(run_folder))[int(left["at"])]
+    assert moment.rating is not None
+    weights = [moment.command["weights"][name] for name in moment.rating.names]
+    worst = moment.rating.prohibition.max(axis=0) / 255.0
+    desire = np.tensordot(weights, moment.rating.desirability / 255.0, axes=1)
+    support = np.where(worst > 0.5, 0.0, desire * (1.0 - worst))
+    assert float(left["best"]) == pytest.approx(support.max(), abs=6e-4)
+    # the cross is within a region of what comes near the best
+    v, w = moment.rating.commands(2)
+    near = np.abs(v - moment.command["v"]).argmin(), np.abs(w - moment.command["w"]).argmin()
+    assert support[near] > 0.7 * support.max()
 
 
 def test_the_rules_are_told_with_what_was_perceived(run_folder: Path) -> None:
@@ -80,7 +118,7 @@ def test_without_a_recording_the_page_has_the_picture_and_says_so(
     assert invoke("report", folder).exit_code == 0
     page = (folder / REPORT).read_text(encoding="utf-8")
     assert "was not recorded" in page
-    assert "data:image/png;base64," in page
+    assert "data:image/webp;base64," in page
 
 
 def test_a_foreign_folder_and_an_unwritable_place_are_refused(

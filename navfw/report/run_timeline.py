@@ -1,0 +1,225 @@
+"""The course of a recorded run, and the events in it that a person looks at."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from navfw.errors import ConfigError
+from navfw.numerics import Array
+from navfw.recording import channel_list as topics
+from navfw.recording.recorded_run import RecordedRun
+from navfw.recording.run_folder import RESULT
+from navfw.recording.top_view import WorldOutline
+from navfw.signals import Pose
+
+_MAX_ROWS = 4000
+"""Largest number of rows; of a longer run every n-th command is taken."""
+_OF_DAMAGED_MESSAGES = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+
+
+@dataclass(frozen=True, slots=True)
+class RunTimeline:
+    """The course of a run, one row per command (n rows), and the world that it went through.
+
+    ``true`` and ``estimate`` (n, 2) [m] are positions in ``map``, ``leaders`` (n,) the leading
+    behaviours, ``held`` (n,) why the robot was held ("": it was not), ``commands`` (n, 2) v [m/s]
+    and w [rad/s]. ``clearance`` (n,) [m] is the distance of
+    the robot's edge to walls and furniture, nan where none is known; ``confidence`` (n,) that of
+    the position in [0, 1], nan where there is none. ``driven`` (n, 2) are the commands of whoever
+    drove in the stack's stead, nan without. Where the true position is not known, ``true`` is the
+    estimate.
+    """
+
+    time: Array
+    true: Array
+    estimate: Array
+    leaders: tuple[str, ...]
+    held: tuple[str, ...]
+    commands: Array
+    clearance: Array
+    confidence: Array
+    driven: Array
+    outline: WorldOutline
+
+
+def read_timeline(run: RecordedRun, robot_radius: float) -> RunTimeline:
+    """The course of ``run``; ``robot_radius`` [m] is subtracted from distances.
+
+    Raises:
+        ConfigError: the recording is damaged.
+
+    """
+    with located_damage(run, "a message"):
+        outline = WorldOutline()
+        nowhere = (math.nan, math.nan)
+        true, estimate, driven = nowhere, nowhere, nowhere
+        rows: list[tuple[float, ...]] = []
+        leaders: list[str] = []
+        held: list[str] = []
+        wanted = (topics.WORLD, topics.TRUE_POSE, topics.POSE, topics.COMMAND, topics.DRIVEN)
+        for message in run.messages(*wanted):
+            content = message.content
+            if message.topic == topics.WORLD:
+                outline = _outline(content) if not outline.walls else outline
+            elif message.topic == topics.TRUE_POSE:
+                true = (content.pose.position.x, content.pose.position.y)
+            elif message.topic == topics.POSE:
+                estimate = (content.pose.position.x, content.pose.position.y)
+            elif message.topic == topics.DRIVEN:
+                driven = (content.twist.linear.x, content.twist.angular.z)
+            else:
+                confidence, v, w = content["confidence"], content["v"], content["w"]
+                sure = math.nan if confidence is None else float(confidence)
+                rows.append((message.time, *true, *estimate, float(v), float(w), sure, *driven))
+                leaders.append(str(content["leader"]))
+                held.append(str(content.get("held", "")))
+        step = max(1, math.ceil(len(rows) / _MAX_ROWS))
+        table = np.array(rows[::step], dtype=np.float64).reshape(-1, 10)
+        if np.isnan(table[:, 1:3]).all():
+            table[:, 1:3] = table[:, 3:5]
+        clearance = _clearance(table[:, 1:3], outline) - robot_radius
+        return RunTimeline(
+            time=table[:, 0],
+            true=table[:, 1:3],
+            estimate=table[:, 3:5],
+            leaders=tuple(leaders[::step]),
+            held=tuple(held[::step]),
+            commands=table[:, 5:7],
+            clearance=clearance,
+            confidence=table[:, 7],
+            driven=table[:, 8:],
+            outline=outline,
+        )
+
+
+@contextmanager
+def located_damage(run: RecordedRun, what: str) -> Iterator[None]:
+    """Name the file of ``run`` where fields of ``what`` are missing, or have impossible values."""
+    try:
+        yield
+    except (*_OF_DAMAGED_MESSAGES, cv2.error) as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise ConfigError(f"{what} is damaged ({reason})", file=run.path) from None
+
+
+def robot_and_goals(result: Mapping[str, Any]) -> tuple[float, list[tuple[float, float]]]:
+    """The robot's radius [m] and the goals (x, y) [m] in a result."""
+    try:
+        mission = result["config"]["mission"]
+        goals = [(float(goal["x"]), float(goal["y"])) for goal in mission["goals"]]
+        return float(mission["robot"]["radius"]), goals
+    except (KeyError, TypeError, ValueError) as error:
+        what = f"its configuration has no robot's radius or goals ({type(error).__name__}: {error})"
+        raise ConfigError(what, file=RESULT) from None
+
+
+_MAX_EVENTS = 80
+"""Largest number of events of a report; of more changes of the leader some are left out."""
+_KINDS = ("contact", "clearance", "held", "event", "leader")
+"""Kinds of events; a report opens on one of the first kind that there is."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunEvent:
+    """What happened at ``time`` [s], of one of ``_KINDS``, in words; ``point`` x, y [m] of one."""
+
+    time: float
+    kind: str
+    text: str
+    point: tuple[float, float] | None = None
+
+    @property
+    def rank(self) -> tuple[int, float]:
+        """A key that sorts what matters most first."""
+        return _KINDS.index(self.kind), self.time
+
+
+def run_events(timeline: RunTimeline, result: Mapping[str, Any]) -> list[RunEvent]:
+    """Contacts, least clearance, vetoes, the mission's events and changes of the leader, by time.
+
+    Raises:
+        ConfigError: contacts or events of the ``result`` are damaged.
+
+    """
+    try:
+        events = [
+            RunEvent(float(c["time"]), "contact", f"contact with {c['body']}", (c["x"], c["y"]))
+            for c in result.get("contacts", ())
+        ]
+        for event in result.get("events", ()):
+            what = " ".join(f"{key} {value}" for key, value in event["event"].items())
+            events.append(RunEvent(float(event["began_s"]), "event", f"event: {what}"))
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        what = f"its contacts or events are damaged ({type(error).__name__}: {error})"
+        raise ConfigError(what, file=RESULT) from None
+    if not np.isnan(timeline.clearance).all():
+        least = int(np.nanargmin(timeline.clearance))
+        text = f"least clearance, {timeline.clearance[least]:.2f} m"
+        events.append(RunEvent(float(timeline.time[least]), "clearance", text))
+    for time, reason in _changes(timeline.time, timeline.held):
+        if reason:
+            events.append(RunEvent(time, "held", f"held: {reason}"))
+    changes = list(_changes(timeline.time, timeline.leaders))
+    left = max(1, _MAX_EVENTS - len(events))
+    for time, leader in changes[:: math.ceil(len(changes) / left)] if changes else ():
+        events.append(RunEvent(time, "leader", f"{leader or 'no behaviour'} leads"))
+    events = sorted(events, key=lambda event: event.rank)[:_MAX_EVENTS]
+    return sorted(events, key=lambda event: event.time)
+
+
+def _changes(times: Array, words: Sequence[str]) -> Iterator[tuple[float, str]]:
+    """When the word becomes another one, and which."""
+    for row in range(1, len(words)):
+        if words[row] != words[row - 1]:
+            yield float(times[row]), words[row]
+
+
+def _outline(scene: Any) -> WorldOutline:
+    """The world of ``viewer_messages.world_message`` from above."""
+    entity = scene.entities[0]
+    boxes = [(cube.size.z, _corners(cube)) for cube in entity.cubes]
+    tall = max((height for height, _ in boxes), default=0.0)
+    places = [(c.pose.position, c.size) for c in entity.cylinders]
+    return WorldOutline(
+        walls=[corners for height, corners in boxes if height == tall],
+        furniture=[corners for height, corners in boxes if height != tall],
+        discs=[(at.x, at.y, 0.5 * size.x) for at, size in places],
+    )
+
+
+def _corners(cube: Any) -> Array:
+    """The corners (4, 2) [m] of a cube that is turned about its vertical axis."""
+    half = 0.5 * np.array([cube.size.x, cube.size.y])
+    around = half * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+    return planar_pose(cube).points_to_parent(around)
+
+
+def planar_pose(message: Any) -> Pose:
+    """The planar pose in a transform, or in a message with a ``pose``, with covariance or not."""
+    if hasattr(message, "translation"):
+        place, turn = message.translation, message.rotation
+    else:
+        pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
+        place, turn = pose.position, pose.orientation
+    return Pose(place.x, place.y, 2.0 * math.atan2(turn.z, turn.w))
+
+
+def _clearance(points: Array, outline: WorldOutline) -> Array:
+    """The distance [m] of each of ``points`` (n, 2) to the nearest object; nan without any."""
+    contours = [
+        np.asarray(corners, dtype=np.float32) for corners in (*outline.walls, *outline.furniture)
+    ]
+    nearest = np.full(len(points), math.inf)
+    for row, (x, y) in enumerate(points.tolist()):
+        away = [-cv2.pointPolygonTest(contour, (x, y), True) for contour in contours]
+        away += [math.hypot(x - at_x, y - at_y) - radius for at_x, at_y, radius in outline.discs]
+        nearest[row] = min(away, default=math.inf)
+    nearest[~np.isfinite(nearest)] = math.nan
+    return nearest
