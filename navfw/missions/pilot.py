@@ -14,7 +14,7 @@ from navfw.stack.stack_state import StackState
 
 
 class Pilot(Protocol):
-    """The controller of the robot: ``navfw.stack.Stack`` or ``navfw.testing.fakes.FakePilot``."""
+    """The controller of the robot: ``navfw.stack.Stack``, or a fake."""
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
         """Start at ``pose`` in ``map`` (None: unknown), with ``goals`` to visit in order."""

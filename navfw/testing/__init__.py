@@ -4,7 +4,7 @@
   its run, such as ``assert_reached``;
 - ``check_behavior(MyBehavior)`` and ``check_composite(MyComposite)``: conformance tests for user
   plugins;
-- ``fakes``: an exact and fast simulator, and pilots for it.
+- ``fakes``: an exact and fast simulator, and a pilot for it.
 """
 
 import lazy_loader

@@ -32,10 +32,12 @@ from navfw.recording import Contact, RunLog, RunLogger
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading, Sight, Twist, Waypoint
 from navfw.sim import BoxSpec, SceneGeometry, WorldSpec
-from navfw.testing.fakes import FakePilot, FakeSimulator, Post, ScriptedPilot
+from navfw.testing.fakes import FakeSimulator, Posts, ScriptedPilot
 
 ROBOT = RobotModel()
 START = Pose(0.0, 0.0, 0.0)
+TURN, AHEAD, BACK = ([Twist(v, w)] for v, w in ((0.0, 0.5), (0.3, 0.0), (-0.3, 0.0)))
+TO_GOAL = TURN * 30 + AHEAD * 390
 
 
 def goal(x: float, y: float, name: str = "there") -> Waypoint:
@@ -43,9 +45,9 @@ def goal(x: float, y: float, name: str = "there") -> Waypoint:
 
 
 def drive(
-    pilot: FakePilot | ScriptedPilot,
+    pilot: ScriptedPilot,
     *goals: Waypoint,
-    posts: Sequence[Post] = (),
+    posts: Posts | None = None,
     progress: Callable[[Progress], None] | None = None,
     **limits: Any,
 ) -> RunResult:
@@ -54,17 +56,17 @@ def drive(
 
 
 def test_a_good_run_is_reached_in_the_success_zone() -> None:
-    run = drive(FakePilot())
+    run = drive(ScriptedPilot(TO_GOAL))
     assert run.verdict.outcome is Outcome.REACHED
     x, y, _ = run.log.true[-1]
     assert math.hypot(x - 2.0, y - 0.5) <= 0.5
-    assert run.verdict.behavior == "fake"
+    assert run.verdict.behavior == "script"
     assert run.log.ticks == run.verdict.tick
     assert run.sim_time == pytest.approx(run.log.ticks / ROBOT.control_rate)
 
 
 def test_a_contact_ends_the_run_at_once() -> None:
-    run = drive(FakePilot(), posts=[Post("column", 1.0, 0.2)])
+    run = drive(ScriptedPilot(TO_GOAL), posts={"column": (1.0, 0.2)})
     assert run.verdict.outcome is Outcome.COLLIDED
     assert "column" in run.verdict.reason
     (contact,) = run.log.contacts
@@ -72,7 +74,7 @@ def test_a_contact_ends_the_run_at_once() -> None:
 
 
 def test_a_stack_with_a_wrong_estimate_is_lost_with_the_distance() -> None:
-    run = drive(FakePilot(yaw_error=0.5))
+    run = drive(ScriptedPilot(TURN * 30 + TO_GOAL))
     assert run.verdict.outcome is Outcome.LOST
     x, y, _ = run.log.true[-1]
     assert f"{math.hypot(x - 2.0, y - 0.5):.2f} m" in run.verdict.reason
@@ -80,7 +82,7 @@ def test_a_stack_with_a_wrong_estimate_is_lost_with_the_distance() -> None:
 
 def test_goals_count_only_in_order_and_when_truly_visited() -> None:
     goals = goal(2.0, 0.0, "there"), goal(0.0, 0.0, "back")
-    assert drive(FakePilot(), *goals).verdict.outcome is Outcome.REACHED
+    assert drive(ScriptedPilot(AHEAD * 390 + BACK * 390), *goals).verdict.outcome is Outcome.REACHED
     skipped = drive(ScriptedPilot([]), *goals).verdict
     assert skipped.outcome is Outcome.LOST
     assert "'there'" in skipped.reason
@@ -145,7 +147,7 @@ class BrokenPilot(ScriptedPilot):
         self.breakage = breakage
 
     def step(self, reading: SensorReading) -> Twist:
-        if self._tick < 5:
+        if self._script:
             return super().step(reading)
         if isinstance(self.breakage, BaseException):
             raise self.breakage
@@ -215,18 +217,20 @@ def test_a_fault_that_repeats_is_listed_once_with_its_last_count() -> None:
     class Faulty(ScriptedPilot):
         def step(self, reading: SensorReading) -> Twist:
             twist = super().step(reading)
-            self.state = dataclasses.replace(self.state, faults=(f"avoid: bad ({self._tick})",))
+            self.state = dataclasses.replace(
+                self.state, faults=(f"avoid: bad ({9 - len(self._script)})",)
+            )
             return twist
 
-    assert drive(Faulty([Twist(0.1, 0.0)] * 9)).faults == ("avoid: bad (10)",)
+    assert drive(Faulty([Twist(0.1, 0.0)] * 9)).faults == ("avoid: bad (9)",)
 
 
 def test_progress_has_distance_and_leading_behaviour() -> None:
     seen: list[Progress] = []
-    drive(FakePilot(), goal(2.0, 0.0), progress=seen.append)
+    drive(ScriptedPilot(AHEAD * 390), goal(2.0, 0.0), progress=seen.append)
     assert seen[0].distance == pytest.approx(2.0)
     assert seen[-1].distance < 0.5
-    assert {progress.behavior for progress in seen} == {"fake"}
+    assert {progress.behavior for progress in seen} == {"script"}
     gaps = [b.time - a.time for a, b in itertools.pairwise(seen)]
     assert min(gaps) > 0.09
     assert all(progress.real_time_factor > 0.0 for progress in seen[1:])
