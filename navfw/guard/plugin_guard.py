@@ -8,8 +8,9 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from navfw.config.input_file import shown_path
 from navfw.errors import InputError, PluginError, described, is_a
@@ -115,17 +116,6 @@ class FailingStage:
     error: str
 
 
-class _PluginChoice(Protocol):
-    """A plugin class with its parameters (``navfw.stack.stackfile.Choice``)."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def plugin(self) -> type[Plugin]: ...
-    @property
-    def params(self) -> Plugin.Params: ...
-
-
 class PluginGuard:
     """Calls plugins on behalf of the stack.
 
@@ -181,25 +171,19 @@ class PluginGuard:
         """The vital stages that fail at present, by plugin."""
         return self._failing
 
-    def construct(self, choice: _PluginChoice, robot: RobotModel) -> Plugin:
-        """A plugin object of the class chosen.
+    def construct(self, cls: type[Plugin], robot: RobotModel, params: Plugin.Params) -> Plugin:
+        """An object of a plugin class.
 
         Raises:
             PluginError: its constructor fails.
 
         """
-        cls = choice.plugin
+        check = partial(instance, cls=cls, call="the class")
         try:
             with self._watchdog.on_duty():
-                return self.call(
-                    f"{cls.kind} {cls.name}",
-                    cls,
-                    robot,
-                    choice.params,
-                    check=lambda made: instance(made, cls, "the class"),
-                )
+                return self.call(f"{cls.kind} {cls.name}", cls, robot, params, check=check)
         except PluginCallError as error:
-            raise PluginError(f"cannot be constructed: {error}", key=choice.name) from None
+            raise PluginError(f"cannot be constructed: {error}", key=cls.name) from None
 
     def call(
         self,

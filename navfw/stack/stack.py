@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from navfw.config.input_file import shown_path
 from navfw.config.lookup import find
@@ -24,7 +24,6 @@ from navfw.guard.guarded_stages import (
     GuardedPerception,
     GuardedPlanner,
 )
-from navfw.interfaces import Behavior, FeatureRecognizer
 from navfw.localization.passage_walls import KnownWalls
 from navfw.localmap import LocalMap
 from navfw.locom.trim import WheelTrim
@@ -49,7 +48,7 @@ from navfw.signals import (
 from navfw.stack.leveling import ready_frame, straight_reading
 from navfw.stack.progress_watch import ProgressWatch
 from navfw.stack.stack_state import StackState
-from navfw.stack.stackfile import PluginSource, StackConfig, load_stack
+from navfw.stack.stackfile import Choice, PluginSource, StackConfig, load_stack
 from navfw.stack.stopwatch import timed
 from navfw.stack.vision import View, Vision
 from navfw.topomap import TopoMap
@@ -72,14 +71,15 @@ class Stack:
 
     def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
         self.guard = PluginGuard()
-        features = self.guard.construct(config.stages["features"], robot)  # images not reduced
-        self.features = GuardedFeatures(self.guard, cast(FeatureRecognizer, features))
+        stages = config.stages
+
+        def build(choice: Choice) -> Any:
+            return self.guard.construct(choice.plugin, robot, choice.params)
+
+        self.features = GuardedFeatures(self.guard, build(stages["features"]))  # whole images
         self._lens, self._reduction = robot.camera.undistortion(), robot.camera.reduction
         self.robot = robot = robot.with_reduced_images()
         self.period = 1.0 / robot.control_rate
-
-        def build(stage: str) -> Any:
-            return self.guard.construct(config.stages[stage], robot)
 
         settings = config.settings
         self.resolved = config
@@ -93,17 +93,14 @@ class Stack:
         self.vision = Vision(
             robot,
             settings,
-            GuardedFlow(self.guard, build("flow")),
-            GuardedPerception(self.guard, build("perception")),
+            GuardedFlow(self.guard, build(stages["flow"])),
+            GuardedPerception(self.guard, build(stages["perception"])),
             self.timings,
         )
-        self.localizer = GuardedLocalizer(self.guard, build("localizer"))
-        self.planner = GuardedPlanner(self.guard, build("planner"))
-        self.controller = GuardedController(self.guard, build("controller"))
-        behaviors = {
-            name: cast(Behavior, self.guard.construct(choice, robot))
-            for name, choice in config.behaviors.items()
-        }
+        self.localizer = GuardedLocalizer(self.guard, build(stages["localizer"]))
+        self.planner = GuardedPlanner(self.guard, build(stages["planner"]))
+        self.controller = GuardedController(self.guard, build(stages["controller"]))
+        behaviors = {name: build(choice) for name, choice in config.behaviors.items()}
         self.local_map = LocalMap(robot, settings.local_map)
         self.known_walls = KnownWalls.of(topo_map.floor_plan, robot)
         self.tracker = Tracker(robot, settings.movers.tracking)
@@ -111,10 +108,10 @@ class Stack:
         self.mofis = Mofis(
             robot,
             behaviors,
-            build("fusion"),
+            build(stages["fusion"]),
             CommandGrid(robot, settings.commands, seeing_speed(robot, settings.pairing)),
             self.local_map,
-            build("composite"),
+            build(stages["composite"]),
             self.guard,
         )
         self.safety = SafetyMonitor(robot, self.local_map, settings.safety)

@@ -41,7 +41,6 @@ from navfw.process import (
     set_memory,
 )
 from navfw.robot import RobotModel
-from navfw.stack import Choice
 
 
 class OwnBaseError(BaseException):
@@ -212,9 +211,9 @@ class Unsound(Idle):
 
 def test_a_constructor_that_fails_is_an_input_error() -> None:
     guard = PluginGuard()
-    assert isinstance(guard.construct(Choice("idle", Idle, Idle.Params()), ROBOT), Idle)
+    assert isinstance(guard.construct(Idle, ROBOT, Idle.Params()), Idle)
     with pytest.raises(PluginError, match=r"unsound: cannot be constructed: .* SystemExit: 0"):
-        guard.construct(Choice("unsound", Unsound, Unsound.Params()), ROBOT)
+        guard.construct(Unsound, ROBOT, Unsound.Params())
 
 
 def test_an_error_is_told_on_one_short_line() -> None:
