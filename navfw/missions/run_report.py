@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from navfw.config.extras import pybullet_version
-from navfw.errors import InputError
 from navfw.missions.run_drawing import outline_of
 from navfw.missions.session import MissionResult, Session
+from navfw.process.atomic import writing
 from navfw.process.interruption import deferred, interruptible
 from navfw.recording.provenance import code_revision, machine_kind
 from navfw.recording.run_folder import PICTURE, RECORDING, RESULT, RunFolder
@@ -37,12 +37,8 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
         InputError: the result cannot be written.
 
     """
-    try:
-        with deferred():
-            target.write_json(RESULT, _content(result))
-    except OSError as error:
-        what = f"{RESULT} cannot be written: {error.strerror or error}"
-        raise InputError(what, file=target.target) from error
+    with deferred(), writing(target.target / RESULT):
+        target.write_json(RESULT, _content(result))
     writers: dict[str, Callable[[Path], object]] = {}
     if result.recorder is not None:
         session = result.session

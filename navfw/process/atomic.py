@@ -55,10 +55,23 @@ def output_place(target: Path, option: str, *, replaced: bool = True) -> Path:
         raise InputError(f"is a mount point; choose a folder in it as {option}", file=target)
     nearest = next(folder for folder in (place, *place.parents) if folder.exists())
     if nearest != place and not nearest.is_dir():
-        raise _unwritable(target, NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR)))
+        raise _unwritable(target, os.strerror(errno.ENOTDIR))
     if not os.access(nearest, os.W_OK):
-        raise _unwritable(target, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
+        raise _unwritable(target, os.strerror(errno.EACCES))
     return place
+
+
+@contextlib.contextmanager
+def writing(target: Path) -> Iterator[None]:
+    """An OSError inside this context becomes an InputError: ``target`` cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise _unwritable(target, error.strerror or error) from error
+
+
+def _unwritable(target: Path, why: object) -> InputError:
+    return InputError(f"cannot be written: {why}", file=target)
 
 
 def output_file(target: Path, option: str = "") -> Path:
@@ -108,37 +121,34 @@ class AtomicTarget(ABC):
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        with deferred():
+        with deferred(), writing(self.target):
             try:
                 self._finish()
                 if kind is None:
                     self._move_into_place()
-            except OSError as failure:
-                raise _unwritable(self.target, failure) from failure
             finally:
                 shutil.rmtree(self.path, ignore_errors=True)
                 self._lock.release()
             if isinstance(error, OSError) and error.errno in _OF_THE_DISK:
-                raise _unwritable(self.target, error) from error
+                raise error
 
     def _claim(self) -> None:
         """Lock the target and create the folder beside it."""
         try:
-            self.place.parent.mkdir(parents=True, exist_ok=True)
-            sweep(self.place.parent)
-            if self.numbered:
-                self._lock = lock_first_free(self.place)
-                self.place = self._lock.target
-                self.target = self.target.with_name(self.place.name)
-            else:
-                self._lock.acquire()
-            self._lock.part.mkdir()
-            self.path = self._lock.part
+            with writing(self.target):
+                self.place.parent.mkdir(parents=True, exist_ok=True)
+                sweep(self.place.parent)
+                if self.numbered:
+                    self._lock = lock_first_free(self.place)
+                    self.place = self._lock.target
+                    self.target = self.target.with_name(self.place.name)
+                else:
+                    self._lock.acquire()
+                self._lock.part.mkdir()
+                self.path = self._lock.part
         except TargetInUseError as error:
             what = f"another process is writing it; wait for it, or choose another {self.option}"
             raise TargetInUseError(what, file=self.target) from error
-        except OSError as error:
-            raise _unwritable(self.target, error) from error
 
     def _finish(self) -> None:  # noqa: B027 - optional
         """Close open files; called after an exception as well."""
@@ -203,7 +213,7 @@ def atomic_file(path: Path, *, parents: bool = False) -> Iterator[Path]:
 
     """
     place = output_file(path)
-    try:
+    with writing(path):
         if parents:
             place.parent.mkdir(parents=True, exist_ok=True)
         with deferred(), TargetLock(place) as lock:
@@ -212,8 +222,6 @@ def atomic_file(path: Path, *, parents: bool = False) -> Iterator[Path]:
                 lock.part.replace(lock.target)
             finally:
                 lock.part.unlink(missing_ok=True)
-    except OSError as error:
-        raise _unwritable(path, error) from error
 
 
 def write_text(
@@ -259,8 +267,4 @@ def scratch_folder(purpose: str) -> Iterator[Path]:
             finally:
                 shutil.rmtree(lock.part, ignore_errors=True)
     except OSError as error:
-        raise SimulationError(str(_unwritable(folder, error))) from error
-
-
-def _unwritable(target: Path, error: OSError) -> InputError:
-    return InputError(f"cannot be written: {error.strerror or error}", file=target)
+        raise SimulationError(str(_unwritable(folder, error.strerror or error))) from error

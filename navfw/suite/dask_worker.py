@@ -11,6 +11,7 @@ import os
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
@@ -33,15 +34,6 @@ class RemoteResult:
     picture: bytes | None = None
 
 
-@dataclass(frozen=True)
-class _Folders:
-    """A job in the folder of its unpacked files."""
-
-    job: Job
-    work: str
-    project: Path
-
-
 class PackageOnWorker(WorkerPlugin):
     """Unpacks the files of a suite on every worker, also on one that joins later.
 
@@ -62,7 +54,7 @@ class PackageOnWorker(WorkerPlugin):
         self.name = f"navfw-{package.key}"
         self.identity = worker_identity()
         self.folder = Path()
-        self.idle: list[WorkerPool[_Folders, RemoteResult]] = []
+        self.idle: list[WorkerPool[Job, RemoteResult]] = []
 
     def setup(self, worker: Worker) -> None:
         """Unpack the files in the worker's own folder; its profiler would only see it wait."""
@@ -85,18 +77,15 @@ class PackageOnWorker(WorkerPlugin):
         if process.daemon:  # as Dask's nanny starts it; a daemon may have no processes of its own
             process.daemon = False
         pool = self.idle.pop() if self.idle else self._new_pool()
-        unpacked = _Folders(self.package.unpacked(job, self.folder), self.work, self.folder)
         try:
-            for _, result in pool.run([unpacked]):
-                return RemoteResult(result) if isinstance(result, WorkerFailure) else result
+            ((_, result),) = pool.run([self.package.unpacked(job, self.folder)])
         finally:
             self.idle.append(pool)
-        raise AssertionError("a pool answers every job")
+        return RemoteResult(result) if isinstance(result, WorkerFailure) else result
 
-    def _new_pool(self) -> WorkerPool[_Folders, RemoteResult]:
-        pool: WorkerPool[_Folders, RemoteResult]
-        pool = WorkerPool(_work_in_folder, 1, self.limit, memory=self.memory)
-        return pool.__enter__()
+    def _new_pool(self) -> WorkerPool[Job, RemoteResult]:
+        work = partial(_work_in_folder, self.work, self.folder)
+        return WorkerPool(work, 1, self.limit, memory=self.memory).__enter__()
 
 
 def _profiles(worker: Worker) -> list[Any]:
@@ -114,14 +103,14 @@ def drive(name: str, job: Job) -> RemoteResult:
     return result
 
 
-def _work_in_folder(unpacked: _Folders) -> RemoteResult:
+def _work_in_folder(name: str, unpacked: Path, job: Job) -> RemoteResult:
     """In the process of the run: its project is the unpacked one, trusted by who sent it."""
     os.environ[TRUST_VARIABLE] = "1"
-    os.chdir(unpacked.project / "project")
+    os.chdir(unpacked / "project")
     with tempfile.TemporaryDirectory(prefix="navfw-pictures-") as folder:
-        pictures = Path(folder) / unpacked.job.pictures.name
+        pictures = Path(folder) / job.pictures.name
         pictures.mkdir(exist_ok=True)
-        work: Callable[[Job], RunRow] = resolve_name(unpacked.work)
-        row = work(replace(unpacked.job, pictures=pictures))
+        work: Callable[[Job], RunRow] = resolve_name(name)
+        row = work(replace(job, pictures=pictures))
         picture = pictures / Path(row.picture).name if row.picture else None
         return RemoteResult(row, picture.read_bytes() if picture else None)

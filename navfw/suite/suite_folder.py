@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from navfw.config.input_file import is_file, is_folder, read_json_object
 from navfw.errors import ConfigError, InputError
-from navfw.process.atomic import output_place, write_text
+from navfw.process.atomic import output_place, write_text, writing
 from navfw.process.target_lock import TargetInUseError, TargetLock, sweep
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import REPORT, plain_json
@@ -109,9 +109,9 @@ class SuiteFolder:
         default = Path("runs") / f"{plan.suite}-{seeds.start}-{seeds.stop}"
         folder = cls(chosen or default)
         try:
-            with _writing(folder.path):
+            with writing(folder.path):
                 folder = cls(_created(chosen, default))
-            with _writing(folder.path):
+            with writing(folder.path):
                 for place in (folder.path, folder.pictures):
                     sweep(place)
                 folder.lock.acquire()
@@ -151,7 +151,7 @@ class SuiteFolder:
                 self._compare(earlier.get("content", {}), plan.content)
         else:
             self._refuse_foreign()
-        with _writing(self.path):
+        with writing(self.path):
             self.pictures.mkdir(parents=True, exist_ok=True)
         machines = earlier.get("machines", [])
         about = {
@@ -183,7 +183,7 @@ class SuiteFolder:
         aside = next(
             place for number in numbers if not (place := self.path / f"before-{number}").exists()
         )
-        with _writing(aside):
+        with writing(aside):
             aside.mkdir()
             for name in names:
                 (self.path / name).rename(aside / name)
@@ -289,16 +289,6 @@ class SuiteFolder:
     def _write(self, name: str, value: Mapping[str, Any]) -> None:
         text = json.dumps(plain_json(value), indent=2, allow_nan=False)
         write_text(self.path / name, text + "\n")
-
-
-@contextlib.contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    """Within it an OSError becomes an InputError: ``path`` cannot be written."""
-    try:
-        yield
-    except OSError as error:
-        what = f"cannot be written: {error.strerror or error}"
-        raise InputError(what, file=path) from error
 
 
 def _created(chosen: Path | None, default: Path) -> Path:

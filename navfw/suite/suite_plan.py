@@ -166,10 +166,12 @@ def _check_case(
     except MissingExtraError:
         raise
     except InputError as error:
-        if case.variant and _valid_without_variant(suite, index, case, registry):
-            raise suite.located(error, index, None, case.variant) from None
         unknown = isinstance(error, UnknownNameError) and error.what.startswith("family")
-        raise suite.located(error, index, "family" if unknown else None) from None
+        place = index, "family" if unknown else "", ""
+        if case.variant and _valid_without_variant(suite, index, case, registry):
+            place = index, "", case.variant
+        with suite.locating(*place):
+            raise
     file = session.stack_file.absolute()
     case = replace(case, stack=str(file), stack_name=file.stem)
     title = f"entry {case.entry}" + (f", variant {case.variant}" if case.variant else "")
@@ -240,11 +242,8 @@ def stacks_of(suite: Suite, index: int, variant: str = "") -> Mapping[str, Path 
     name = suite.spec.entries[index].stack if of_variant is None else of_variant
     if name is None:
         return {"": None}
-    try:
+    with suite.locating(index, "stack", "" if of_variant is None else variant):
         return stack_files([name])
-    except InputError as error:
-        where = "" if of_variant is None else variant
-        raise suite.located(error, index, "stack", where) from None
 
 
 def stack_files(names: Sequence[str]) -> dict[str, Path]:
@@ -277,23 +276,21 @@ def case_templates(
         yield replace(made, mission_name="cross")
         return
     key = "world" if entry.world is not None else "worlds"
-    try:
+    with suite.locating(index, key):
         if entry.world is not None:
             files = [find("world", entry.world)]
         else:
             files = _world_files(suite, entry.worlds or "", worlds)
-        for file in files:
-            key = "missions" if entry.missions else key
-            for name, mission in _missions(file, entry):
-                yield replace(
-                    blank,
-                    world=str(file.absolute()),
-                    mission=str(mission.absolute()),
-                    world_name=file.parent.name,
-                    mission_name=name,
-                )
-    except InputError as error:
-        raise suite.located(error, index, key) from None
+    with suite.locating(index, "missions" if entry.missions else key):
+        missions = [(file, *mission) for file in files for mission in _missions(file, entry)]
+    for file, name, mission in missions:
+        yield replace(
+            blank,
+            world=str(file.absolute()),
+            mission=str(mission.absolute()),
+            world_name=file.parent.name,
+            mission_name=name,
+        )
 
 
 def _world_files(suite: Suite, named: str, worlds: Path | None) -> list[Path]:

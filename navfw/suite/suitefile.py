@@ -25,13 +25,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from navfw.config.document import KeyPath, YamlDocument, key_text, load_yaml
+from navfw.config.document import KeyPath, YamlDocument, load_yaml
 from navfw.config.lookup import find
 from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
@@ -193,15 +194,12 @@ class Suite:
         variants = {name: spec or VariantSpec() for name, spec in self.spec.variants.items()}
         return variants or {"": VariantSpec()}
 
-    def located(
-        self, error: InputError, index: int, key: str | None = None, variant: str = ""
-    ) -> InputError:
-        """``error`` with the file, line and key of this entry or variant."""
+    def locating(
+        self, index: int, key: str = "", variant: str = ""
+    ) -> AbstractContextManager[None]:
+        """Give errors in the block the file, line and key of this entry or variant."""
         path: KeyPath = ("variants", variant) if variant else ("entries", index)
-        if key is not None:
-            path = (*path, key)
-        line = self.document.line_of(path)
-        return error.located(file=self.document.file, line=line, key=key_text(path))
+        return self.document.locating((*path, key) if key else path)
 
 
 def load_suite(name: str | Path) -> Suite:
@@ -220,7 +218,8 @@ def load_suite(name: str | Path) -> Suite:
     for index, entry in enumerate(spec.entries):
         if entry.title in titles:
             what = f"a second entry called {entry.title!r}; give one of them another name"
-            raise suite.located(ConfigError(what), index)
+            with suite.locating(index):
+                raise ConfigError(what)
         titles[entry.title] = index
     return suite
 

@@ -23,7 +23,7 @@ from navfw.config.lookup import find
 from navfw.config.sqlite_file import check_database
 from navfw.errors import ConfigError, InputError
 from navfw.plugins import Registry
-from navfw.process.atomic import atomic_file, write_text
+from navfw.process.atomic import atomic_file, write_text, writing
 from navfw.recording.provenance import fingerprint
 from navfw.robot import RobotModel
 from navfw.stack.stackfile import StackConfig, load_stack
@@ -70,10 +70,8 @@ class StudyFolder:
             InputError: it cannot be made.
 
         """
-        try:
+        with writing(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot be written: {error.strerror}", file=self.path) from None
         return self.path
 
     def open(self, identity: Mapping[str, Any], *, resume: bool, seed: int) -> optuna.Study:

@@ -171,7 +171,7 @@ def test_a_result_that_cannot_be_written_is_printed(tmp_path: Path) -> None:
     printed = json.loads(ended.stdout)
     assert (printed["outcome"], printed["run_folder"]) == ("timeout", None)
     lines = ended.stderr.splitlines()
-    assert lines[0].endswith("o: result.json cannot be written: File too large")
+    assert lines[0].endswith("o/result.json: cannot be written: File too large")
     assert lines[1] == "navfw: saved: nothing; the result is on stdout"
     assert list(tmp_path.iterdir()) == []
 
@@ -222,5 +222,5 @@ def test_a_full_disk_costs_picture_and_recording_first(small_disk: Path) -> None
     ended = invoke(*WORDS, "--out", small_disk / "full", "--json")
     assert ended.exit_code == 3, ended.output
     assert json.loads(ended.stdout)["command_hash"] == printed["command_hash"]
-    assert "result.json cannot be written: No space left on device" in ended.stderr
+    assert "result.json: cannot be written: No space left on device" in ended.stderr
     assert sorted(file.name for file in small_disk.iterdir()) == ["filler", "o"]
