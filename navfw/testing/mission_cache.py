@@ -265,27 +265,44 @@ def _installed() -> str:
 
 
 class MissionCache:
-    """The runs in ``folder``; ``fresh`` drives all missions, whether they are there or not."""
+    """The runs of this session, and those in ``folder``, if there is one.
 
-    def __init__(self, folder: Path, fresh: bool = False) -> None:
+    ``fresh`` drives all missions, whether they are in the folder or not.
+    """
+
+    def __init__(self, folder: Path | None, fresh: bool = False) -> None:
         self.folder = folder
         self.fresh = fresh
-        self._driven: set[str] = set()
+        self.runs: dict[tuple[object, ...], DrivenRun] = {}
+        self._last: tuple[tuple[object, ...], MissionResult | None] = ((), None)
 
-    def run(self, case: MissionCase) -> tuple[DrivenRun, MissionResult | None]:
-        """The run of ``case``: of the cache, or driven and stored; its result if it was driven.
+    def run(self, case: MissionCase) -> tuple[DrivenRun, MissionResult | None, bool]:
+        """The run of ``case``: of this session, of the folder, or driven and stored.
 
-        Of several processes that need the same run, one drives it, and the others wait for it.
+        Also its result if it is the last one driven, as a recording may be large, and whether it
+        comes from the folder. Of several processes that need the same run, one drives it, and the
+        others wait for it.
 
         Raises:
             InputError: the mission cannot be driven.
 
         """
+        key, stored = case.inputs, False
+        if key not in self.runs:
+            self.runs[key], result = self._stored_or_driven(case)
+            stored = result is None
+            if not stored:
+                self._last = key, result
+        return self.runs[key], self._last[1] if self._last[0] == key else None, stored
+
+    def _stored_or_driven(self, case: MissionCase) -> tuple[DrivenRun, MissionResult | None]:
+        """The run of ``case``, and its result if it was driven now."""
+        if self.folder is None:
+            result = drive(case)
+            return DrivenRun.of(result), result
         inputs = RunInputs.of(case)
-        with self._claimed(inputs.key):
-            stored = None
-            if not self.fresh or inputs.key in self._driven:
-                stored = read_run(self.folder / inputs.key)
+        with self._claimed(self.folder / f"{inputs.key}.claim"):
+            stored = None if self.fresh else read_run(self.folder / inputs.key)
             if stored is not None:
                 with suppress(OSError):
                     os.utime(self.folder / inputs.key)
@@ -293,20 +310,21 @@ class MissionCache:
             with traced_inputs() as files:
                 result = drive(case)
             run = DrivenRun.of(result)
-            self._driven.add(inputs.key)
             if inputs.cover(files, result.session.stack):
-                self._store(inputs.key, run)
+                _store(self.folder / inputs.key, run)
             return run, result
 
     def run_folder(self, case: MissionCase) -> Path | None:
         """The run folder stored with the run of ``case``; None if there is none."""
+        if self.folder is None:
+            return None
         folder = self.folder / f"{RunInputs.of(case).key}{_RUN}"
         return folder if (folder / RESULT).is_file() else None
 
     def keep_run_folder(self, case: MissionCase, folder: Path) -> None:
         """Store a copy of a run folder with the run of ``case``; best effort."""
         key = RunInputs.of(case).key
-        if (self.folder / key).is_dir():
+        if self.folder is not None and (self.folder / key).is_dir():
             with (
                 suppress(InputError, OSError),
                 RunFolder(self.folder / f"{key}{_RUN}") as target,
@@ -316,7 +334,8 @@ class MissionCache:
     def prune(self) -> None:
         """Remove the oldest entries beyond the bounds of the cache."""
         with suppress(OSError):
-            entries = [entry for entry in self.folder.iterdir() if entry.is_dir()]
+            folders = self.folder.iterdir() if self.folder else ()
+            entries = [entry for entry in folders if entry.is_dir()]
             by_age = sorted(entries, key=lambda entry: entry.stat().st_mtime, reverse=True)
             total = 0
             for number, entry in enumerate(by_age):
@@ -324,22 +343,20 @@ class MissionCache:
                 if number >= _MAX_ENTRIES or total > MAX_BYTES:
                     shutil.rmtree(entry, ignore_errors=True)
 
-    def _store(self, key: str, run: DrivenRun) -> None:
-        """Store a run; a cache that cannot be written costs no test."""
-        pattern = re.compile("|".join(re.escape(name) for name in FILES))
-        with (
-            suppress(InputError, OSError),
-            AtomicFolder(self.folder / key, pattern, "cache_dir") as target,
-        ):
-            store_run(run, target.path)
-
     @contextmanager
-    def _claimed(self, key: str) -> Iterator[None]:
-        """Hold the claim to drive the run of ``key``, after waiting for another holder."""
-        claim = TargetLock(self.folder / f"{key}.claim")
+    def _claimed(self, place: Path) -> Iterator[None]:
+        """Hold the claim to drive a run, after waiting for another holder."""
+        claim = TargetLock(place)
         with suppress(InputError, OSError):
             claim.acquire(WAIT)
         try:
             yield
         finally:
             claim.release()
+
+
+def _store(folder: Path, run: DrivenRun) -> None:
+    """Store a run; a cache that cannot be written costs no test."""
+    pattern = re.compile("|".join(re.escape(name) for name in FILES))
+    with suppress(InputError, OSError), AtomicFolder(folder, pattern, "cache_dir") as target:
+        store_run(run, target.path)

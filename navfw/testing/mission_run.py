@@ -43,8 +43,8 @@ class MissionRun(DrivenRun):
 
     case: MissionCase
     folder: Path
+    cache: MissionCache
     cached: bool = False
-    cache: MissionCache | None = None
     driven: list[MissionResult] = field(default_factory=list, repr=False)
 
     def __repr__(self) -> str:
@@ -79,13 +79,13 @@ class MissionRun(DrivenRun):
 
         if self.folder.exists():
             return self.folder
-        kept = None if self.cache is None else self.cache.run_folder(self.case)
+        kept = self.cache.run_folder(self.case)
         with RunFolder(self.folder) as target:
             if kept is not None:
                 shutil.copytree(kept, target.path, dirs_exist_ok=True)
             else:
                 write_run(self.result, target)
-        if self.cache is not None and kept is None:
+        if kept is None:
             self.cache.keep_run_folder(self.case, self.folder)
         return self.folder
 

@@ -37,19 +37,15 @@ import pytest
 from navfw.testing.mission_case import MARKER, MarkerError, MissionCase, cases_of, widened
 
 if TYPE_CHECKING:
-    from navfw.missions.session import MissionResult
-    from navfw.testing.mission_cache import DrivenRun, MissionCache
+    from navfw.testing.mission_cache import MissionCache
     from navfw.testing.mission_run import MissionRun
 
 
 _RUN: pytest.StashKey[MissionRun] = pytest.StashKey()
 """The run of a test, in the stash of its item."""
 
-RUNS: pytest.StashKey[dict[tuple[object, ...], DrivenRun]] = pytest.StashKey()
-"""The runs of the session by the inputs of their cases, in the stash of its configuration."""
-
-_LAST: pytest.StashKey[tuple[tuple[object, ...], MissionResult]] = pytest.StashKey()
-_CACHE: pytest.StashKey[MissionCache | None] = pytest.StashKey()
+CACHE: pytest.StashKey[MissionCache] = pytest.StashKey()
+"""The runs of the session, in the stash of its configuration."""
 
 
 _MISSION = "mission"
@@ -226,8 +222,9 @@ def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
     # the temporary folder of the session; under xdist, that of the worker
     temporary: pytest.TempPathFactory = config._tmp_path_factory  # type: ignore[attr-defined]
     parent = Path(keep) if keep else temporary.mktemp("mission", numbered=True)
+    cache = _cache_of(config)
     try:
-        run, result, cached = _driven(config, case)
+        run, result, cached = cache.run(case)
     except InputError as error:
         pytest.fail(f"the mission cannot be driven: {error}", pytrace=False)
     folder, results = parent / case.folder_name, [] if result is None else [result]
@@ -236,7 +233,7 @@ def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
         case=case,
         folder=folder,
         cached=cached,
-        cache=_cache_of(config),
+        cache=cache,
         driven=results,
     )
     item.stash[_RUN] = driven
@@ -246,39 +243,15 @@ def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
     return driven
 
 
-def _driven(
-    config: pytest.Config, case: MissionCase
-) -> tuple[DrivenRun, MissionResult | None, bool]:
-    """The run of ``case``, its result if that is the last one driven, whether it was cached."""
-    from navfw.testing.mission_cache import DrivenRun, drive
-
-    runs, key = config.stash.setdefault(RUNS, {}), case.inputs
-    result: MissionResult | None = None
-    cached = False
-    if key not in runs:
-        cache = _cache_of(config)
-        if cache is None:
-            result = drive(case)
-            runs[key] = DrivenRun.of(result)
-        else:
-            runs[key], result = cache.run(case)
-            cached = result is None
-        if result is not None:  # only the last one is kept: a recording may be large
-            config.stash[_LAST] = (key, result)
-    last = config.stash.get(_LAST, None)
-    return runs[key], last[1] if last is not None and last[0] == key else None, cached
-
-
-def _cache_of(config: pytest.Config) -> MissionCache | None:
-    """The cache of runs in pytest's cache folder; None if pytest has no cache."""
-    if _CACHE not in config.stash:
+def _cache_of(config: pytest.Config) -> MissionCache:
+    """The runs of this session, and those in pytest's cache folder, if pytest has a cache."""
+    if CACHE not in config.stash:
         from navfw.testing.mission_cache import MissionCache
 
         cache = getattr(config, "cache", None)
         folder = None if cache is None else cache.mkdir("navfw-missions")
-        fresh = config.getoption("mission_fresh")
-        config.stash[_CACHE] = None if folder is None else MissionCache(folder, fresh)
-    return config.stash[_CACHE]
+        config.stash[CACHE] = MissionCache(folder, config.getoption("mission_fresh"))
+    return config.stash[CACHE]
 
 
 @pytest.fixture
@@ -295,7 +268,7 @@ def mission(request: pytest.FixtureRequest) -> MissionRun:
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """Remove what is too much from the cache."""
-    cache = session.config.stash.get(_CACHE, None)
+    cache = session.config.stash.get(CACHE, None)
     if cache is not None:
         cache.prune()
 

@@ -239,8 +239,8 @@ def test_the_fixture_gives_outcome_metrics_path_and_commands(pytester: pytest.Py
             assert mission.metrics.collisions == 0
 
         def test_the_same_run_is_driven_once(self, mission, request):
-            from navfw.testing.pytest_plugin import RUNS
-            assert len(request.config.stash[RUNS]) == 1
+            from navfw.testing.pytest_plugin import CACHE
+            assert len(request.config.stash[CACHE].runs) == 1
     """
     outcomes(pytester, text).assert_outcomes(passed=2)
 
