@@ -127,32 +127,29 @@ class _Record:
 
     def __init__(self, run: SupervisedRun) -> None:
         from navfw.missions.outcome import GoalChecker
-        from navfw.signals import Waypoint
+        from navfw.signals import Pose, Waypoint
 
         goals = [Waypoint(x, y, run.radius, place, "goal", True) for x, y, place in run.goals]
         self._goals: GoalChecker = GoalChecker(goals, run.radius)
         self._touched = 0
-        self._last: tuple[float, float] | None = None
+        self._pose = Pose
+        self._last: Pose | None = None
 
     def take(self, x: float, y: float, touched: int) -> None:
         """Take in a position [m], and the number of bodies in contact there."""
-        from navfw.signals import Pose
-
-        self._last = x, y
+        self._last = self._pose(x, y, 0.0)
         self._touched += touched
-        self._goals.update(Pose(x, y, 0.0))
+        self._goals.update(self._last)
 
     def contradiction(self, outcome: object) -> str:
         """Why a run with this ``outcome`` was not that by the simulator's record; "" if it was."""
-        from navfw.signals import Pose
-
         if outcome != "reached":
             return ""
         if self._touched:
             return "something was touched"
         if self._last is None:
             return "the robot has not moved"
-        return self._goals.missed(Pose(*self._last, 0.0)) or ""
+        return self._goals.missed(self._last) or ""
 
 
 class _Supervisor:

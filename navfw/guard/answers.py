@@ -131,7 +131,9 @@ def degrees(value: Any, what: str, shape: tuple[int, ...]) -> Array:
     """``value`` as an immutable float64 array of that shape, all in [0, 1] up to rounding."""
     result = real(value, what, shape)
     if not are_degrees(result):
-        raise AnswerError(f"{what} has values outside [0, 1]")
+        array(result, what, shape)  # raises where values are not finite
+        span = f"{result.min():g} to {result.max():g}"
+        raise AnswerError(f"{what} has values outside [0, 1]: {span}")
     return result
 
 

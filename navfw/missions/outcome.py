@@ -36,11 +36,6 @@ class Outcome(StrEnum):
         """Whether the mission was accomplished."""
         return self is Outcome.REACHED
 
-    @property
-    def exit_code(self) -> int:
-        """The exit code of ``navfw run``: 0 accomplished, 1 not."""
-        return 0 if self.succeeded else 1
-
 
 class FaultKind(StrEnum):
     """What ended a run with the outcome fault."""

@@ -136,7 +136,7 @@ class Session:
         """
         recorder = RunRecorder(self.description, self.seen) if record else None
         observers = (*observers, *((recorder,) if recorder else ()))
-        before = ProcessState.capture()
+        before = ProcessState()
         stepped = SteppedSession(self, progress, gui=gui, observers=observers, limit=limit)
         with stepped:
             run, replaced = drive_contained(stepped.run, stepped.failed, before)
@@ -348,7 +348,7 @@ class MissionResult:
     @property
     def exit_code(self) -> int:
         """That of ``navfw run``: 0 for an accomplished mission without objections, else 1."""
-        return 1 if self.objections else self.outcome.exit_code
+        return 0 if self.outcome.succeeded and not self.objections else 1
 
     @property
     def _injected(self) -> tuple[str, ...]:

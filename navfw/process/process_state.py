@@ -12,8 +12,7 @@ import random
 import sys
 import threading
 import warnings
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
 from types import BuiltinFunctionType, FunctionType, ModuleType
 from typing import Any
 
@@ -78,60 +77,7 @@ class CodeState:
         return ", ".join(names[:_MAX_NAMES]) + more
 
 
-@dataclass(frozen=True)
-class ProcessState:
-    """Working folder, environment, random generators, warnings, streams, threads, and code."""
-
-    folder: str
-    environment: Mapping[str, str]
-    random: object
-    numpy_random: tuple[Any, ...]
-    warnings: tuple[object, ...]
-    streams: tuple[Any, Any]
-    threads: frozenset[threading.Thread]
-    code: CodeState
-
-    @classmethod
-    def capture(cls) -> ProcessState:
-        """The state now."""
-        return cls(
-            folder=os.getcwd(),  # noqa: PTH109 - a text to compare
-            environment=dict(os.environ),
-            random=random.getstate(),
-            numpy_random=_numpy_random(),
-            warnings=_filters(),
-            streams=(sys.stdout, sys.stderr),
-            threads=frozenset(threading.enumerate()),
-            code=CodeState(),
-        )
-
-    def changes(self) -> list[str]:
-        """What has changed since, each in a few words; the code apart (``CodeState.restore``)."""
-        threads = len(frozenset(threading.enumerate()) - self.threads)
-        has_changed = {
-            "the working folder was changed": os.getcwd() != self.folder,  # noqa: PTH109
-            "the environment was changed": dict(os.environ) != self.environment,
-            "random's global generator was used": random.getstate() != self.random,
-            "numpy's global generator was used": _numpy_random() != self.numpy_random,
-            "the filters of warnings were changed": _filters() != self.warnings,
-            "the standard streams were replaced": (sys.stdout, sys.stderr) != self.streams,
-            f"{threads} thread{'s' * (threads != 1)} left running": threads > 0,
-        }
-        return [what for what, changed in has_changed.items() if changed]
-
-    def restore(self) -> None:
-        """Set back the working folder, the environment, generators, warnings and streams."""
-        os.chdir(self.folder)
-        os.environ.clear()
-        os.environ.update(self.environment)
-        random.setstate(self.random)  # type: ignore[arg-type]
-        np.random.set_state(self.numpy_random)  # noqa: NPY002 - the global one
-        sys.stdout, sys.stderr = self.streams
-        if _filters() != self.warnings:
-            warnings.filters[:] = self.warnings  # type: ignore[index]
-
-
-def _filters() -> tuple[object, ...]:
+def _filters() -> tuple[Any, ...]:
     """The filters of warnings in general.
 
     Libraries add some for categories of their own when they are imported, which may be late.
@@ -139,9 +85,56 @@ def _filters() -> tuple[object, ...]:
     return tuple(entry for entry in warnings.filters if entry[2].__module__ == "builtins")
 
 
+def _set_filters(filters: tuple[Any, ...]) -> None:
+    if _filters() != filters:
+        warnings.filters[:] = filters  # type: ignore[index]
+
+
 def _numpy_random() -> tuple[Any, ...]:
     name, keys, *rest = np.random.get_state(legacy=True)  # noqa: NPY002 - the global one
     return (name, tuple(np.asarray(keys).tolist()), *rest)
+
+
+def _set_environment(variables: Mapping[str, str]) -> None:
+    os.environ.clear()
+    os.environ.update(variables)
+
+
+def _set_streams(streams: tuple[Any, Any]) -> None:
+    sys.stdout, sys.stderr = streams
+
+
+_PARTS: tuple[tuple[str, Callable[[], Any], Callable[[Any], object]], ...] = (
+    ("the working folder was changed", os.getcwd, os.chdir),
+    ("the environment was changed", lambda: dict(os.environ), _set_environment),
+    ("random's global generator was used", random.getstate, random.setstate),
+    ("numpy's global generator was used", _numpy_random, np.random.set_state),
+    ("the filters of warnings were changed", _filters, _set_filters),
+    ("the standard streams were replaced", lambda: (sys.stdout, sys.stderr), _set_streams),
+)
+"""What is said of a part that has changed, how it is read, and how it is set back."""
+
+
+class ProcessState:
+    """Working folder, environment, random generators, warnings, streams, threads, code: as now."""
+
+    def __init__(self) -> None:
+        self._values = [read() for _, read, _ in _PARTS]
+        self._threads = frozenset(threading.enumerate())
+        self.code = CodeState()
+
+    def changes(self) -> list[str]:
+        """What has changed since, each in a few words; the code apart (``CodeState.restore``)."""
+        parts = zip(_PARTS, self._values, strict=True)
+        changed = [what for (what, read, _), value in parts if read() != value]
+        if threads := len(frozenset(threading.enumerate()) - self._threads):
+            changed.append(f"{threads} thread{'s' * (threads != 1)} left running")
+        return changed
+
+    def restore(self) -> None:
+        """Set back the working folder, the environment, generators, warnings and streams."""
+        for (_, _, write), value in zip(_PARTS, self._values, strict=True):
+            write(value)
 
 
 def _entries(modules: Mapping[str, ModuleType]) -> dict[str, _Entry]:

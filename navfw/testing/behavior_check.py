@@ -15,10 +15,12 @@ import numpy as np
 
 from navfw.config.input_file import shown_path
 from navfw.context import Context
-from navfw.errors import PluginError, is_a
+from navfw.errors import PluginError
+from navfw.guard import PluginCallError, PluginGuard
+from navfw.guard.answers import AnswerError
+from navfw.guard.stage_answers import check_proposal
 from navfw.interfaces import Behavior, Composite, Plugin
 from navfw.plugins.verification import source_file, verify
-from navfw.process import PluginTimeout, Watchdog, interrupted
 from navfw.recording.run_folder import plain_json
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Proposal
@@ -124,20 +126,13 @@ def _problems(
 ) -> list[str]:
     """Problems of a plugin; ``run`` gives those in the contexts of a scene, and its ``answers``."""
     verify(cls)
-    robot = robot or RobotModel()
-    watchdog = Watchdog()
-    with watchdog.on_duty():
-        watchdog.begin(f"check of {cls.name}", _TIME)
-        try:
-            return _problems_in_scenes(cls, params, robot, answers, run)
-        except PluginTimeout as error:
-            return [f"{cls.__name__} gave no answer: {error}"]
-        except (SystemExit, KeyboardInterrupt) as error:
-            if is_a(error, KeyboardInterrupt) and interrupted():
-                raise  # by the user
-            return [f"{cls.__name__} raised {type(error).__name__}"]
-        finally:
-            watchdog.end()
+    guard = PluginGuard(_TIME, _TIME)
+    try:
+        with guard.on_duty():
+            arguments = (cls, params, robot or RobotModel(), answers, run)
+            return guard.call(cls.__name__, _problems_in_scenes, *arguments, check=list)
+    except PluginCallError as error:
+        return [str(error)]
 
 
 def _problems_in_scenes(
@@ -242,20 +237,13 @@ def _propose(
 
 
 def _faults(proposal: object, context: Context) -> Iterator[str]:
-    """Problems of a proposal: the checks of MOFIS, and of ranges and reason."""
+    """Problems of a proposal: the first that MOFIS finds, and those of reason and explanation."""
+    try:
+        check_proposal(proposal, context.commands.shape)
+    except AnswerError as error:
+        yield str(error)
     if not isinstance(proposal, Proposal):
-        yield f"propose returned {type(proposal).__name__}, not a Proposal"
         return
-    if not 0.0 <= proposal.applicability <= 1.0:
-        yield f"applicability {proposal.applicability} is not in [0, 1]"
-    for name in ("desirability", "prohibition"):
-        layer = np.asarray(getattr(proposal, name))
-        if layer.shape != context.commands.shape:
-            yield f"{name} has shape {layer.shape}, expected {context.commands.shape}"
-        elif not np.isfinite(layer).all():
-            yield f"{name} has values that are not finite"
-        elif layer.min() < 0.0 or layer.max() > 1.0 + 1e-9:
-            yield f"{name} has values outside [0, 1]: {layer.min():g} to {layer.max():g}"
     if not isinstance(proposal.reason, str) or not proposal.reason.strip():
         yield "the proposal has no reason: give one line of text"
     elif "\n" in proposal.reason:

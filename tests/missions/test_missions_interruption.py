@@ -125,7 +125,7 @@ def test_a_signal_that_python_drops_in_a_finalizer_is_not_lost() -> None:
 
 @pytest.fixture(autouse=True)
 def _set_back() -> Iterator[None]:
-    before = ProcessState.capture()
+    before = ProcessState()
     with warnings.catch_warnings():
         yield
     before.restore()
@@ -142,7 +142,7 @@ CHANGES: dict[str, Callable[[Path], object]] = {
 
 @pytest.mark.parametrize("what", CHANGES)
 def test_a_change_is_told_and_set_back(tmp_path: Path, what: str) -> None:
-    before = ProcessState.capture()
+    before = ProcessState()
     assert before.changes() == []
     CHANGES[what](tmp_path)
     assert before.changes() == [what]
@@ -152,7 +152,7 @@ def test_a_change_is_told_and_set_back(tmp_path: Path, what: str) -> None:
 
 
 def test_threads_left_running_are_counted() -> None:
-    before = ProcessState.capture()
+    before = ProcessState()
     over = threading.Event()
     with ThreadPoolExecutor(2) as threads:
         for _ in range(2):
@@ -166,13 +166,13 @@ def test_filters_for_a_library_s_own_category_are_no_change() -> None:
     class OwnWarning(UserWarning):
         """Of a library."""
 
-    before = ProcessState.capture()
+    before = ProcessState()
     warnings.simplefilter("always", OwnWarning)
     assert before.changes() == []
 
 
 def test_replaced_functions_are_named_and_set_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = ProcessState.capture().code
+    before = ProcessState().code
     limit, body = SafetyMonitor.limit, SafetyMonitor.update.__code__
     monkeypatch.setattr(SafetyMonitor, "limit", lambda self, twist, time, pose: twist)
     monkeypatch.setattr(SafetyMonitor.update, "__code__", SafetyMonitor.reset.__code__)
