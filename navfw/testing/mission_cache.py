@@ -9,7 +9,6 @@ stored. An entry is JSON and arrays without pickles; one that cannot be read cou
 from __future__ import annotations
 
 import inspect
-import json
 import os
 import re
 import shutil
@@ -23,7 +22,7 @@ from pathlib import Path
 from typing import Any, Self, get_type_hints
 
 import numpy as np
-from pydantic import TypeAdapter
+from pydantic import ConfigDict, create_model
 
 from navfw.config.input_bounds import max_bytes
 from navfw.config.input_file import open_input, read_input_text, traced_inputs
@@ -153,6 +152,16 @@ def drive(case: MissionCase) -> MissionResult:
     return result
 
 
+_FIELDS: Any = {
+    name: (hint, ...)
+    for kind in (DrivenRun, RunLog)
+    for name, hint in get_type_hints(kind).items()
+    if name not in {*_COLUMNS, "log"}
+}
+_PLAIN: Any = create_model("Run", __config__=ConfigDict(ser_json_inf_nan="constants"), **_FIELDS)
+"""All of a run but the columns of its log."""
+
+
 def store_run(run: DrivenRun, folder: Path) -> None:
     """Write a run to ``folder``, all numbers with all digits.
 
@@ -160,45 +169,25 @@ def store_run(run: DrivenRun, folder: Path) -> None:
         OSError: the disk.
 
     """
-    values = {
-        name: _adapter(kind, name).dump_python(
-            getattr(owner, name), mode="json", warnings=False, fallback=lambda item: item.tolist()
-        )
-        for kind, owner in ((DrivenRun, run), (RunLog, run.log))
-        for name in _plain_fields(kind)
-    }
-    (folder / _RUN_FILE).write_text(json.dumps(values), encoding="utf-8")
-    np.savez(folder / _LOG_FILE, **{name: getattr(run.log, name) for name in _COLUMNS})
+    of_log = {f.name: getattr(run.log, f.name) for f in fields(run.log)}
+    plain = _PLAIN.model_construct(**of_log, **vars(run))
+    text = plain.model_dump_json(warnings=False, fallback=lambda item: item.tolist())
+    (folder / _RUN_FILE).write_text(text, encoding="utf-8")
+    np.savez(folder / _LOG_FILE, **{name: of_log[name] for name in _COLUMNS})
 
 
 def read_run(folder: Path) -> DrivenRun | None:
     """The run stored in ``folder``; None if there is none, or it is damaged."""
+    limit = max_bytes("stored run of a test")
     try:
-        values = json.loads(read_input_text(folder / _RUN_FILE, max_bytes("stored run of a test")))
-        with open_input(folder / _LOG_FILE, max_bytes("stored run of a test")) as stream:
+        values = vars(_PLAIN.model_validate_json(read_input_text(folder / _RUN_FILE, limit)))
+        with open_input(folder / _LOG_FILE, limit) as stream:
             columns = np.load(stream, allow_pickle=False)
-            arrays = {name: columns[name] for name in _COLUMNS}
-        log = RunLog(**arrays, **_validated(RunLog, values))
-        return DrivenRun(log=log, **_validated(DrivenRun, values))
-    except Exception:  # numpy, json and pydantic raise errors of many kinds for damaged files
+            of_log = {name: columns[name] for name in _COLUMNS}
+        of_log |= {f.name: values.pop(f.name) for f in fields(RunLog) if f.name in values}
+        return DrivenRun(log=RunLog(**of_log), **values)
+    except Exception:  # numpy and pydantic raise errors of many kinds for damaged files
         return None
-
-
-def _validated(kind: type, values: Mapping[str, object]) -> dict[str, Any]:
-    """Those of ``values`` that are fields of a dataclass."""
-    names = _plain_fields(kind)
-    return {name: _adapter(kind, name).validate_python(values[name]) for name in names}
-
-
-@cache
-def _plain_fields(kind: type) -> tuple[str, ...]:
-    """The fields of a dataclass that are plain data; the others are columns of the log."""
-    return tuple(f.name for f in fields(kind) if f.name not in {*_COLUMNS, "log"})
-
-
-@cache
-def _adapter(kind: type, name: str) -> TypeAdapter[Any]:
-    return TypeAdapter(get_type_hints(kind)[name])
 
 
 WAIT = 900.0
