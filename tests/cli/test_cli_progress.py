@@ -60,11 +60,15 @@ def test_on_a_terminal_the_line_is_replaced_and_gone_at_the_end(
     assert screen.getvalue().endswith("\x1b[2K") or "\x1b[2K" in screen.getvalue()[-20:]
 
 
-def test_a_delay_without_a_kernel_to_compile_says_nothing(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("quiet", [False, True])
+def test_a_delay_without_a_kernel_to_compile_or_with_quiet_says_nothing(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, quiet: bool
 ) -> None:
     monkeypatch.setattr(run, "COMPILING_NOTICE_AFTER", 0.02)
-    with run._RunProgress(quiet=False):
+    monkeypatch.setattr(watchdog, "compiling", lambda: quiet)
+    with run._RunProgress(quiet=quiet) as line:
+        if quiet:
+            line.show(progress(1.0))
         time.sleep(0.2)
     assert capfd.readouterr() == ("", "")
 
@@ -82,17 +86,6 @@ def test_a_long_compilation_is_told_once(
             text += capfd.readouterr().err
         time.sleep(0.2)
     assert capfd.readouterr().err == ""
-
-
-def test_quiet_prints_nothing(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(run, "COMPILING_NOTICE_AFTER", 0.01)
-    monkeypatch.setattr(watchdog, "compiling", lambda: True)
-    with run._RunProgress(quiet=True) as line:
-        line.show(progress(1.0))
-        time.sleep(0.1)
-    assert capfd.readouterr() == ("", "")
 
 
 def test_a_bar_without_a_terminal_is_lines_with_rate_and_time_left(
