@@ -210,6 +210,8 @@ class Fusion(Plugin):
     kind = "fusion"
     needs_proposals: ClassVar[bool] = True
     """If False, no behaviour is asked, and contexts have no local goal."""
+    needs_room: ClassVar[bool] = True
+    """If False, the arcs and ranges of contexts are those of a map that offers no room: 0."""
 
     @abstractmethod
     def fuse(self, context: Context, proposals: Mapping[str, Proposal]) -> Command:

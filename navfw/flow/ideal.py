@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, ClassVar, Protocol
 
+import numba
 import numpy as np
 from pydantic import Field
 
@@ -144,22 +145,31 @@ def nearness_at(points: Array, depth: Floats, camera: CameraModel) -> Array:
     taken.
     """
     height, width = depth.shape
-    x, y = points[..., 0] * (width / camera.width), points[..., 1] * (height / camera.height)
-    column = np.clip(x + 0.5 * width - 0.5, 0.0, width - 1.0)
-    row = np.clip(y + 0.5 * height - 0.5, 0.0, height - 1.0)
-    x0 = np.minimum(np.floor(column).astype(np.int64), width - 2)
-    y0 = np.minimum(np.floor(row).astype(np.int64), height - 2)
-    fx, fy = column - x0, row - y0
-    nearness: Array = 1.0 / depth.astype(np.float64)
-    corners = np.stack(
-        [nearness[y0 + j, x0 + i] for j in (0, 1) for i in (0, 1)],
-        axis=-1,
-    )
-    weights = np.stack([(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy], axis=-1)
-    mixed = np.sum(weights * corners, axis=-1)
-    one = corners.max(axis=-1) <= _ONE_SURFACE * corners.min(axis=-1)
-    chosen = np.take_along_axis(corners, weights.argmax(axis=-1)[..., None], axis=-1)[..., 0]
-    return np.asarray(np.where(one, mixed, chosen))
+    scale = width / camera.width, height / camera.height
+    nearness = _interpolated(1.0 / depth.astype(np.float64), points.reshape(-1, 2), scale)
+    return nearness.reshape(points.shape[:-1])
+
+
+@numba.njit(cache=True)
+def _interpolated(nearness: Array, points: Array, scale: tuple[float, float]) -> Array:
+    """``nearness`` (height, width) at ``points`` (n, 2), times ``scale``, from its middle on."""
+    height, width = nearness.shape
+    values = np.empty(len(points))
+    for n in range(len(points)):
+        column = min(max(points[n, 0] * scale[0] + 0.5 * width - 0.5, 0.0), width - 1.0)
+        row = min(max(points[n, 1] * scale[1] + 0.5 * height - 0.5, 0.0), height - 1.0)
+        i, j = min(int(row), height - 2), min(int(column), width - 2)
+        up, right = row - i, column - j
+        weights = ((1 - right) * (1 - up), right * (1 - up), (1 - right) * up, right * up)
+        corners = nearness[i, j], nearness[i, j + 1], nearness[i + 1, j], nearness[i + 1, j + 1]
+        mixed, best = 0.0, 0
+        for k in range(4):
+            mixed += weights[k] * corners[k]
+            best = k if weights[k] > weights[best] else best
+        # of a hole, where nearness is not a number, the mean is none
+        one = max(corners) <= _ONE_SURFACE * min(corners) and not math.isnan(mixed)
+        values[n] = mixed if one else corners[best]
+    return values
 
 
 def true_vectors(points: Array, nearness: Array, motion: CameraMotion, focal: float) -> Array:

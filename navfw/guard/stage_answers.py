@@ -295,6 +295,11 @@ _CHECKS: Mapping[str, Callable[[Any, str], Any]] = {
 
 def _checked(answer: Any, cls: type[T], **checked: Any) -> T:
     """``answer`` as a ``cls``; fields that are not ``checked`` before are by ``_CHECKS``."""
-    names = {field.name for field in fields(cls)} - checked.keys()  # type: ignore[arg-type]
-    values = {name: _CHECKS[name](getattr(answer, name), name) for name in sorted(names)}
+    names = (name for name in _names_of(cls) if name not in checked)  # type: ignore[arg-type]
+    values = {name: _CHECKS[name](getattr(answer, name), name) for name in names}
     return rebuilt(answer, cls, **values, **checked)
+
+
+@lru_cache
+def _names_of(cls: Any) -> list[str]:
+    return sorted(field.name for field in fields(cls))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, ClassVar, Literal
 
 import cv2
@@ -19,11 +20,10 @@ from gymnasium import spaces
 
 from navfw.context import Context
 from navfw.errors import ConfigError
-from navfw.interfaces import Composite, Fusion, Plugin
+from navfw.interfaces import Composite, Fusion
 from navfw.missions.pilot import TickView
-from navfw.numerics import Array, Image
+from navfw.numerics import Array
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
-from navfw.robot import RobotModel
 from navfw.signals import Command, Label, Pose, Proposal, Twist
 from navfw.stack import Stack
 
@@ -44,10 +44,9 @@ class AgentCommand(Fusion):
 
     name: ClassVar[str] = "agent_command"
     needs_proposals: ClassVar[bool] = False
+    needs_room: ClassVar[bool] = False
 
-    def __init__(self, robot: RobotModel, params: Plugin.Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.reset()
+    twist: Twist = Twist(0.0, 0.0)
 
     def reset(self) -> None:
         """Back to standstill, until the first action."""
@@ -78,13 +77,11 @@ class AgentWeights(Composite):
 
     name: ClassVar[str] = "agent_weights"
 
-    def __init__(self, robot: RobotModel, params: Plugin.Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.reset()
+    weights: Mapping[str, float] = MappingProxyType({})
 
     def reset(self) -> None:
         """Back to full weight for all behaviours, until the first action."""
-        self.weights: Mapping[str, float] = {}
+        self.weights = {}
 
     def weigh(self, context: Context) -> Mapping[str, float]:
         """The agent's weights."""
@@ -130,10 +127,11 @@ def _box(low: float, high: float, *shape: int) -> spaces.Box:
 
 def _clipped(values: Any, box: spaces.Box) -> Array:
     """``values`` as an element of ``box``; what is not a number becomes 0."""
-    values = np.asarray(values)
-    known = np.where(np.isnan(values), 0, values) if box.dtype == np.float32 else values
-    # equal to np.clip, at a third of its cost on arrays of the size of a grid
-    clipped: Array = np.minimum(np.maximum(known, box.low), box.high).astype(box.dtype)
+    clipped: Array = np.array(values, box.dtype)
+    if box.dtype == np.float32:
+        clipped[np.isnan(clipped)] = 0.0
+        # equal to np.clip, at a third of its cost on arrays of the size of a grid
+        np.minimum(np.maximum(clipped, box.low, out=clipped), box.high, out=clipped)
     return clipped
 
 
@@ -276,7 +274,7 @@ class AgentView:
         }
         self.space = spaces.Dict(dict(self._boxes))
 
-    def read(self, tick: TickView, stack: Stack) -> dict[str, Array | Image]:
+    def read(self, tick: TickView, stack: Stack) -> dict[str, Any]:
         """The observation at a tick."""
         values = {
             "waypoint": _waypoint(tick),
@@ -284,7 +282,7 @@ class AgentView:
             **self._kind.read(tick, stack),
         }
         return {
-            name: _clipped(values.get(name, np.zeros(box.shape)), box)
+            name: _clipped(values[name], box) if name in values else np.zeros(box.shape, box.dtype)
             for name, box in self._boxes.items()
         }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,7 +23,7 @@ from navfw.missions.outcome import GoalChecker, Outcome
 from navfw.missions.pilot import TickView
 from navfw.missions.session import Session, SteppedSession
 from navfw.numerics import Image
-from navfw.plugins import Registry, default_registry
+from navfw.plugins import default_registry
 from navfw.signals import Pose
 from navfw.suite.case import Case
 from navfw.suite.suite_plan import with_seed
@@ -43,21 +43,19 @@ _MAX_KEPT = 4
 """Number of sessions that are kept for a reset with the same seed."""
 
 
-@dataclass(frozen=True)
 class Episodes:
-    """Sessions by seed, with an agent in the place of one stage; the same as in a suite."""
+    """Sessions by seed of a family or a world's mission, an agent in the place of one stage.
 
-    case: Case
-    entry: EntrySpec
-    registry: Registry
-    drawn: bool
-    _kept: dict[int, Session] = field(default_factory=dict)
+    They are the same as in a suite.
 
-    @classmethod
-    def of(
-        cls,
+    Raises:
+        InputError: it is neither or both, or one of the names does not exist.
+
+    """
+
+    def __init__(
+        self,
         action: str,
-        *,
         family: str | None,
         difficulty: float | tuple[float, float],
         world: str | None,
@@ -65,39 +63,28 @@ class Episodes:
         stack: str | None,
         changes: Settings,
         drawn: bool,
-    ) -> Episodes:
-        """The episodes of a family, or of a world's mission.
-
-        Raises:
-            InputError: it is neither or both, or one of the names does not exist.
-
-        """
-        if (family is None) == (world is None) or (world is None) != (mission is None):
+    ) -> None:
+        agent, before = ACTIONS[action], () if drawn else UNDRAWN
+        overrides = (*before, *override_texts(changes), f"{agent.kind}={agent.name}")
+        file = "" if stack is None else str(find("stack", stack).absolute())
+        case = Case(0, family or world or "", 0, file, stack or "", "", "", overrides)
+        if family is not None and world is None and mission is None:
+            self._entry = EntrySpec(family=family, difficulty=difficulty)
+            self._case = replace(case, family=family, mission_name="cross")
+        elif family is None and world is not None and mission is not None:
+            self._entry = EntrySpec(world=world)
+            files = [find("world", world).absolute(), find_mission(world, mission).absolute()]
+            case = replace(case, world_name=world, mission_name=Path(mission).stem)
+            self._case = replace(case, world=str(files[0]), mission=str(files[1]))
+        else:
             raise InputError(
                 "expected either a family, or a world and a mission: "
                 'gymnasium.make("navfw/Mission-v0", world="office", mission="lobby-to-lab")'
             )
-        agent = ACTIONS[action]
-        before = () if drawn else UNDRAWN
-        overrides = (*before, *override_texts(changes), f"{agent.kind}={agent.name}")
-        file = "" if stack is None else str(find("stack", stack).absolute())
-        case = Case(0, family or world or "", 0, file, stack or "", "", "", overrides)
-        entry = EntrySpec(world=world, family=family)
-        if family is not None:
-            entry = EntrySpec(family=family, difficulty=difficulty)
-            case = replace(case, family=family, mission_name="cross")
-        elif world is not None and mission is not None:
-            case = replace(
-                case,
-                world=str(find("world", world).absolute()),
-                mission=str(find_mission(world, mission).absolute()),
-                world_name=world,
-                mission_name=Path(mission).stem,
-            )
-        registry = default_registry()
+        self._registry, self._drawn = default_registry(), drawn
         for plugin in ACTIONS.values():
-            registry.register(plugin, "navfw.gym")
-        return cls(case, entry, registry, drawn)
+            self._registry.register(plugin, "navfw.gym")
+        self._kept: dict[int, Session] = {}
 
     def session(self, seed: int) -> Session:
         """The run of ``seed``, which determines the world of a family, and all noise.
@@ -110,10 +97,10 @@ class Episodes:
         """
         parse_seeds(f"{seed}:{seed + 1}")
         if seed not in self._kept:
-            made = with_seed(self.case, self.entry, seed).session(self.registry)
+            made = with_seed(self._case, self._entry, seed).session(self._registry)
             while len(self._kept) >= _MAX_KEPT:
                 del self._kept[next(iter(self._kept))]
-            self._kept[seed] = replace(made, drawn=self.drawn)
+            self._kept[seed] = replace(made, drawn=self._drawn)
         return self._kept[seed]
 
 
@@ -234,16 +221,7 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
                 raise UnknownNameError(what, name, names, key=what)
         self._seeds = parse_seeds(seeds)
         self._weights = RewardWeights.of(reward or {})
-        self._episodes = Episodes.of(
-            action,
-            family=family,
-            difficulty=difficulty,
-            world=world,
-            mission=mission,
-            stack=stack,
-            changes=changes,
-            drawn=drawn,
-        )
+        self._episodes = Episodes(action, family, difficulty, world, mission, stack, changes, drawn)
         self._stack = stack_like = self._episodes.session(self._seeds[0]).stack
         self._view = AgentView(KINDS[observation](stack_like), stack_like)
         self._agent_class = ACTIONS[action]
@@ -268,8 +246,7 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         drawn = int(self.np_random.integers(self._seeds[0], self._seeds[-1], endpoint=True))
         self._seed = drawn if seed is None else seed
         session = self._episodes.session(self._seed)
-        self._run = SteppedSession(session, compiled=self._compiled)
-        self._run.__enter__()
+        self._run = SteppedSession(session, compiled=self._compiled).__enter__()
         self._compiled = True
         self._stack = session.stack
         stages = (self._stack.mofis.fusion, self._stack.mofis.composite)

@@ -9,12 +9,14 @@ from functools import partial
 from types import MappingProxyType
 from typing import Any, TypeVar
 
+import numpy as np
+
 from navfw.context import CommandGrid, Context
 from navfw.guard import PluginCallError, PluginGuard, label_of
 from navfw.guard.answers import items, mapping, nothing
 from navfw.guard.stage_answers import check_command, check_proposal, check_weights
 from navfw.interfaces import Behavior, Composite, Fusion, Plugin
-from navfw.localmap import LocalGoal, LocalMap
+from navfw.localmap import Arcs, LocalGoal, LocalMap, Ranges
 from navfw.robot import RobotModel
 from navfw.signals import (
     Belief,
@@ -127,6 +129,8 @@ class Mofis:
         self._fusion_label = label_of(fusion)
         self._composite_label = "" if composite is None else label_of(composite)
         self._check_proposal = partial(check_proposal, shape=commands.shape)
+        none, nowhere = commands.zeros(), np.zeros(1)
+        self._no_room = Arcs(none, none, none, none[0], 0.0), Ranges(nowhere, nowhere, nowhere, 0.0)
         self.reset()
 
     def reset(self) -> None:
@@ -188,6 +192,10 @@ class Mofis:
             local_goal = self.local_map.local_goal(pose, target, inputs.moving_obstacles)
         previous = None if self._previous is None else self._previous.twist
         driven = previous if inputs.driven is None else inputs.driven
+        arcs, ranges = self._no_room
+        if self.fusion.needs_room:
+            arcs = self.local_map.arcs(pose, commands.v, commands.w)
+            ranges = self.local_map.ranges(pose)
         stalled, idle = self.progress.update(odometry, driven, waypoint, local_goal)
         return Context(
             time=odometry.time,
@@ -197,8 +205,8 @@ class Mofis:
             pose=pose,
             belief=belief,
             percept=inputs.percept,
-            arcs=self.local_map.arcs(pose, commands.v, commands.w),
-            ranges=self.local_map.ranges(pose),
+            arcs=arcs,
+            ranges=ranges,
             waypoint=waypoint,
             local_goal=local_goal,
             previous=self._previous,

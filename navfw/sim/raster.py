@@ -20,10 +20,7 @@ from navfw.numerics.arrays import Floats
 from navfw.numerics.products import product
 from navfw.sim.raster_kernels import cover
 from navfw.sim.raster_shading import shade
-from navfw.sim.textured_mesh import TexturedMesh
-
-_NORMALIZATIONS = 4
-"""TinyRenderer normalises normals at every use; after this many times they are unchanged."""
+from navfw.sim.textured_mesh import MeshArrays, TexturedMesh
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +51,7 @@ class RenderRequest(NamedTuple):
 
 @dataclass(slots=True)
 class _Body:
-    points: Floats
-    normals: Floats
-    uvs: Floats
-    corners: npt.NDArray[np.int32]
+    mesh: MeshArrays
     texture: int
     model: Floats
 
@@ -114,18 +108,7 @@ class Raster:
         turn: Sequence[float] = (0.0, 0.0, 0.0, 1.0),
     ) -> int:
         """Add a body at ``position`` [m] with orientation ``turn`` (x, y, z, w); returns its id."""
-        normals = np.array(mesh.normals, np.float32)
-        for _ in range(_NORMALIZATIONS):
-            x, y, z = normals.T
-            normals = normals * (np.float32(1.0) / np.sqrt(x * x + y * y + z * z))[:, None]
-        self._bodies[self._next] = _Body(
-            points=np.array(mesh.vertices, np.float32),
-            normals=normals,
-            uvs=np.array(mesh.uvs, np.float32),
-            corners=np.array(mesh.indices, np.int32).reshape(-1, 3),
-            texture=texture,
-            model=_model(position, turn),
-        )
+        self._bodies[self._next] = _Body(mesh.arrays, texture, _model(position, turn))
         self._packed = self._shown = None
         self._next += 1
         return self._next - 1
@@ -138,8 +121,8 @@ class Raster:
             index = list(self._bodies).index(body)
             first, end = self._packed.runs[index, 2:]
             self._packed.models[index] = moved.model
-            turned = _turned(moved.normals, moved.model)
-            self._packed.surfaces[first:end, :, :3] = turned[moved.corners]
+            turned = _turned(moved.mesh.normals, moved.model)
+            self._packed.surfaces[first:end, :, :3] = turned[moved.mesh.corners]
 
     def remove(self, body: int) -> None:
         """Remove a body."""
@@ -207,19 +190,22 @@ class Raster:
     def _pack(self) -> _PackedBodies:
         if self._packed is None:
             bodies = list(self._bodies.values())
-            points = np.cumsum([0, *(len(b.points) for b in bodies)])
-            faces = np.cumsum([0, *(len(b.corners) for b in bodies)])
+            points = np.cumsum([0, *(len(b.mesh.points) for b in bodies)])
+            faces = np.cumsum([0, *(len(b.mesh.corners) for b in bodies)])
             runs = np.stack([points[:-1], points[1:], faces[:-1], faces[1:]], axis=1)
-            corners = [b.corners + first for b, first in zip(bodies, points[:-1], strict=True)]
+            corners = [b.mesh.corners + first for b, first in zip(bodies, points[:-1], strict=True)]
             textures = np.repeat([b.texture for b in bodies], np.diff(faces)).astype(np.int64)
             tables, texels = self._all_texels()
             self._packed = _PackedBodies(
-                points=_joined([b.points for b in bodies], (3,)),
+                points=_joined([b.mesh.points for b in bodies], (3,)),
                 corners=np.concatenate([np.empty((0, 3), np.int64), *corners]).astype(np.int32),
                 runs=runs.astype(np.int32),
                 # normal in the map's axes and texture coordinates of every corner
                 surfaces=_joined(
-                    [np.hstack([_turned(b.normals, b.model), b.uvs])[b.corners] for b in bodies],
+                    [
+                        np.hstack([_turned(b.mesh.normals, b.model), b.mesh.uvs])[b.mesh.corners]
+                        for b in bodies
+                    ],
                     (3, 5),
                 ),
                 tables=tables[textures],
@@ -242,25 +228,13 @@ class Raster:
         return self._texels
 
 
-def _surfaces(body: _Body) -> Floats:
-    """(triangles, 3, 5) normal in the map's axes and texture coordinates of every corner."""
-    surfaces: Floats = np.concatenate([_turned(body.normals, body.model), body.uvs], axis=1)
-    return surfaces[body.corners]
-
-
 def _joined(parts: Sequence[Floats], shape: tuple[int, ...]) -> Floats:
     """Concatenated arrays (N, *shape)."""
     return np.concatenate([np.empty((0, *shape), np.float32), *parts])
 
 
 def _singles(values: Array) -> Floats:
-    return np.ascontiguousarray(values).astype(np.float32)
-
-
-def _lengths(vectors: Floats) -> Floats:
-    x, y, z = vectors.T
-    lengths: Floats = np.sqrt(x * x + y * y + z * z)
-    return lengths
+    return np.ascontiguousarray(values, np.float32)
 
 
 def _model(position: Sequence[float], turn: Sequence[float]) -> Floats:

@@ -63,9 +63,7 @@ class ReferenceRenderer(BulletConnection):
     def draw(self, request: RenderRequest) -> tuple[Image, npt.NDArray[np.float32], float]:
         """RGB (height, width, 3), depth buffer (height, width), and the wall time spent [s]."""
         width, height = request.size
-        view, projection = (
-            matrix.T.ravel().tolist() for matrix in (request.view, request.projection)
-        )
+        view, projection = (m.T.ravel().tolist() for m in (request.view, request.projection))
         begun = time.perf_counter()
         _, _, rgba, raw, _ = self._call(
             "getCameraImage",

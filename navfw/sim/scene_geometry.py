@@ -72,11 +72,13 @@ class DistanceField:
 
     def at(self, x: float, y: float) -> float:
         """The length [m] from a point [m], interpolated between the cells; within about 2 %."""
-        from scipy.ndimage import map_coordinates
-
-        x0, y0 = self.grid.origin
-        cell = (np.array([[y - y0], [x - x0]]) / self.grid.cell) - 0.5
-        return float(map_coordinates(self.lengths, cell, order=1, mode="nearest")[0])
+        (x0, y0), cell, (rows, columns) = self.grid.origin, self.grid.cell, self.lengths.shape
+        up = min(max((y - y0) / cell - 0.5, 0.0), rows - 1.0)
+        right = min(max((x - x0) / cell - 0.5, 0.0), columns - 1.0)
+        i, j = min(int(up), rows - 2), min(int(right), columns - 2)
+        (a, b), (c, d) = self.lengths[i : i + 2, j : j + 2].tolist()
+        low, high = a + (right - j) * (b - a), c + (right - j) * (d - c)
+        return float(low + (up - i) * (high - low))
 
 
 class SceneGeometry:
@@ -88,6 +90,7 @@ class SceneGeometry:
         self.bounds = bounds
         self.solids = solids
         self._graphs: dict[float, tuple[ConfigurationSpaceGrid, Indices, object]] = {}
+        self._fields: dict[tuple[float, float, float], DistanceField] = {}
 
     @classmethod
     def from_world(cls, world: WorldSpec, robot_height: float = 0.4) -> SceneGeometry:
@@ -212,7 +215,7 @@ class SceneGeometry:
         return _length(path), path
 
     def distance_field(self, goal: tuple[float, float], radius: float) -> DistanceField:
-        """The lengths of the shortest ways to ``goal`` for a robot of ``radius`` [m].
+        """The lengths of the shortest ways to ``goal`` for a robot of ``radius`` [m]; kept.
 
         Raises:
             WorldError: the robot is too large for this world.
@@ -221,6 +224,8 @@ class SceneGeometry:
         from scipy.ndimage import distance_transform_edt
         from scipy.sparse.csgraph import dijkstra
 
+        if (*goal, radius) in self._fields:
+            return self._fields[*goal, radius]
         grid, numbers, graph = self._search_graph(radius)
         lengths = np.full(numbers.shape, np.inf)
         goal_cell = _free_cell(grid, numbers, *goal)
@@ -229,7 +234,8 @@ class SceneGeometry:
         rows, columns = distance_transform_edt(
             ~np.isfinite(lengths), return_distances=False, return_indices=True
         )
-        return DistanceField(grid, lengths[rows, columns])
+        field = self._fields[*goal, radius] = DistanceField(grid, lengths[rows, columns])
+        return field
 
     def _grid_path(
         self, start: tuple[float, float], goal: tuple[float, float], radius: float

@@ -43,8 +43,8 @@ from navfw.sim.worldspec import TextureSpec, WalkerSpec, WorldSpec
 
 _MAX_SINGLE = 24
 """With more boxes and cylinders than this, they are merged by texture and area."""
-_KEPT_WORLDS = 4
-"""Number of worlds whose surfaces are kept."""
+_KEPT_WORLDS = 8
+"""Number of worlds whose surfaces are kept, up to 5 MB each: one for each of some environments."""
 _known_surfaces: dict[str, tuple[tuple[str, TexturedMesh, PartBounds], ...]] = {}
 _COVER_DISTANCE = 0.003
 """Distance [m] of a textureless cover from the surface that it hides."""

@@ -91,12 +91,7 @@ def wall_segments(wall: WallSpec) -> list[Segment]:
     last = len(points) - 2
     fill = 0.5 * wall.thickness
     return [
-        Segment(
-            start,
-            end,
-            fill if i > 0 or closed else 0.0,
-            fill if i < last or closed else 0.0,
-        )
+        Segment(start, end, *(fill if closed or inner else 0.0 for inner in (i > 0, i < last)))
         for i, (start, end) in enumerate(pairwise(points))
     ]
 

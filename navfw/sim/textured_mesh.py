@@ -11,11 +11,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from navfw.numerics import Array, products
+from navfw.numerics.arrays import Floats
 from navfw.sim.textures import TILE
 
 Span = tuple[float, float]
@@ -23,6 +25,19 @@ Span = tuple[float, float]
 
 _MAX_PATCH = 2.0
 """Largest edge of a patch [m]."""
+
+
+_NORMALIZATIONS = 4
+"""TinyRenderer normalises normals at every use; after this many times they are unchanged."""
+
+
+class MeshArrays(NamedTuple):
+    """``points`` and ``normals`` (n, 3), ``uvs`` (n, 2); ``corners`` (triangles, 3) of points."""
+
+    points: Floats
+    normals: Floats
+    uvs: Floats
+    corners: npt.NDArray[np.int32]
 
 
 @dataclass(slots=True)
@@ -38,6 +53,20 @@ class TexturedMesh:
     uvs: list[list[float]] = field(default_factory=list)
     indices: list[int] = field(default_factory=list)
     shifts: list[list[float]] = field(default_factory=list)
+    _kept: MeshArrays | None = field(default=None, init=False, compare=False)
+
+    @property
+    def arrays(self) -> MeshArrays:
+        """The arrays that images are drawn from; kept as long as nothing is added."""
+        if self._kept is None or self._kept.corners.size != len(self.indices):
+            normals = np.array(self.normals, np.float32)
+            for _ in range(_NORMALIZATIONS):
+                x, y, z = normals.T
+                normals = normals * (np.float32(1.0) / np.sqrt(x * x + y * y + z * z))[:, None]
+            points, uvs = np.array(self.vertices, np.float32), np.array(self.uvs, np.float32)
+            corners = np.array(self.indices, np.int32).reshape(-1, 3)
+            self._kept = MeshArrays(points, normals, uvs, corners)
+        return self._kept
 
     @property
     def arguments(self) -> dict[str, list[Any]]:
@@ -142,17 +171,15 @@ def box_mesh(size: tuple[float, float, float], shift: Array) -> TexturedMesh:
     x, y, z = (0.5 * s for s in size)
     mesh = TexturedMesh()
     ex, ey, ez = np.eye(3)
-    up = split_positions(size[2])
-    for corner, right, length in (
-        ((-x, -y, -z), ex, size[0]),
-        ((x, -y, -z), ey, size[1]),
-        ((x, y, -z), -ex, size[0]),
-        ((-x, y, -z), -ey, size[1]),
+    columns, rows, levels = (split_positions(length) for length in size)
+    for corner, right, up, across, above in (
+        ((-x, -y, -z), ex, ez, columns, levels),
+        ((x, -y, -z), ey, ez, rows, levels),
+        ((x, y, -z), -ex, ez, columns, levels),
+        ((-x, y, -z), -ey, ez, rows, levels),
+        ((-x, -y, z), ex, ey, columns, rows),
     ):
-        mesh.add_face(np.array(corner), right, ez, split_positions(length), up, shift)
-    mesh.add_face(
-        np.array([-x, -y, z]), ex, ey, split_positions(size[0]), split_positions(size[1]), shift
-    )
+        mesh.add_face(np.array(corner), right, up, across, above, shift)
     return mesh
 
 
