@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -24,7 +23,7 @@ from navfw.suite.paired_comparison import (
 )
 from navfw.suite.run_journal import RunRow
 from navfw.suite.suite_folder import SuiteFolder
-from navfw.suite.suite_summary import summarize, summary_table
+from navfw.suite.suite_summary import equal_configurations, summarize, summary_table
 
 _MAX_PICTURES = 400
 """Largest number of embedded pictures of a suite: about 10 MB. Of other runs there are links."""
@@ -63,10 +62,6 @@ class RunLines:
         self._page = page
         self._left = _MAX_PICTURES
         self.damaged: list[str] = []
-
-    def of(self, rows: Iterable[RunRow]) -> list[RunLine]:
-        """The lines of ``rows``; the first ones get the embedded pictures."""
-        return [self.line(row) for row in rows]
 
     def line(self, row: RunRow) -> RunLine:
         """The line of one run."""
@@ -121,7 +116,7 @@ def suite_report(folder: SuiteFolder, page: Path) -> tuple[str, list[str]]:
     lines = RunLines(folder, page)
     failed = [row for row in rows if not row.succeeded]
     groups = [  # the most frequent first
-        (cause, lines.of(row for row in failed if row.failure == cause))
+        (cause, [lines.line(row) for row in failed if row.failure == cause])
         for cause in summary["causes"]
     ]
     reached = [row for row in rows if row.succeeded]
@@ -134,8 +129,9 @@ def suite_report(folder: SuiteFolder, page: Path) -> tuple[str, list[str]]:
         columns=table.head,
         table=table.rows,
         died=summary["died"],
+        equal=equal_configurations(rows),
         groups=groups,
-        reached=lines.of(reached[:_MAX_REACHED]),
+        reached=[lines.line(row) for row in reached[:_MAX_REACHED]],
         more=max(0, len(reached) - _MAX_REACHED),
         several_stacks=len({row.configuration for row in rows}) > 1,
     )
@@ -192,9 +188,9 @@ def comparison_report(
             for letter, name, suite in zip("AB", names, suites, strict=True)
         ],
         several="by_configuration" in comparison,
-        pairs=comparison["pairs"],
         unpaired=comparison["unpaired"],
         numbers=comparison_rows(comparison),
+        pairs=pairs,
         groups=[
             (name, note, [(of_a.line(pair.a), of_b.line(pair.b)) for pair in changed_pairs])
             for name, note, changed_pairs in (

@@ -37,7 +37,7 @@ from .suite_plan import plan_runs as plan_runs
 from .suite_run import SuiteResult as SuiteResult
 from .suite_run import engine_or_processes as engine_or_processes
 from .suite_run import run_suite as run_suite
-from .suite_summary import markdown_summary as markdown_summary
+from .suite_summary import brief_table as brief_table
 from .suite_summary import summarize as summarize
 from .suitefile import EntrySpec as EntrySpec
 from .suitefile import Expect as Expect

@@ -76,7 +76,9 @@ def _row_of(case: Case, result: MissionResult) -> RunRow:
         plugin_faults=len(result.objections),
         cause=_cause(result),
         sct=sct(good, time, shortest, spec.robot.max_v),
-        barn_score=barn_score(good, result.metrics.traversal_s, spec.success.reference or shortest),
+        barn_score=None
+        if spec.success.reference is None
+        else barn_score(good, result.metrics.traversal_s, spec.success.reference),
     )
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from statistics import median
+from statistics import fmean, median
 from typing import Any
 
 from navfw.errors import InputError, UnknownNameError
 from navfw.process.result_table import shown
 from navfw.suite.run_journal import RunKey, RunRow
-from navfw.suite.run_statistics import mcnemar_exact, median_interval, paired_interval
+from navfw.suite.run_statistics import MIN_RUNS, mcnemar_exact, median_interval, paired_interval
 
 _SPL_CHANGE = 0.1
 """Change of SPL beyond which a run counts as worse, or better, although both runs succeeded."""
@@ -126,11 +126,12 @@ def pair_up(first: Sequence[RunRow], second: Sequence[RunRow]) -> list[RunPair]:
 def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[str, Any]:
     """The paired comparison of two tables, B minus A; plain data.
 
-    ``p`` is that of McNemar's exact test on success. ``spl_difference`` is the median over all
-    pairs; ``time_difference_s`` and ``time_ratio`` are medians over the pairs in which both runs
-    succeeded. All differences have an interval of 95 %, None for too few pairs. ``lost``,
-    ``worse``, ``gained`` and ``better`` list the runs of ``PairedChanges``. With several variants
-    in both tables, or several stacks, ``by_configuration`` has the same of each.
+    ``p`` is that of McNemar's exact test on success. ``spl_a``, ``spl_b`` and ``spl_difference``
+    are medians over all pairs, ``mean_spl_a`` and ``mean_spl_b`` means; ``time_difference_s`` and
+    ``time_ratio`` are medians over the pairs in which both runs succeeded. Differences of success
+    and of medians have an interval of 95 %, None for too few pairs. ``lost``, ``worse``, ``gained``
+    and ``better`` list the runs of ``PairedChanges``. With several variants in both tables, or
+    several stacks, ``by_configuration`` has the same of each.
 
     Raises:
         InputError: no run is in both tables.
@@ -163,8 +164,10 @@ def _numbers(pairs: Sequence[RunPair]) -> dict[str, Any]:
         "success_a": success_a,
         "success_b": success_b,
         "success_difference": success_b - success_a,
-        "success_interval": paired_interval(lost, gained, count),
+        "success_interval": paired_interval(lost, gained, count) if count >= MIN_RUNS else None,
         "p": mcnemar_exact(lost, gained),
+        "mean_spl_a": fmean(pair.a.spl or 0.0 for pair in pairs),
+        "mean_spl_b": fmean(pair.b.spl or 0.0 for pair in pairs),
         "spl_a": median(pair.a.spl or 0.0 for pair in pairs),
         "spl_b": median(pair.b.spl or 0.0 for pair in pairs),
         "spl_difference": median(pair.spl_difference for pair in pairs),
@@ -205,35 +208,32 @@ def comparison_rows(compared: Mapping[str, Any]) -> list[tuple[str, str, str, st
 
 
 def _pair_rows(compared: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
-    """Success, SPL, time where there are some, and collisions of pairs."""
+    """Success, SPL, time where there are some, and collisions of pairs; of equal runs one line."""
+    if compared["same_commands"] == compared["pairs"]:
+        count = str(compared["pairs"])
+        return [("runs", count, count, "the same commands in all of them")]
+
+    def line(name: str, key: str, form: str, by: str, unit: str = "") -> tuple[str, str, str, str]:
+        a, b = (shown(compared[key.format(side)], form, unit) for side in "ab")
+        return name, a, b, by
+
     success = _difference(
         compared["success_difference"], compared["success_interval"], 100.0, 1, " %"
     )
+    only = f"only B {len(compared['gained'])}, only A {len(compared['lost'])}"
+    mean = f"{compared['mean_spl_b'] - compared['mean_spl_a']:+.3f}"
+    spl = _difference(compared["spl_difference"], compared["spl_interval"], 1.0, 3)
+    chance = f"McNemar exact p = {compared['p']:.3g}"
     rows = [
-        (
-            "success",
-            shown(compared["success_a"], ".1%"),
-            shown(compared["success_b"], ".1%"),
-            f"{success}; only B {len(compared['gained'])}, only A {len(compared['lost'])};"
-            f" McNemar exact p = {compared['p']:.3g}",
-        ),
-        (
-            "SPL",
-            f"{compared['spl_a']:.3f}",
-            f"{compared['spl_b']:.3f}",
-            f"median {_difference(compared['spl_difference'], compared['spl_interval'], 1.0, 3)}",
-        ),
+        line("success", "success_{}", ".1%", f"{success}; {only}; {chance}"),
+        line("mean SPL", "mean_spl_{}", ".3f", mean),
+        line("median SPL", "spl_{}", ".3f", f"median {spl}"),
     ]
-    if compared["both_reached"]:
-        times = _difference(
-            compared["time_difference_s"], compared["time_interval_s"], 1.0, 1, " s"
-        )
-        note = f"median {times} in {compared['both_reached']} pairs of successes"
-        rows.append(
-            ("time", f"{compared['time_a_s']:.1f} s", f"{compared['time_b_s']:.1f} s", note)
-        )
-    rows.append(("collisions", str(compared["collisions_a"]), str(compared["collisions_b"]), ""))
-    return rows
+    if count := compared["both_reached"]:
+        time = _difference(compared["time_difference_s"], compared["time_interval_s"], 1.0, 1, " s")
+        note = f"median {time} in {count} pairs of successes"
+        rows.append(line("median time", "time_{}_s", ".1f", note, "s"))
+    return [*rows, line("collisions", "collisions_{}", "", "")]
 
 
 def _difference(

@@ -10,6 +10,10 @@ _BARN_SPEED = 2.0
 """The BARN challenge's reference speed [m/s]: OT is the path's length divided by it."""
 
 
+MIN_RUNS = 5
+"""Number of runs, or pairs, below which an interval is no use, and none is given."""
+
+
 def wilson(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
     """Wilson's score interval of a proportion (Wilson 1927); (0, 1) without runs.
 

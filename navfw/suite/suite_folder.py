@@ -34,7 +34,7 @@ from navfw.suite.run_journal import (
     write_table,
 )
 from navfw.suite.suite_plan import SuitePlan
-from navfw.suite.suite_summary import markdown_summary
+from navfw.suite.suite_summary import brief_table
 
 if TYPE_CHECKING:
     from navfw.suite.suite_frame import SuiteFrame
@@ -219,7 +219,7 @@ class SuiteFolder:
         """Replace the table and the summary."""
         write_table(self.table, rows)
         self._write(SUMMARY, summary)
-        write_text(self.path / _MARKDOWN, markdown_summary(summary))
+        write_text(self.path / _MARKDOWN, brief_table(summary).markdown())
 
     def tidy(self) -> None:
         """Remove the folder of pictures if it is empty."""

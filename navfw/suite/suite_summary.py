@@ -12,7 +12,7 @@ from navfw.missions.outcome import Outcome
 from navfw.process.result_table import Column, ResultTable, named, shown
 from navfw.suite.failure_causes import Cause
 from navfw.suite.run_journal import RunRow
-from navfw.suite.run_statistics import mcnemar_exact, wilson
+from navfw.suite.run_statistics import MIN_RUNS, mcnemar_exact, wilson
 from navfw.suite.suitefile import Expect
 
 ENOUGH = 0.9
@@ -26,11 +26,12 @@ def summarize(rows: Sequence[RunRow], expect: Mapping[str, Expect] | None = None
     """The summary of all runs, and of each entry under ``by_entry``; plain data.
 
     ``success`` is a proportion with its Wilson interval (95 %). SPL, SCT and the BARN score are
-    means over all runs, 0 for failures. ``collisions`` is the number of collisions,
-    ``collision_rate`` the share of runs with one, ``collisions_by_robot`` the number of runs in
-    which the robot moved into the object, ``died`` the number of runs whose process ended without a
-    result, ``plugin_faults`` the number of objections to the runs.
-    ``mean_time_s`` is over the successful runs, ``cpu_time_s`` a mean, ``memory_mb`` the largest.
+    means over all runs, 0 for failures; the latter is None where no mission has a reference path.
+    ``collisions`` is the number of collisions, ``collision_rate`` the share of runs with one,
+    ``collisions_by_robot`` the number of runs in which the robot moved into the object, ``died``
+    the number of runs whose process ended without a result, ``plugin_faults`` the number of
+    objections to the runs. ``mean_time_s`` is over the successful runs, ``cpu_time_s`` a mean,
+    ``memory_mb`` the largest.
     Numbers that no run has are None. With more than one stack, ``by_stack`` has the summary of
     each, and ``by_hazard`` that of the runs in worlds with each hazard. Entries in ``expect`` have
     ``expect``, the number of runs that ``passed``, and whether the entry ``passes``. With variants,
@@ -109,7 +110,7 @@ def _numbers(rows: Sequence[RunRow]) -> dict[str, Any]:
     arrived = [row for row in rows if row.succeeded]
     hit = [row for row in rows if row.collisions]
     low, high = wilson(len(arrived), count)
-    failed = [row for row in rows if not row.succeeded]
+    scored = any(row.barn_score is not None for row in rows)  # the benchmark has a reference path
     return {
         "missions": count,
         "reached": len(arrived),
@@ -121,39 +122,46 @@ def _numbers(rows: Sequence[RunRow]) -> dict[str, Any]:
         "collisions_by_robot": sum(row.collision_cause == "robot" for row in hit),
         "died": sum(row.died for row in rows),
         "plugin_faults": sum(row.plugin_faults or 0 for row in rows),
-        "spl": _mean(row.spl or 0.0 for row in rows),
-        "sct": _mean(row.sct or 0.0 for row in rows),
-        "mean_time_s": _mean(_given(row.sim_time_s for row in arrived)),
-        "min_clearance_m": min(_given(row.min_clearance_m for row in rows), default=None),
-        "estimate_error_m": _median(_given(row.estimate_error_m for row in rows)),
-        "localized_after_m": _median(_given(row.localized_after_m for row in rows)),
-        "lost_s": _mean(_given(row.lost_s for row in rows)),
-        "confidently_wrong_s": _mean(_given(row.confidently_wrong_s for row in rows)),
-        "route_changes": _mean(_given(row.route_changes for row in rows)),
-        "barn_score": _mean(row.barn_score or 0.0 for row in rows),
-        "cpu_time_s": _mean(_given(row.cpu_time_s for row in rows)),
-        "memory_mb": max(_given(row.memory_mb for row in rows), default=None),
-        "real_time_factor": _median(_given(row.real_time_factor for row in rows)),
+        "spl": _reduced(row.spl or 0.0 for row in rows),
+        "sct": _reduced(row.sct or 0.0 for row in rows),
+        "mean_time_s": _reduced(row.sim_time_s for row in arrived),
+        "min_clearance_m": _reduced((row.min_clearance_m for row in rows), min),
+        "estimate_error_m": _reduced((row.estimate_error_m for row in rows), median),
+        "localized_after_m": _reduced((row.localized_after_m for row in rows), median),
+        "lost_s": _reduced(row.lost_s for row in rows),
+        "confidently_wrong_s": _reduced(row.confidently_wrong_s for row in rows),
+        "route_changes": _reduced(row.route_changes for row in rows),
+        "barn_score": _reduced((row.barn_score or 0.0 for row in rows) if scored else ()),
+        "cpu_time_s": _reduced(row.cpu_time_s for row in rows),
+        "memory_mb": _reduced((row.memory_mb for row in rows), max),
+        "real_time_factor": _reduced((row.real_time_factor for row in rows), median),
         "outcomes": _counts(row.outcome for row in rows),
-        "causes": _counts(row.failure for row in failed),
+        "causes": _counts(row.failure for row in rows if not row.succeeded),
     }
+
+
+def equal_configurations(rows: Sequence[RunRow]) -> list[list[str]]:
+    """The variants, or stacks, that drove the same commands in the same runs, with their equals."""
+    driven: dict[str, dict[tuple[str, str, str, int], str]] = {}
+    for row in rows:
+        driven.setdefault(row.configuration, {})[_run(row)] = row.command_hash
+    equal: dict[frozenset[Any], list[str]] = {}
+    for name, commands in driven.items():
+        if all(commands.values()):
+            equal.setdefault(frozenset(commands.items()), []).append(name)
+    return [names for names in equal.values() if len(names) > 1]
 
 
 def _counts(words: Iterable[str]) -> dict[str, int]:
     return dict(sorted(Counter(words).items(), key=lambda item: (-item[1], item[0])))
 
 
-def _given(values: Iterable[float | None]) -> list[float]:
-    return [value for value in values if value is not None]
-
-
-def _mean(values: Iterable[float]) -> float | None:
-    numbers = list(values)
-    return fmean(numbers) if numbers else None
-
-
-def _median(values: Sequence[float]) -> float | None:
-    return median(values) if values else None
+def _reduced(
+    values: Iterable[float | None], by: Callable[[list[float]], float] = fmean
+) -> float | None:
+    """The mean, or what else ``by`` gives, of those that are not None."""
+    numbers = [value for value in values if value is not None]
+    return by(numbers) if numbers else None
 
 
 # --- tables ---------------------------------------------------------------------------------------
@@ -166,11 +174,11 @@ def _columns(digits: int) -> list[Column]:
         Column("runs", "missions"),
         Column("success [95 %]", lambda figures: _success(figures, digits)),
         Column("collided", "collision_rate", share, missing=""),
-        Column("SPL", "spl", ".2f", missing=""),
-        Column("SCT", "sct", ".2f", missing=""),
+        Column("mean SPL", "spl", ".2f", missing=""),
+        Column("mean SCT", "sct", ".2f", missing=""),
         Column("BARN", "barn_score", ".3f", missing=""),
-        Column("time", "mean_time_s", f".{digits}f", "s", missing=""),
-        Column("clearance", "min_clearance_m", ".2f", "m", missing=""),
+        Column("mean time", "mean_time_s", f".{digits}f", "s", missing=""),
+        Column("least clearance", "min_clearance_m", ".2f", "m", missing=""),
         Column("reroutes", "route_changes", ".1f", missing=""),
         Column("lost", "lost_s", f".{digits}f", "s", missing=""),
         Column("wrong", "confidently_wrong_s", f".{digits}f", "s", missing=""),
@@ -178,15 +186,15 @@ def _columns(digits: int) -> list[Column]:
     ]
 
 
-_BRIEF = {"runs", "success [95 %]", "collided", "SPL", "time", "faults"}
+_BRIEF = {"runs", "success [95 %]", "collided", "mean SPL", "mean time", "faults"}
 """The columns of the table in Markdown."""
 
 
 def summary_table(summary: Mapping[str, Any]) -> ResultTable:
     """A row for each entry, then each stack, variant and hazard, then all.
 
-    Without other rows there is one row. ``passes`` is the last column where an entry expects
-    something.
+    Without other rows there is one row. Columns without a value are left out. ``passes`` is the
+    last column where an entry expects something.
     """
     rows = dict(summary["by_entry"])
     for kind in ("stack", "variant", "hazard"):
@@ -197,7 +205,9 @@ def summary_table(summary: Mapping[str, Any]) -> ResultTable:
     columns = [Column("", "name"), *_columns(1)]
     if any("expect" in figures for figures in rows.values()):
         columns.append(Column("passes", _passes))
-    return ResultTable("summary", columns, named(rows))
+    records = named(rows)
+    told = [one for one in columns if one.title == "" or any(map(one.cell, records))]
+    return ResultTable("summary", told, records)
 
 
 def brief_table(summary: Mapping[str, Any]) -> ResultTable:
@@ -217,11 +227,6 @@ def brief_table(summary: Mapping[str, Any]) -> ResultTable:
     return ResultTable("summary", [Column("entry", "name"), *columns], named(rows))
 
 
-def markdown_summary(summary: Mapping[str, Any]) -> str:
-    """``brief_table`` in Markdown."""
-    return brief_table(summary).markdown()
-
-
 def _variant_table(summary: Mapping[str, Any], columns: Sequence[Column]) -> ResultTable:
     entries = list(summary["by_entry"])
     variants = named(summary["by_variant"])
@@ -238,9 +243,11 @@ def _variant_table(summary: Mapping[str, Any], columns: Sequence[Column]) -> Res
 
 
 def _success(figures: Mapping[str, Any], digits: int) -> str:
-    """The share of runs that succeeded, with its interval."""
+    """The share of runs that succeeded, with its interval; of few runs their number."""
     if "skipped" in figures:
         return f"skipped: {figures['skipped']}"
+    if figures["missions"] < MIN_RUNS:
+        return f"{figures['reached']} of {figures['missions']}"
     low, high = (f"{100.0 * figures[key]:.{digits}f}" for key in ("success_low", "success_high"))
     return f"{shown(figures['success'], f'.{digits}%', missing='')} [{low}, {high}]".strip()
 

@@ -20,8 +20,7 @@ setTimeout(async () => {
   const pause = () => new Promise((resolve) => setTimeout(resolve, 300));
   const seen = () => [...panels.map((id) => part(id).toDataURL()),
     part("time").textContent, part("values").textContent, part("link").hash];
-  out.event = part("event").textContent;
-  out.best = part("sum").dataset.best;
+  [out.event, out.best] = [part("event").textContent, part("sum").dataset.best];
   out.at = slider.value;
   const before = seen();
   slider.value = slider.max;
@@ -38,8 +37,7 @@ setTimeout(async () => {
   out.next = parseFloat(part("time").textContent) > parseFloat(out.jumped);
   part("speed").value = "20";
   part("play").click();
-  await pause();
-  await pause();
+  await pause().then(pause);
   out.played = Number(slider.value) > 12;
   out.contrast = CONTRAST;
   out.wide = document.documentElement.scrollWidth - innerWidth;

@@ -35,6 +35,13 @@ setTimeout(async () => {
   filter.dispatchEvent(new Event("input"));
   seen.push(viewer.open, document.getElementById("count").textContent);
   document.body.dataset.seen = seen.join("; ");
+  const sort = document.querySelectorAll("table.runs th.n .sort")[0], table = sort.closest("table");
+  const seeds = () => Array.from(table.tBodies[0].rows, (row) => row.dataset.run.split(" ").pop());
+  sort.click();
+  const up = seeds().join(" ");
+  sort.click();
+  document.body.dataset.sorted = `${up}, ${seeds().join(" ")}`;
+  document.body.dataset.points = document.querySelector("canvas").dataset.points;
 }, 500);
 """
 """Opens a run's pictures, goes to the next run, closes them, and looks for runs with seed 5."""
@@ -76,7 +83,7 @@ def test_failures_come_first_by_cause_with_their_pictures(suite: Path) -> None:
     done = invoke("report", suite)
     assert (done.exit_code, done.stdout) == (0, f"report: {suite / 'report.html'}\n")
     page = (suite / "report.html").read_text(encoding="utf-8")
-    heads = re.findall(r"<h2>(.+?)</h2>", page)
+    _, *heads = re.findall(r"<h2>(.+?)</h2>", page)
     assert heads == ["2 x stuck: standstill", "1 x collided: drove_into", "2 x reached"]
     runs = re.findall(r'data-run="([^"]+)"', page)
     assert [run.rpartition(" ")[2] for run in runs] == ["5", "4", "2", "1", "3"]
@@ -103,7 +110,8 @@ def test_in_a_browser_a_click_shows_the_picture(suite: Path, tmp_path: Path) -> 
     seen = seen_in_browser(suite / "report.html", PROBE, tmp_path / "profile")
     first, second = "rooms / rooms-5 / cross, seed 5", "rooms / rooms-4 / cross, seed 4"
     expected = f"true; {first}; 640; {second}; false; 1 of 5"
-    assert (seen.body, seen.console) == (f'<body data-seen="{expected}">', [])
+    after = 'data-sorted="4 5, 5 4" data-points="5"'
+    assert (seen.body, seen.console) == (f'<body data-seen="{expected}" {after}>', [])
 
 
 @pytest.fixture
@@ -121,7 +129,7 @@ def test_two_suites_stand_side_by_side(suite: Path, later: Path) -> None:
     assert comparison == invoke("report", suite, later, "--text").stdout.rstrip("\n")
     assert comparison.startswith("5 pairs, 0 unpaired runs\n")
     page = (later / "comparison.html").read_text(encoding="utf-8")
-    heads = re.findall(r"<h2>(.+?)</h2>", page)
+    _, *heads = re.findall(r"<h2>(.+?)</h2>", page)
     assert heads == ["Lost: 1", "Worse: 1", "Gained: 2", "Better: 0", "Failed in both: 1"]
     assert page.count("data:image/webp;base64,") == 6
     assert 'href="../a/pictures/run-2.png"' in page
@@ -130,6 +138,7 @@ def test_two_suites_stand_side_by_side(suite: Path, later: Path) -> None:
     difference = re.search(r"success .*\((.+)\)", shown)
     assert difference is not None
     assert f"<td>{difference[1]}</td>" in page
+    assert re.search(r"mean SPL +0.360 -> 0.460  \(\+0.100\)\nmedian SPL +0.000 -> 0.500 ", shown)
     assert f"reports    {suite / 'table.md'}" not in shown
 
 
@@ -148,7 +157,7 @@ def test_two_variants_of_a_suite_stand_side_by_side(ablations: Path) -> None:
     assert (done.exit_code, done.stderr) == (0, "")
     page = (ablations / "comparison.html").read_text(encoding="utf-8")
     assert f"{ablations}, default and {ablations}, paper" in page
-    assert re.findall(r"<h2>(.+?)</h2>", page)[:2] == ["Lost: 2", "Worse: 0"]
+    assert re.findall(r"<h2>(.+?)</h2>", page)[1:3] == ["Lost: 2", "Worse: 0"]
     assert "<th>stack</th>" not in page
 
 
@@ -159,16 +168,16 @@ def test_suites_with_variants_are_compared_variant_by_variant(
     suites = (write_suite(tmp_path / "before", before), ablations)
     assert invoke("report", *suites).exit_code == 0
     page = (ablations / "comparison.html").read_text(encoding="utf-8")
-    numbers = re.findall(r"<tr><td>(.+?)</td><td>(.+?)</td><td>(.+?)</td>", page)
+    numbers = re.findall(r"<tr><td>(.+?)</td><td.*?>(.+?)</td><td.*?>(.+?)</td>", page)
     assert numbers[0] == ("success", "100.0 %", "66.7 %")
     assert numbers[-4] == ("default: success", "100.0 %", "100.0 %")
-    assert numbers[-3] == ("default: SPL", "0.900", "0.900")
+    assert numbers[-3] == ("default: mean SPL", "0.900", "0.900")
     assert numbers[-2] == ("paper: success", "100.0 %", "33.3 %")
     assert re.findall(r'data-run="([^"]+)"', page) == [
         f"rooms / rooms-{seed} / cross, seed {seed}, paper" for seed in (2, 3)
     ]
     shown = invoke("report", "--text", *suites).stdout
-    assert "paper: success   100.0 % -> 33.3 %" in shown
+    assert "paper: success    100.0 % -> 33.3 %" in shown
     assert "lost: rooms / rooms-2 / cross, seed 2, paper (stuck" in shown
 
 
@@ -183,7 +192,23 @@ def test_in_a_browser_a_click_shows_both_pictures(suite: Path, later: Path, tmp_
     seen = seen_in_browser(later / "comparison.html", PROBE, tmp_path / "profile")
     first, second = "rooms / rooms-1 / cross, seed 1", "rooms / rooms-2 / cross, seed 2"
     expected = f"true; {first}; 640+640; {second}; false; 1 of 5"
-    assert (seen.body, seen.console) == (f'<body data-seen="{expected}">', [])
+    after = 'data-sorted="1, 1" data-points="5"'
+    assert (seen.body, seen.console) == (f'<body data-seen="{expected}" {after}>', [])
+
+
+def test_equal_stacks_say_so_in_one_line(tmp_path: Path) -> None:
+    runs = [(name, seed) for name in ("default", "paper") for seed in (1, 2)]
+    rows = [row(n, variant=name, command_hash="a1", barn_score=None) for name, n in runs]
+    folder = write_suite(tmp_path / "a", rows)
+    assert invoke("report", folder).exit_code == 0
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "default, paper: the same commands in all runs." in page
+    assert ">2 of 2<" in page, "two runs have no interval"
+    assert ">BARN<" not in page
+    words = ("--text", "--variant-a", "default", "--variant-b", "paper")
+    shown = invoke("report", folder, folder, *words).stdout.splitlines()
+    assert shown[1] == "runs       2 -> 2  (the same commands in all of them)"
+    assert shown[2].startswith("reports")
 
 
 def test_better_runs_are_those_worse_the_other_way_round() -> None:

@@ -20,9 +20,9 @@ from navfw.suite import (
     Case,
     RunRow,
     SuiteFolder,
+    brief_table,
     compare_tables,
     load_suite,
-    markdown_summary,
     of_variant,
     plan_runs,
     run_suite,
@@ -109,15 +109,15 @@ def test_the_summary_is_per_variant_and_overall() -> None:
 
 def test_the_markdown_table_has_a_row_per_variant_and_a_column_per_entry() -> None:
     summary = {**summarize(rows()), "skipped": {"navground": "needs | navground"}}
-    lines = markdown_summary(summary).splitlines()
-    head = "| variant | runs | success [95 %] | collided | SPL | time | faults | p | rooms |"
-    assert lines[0] == head
+    lines = brief_table(summary).markdown().splitlines()
+    head = "variant | runs | success [95 %] | collided | mean SPL | mean time | faults | p | rooms"
+    assert lines[0] == f"| {head} |"
     assert lines[2] == "| default | 8 | 100 % [68, 100] | 0 % | 0.90 | 20 s | 0 |  | 100 % |"
     assert lines[3].startswith("| paper | 8 | 25 % [7, 59] | 0 % |")
     assert "| 0.031 | 25 % |" in lines[3]
     assert lines[4].startswith(r"| navground | 0 | skipped: needs \| navground |")
     assert len({line.replace(r"\|", "").count("|") for line in lines}) == 1
-    plain = markdown_summary(summarize([row(1), row(2, entry="poles")])).splitlines()
+    plain = brief_table(summarize([row(1), row(2, entry="poles")])).markdown().splitlines()
     assert [line.split(" | ")[0] for line in plain[2:]] == ["| rooms", "| poles", "| all"]
 
 
@@ -144,7 +144,7 @@ def test_a_suite_writes_the_table_of_variants(tmp_path: Path) -> None:
     assert [row.variant for row in out.rows()][::2] == ["default", "paper", "no-memory"]
     summary = json.loads((out.path / "summary.json").read_text())
     assert list(summary["by_variant"]) == ["default", "paper", "no-memory"]
-    assert (out.path / "table.md").read_text() == markdown_summary(summary)
+    assert (out.path / "table.md").read_text() == brief_table(summary).markdown()
 
 
 def test_all_variants_of_the_shipped_ablations_are_valid() -> None:
