@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from navfw.errors import ConfigError
 from navfw.numerics import Array, Image
-from navfw.perceive.lettering import write, write_key
+from navfw.perceive.lettering import text_width, wrap, write, write_key
 from navfw.recording import channel_list as topics
 from navfw.recording import palette, top_view
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of, recording_in
@@ -37,6 +36,10 @@ _BORDER = 0.4
 _WHITE = "#FFFFFF"
 _PAPER, _INK, _FAINT = (255, 255, 255), (36, 28, 28), (117, 102, 91)
 """Blue, green and red of the background and of letters."""
+_PALE, _COURSE = (229, 222, 217), (178, 114, 0)
+"""Those of courses over time, to come and past."""
+_COURSES_HEIGHT = 150
+"""Least height of the courses over time below the plan [px]; they take what the plan leaves."""
 _TRUE = top_view.Style(_WHITE, palette.ESTIMATE, width=1.6)
 _BELIEVED = top_view.Style(edge=palette.ESTIMATE, width=0.8)
 _PX_PER_PT = 1.25
@@ -67,10 +70,14 @@ class VideoPlan:
         self._world = timeline.outline.shapes()
         self._goals = top_view.goal_marks(goals)
         self._low, self._high = timeline.outline.bounds(_BORDER, timeline.true, np.array(goals))
-        room = np.array([size[0], size[1] - _KEY_HEIGHT])
+        wide, high = self._high - self._low
+        needed = round(size[0] * high / wide) if size[0] / wide >= _SCALES[0] else size[1]
+        below = max(_COURSES_HEIGHT, size[1] - _KEY_HEIGHT - needed)
+        room = np.array([size[0], size[1] - _KEY_HEIGHT - below])
         fitting = float((room / (self._high - self._low)).min())
         self._scale = min(max(fitting, _SCALES[0]), _SCALES[1])
         self._half = 0.5 * room / self._scale
+        self._room = int(room[1])
         self._key = _key(timeline.leaders)
 
     def draw(self, time: float, content: Mapping[str, Any]) -> Image:
@@ -79,8 +86,8 @@ class VideoPlan:
         write_key(image, self._key, (10.0, self._shape[0] - _KEY_HEIGHT + 22.0), 12.0, _INK)
         true = _pose(content, topics.TRUE_POSE)
         believed = _pose(content, topics.POSE)
-        shown = image[: self._shape[0] - _KEY_HEIGHT]
-        canvas = _Canvas(shown, self._corner(true or believed), self._scale)
+        self._draw_courses(image[self._room : self._shape[0] - _KEY_HEIGHT], time)
+        canvas = _Canvas(image[: self._room], self._corner(true or believed), self._scale)
         canvas.image[:] = palette.bgr(palette.FLOOR)
         canvas.draw(self._world)
         if topics.TRANSFORMS in content:
@@ -97,6 +104,26 @@ class VideoPlan:
             if pose is not None:
                 canvas.draw(top_view.robot_shapes(pose, self._radius, 1.4 * self._radius, style))
         return image
+
+    def _draw_courses(self, image: Image, time: float) -> None:
+        """Speed and clearance over the whole run: what is still to come is pale."""
+        run, (high, wide) = self._timeline, image.shape[:2]
+        courses = ("speed [m/s]", run.commands[:, 0]), ("clearance [m]", run.clearance)
+        now = int(np.searchsorted(run.time, time + 1e-6))
+        x = _MARGIN + (wide - 2 * _MARGIN) * run.time / max(run.time[-1], 1e-9)
+        for number, (name, values) in enumerate(courses):
+            top, foot = number * high // 2 + 30, (number + 1) * high // 2 - 6
+            known = np.isfinite(values)
+            least, most = (f(values[known], initial=0.0) for f in (np.min, np.max))
+            y = foot - (foot - top) * (values - least) / max(most - least, 1e-9)
+            last = values[max(now - 1, 0)]
+            said = f"{name} {last:.2f}" if np.isfinite(last) else name
+            write(image, said, (_MARGIN, top - 10.0), _LETTERS, _INK)
+            cv2.line(image, (_MARGIN, foot), (wide - _MARGIN, foot), _PALE, 1)
+            for shown, ink in ((known, _PALE), (known & (np.arange(len(x)) < now), _COURSE)):
+                points = np.column_stack([x, y])[shown] * (1 << _SHIFT)
+                lines = [np.rint(points).astype(np.int32)]
+                cv2.polylines(image, lines, False, ink, 2, cv2.LINE_AA, _SHIFT)
 
     def _corner(self, pose: Pose | None) -> Array:
         """The lower left corner [m] of the part of the world around ``pose``."""
@@ -211,10 +238,8 @@ def _pose(content: Mapping[str, Any], topic: str) -> Pose | None:
 
 _TEXT_HEIGHT = 240
 """Height of the text below the camera's image [px]."""
-_LETTERS, _LINE = 14.0, 20
+_LETTERS, _LINE = 15.0, 22
 """Size of letters, and distance of lines [px]."""
-_LETTER_WIDTH = 0.57
-"""Mean width of a letter over its size."""
 _MARGIN = 12
 
 
@@ -272,19 +297,22 @@ def _write_text(panel: Image, top: int, time: float, content: Mapping[str, Any])
     command = content.get(topics.COMMAND, {})
     leader = command.get("leader", "")
     drive = f"v {command['v']:+.2f} m/s   w {command['w']:+.2f} rad/s" if command else "no command"
-    y = top + 26
-    write(panel, f"{time:5.1f} s", (_MARGIN, y), 17.0, _INK, bold=True)
+    y, width = top + 28, panel.shape[1] - 2 * _MARGIN
+    write(panel, f"{time:.1f} s", (_MARGIN, y), 18.0, _INK, bold=True)
     color = palette.bgr(palette.behavior_color(leader))
-    cv2.rectangle(panel, (100, y - 13), (114, y + 1), color, cv2.FILLED)
-    write(panel, leader or "no behaviour", (120.0, y), 17.0, _INK, bold=True)
-    write(panel, drive, (330.0, y), _LETTERS, _FAINT)
-    letters = int((panel.shape[1] - 2 * _MARGIN) / (_LETTER_WIDTH * _LETTERS))
-    reason = textwrap.wrap(command.get("reason", ""), letters, max_lines=2, placeholder=" ...")
+    cv2.rectangle(panel, (100, y - 14), (114, y), color, cv2.FILLED)
+    write(panel, leader or "no behaviour", (122.0, y), 18.0, _INK, bold=True)
+    write(
+        panel, drive, (panel.shape[1] - _MARGIN - text_width(drive, _LETTERS), y), _LETTERS, _FAINT
+    )
+    y += 4
     sentence = content.get(topics.PERCEPT, {}).get("sentence", "")
-    seen = textwrap.wrap(sentence, letters, max_lines=5, placeholder=" ...")
-    for line, ink in (*((text, _FAINT) for text in reason), *((text, _INK) for text in seen)):
-        y += _LINE
-        write(panel, line, (_MARGIN, y), _LETTERS, ink)
+    for text, most, ink in ((command.get("reason", ""), 2, _FAINT), (sentence, 5, _INK)):
+        lines = wrap(text, _LETTERS, width)
+        cut = [f"{lines[most - 1]} ..."] if len(lines) > most else lines[most - 1 : most]
+        for line in (*lines[: most - 1], *cut):
+            y += _LINE
+            write(panel, line, (_MARGIN, y), _LETTERS, ink)
     key = [(name, palette.bgr(color)) for name, color in palette.camera_key()]
     write_key(panel, key, (float(_MARGIN), panel.shape[0] - 14.0), 12.0, _INK)
 
