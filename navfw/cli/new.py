@@ -14,6 +14,10 @@ from navfw.scaffold.part_kinds import PARTS
 _Name = Annotated[
     str, typer.Argument(metavar="NAME", help="Its name: slow_down for code, east-wing for files.")
 ]
+_STARTS = PARTS["behavior"].starts
+_Start = Annotated[
+    str, typer.Option(metavar="START", help=f"What it begins as: {', '.join(_STARTS)}.")
+]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -21,7 +25,8 @@ def add_to(app: typer.Typer) -> None:
     group = command_group("Begin a project, or a part of one.")
     group.command()(project)
     for kind, part in PARTS.items():
-        group.command(kind, help=f"{part.help} They go into the current project.")(_writer(kind))
+        write = _behavior if kind == "behavior" else _writer(kind)
+        group.command(kind, help=f"{part.help} They go into the current project.")(write)
     app.add_typer(group, name="new")
 
 
@@ -30,23 +35,34 @@ def project(
 ) -> None:
     """Write a project: behaviour, rules, stack, world, map, mission and tests.
 
-    All of it passes. Nothing that exists is overwritten.
+    All of it passes. Nothing that exists is overwritten. The project is trusted: its plugins are
+    those just written.
     """
+    from navfw.config.trust_file import TrustFile
     from navfw.scaffold.new_files import write_project
 
     written = write_project(folder)
-    typer.echo(f"wrote {folder}:")
+    TrustFile().add(folder.resolve(), folder.stat().st_uid)
+    typer.echo(f"wrote {folder}, and trusts it:")
     typer.echo("".join(f"  {name}\n" for name in written), nl=False)
-    typer.echo(f"next: cd {folder}, then navfw trust . && navfw check && navfw run den next-room")
+    typer.echo(f"next: cd {folder}, then navfw check && navfw run den next-room")
 
 
 def _writer(kind: str) -> Callable[[str], None]:
     def write(name: _Name) -> None:
-        from navfw.scaffold.new_files import write_part
-
-        written, then = write_part(kind, name)
-        typer.echo("wrote:")
-        typer.echo("".join(f"  {file}\n" for file in written), nl=False)
-        typer.echo(f"next: navfw check && {then}")
+        _write(kind, name)
 
     return write
+
+
+def _behavior(name: _Name, start: _Start = _STARTS[0]) -> None:
+    _write("behavior", name, start)
+
+
+def _write(kind: str, name: str, start: str = "") -> None:
+    from navfw.scaffold.new_files import write_part
+
+    written, then = write_part(kind, name, start)
+    typer.echo("wrote:")
+    typer.echo("".join(f"  {file}\n" for file in written), nl=False)
+    typer.echo(f"next: navfw check && {then}")

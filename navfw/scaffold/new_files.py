@@ -11,9 +11,9 @@ from __future__ import annotations
 import json
 import keyword
 import re
-import shutil
 from collections.abc import Mapping
 from contextlib import suppress
+from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ from navfw.config.lookup import (
     plugin_folders,
     project_folder,
 )
-from navfw.errors import ConfigError
+from navfw.errors import ConfigError, UnknownNameError
 from navfw.plugins.built_in import BUILT_IN
 from navfw.process.atomic import AtomicFolder, write_text
 from navfw.scaffold.part_kinds import PARTS, NameRule
@@ -37,14 +37,8 @@ from navfw.scaffold.part_kinds import PARTS, NameRule
 TEMPLATES = Path(__file__).parent / "templates"
 """The templates: of a project's files in ``project``, of its parts' in ``parts``."""
 
-_PROJECT = TEMPLATES / "project"
-
-_ENDING = ".template"
 _NOTHING = re.compile(r"(?!)")
 """Matches no name: no file of an existing folder is replaced."""
-
-_HIDDEN = {"gitignore": ".gitignore"}
-"""Files whose name begins with a dot in the project, by their name among the templates."""
 
 
 def write_project(folder: Path) -> list[str]:
@@ -60,51 +54,69 @@ def write_project(folder: Path) -> list[str]:
     if around is not None:
         what = f"is within the project {shown_path(around)}; choose a folder outside of it"
         raise ConfigError(what, file=folder)
-    names = {_name(file): file for file in sorted(_PROJECT.rglob("*")) if file.is_file()}
-    settings = {f".vscode/{name}": content for name, content in _editor_settings().items()}
+    name = re.sub(r"[^a-z0-9]+", "-", folder.name.lower()).strip("-") or "robot"
+    words = {r"\bPROJECT\b": name, r"\bNAVFW\b": _requirement()}
+    texts = _editor_settings()
+    templates = TEMPLATES / "project"
+    for file in (path for path in templates.rglob("*") if path.is_file()):
+        place = file.relative_to(templates).as_posix().removesuffix(".template")
+        texts[place] = _rendered(str(file), words)
     with AtomicFolder(folder, _NOTHING, "DIR") as target:
-        for name, template in names.items():
-            (target.path / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(template, target.path / name)
-        for name, content in settings.items():
-            (target.path / name).parent.mkdir(parents=True, exist_ok=True)
-            text = json.dumps(content, indent=2) + "\n"
-            (target.path / name).write_text(text, encoding="utf-8")
-    return sorted((*names, *settings))
+        for place, text in texts.items():
+            (target.path / place).parent.mkdir(parents=True, exist_ok=True)
+            (target.path / place).write_text(text, encoding="utf-8")
+    return sorted(texts)
 
 
-def _editor_settings() -> dict[str, Any]:
-    """Files of ``.vscode`` with their content: each kind's schema, and where it applies.
+def _requirement() -> str:
+    """How an installer gets this navfw: from where it came, or else from its repository."""
+    installed = distribution("navfw")
+    source = json.loads(installed.read_text("direct_url.json") or "{}")
+    if not source:
+        return f"navfw[sim]=={installed.version}"
+    if control := source.get("vcs_info"):
+        return f"navfw[sim] @ {control['vcs']}+{source['url']}@{control['commit_id']}"
+    if "dir_info" not in source:
+        return f"navfw[sim] @ {source['url']}"
+    urls = dict(url.split(", ") for url in installed.metadata.get_all("Project-URL", []))
+    return f"navfw[sim] @ git+{urls['Homepage']}"  # a folder of this machine: no other has it
+
+
+def _editor_settings() -> dict[str, str]:
+    """Files of ``.vscode`` with their text: each kind's schema, and where it applies.
 
     They are understood by editors with the YAML language server, VS Code's YAML extension first.
     """
-    schemas = {f"schemas/{kind.name}.json": kind.schema() for kind in FILE_KINDS.values()}
+    schemas: dict[str, Any] = {
+        f"schemas/{kind.name}.json": kind.schema() for kind in FILE_KINDS.values()
+    }
     patterns = {f"./.vscode/schemas/{kind.name}.json": kind.pattern for kind in FILE_KINDS.values()}
-    return {"settings.json": {"yaml.schemas": patterns}, **schemas}
+    files = {"settings.json": {"yaml.schemas": patterns}, **schemas}
+    return {f".vscode/{name}": json.dumps(file, indent=2) + "\n" for name, file in files.items()}
 
 
-def _name(template: Path) -> str:
-    """The name of a template's copy, relative to the project."""
-    name = template.relative_to(_PROJECT).as_posix().removesuffix(_ENDING)
-    return _HIDDEN.get(name, name)
+_SPELLINGS: dict[NameRule, tuple[str, str]] = {
+    "hyphenated": (r"[a-z][a-z0-9]*(-[a-z0-9]+)*", "small letters, digits and single hyphens"),
+    "identifier": (r"[a-z][a-z0-9_]*", "a Python identifier in small letters, such as slow_down"),
+}
+"""The pattern of names by their rule, and what it allows."""
 
 
-_HYPHENATED = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
-
-
-def write_part(kind: str, name: str) -> tuple[list[str], str]:
+def write_part(kind: str, name: str, start: str = "") -> tuple[list[str], str]:
     """Write a part of a ``kind`` of ``PARTS``; the files, relative to the project, and what next.
 
-    The name of a mission is ``world/mission``.
+    The name of a mission is ``world/mission``. ``start`` is one of the kind's starts.
 
     Raises:
         ConfigError: the name is none for this kind or is taken, a file exists, or the working
             folder is in no project.
-        UnknownNameError: there is no world of a mission's name.
+        UnknownNameError: there is no world of a mission's name, or no such start.
         InputError: a file cannot be written.
 
     """
     part = PARTS[kind]
+    if (start := start or part.starts[0]) not in part.starts:
+        raise UnknownNameError("start", start, part.starts)
     project = project_folder()
     if project is None:
         what = "is in no project; change into one, or write one by navfw new project DIR"
@@ -113,7 +125,9 @@ def write_part(kind: str, name: str) -> tuple[list[str], str]:
     if name.count("/") != (kind == "mission"):
         expected = "WORLD/NAME, such as office/evening" if kind == "mission" else "no '/'"
         raise ConfigError(f"expected {expected}; got {name!r}", key="NAME")
-    _check_spelling(own, part.rule)
+    pattern, expected = _SPELLINGS[part.rule]
+    if not re.fullmatch(pattern, own) or keyword.iskeyword(own):
+        raise ConfigError(f"expected {expected}; got {name!r}", key="NAME")
     for sort in part.unique:
         taken = _taken(sort, world)
         if own in taken:
@@ -124,6 +138,7 @@ def write_part(kind: str, name: str) -> tuple[list[str], str]:
         "module": re.sub(r"\W", "_", name),
         "class_name": "".join(word.title() for word in own.split("_")),
         "world": world,
+        "start": start,
     }
     if kind == "mission":
         model = _model(world)
@@ -132,20 +147,6 @@ def write_part(kind: str, name: str) -> tuple[list[str], str]:
     words = {word: by.format(**fields) for word, by in part.words.items()}
     _write(project, {name: _rendered(template, words) for name, template in files.items()})
     return sorted(files), part.then.format(**fields)
-
-
-def _check_spelling(name: str, rule: NameRule) -> None:
-    if rule == "hyphenated":
-        if not _HYPHENATED.fullmatch(name):
-            what = "expected small letters, digits and single hyphens, such as east-wing"
-            raise ConfigError(f"{what}; got {name!r}", key="NAME")
-    elif (
-        not (name.isascii() and name.isidentifier() and name == name.lower())
-        or keyword.iskeyword(name)
-        or name.startswith("_")
-    ):
-        what = "expected a Python identifier in small letters, such as slow_down"
-        raise ConfigError(f"{what}; got {name!r}", key="NAME")
 
 
 def _taken(sort: str, world: str) -> dict[str, str]:

@@ -25,6 +25,7 @@ class PartKind:
     in all of them. In both, and in ``then``, the next command, ``{name}`` is the name, ``{module}``
     the name with underscores, ``{class_name}`` that of the class, ``{world}`` the world of a
     mission.
+    ``{start}`` is one of ``starts``, of which the first is taken unless another one is chosen.
     ``unique`` are the sorts of things among which the name must be new.
     """
 
@@ -34,6 +35,7 @@ class PartKind:
     files: Mapping[str, str]
     words: Mapping[str, str]
     then: str
+    starts: tuple[str, ...] = ("",)
 
 
 def _stage(kind: str, what: str) -> PartKind:
@@ -54,16 +56,17 @@ def _stage(kind: str, what: str) -> PartKind:
 
 PARTS: dict[str, PartKind] = {
     "behavior": PartKind(
-        help="Write a behaviour with rules, and a test.",
+        help="Write a behaviour with rules, and a test of what it says.",
         rule="identifier",
         unique=("plugin",),
         files={
-            "behaviors/{name}.py": "project/behaviors/cautious.py.template",
-            "behaviors/{name}.yaml": "project/behaviors/cautious.yaml",
-            "tests/test_{name}.py": "project/tests/test_cautious.py.template",
+            "behaviors/{name}.py": "parts/{start}/behavior.py.template",
+            "behaviors/{name}.yaml": "parts/{start}/rules.yaml",
+            "tests/test_{name}.py": "parts/{start}/test.py.template",
         },
-        words={"cautious": "{name}", "Cautious": "{class_name}"},
+        words=_PART,
         then='navfw run empty straight --set "behaviors.{name}={{}}"',
+        starts=("slow-near", "keep-distance", "prefer-side"),
     ),
     "flow": _stage("flow", "a flow processor"),
     "fusion": _stage("fusion", "a command fusion"),

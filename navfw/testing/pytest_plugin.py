@@ -28,6 +28,7 @@ only when a mission is collected or driven.
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -210,6 +211,23 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
             if wrong[drive]:
                 pytest.fail(f"{where}: {wrong[drive]}", pytrace=False)
     metafunc.parametrize(_MISSION, cases, indirect=True)
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Compile navfw's kernels before the first test that calls them, and say so on stderr."""
+    config, loaded = session.config, "navfw.testing.behavior_check" in sys.modules
+    drives = any(_MISSION in getattr(item, "fixturenames", (_MISSION,)) for item in session.items)
+    if config.option.collectonly or not (drives or loaded):
+        return
+    from navfw.process import CompilationState, compile_kernels
+
+    capture: Any = config.pluginmanager.getplugin("capturemanager")
+
+    def show(state: CompilationState) -> None:
+        with capture.global_and_fixture_disabled():
+            sys.stderr.write(f"\rnavfw: {state.done} of {state.total} kernels compiled, this once")
+
+    compile_kernels(capture and show)
 
 
 def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:

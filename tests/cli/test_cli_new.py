@@ -8,19 +8,20 @@ import os
 import re
 import shlex
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 import yaml
 from cli_calls import invoke, output, put_file, put_files, refusal
-from docs_pages import ROOT, blocks_of
+from docs_pages import ROOT, blocks_of, load_module
+from packaging.requirements import Requirement
 from processes import run
 
 import navfw
 from navfw.plugins import default_registry
 from navfw.scaffold import PARTS
 from navfw.suite import load_suite, plan_runs
-from navfw.testing import check_behavior
 
 NAMES = {
     "behavior": "slow_down",
@@ -40,6 +41,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty working folder, in which all projects are trusted."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("NAVFW_TRUST", "1")
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path.with_name("config")))
     return tmp_path
 
 
@@ -49,7 +51,11 @@ def test_a_new_project_is_sound(folder: Path, monkeypatch: pytest.MonkeyPatch) -
     assert {line.strip() for line in listed} == written
     assert {"navfw.toml", ".gitignore", "behaviors/cautious.py", "README.md"} <= written
     monkeypatch.chdir(folder / "mine")
-    assert output("check") == "5 checked, 0 wrong\n"
+    monkeypatch.delenv("NAVFW_TRUST")
+    assert output("check") == "5 checked, 0 wrong\n", "its plugins are trusted"
+    needs = tomllib.loads(Path("pyproject.toml").read_text())["project"]
+    assert needs["name"] == "mine"
+    assert Requirement(needs["dependencies"][0]).extras == {"sim"}
 
 
 def test_every_file_of_a_new_project_has_its_schema_in_the_editor(folder: Path) -> None:
@@ -136,12 +142,15 @@ def test_the_parts_of_all_kinds_are_sound_together(
     assert output("check") == "19 checked, 0 wrong\n"
 
 
-def test_a_new_behavior_keeps_the_contract(project: Path) -> None:
-    output("new", "behavior", "slow_down")
+@pytest.mark.parametrize("start", PARTS["behavior"].starts)
+def test_a_new_behavior_says_what_its_test_expects(project: Path, start: str) -> None:
+    output("new", "behavior", "slow_down", "--start", start)
     assert "class SlowDown(RuledBehavior):" in (project / "behaviors/slow_down.py").read_text()
-    behavior = default_registry().get("behavior", "slow_down")
-    assert issubclass(behavior, navfw.Behavior)
-    check_behavior(behavior)
+    module = load_module(project / "tests/test_slow_down.py")
+    tests = [test for name, test in vars(module).items() if name.startswith("test_")]
+    assert len(tests) == 3
+    for test in tests:
+        test()
 
 
 @pytest.mark.usefixtures("project")
@@ -194,6 +203,7 @@ def test_a_new_suite_drives_generated_worlds_and_those_of_the_project(project: P
 
 
 WRONG = {
+    ("behavior", "a", "--start", "slow"): "unknown start 'slow': did you mean 'slow-near'?",
     ("behavior", "slow-down"): "NAME: expected a Python identifier in small letters",
     ("flow", "class"): "NAME: expected a Python identifier",
     ("planner", "_hidden"): "NAME: expected a Python identifier",
@@ -214,7 +224,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("part", "message"), WRONG.items(), ids=map(" ".join, WRONG))
-def test_a_wrong_name_is_refused(part: tuple[str, str], message: str, project: Path) -> None:
+def test_a_wrong_name_is_refused(part: tuple[str, ...], message: str, project: Path) -> None:
     before = sorted(project.rglob("*"))
     (said,) = refusal("new", *part).strip().splitlines()
     assert message in said
