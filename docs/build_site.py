@@ -1,7 +1,9 @@
 """Build the site of the documentation, without warnings, into ``dist/site`` or ``--out``.
 
 Its pages are those of this folder, two sections of the README, and pages made here: the Python API
-from docstrings, the options of all commands, the notebook. ``docs/zensical.toml`` has their order::
+from docstrings, the options of all commands, the notebook. The video, the camera's picture and the
+report on the first page are those of a run that is driven for them. ``docs/zensical.toml`` has the
+order of pages::
 
     uv run --group docs python docs/build_site.py
 """
@@ -19,6 +21,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
 import typer
 import typer.cli
 import typer.main
@@ -45,6 +48,30 @@ API_MODULES = {
 }
 """The public modules, each with the heading of its section; a name is shown once."""
 
+SHOWN_RUN = ("paper-room", "--goal", "4.2,2.3", "--seed", "0")
+"""The run that the first page shows: of ten seconds."""
+
+LOOK = """## What it looks like
+
+The camera with flow and the percept, beside the plan; a run of ten seconds:
+
+<video src="shown-run.mp4" poster="shown-run.jpg" controls loop muted style="width: 100%"></video>
+
+Every run has [a report](shown-run.html), one page without a server: its events, every command's
+rating, and the rules behind it.
+
+<iframe src="shown-run.html" title="Report of the run" loading="lazy"
+  style="width: 100%; height: 36rem; border: 1px solid #8888"></iframe>
+
+"""
+"""What the first page shows of that run."""
+
+_RECIPE = re.compile(r"^- \[(.+?)\]\((\.\./examples/.+?)\)$", re.MULTILINE)
+"""A recipe in ``examples``, which the site has not: it shows the text instead."""
+
+WORKER = "https://unpkg.com/iframe-worker/shim"
+"""What the generator's offline search would load from a server, instead of ``file-worker.js``."""
+
 _LINK = re.compile(r"(?<=\]\()(?!https?:)[^)#\s]+")
 
 
@@ -55,12 +82,22 @@ def assemble(folder: Path) -> None:
         DOCS, pages, ignore=shutil.ignore_patterns("*.py", "*.toml", "*.ipynb", "results")
     )
     shutil.copy(DOCS / "zensical.toml", folder)
+    recipes = pages / "recipes.md"
+    recipes.write_text(_RECIPE.sub(_shown, recipes.read_text(encoding="utf-8")), encoding="utf-8")
     made = {**dict(readme_pages()), "python.md": notebook_page(), "api.md": api_page()}
     for source, name in PROJECT_PAGES.items():
         made[name] = _relinked((ROOT / source).read_text(encoding="utf-8"))
     made["options.md"] = options_page()
     for name, text in made.items():
         (pages / name).write_text(text, encoding="utf-8")
+
+
+def _shown(recipe: re.Match[str]) -> str:
+    """A recipe that is a file, with its text."""
+    file = (DOCS / recipe[2]).resolve()
+    language = "python" if file.suffix == ".py" else "yaml"
+    text = file.read_text(encoding="utf-8")
+    return f"### {recipe[1]}\n\n`{file.name}`:\n\n```{language}\n{text}```\n"
 
 
 def readme_pages() -> Iterator[tuple[str, str]]:
@@ -70,7 +107,7 @@ def readme_pages() -> Iterator[tuple[str, str]]:
     by_heading = {section.partition("\n")[0]: section for section in sections}
     for name, heading in README_PAGES.items():
         if name == "index.md":
-            yield name, f"{first}## {by_heading[heading]}"
+            yield name, f"{first}{LOOK}## {by_heading[heading]}"
         else:
             yield name, f"# {by_heading[heading]}"
 
@@ -122,14 +159,44 @@ def _relinked(text: str) -> str:
     return _LINK.sub(on_site, text).replace("[licence](LICENSE)", "licence")
 
 
+def drive(pages: Path) -> None:
+    """Drive ``SHOWN_RUN``, and put its video, a picture of it and its report in ``pages``."""
+    navfw_ = [sys.executable, "-m", "navfw"]
+    video, picture = pages / "shown-run.mp4", pages / "shown-run.jpg"
+    with tempfile.TemporaryDirectory() as made:
+        run = Path(made) / "run"
+        words: list[str | Path] = [
+            *navfw_,
+            "run",
+            *SHOWN_RUN,
+            "--record",
+            "--quiet",
+            "--out",
+            run,
+            "--video",
+            video,
+        ]
+        report: list[str | Path] = [*navfw_, "report", run, "--out", pages / "shown-run.html"]
+        for command in (words, report):
+            subprocess.run(command, check=True)  # noqa: S603 - no shell
+    frames = cv2.VideoCapture(str(video))
+    frames.set(cv2.CAP_PROP_POS_FRAMES, frames.get(cv2.CAP_PROP_FRAME_COUNT) // 2)
+    cv2.imwrite(str(picture), frames.read()[1])
+
+
 def build(out: Path) -> int:
     """Build the site into ``out``, which is replaced; the exit code of the generator."""
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         assemble(folder)
+        drive(folder / "pages")
         command = [sys.executable, "-m", "zensical", "build", "--strict", "--clean"]
         code = subprocess.run(command, cwd=folder, check=False).returncode  # noqa: S603 - no shell
         if code == 0:
+            for page in (folder / "site").rglob("*.html"):
+                up = "../" * (len(page.relative_to(folder / "site").parts) - 1)
+                text = page.read_text(encoding="utf-8").replace(WORKER, f"{up}file-worker.js")
+                page.write_text(text, encoding="utf-8")
             shutil.rmtree(out, ignore_errors=True)
             shutil.copytree(folder / "site", out)
     return code

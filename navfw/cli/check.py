@@ -150,13 +150,8 @@ def _check_data_file(file: Path, registry: Registry) -> Checked:
         file_kind.check_file(file, registry)
     except InputError as reason:
         error = str(reason)
-    return {
-        "name": file.stem,
-        "kind": kind,
-        "source": shown_path(file),
-        "notes": [],
-        "error": error,
-    }
+    row: Checked = {"name": file.stem, "kind": kind, "source": shown_path(file), "notes": []}
+    return row | {"error": error}
 
 
 def data_files(folder: Path) -> list[Path]:

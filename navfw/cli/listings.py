@@ -162,9 +162,8 @@ def _show(kind: FileKind, files: Iterable[NamedFile], nothing: str, *, as_json: 
     from rich.text import Text
 
     def about(row: Row) -> Text:
-        if row["error"] is None:
-            return Text(row["description"])
-        return Text(f"broken: {row['error']}", style="red")
+        broken = row["error"] is not None
+        return Text(f"broken: {row['error']}", style="red") if broken else Text(row["description"])
 
     described = any(about(row) for row in rows)
     cells = [
@@ -198,8 +197,7 @@ def _print_plugins(rows: list[Row]) -> None:
         if row["kind"] != kind:
             kind = row["kind"]
             out.print(Text(f"\n{kind}", style="bold underline"))
-        headline = Text.assemble("  ", (row["name"], "bold"), "  ", (row["source"], "dim"))
-        out.print(headline)
+        out.print(Text.assemble("  ", (row["name"], "bold"), "  ", (row["source"], "dim")))
         if row["error"] is not None:
             out.print(Text(f"    broken: {row['error']}", style="red"))
             continue

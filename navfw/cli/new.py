@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -25,8 +26,7 @@ def add_to(app: typer.Typer) -> None:
     group = command_group("Begin a project, or a part of one.")
     group.command()(project)
     for kind, part in PARTS.items():
-        write = _behavior if kind == "behavior" else _writer(kind)
-        group.command(kind, help=f"{part.help} They go into the current project.")(write)
+        group.command(kind, help=f"{part.help} They go into the current project.")(_writer(kind))
     app.add_typer(group, name="new")
 
 
@@ -42,27 +42,20 @@ def project(
     from navfw.scaffold.new_files import write_project
 
     written = write_project(folder)
-    TrustFile().add(folder.resolve(), folder.stat().st_uid)
-    typer.echo(f"wrote {folder}, and trusts it:")
-    typer.echo("".join(f"  {name}\n" for name in written), nl=False)
+    TrustFile().add(folder.resolve(), os.geteuid())  # not what another owner changes later
+    typer.echo("\n  ".join([f"wrote {folder}, and trusts it:", *written]))
     typer.echo(f"next: cd {folder}, then navfw check && navfw run den next-room")
 
 
-def _writer(kind: str) -> Callable[[str], None]:
-    def write(name: _Name) -> None:
-        _write(kind, name)
+def _writer(kind: str) -> Callable[..., None]:
+    def write(name: _Name, start: _Start = _STARTS[0]) -> None:
+        from navfw.scaffold.new_files import write_part
 
-    return write
+        written, then = write_part(kind, name, start if kind == "behavior" else "")
+        typer.echo("\n  ".join(["wrote:", *written]))
+        typer.echo(f"next: navfw check && {then}")
 
+    def write_only(name: _Name) -> None:
+        write(name)
 
-def _behavior(name: _Name, start: _Start = _STARTS[0]) -> None:
-    _write("behavior", name, start)
-
-
-def _write(kind: str, name: str, start: str = "") -> None:
-    from navfw.scaffold.new_files import write_part
-
-    written, then = write_part(kind, name, start)
-    typer.echo("wrote:")
-    typer.echo("".join(f"  {file}\n" for file in written), nl=False)
-    typer.echo(f"next: navfw check && {then}")
+    return write if kind == "behavior" else write_only

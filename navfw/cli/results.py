@@ -49,9 +49,8 @@ def add(
     for result in collect(source, name, total=total):
         typer.echo(f"{save_result(folder, result)}: {result.command}")
         if result.dirty:
-            print_status(
-                f"navfw: {result.name}: the code had uncommitted changes ({result.revision})"
-            )
+            what = f"the code had uncommitted changes ({result.revision})"
+            print_status(f"navfw: {result.name}: {what}")
 
 
 def write(

@@ -18,11 +18,7 @@ def compile_with_progress(*, loaded: bool = False, quiet: bool = False) -> int:
 
     The bar appears only when something is compiled.
     """
-    from navfw.process import CompilationState, compile_kernels
+    from navfw.process import compile_kernels
 
     with ProgressBar("compiling", "kernels", quiet=quiet, moving=True) as bar:
-
-        def show(state: CompilationState) -> None:
-            bar.update(state.done, state.total, state.now)
-
-        return compile_kernels(show, loaded=loaded)
+        return compile_kernels(lambda s: bar.update(s.done, s.total, s.now), loaded=loaded)

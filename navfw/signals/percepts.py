@@ -117,10 +117,11 @@ class Percept:
     translation no depth is observable (``sees_depth`` is false).
 
     Fuzzy part: ``obstacles`` names per layer the region(s) of the nearest object with their
-    distance term; ``quadrants`` holds for each of P1..P4 the degrees of near / middle / far;
+    distance term; ``quadrants`` holds for each of P1..P4 (counter-clockwise from the upper right)
+    the degrees of near / middle / far; ``planes`` those of P1-P2, P2-P3, P3-P4, P4-P1 being one;
     ``slopes`` the slope code of the left and right plane; ``situations`` the degree of each
-    elementary situation of Table 1; ``sentence`` the paper's report. ``explanation`` is plain data:
-    which rules fired, how strongly, on which numbers.
+    elementary situation of Table 1, among them door, corridor, corner, wall, left wall, right wall,
+    unknown; ``sentence`` the paper's report. ``explanation`` is plain data: which rules fired.
     """
 
     time: float

@@ -46,9 +46,8 @@ class ChangeTrack:
         nearest = np.full(len(points), np.inf)
         for presence in self.presences:
             present = (times >= presence.begin) & (times < presence.end)
-            nearest[present] = np.minimum(
-                nearest[present], presence.shape.distance(points[present])
-            )
+            away = presence.shape.distance(points[present])
+            nearest[present] = np.minimum(nearest[present], away)
         return nearest
 
 
@@ -113,9 +112,8 @@ class WorldChanges:
         wanted |= {solid.name: solid for _, solid in self._obstacles if solid is not None}
         for name in [name for name in self._present if name not in wanted]:
             self._physics.remove_solid(name)
-            self._past.append(
-                Presence(name, self._present.pop(name).shape, self._begins.pop(name), time)
-            )
+            shape, begin = self._present.pop(name).shape, self._begins.pop(name)
+            self._past.append(Presence(name, shape, begin, time))
             self._changed.add(name)
         robot_at = np.array([[robot.x, robot.y]])
         for name, solid in wanted.items():

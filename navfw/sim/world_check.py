@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -99,12 +100,11 @@ def _advice(mark: LandmarkPlateSpec, solids: Sequence[Solid]) -> str:
     flat = [solid for solid in solids if isinstance(solid.shape, Rectangle)]
     if not flat:
         return "set free: true if it stands by itself"
-    away = [float(solid.shape.distance(np.array([mark.at]))[0]) for solid in flat]
-    nearest = int(np.argmin(away))
-    return (
-        f"the nearest is {flat[nearest].name!r}, {max(away[nearest], 0.0):.2f} m away; move it"
-        " there, or set free: true if it stands by itself"
+    away, nearest = min(
+        (float(s.shape.distance(np.array([mark.at]))[0]), i) for i, s in enumerate(flat)
     )
+    what = f"the nearest is {flat[nearest].name!r}, {max(away, 0.0):.2f} m away; move it there"
+    return f"{what}, or set free: true if it stands by itself"
 
 
 def _drops(world: WorldSpec) -> Iterator[Problem]:
@@ -144,11 +144,8 @@ def check_world(
     """
     problems = [*_names(world), *_textures(world), *_bounds(world), *_walls(world), *_doors(world)]
     if not problems:  # the solids are defined only when walls, openings and doors are valid
-        problems = [] if world.may_overlap else list(_overlaps(world))
-        problems += _blocked_paths(world)
-        problems += _sunken_meshes(world)
-        problems += _landmarks(world)
-        problems += _drops(world)
+        checks = (_overlaps, _blocked_paths, _sunken_meshes, _landmarks, _drops)
+        problems = [p for check in checks[world.may_overlap :] for p in check(world)]
     if not problems:
         return
 
@@ -160,14 +157,13 @@ def check_world(
     raise WorldError(message, file=file, line=line(path), key=key_text(path))
 
 
-def _bodies(world: WorldSpec) -> Iterator[tuple[KeyPath, str]]:
+def _bodies(world: WorldSpec) -> Iterator[tuple[KeyPath, Any]]:
     for section in ("walls", "doors", "boxes", "cylinders", "meshes", "movers"):
-        for i, item in enumerate(getattr(world, section)):
-            yield (section, i), item.name
+        yield from (((section, i), item) for i, item in enumerate(getattr(world, section)))
 
 
 def _names(world: WorldSpec) -> Iterator[Problem]:
-    bodies = [((*path, "name"), name) for path, name in _bodies(world)]
+    bodies = [((*path, "name"), item.name) for path, item in _bodies(world)]
     bodies += [(("landmarks", i, "name"), mark.name) for i, mark in enumerate(world.landmarks)]
     bodies += [(("drops", i, "name"), drop.name) for i, drop in enumerate(world.drops)]
     openings: list[tuple[KeyPath, str]] = [
@@ -199,9 +195,7 @@ def _textures(world: WorldSpec) -> Iterator[Problem]:
         for i, drop in enumerate(world.drops)
         for key in ("texture", "walls")
     ]
-    for path, _ in _bodies(world):
-        item = getattr(world, str(path[0]))[path[1]]
-        used.append(((*path, "texture"), item.texture))
+    used += [((*path, "texture"), item.texture) for path, item in _bodies(world)]
     trims = (("skirting", world.skirting), ("door_frames", world.door_frames))
     used += [((key, "texture"), trim.texture) for key, trim in trims if trim is not None]
     for path, name in used:
@@ -260,7 +254,7 @@ def _doors(world: WorldSpec) -> Iterator[Problem]:
 
 def _overlaps(world: WorldSpec) -> Iterator[Problem]:
     solids = solids_of(world)
-    paths = {name: path for path, name in _bodies(world)}
+    paths = {item.name: path for path, item in _bodies(world)}
     # bounding boxes (N, 4): min x, min y, max x, max y; they rule out most pairs
     bounds = np.array([solid.shape.bounds for solid in solids]).reshape(-1, 4)
     for i, solid in enumerate(solids):
@@ -286,10 +280,9 @@ def _sunken_meshes(world: WorldSpec) -> Iterator[Problem]:
         lowest[solid.name] = min(lowest.get(solid.name, math.inf), solid.bottom)
     for i, mesh in enumerate(world.meshes):
         if lowest[mesh.name] < -_SUNKEN:
-            what = (
-                f"{mesh.name!r} reaches {-lowest[mesh.name]:.2f} m below the floor; raise base to"
-            )
-            yield ("meshes", i, "base"), f"{what} {mesh.base - lowest[mesh.name]:.3g}"
+            depth = -lowest[mesh.name]
+            what = f"{mesh.name!r} reaches {depth:.2f} m below the floor; raise base to"
+            yield ("meshes", i, "base"), f"{what} {mesh.base + depth:.3g}"
 
 
 def _blocked_paths(world: WorldSpec) -> Iterator[Problem]:

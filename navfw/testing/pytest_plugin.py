@@ -196,13 +196,10 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         return  # the fixture reports it, with the name of the test
     where = f"{metafunc.definition.nodeid}: @pytest.mark.mission"
     seeds: tuple[int, ...] = metafunc.config.stash[_SEEDS]
-    misuse, cases = "", []
     try:
         cases = list(cases_of(marker, seeds))
     except MarkerError as error:
-        misuse = str(error)
-    if misuse:
-        pytest.fail(f"{where}: {misuse}", pytrace=False)
+        raise pytest.fail.Exception(f"{where}: {error}", pytrace=False) from None
     wrong = metafunc.config.stash[_WRONG]
     for case in (param.values[0] for param in cases):
         drive = (case.world, case.mission, case.stack, case.overrides)
@@ -214,20 +211,15 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Compile navfw's kernels before the first test that calls them, and say so on stderr."""
-    config, loaded = session.config, "navfw.testing.behavior_check" in sys.modules
+    """Compile, before the first test that calls them, the kernels of what is loaded by now."""
+    config, scenes = session.config, "navfw.testing.behavior_check" in sys.modules
     drives = any(_MISSION in getattr(item, "fixturenames", (_MISSION,)) for item in session.items)
-    if config.option.collectonly or not (drives or loaded):
-        return
-    from navfw.process import CompilationState, compile_kernels
+    if (drives or scenes) and not config.option.collectonly:
+        from navfw.cli.warm import compile_with_progress
 
-    capture: Any = config.pluginmanager.getplugin("capturemanager")
-
-    def show(state: CompilationState) -> None:
-        with capture.global_and_fixture_disabled():
-            sys.stderr.write(f"\rnavfw: {state.done} of {state.total} kernels compiled, this once")
-
-    compile_kernels(capture and show)
+        capture = config.pluginmanager.getplugin("capturemanager")
+        with capture.global_and_fixture_disabled() if capture else contextlib.nullcontext():
+            compile_with_progress(loaded=True)
 
 
 def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
@@ -243,8 +235,9 @@ def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
     cache = _cache_of(config)
     try:
         run, result, cached = cache.run(case)
-    except InputError as error:
-        pytest.fail(f"the mission cannot be driven: {error}", pytrace=False)
+    except InputError as error:  # from None, or pytest shows the cause a second time
+        what = f"the mission cannot be driven: {error}"
+        raise pytest.fail.Exception(what, pytrace=False) from None
     folder, results = parent / case.folder_name, [] if result is None else [result]
     driven = MissionRun(
         **vars(run),

@@ -263,42 +263,23 @@ def test_the_next_command_and_the_test_of_a_part_succeed(kind: str, project: Pat
 
 # --- check ---------------------------------------------------------------------------------------
 
-BEHAVIOR = '''
-from typing import ClassVar
-from navfw import Context, Proposal, RuledBehavior
+CAUTIOUS = ROOT / "navfw/scaffold/templates/project/behaviors/cautious"
 
-class {cls}(RuledBehavior):
-    """Keeps its position."""
-    name: ClassVar[str] = "{name}"
 
-    def propose(self, context: Context) -> Proposal:
-        nothing = context.commands.zeros()
-        return Proposal(0.0, nothing, nothing, "nothing to say")
-'''
+def code(name: str) -> str:
+    text = CAUTIOUS.with_suffix(".py.template").read_text(encoding="utf-8")
+    return text.replace("cautious", name).replace("Cautious", name.title())
 
-RULES = """
-name: {name}
-inputs:
-  ahead:
-    range: [0, 3]
-    terms:
-      little: {{trapezoid: [0, 0, 0.5, 1.5]}}
-      plenty: {{trapezoid: [0.5, 1.5, 3, 3]}}
-outputs:
-  speed:
-    range: [0, 1]
-    terms:
-      slow: {{triangle: [0, 0.3, 0.6]}}
-rules:
-  - IF ahead IS little THEN speed IS slow
-"""
 
-COVERING = RULES + "  - IF ahead IS plenty THEN speed IS slow\n"
+def rules(name: str, covering: bool = True) -> str:
+    text = CAUTIOUS.with_suffix(".yaml").read_text(encoding="utf-8").replace("cautious", name)
+    return text if covering else re.sub(r".*IF ahead IS plenty.*\n", "", text)
+
 
 GOOD = {
     "navfw.toml": "",
-    "behaviors/sound.py": BEHAVIOR.format(cls="Sound", name="sound"),
-    "behaviors/sound.yaml": COVERING.format(name="sound"),
+    "behaviors/sound.py": code("sound"),
+    "behaviors/sound.yaml": rules("sound"),
     "stacks/mine.yaml": "base: default\nbehaviors: {sound: }\n",
     "worlds/empty/missions/own.yaml": (
         "map: empty\nstart: [0, 0, 0]\ngoals: [east]\nstack: mine\ntimeout: 30\n"
@@ -307,11 +288,11 @@ GOOD = {
 }
 
 BAD = {
-    "behaviors/lonely.py": BEHAVIOR.format(cls="Lonely", name="lonely"),
-    "behaviors/open.py": BEHAVIOR.format(cls="Open", name="open"),
-    "behaviors/open.yaml": RULES.format(name="open"),
-    "behaviors/typo.py": BEHAVIOR.format(cls="Typo", name="typo"),
-    "behaviors/typos.yaml": COVERING.format(name="typo"),
+    "behaviors/lonely.py": code("lonely"),
+    "behaviors/open.py": code("open"),
+    "behaviors/open.yaml": rules("open", covering=False),
+    "behaviors/typo.py": code("typo"),
+    "behaviors/typos.yaml": rules("typo"),
     "behaviors/_helper.yaml": "",
     "stacks/wrong.yaml": "base: default\nbehaviors: {sound: {wait: 1}}\n",
     "robots/torn.yaml": "radius: wide\n",
@@ -385,8 +366,27 @@ def test_what_a_run_would_refuse_is_refused_and_told_once(project: Path) -> None
     assert done.stdout.count("and 14 more propose returned NoneType, not a Proposal") == 1
 
 
+SLIPS = yaml.safe_load(Path(__file__).with_name("slips.yaml").read_text(encoding="utf-8"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("slip", SLIPS, ids=[slip["slip"] for slip in SLIPS])
+def test_a_slip_gets_one_verdict_with_its_cause_once(slip: dict[str, str], project: Path) -> None:
+    text = (project / slip["file"]).read_text(encoding="utf-8")
+    assert slip["old"] in text
+    put_file(project, slip["file"], text.replace(slip["old"], slip["new"], 1))
+    checked, driven = invoke("check"), invoke("run", "den", "next-room", "--quiet")
+    tested = run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"], cwd=project)
+    said = {"check": checked.output, "run": driven.output, "pytest": tested.stdout}
+    assert all((checked.exit_code, driven.exit_code, tested.returncode)), said
+    assert [by for by, text in said.items() if slip["says"] not in text] == [], said
+    assert len(re.findall(r"^[\w/.-]+(?::\d+)?: ", said["check"], re.MULTILINE)) == 1, said
+
+
 def test_single_files_are_checked_by_their_folder_or_keys(sound: Path) -> None:
-    put_files(sound, BAD | {"elsewhere.yaml": RULES.format(name="open"), "other.yaml": "x: 1\n"})
+    put_files(
+        sound, BAD | {"elsewhere.yaml": rules("open", covering=False), "other.yaml": "x: 1\n"}
+    )
     done = invoke("check", "--json", "elsewhere.yaml", "other.yaml", "behaviors/sound.py", "robots")
     rows = {row["source"]: row for row in json.loads(done.stdout)}
     kinds = [row["kind"] for row in rows.values()]
@@ -398,7 +398,7 @@ def test_single_files_are_checked_by_their_folder_or_keys(sound: Path) -> None:
 
 def test_use_of_the_simulator_is_noted(sound: Path) -> None:
     put_files(sound, {"behaviors/sound.py": SIMULATES})
-    assert "note: behaviors/sound.py:13: imports pybullet" in output("check", "behaviors")
+    assert "note: behaviors/sound.py:34: imports pybullet" in output("check", "behaviors")
 
 
 @pytest.mark.usefixtures("folder")

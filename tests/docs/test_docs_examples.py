@@ -11,13 +11,12 @@ from cli_calls import output
 from docs_pages import PAGES, ROOT, blocks_of, commands, execute, files_of, load_module, table
 from processes import run
 
-from navfw import Behavior, Composite
 from navfw.config import parse_override
 from navfw.missions import MissionResult, Outcome, prepare
 from navfw.plugins import default_registry
 from navfw.scaffold import write_part, write_project
 from navfw.stack import load_stack
-from navfw.testing import check_behavior, check_composite
+from navfw.testing import check_behavior
 from navfw.worldgen import generate
 
 WITH_RUNS = [
@@ -30,7 +29,16 @@ WITH_RUNS = [
 
 @pytest.mark.usefixtures("project")
 def test_the_files_of_all_pages_are_sound() -> None:
+    """Behaviours and composites keep their contracts: ``check`` tries them in scenes."""
     assert int(output("check").split()[-4]) > 15
+
+
+@pytest.mark.parametrize(
+    "file", sorted((ROOT / "examples/duties").glob("*.py")), ids=lambda f: f.stem
+)
+def test_the_recipe_of_a_duty_keeps_the_contract(file: Path) -> None:
+    classes = (value for value in vars(load_module(file)).values() if isinstance(value, type))
+    check_behavior(next(cls for cls in classes if cls.__module__ == file.stem))
 
 
 @pytest.mark.parametrize(("kind", "name"), [("flow", "there_and_back"), ("fusion", "largest_sum")])
@@ -60,23 +68,12 @@ def test_the_pages_show_the_behavior_and_the_world_of_a_new_project(tmp_path: Pa
 
 
 @pytest.mark.usefixtures("project")
-def test_the_behaviour_is_found_and_keeps_the_contract() -> None:
+def test_the_behaviour_is_listed() -> None:
     registry = default_registry()
-    behavior = registry.get("behavior", "cautious")
-    assert issubclass(behavior, Behavior)
-    check_behavior(behavior)
     (listed,) = (row for row in registry.listing("behavior") if row["name"] == "cautious")
     assert [parameter["name"] for parameter in listed["parameters"]] == ["terms", "weight"]
     # the page's files must not hide that a shipped one is broken, nor break one
     assert [row["name"] for row in registry.broken() if "cautious" in row["source"]] == []
-
-
-@pytest.mark.usefixtures("project")
-@pytest.mark.parametrize("name", ["timid", "wary"])
-def test_the_composites_are_found_and_keep_the_contract(name: str) -> None:
-    composite = default_registry().get("composite", name)
-    assert issubclass(composite, Composite)
-    check_composite(composite)
 
 
 @pytest.mark.usefixtures("project")

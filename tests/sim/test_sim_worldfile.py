@@ -75,6 +75,7 @@ AT, PATH, MARK = "at: [2, 2], width", "[[0.5, 3], [1.5, 3]]", "[1.95, 0.7]"
         (AT, "at: [2, 3.8], width", 8, r"openings\[0\].at: .* line of wall 'divider'"),
         ("1.0}", "1.0}\n      - {name: b, at: [2, 2.6], width: 0.5}", 9, "'b' overlaps 'gap'"),
         ("at: [1, 1]", "at: [1.8, 1]", 11, r"boxes\[0\].at: 'crate' overlaps 'divider'"),
+        ("at: [1, 1]", "at: [1e3, 1e3]", 10, r"boxes\[0\]: beyond 20 m, .* millimetres\?"),
         ("at: [1, 1]", "at: [5, 1]", 11, r"boxes\[0\].at: .* lies off the floor"),
         ("name: crate", "name: divider", 10, r"boxes\[0\].name: .* taken by walls\[0\].name"),
         ("[[2, 0], [2, 4]]", "[[2, 0], [2, 9]]", 6, r"walls\[0\].points\[1\]: .* off the floor"),
