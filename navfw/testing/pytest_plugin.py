@@ -214,12 +214,17 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     """Compile, before the first test that calls them, the kernels of what is loaded by now."""
     config, scenes = session.config, "navfw.testing.behavior_check" in sys.modules
     drives = any(_MISSION in getattr(item, "fixturenames", (_MISSION,)) for item in session.items)
-    if (drives or scenes) and not config.option.collectonly:
-        from navfw.cli.warm import compile_with_progress
+    if not (drives or scenes) or config.option.collectonly:
+        return
+    from navfw.process import CompilationState, compile_kernels
 
-        capture = config.pluginmanager.getplugin("capturemanager")
+    capture: Any = config.pluginmanager.getplugin("capturemanager")
+
+    def show(state: CompilationState) -> None:
         with capture.global_and_fixture_disabled() if capture else contextlib.nullcontext():
-            compile_with_progress(loaded=True)
+            sys.stderr.write(f"\rnavfw: {state.done} of {state.total} kernels compiled, this once")
+
+    compile_kernels(show, loaded=True)
 
 
 def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
