@@ -82,7 +82,7 @@ PARTS: dict[str, PartKind] = {
             "maps/{name}.yaml": "project/maps/den.yaml",
             "tests/test_{module}.py": "project/tests/test_next_room.py.template",
         },
-        words={r"\bden\b": "{name}", r"\nstack: careful[^\n]*": "", ', stack="careful"': ""},
+        words={r"\bden\b": "{name}", r"\nstack: careful[^\n]*": ""},
         then="navfw run {name} next-room",
     ),
     "mission": PartKind(
