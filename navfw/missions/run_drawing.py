@@ -54,6 +54,9 @@ class WindowOverlay:
         self._window.follow(pose.x, pose.y)
         self._draw_path(pose)
         self._draw_way()
+        command = self._stack.state.command
+        does = "no command" if command is None else f"{command.leader}: {command.reason}"
+        self._window.say(f"{reading.time:.1f} s  {does}")
 
     def close(self) -> None:
         """The window closes with the simulator."""

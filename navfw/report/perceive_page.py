@@ -40,7 +40,7 @@ class PerceivePage:
         if (self._seen - 1) % self._every:
             return
         moment = {name: result[name] for name in _KEPT}
-        moment["image"] = reduced_source(picture, _WIDTH, _QUALITY)
+        moment["image"] = reduced_source(picture, _WIDTH, quality=_QUALITY)
         self._moments.append(moment)
         if len(self._moments) > _MAX_PICTURES:
             self._every *= 2

@@ -22,23 +22,19 @@ with extra_imports("report"):
 _HERE = Path(__file__).parent
 
 
-def reduced_source(image: Image, width: int, quality: int) -> str:
-    """``image``, gray or BGR, as a data URL in WebP, reduced to ``width`` [px] if it is wider.
+def reduced_source(image: Image, width: int, **options: Any) -> str:
+    """``image`` as a data URL in WebP, reduced to ``width`` [px] if it is wider.
 
-    ``quality`` is that of WebP, up to 100.
+    It is gray, BGR, or BGR with opacity; ``options`` are Pillow's: quality up to 100, or lossless.
     """
     high, wide = image.shape[:2]
     if wide > width:
         size = (width, max(1, round(width * high / wide)))
         image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    return webp_source(image, quality=quality, method=1)  # OpenCV's has three times the time
-
-
-def webp_source(image: Image, **options: Any) -> str:
-    """``image``, gray, BGR or BGR with opacity, as a data URL in WebP, by Pillow's ``options``."""
     code = io.BytesIO()
     shown = image if image.ndim == 2 else image[..., [2, 1, 0, 3][: image.shape[2]]]
-    PillowImage.fromarray(shown).save(code, "WEBP", **options)
+    # OpenCV's has three times the time
+    PillowImage.fromarray(shown).save(code, "WEBP", **{"method": 1, **options})
     return f"data:image/webp;base64,{base64.b64encode(code.getvalue()).decode('ascii')}"
 
 

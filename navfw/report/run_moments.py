@@ -15,7 +15,7 @@ from navfw.numerics import Array, Image
 from navfw.recording import channel_list as topics
 from navfw.recording import palette
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of
-from navfw.report.report_page import reduced_source, webp_source
+from navfw.report.report_page import reduced_source
 from navfw.report.run_timeline import RunEvent, located_damage, planar_pose
 from navfw.signals import Pose
 
@@ -158,7 +158,7 @@ def _moment(
     """The moment of the ``newest`` messages; ``maps`` are pictures of local maps by their time."""
     picture = newest[topics.CAMERA_IMAGE]
     image = image_of(picture, run.path)
-    source = reduced_source(image, _WIDTH, _QUALITY)
+    source = reduced_source(image, _WIDTH, quality=_QUALITY)
     moment = RunMoment(picture.time, source, (image.shape[1], image.shape[0]))
     content = {topic: message.content for topic, message in newest.items()}
     if topics.FLOW in content:
@@ -199,7 +199,7 @@ def _surround(
         time, grid = newest[topics.LOCAL_MAP].time, newest[topics.LOCAL_MAP].content
         picture = local_map_picture(grid)
         if time not in maps:
-            maps[time] = webp_source(picture[::-1], lossless=True)
+            maps[time] = reduced_source(picture[::-1], picture.shape[1], lossless=True)
         at = odom.to_parent(grid.pose.position.x, grid.pose.position.y)
         rows, columns = picture.shape[:2]
         size = grid.cell_size.x * columns, grid.cell_size.y * rows

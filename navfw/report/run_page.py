@@ -64,7 +64,8 @@ def run_report(folder: Path) -> str:
     if is_file(folder / RECORDING):
         content |= _recorded(RecordedRun(recording_in(folder)), result, _places(folder / MAP))
     elif is_file(folder / PICTURE):
-        content["picture"] = _picture(folder / PICTURE)
+        picture = np.asarray(read_image(folder / PICTURE), dtype=np.uint8)
+        content["picture"] = reduced_source(picture, 1600, quality=85)
     return render_page("run_page.html", **content)
 
 
@@ -91,11 +92,6 @@ def _numbers(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     return numbers
 
 
-def _picture(path: Path) -> str:
-    """The picture of a run as a data URL."""
-    return reduced_source(np.asarray(read_image(path), dtype=np.uint8), 1600, 85)
-
-
 def _recorded(
     run: RecordedRun, result: Mapping[str, Any], places: list[tuple[str, float, float]]
 ) -> dict[str, Any]:
@@ -119,15 +115,12 @@ def _recorded(
         names = (*timeline.leaders, *(data["grid"]["names"] if "grid" in data else ()))
         data |= plan_data(shapes, timeline.outline.bounds(0.2, ends), places, names)
         data["discs"] = [(0.0, 0.0, radius)]
-    key = [(shown, palette.behavior_color(name)) for name, shown in _shares(timeline)]
+    leaders = Counter(timeline.leaders)
+    key = [
+        (name, count / leaders.total(), palette.behavior_color(name))
+        for name, count in leaders.most_common()
+    ]
     return {"data": plain_json(data), "complete": run.complete, "key": key}
-
-
-def _shares(timeline: RunTimeline) -> list[tuple[str, str]]:
-    """The leading behaviours, each with its share of the commands."""
-    total = len(timeline.leaders)
-    counts = Counter(timeline.leaders).most_common()
-    return [(name, f"{name or 'standing'} ({count / total:.0%})") for name, count in counts]
 
 
 _ROWS = "time clearance confidence x y believed_x believed_y v w driven_v driven_w"

@@ -93,7 +93,7 @@ class VideoPlan:
         if topics.TRANSFORMS in content:
             odom = planar_pose(content[topics.TRANSFORMS].transforms[0].transform)
             if topics.LOCAL_MAP in content:
-                _draw_local_map(canvas, content[topics.LOCAL_MAP], odom)
+                canvas.lay(content[topics.LOCAL_MAP], odom)
             if topics.OBSTACLES in content:
                 for course in moving_obstacles(content[topics.OBSTACLES], odom):
                     canvas.draw(top_view.mover_shapes(*course))
@@ -108,21 +108,16 @@ class VideoPlan:
     def _draw_courses(self, image: Image, time: float) -> None:
         """Speed and clearance over the whole run: what is still to come is pale."""
         run, (high, wide) = self._timeline, image.shape[:2]
-        courses = ("speed [m/s]", run.commands[:, 0]), ("clearance [m]", run.clearance)
-        now = int(np.searchsorted(run.time, time + 1e-6))
         x = _MARGIN + (wide - 2 * _MARGIN) * run.time / max(run.time[-1], 1e-9)
+        courses = ("speed [m/s]", run.commands[:, 0]), ("clearance [m]", run.clearance)
         for number, (name, values) in enumerate(courses):
             top, foot = number * high // 2 + 30, (number + 1) * high // 2 - 6
             known = np.isfinite(values)
             least, most = (f(values[known], initial=0.0) for f in (np.min, np.max))
             y = foot - (foot - top) * (values - least) / max(most - least, 1e-9)
-            last = values[max(now - 1, 0)]
-            said = f"{name} {last:.2f}" if np.isfinite(last) else name
-            write(image, said, (_MARGIN, top - 10.0), _LETTERS, _INK)
-            cv2.line(image, (_MARGIN, foot), (wide - _MARGIN, foot), _PALE, 1)
-            for shown, ink in ((known, _PALE), (known & (np.arange(len(x)) < now), _COURSE)):
-                points = np.column_stack([x, y])[shown] * (1 << _SHIFT)
-                lines = [np.rint(points).astype(np.int32)]
+            write(image, name, (_MARGIN, top - 10.0), _LETTERS, _INK)
+            for shown, ink in ((known, _PALE), (known & (run.time < time + 1e-6), _COURSE)):
+                lines = [np.rint(np.column_stack([x, y])[shown] * (1 << _SHIFT)).astype(np.int32)]
                 cv2.polylines(image, lines, False, ink, 2, cv2.LINE_AA, _SHIFT)
 
     def _corner(self, pose: Pose | None) -> Array:
@@ -182,13 +177,12 @@ class _Canvas:
         ink = palette.bgr(color)
         cv2.polylines(self.image, lines, closed, ink, width, cv2.LINE_AA, _SHIFT)
 
-    def lay(self, picture: Image, corners: Array) -> None:
-        """Blend a ``picture`` (rows, columns, 4), BGR and opacity, over the image.
-
-        ``corners`` (3, 2) [m] are the middles of its cells [0, 0], [0, columns - 1], [rows - 1, 0].
-        """
+    def lay(self, grid: Any, odom: Pose) -> None:
+        """Blend the local map of a message, in the frame ``odom``, over the image."""
+        picture, first = local_map_picture(grid), grid.pose.position
         rows, columns = picture.shape[:2]
         cells = np.array([[0, 0], [columns - 1, 0], [0, rows - 1]], dtype=np.float32)
+        corners = odom.points_to_parent(grid.cell_size.x * (cells + 0.5) + (first.x, first.y))
         turn = cv2.getAffineTransform(cells, self.pixels(corners).astype(np.float32))
         size = (self.image.shape[1], self.image.shape[0])
         shown = np.asarray(cv2.warpAffine(picture, turn, size, flags=cv2.INTER_NEAREST))
@@ -212,14 +206,6 @@ def _key(leaders: Sequence[str]) -> list[tuple[str, tuple[int, int, int]]]:
         ("moving obstacle", palette.MOVING),
     ]
     return [(name, palette.bgr(color)) for name, color in key]
-
-
-def _draw_local_map(canvas: _Canvas, grid: Any, odom: Pose) -> None:
-    first, cell = grid.pose.position, grid.cell_size.x
-    picture = local_map_picture(grid)
-    rows, columns = picture.shape[:2]
-    middles = np.array([[0.5, 0.5], [columns - 0.5, 0.5], [0.5, rows - 0.5]])
-    canvas.lay(picture, odom.points_to_parent(cell * middles + (first.x, first.y)))
 
 
 def _way(content: Mapping[str, Any], believed: Pose | None) -> list[top_view.Shape]:

@@ -83,7 +83,7 @@ class RunLines:
             self.damaged.append(str(error))
             return ""
         self._left -= 1
-        return reduced_source(image, _WIDTH, _QUALITY)
+        return reduced_source(image, _WIDTH, quality=_QUALITY)
 
 
 def relative_link(file: Path, folder: Path) -> str:

@@ -16,10 +16,11 @@ from itertools import pairwise
 from typing import Any, Self
 
 import cv2
+import numpy as np
 
 from navfw.config.extras import extra_imports, require_extra
 from navfw.errors import InputError, SimulationError
-from navfw.numerics import Image
+from navfw.numerics import Array, Image
 from navfw.process.atomic import scratch_folder
 from navfw.sim.textured_mesh import TexturedMesh
 
@@ -122,6 +123,15 @@ _DISTANCE, _YAW, _PITCH = 5.0, -90.0, -60.0
 """The first view of the robot: distance [m], and PyBullet's angles of the camera [deg]."""
 _WIDTH = 3.0
 """Width of lines [px]."""
+_BACKGROUND, _INK = [0.94, 0.94, 0.92], [0.1, 0.12, 0.16]
+_TEXT_NEAR = 0.7
+"""Where the text is on the way from the robot (0) to the camera (1)."""
+_TEXTURE, _CALM = 0.25, 150.0
+"""Share of a texture that a window shows, and the grey level to which the rest is drawn."""
+_FADED, _TALL = 0.2, 0.8
+"""Opacity of what hides the robot, and height [m] from which a body can."""
+_SIGHT = 60
+"""Number of points on the line from the robot to the camera at which bodies are looked for."""
 
 
 def check_display() -> None:
@@ -156,6 +166,9 @@ class SimulatorWindow(BulletClient):
     def __init__(self, client: int) -> None:
         super().__init__(client)
         self._lines: dict[str, list[int]] = {}
+        self._said, self._text_at = -1, [0.0, 0.0, 1.0]
+        self.display = Display(client, calm=True)
+        self._call("configureDebugVisualizer", rgbBackground=_BACKGROUND)
         for flag in (*_OFF, "COV_ENABLE_RENDERING"):
             self._configure(flag, 0)
 
@@ -166,8 +179,17 @@ class SimulatorWindow(BulletClient):
 
     def follow(self, x: float, y: float) -> None:
         """Move the camera along to (x, y) [m]; it keeps the distance and angles of the user."""
-        *_, yaw, pitch, distance, _ = self._call("getDebugVisualizerCamera")
+        view = self._call("getDebugVisualizerCamera")
+        forward, (yaw, pitch, distance, _) = np.array(view[5]), view[8:]
         self._call("resetDebugVisualizerCamera", distance, yaw, pitch, [x, y, 0.0])
+        robot, eye = np.array([x, y, 0.1]), np.array([x, y, 0.0]) - distance * forward
+        self.display.fade(robot, eye)
+        self._text_at = (robot + _TEXT_NEAR * (eye - robot)).tolist()
+
+    def say(self, text: str) -> None:
+        """Write a line beside the robot, in front of all else, in place of the last one."""
+        look = {"textColorRGB": _INK, "textSize": 1.1, "replaceItemUniqueId": self._said}
+        self._said = int(self._call("addUserDebugText", f"      {text}", self._text_at, **look))
 
     def draw(self, name: str, points: Sequence[Point3], color: tuple[int, int, int]) -> None:
         """Draw the line through ``points``, in place of the last one of this ``name``."""
@@ -196,10 +218,12 @@ class SimulatorWindow(BulletClient):
 class Display(BulletClient):
     """Textured bodies without mass or collision shape in one PyBullet client."""
 
-    def __init__(self, client: int) -> None:
+    def __init__(self, client: int, *, calm: bool = False) -> None:
         super().__init__(client)
+        self._calm = calm
         self._textures: dict[int, int] = {}
         self._hidden: set[int] = set()
+        self._tall: dict[int, tuple[Array, Array]] = {}
 
     def add(
         self, mesh: TexturedMesh, image: Image, position: Sequence[float], turn: Sequence[float]
@@ -213,6 +237,9 @@ class Display(BulletClient):
         )
         body = int(self._call("createMultiBody", 0.0, -1, visual, position, turn))
         self._call("changeVisualShape", body, -1, textureUniqueId=self._texture(image))
+        points = np.array(mesh.vertices).reshape(-1, 3) + np.array(position)
+        if self._calm and len(points) and points[:, 2].max() > _TALL:
+            self._tall[body] = points.min(axis=0) - 0.1, points.max(axis=0) + 0.1
         return body
 
     def place(self, body: int, position: Sequence[float], turn: Sequence[float]) -> None:
@@ -222,14 +249,24 @@ class Display(BulletClient):
     def remove(self, body: int) -> None:
         """Remove a body."""
         self._call("removeBody", body)
+        self._tall.pop(body, None)
         self._hidden.discard(body)
 
-    def hide(self, bodies: Iterable[int]) -> None:
-        """Set the bodies that are not drawn."""
+    def fade(self, target: Array, eye: Array) -> None:
+        """Let what is tall and stands between two points (3,) [m] be seen through."""
+        sight = np.linspace(target, eye, _SIGHT)
+        inside = {
+            body: ((sight > low) & (sight < high)).all(axis=1).any()
+            for body, (low, high) in self._tall.items()
+        }
+        self.hide((body for body, hides in inside.items() if hides), _FADED)
+
+    def hide(self, bodies: Iterable[int], opacity: float = 0.0) -> None:
+        """Set the bodies that are not drawn, or with an ``opacity`` alone."""
         hidden = set(bodies)
         for body in hidden ^ self._hidden:
             # TinyRenderer skips fully transparent bodies
-            colour = [1.0, 1.0, 1.0, float(body not in hidden)]
+            colour = [1.0, 1.0, 1.0, opacity if body in hidden else 1.0]
             self._call("changeVisualShape", body, -1, rgbaColor=colour)
         self._hidden = hidden
 
@@ -239,6 +276,8 @@ class Display(BulletClient):
             with scratch_folder("textures") as folder:
                 # uncompressed: ten times as fast as PNG
                 path = folder / "texture.bmp"
-                cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+                rest = (1.0 - _TEXTURE) * (_CALM + image.mean() / 3.0)
+                shown = np.asarray(_TEXTURE * image + rest, np.uint8) if self._calm else image
+                cv2.imwrite(str(path), cv2.cvtColor(shown, cv2.COLOR_RGB2BGR))
                 self._textures[id(image)] = int(self._call("loadTexture", str(path)))
         return self._textures[id(image)]

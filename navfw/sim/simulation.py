@@ -21,7 +21,7 @@ from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, Pose, SensorReading, wrap_angle
 from navfw.sim.camera import DepthImage
 from navfw.sim.camera_rig import CameraRig, Timings
-from navfw.sim.engine import BulletConnection, Display, SimulatorWindow, quaternion
+from navfw.sim.engine import BulletConnection, SimulatorWindow, quaternion
 from navfw.sim.event_actions import DoorChange, EventAction, InjectedFaults, Obstacle, Textureless
 from navfw.sim.physics_world import PhysicsWorld
 from navfw.sim.robot_body import BodyState, ContactPoint, UrdfBody, make_body, pose_of
@@ -106,7 +106,7 @@ class Simulation(BulletConnection):
         self._landmark_faults = InjectedFaults(for_their_faults)
         try:
             self._set_up_engine(gui, drawn)
-            scenery = Scenery(world, Display(self._client) if gui else None)
+            scenery = Scenery(world, None if self.window is None else self.window.display)
             self._physics = PhysicsWorld(world, self._client, scenery)
             self._changes = WorldChanges(world, self._physics)
             self._body = make_body(robot, self._client, start, self._physics.floor)

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -195,6 +196,9 @@ class WindowOnPaper(SimulatorWindow):
     def follow(self, x: float, y: float) -> None:
         self.seen_from.append((x, y))
 
+    def say(self, text: str) -> None:
+        self.said = text
+
     def draw(self, name: str, points: Sequence[Point3], color: tuple[int, int, int]) -> None:
         self.lines[name] = (list(points), color)
 
@@ -210,6 +214,7 @@ def test_the_overlay_has_the_path_the_way_and_the_local_goal() -> None:
     at_frames = log.true[:, :2].tolist()
     assert len(window.seen_from) == pytest.approx(10.0 * log.time[-1], rel=0.1)
     assert all(list(point) in at_frames for point in window.seen_from)
+    assert re.match(r"[56]\.\d s  \w+: .+", window.said)
     # the path in one piece, in the leaders' colours
     assert all(a[1] == b[0] for a, b in pairwise(window.trail))
     assert math.dist(window.trail[-1][1][:2], at_frames[-1]) < 0.15
