@@ -32,7 +32,7 @@ from navfw.cli.options import (
 from navfw.cli.output import quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.recordings import VIDEO, write_video
-from navfw.cli.run_result import show_result
+from navfw.cli.run_result import NOT_SAVED, show_result
 from navfw.cli.warm import compile_with_progress
 from navfw.errors import InputError
 from navfw.process.interruption import check_interrupted, deferred, interruptible
@@ -46,9 +46,6 @@ if TYPE_CHECKING:
 
 LINE_PERIOD = 5.0
 """Interval between progress lines where stderr is not a terminal [s]."""
-
-_NOT_SAVED = 3
-"""Exit code of a finished drive whose run folder could not be written completely."""
 
 COMPILING_NOTICE_AFTER = 3.0
 """Time without progress after which ``COMPILING`` is printed, if a kernel is compiled [s]."""
@@ -190,7 +187,7 @@ def _run(request: _Request) -> NoReturn:
             send_result(summary, missing)
         else:
             show_result(summary, missing, request.json)
-        raise typer.Exit(_NOT_SAVED if missing else result.exit_code)
+        raise typer.Exit(NOT_SAVED if missing else result.exit_code)
 
 
 def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ...]]:

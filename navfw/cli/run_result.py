@@ -10,6 +10,9 @@ import typer
 
 from navfw.cli.output import console, print_json
 
+NOT_SAVED = 3
+"""Exit code of a finished drive whose run folder could not be written completely."""
+
 
 def show_result(summary: Mapping[str, Any], missing: Sequence[str], as_json: bool) -> None:
     """Print the result of a run on stdout, and on stderr what its folder lacks.

@@ -24,6 +24,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from navfw.cli.run_result import NOT_SAVED
 from navfw.process import supervised
 from navfw.process.interruption import ignore_signals
 from navfw.process.supervised import SupervisedRun, TextToSupervisor, send
@@ -320,10 +321,8 @@ class _Supervisor:
         if why := self._record.contradiction(outcome):
             self._misdeeds.append(f"the run says {outcome}, but by the simulator's record {why}")
         elif outcome == "cancelled" and not self._stopped and not self._misdeeds:
-            why = "sent a signal to the process of the run"
-            self._misdeeds.append(why)
-        faults = self._faults()
-        if faults:
+            self._misdeeds.append(why := "sent a signal to the process of the run")
+        if faults := self._faults():
             changes: dict[str, Any] = {
                 "faults": [*summary["faults"], *faults],
                 "objections": [*summary["objections"], *faults],
@@ -333,6 +332,8 @@ class _Supervisor:
             summary |= changes
             _correct(summary["run_folder"], changes)
         self._show(summary, missing, self._run.as_json)
+        if missing:
+            return NOT_SAVED
         if summary["outcome"] != "reached" or summary["objections"] or self._code is None:
             return 1
         return self._code
