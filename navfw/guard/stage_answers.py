@@ -257,19 +257,15 @@ def _width(value: Any, what: str) -> float:
     return math.inf if value == math.inf else number(value, what, 0.0)
 
 
-def _two_names(value: Any, what: str) -> tuple[str, str]:
-    names = items(value, what)
-    if len(names) != 2:
-        raise AnswerError(f"{what} has {len(names)} names, expected 2")
-    return text(names[0], what), text(names[1], what)
+def _pair(value: Any, what: str, check: Callable[[Any, str], T], names: str) -> tuple[T, T]:
+    pair = items(value, what)
+    if len(pair) != 2:
+        raise AnswerError(f"{what} has {len(pair)} {names}")
+    return check(pair[0], what), check(pair[1], what)
 
 
-def _point(value: Any, what: str) -> tuple[float, float]:
-    point = items(value, what)
-    if len(point) != 2:
-        raise AnswerError(f"{what} has {len(point)} numbers, expected x and y")
-    return number(point[0], what), number(point[1], what)
-
+_two_names = partial(_pair, check=text, names="names, expected 2")
+_point = partial(_pair, check=number, names="numbers, expected x and y")
 
 _CHECKS: Mapping[str, Callable[[Any, str], Any]] = {
     **dict.fromkeys(("time", "x", "y", "bearing"), number),
