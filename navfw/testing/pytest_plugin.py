@@ -29,6 +29,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import time
 from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,6 +42,9 @@ if TYPE_CHECKING:
     from navfw.testing.mission_cache import MissionCache
     from navfw.testing.mission_run import MissionRun
 
+
+_LINE_PERIOD = 10.0
+"""Interval between two lines on compiling [s]."""
 
 _RUN: pytest.StashKey[MissionRun] = pytest.StashKey()
 """The run of a test, in the stash of its item."""
@@ -214,17 +218,23 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     """Compile, before the first test that calls them, the kernels of what is loaded by now."""
     config, scenes = session.config, "navfw.testing.behavior_check" in sys.modules
     drives = any(_MISSION in getattr(item, "fixturenames", (_MISSION,)) for item in session.items)
-    if not (drives or scenes) or config.option.collectonly:
-        return
-    from navfw.process import CompilationState, compile_kernels
+    if (drives or scenes) and not config.option.collectonly:
+        from navfw.process import CompilationState, compile_kernels
+
+        began = shown = time.monotonic()
+
+        def show(state: CompilationState) -> None:
+            nonlocal shown
+            if (now := time.monotonic()) >= shown:
+                shown = now + _LINE_PERIOD
+                done = f"{state.done} of {state.total} kernels, {now - began:.0f} s"
+                sys.stderr.write(f"compiling: {done}\n")
 
     capture: Any = config.pluginmanager.getplugin("capturemanager")
 
     def show(state: CompilationState) -> None:
         with capture.global_and_fixture_disabled() if capture else contextlib.nullcontext():
-            sys.stderr.write(f"\rnavfw: {state.done} of {state.total} kernels compiled, this once")
-
-    compile_kernels(show, loaded=True)
+            compile_kernels(show, loaded=True)
 
 
 def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
