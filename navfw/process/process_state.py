@@ -78,16 +78,21 @@ class CodeState:
 
 
 def _filters() -> tuple[Any, ...]:
-    """The filters of warnings in general.
+    """The filters of all warnings of a builtin kind, whatever they say and where they are given.
 
-    Libraries add some for categories of their own when they are imported, which may be late.
+    Libraries add some for texts or kinds of their own when they are imported, which may be late.
     """
-    return tuple(entry for entry in warnings.filters if entry[2].__module__ == "builtins")
+    return tuple(
+        (action, text, kind, module, line)
+        for action, text, kind, module, line in warnings.filters
+        if kind.__module__ == "builtins" and text is None and module is None
+    )
 
 
 def _set_filters(filters: tuple[Any, ...]) -> None:
-    if _filters() != filters:
-        warnings.filters[:] = filters  # type: ignore[index]
+    if (general := _filters()) != filters:
+        others = (entry for entry in warnings.filters if entry not in general)
+        warnings.filters[:] = (*others, *filters)  # type: ignore[index]
 
 
 def _numpy_random() -> tuple[Any, ...]:

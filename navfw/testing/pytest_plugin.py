@@ -215,20 +215,19 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     """Compile, before the first test that calls them, the kernels of what is loaded by now."""
     config, scenes = session.config, "navfw.testing.behavior_check" in sys.modules
     drives = any(_MISSION in getattr(item, "fixturenames", (_MISSION,)) for item in session.items)
-    if (drives or scenes) and not config.option.collectonly:
-        from navfw.process import CompilationState, compile_kernels
-
-        reports = itertools.count()
-
-        def show(state: CompilationState) -> None:
-            if next(reports) % 20 == 0:  # every 10 s
-                sys.stderr.write(f"compiling: {state.done} of {state.total} kernels\n")
+    if not (drives or scenes) or config.option.collectonly:
+        return
+    from navfw.process import CompilationState, compile_kernels
 
     capture: Any = config.pluginmanager.getplugin("capturemanager")
+    reports = itertools.count()
 
     def show(state: CompilationState) -> None:
-        with capture.global_and_fixture_disabled() if capture else contextlib.nullcontext():
-            compile_kernels(show, loaded=True)
+        if next(reports) % 20 == 0:  # every 10 s
+            with capture.global_and_fixture_disabled() if capture else contextlib.nullcontext():
+                sys.stderr.write(f"compiling: {state.done} of {state.total} kernels\n")
+
+    compile_kernels(show, loaded=True)
 
 
 def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
