@@ -28,10 +28,10 @@ from typing import Any
 import cma
 import cv2
 import numpy as np
+from scipy.stats import binomtest
 
 from navfw import run_generated
 from navfw.gym import MissionEnv
-from navfw.suite import paired_interval, wilson
 
 DIFFICULTY = (0.0, 1.0)
 """Range that the seed draws the difficulty of its world from, as in the shipped suites."""
@@ -98,8 +98,8 @@ def learn(pool: ProcessPoolExecutor, options: argparse.Namespace) -> dict[str, f
 def shown(drives: Sequence[Drive]) -> dict[str, Any]:
     """Successes with Wilson's interval, and mean SPL."""
     reached = sum(made.succeeded for made in drives)
-    low, high = wilson(reached, len(drives))
-    interval = [round(low, 3), round(high, 3)]
+    low, high = binomtest(reached, len(drives)).proportion_ci(method="wilson")
+    interval = [round(float(low), 3), round(float(high), 3)]
     spl = round(fmean(made.spl for made in drives), 3)
     return {"runs": len(drives), "reached": reached, "interval": interval, "spl": spl}
 
@@ -111,7 +111,10 @@ def difference(before: Sequence[Drive], after: Sequence[Drive]) -> dict[str, Any
     won = sum(b.succeeded > a.succeeded for a, b in pairs)
     spl = [b.spl - a.spl for a, b in pairs]
     mean, half = fmean(spl), 1.96 * stdev(spl) / math.sqrt(len(spl))
-    rate = [round(value, 3) for value in paired_interval(lost, won, len(pairs))]
+    # of two paired proportions: Bonett and Price 2012
+    a, b = (lost + 1) / (len(pairs) + 2), (won + 1) / (len(pairs) + 2)
+    wide = 1.96 * math.sqrt((a + b - (b - a) ** 2) / (len(pairs) + 2))
+    rate = [round(b - a - wide, 3), round(b - a + wide, 3)]
     interval = [round(mean - half, 3), round(mean + half, 3)]
     return {"won": won, "lost": lost, "rate": rate, "spl": round(mean, 3), "spl_interval": interval}
 

@@ -102,13 +102,12 @@ class Session:
     def simulation(self, gui: bool = False) -> Simulation:
         """The simulator, the robot at the start; a stack with ``oracle: true`` gets its truth."""
         spec = self.mission.spec
-        sensors = spec.sensors.resolved()
         simulation = Simulation(
             self.world,
             spec.robot,
             self.mission.start,
             self.seed,
-            sensors,
+            spec.sensors.resolved(),
             gui=gui,
             landmark_frames=self.stack.features.landmark_frames,
             drawn=self.drawn,
@@ -337,11 +336,7 @@ class MissionResult:
 
     @property
     def objections(self) -> list[str]:
-        """What plugins did that counts against the run, whatever its outcome.
-
-        Which failed in more than a tenth of their calls, and what they changed in the process; not
-        what the mission's events injected.
-        """
+        """Plugins that failed in over a tenth of their calls, and what they left changed."""
         failed = [t for name, t in self.unreliable.items() if f"{name}: " not in self._injected]
         return [*failed, *self.run.process_faults]
 
@@ -353,8 +348,7 @@ class MissionResult:
     @property
     def _injected(self) -> tuple[str, ...]:
         """Beginnings of the faults that the mission's events injected."""
-        events = self.session.events
-        return tuple(f"behavior {event.behavior}: " for event in events if event.behavior)
+        return tuple(f"behavior {e.behavior}: " for e in self.session.events if e.behavior)
 
     @cached_property
     def metrics(self) -> RunMetrics:

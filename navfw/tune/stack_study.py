@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import optuna
+from optuna.exceptions import StorageInternalError
 from optuna.trial import FrozenTrial
 from ruamel.yaml import YAML
 from sqlalchemy.exc import SQLAlchemyError
@@ -105,13 +106,13 @@ class StudyFolder:
                 pruner=pruner,
                 load_if_exists=True,
             )
-        except (SQLAlchemyError, RuntimeError) as error:
+            if exists:
+                self._check(study.user_attrs.get(_IDENTITY, {}), identity)
+            else:
+                study.set_user_attr(_IDENTITY, dict(identity))
+        except (SQLAlchemyError, StorageInternalError, RuntimeError) as error:
             what = f"expected a study of navfw tune: {str(error).splitlines()[0]}"
             raise ConfigError(what, file=self.database) from None
-        if exists:
-            self._check(study.user_attrs.get(_IDENTITY, {}), identity)
-        else:
-            study.set_user_attr(_IDENTITY, dict(identity))
         return study
 
     def _check(self, stored: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:

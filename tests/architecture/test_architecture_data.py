@@ -26,6 +26,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "navfw/localization/situations.yaml": load_table,
     "navfw/robot/robots/*.yaml": load_robot,
     "navfw/stack/stacks/*.yaml": lambda path: load_stack(path, default_registry()),
+    "navfw/scaffold/templates/parts/*/rules.yaml": load_rule_base,
     "navfw/scaffold/templates/parts/s*.yaml": load_yaml,  # of a stack and a suite
     "navfw/scaffold/templates/project/behaviors/*.yaml": load_rule_base,
     "navfw/scaffold/templates/project/maps/*.yaml": load_map,
