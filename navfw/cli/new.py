@@ -48,10 +48,10 @@ def project(
 
 
 def _writer(kind: str) -> Callable[..., None]:
-    def write(name: _Name, start: _Start = _STARTS[0]) -> None:
+    def write(name: _Name, start: _Start = PARTS[kind].starts[0]) -> None:
         from navfw.scaffold.new_files import write_part
 
-        written, then = write_part(kind, name, start if kind == "behavior" else "")
+        written, then = write_part(kind, name, start)
         typer.echo("\n  ".join(["wrote:", *written]))
         typer.echo(f"next: navfw check && {then}")
 
