@@ -150,10 +150,9 @@ class DriveNode:
     # --- what comes in ---------------------------------------------------------------------------
 
     def _take_image(self, topic: str, message: Any, now: float) -> None:
-        stamp = message.header.stamp
-        age = now - stamp.sec - 1e-9 * stamp.nanosec
-        self._image_came = time.monotonic(), age if age < 1.0 else 0.0
         self._inputs.image(topic, message, now)
+        stamp = self._inputs.stamp_of(self._inputs.newest_of(topic))
+        self._image_came = time.monotonic(), now - 1e-9 * stamp
 
     def _take_wheels(self, topic: str, message: Any, now: float) -> None:
         take = self._inputs.joints if hasattr(message, "position") else self._inputs.odometry

@@ -60,6 +60,7 @@ class SensorInputs:
         self._mounts: dict[str, tuple[str, Array]] = {}
         self._begin = 0.0 if snap else None
         self._last: dict[str, float] = {}
+        self._agreed = set[str]()
         self._rates: deque[tuple[float, ...]] = deque(maxlen=_MAX_ROWS)
         self._inertial = Inertial(0.0, math.nan, math.nan, math.nan)
         self._ticks = self._zero = np.zeros(2)
@@ -75,17 +76,20 @@ class SensorInputs:
     def time_of(self, topic: str, stamp: Any, now: float) -> float | None:
         """The time [s] of a message with ``stamp`` that came at ``now`` [s]; None if it goes back.
 
-        A stamp of another clock counts as its reception. A simulated clock is at 0 before it is
-        heard, and in lock step it may lag behind.
+        A stamp of another clock counts as its reception; where clocks have agreed, one that lags
+        behind comes late. A simulated clock is at 0 before it is heard.
         """
         time = float(stamp.sec) + 1e-9 * float(stamp.nanosec)
-        if abs(time - now) > _CLOCKS and now > 0.0 and not self._snap:
+        behind = math.inf if topic in self._agreed else _CLOCKS
+        if self._snap:
+            time = round(time * self._snap) / self._snap
+        elif now > 0.0 and -_CLOCKS <= now - time <= behind:
+            self._agreed.add(topic)
+        elif now > 0.0:
             where = "behind" if time < now else "ahead of"
             what = f"the clock of {topic} is {abs(time - now):.3g} s {where} this node's"
             self._note(f"{what}: its messages count from their reception")
             time = now
-        if self._snap:
-            time = round(time * self._snap) / self._snap
         self._begin = time if self._begin is None else self._begin
         time += self.shift - self._begin
         if time < self._last.get(topic, -math.inf) - _JUMP:

@@ -106,9 +106,9 @@ class StudyFolder:
                 pruner=pruner,
                 load_if_exists=True,
             )
-            if exists:
-                self._check(study.user_attrs.get(_IDENTITY, {}), identity)
-            else:
+            if _IDENTITY in study.user_attrs:
+                self._check(study.user_attrs[_IDENTITY], identity)
+            else:  # new, or killed before it had one
                 study.set_user_attr(_IDENTITY, dict(identity))
         except (SQLAlchemyError, StorageInternalError, RuntimeError) as error:
             what = f"expected a study of navfw tune: {str(error).splitlines()[0]}"

@@ -151,6 +151,15 @@ def test_stamps_of_another_clock_count_from_reception() -> None:
     assert "imu is 895 s ahead" in notes[0]
 
 
+def test_messages_that_come_late_keep_their_stamps_and_their_order() -> None:
+    notes: list[str] = []
+    inputs = made(notes)
+    for taken, came in ((5.0, 5.0), (5.1, 7.0), (5.2, 7.0), (5.3, 7.1), (7.1, 7.1)):
+        assert inputs.joints("joint_states", joints(taken, 0, 0), came)
+        assert inputs.newest == pytest.approx(taken - 5.0)
+    assert not notes
+
+
 def test_each_image_is_given_once_and_grey() -> None:
     inputs = made([])
     shape = CAMERA.height, CAMERA.width
