@@ -10,6 +10,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+PROGRAM = "from navfw.cli import main; main()"
+
+MANY = int(os.environ.get("NAVFW_KILLS", "5"))
+"""Moments for each signal in the slow tests."""
+
 WAIT = 300.0
 """Longest time [s] to wait for an end: machines of CI are slow."""
 

@@ -24,7 +24,7 @@ CONTRAST = """
     .map(([bright, dark]) => (bright + 0.05) / (dark + 0.05)));
 })()
 """
-"""The least contrast of a text to what is behind it."""
+"""The least contrast of a text to what is behind it: at least 4.5 by WCAG 2."""
 
 
 class SeenPage(NamedTuple):
@@ -37,18 +37,24 @@ class SeenPage(NamedTuple):
 def seen_in_browser(page: Path, probe: str, profile: Path, *words: str) -> SeenPage:
     """Open ``page`` with the script ``probe`` added before its main part; skips without Chromium.
 
-    An error of any script is left in ``data-error`` of the body.
+    An error of any script is left in ``data-error`` of the body. In the end all text has contrast.
     """
     browser = shutil.which("chromium")
     if browser is None:
         pytest.skip("no chromium; install the package chromium")
     catch = 'addEventListener("error", (e) => { document.body.dataset.error = e.message; });'
-    script = f"<script>{catch}\n{probe}</script>"
+    look = f"setTimeout(() => {{ document.body.dataset.contrast = {CONTRAST} }}, 9000);"
+    script = f"<script>{catch}\n{probe}\n{look}</script>"
     text = page.read_text(encoding="utf-8")
     page.write_text(text.replace("<main>", script + "<main>", 1), encoding="utf-8")
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr"]
     options += ["--virtual-time-budget=12000", f"--user-data-dir={profile}"]
     done = run([browser, *options, *words, "--dump-dom", page.as_uri()], check=True)
     body = re.search(r"<body[^>]*>", done.stdout)
-    assert body is not None, done.stdout
-    return SeenPage(body[0], [line for line in done.stderr.splitlines() if "CONSOLE" in line])
+    contrast = re.search(r' data-contrast="(.*?)"', done.stdout)
+    assert body is not None and contrast is not None, done.stdout
+    assert float(contrast[1]) >= 4.5
+    return SeenPage(
+        body[0].replace(contrast[0], ""),
+        [line for line in done.stderr.splitlines() if "CONSOLE" in line],
+    )

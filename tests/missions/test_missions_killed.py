@@ -18,21 +18,13 @@ from typing import Any
 
 import pytest
 from cli_calls import invoke
-from killing import Ended, Started, moments
+from killing import MANY, PROGRAM, Ended, Started, moments
 
 from navfw.missions import MissionResult, Session
 from navfw.process import scratch_folder
 from navfw.recording import FILES, RunFolder, read_result
 
-MANY = int(os.environ.get("NAVFW_KILLS", "5"))
-"""Moments for each signal in the slow test."""
-
 WORDS = ("run", "empty", "straight", "--set", "mission.timeout=1", "--record", "--quiet")
-
-MAIN = """
-from navfw.cli import main
-main()
-"""
 
 MARKED = (
     """
@@ -44,7 +36,7 @@ def enter_and_tell(self):
     return enter(self)
 RunFolder.__enter__ = enter_and_tell
 """
-    + MAIN
+    + PROGRAM
 )
 
 
@@ -53,7 +45,7 @@ def usual(tmp_path_factory: pytest.TempPathFactory) -> tuple[float, dict[str, An
     """Wall time [s] and result of an undisturbed run, the kernels compiled."""
     folder = tmp_path_factory.mktemp("usual")
     began = time.monotonic()
-    ended = Started(MAIN, (*WORDS, "--json", "--out", "o"), folder).ended()
+    ended = Started(PROGRAM, (*WORDS, "--json", "--out", "o"), folder).ended()
     assert ended.code == 1, ended.stderr
     return time.monotonic() - began, json.loads(ended.stdout)
 
@@ -109,7 +101,7 @@ def test_a_signal_after_the_end_changes_nothing(
     words: tuple[str, ...], code: int, tmp_path: Path
 ) -> None:
     at_exit = "import atexit, os, signal\natexit.register(os.kill, os.getpid(), signal.SIGINT)\n"
-    ended = Started(at_exit + MAIN, words, tmp_path).ended()
+    ended = Started(at_exit + PROGRAM, words, tmp_path).ended()
     assert ended.code == code
     assert ended.stderr == ""
 

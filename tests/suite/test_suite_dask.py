@@ -1,13 +1,7 @@
 """A suite on a scheduler of Dask with two workers on loopback, one of which is killed."""
 
-import json
-import os
 import pickle
 import signal
-import subprocess
-import sys
-import time
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,6 +9,7 @@ from typing import Any
 import pytest
 import suite_samples as samples
 from cli_calls import answer, put_files, refusal
+from dask_cluster import Cluster, cluster
 from processes import printed
 
 from navfw.errors import InputError
@@ -34,40 +29,7 @@ pytest.importorskip("distributed", reason="needs the extra dask: uv sync --extra
 
 from navfw.suite import PackageOnWorker
 
-HELPERS = Path(samples.__file__).parent
-
-
-def start(folder: Path, *words: str) -> subprocess.Popen[bytes]:
-    with (folder / f"{Path(words[-1]).stem}.log").open("wb") as log:
-        return subprocess.Popen(  # noqa: S603 - this Python, words of our own
-            [sys.executable, "-m", "dask", *words],
-            cwd=folder,
-            env={**os.environ, "PYTHONPATH": str(HELPERS)},
-            stdout=log,
-            stderr=subprocess.STDOUT,
-        )
-
-
-Cluster = tuple[str, list[subprocess.Popen[bytes]]]
-
-
-@pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[Cluster]:
-    """The address of a scheduler, and its two workers."""
-    file = str(tmp_path / "scheduler.json")
-    quiet = ["--no-dashboard", "--host", "127.0.0.1"]
-    all_ = [start(tmp_path, "scheduler", *quiet, "--port", "0", "--scheduler-file", file)]
-    for name in ("one", "two"):
-        words = ["--no-dashboard", "--no-nanny", "--nthreads", "1", "--name", name]
-        all_.append(start(tmp_path, "worker", "--scheduler-file", file, *words))
-    deadline = time.monotonic() + 120.0
-    while not Path(file).exists():
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
-    yield json.loads(Path(file).read_text())["address"], all_[1:]
-    for process in all_:
-        process.kill()
-        process.wait()
+__all__ = ["cluster"]
 
 
 @pytest.mark.slow

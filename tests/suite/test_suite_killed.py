@@ -15,12 +15,12 @@ from pathlib import Path
 
 import pytest
 import suite_samples
-from killing import Ended, Started, moments
+from dask_cluster import Cluster, cluster
+from killing import MANY, PROGRAM, Ended, Started, moments
 
 from navfw.suite import RunRow, SuiteFolder
 
-MANY = int(os.environ.get("NAVFW_KILLS", "5"))
-"""Moments for each signal in the slow tests."""
+__all__ = ["cluster"]
 
 FAKE = f"""
 sys.path.insert(0, {str(Path(suite_samples.__file__).parent)!r})
@@ -38,10 +38,7 @@ with deferred(), SuiteFolder.claim(Path("o"), plan, range(40)) as folder:
     sys.exit(done.exit_code)
 """
 
-REAL = """
-from navfw.cli import main
-main()
-"""
+WORDS = ("suite", "tiny.yaml", "--seeds=0:4", "--out=o", "--resume", "--json", "--keep=all")
 
 TINY = "entries: [{world: empty, missions: [straight], set: {mission.timeout: 1}}]\n"
 
@@ -79,8 +76,7 @@ def fake(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
 
 @pytest.fixture(scope="module")
 def real(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
-    words = "suite tiny.yaml --seeds 0:4 --workers 2 --out o --resume --json --keep all"
-    return undisturbed(REAL, tuple(words.split()), tmp_path_factory.mktemp("real"))
+    return undisturbed(PROGRAM, (*WORDS, "--workers", "2"), tmp_path_factory.mktemp("real"))
 
 
 def rows_of(folder: Path) -> list[RunRow]:
@@ -198,3 +194,12 @@ def test_a_process_killed_at_many_moments(
     who: str, number: signal.Signals, real: Undisturbed, tmp_path: Path
 ) -> None:
     kill(who, real, number, MANY, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_suite_on_a_cluster_killed_at_many_moments(
+    number: signal.Signals, cluster: Cluster, tmp_path: Path
+) -> None:
+    words = (*WORDS, "--engine", "dask", "--scheduler", cluster[0])
+    kill("parent", undisturbed(PROGRAM, words, tmp_path), number, MANY, tmp_path)
