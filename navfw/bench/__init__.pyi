@@ -29,7 +29,6 @@ from .perception_samples import random_views as random_views
 from .perception_samples import samples_of_world as samples_of_world
 from .planning_time import bench_planning as bench_planning
 from .planning_time import large_map as large_map
-from .random_worlds import random_world as random_world
 from .real_benchmark import RECORDINGS as RECORDINGS
 from .real_benchmark import bench_real as bench_real
 from .real_labels import FrameLabel as FrameLabel
@@ -51,6 +50,7 @@ from .situation_learning import place_accuracy as place_accuracy
 from .true_pairs import MOTIONS as MOTIONS
 from .true_pairs import TruePair as TruePair
 from .true_pairs import load_worlds as load_worlds
+from .true_pairs import random_world as random_world
 from .true_pairs import rendered_pairs as rendered_pairs
 from .true_pairs import true_flow as true_flow
 from .true_pairs import with_recording_error as with_recording_error

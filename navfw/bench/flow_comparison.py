@@ -33,9 +33,8 @@ from navfw.bench.true_pairs import (
     with_recording_error,
 )
 from navfw.errors import InputError
-from navfw.flow.confidence import SIGMA_UNKNOWN
 from navfw.flow.dense_flow import PRESETS, Dis, Farneback
-from navfw.flow.grid_flow import GridFlow, MatchedFlow
+from navfw.flow.grid_flow import SIGMA_UNKNOWN, GridFlow, MatchedFlow
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import FlowProcessor
 from navfw.numerics import Array, Image

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from navfw.bench.true_pairs import exposed
-from navfw.features.aruco import Aruco
-from navfw.features.posters import Posters
+from navfw.features.recognizers import Aruco, Posters
 from navfw.interfaces import FeatureRecognizer
 from navfw.numerics import Image
 from navfw.process.result_table import Column, ResultTable

@@ -21,8 +21,7 @@ from itertools import count
 
 import numpy as np
 
-from navfw.bench.random_worlds import random_world
-from navfw.bench.true_pairs import MovingPose, exposed, true_field
+from navfw.bench.true_pairs import MovingPose, exposed, random_world, true_field
 from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
 from navfw.camera_geometry.rotations import derotate
 from navfw.egomotion.camera_motions import camera_motion

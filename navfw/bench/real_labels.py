@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from navfw.config.input_bounds import max_bytes
-from navfw.config.input_file import read_input_text
+from navfw.config.input_file import max_bytes, read_input_text
 from navfw.offis.percept_explanation import front_in
 
 QUADRANTS = {"P1": "upper_right", "P2": "upper_left", "P3": "lower_left", "P4": "lower_right"}

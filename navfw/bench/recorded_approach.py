@@ -17,8 +17,7 @@ import cv2
 import numpy as np
 
 from navfw.config.image_file import read_image
-from navfw.config.input_bounds import max_bytes
-from navfw.config.input_file import is_file, open_input
+from navfw.config.input_file import is_file, max_bytes, open_input
 from navfw.errors import ConfigError
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.divergence import ContactFilter, Expansion, fit_expansion

@@ -23,8 +23,7 @@ import numpy as np
 from navfw.bench.recorded_approach import read_grey
 from navfw.bench.true_pairs import TruePair
 from navfw.config.image_file import read_image
-from navfw.config.input_bounds import max_bytes
-from navfw.config.input_file import is_file, read_input_text
+from navfw.config.input_file import is_file, max_bytes, read_input_text
 from navfw.errors import ConfigError
 from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navfw.cli.command_groups import PanelGroup
+from navfw.cli.options import PanelGroup
 from navfw.cli.output import printable_output, standard_streams
 from navfw.cli.run_result import show_result
 from navfw.cli.supervisor import supervise

@@ -22,7 +22,7 @@ def export(
 ) -> None:
     """Write a recorded run as a bag of ROS 2."""
     with quiet_stdout():
-        from navfw.recording.bag_export import export_bag
+        from navfw.recording.recorded_run import export_bag
 
         counts = export_bag(folder, to)
     lines = [*(f"  {count:6d}  {topic}" for topic, count in counts.items()), f"bag: {to}"]

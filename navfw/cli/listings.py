@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.command_groups import SuggestingGroup
-from navfw.cli.options import JsonList, World
+from navfw.cli.options import JsonList, SuggestingGroup, World
 from navfw.cli.output import console, print_json, print_table, quiet_stdout
 from navfw.config.file_kinds import FILE_KINDS, FileKind
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.command_groups import command_group
-from navfw.cli.options import Json, Map, Mission, NoiseSeed, Stack, World
+from navfw.cli.options import Json, Map, Mission, NoiseSeed, Stack, World, command_group
 from navfw.cli.output import print_json, print_result, print_table, print_tables, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 

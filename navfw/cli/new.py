@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from navfw.cli.command_groups import command_group
+from navfw.cli.options import command_group
 from navfw.scaffold.part_kinds import PARTS
 
 _Name = Annotated[
@@ -38,7 +38,7 @@ def project(
     All of it passes. Nothing that exists is overwritten. The project is trusted: its plugins are
     those just written.
     """
-    from navfw.config.trust_file import TrustFile
+    from navfw.config.project_code import TrustFile
     from navfw.scaffold.new_files import write_project
 
     written = write_project(folder)

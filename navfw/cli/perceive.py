@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from navfw.perceive.motion_record import MotionRecord
     from navfw.perceive.pair_result import PairResult
     from navfw.perceive.perceiver_options import PerceiverOptions
-    from navfw.report.perceive_page import PerceivePage
+    from navfw.report.report_page import PerceivePage
 
     Assessed: TypeAlias = tuple[PairResult, dict[str, float | str]]
 
@@ -236,7 +236,7 @@ def perceive(
 
 
 def _new_page(source: Path) -> PerceivePage:
-    from navfw.report.perceive_page import PerceivePage
+    from navfw.report.report_page import PerceivePage
 
     return PerceivePage(f"Perceived: {source}")
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from navfw.cli.command_groups import command_group
+from navfw.cli.options import command_group
 from navfw.cli.output import print_status
 from navfw.config.input_file import is_file, is_folder, read_input_text
 from navfw.errors import InputError
@@ -42,8 +42,7 @@ def add(
     folder: Folder = _FOLDER,
 ) -> None:
     """Keep a result as JSON, with revision, command, seeds and kind of machine."""
-    from navfw.results.collection import collect
-    from navfw.results.result_file import save_result
+    from navfw.results.result_file import collect, save_result
 
     _check(folder)
     for result in collect(source, name, total=total):
@@ -60,7 +59,7 @@ def write(
     folder: Folder = _FOLDER,
 ) -> None:
     """Write FOLDER.md from the template and the results, and the marked tables of the README."""
-    from navfw.config.input_bounds import max_bytes
+    from navfw.config.input_file import max_bytes
     from navfw.process.atomic import write_text
     from navfw.results.results_page import current_pages
 

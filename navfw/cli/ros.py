@@ -7,8 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from navfw.cli.command_groups import command_group
-from navfw.cli.options import Json, Mission, Robot, World, completer_of, numbers_of, of_robot
+from navfw.cli.options import (
+    Json,
+    Mission,
+    Robot,
+    World,
+    command_group,
+    completer_of,
+    numbers_of,
+    of_robot,
+)
 from navfw.cli.output import print_result, quiet_stdout
 from navfw.cli.warm import compile_with_progress
 

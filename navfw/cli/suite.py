@@ -164,7 +164,7 @@ def _print_power(file: str, text: str, out: Path | None) -> None:
     if not 0.001 <= difference <= 0.5:
         raise typer.BadParameter(f"expected 0.1% to 50%, got {text!r}", param_hint="--power")
     with quiet_stdout():
-        from navfw.suite.run_statistics import mcnemar_pairs
+        from navfw.suite.paired_comparison import mcnemar_pairs
         from navfw.suite.suite_folder import SuiteFolder
         from navfw.suite.suite_plan import case_templates
         from navfw.suite.suitefile import load_suite

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from navfw.cli.command_groups import command_group
 from navfw.cli.import_world import import_
-from navfw.cli.options import Json, World, completer_of, numbers_of
+from navfw.cli.options import Json, World, command_group, completer_of, numbers_of
 from navfw.cli.output import print_result, quiet_stdout
 from navfw.errors import WorldError, locating
 

@@ -17,8 +17,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from navfw.config.input_bounds import INPUT_BOUNDS, MAX_DEPTH
-from navfw.config.input_file import read_input_text, shown_path
+from navfw.config.input_file import INPUT_BOUNDS, MAX_DEPTH, read_input_text, shown_path
 from navfw.config.yaml_compose import compose_quickly
 from navfw.errors import ConfigError, InputError, locating
 

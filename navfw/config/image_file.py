@@ -16,8 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image as PillowImage
 
-from navfw.config.input_bounds import INPUT_BOUNDS, max_bytes
-from navfw.config.input_file import read_input, shown_path
+from navfw.config.input_file import INPUT_BOUNDS, max_bytes, read_input, shown_path
 from navfw.errors import ConfigError
 
 _DAMAGED = re.compile(

@@ -21,8 +21,13 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from navfw.config.file_kinds import FILE_KINDS
-from navfw.config.input_bounds import max_bytes
-from navfw.config.input_file import check_structure, is_file, no_such_file, read_input_text
+from navfw.config.input_file import (
+    check_structure,
+    is_file,
+    max_bytes,
+    no_such_file,
+    read_input_text,
+)
 from navfw.errors import ConfigError, UnknownNameError
 
 _SUFFIXES = {".yaml", ".yml"}

@@ -10,8 +10,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from navfw.config.input_bounds import INPUT_BOUNDS
-from navfw.config.input_file import open_input, shown_path
+from navfw.config.input_file import INPUT_BOUNDS, open_input, shown_path
 from navfw.errors import ConfigError
 
 _WAIT = 10.0

@@ -6,8 +6,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
-from navfw.config.input_bounds import MAX_DEPTH
-from navfw.config.input_file import read_input, shown_path
+from navfw.config.input_file import MAX_DEPTH, read_input, shown_path
 from navfw.errors import ConfigError
 
 _LINE = "navfw-line"

@@ -2,20 +2,250 @@
 
 >>> from navfw.config.yamlfile import load_model
 >>> world = load_model("worlds/office/world.yaml", WorldSpec)  # doctest: +SKIP
+
+Pydantic's errors are reworded: file, line, key, expected value, and actual value.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence, Sized
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
-from navfw.config.document import KeyPath, YamlDocument, load_yaml
+from navfw.config.document import KeyPath, Origin, YamlDocument, key_text, load_yaml
+from navfw.config.error_location import ErrorLocation, ExpectedType, locate
 from navfw.config.overrides import Override, apply_overrides
-from navfw.config.problems import FileProblem, config_error, problems_of
+from navfw.config.type_descriptions import choices_of, members_of
+from navfw.errors import ConfigError, did_you_mean
+
+MAX_LISTED = 50
+"""Largest number of problems that one error lists; the others are counted."""
+
+
+@dataclass(frozen=True)
+class FileProblem:
+    """One error in a document: the path of the key, the message, and where the value came from."""
+
+    path: KeyPath
+    message: str
+    origin: Origin
+
+    def error(self) -> ConfigError:
+        """The error for this problem alone."""
+        return ConfigError(
+            self.message, file=self.origin.file, line=self.origin.line, key=self.key or None
+        )
+
+    @property
+    def key(self) -> str:
+        """The option of the command line that set the value, or else the key in the file."""
+        return self.origin.option or key_text(self.path)
+
+
+def config_error(problems: Sequence[FileProblem]) -> ConfigError:
+    """One error for ``problems`` (at least one), one per line, in the order of the file.
+
+    The first ``MAX_LISTED`` are listed, the others counted.
+    """
+    ordered = sorted(problems, key=_order)
+    first, *others = ordered[:MAX_LISTED]
+    lines = [first.message, *(str(other.error()) for other in others)]
+    if len(ordered) > MAX_LISTED:
+        lines.append(f"and {len(ordered) - MAX_LISTED} more")
+    message = "\n".join(lines)
+    return ConfigError(
+        message, file=first.origin.file, line=first.origin.line, key=first.key or None
+    )
+
+
+def problems_of(
+    error: ValidationError, document: YamlDocument, model: type[BaseModel], at: KeyPath = ()
+) -> list[FileProblem]:
+    """The problems in ``error``, from validating ``document`` at path ``at`` as ``model``.
+
+    They are in the order of the file. Only the first ``MAX_LISTED`` are worded: comparing an
+    unknown key with the known ones takes a millisecond, and a file may have thousands. The others
+    have pydantic's message.
+    """
+    data = document.at(at)
+    located: list[tuple[ErrorDetails, ErrorLocation]] = [
+        (detail, locate(detail["loc"], {} if data is None else data, model))
+        for detail in error.errors(include_url=False)
+        if not _is_echo(detail)
+    ]
+    unworded: list[tuple[FileProblem, ErrorDetails, ErrorLocation]] = []
+    for detail, location in _resolve_unions(located):
+        path = (*at, *location.path)
+        if detail["type"] == "union_tag_invalid":
+            path = (*path, location.tags[0])
+        unworded.append(
+            (FileProblem(path, detail["msg"], document.origin_of(path)), detail, location)
+        )
+    unworded.sort(key=lambda item: _order(item[0]))
+    problems: dict[FileProblem, None] = {}  # an ordered set
+    for problem, detail, location in unworded:
+        if len(problems) < MAX_LISTED:
+            message = _located_message(document, problem, detail, location)
+            problems[dataclasses.replace(problem, message=message)] = None
+        else:
+            problems[problem] = None
+    return list(problems)
+
+
+@contextmanager
+def rewording(what: str = "", prefix: str = "", file: str | Path | None = None) -> Iterator[None]:
+    """A ValidationError in the block becomes a ConfigError about the first wrong key of ``file``.
+
+    ``what`` begins its message, ``prefix`` the key. It is for data that have no lines.
+    """
+    try:
+        yield
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = prefix + key_text(first["loc"])
+        raise ConfigError(f"{what}{first['msg']}", file=file, key=key or None) from None
+
+
+def _order(problem: FileProblem) -> tuple[bool, int]:
+    """The order in which problems are listed: by lines of the file, then options."""
+    return problem.origin.option is not None, problem.origin.line or 0
+
+
+def _located_message(
+    document: YamlDocument, problem: FileProblem, detail: ErrorDetails, location: ErrorLocation
+) -> str:
+    """The message for ``problem``, with the option of the command line that is its cause."""
+    message = _message(detail, location)
+    option = problem.origin.option
+    if option is None:
+        return message + _responsible_options(document, problem.path, detail)
+    key = key_text(problem.path)
+    named = option.removeprefix("--set ").partition("=")[0]
+    return message if named == key else f"{key}: {message}"
+
+
+def _is_echo(detail: ErrorDetails) -> bool:
+    """Whether a list counts as too short only because pydantic leaves out its invalid items."""
+    return (
+        detail["type"] == "too_short"
+        and len(detail["input"]) >= detail.get("ctx", {})["min_length"]
+    )
+
+
+def _message(detail: ErrorDetails, location: ErrorLocation) -> str:
+    value = detail["input"]
+    context: Mapping[str, Any] = detail.get("ctx", {})
+    expected = location.expected
+    match detail["type"]:
+        case "missing":
+            text = f"missing; expected {expected}"
+        case "extra_forbidden":
+            text = f"unknown key; {did_you_mean(str(location.path[-1]), location.known_keys)}"
+        case "union_tag_not_found":
+            key, tags = location.tags
+            text = f"missing {key!r}; expected one of {', '.join(tags)}"
+        case "union_tag_invalid":
+            key, tags = location.tags
+            tag = str(context.get("tag", ""))
+            text = f"unknown {key} {tag!r}: {did_you_mean(tag, tags)}"
+        case "value_error" | "assertion_error":
+            text = str(context.get("error") or detail["msg"])
+        case "too_short" | "too_long" if location.certain and isinstance(value, Sized):
+            text = f"expected {expected}, got {len(value)} items"
+        case _ if not location.certain:
+            text = f"{detail['msg'][:1].lower()}{detail['msg'][1:]}, got {shown(value)}"
+        case _:
+            text = f"expected {expected}, got {shown(value)}{_hint(detail, expected)}"
+    return text
+
+
+def _hint(detail: ErrorDetails, expected: ExpectedType) -> str:
+    value = detail["input"]
+    choices = [c for member in members_of(expected.annotation) for c in choices_of(member)]
+    if choices and isinstance(value, str):
+        return f"; {did_you_mean(value, choices)}"
+    if detail["type"] == "string_type" and isinstance(value, bool | int | float):
+        return "; quote it to make it text"
+    return ""
+
+
+def shown(value: object) -> str:
+    """A value as error messages show it; long ones shortened."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return f"the text {_short(repr(value))}"
+    if isinstance(value, Mapping):
+        return "a mapping" if value else "an empty mapping"
+    if isinstance(value, list | tuple):
+        return "an empty list" if not value else f"the list {_short(repr(list(value)))}"
+    return _short(repr(value))
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _responsible_options(document: YamlDocument, path: KeyPath, detail: ErrorDetails) -> str:
+    """The command line options inside a part that is invalid as a whole, as a suffix."""
+    if detail["type"] not in {"value_error", "assertion_error"}:
+        return ""
+    options = {
+        origin.option
+        for part, origin in document.origins.items()
+        if origin.option is not None and part[: len(path)] == path
+    }
+    return f" (with {', '.join(sorted(options))})" if options else ""
+
+
+def _resolve_unions(
+    errors: list[tuple[ErrorDetails, ErrorLocation]],
+) -> Iterator[tuple[ErrorDetails, ErrorLocation]]:
+    """Keep, of the errors that pydantic reports for each member of a union, those of one member.
+
+    A member that accepts the outer form and fails deeper inside is preferred; of several, the one
+    with the fewest errors. When all members fail at once, one error names them all.
+    """
+    unions: dict[KeyPath, dict[str, list[int]]] = {}
+    for index, (_, location) in enumerate(errors):
+        for union, (label, _) in location.unions.items():
+            unions.setdefault(union, {}).setdefault(label, []).append(index)
+    dropped: set[int] = set()
+    merged: dict[int, ErrorLocation] = {}
+    for union, by_label in unions.items():
+        deep = {
+            label: indices
+            for label, indices in by_label.items()
+            if all(
+                len(errors[i][1].path) > len(union)
+                or not errors[i][0]["type"].endswith(("_type", "_parsing"))
+                for i in indices
+            )
+        }
+        if deep:
+            meant = min(deep, key=lambda label: len(deep[label]))
+            for label, indices in by_label.items():
+                dropped.update(indices if label != meant else ())
+        elif len(by_label) > 1:
+            indices = sorted(i for group in by_label.values() for i in group)
+            dropped.update(indices[1:])
+            expected = errors[indices[0]][1].unions[union][1]
+            merged[indices[0]] = ErrorLocation(None, expected, union)
+    for index, (detail, location) in enumerate(errors):
+        if index in merged:
+            yield {**detail, "type": "union"}, merged[index]
+        elif index not in dropped:
+            yield detail, location
+
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 

@@ -16,10 +16,10 @@ from .flow_egomotion import estimate_egomotion as estimate_egomotion
 from .odometer import EncoderFaultDetector as EncoderFaultDetector
 from .odometer import Odometer as Odometer
 from .odometer import OdometryHistory as OdometryHistory
+from .odometer import RockingFilter as RockingFilter
 from .pairing import FrameBuffer as FrameBuffer
 from .pairing import PairingParams as PairingParams
 from .pairing import seeing_speed as seeing_speed
 from .plane_approach import towards_plane as towards_plane
 from .refinement import RefinementParams as RefinementParams
 from .refinement import refine as refine
-from .rocking import RockingFilter as RockingFilter

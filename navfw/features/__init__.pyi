@@ -1,10 +1,10 @@
-from .aruco import Aruco as Aruco
-from .combined_landmarks import Landmarks as Landmarks
-from .combined_landmarks import NoFeatures as NoFeatures
 from .landmark_appearance import landmark_kind as landmark_kind
 from .landmark_appearance import marker_dictionary as marker_dictionary
 from .landmark_appearance import poster_image as poster_image
-from .posters import Posters as Posters
+from .recognizers import Aruco as Aruco
+from .recognizers import Landmarks as Landmarks
+from .recognizers import NoFeatures as NoFeatures
+from .recognizers import Posters as Posters
 from .square_localization import is_upright as is_upright
 from .square_localization import locate as locate
 from .square_localization import locate_with_covariance as locate_with_covariance

@@ -10,9 +10,8 @@ import numba
 import numpy as np
 from pydantic import Field
 
-from navfw.flow.confidence import local_spread, match_sigma, ramp
 from navfw.flow.correlation_kernels import correlate, find_peaks
-from navfw.flow.grid_flow import MatchedFlow
+from navfw.flow.grid_flow import MatchedFlow, local_spread, match_sigma, ramp
 from navfw.flow.registration import grid_windows, register_windows
 from navfw.numerics import Image
 from navfw.numerics.arrays import Array, Floats, Indices, Mask

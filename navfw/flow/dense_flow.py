@@ -9,9 +9,14 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from navfw.flow.aligned_past import is_visible
-from navfw.flow.confidence import gradient_products, match_sigma, ramp, smaller_eigenvalue
-from navfw.flow.grid_flow import MatchedFlow
+from navfw.flow.grid_flow import (
+    MatchedFlow,
+    gradient_products,
+    is_visible,
+    match_sigma,
+    ramp,
+    smaller_eigenvalue,
+)
 from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats
 from navfw.robot import RobotModel

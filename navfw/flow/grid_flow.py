@@ -1,24 +1,202 @@
-"""The regular sparse grid of image points at which flow is measured, and bases of processors."""
+"""The regular sparse grid of image points at which flow is measured, and bases of processors.
+
+They compare with the past image as if the camera had turned before it: what is left of the flow is
+translation. Also the confidence and the standard deviation of flow vectors (METHOD 2.9).
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from abc import abstractmethod
-from typing import Annotated, Self
+from dataclasses import replace
+from typing import Annotated, Any, Self
 
+import cv2
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from navfw import interfaces
-from navfw.camera_geometry.rotations import rotate_points
+from navfw.camera_geometry.rotations import rotate_points, turn_point
 from navfw.errors import ConfigError
-from navfw.flow.aligned_past import align_past, visible_in_past
-from navfw.flow.confidence import SIGMA_UNKNOWN, is_frozen
-from navfw.numerics import Array, Image
-from navfw.robot import CameraModel, RobotModel
+from navfw.numerics import Array, Image, Mask
+from navfw.numerics.arrays import Floats
+from navfw.numerics.linear_systems import inverse
+from navfw.numerics.products import product
+from navfw.robot import CameraEffects, CameraModel, RobotModel
 from navfw.signals import FlowField, Frame, FramePair
 from navfw.signals.immutability import read_only
+
+Pixels = npt.NDArray[Any]
+
+#: Largest rotational flow in the image [px] that is not compensated before matching.
+_NEGLIGIBLE = 0.05
+
+
+def rotation_matters(rotation: Array, camera: CameraModel) -> bool:
+    """Whether ``rotation`` moves a point of the image by more than ``_NEGLIGIBLE``."""
+    back = np.ascontiguousarray(rotation.T)
+    x, y = 0.5 * camera.width, 0.5 * camera.height
+    for px, py in ((-x, -y), (x, -y), (-x, y), (x, y), (0.0, 0.0)):
+        qx, qy = turn_point(px, py, back, camera.focal)
+        # NaN (a corner that leaves the field of view) must compare as large
+        if not (abs(qx - px) <= _NEGLIGIBLE and abs(qy - py) <= _NEGLIGIBLE):
+            return True
+    return False
+
+
+def align_past(past: Image, rotation: Array, camera: CameraModel) -> Image:
+    """The image ``past`` (height, width) warped as if the camera had rotated by ``rotation``.
+
+    This applies the rotational prediction to all pixels at once: a search in the result starts at
+    the prediction, and its windows are not distorted by the rotation. Pixels outside the past image
+    repeat its border; ``visible_in_past`` gives the others.
+    """
+    if not rotation_matters(rotation, camera):
+        return past
+    intrinsics, inverse = _intrinsics(camera.focal, camera.width, camera.height)
+    past_from_now = product(intrinsics, rotation.T, inverse)
+    warped = cv2.warpPerspective(
+        past,
+        past_from_now,
+        (camera.width, camera.height),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.asarray(warped, dtype=np.uint8)
+
+
+@functools.lru_cache(maxsize=8)
+def _intrinsics(focal: float, width: int, height: int) -> tuple[Array, Array]:
+    """Intrinsic matrix (3, 3), from rays to pixels from the top left, and its inverse."""
+    matrix = np.array(
+        [[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]]
+    )
+    return matrix, inverse(matrix)
+
+
+def visible_in_past(rotation: Array, camera: CameraModel) -> tuple[int, int, int, int]:
+    """Columns [left, right) and rows [top, bottom) of ``align_past`` inside the past image.
+
+    The limits are those of the middle row and the middle column. For a rotation about the camera's
+    y axis the column limits are exact, and the row limits include a few invisible pixels in the
+    corners only.
+    """
+    w, h = camera.width, camera.height
+    if not rotation_matters(rotation, camera):
+        return 0, w, 0, h
+    turn, f, x, y = np.ascontiguousarray(rotation), camera.focal, 0.5 * w, 0.5 * h
+    left, right = (turn_point(side, 0.0, turn, f)[0] + x for side in (-x, x))
+    top, bottom = (turn_point(0.0, side, turn, f)[1] + y for side in (-y, y))
+    return *_within(left, right, w), *_within(top, bottom, h)
+
+
+def is_visible(x: Pixels, y: Pixels, visible: tuple[int, int, int, int]) -> Mask:
+    """Whether pixels ``x``, ``y`` lie within the limits of ``visible_in_past``."""
+    left, right, top, bottom = visible
+    return (x >= left) & (x <= right - 1) & (y >= top) & (y <= bottom - 1)
+
+
+def _within(low: float, high: float, size: int) -> tuple[int, int]:
+    """Whole pixels of [low, high) inside [0, size); (0, 0) if the interval is not finite."""
+    if not (np.isfinite(low) and np.isfinite(high)):
+        return 0, 0
+    return max(0, int(np.ceil(low - 1e-6))), min(size, int(np.floor(high + 1e-6)))
+
+
+Floating = npt.NDArray[np.floating[Any]]
+
+
+def gradient_products(image: Image) -> tuple[Floats, Floats, Floats]:
+    """Products xx, yy, xy of the gradient's components [(grey levels/px)^2] at each pixel.
+
+    Their means over a window are the elements of its structure tensor.
+    """
+    x: Floats = np.asarray(cv2.Sobel(image, cv2.CV_32F, 1, 0, scale=0.125), np.float32)
+    y: Floats = np.asarray(cv2.Sobel(image, cv2.CV_32F, 0, 1, scale=0.125), np.float32)
+    return x * x, y * y, x * y
+
+
+def smaller_eigenvalue(xx: Floating, yy: Floating, xy: Floating) -> Floating:
+    """Mean square of the gradient in its weakest direction: smaller eigenvalue of the tensor."""
+    eigenvalue = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy**2)
+    return np.asarray(np.maximum(eigenvalue, 0.0))
+
+
+#: Standard deviation of vectors of confidence 0, and upper limit of all others [px].
+SIGMA_UNKNOWN = 10.0
+#: Baseline [m] beyond which two images of a working camera are never identical.
+_SURELY_MOVED = 0.005
+
+
+def ramp(value: Array, low: float, high: float) -> Array:
+    """0 below ``low``, 1 above ``high``, linear between."""
+    # equal to np.clip, at a third of its cost on arrays of the size of a grid
+    return np.minimum(np.maximum((value - low) / (high - low), 0.0), 1.0)
+
+
+def is_frozen(pair: FramePair, camera: CameraModel) -> bool:
+    """Whether the camera moved but both images are identical: the camera or its driver hangs.
+
+    Such a pair would match perfectly and show zero flow.
+    """
+    motion = pair.motion
+    moved = motion.baseline > _SURELY_MOVED or rotation_matters(motion.rotation, camera)
+    return moved and bool(np.array_equal(pair.past.image, pair.now.image))
+
+
+def match_sigma(score: Array, curvature: Array, pixels: Array | float) -> Array:
+    """Standard deviation [px] of the position of a correlation peak, in its worst direction.
+
+    For two images with independent noise, the position of the maximum of their normalised
+    correlation, of height ``score``, has the variance 2 (1 - score) / (pixels * curvature) [px^2],
+    where ``curvature`` [1/px^2] is the negative second derivative in the flattest direction. Real
+    residuals of neighbouring pixels are correlated: callers scale the result by measured factors.
+    """
+    noise = 2.0 * np.clip(1.0 - score, 0.0, 1.0) / pixels
+    return np.sqrt(noise / np.maximum(curvature, 1e-6))
+
+
+def local_spread(vectors: Array, confidence: Array) -> Array:
+    """Standard deviation (rows, cols) [px] of the vectors in each 3 x 3 neighbourhood.
+
+    Both components together; vectors of confidence 0 are left out. Where neighbouring windows
+    overlap, it measures how much the flow varies within a window: expansion, slanted surfaces,
+    edges in depth.
+    """
+    weight = np.where(confidence > 0.0, 1.0, 1e-9)
+    total = _sum_around(weight)
+    variance = np.zeros_like(weight)
+    for k in range(2):
+        component = vectors[..., k]
+        mean = _sum_around(weight * component) / total
+        variance += _sum_around(weight * component**2) / total - mean**2
+    return np.sqrt(np.maximum(variance, 0.0))
+
+
+def _sum_around(values: Array) -> Array:
+    border = cv2.BORDER_ISOLATED | cv2.BORDER_CONSTANT
+    return np.asarray(cv2.boxFilter(values, -1, (3, 3), normalize=False, borderType=border))
+
+
+def with_shutter_sigma(flow: FlowField, effects: CameraEffects, height: int) -> FlowField:
+    """``flow`` of images ``height`` px high, its sigma widened by blur and a rolling shutter.
+
+    A vector u over the time dt is an image motion of |u| / dt. While a row is exposed, for e, a
+    point draws a trail of b = e |u| / dt; where in it the match lies is uniform, which has the
+    standard deviation b / sqrt(12). Rows are exposed one after the other over the readout time r:
+    a point that moved by u_y rows was seen r u_y / height later than dt says, so that the vector
+    is wrong by s = |u| / dt times that. Both are independent of the sigma of the match:
+    sqrt(sigma^2 + b^2 / 12 + s^2).
+    """
+    x, y = flow.vectors[..., 0], flow.vectors[..., 1]
+    speed = np.hypot(x, y) / flow.motion.dt
+    blur = effects.exposure_time / math.sqrt(12.0)
+    skew = effects.readout_time * y / height
+    sigma = np.sqrt(flow.sigma**2 + speed**2 * (blur**2 + skew**2))
+    return replace(flow, sigma=np.minimum(sigma, SIGMA_UNKNOWN))
 
 
 def above_horizon(flow: FlowField, camera: CameraModel) -> FlowField:

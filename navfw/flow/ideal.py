@@ -15,8 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from navfw.errors import PluginError
-from navfw.flow.confidence import SIGMA_UNKNOWN
-from navfw.flow.grid_flow import GridFlow, check_frame
+from navfw.flow.grid_flow import SIGMA_UNKNOWN, GridFlow, check_frame
 from navfw.numerics import Array, Mask
 from navfw.numerics.arrays import Floats
 from navfw.numerics.functions import exp

@@ -8,15 +8,16 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from navfw.flow.aligned_past import is_visible
-from navfw.flow.confidence import (
+from navfw.flow.grid_flow import (
     SIGMA_UNKNOWN,
+    MatchedFlow,
     gradient_products,
+    grid_points,
+    is_visible,
     local_spread,
     ramp,
     smaller_eigenvalue,
 )
-from navfw.flow.grid_flow import MatchedFlow, grid_points
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
 

@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from navfw.flow.confidence import ramp
-from navfw.flow.grid_flow import MatchedFlow
+from navfw.flow.grid_flow import MatchedFlow, ramp
 from navfw.flow.registration import grid_windows, register_windows
 from navfw.flow.registration_kernels import roughness
 from navfw.numerics import Array, Image

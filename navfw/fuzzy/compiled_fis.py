@@ -17,9 +17,8 @@ import numpy.typing as npt
 
 from navfw.errors import RuleBaseError, UnknownNameError
 from navfw.fuzzy import inference_kernels
-from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
 from navfw.fuzzy.inference_kernels import fuzzify, infer
-from navfw.fuzzy.rulebase import RuleBase, Variable
+from navfw.fuzzy.rulebase import And, Clause, Is, Not, Or, RuleBase, Variable, atoms
 from navfw.numerics import Array
 from navfw.numerics.arrays import Indices
 

@@ -20,9 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import RuleBaseError
-from navfw.fuzzy.grammar import And, Clause, Is, Not, Or
 from navfw.fuzzy.inference_kernels import FIRING_FLOOR
-from navfw.fuzzy.rulebase import RuleBase, Variable
+from navfw.fuzzy.rulebase import And, Clause, Is, Not, Or, RuleBase, Variable
 
 Classes = npt.NDArray[np.int8]
 # Classes of degrees. They are ordered, so AND is min, OR is max, and NOT is 2 - class.

@@ -35,9 +35,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from navfw.config.extras import extra_imports
-from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
 from navfw.fuzzy.inference_kernels import FIRING_FLOOR
-from navfw.fuzzy.rulebase import RuleBase, Variable
+from navfw.fuzzy.rulebase import And, Clause, Is, Not, Or, RuleBase, Variable, atoms
 from navfw.numerics import Array
 
 _RESET_EVERY = 500

@@ -8,16 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from navfw.config.document import KeyPath, YamlDocument, parse_mapping, parse_yaml
-from navfw.config.input_bounds import max_bytes
-from navfw.config.input_file import read_input_text, shown_path
+from navfw.config.input_file import max_bytes, read_input_text, shown_path
 from navfw.config.overrides import Override, apply_overrides
-from navfw.config.problems import FileProblem, config_error
-from navfw.config.yamlfile import check
+from navfw.config.yamlfile import FileProblem, check, config_error
 from navfw.errors import ConfigError, RuleBaseError, did_you_mean
 from navfw.fuzzy.coverage import check_coverage
-from navfw.fuzzy.grammar import SentenceError, atoms, parse_rule
 from navfw.fuzzy.membership import SHAPES, Shape, make_shape
-from navfw.fuzzy.rulebase import Rule, RuleBase, Variable
+from navfw.fuzzy.rulebase import Rule, RuleBase, SentenceError, Variable, atoms, parse_rule
 from navfw.fuzzy.rulespec import InputSpec, OutputSpec, RuleBaseSpec, check_name
 
 _MAX_KEPT = 64

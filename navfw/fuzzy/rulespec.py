@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator
 
 from navfw.config.strict_model import StrictModel
-from navfw.fuzzy.grammar import KEYWORDS, NAME_PATTERN
 from navfw.fuzzy.membership import HEDGES
+from navfw.fuzzy.rulebase import KEYWORDS, NAME_PATTERN
 
 _MIN_WIDTH = 1e-6
 """Least width of a range, in its unit: rounding would merge the samples of a narrower one."""

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from navfw.config.document import KeyPath, YamlDocument, key_text, parse_yaml
-from navfw.config.input_bounds import max_bytes
-from navfw.config.input_file import read_input_text, shown_path
+from navfw.config.input_file import max_bytes, read_input_text, shown_path
 from navfw.errors import InputError, did_you_mean
 from navfw.lenses.lens_models import ARCTAN, FISHEYE, CameraCalibration
 from navfw.numerics import Array

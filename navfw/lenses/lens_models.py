@@ -11,13 +11,15 @@ length of the middle of the image.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import cv2
 import numpy as np
 
-from navfw.numerics import Array
+from navfw.errors import InputError
+from navfw.numerics import Array, Image
 
 FISHEYE = "equidistant"
 """Model of lenses of any field of view (Kannala and Brandt): OpenCV's module ``fisheye``."""
@@ -174,3 +176,170 @@ class CameraCalibration:
     def _numbers(self) -> Array:
         """The coefficients; four zeros are no distortion in all models."""
         return self.coefficients if self.coefficients.size else np.zeros(4)
+
+
+_MAX_VIEW = math.radians(120.0)
+"""Largest horizontal and vertical field of view of the result [rad]: beyond, a pinhole image shows
+little but stretched pixels of the rim."""
+_MIN_VIEW = math.radians(15.0)
+_MARGIN = 64.0
+"""How far [px] outside of the image the map of ``distort`` points at most."""
+_STEPS = 33  # number of points on each side of the image's border
+_SEARCHES = 30  # halvings in the search for the focal length
+
+
+class Undistortion:
+    """Removes lens distortion from images of ``width`` x ``height`` px.
+
+    The result has the same size, square pixels, the principal point in its centre, and shows only
+    what the lens shows: its focal length is the least without black margins. ``hfov`` [rad] is its
+    horizontal field of view; ``notes`` say what was done to the calibration or the images. ``key``
+    is what errors name: the option or the file's key that gave the calibration.
+
+    Raises:
+        InputError: the calibration is for images of another shape, or its coefficients cannot be
+            inverted within the image.
+
+    """
+
+    def __init__(
+        self,
+        calibration: CameraCalibration,
+        width: int,
+        height: int,
+        key: str | None = "--calibration",
+    ) -> None:
+        self._key = key
+        self._calibration = calibration
+        self._size = width, height
+        self.notes: list[str] = []
+        self._lens = replace(calibration, matrix=self._scaled_matrix())
+        focal = self._focal()
+        self.hfov = 2.0 * math.atan(0.5 * width / focal)
+        if self.hfov < _MIN_VIEW:
+            raise self._error(
+                f"gives a field of view of {math.degrees(self.hfov):.1f} degrees; expected focal "
+                "lengths in pixels of this size of images"
+            )
+        self._maps = self._lens.pinhole_maps(focal, width, height)
+        view = math.degrees(self.hfov)
+        by = f"distortion removed by {calibration.file}"
+        self.notes.append(f"{by}: images then show {view:.1f} degrees across")
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width [px] of the images."""
+        return self._size[1], self._size[0]
+
+    def apply(self, image: Image) -> Image:
+        """``image`` (height, width), or with channels, without distortion."""
+        straight = cv2.remap(image, self._maps[0], self._maps[1], cv2.INTER_LINEAR)
+        return np.asarray(straight, dtype=np.uint8)
+
+    def distort(self, image: Image) -> Image:
+        """The opposite: ``image`` of the pinhole camera as the lens shows it.
+
+        The lens shows more than the image has: its border is repeated there, where ``apply`` never
+        looks.
+        """
+        bent = cv2.remap(image, *self._back, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(bent, dtype=np.uint8)
+
+    @cached_property
+    def _back(self) -> tuple[Array, Array]:
+        """Maps for ``cv2.remap`` from the pinhole camera's image to the lens's."""
+        width, height = self._size
+        pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+        rays = self._lens.rays(pixels.reshape(-1, 2).astype(np.float64))
+        focal = 0.5 * width / math.tan(0.5 * self.hfov)
+        middle = 0.5 * (width - 1), 0.5 * (height - 1)
+        # a ray without limits would overflow the map's integers
+        points = np.clip(rays * focal + middle, -_MARGIN, max(width, height) + _MARGIN)
+        shaped = points.reshape(height, width, 2).astype(np.float32)
+        first, second = cv2.convertMaps(shaped, np.empty(0), cv2.CV_16SC2)
+        return np.asarray(first), np.asarray(second)
+
+    def _scaled_matrix(self) -> Array:
+        """The camera matrix for the images' size.
+
+        Images of the same shape are taken for the scaled whole of the calibrated ones.
+        """
+        matrix = self._calibration.matrix.copy()
+        width, height = self._size
+        if self._calibration.size is None:
+            self.notes.append(
+                f"{self._calibration.file} does not say its size of images: taken as {width} x "
+                f"{height}"
+            )
+            x, y = matrix[:2, 2]
+            if not (0.25 * width < x < 0.75 * width and 0.25 * height < y < 0.75 * height):
+                raise self._error(
+                    f"has its principal point at ({x:g}, {y:g}), far from the centre of images of "
+                    f"{width} x {height} px; calibrate at the size of the recording"
+                )
+            return matrix
+        full_width, full_height = self._calibration.size
+        if (full_width, full_height) == (width, height):
+            return matrix
+        message = f"is for images of {full_width} x {full_height} px, not {width} x {height}"
+        if full_width * width == full_height * height and width != height:
+            raise self._error(
+                f"{message}: turn the images as they were for the calibration, or calibrate with "
+                "the camera held upright"
+            )
+        if full_width * height != full_height * width:
+            raise self._error(
+                f"{message}, which are no scaled copy of these; calibrate at the size of the "
+                "recording, or give --hfov"
+            )
+        scale = width / full_width
+        # pixel centres have whole coordinates, so the corner of the image is at -0.5
+        matrix[:2, 2] = (matrix[:2, 2] + 0.5) * scale - 0.5
+        matrix[:2, :2] *= scale
+        self.notes.append(
+            f"{self._calibration.file} {message}: scaled by {scale:.4g}, as for images that were "
+            "scaled and not cut"
+        )
+        return matrix
+
+    def _focal(self) -> float:
+        """The least focal length [px] of the result at which all of it lies in the image."""
+        width, height = self._size
+        low = 0.5 * max(width, height) / math.tan(0.5 * _MAX_VIEW)
+        high = 0.5 * width / math.tan(0.5 * math.radians(1.0))
+        if not self._shown(high):
+            raise self._error(
+                "its distortion cannot be removed even near the principal point; check the order "
+                "of the coefficients (k1, k2, p1, p2, k3) and the model"
+            )
+        if self._shown(low):
+            self.notes.append(
+                f"the lens shows more than {math.degrees(_MAX_VIEW):.0f} degrees:"
+                " the middle is used"
+            )
+            return low
+        for _ in range(_SEARCHES):
+            middle = math.sqrt(low * high)
+            if self._shown(middle):
+                high = middle
+            else:
+                low = middle
+        return high
+
+    def _shown(self, focal: float) -> bool:
+        """Whether the lens shows all of a result with ``focal`` [px]; its model is invertible."""
+        width, height = self._size
+        x = np.linspace(-0.5 * (width - 1), 0.5 * (width - 1), _STEPS)
+        y = np.linspace(-0.5 * (height - 1), 0.5 * (height - 1), _STEPS)
+        rays = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) / focal
+        points = self._lens.project(rays)
+        inside = (points >= 0.0) & (points <= np.array([width - 1.0, height - 1.0]))
+        if not inside.all():
+            return False
+        # a polynomial may turn back: points farther out then lie in the image once more
+        grown = self._lens.project(1.01 * rays) - points
+        outward = (grown * (points - self._lens.matrix[:2, 2])).sum(axis=-1)
+        return bool((outward >= 0.0).all())
+
+    def _error(self, message: str) -> InputError:
+        return InputError(message, file=self._calibration.file, key=self._key)

@@ -16,8 +16,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from navfw.config.input_bounds import INPUT_BOUNDS
-from navfw.config.input_file import read_input, shown_path
+from navfw.config.input_file import INPUT_BOUNDS, read_input, shown_path
 from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError
 from navfw.meshes.triangle_mesh import TriangleMesh

@@ -1,4 +1,3 @@
-from .eventspec import Blackout as Blackout
 from .learning_drives import SituationDrive as SituationDrive
 from .learning_drives import learn_landmarks as learn_landmarks
 from .learning_drives import record_situations as record_situations
@@ -10,6 +9,7 @@ from .missionfile import MissionFile as MissionFile
 from .missionfile import draw_start as draw_start
 from .missionfile import load_mission as load_mission
 from .missionfile import start_candidates as start_candidates
+from .missionspec import Blackout as Blackout
 from .missionspec import MissionSpec as MissionSpec
 from .oracle import SimulatorTruth as SimulatorTruth
 from .oracle import plugins_of as plugins_of

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from navfw.errors import MapError
-from navfw.features.combined_landmarks import Landmarks
 from navfw.features.landmark_appearance import landmark_kind
+from navfw.features.recognizers import Landmarks
 from navfw.localization.situation_model import observed_situations
 from navfw.missions.pilot import TickView
 from navfw.missions.runner import MissionLoop, Progress, RunResult

@@ -20,10 +20,10 @@ from navfw.missions.runner import MissionLoop
 from navfw.missions.session import Session
 from navfw.process.process_resources import peak_memory_mb
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
-from navfw.recording.run_log import RunLog
+from navfw.recording.run_observers import RunLog
 from navfw.signals import Pose
 from navfw.sim.reference_renderer import ReferenceRenderer
-from navfw.sim.walkers import WalkerTrack
+from navfw.sim.world_changes import WalkerTrack
 
 _WARM_UP = 2.0
 """Simulated time [s] driven before the first lap, so that laps contain no compiling of kernels."""

@@ -16,8 +16,8 @@ from navfw.config.document import KeyPath, YamlDocument, key_text
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, PluginError, UnknownNameError
 from navfw.interfaces import MissionEvent
-from navfw.missions.eventspec import BehaviorFault, EventSpec, NearTrigger
 from navfw.missions.missionfile import MissionFile
+from navfw.missions.missionspec import BehaviorFault, EventSpec, NearTrigger
 from navfw.plugins.fault_injection import Failure
 from navfw.robot import RobotModel
 from navfw.signals import Pose

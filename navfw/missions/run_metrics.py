@@ -13,10 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.numerics import Array
-from navfw.recording.run_log import Contact, RunLog
+from navfw.recording.run_observers import Contact, RunLog
 from navfw.sim.scene_geometry import SceneGeometry
-from navfw.sim.walkers import WalkerTrack
-from navfw.sim.world_changes import ChangeTrack
+from navfw.sim.world_changes import ChangeTrack, WalkerTrack
 
 Point = tuple[float, float]
 

@@ -25,8 +25,7 @@ from navfw.missions.outcome import (
 )
 from navfw.missions.pilot import Pilot, Simulator, TickView
 from navfw.process.interruption import check_interrupted, interruptible
-from navfw.recording.run_log import Contact, RunLog, RunLogger
-from navfw.recording.run_observers import RunObserver
+from navfw.recording.run_observers import Contact, RunLog, RunLogger, RunObserver
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
 

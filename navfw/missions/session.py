@@ -37,8 +37,7 @@ from navfw.recording.run_folder import plain_json
 from navfw.recording.run_observers import RunObserver, RunRecorder
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.simulation import Simulation
-from navfw.sim.walkers import WalkerTrack
-from navfw.sim.world_changes import ChangeTrack
+from navfw.sim.world_changes import ChangeTrack, WalkerTrack
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
 

@@ -2,6 +2,7 @@ from .conflict_prediction import ConflictParams as ConflictParams
 from .conflict_prediction import ConflictPredictor as ConflictPredictor
 from .conflict_prediction import MoverParams as MoverParams
 from .localization import locate_moving_objects as locate_moving_objects
+from .localization import merge_views as merge_views
 from .motion_segmentation import direction_sigma as direction_sigma
 from .motion_segmentation import segment_motion as segment_motion
 from .multi_view import NEAR as NEAR
@@ -15,4 +16,3 @@ from .stixels import find_stixels as find_stixels
 from .tracking import Track as Track
 from .tracking import Tracker as Tracker
 from .tracking import TrackerParams as TrackerParams
-from .view_merging import merge_views as merge_views

@@ -16,10 +16,9 @@ from navfw.egomotion.camera_motions import with_yaw_sigma
 from navfw.egomotion.pairing import PairingParams, PosedFrame
 from navfw.egomotion.refinement import RefinementParams, refine
 from navfw.flow.floor_aligned import FloorAlignedFlow
-from navfw.movers.localization import locate_moving_objects
+from navfw.movers.localization import locate_moving_objects, merge_views
 from navfw.movers.motion_segmentation import direction_sigma
 from navfw.movers.stixels import find_stixels
-from navfw.movers.view_merging import merge_views
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Frame, FramePair, MovingObject, Odometry, Stixels
 

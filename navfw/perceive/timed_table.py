@@ -18,8 +18,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from navfw.config.input_bounds import max_bytes
-from navfw.config.input_file import read_input_text, shown_path
+from navfw.config.input_file import max_bytes, read_input_text, shown_path
 from navfw.errors import InputError, did_you_mean
 from navfw.numerics import Array
 

@@ -14,8 +14,7 @@ from typing import IO
 import cv2
 import numpy as np
 
-from navfw.config.input_bounds import INPUT_BOUNDS
-from navfw.config.input_file import open_input, shown_path
+from navfw.config.input_file import INPUT_BOUNDS, open_input, shown_path
 from navfw.errors import InputError
 from navfw.numerics import Image
 

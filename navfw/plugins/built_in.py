@@ -28,10 +28,10 @@ BUILT_IN: dict[str, dict[str, str]] = {
     },
     "perception": {"offis": "navfw.offis.offis:Offis"},
     "features": {
-        "aruco": "navfw.features.aruco:Aruco",
-        "landmarks": "navfw.features.combined_landmarks:Landmarks",
-        "none": "navfw.features.combined_landmarks:NoFeatures",
-        "posters": "navfw.features.posters:Posters",
+        "aruco": "navfw.features.recognizers:Aruco",
+        "landmarks": "navfw.features.recognizers:Landmarks",
+        "none": "navfw.features.recognizers:NoFeatures",
+        "posters": "navfw.features.recognizers:Posters",
     },
     "localizer": {
         "bayes": "navfw.localization.bayes:Bayes",
@@ -53,7 +53,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "aruco": "navfw.features.landmark_appearance:ArucoMarker",
         "poster": "navfw.features.landmark_appearance:Poster",
     },
-    "event": {"blackout": "navfw.missions.eventspec:Blackout"},
+    "event": {"blackout": "navfw.missions.missionspec:Blackout"},
     "family": {
         "clutter": "navfw.worldgen.open_areas:Clutter",
         "corridors": "navfw.worldgen.corridors:Corridors",

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from navfw import interfaces
 from navfw.config.input_file import shown_path
-from navfw.config.problems import shown
+from navfw.config.yamlfile import shown
 from navfw.errors import PluginError
 
 _WITHOUT_DOCSTRINGS = 2

@@ -1,4 +1,3 @@
-from .bag_export import export_bag as export_bag
 from .bag_reader import Bag as Bag
 from .bag_reader import BagImage as BagImage
 from .bag_reader import deserialize_cdr as deserialize_cdr
@@ -26,6 +25,7 @@ from .provenance import code_revision as code_revision
 from .provenance import git_revision as git_revision
 from .provenance import machine_kind as machine_kind
 from .recorded_run import RecordedRun as RecordedRun
+from .recorded_run import export_bag as export_bag
 from .recorded_run import image_of as image_of
 from .recorded_run import open_run as open_run
 from .ros_messages import image_message as image_message
@@ -44,11 +44,11 @@ from .run_folder import RunFolder as RunFolder
 from .run_folder import is_bag as is_bag
 from .run_folder import plain_json as plain_json
 from .run_folder import read_result as read_result
-from .run_log import Contact as Contact
-from .run_log import RunLog as RunLog
-from .run_log import RunLogger as RunLogger
-from .run_log import hash_commands as hash_commands
+from .run_observers import Contact as Contact
+from .run_observers import RunLog as RunLog
+from .run_observers import RunLogger as RunLogger
 from .run_observers import RunRecorder as RunRecorder
+from .run_observers import hash_commands as hash_commands
 from .run_replay import compare_commands as compare_commands
 from .run_replay import explain_at as explain_at
 from .run_replay import load_recording as load_recording

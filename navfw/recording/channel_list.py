@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import IntFlag
 from typing import TYPE_CHECKING
 
-from navfw.config.input_bounds import max_bytes
+from navfw.config.input_file import max_bytes
 
 if TYPE_CHECKING:
     from navfw.recording.top_view import WorldOutline

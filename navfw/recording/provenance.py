@@ -19,8 +19,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Self
 
-from navfw.config.input_bounds import max_bytes
-from navfw.config.input_file import read_input
+from navfw.config.input_file import max_bytes, read_input
 from navfw.config.lookup import own_folders, owned_by_user, project_folder, shipped_folder
 from navfw.errors import ConfigError
 from navfw.process.process_resources import usable_cores

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from navfw.config.problems import rewording
+from navfw.config.yamlfile import rewording
 from navfw.errors import ConfigError, InputError
 from navfw.features.landmark_appearance import check_landmark_kind
 from navfw.numerics import Array, Image
@@ -23,7 +23,7 @@ from navfw.plugins.fault_injection import Failure, inject_faults
 from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of, recording_in
 from navfw.recording.run_folder import RESULT, read_result
-from navfw.recording.run_log import hash_commands
+from navfw.recording.run_observers import hash_commands
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist, Waypoint
 

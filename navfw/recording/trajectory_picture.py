@@ -21,7 +21,7 @@ from navfw.recording.plan_picture import (
     plan_axes,
     write_legend,
 )
-from navfw.recording.run_log import RunLog
+from navfw.recording.run_observers import RunLog
 from navfw.signals import Pose
 
 if TYPE_CHECKING:

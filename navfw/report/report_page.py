@@ -1,10 +1,15 @@
-"""Pages of HTML that need no network: templates, scripts and pictures become one text."""
+"""Pages of HTML that need no network: templates, scripts and pictures become one text.
+
+The page of perceived images is one of them: picture, sentence, front and nearness, image by image.
+"""
 
 from __future__ import annotations
 
 import base64
 import io
 import json
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +20,7 @@ from PIL import Image as PillowImage
 from navfw.config.extras import extra_imports
 from navfw.numerics import Image
 from navfw.process.printable_text import printable_data
+from navfw.recording.run_folder import plain_json
 
 with extra_imports("report"):
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -53,3 +59,51 @@ def render_page(template: str, **content: Any) -> str:
 
 def _dumped(data: Any, **options: Any) -> str:
     return json.dumps(printable_data(data), **options)
+
+
+_WIDTH, _QUALITY = 640, 60
+"""Width [px] and quality of the pictures."""
+_MAX_PICTURES = 600
+"""Largest number of pictures on a page; of longer sequences every second, fourth, ... is shown."""
+_KEPT = "time", "sentence", "notes", "situations", "confidence"
+_QUADRANTS = ("P1", "P2", "P3", "P4")
+
+
+class PerceivePage:
+    """Collects the results of a sequence called ``title`` for one page that needs no network."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._moments: list[dict[str, Any]] = []
+        self._nearness: list[tuple[float, ...]] = []
+        self._every, self._seen, self._changes, self._sentence = 1, 0, 0, ""
+
+    def add(self, picture: Image, result: Mapping[str, Any]) -> None:
+        """Add a pair of images: its overlay (height, width, 3) BGR, its result as plain data."""
+        contacts = [result["distances"][name]["ttc_s"] for name in _QUADRANTS]
+        nearness = (math.nan if contact is None else 1.0 / contact for contact in contacts)
+        self._nearness.append((result["time"], *nearness))
+        self._seen += 1
+        self._changes += self._sentence not in {"", result["sentence"]}
+        self._sentence = result["sentence"]
+        if (self._seen - 1) % self._every:
+            return
+        moment = {name: result[name] for name in _KEPT}
+        moment["image"] = reduced_source(picture, _WIDTH, quality=_QUALITY)
+        self._moments.append(moment)
+        if len(self._moments) > _MAX_PICTURES:
+            self._every *= 2
+            del self._moments[1::2]
+
+    def render(self, notes: list[str]) -> str:
+        """The page as HTML, with ``notes`` on the whole sequence."""
+        columns = np.round(np.array(self._nearness).reshape(-1, 5).T, 4)
+        return render_page(
+            "perceive_page.html",
+            title=self._title,
+            notes=notes,
+            moments=self._moments,
+            pairs=self._seen,
+            changes=self._changes,
+            nearness=plain_json(columns),
+        )

@@ -1,10 +1,14 @@
-"""The report of a run: one HTML file with plan, pictures, ratings, rules and timelines."""
+"""The page of a run, while it goes on and after it: one HTML file.
+
+A report has plan, pictures, ratings, rules and timelines. The page of a running mission has what
+does not change while it runs; ``live_page.js`` shows the rest.
+"""
 
 from __future__ import annotations
 
 import base64
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -15,10 +19,11 @@ from navfw.config.document import load_yaml
 from navfw.config.image_file import read_image
 from navfw.config.input_file import is_file
 from navfw.errors import ConfigError
+from navfw.numerics import Array
 from navfw.recording import palette, top_view
+from navfw.recording.channel_list import SeenRun
 from navfw.recording.recorded_run import RecordedRun, recording_in
 from navfw.recording.run_folder import MAP, PICTURE, RECORDING, plain_json, read_result
-from navfw.report.live_page import plan_data
 from navfw.report.report_page import reduced_source, render_page
 from navfw.report.run_moments import RunMoment, read_moments
 from navfw.report.run_timeline import (
@@ -28,6 +33,57 @@ from navfw.report.run_timeline import (
     robot_and_goals,
     run_events,
 )
+
+
+def live_page(title: str, seen: SeenRun, goals: list[tuple[float, float]]) -> str:
+    """The page (HTML) that ``LiveServer`` serves of a run to ``goals`` (x, y) [m, map frame]."""
+    stack, outline = seen.stack, seen.outline
+    places = sorted(stack.topo_map.places.values(), key=lambda place: place.kind != "room")
+    named = [(place.name, place.x, place.y) for place in places]
+    bounds = outline.bounds(0.2, np.array([*goals, *((p.x, p.y) for p in places)]))
+    shapes = (*outline.shapes(), top_view.goal_marks(goals))
+    data = {
+        **plan_data(shapes, bounds, named, stack.mofis.behaviors),
+        "discs": stack.robot.discs,
+        "flow": palette.FLOW,
+        "v": [stack.mofis.commands.v.min(), stack.mofis.commands.v.max()],
+        "w": [stack.mofis.commands.w.min(), stack.mofis.commands.w.max()],
+    }
+    shown = plain_json(data)
+    return render_page("live_page.html", title=title, data=shown, cells=palette.camera_key())
+
+
+def plan_data(
+    shapes: Iterable[top_view.Shape],
+    bounds: tuple[Array, Array],
+    places: Sequence[tuple[str, float, float]],
+    behaviors: Iterable[str],
+) -> dict[str, Any]:
+    """What ``page_drawing.js`` draws a plan of: ``shapes`` and ``places`` (name, x, y) within.
+
+    ``bounds`` are the lowest and highest x, y [m]; ``behaviors`` get their colours.
+    """
+    return {
+        "bounds": [*bounds[0], *bounds[1]],
+        "shapes": [_drawn(shape) for shape in shapes],
+        "places": places,
+        "colors": {name: palette.behavior_color(name) for name in ("none", *behaviors)},
+        "goal": palette.GOAL,
+        "estimate": palette.ESTIMATE,
+        "moving": palette.MOVING,
+        "contact": palette.CONTACT,
+    }
+
+
+def _drawn(shape: top_view.Shape) -> dict[str, Any]:
+    """A shape as the page's script draws it."""
+    style = shape.style
+    drawn: dict[str, Any] = {"fill": style.color, "edge": style.edge, "width": style.width}
+    if isinstance(shape, top_view.Disc):
+        return drawn | {"discs": [(shape.x, shape.y, shape.radius)]}
+    points = shape.corners if isinstance(shape, top_view.Area) else shape.points
+    return drawn | {"marks" if isinstance(shape, top_view.Marks) else "area": points.tolist()}
+
 
 _NUMBERS = {
     "sim_time_s": ("time", "s"),

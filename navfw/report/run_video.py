@@ -11,7 +11,7 @@ import numpy as np
 
 from navfw.errors import ConfigError
 from navfw.numerics import Array, Image
-from navfw.perceive.lettering import text_width, wrap, write, write_key
+from navfw.perceive.overlay import text_width, wrap, write, write_key
 from navfw.recording import channel_list as topics
 from navfw.recording import palette, top_view
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of, recording_in

@@ -23,7 +23,7 @@ from navfw.offis.pyramid import QUADRANTS, Channels, Pyramid
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Twist
-from navfw.suite.run_statistics import mcnemar_exact
+from navfw.suite.paired_comparison import mcnemar_exact
 
 _TWO_LAYERS, _ONE_LAYER = "L=2, means", "L=1, means and variances"
 """The two metrics of the paper's claim, as parameters of OFFIS and of the classifier."""

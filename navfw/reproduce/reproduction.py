@@ -25,8 +25,7 @@ from navfw.config.lookup import find
 from navfw.missions.run_drawing import outline_of
 from navfw.numerics import Image
 from navfw.offis.pyramid import position
-from navfw.perceive.lettering import write
-from navfw.perceive.overlay import draw_flow
+from navfw.perceive.overlay import draw_flow, write
 from navfw.plugins import default_registry
 from navfw.process.atomic import AtomicFolder
 from navfw.process.result_table import shown

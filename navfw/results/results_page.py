@@ -29,8 +29,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from navfw.config.input_bounds import max_bytes
-from navfw.config.input_file import is_file, read_input_text
+from navfw.config.input_file import is_file, max_bytes, read_input_text
 from navfw.config.lookup import list_files
 from navfw.errors import ConfigError, UnknownNameError, locating
 from navfw.process.result_table import Column, ResultTable, markdown_table, shown

@@ -10,5 +10,5 @@ from .robot_model import RobotModel as RobotModel
 from .robotfile import RobotSpec as RobotSpec
 from .robotfile import load_robot as load_robot
 from .urdf import read_urdf as read_urdf
-from .urdf_inertia import inertia_notes as inertia_notes
+from .urdf_measures import inertia_notes as inertia_notes
 from .urdf_measures import robot_notes as robot_notes

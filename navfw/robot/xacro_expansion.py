@@ -22,8 +22,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from navfw.config.extras import require_extra
-from navfw.config.input_bounds import INPUT_BOUNDS
-from navfw.config.input_file import read_input, read_input_text, shown_path
+from navfw.config.input_file import INPUT_BOUNDS, read_input, read_input_text, shown_path
 from navfw.config.ros_packages import package_folders
 from navfw.errors import ConfigError
 

@@ -36,8 +36,7 @@ from navfw.recording import (
 )
 from navfw.recording.channel_list import SeenRun
 from navfw.robot import RobotModel
-from navfw.ros.goals import TOLERANCE, goal_at
-from navfw.ros.sensor_inputs import as_taken
+from navfw.ros.sensor_inputs import TOLERANCE, as_taken, goal_at
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist
 from navfw.stack import ShadowStack
 from navfw.topomap import Passage, Place, TopoMap

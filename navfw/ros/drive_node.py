@@ -18,8 +18,7 @@ from navfw.recording import planar_pose, ros_message
 from navfw.recording.ros_messages import command_message, twist_fields
 from navfw.ros.connection import Quality, RosNode
 from navfw.ros.drive_outputs import DriveOutputs, text_message
-from navfw.ros.goals import TOLERANCE, goal_at
-from navfw.ros.sensor_inputs import SensorInputs
+from navfw.ros.sensor_inputs import TOLERANCE, SensorInputs, goal_at
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
 from navfw.stack import Stack, halt
 

@@ -1,4 +1,4 @@
-"""From messages of ROS to what a stack reads at each control tick; without rclpy.
+"""From messages of ROS to what a stack reads at each control tick; goals by name; without rclpy.
 
 Images, rates and wheels have clocks and faults of their own: each is judged when it comes.
 """
@@ -19,7 +19,8 @@ from navfw.numerics import Array, Image
 from navfw.recording import planar_pose, ros_image, turn_rates
 from navfw.recording.ros_messages import wheel_joints
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Encoders, Frame, Inertial, SensorReading
+from navfw.signals import Encoders, Frame, Inertial, SensorReading, Waypoint
+from navfw.topomap import TopoMap
 
 _CLOCKS = 1.0
 """Difference [s] of a stamp from the time of its reception from which stamps are not used."""
@@ -295,3 +296,18 @@ def _grey(message: Any, topic: str) -> Image:
     if getattr(message, "encoding", "") in {"mono8", "8UC1"}:
         return np.ascontiguousarray(ros_image(message, topic)[..., 0])
     return np.asarray(cv2.cvtColor(ros_image(message, topic), cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+
+
+TOLERANCE = 0.3
+"""Distance [m] at which a goal that was sent is reached."""
+
+
+def goal_at(topo_map: TopoMap, name: str, tolerance: float = TOLERANCE) -> Waypoint:
+    """The place called ``name`` of the map, as a goal.
+
+    Raises:
+        UnknownNameError: there is no such place.
+
+    """
+    place = topo_map.place(name)
+    return Waypoint(place.x, place.y, tolerance, name, "goal", final=True)

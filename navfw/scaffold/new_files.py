@@ -19,8 +19,7 @@ from typing import Any
 
 from navfw.config.document import load_yaml
 from navfw.config.file_kinds import FILE_KINDS
-from navfw.config.input_bounds import max_bytes
-from navfw.config.input_file import read_input_text, shown_path
+from navfw.config.input_file import max_bytes, read_input_text, shown_path
 from navfw.config.lookup import (
     NamedFile,
     list_files,

@@ -52,12 +52,12 @@ from .textures import synthesize as synthesize
 from .visibility import PartBounds as PartBounds
 from .visibility import Visibility as Visibility
 from .visibility import field_of_view as field_of_view
-from .walkers import Walker as Walker
-from .walkers import WalkerPath as WalkerPath
-from .walkers import WalkerTrack as WalkerTrack
-from .walkers import caused_by_robot as caused_by_robot
-from .walkers import closed_by_robot as closed_by_robot
 from .world_changes import CLEAR_OF_ROBOT as CLEAR_OF_ROBOT
+from .world_changes import Walker as Walker
+from .world_changes import WalkerPath as WalkerPath
+from .world_changes import WalkerTrack as WalkerTrack
+from .world_changes import caused_by_robot as caused_by_robot
+from .world_changes import closed_by_robot as closed_by_robot
 from .world_check import check_world as check_world
 from .worldfile import load_world as load_world
 from .worldspec import BoxSpec as BoxSpec

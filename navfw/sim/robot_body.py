@@ -26,7 +26,7 @@ from navfw.process.atomic import scratch_folder
 from navfw.robot import DrivenUrdf, RobotModel
 from navfw.robot.urdf import loadable_urdf
 from navfw.robot.urdf_drive import UrdfDrive, urdf_drive
-from navfw.robot.urdf_inertia import impossible_inertias
+from navfw.robot.urdf_measures import impossible_inertias
 from navfw.signals import Pose, wrap_angle
 from navfw.sim.engine import BulletClient, bullet, quaternion, quiet_output
 from navfw.sim.physics_world import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP

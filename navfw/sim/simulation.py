@@ -29,14 +29,15 @@ from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
 from navfw.sim.solids import fallen_into
-from navfw.sim.walkers import (
+from navfw.sim.world_changes import (
     CLOSING_TIME,
+    ChangeTrack,
     Walker,
     WalkerTrack,
+    WorldChanges,
     caused_by_robot,
     closed_by_robot,
 )
-from navfw.sim.world_changes import ChangeTrack, WorldChanges
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
 
@@ -301,8 +302,8 @@ class Simulation(BulletConnection):
         """The cause of the first contact of the run; None before it.
 
         "mover" when only walkers were in contact and the robot did not approach them (faster than
-        ``navfw.sim.walkers.CLOSING_SPEED``) nor close most of the distance in the last second, else
-        "robot".
+        ``navfw.sim.world_changes.CLOSING_SPEED``) nor close most of the distance in the last
+        second, else "robot".
         """
         return self._cause
 

@@ -1,4 +1,3 @@
-from .leveling import ready_frame as ready_frame
 from .progress_watch import NO_ROUTE_AFTER as NO_ROUTE_AFTER
 from .progress_watch import STUCK_AFTER as STUCK_AFTER
 from .progress_watch import ProgressWatch as ProgressWatch
@@ -14,3 +13,4 @@ from .stackfile import StackSettings as StackSettings
 from .stackfile import load_stack as load_stack
 from .vision import View as View
 from .vision import Vision as Vision
+from .vision import ready_frame as ready_frame

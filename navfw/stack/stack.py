@@ -26,7 +26,7 @@ from navfw.guard.guarded_stages import (
 )
 from navfw.localization.passage_walls import KnownWalls
 from navfw.localmap import LocalMap
-from navfw.locom.trim import WheelTrim
+from navfw.locom.unicycle import WheelTrim
 from navfw.mofis.mofis import DecisionInputs, Mofis, explain_command
 from navfw.movers import ConflictPredictor, Tracker
 from navfw.robot import RobotModel
@@ -45,12 +45,11 @@ from navfw.signals import (
     Twist,
     Waypoint,
 )
-from navfw.stack.leveling import ready_frame, straight_reading
 from navfw.stack.progress_watch import ProgressWatch
 from navfw.stack.stack_state import StackState
 from navfw.stack.stackfile import Choice, PluginSource, StackConfig, load_stack
 from navfw.stack.stopwatch import timed
-from navfw.stack.vision import View, Vision
+from navfw.stack.vision import View, Vision, ready_frame, straight_reading
 from navfw.topomap import TopoMap
 
 TIMED = (

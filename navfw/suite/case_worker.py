@@ -22,8 +22,8 @@ from navfw.recording.run_folder import RunFolder
 from navfw.suite.case import RECORDINGS, Case, Job, KeptRuns
 from navfw.suite.failure_causes import Cause, classify
 from navfw.suite.failure_symptoms import collect_symptoms
+from navfw.suite.paired_comparison import barn_score, sct
 from navfw.suite.run_journal import COLUMNS, RunRow
-from navfw.suite.run_statistics import barn_score, sct
 from navfw.suite.worker_pool import stop_requested
 
 

@@ -18,7 +18,7 @@ from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.missions.run_metrics import path_length
 from navfw.missions.session import MissionResult
 from navfw.numerics import Array, Mask
-from navfw.recording.run_log import Contact, RunLog
+from navfw.recording.run_observers import Contact, RunLog
 from navfw.signals import Odometry, Pose, Sight, wrap_angle
 from navfw.sim.scene_geometry import NamedShape, SceneGeometry
 from navfw.sim.shapes import Circle

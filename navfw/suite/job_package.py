@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import Self
 
 from navfw.config.extras import pybullet_version
-from navfw.config.input_bounds import max_bytes
-from navfw.config.input_file import read_input
+from navfw.config.input_file import max_bytes, read_input
 from navfw.config.lookup import project_folder, shipped_folder
 from navfw.errors import InputError
 from navfw.plugins.built_in import GROUPS

@@ -25,8 +25,7 @@ from typing import NamedTuple
 
 from pydantic import TypeAdapter
 
-from navfw.config.input_bounds import INPUT_BOUNDS
-from navfw.config.input_file import is_file
+from navfw.config.input_file import INPUT_BOUNDS, is_file
 from navfw.config.sqlite_file import open_database
 from navfw.errors import ConfigError, InputError
 from navfw.missions.outcome import Outcome

@@ -11,8 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from navfw.config.input_bounds import max_bytes
-from navfw.config.input_file import is_file, is_folder, read_input, read_input_text, shown_path
+from navfw.config.input_file import (
+    is_file,
+    is_folder,
+    max_bytes,
+    read_input,
+    read_input_text,
+    shown_path,
+)
 from navfw.config.lookup import find, find_mission, list_missions
 from navfw.config.overrides import Settings, override_texts
 from navfw.errors import ConfigError, InputError, MissingExtraError, UnknownNameError

@@ -37,7 +37,7 @@ from navfw.config.lookup import find
 from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, InputError
-from navfw.missions.eventspec import EventSpec
+from navfw.missions.missionspec import EventSpec
 from navfw.sim.worldspec import MAX_CONTRAST, Look
 
 MAX_SEED = 2**32

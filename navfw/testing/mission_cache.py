@@ -24,8 +24,7 @@ from typing import Any, Self, get_type_hints
 import numpy as np
 from pydantic import ConfigDict, create_model
 
-from navfw.config.input_bounds import max_bytes
-from navfw.config.input_file import open_input, read_input_text, traced_inputs
+from navfw.config.input_file import max_bytes, open_input, read_input_text, traced_inputs
 from navfw.config.lookup import find, find_mission, project_folder
 from navfw.errors import InputError
 from navfw.missions.mission_events import EventRecord
@@ -44,7 +43,7 @@ from navfw.recording.provenance import (
     navfw_files,
 )
 from navfw.recording.run_folder import RESULT, RunFolder
-from navfw.recording.run_log import RunLog
+from navfw.recording.run_observers import RunLog
 from navfw.stack import Stack
 from navfw.testing.mission_case import MissionCase
 

@@ -25,7 +25,7 @@ from navfw.errors import UnknownNameError
 from navfw.missions.session import MissionResult, Session
 from navfw.mofis.mofis import explanation_lines
 from navfw.recording.run_folder import PICTURE, RECORDING
-from navfw.recording.run_log import RunLog
+from navfw.recording.run_observers import RunLog
 from navfw.testing.mission_cache import DrivenRun, MissionCache, drive
 from navfw.testing.mission_case import MissionCase
 

@@ -16,8 +16,7 @@ from navfw.interfaces import WorldFamily
 from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.worldspec import DoorSpec, OpeningSpec, RoomSpec
 from navfw.topomap import PlaceKind
-from navfw.worldgen.partition import FloorArea, WallLine, boundary_lines, walls_along
-from navfw.worldgen.roadmap import Roadmap
+from navfw.worldgen.region_layout import FloorArea, Roadmap, WallLine, boundary_lines, walls_along
 from navfw.worldgen.world_draft import (
     ROBOT,
     WALL,

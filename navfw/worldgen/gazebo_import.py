@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.lib.format import read_array
 
-from navfw.config.input_bounds import max_bytes
-from navfw.config.input_file import is_file, read_input
-from navfw.config.problems import rewording
+from navfw.config.input_file import is_file, max_bytes, read_input
+from navfw.config.yamlfile import rewording
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.missions.missionspec import MissionSpec
 from navfw.numerics import Array

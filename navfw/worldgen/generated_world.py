@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from navfw.config.input_bounds import max_bytes
-from navfw.config.input_file import is_file, is_folder, open_input
+from navfw.config.input_file import is_file, is_folder, max_bytes, open_input
 from navfw.errors import ConfigError, InputError
 from navfw.missions.missionspec import MissionSpec
 from navfw.process.atomic import AtomicTarget

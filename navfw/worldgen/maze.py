@@ -10,8 +10,7 @@ import numpy as np
 
 from navfw.interfaces import WorldFamily
 from navfw.topomap import PlaceKind
-from navfw.worldgen.partition import WallLine, walls_along
-from navfw.worldgen.roadmap import Roadmap
+from navfw.worldgen.region_layout import Roadmap, WallLine, walls_along
 from navfw.worldgen.world_draft import WALL, Point, Unsuitable, WorldDraft, blend
 
 Cell = tuple[int, int]

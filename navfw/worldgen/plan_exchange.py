@@ -12,7 +12,7 @@ from pathlib import Path
 import networkx as nx
 import numpy as np
 
-from navfw.config.problems import rewording
+from navfw.config.yamlfile import rewording
 from navfw.errors import InputError, MapError
 from navfw.missions.missionspec import MissionSpec
 from navfw.numerics import Array

@@ -14,8 +14,7 @@ import numpy as np
 from navfw.interfaces import WorldFamily
 from navfw.sim.shapes import Circle, Rectangle
 from navfw.sim.worldspec import OpeningSpec, RoomSpec, WallSpec
-from navfw.worldgen.partition import WallLine
-from navfw.worldgen.roadmap import Roadmap
+from navfw.worldgen.region_layout import Roadmap, WallLine
 from navfw.worldgen.world_draft import WALL, Point, Unsuitable, WorldDraft, blend, rounded
 
 Interval = tuple[float, float]

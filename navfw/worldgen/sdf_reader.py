@@ -16,8 +16,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from navfw.config.input_bounds import INPUT_BOUNDS, max_bytes
-from navfw.config.input_file import is_file, shown_path
+from navfw.config.input_file import INPUT_BOUNDS, is_file, max_bytes, shown_path
 from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError, WorldError
 from navfw.meshes import MeshLimits, read_triangles

@@ -61,7 +61,7 @@ HARMLESS = ("mutates", "prints", "forks")
 BASES = {
     "flow": ("navfw.flow.block_matching", "BlockMatching", "compute(pair)"),
     "perception": ("navfw.offis.offis", "Offis", "perceive(flow, twist)"),
-    "features": ("navfw.features.combined_landmarks", "NoFeatures", "recognize(frame)"),
+    "features": ("navfw.features.recognizers", "NoFeatures", "recognize(frame)"),
     "localizer": (
         "navfw.localization.dead_reckoning",
         "DeadReckoning",

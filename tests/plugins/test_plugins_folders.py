@@ -118,7 +118,7 @@ def test_a_complete_plugin_with_a_subclass_is_a_plugin_too(folder: Path) -> None
 
 
 def test_plugins_of_other_kinds_and_imported_ones(folder: Path) -> None:
-    text = "from navfw.features.combined_landmarks import NoFeatures\n\nclass Some(NoFeatures):\n"
+    text = "from navfw.features.recognizers import NoFeatures\n\nclass Some(NoFeatures):\n"
     put(folder, "mine", f"{text}    'Some.'\n    name = 'some'\n")
     registry = discovered(folder)
     assert statuses(registry, "features") == {"some": "ok"}

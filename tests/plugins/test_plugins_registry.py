@@ -144,7 +144,7 @@ def test_entry_points_are_loaded_on_first_use(
     ],
 )
 def test_a_broken_entry_point_is_named(package: str, value: str, message: str) -> None:
-    sound = point("navfw.features.combined_landmarks:NoFeatures", "none", "navfw.features")
+    sound = point("navfw.features.recognizers:NoFeatures", "none", "navfw.features")
     registry = registered(points=[point(value.format(package)), sound])
     with pytest.raises(PluginError, match=r"hover|Hover|elsewhere") as caught:
         registry.get("behavior", "hover")
