@@ -18,19 +18,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navfw.bench import true_pairs
 from navfw.bench.flow_accuracy import TRUSTED, FlowAnswer, all_processors, answer
 from navfw.bench.recorded_pairs import (
     RecordedFrame,
     frame_pairs,
     hololens_frames,
     tum_frames,
-)
-from navfw.bench.true_pairs import (
-    WORLDS,
-    TruePair,
-    load_worlds,
-    rendered_pairs,
-    with_recording_error,
 )
 from navfw.errors import InputError
 from navfw.flow.dense_flow import PRESETS, Dis, Farneback
@@ -134,7 +128,7 @@ class TrueSet:
 
     name: str
     robot: RobotModel
-    pairs: list[TruePair]
+    pairs: list[true_pairs.TruePair]
 
 
 def recorded_sets(
@@ -168,15 +162,15 @@ def _recorded_frames(name: str, folder: Path) -> tuple[CameraModel, list[Recorde
 
 
 def rendered_set(
-    places: int, seed: int, part: slice = PARTS["all"], worlds: Sequence[str] = WORLDS
+    places: int, seed: int, part: slice = PARTS["all"], worlds: Sequence[str] = true_pairs.WORLDS
 ) -> TrueSet:
     """All motions at ``places`` random poses of each of ``worlds``, with the default camera."""
     robot = RobotModel()
-    pairs = list(rendered_pairs(load_worlds(worlds), robot, places, seed))
+    pairs = list(true_pairs.rendered_pairs(true_pairs.load_worlds(worlds), robot, places, seed))
     return TrueSet("rendered", robot, pairs[part])
 
 
-def _unaided(pairs: Iterable[TruePair], robot: RobotModel) -> list[TruePair]:
+def _unaided(pairs: Iterable[true_pairs.TruePair], robot: RobotModel) -> list[true_pairs.TruePair]:
     """The pairs without the measured motion, and without the error of the recorded one."""
     reference = _dis(robot, "medium", 0)  # the most accurate of OpenCV's
     corrected = []
@@ -184,7 +178,7 @@ def _unaided(pairs: Iterable[TruePair], robot: RobotModel) -> list[TruePair]:
         still = CameraMotion(np.eye(3), np.zeros(3), true.pair.motion.dt)
         unaided = replace(true, pair=replace(true.pair, motion=still))
         flow = reference.compute(unaided.pair)
-        corrected.append(with_recording_error(unaided, flow, robot.camera))
+        corrected.append(true_pairs.with_recording_error(unaided, flow, robot.camera))
     return corrected
 
 

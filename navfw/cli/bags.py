@@ -15,9 +15,7 @@ from navfw.errors import InputError
 
 def export(
     folder: Recorded,
-    to: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder of the bag to write.", show_default=False)
-    ],
+    to: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the bag to write.")],
     json: Json = False,
 ) -> None:
     """Write a recorded run as a bag of ROS 2."""

@@ -137,11 +137,11 @@ Workers = Annotated[
 ]
 _RecordedData = Annotated[
     Path | None,
-    typer.Option(help="Folder with the data sets approach and tum_fr1.", show_default=False),
+    typer.Option(help="Folder with the data sets approach and tum_fr1."),
 ]
 _PageFolder = Annotated[
     Path | None,
-    typer.Option(help="Folder to write a page of tables and plots to.", show_default=False),
+    typer.Option(help="Folder to write a page of tables and plots to."),
 ]
 
 
@@ -198,9 +198,7 @@ def planning(
 def flow(
     data: Annotated[
         Path | None,
-        typer.Option(
-            help="Folder with the data sets hololens_office and tum_fr1.", show_default=False
-        ),
+        typer.Option(help="Folder with the data sets hololens_office and tum_fr1."),
     ] = None,
     places: Annotated[
         int,
@@ -251,7 +249,7 @@ def landmarks(
 
 
 def real(
-    data: Annotated[Path, typer.Option(help="Folder of the recordings.", show_default=False)],
+    data: Annotated[Path, typer.Option(help="Folder of the recordings.")],
     split: Annotated[str, typer.Option(help="Labelled frames: tuning, test or all.")] = "test",
     flow: Annotated[
         list[str] | None,

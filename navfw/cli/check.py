@@ -27,7 +27,6 @@ def check(
         typer.Argument(
             metavar="[PATH]...",
             help="Files, plugin files, or folders of a project; by default the current project.",
-            show_default=False,
         ),
     ] = None,
     json: JsonList = False,

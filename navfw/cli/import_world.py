@@ -41,7 +41,6 @@ def import_(
         typer.Argument(
             metavar="FILE...",
             help="SDF file, map_server yaml, or image of a floor plan.",
-            show_default=False,
         ),
     ],
     out: Annotated[

@@ -182,9 +182,7 @@ def plan(
         str | None,
         typer.Option(help="World to draw in the plot [default: the world with the map's name]."),
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="PNG file to draw the route to.", show_default=False)
-    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="PNG file to draw the route to.")] = None,
     json: Json = False,
 ) -> None:
     """Plan a route without driving it. Lists the cost of each passage and the rules behind it."""

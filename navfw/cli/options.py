@@ -112,12 +112,8 @@ Robot = Annotated[
         autocompletion=completer_of("robot"),
     ),
 ]
-VariantA = Annotated[
-    str | None, typer.Option(help="Use only this variant of A.", show_default=False)
-]
-VariantB = Annotated[
-    str | None, typer.Option(help="Use only this variant of B.", show_default=False)
-]
+VariantA = Annotated[str | None, typer.Option(help="Use only this variant of A.")]
+VariantB = Annotated[str | None, typer.Option(help="Use only this variant of B.")]
 NoiseSeed = Annotated[int, typer.Option(min=0, help="Seed of all noise.")]
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on stdout, and nothing else.")
@@ -174,14 +170,13 @@ Video = Annotated[
     typer.Option(
         metavar="FILE",
         help="MP4 file to write: the camera with flow and percept beside the plan.",
-        show_default=False,
     ),
 ]
 
 
 Topic = Annotated[
     str | None,
-    typer.Option(help="Topic of a bag's images; by default that with most.", show_default=False),
+    typer.Option(help="Topic of a bag's images; by default that with most."),
 ]
 
 

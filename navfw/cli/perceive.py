@@ -33,14 +33,13 @@ if TYPE_CHECKING:
 
 _Source = Annotated[
     list[Path],
-    typer.Argument(help="A folder of images, a video, image files, or a bag.", show_default=False),
+    typer.Argument(help="A folder of images, a video, image files, or a bag."),
 ]
 _Hfov = Annotated[
     float | None,
     typer.Option(
         help="Horizontal field of view [degrees]; by default estimated from turns of the camera, or"
         " 65 along the longer side of the images, as of a phone.",
-        show_default=False,
     ),
 ]
 _Calibration = Annotated[
@@ -49,7 +48,6 @@ _Calibration = Annotated[
         metavar="FILE",
         help="Calibration of the camera instead of --hfov: YAML of OpenCV or ROS (camera_info)."
         " Its lens distortion is removed. By default distortion is estimated from the images.",
-        show_default=False,
     ),
 ]
 _Speed = Annotated[
@@ -57,35 +55,28 @@ _Speed = Annotated[
     typer.Option(
         help="Forward speed [m/s]. Unknown or 0: times to contact only, unless --height is given"
         " and the floor is visible.",
-        show_default=False,
     ),
 ]
 _Fps = Annotated[
     float | None,
-    typer.Option(
-        help="Images per second; by default that of the video, 10 for files.", show_default=False
-    ),
+    typer.Option(help="Images per second; by default that of the video, 10 for files."),
 ]
 _Times = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
         help="Times of image files instead of --fps: lines of a time [s] and, if known, the file.",
-        show_default=False,
     ),
 ]
 _Height = Annotated[
     float | None,
     typer.Option(
         help="Height of the camera above the floor [m]; by default from floor and speed.",
-        show_default=False,
     ),
 ]
 _Pitch = Annotated[
     float | None,
-    typer.Option(
-        help="Pitch of the camera, nose down positive [degrees]; by default 0.", show_default=False
-    ),
+    typer.Option(help="Pitch of the camera, nose down positive [degrees]; by default 0."),
 ]
 _GyroFile = Annotated[
     Path | None,
@@ -93,7 +84,6 @@ _GyroFile = Annotated[
         metavar="FILE",
         help="CSV file: time [s], yaw_rate [rad/s] and, if known, pitch_rate, roll_rate; units may"
         " be named in the header. By default the rotation is estimated from the flow.",
-        show_default=False,
     ),
 ]
 _PoseFile = Annotated[
@@ -102,7 +92,6 @@ _PoseFile = Annotated[
         metavar="FILE",
         help="Poses of the camera instead of --gyro, in TUM format: time [s], tx ty tz [m],"
         " qx qy qz qw. They give rotation and speed.",
-        show_default=False,
     ),
 ]
 _FlowPlugin = Annotated[str, typer.Option(metavar="PLUGIN", help="Flow processor.")]
@@ -111,14 +100,12 @@ _Grid = Annotated[
     typer.Option(
         metavar="ROWSxCOLUMNS",
         help="Grid of the flow; by default 12x16, and 16x12 for upright images.",
-        show_default=False,
     ),
 ]
 _Stride = Annotated[
     int | None,
     typer.Option(
         help="Distance between the images of a pair [images]; by default chosen by the flow.",
-        show_default=False,
     ),
 ]
 _Overlay = Annotated[
@@ -126,7 +113,6 @@ _Overlay = Annotated[
     typer.Option(
         metavar="OUT",
         help="Draw the results: a folder of PNG files, or an .mp4 file (extra video).",
-        show_default=False,
     ),
 ]
 _Page = Annotated[
@@ -134,7 +120,6 @@ _Page = Annotated[
     typer.Option(
         metavar="FILE",
         help="Write a page to scroll through: pictures, sentences, nearness (extra report).",
-        show_default=False,
     ),
 ]
 _JsonList = Annotated[

@@ -160,7 +160,6 @@ def report(
         typer.Argument(
             metavar="RUN|SUITE...",
             help="Folder of a run or of a suite; or of two suites, which are compared.",
-            show_default=False,
         ),
     ],
     out: Annotated[
@@ -168,7 +167,6 @@ def report(
         typer.Option(
             help="File to write [default: report.html in the folder; comparison.html in that of"
             " the second suite].",
-            show_default=False,
         ),
     ] = None,
     variant_a: VariantA = None,

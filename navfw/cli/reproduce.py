@@ -19,7 +19,6 @@ def reproduce(
         Path | None,
         typer.Option(
             help="Folder of the recordings, for Table 3 on photographs (docs/real-frames.md).",
-            show_default=False,
         ),
     ] = None,
     seed: Annotated[

@@ -11,24 +11,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from navfw.cli.options import (
-    Json,
-    Live,
-    LiveOrigin,
-    LivePort,
-    LiveSpeed,
-    LiveStay,
-    LiveWait,
-    Mission,
-    Record,
-    Robot,
-    Video,
-    World,
-    complete_setting,
-    completer_of,
-    numbers_of,
-    of_robot,
-)
+from navfw.cli import options
 from navfw.cli.output import quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.recordings import VIDEO, write_video
@@ -63,7 +46,7 @@ Settings = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
-        autocompletion=complete_setting,
+        autocompletion=options.complete_setting,
         metavar="K=V",
         help="Change one value, e.g. avoid.spare=0.1, mission.timeout=60, robot.radius=0.2,"
         " sensors.preset=poor. May be repeated.",
@@ -72,8 +55,8 @@ Settings = Annotated[
 
 
 def run(
-    world: World,
-    mission: Mission = "",
+    world: options.World,
+    mission: options.Mission = "",
     goal: Goal = None,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of all noise; the same one gives the same commands.")
@@ -82,22 +65,22 @@ def run(
         str | None,
         typer.Option(
             help="Name or file of a stack [default: that of the mission, or default].",
-            autocompletion=completer_of("stack"),
+            autocompletion=options.completer_of("stack"),
         ),
     ] = None,
-    robot: Robot = None,
+    robot: options.Robot = None,
     set_: Settings = None,
     out: Annotated[
         Path | None, typer.Option(help="Run folder [default: runs/WORLD-MISSION-SEED].")
     ] = None,
-    record: Record = False,
-    live: Live = False,
-    port: LivePort = 8765,
-    origin: LiveOrigin = None,
-    speed: LiveSpeed = None,
-    wait: LiveWait = False,
-    stay: LiveStay = False,
-    video: Video = None,
+    record: options.Record = False,
+    live: options.Live = False,
+    port: options.LivePort = 8765,
+    origin: options.LiveOrigin = None,
+    speed: options.LiveSpeed = None,
+    wait: options.LiveWait = False,
+    stay: options.LiveStay = False,
+    video: options.Video = None,
     limit: Annotated[
         float | None,
         typer.Option(min=1.0, help="Wall-clock limit [s]. Beyond it the run is a fault."),
@@ -105,7 +88,7 @@ def run(
     gui: Annotated[
         bool, typer.Option("--gui", help="Show a window that follows the robot.")
     ] = False,
-    json: Json = False,
+    json: options.Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Drive a mission. Exit with 0 for success, 1 for failure, 2 for invalid input.
@@ -120,7 +103,7 @@ def run(
             _target(world, mission, goal),
             seed,
             stack,
-            (*of_robot(robot), *(set_ or ())),
+            (*options.of_robot(robot), *(set_ or ())),
             out,
             math.inf if limit is None else limit,
             record=record or video is not None,
@@ -137,7 +120,7 @@ def _target(world: str, mission: str, goal: str | None) -> str | tuple[float, fl
     """The mission, or the point of ``--goal``; one of them is given."""
     if mission and goal is not None:
         raise InputError("give a mission or a goal, not both", key="--goal")
-    point = numbers_of("--goal", goal, ("X", "Y"))
+    point = options.numbers_of("--goal", goal, ("X", "Y"))
     if point is not None:
         return point[0], point[1]
     if not mission:

@@ -20,14 +20,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+from navfw.config import input_file
 from navfw.config.file_kinds import FILE_KINDS
-from navfw.config.input_file import (
-    check_structure,
-    is_file,
-    max_bytes,
-    no_such_file,
-    read_input_text,
-)
 from navfw.errors import ConfigError, UnknownNameError
 
 _SUFFIXES = {".yaml", ".yml"}
@@ -101,9 +95,9 @@ def project_folder(start: Path | None = None) -> Path | None:
 def _is_project(folder: Path) -> bool:
     file = folder / "pyproject.toml"
     try:
-        if is_file(folder / "navfw.toml"):
+        if input_file.is_file(folder / "navfw.toml"):
             return True
-        text = read_input_text(file, max_bytes("pyproject.toml"))
+        text = input_file.read_input_text(file, input_file.max_bytes("pyproject.toml"))
     except ConfigError:
         return False
     try:
@@ -116,7 +110,7 @@ def _is_project(folder: Path) -> bool:
 
 @lru_cache(maxsize=8)
 def _has_section(text: str) -> bool:
-    check_structure(text, "", "pyproject.toml")
+    input_file.check_structure(text, "", "pyproject.toml")
     tool = tomllib.loads(text).get("tool", {})
     return isinstance(tool, dict) and "navfw" in tool
 
@@ -246,13 +240,13 @@ def _as_path(kind: str, name: str | Path, base: Path | None) -> Path | None:
     path = (base or Path()) / name
     text = str(name)
     in_folder = FILE_KINDS[kind].file_name
-    if in_folder is not None and is_file(path / in_folder):
+    if in_folder is not None and input_file.is_file(path / in_folder):
         return path / in_folder
     suffixes = _SUFFIXES | (URDF_SUFFIXES if kind == "robot" else set())
     if path.suffix not in suffixes and "/" not in text and "\\" not in text:
         return None
-    if not is_file(path):
-        raise no_such_file(path)
+    if not input_file.is_file(path):
+        raise input_file.no_such_file(path)
     return path
 
 
@@ -267,7 +261,7 @@ def _matching(root: Path, pattern: str, source: _Source) -> Iterator[NamedFile]:
     """The files below ``root``; a file with a fixed name is called as its folder."""
     for file in sorted(root.glob(pattern)):
         name = file.stem if "*" in pattern.rsplit("/", maxsplit=1)[-1] else file.parent.name
-        if is_file(file) and not name.startswith((".", "_")):
+        if input_file.is_file(file) and not name.startswith((".", "_")):
             yield NamedFile(name, file, source)
 
 

@@ -26,13 +26,7 @@ from typing import Annotated, Self, TypeAlias
 from platformdirs import user_config_path
 from pydantic import Field
 
-from navfw.config.lookup import (
-    owned_by_user,
-    plugin_files,
-    project_folder,
-    project_plugin_folders,
-    writable_by_anyone,
-)
+from navfw.config import lookup
 from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import load_model
 from navfw.errors import ConfigError, InputError, UnknownNameError, UntrustedCodeError
@@ -68,7 +62,7 @@ class TrustFile:
         if not os.path.lexists(self.path):
             return ()
         for part in (self.path, self.path.parent):
-            if not owned_by_user(part) or writable_by_anyone(part):
+            if not lookup.owned_by_user(part) or lookup.writable_by_anyone(part):
                 raise ConfigError("some other user can write to it; remove it", file=part)
         try:
             return load_model(self.path, _TrustedFolders).trusted
@@ -137,10 +131,10 @@ class ProjectCode:
             ConfigError: the project's ``pyproject.toml`` is not valid TOML.
 
         """
-        project = project_folder(start)
+        project = lookup.project_folder(start)
         if project is None:
             return None
-        folders = project_plugin_folders(start)
+        folders = lookup.project_plugin_folders(start)
         files = tuple(file.resolve() for folder in folders for file in _files_of(folder))
         return cls(project.resolve(), project.stat().st_uid, files)
 
@@ -150,7 +144,7 @@ class ProjectCode:
         files = tuple(start / name for name in LIBRARY_SETTINGS if os.path.lexists(start / name))
         if not files:
             return None
-        folder = (project_folder(start) or start).resolve()
+        folder = (lookup.project_folder(start) or start).resolve()
         return cls(folder, folder.stat().st_uid, files)
 
     def unsafe_part(self) -> Path | None:
@@ -161,7 +155,7 @@ class ProjectCode:
         trusted = {self.owner, os.geteuid()}
         parts = dict.fromkeys((self.folder, *(file.parent for file in self.files), *self.files))
         for part in parts:
-            if writable_by_anyone(part) or part.stat().st_uid not in trusted:
+            if lookup.writable_by_anyone(part) or part.stat().st_uid not in trusted:
                 return part
         return None
 
@@ -261,7 +255,7 @@ def _require(code: ProjectCode | None) -> None:
 
 def _files_of(folder: Path) -> list[Path]:
     try:
-        return plugin_files(folder)
+        return lookup.plugin_files(folder)
     except OSError:  # the registry reports it
         return []
 

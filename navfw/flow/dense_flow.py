@@ -9,14 +9,7 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from navfw.flow.grid_flow import (
-    MatchedFlow,
-    gradient_products,
-    is_visible,
-    match_sigma,
-    ramp,
-    smaller_eigenvalue,
-)
+from navfw.flow import grid_flow
 from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats
 from navfw.robot import RobotModel
@@ -36,7 +29,7 @@ PRESETS = {
 """OpenCV's presets of DIS by name."""
 
 
-class DenseFlow(MatchedFlow):
+class DenseFlow(grid_flow.MatchedFlow):
     """Base of processors that compute a vector per pixel; the field has their mean per grid cell.
 
     A cell's confidence requires texture in both directions and correlation of the current image
@@ -44,7 +37,7 @@ class DenseFlow(MatchedFlow):
     spread of the flow within the cell.
     """
 
-    class Params(MatchedFlow.Params):
+    class Params(grid_flow.MatchedFlow.Params):
         """Grid, and limits of the confidence (METHOD 2.9)."""
 
         gradient_low: Annotated[
@@ -84,17 +77,19 @@ class DenseFlow(MatchedFlow):
         dense = self.dense(now, past)
         source_x, source_y = self._pixel_x + dense[..., 0], self._pixel_y + dense[..., 1]
         moved = cv2.remap(past, source_x, source_y, cv2.INTER_LINEAR).astype(np.uint8)
-        seen = is_visible(source_x, source_y, visible).astype(np.float32)
+        seen = grid_flow.is_visible(source_x, source_y, visible).astype(np.float32)
         cells = _Cells(p.rows, p.cols, seen)
         back = np.stack([cells.mean(dense[..., 0]), cells.mean(dense[..., 1])], axis=-1)
         spread = np.sqrt(cells.variance(dense[..., 0]) + cells.variance(dense[..., 1]))
         score, texture = _agreement(cells, now, moved)
         gradient, curvature = _structure(cells, now, texture)
 
-        confidence = ramp(cells.share, 0.5, 0.9) * ramp(score, p.match_low, p.match_high)
-        confidence *= ramp(gradient, p.gradient_low, p.gradient_high)
-        confidence *= 1.0 - ramp(spread, p.spread_low, p.spread_high)
-        noise = _SIGMA_SCALE * match_sigma(score, curvature, cells.pixels)
+        confidence = grid_flow.ramp(cells.share, 0.5, 0.9) * grid_flow.ramp(
+            score, p.match_low, p.match_high
+        )
+        confidence *= grid_flow.ramp(gradient, p.gradient_low, p.gradient_high)
+        confidence *= 1.0 - grid_flow.ramp(spread, p.spread_low, p.spread_high)
+        noise = _SIGMA_SCALE * grid_flow.match_sigma(score, curvature, cells.pixels)
         sigma = np.sqrt(noise**2 + (_SPREAD_SHARE * spread) ** 2 + _SIGMA_FLOOR**2)
         return -back, confidence, sigma
 
@@ -139,8 +134,8 @@ def _agreement(cells: _Cells, now: Image, moved: Image) -> tuple[Array, Array]:
 
 def _structure(cells: _Cells, image: Image, variance: Array) -> tuple[Array, Array]:
     """Gradient [grey/px] in its weakest direction, and the curvature [1/px^2] of a correlation."""
-    xx, yy, xy = (cells.mean(product) for product in gradient_products(image))
-    smaller = smaller_eigenvalue(xx, yy, xy).astype(np.float64)
+    xx, yy, xy = (cells.mean(product) for product in grid_flow.gradient_products(image))
+    smaller = grid_flow.smaller_eigenvalue(xx, yy, xy).astype(np.float64)
     return np.sqrt(smaller), smaller / np.maximum(variance, 1e-3)
 
 

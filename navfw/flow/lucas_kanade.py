@@ -8,16 +8,7 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from navfw.flow.grid_flow import (
-    SIGMA_UNKNOWN,
-    MatchedFlow,
-    gradient_products,
-    grid_points,
-    is_visible,
-    local_spread,
-    ramp,
-    smaller_eigenvalue,
-)
+from navfw.flow import grid_flow
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
 
@@ -30,7 +21,7 @@ _NOISE_SCALE = 1.3
 _RETURN_SHARE, _CELL_SHARE, _SPREAD_SHARE = 0.5, 0.5, 0.25
 
 
-class LucasKanade(MatchedFlow):
+class LucasKanade(grid_flow.MatchedFlow):
     """Pyramidal Lucas-Kanade at points of a regular grid, with a forward-backward check.
 
     A cell's vector is the median of its points that pass the check. Its confidence requires texture
@@ -39,7 +30,7 @@ class LucasKanade(MatchedFlow):
 
     name: ClassVar[str] = "lucas_kanade"
 
-    class Params(MatchedFlow.Params):
+    class Params(grid_flow.MatchedFlow.Params):
         """Grid, windows, and limits of the confidence (METHOD 2.9)."""
 
         points: Annotated[int, Field(ge=1, le=4, description="points per cell along each axis")] = 1
@@ -77,13 +68,17 @@ class LucasKanade(MatchedFlow):
         p = self.params
         origins, returned, residual = self._track(now, past, visible)
         gradient, contrast = _texture(now, self._seeds, p.window)
-        trust = 1.0 - ramp(returned, p.return_low, p.return_high)
-        trust *= 1.0 - ramp(residual / np.maximum(contrast, 1.0), p.residual_low, p.residual_high)
-        trust *= ramp(gradient, p.gradient_low, p.gradient_high)
+        trust = 1.0 - grid_flow.ramp(returned, p.return_low, p.return_high)
+        trust *= 1.0 - grid_flow.ramp(
+            residual / np.maximum(contrast, 1.0), p.residual_low, p.residual_high
+        )
+        trust *= grid_flow.ramp(gradient, p.gradient_low, p.gradient_high)
         noise = _NOISE_SCALE * residual / (np.maximum(gradient, 0.1) * p.window)
-        point_variance = noise**2 + (_RETURN_SHARE * np.minimum(returned, SIGMA_UNKNOWN)) ** 2
+        point_variance = (
+            noise**2 + (_RETURN_SHARE * np.minimum(returned, grid_flow.SIGMA_UNKNOWN)) ** 2
+        )
         vectors, confidence, variance = _cells(self._seeds - origins, trust, point_variance)
-        spread = _SPREAD_SHARE / p.points * local_spread(vectors, confidence)
+        spread = _SPREAD_SHARE / p.points * grid_flow.local_spread(vectors, confidence)
         return vectors, confidence, np.sqrt(variance + spread**2 + _SIGMA_FLOOR**2)
 
     def _track(
@@ -107,7 +102,7 @@ class LucasKanade(MatchedFlow):
         off = np.linalg.norm(np.asarray(back) - seeds, axis=-1).reshape(shape).astype(np.float64)
         x, y = origins[:, 0, 0].reshape(shape), origins[:, 0, 1].reshape(shape)
         good = (is_tracked.reshape(shape) > 0) & (np.asarray(is_returned).reshape(shape) > 0)
-        good &= is_visible(x, y, visible)
+        good &= grid_flow.is_visible(x, y, visible)
         return (
             origins.reshape(*shape, 2).astype(np.float64),
             np.where(good, off, np.inf),
@@ -118,7 +113,7 @@ class LucasKanade(MatchedFlow):
 
 def _seeds(camera: CameraModel, rows: int, cols: int, points: int) -> Array:
     """(rows, cols, points^2, 2) pixel coordinates, evenly spaced in each cell."""
-    fine = grid_points(camera, rows * points, cols * points)
+    fine = grid_flow.grid_points(camera, rows * points, cols * points)
     pixels = fine + 0.5 * np.array([camera.width, camera.height]) - 0.5
     split = pixels.reshape(rows, points, cols, points, 2).transpose(0, 2, 1, 3, 4)
     return np.ascontiguousarray(split.reshape(rows, cols, points * points, 2))
@@ -132,13 +127,13 @@ def _texture(image: Image, seeds: Array, window: int) -> tuple[Array, Array]:
     row = at[..., 1].clip(0, image.shape[0] - 1)
     xx, yy, xy = (
         np.asarray(cv2.boxFilter(product, -1, size), np.float32)[row, column]
-        for product in gradient_products(image)
+        for product in grid_flow.gradient_products(image)
     )
     grey = image.astype(np.float32) - np.float32(128.0)
     mean = np.asarray(cv2.boxFilter(grey, -1, size))[row, column]
     variance = np.asarray(cv2.sqrBoxFilter(grey, -1, size))[row, column] - mean**2
     return (
-        np.sqrt(smaller_eigenvalue(xx, yy, xy).astype(np.float64)),
+        np.sqrt(grid_flow.smaller_eigenvalue(xx, yy, xy).astype(np.float64)),
         np.sqrt(np.maximum(variance, 0.0).astype(np.float64)),
     )
 

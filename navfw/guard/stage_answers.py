@@ -15,25 +15,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from navfw.guard import answers
 from navfw.guard.answer_kernels import are_deviations, are_finite_where, are_within, is_symmetric
-from navfw.guard.answers import (
-    AnswerError,
-    array,
-    contiguous,
-    degree,
-    degrees,
-    instance,
-    items,
-    mapping,
-    number,
-    numbers,
-    pose,
-    real,
-    rebuilt,
-    text,
-    texts,
-    twist,
-)
 from navfw.numerics import Array
 from navfw.signals import (
     Belief,
@@ -60,28 +43,28 @@ _UNKNOWN = int(Label.UNKNOWN)
 
 def check_proposal(answer: Any, shape: tuple[int, int]) -> Proposal:
     """A behaviour's proposal for a command grid of that shape."""
-    instance(answer, Proposal, "propose")
+    answers.instance(answer, Proposal, "propose")
     if not callable(answer.explain):
-        raise AnswerError("explain is no function")
+        raise answers.AnswerError("explain is no function")
     layers = ("desirability", "prohibition")
-    checked = {name: degrees(getattr(answer, name), name, shape) for name in layers}
+    checked = {name: answers.degrees(getattr(answer, name), name, shape) for name in layers}
     return _checked(answer, Proposal, explain=answer.explain, **checked)
 
 
 def check_weights(answer: Any) -> dict[str, float]:
     """A composite's weights of primitives."""
-    weights = mapping(answer, "weigh's answer")
-    return {name: degree(weight, f"weight of {name}") for name, weight in weights.items()}
+    weights = answers.mapping(answer, "weigh's answer")
+    return {name: answers.degree(weight, f"weight of {name}") for name, weight in weights.items()}
 
 
 def check_command(answer: Any) -> Command:
     """A fusion's command."""
-    return _checked(instance(answer, Command, "fuse"), Command)
+    return _checked(answers.instance(answer, Command, "fuse"), Command)
 
 
 def check_twist(answer: Any) -> Twist:
     """A controller's twist."""
-    return twist(answer, "control's answer")
+    return answers.twist(answer, "control's answer")
 
 
 def check_flow(answer: Any, pair: FramePair) -> FlowField:
@@ -89,19 +72,19 @@ def check_flow(answer: Any, pair: FramePair) -> FlowField:
 
     ``sigma`` may be infinite where the confidence is 0.
     """
-    instance(answer, FlowField, "compute")
+    answers.instance(answer, FlowField, "compute")
     shape = _grid_shape(answer.confidence)
-    confidence = degrees(answer.confidence, "confidence", shape)
+    confidence = answers.degrees(answer.confidence, "confidence", shape)
     hints = answer.inconsistency
     return _checked(
         answer,
         FlowField,
-        points=array(answer.points, "points", (*shape, 2)),
-        vectors=array(answer.vectors, "vectors", (*shape, 2)),
+        points=answers.array(answer.points, "points", (*shape, 2)),
+        vectors=answers.array(answer.vectors, "vectors", (*shape, 2)),
         confidence=confidence,
         sigma=_deviations(answer.sigma, shape, confidence),
         motion=pair.motion,
-        inconsistency=None if hints is None else degrees(hints, "inconsistency", shape),
+        inconsistency=None if hints is None else answers.degrees(hints, "inconsistency", shape),
     )
 
 
@@ -110,33 +93,35 @@ def check_percept(answer: Any, flow: FlowField) -> Percept:
 
     Nearness and sigma may be anything where the confidence is 0, height where the label is UNKNOWN.
     """
-    instance(answer, Percept, "perceive")
+    answers.instance(answer, Percept, "perceive")
     shape = flow.shape
-    confidence = degrees(answer.confidence, "confidence", shape)
+    confidence = answers.degrees(answer.confidence, "confidence", shape)
     label = np.asarray(answer.label)
     if label.dtype.kind not in "iu" or label.shape != shape:
-        raise AnswerError(f"label is {label.dtype} of shape {label.shape}, expected int8, {shape}")
+        raise answers.AnswerError(
+            f"label is {label.dtype} of shape {label.shape}, expected int8, {shape}"
+        )
     if not are_within(label, *_LABELS):
-        raise AnswerError(f"label has values outside [{_LABELS[0]}, {_LABELS[1]}]")
+        raise answers.AnswerError(f"label has values outside [{_LABELS[0]}, {_LABELS[1]}]")
     labelled = confidence * (label != _UNKNOWN)
     return _checked(
         answer,
         Percept,
-        points=array(answer.points, "points", (*shape, 2)),
+        points=answers.array(answer.points, "points", (*shape, 2)),
         nearness=_finite_where(answer.nearness, "nearness", shape, confidence),
         sigma=_deviations(answer.sigma, shape, confidence),
         confidence=confidence,
         height=_finite_where(answer.height, "height", shape, labelled),
-        label=contiguous(label, _INT8),
+        label=answers.contiguous(label, _INT8),
     )
 
 
 def check_detections(answer: Any) -> tuple[LandmarkDetection, ...]:
     """A feature recogniser's landmarks in one image."""
-    marks = items(answer, "recognize's answer")
+    marks = answers.items(answer, "recognize's answer")
     return tuple(
         _checked(
-            instance(mark, LandmarkDetection, "recognize"),
+            answers.instance(mark, LandmarkDetection, "recognize"),
             LandmarkDetection,
             covariance=_covariance(mark.covariance, 2),
         )
@@ -146,13 +131,13 @@ def check_detections(answer: Any) -> tuple[LandmarkDetection, ...]:
 
 def check_belief(answer: Any) -> Belief:
     """A localiser's belief."""
-    instance(answer, Belief, "update")
+    answers.instance(answer, Belief, "update")
     return _checked(answer, Belief, covariance=_covariance(answer.covariance, 3))
 
 
 def check_waypoint(answer: Any) -> Waypoint | None:
     """A planner's waypoint, or None at the end."""
-    return None if answer is None else _waypoint(instance(answer, Waypoint, "update"))
+    return None if answer is None else _waypoint(answers.instance(answer, Waypoint, "update"))
 
 
 @lru_cache(maxsize=4096)  # a planner gives the same waypoints at every frame
@@ -163,13 +148,16 @@ def _waypoint(answer: Waypoint) -> Waypoint:
 
 def check_path(answer: Any) -> tuple[Waypoint, ...]:
     """A planner's waypoints ahead."""
-    return tuple(_waypoint(instance(item, Waypoint, "path")) for item in items(answer, "path"))
+    return tuple(
+        _waypoint(answers.instance(item, Waypoint, "path"))
+        for item in answers.items(answer, "path")
+    )
 
 
 def check_queries(answer: Any) -> tuple[PassageQuery, ...]:
     """A planner's queries for passages."""
-    queries = items(answer, "queries")
-    return tuple(_query(instance(item, PassageQuery, "queries")) for item in queries)
+    queries = answers.items(answer, "queries")
+    return tuple(_query(answers.instance(item, PassageQuery, "queries")) for item in queries)
 
 
 @lru_cache(maxsize=4096)
@@ -179,7 +167,7 @@ def _query(answer: PassageQuery) -> PassageQuery:
 
 def check_reason(answer: Any) -> str | None:
     """A planner's reason why there is no route; None while there is one."""
-    return None if answer is None else text(answer, "no_route_reason")
+    return None if answer is None else answers.text(answer, "no_route_reason")
 
 
 def _flag(value: Any, _what: str) -> bool:
@@ -187,55 +175,55 @@ def _flag(value: Any, _what: str) -> bool:
 
 
 def _count(value: Any, what: str) -> int:
-    return int(number(value, what, 0.0))
+    return int(answers.number(value, what, 0.0))
 
 
 def _explanation(value: Any, what: str) -> Mapping[str, Any]:
     """A mapping as it is: it may be computed on request."""
     if not isinstance(value, Mapping):
-        raise AnswerError(f"{what} is no mapping")
+        raise answers.AnswerError(f"{what} is no mapping")
     return value
 
 
 def _grid_shape(confidence: Any) -> tuple[int, int]:
     shape = np.shape(confidence)
     if len(shape) != 2 or 0 in shape:
-        raise AnswerError(f"confidence has shape {shape}, expected (rows, cols)")
+        raise answers.AnswerError(f"confidence has shape {shape}, expected (rows, cols)")
     return shape[0], shape[1]
 
 
 def _finite_where(value: Any, what: str, shape: tuple[int, int], confidence: Array) -> Array:
-    result = real(value, what, shape)
+    result = answers.real(value, what, shape)
     if not are_finite_where(result, confidence):
-        raise AnswerError(f"{what} has values that are not finite")
+        raise answers.AnswerError(f"{what} has values that are not finite")
     return result
 
 
 def _deviations(value: Any, shape: tuple[int, int], confidence: Array) -> Array:
     """Standard deviations: at least 0, finite wherever the confidence is not 0."""
-    result = real(value, "sigma", shape)
+    result = answers.real(value, "sigma", shape)
     if not are_deviations(result, confidence):
-        raise AnswerError("sigma has values that are negative or not finite")
+        raise answers.AnswerError("sigma has values that are negative or not finite")
     return result
 
 
 def _covariance(value: Any, size: int) -> Array:
-    covariance = array(value, "covariance", (size, size))
+    covariance = answers.array(value, "covariance", (size, size))
     if min(covariance.diagonal().tolist()) < 0.0:
-        raise AnswerError("covariance has a negative variance")
+        raise answers.AnswerError("covariance has a negative variance")
     if not is_symmetric(covariance):
-        raise AnswerError("covariance is not symmetric")
+        raise answers.AnswerError("covariance is not symmetric")
     return covariance
 
 
 def _quadrants(value: Any, what: str) -> Mapping[str, Mapping[str, float]]:
     """Degrees of near, middle and far for each quadrant, the four of the image among them."""
-    quadrants = _of_mappings(value, what, numbers)
+    quadrants = _of_mappings(value, what, answers.numbers)
     for name in QUADRANTS:
         degrees_by_term = quadrants.get(name, {})
         for term in _TERMS:
             if term not in degrees_by_term:
-                raise AnswerError(f"quadrants has no {name}.{term}")
+                raise answers.AnswerError(f"quadrants has no {name}.{term}")
     return quadrants
 
 
@@ -243,7 +231,7 @@ def _of_mappings(
     value: Any, what: str, check: Callable[[Any, str], Mapping[str, T]]
 ) -> Mapping[str, Mapping[str, T]]:
     """A mapping of texts to mappings, each checked; ``value`` itself if nothing has to change."""
-    original = mapping(value, what)
+    original = answers.mapping(value, what)
     checked = {name: check(item, name) for name, item in original.items()}
     if type(value) is not MappingProxyType:
         return checked
@@ -254,33 +242,33 @@ def _of_mappings(
 
 
 def _width(value: Any, what: str) -> float:
-    return math.inf if value == math.inf else number(value, what, 0.0)
+    return math.inf if value == math.inf else answers.number(value, what, 0.0)
 
 
 def _pair(value: Any, what: str, check: Callable[[Any, str], T], names: str) -> tuple[T, T]:
-    pair = items(value, what)
+    pair = answers.items(value, what)
     if len(pair) != 2:
-        raise AnswerError(f"{what} has {len(pair)} {names}")
+        raise answers.AnswerError(f"{what} has {len(pair)} {names}")
     return check(pair[0], what), check(pair[1], what)
 
 
-_two_names = partial(_pair, check=text, names="names, expected 2")
-_point = partial(_pair, check=number, names="numbers, expected x and y")
+_two_names = partial(_pair, check=answers.text, names="names, expected 2")
+_point = partial(_pair, check=answers.number, names="numbers, expected x and y")
 
 _CHECKS: Mapping[str, Callable[[Any, str], Any]] = {
-    **dict.fromkeys(("time", "x", "y", "bearing"), number),
-    **dict.fromkeys(("range", "tolerance"), partial(number, low=0.0)),
-    **dict.fromkeys(("applicability", "confidence", "floor_in_front"), degree),
-    **dict.fromkeys(("reason", "leader", "sentence", "identity", "place", "kind"), text),
+    **dict.fromkeys(("time", "x", "y", "bearing"), answers.number),
+    **dict.fromkeys(("range", "tolerance"), partial(answers.number, low=0.0)),
+    **dict.fromkeys(("applicability", "confidence", "floor_in_front"), answers.degree),
+    **dict.fromkeys(("reason", "leader", "sentence", "identity", "place", "kind"), answers.text),
     **dict.fromkeys(("emergency", "derotated", "lost", "final"), _flag),
-    **dict.fromkeys(("weights", "planes"), numbers),
-    **dict.fromkeys(("places", "situations"), partial(numbers, low=0.0, high=1.0)),
+    **dict.fromkeys(("weights", "planes"), answers.numbers),
+    **dict.fromkeys(("places", "situations"), partial(answers.numbers, low=0.0, high=1.0)),
     **dict.fromkeys(("start", "end"), _point),
     **dict.fromkeys(("updates", "hypotheses"), _count),
-    "twist": twist,
-    "pose": pose,
-    "slopes": texts,
-    "obstacles": partial(_of_mappings, check=texts),
+    "twist": answers.twist,
+    "pose": answers.pose,
+    "slopes": answers.texts,
+    "obstacles": partial(_of_mappings, check=answers.texts),
     "quadrants": _quadrants,
     "explanation": _explanation,
     "width": _width,
@@ -293,7 +281,7 @@ def _checked(answer: Any, cls: type[T], **checked: Any) -> T:
     """``answer`` as a ``cls``; fields that are not ``checked`` before are by ``_CHECKS``."""
     names = (name for name in _names_of(cls) if name not in checked)  # type: ignore[arg-type]
     values = {name: _CHECKS[name](getattr(answer, name), name) for name in names}
-    return rebuilt(answer, cls, **values, **checked)
+    return answers.rebuilt(answer, cls, **values, **checked)
 
 
 @lru_cache

@@ -9,23 +9,15 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
+from navfw.localization import place_posterior
 from navfw.localization.motion_model import NonNegative
-from navfw.localization.place_posterior import (
-    COUNT,
-    PLACE_RADIUS,
-    REFRESH,
-    PlaceLocalizer,
-    PlacePosterior,
-    known_start,
-    probability_within,
-)
 from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap
 
 
-class DeadReckoning(PlaceLocalizer):
+class DeadReckoning(place_posterior.PlaceLocalizer):
     """Map pose = start pose composed with the odometry since the start.
 
     The covariance of (x, y, yaw) is propagated as in an EKF without measurements: it grows with
@@ -35,7 +27,7 @@ class DeadReckoning(PlaceLocalizer):
 
     name: ClassVar[str] = "dead_reckoning"
 
-    class Params(PlaceLocalizer.Params):
+    class Params(place_posterior.PlaceLocalizer.Params):
         """Standard deviations; those per root of a unit accumulate as a random walk."""
 
         start_xy: Annotated[NonNegative, Field(description="of the start x and y [m]")] = 0.02
@@ -55,14 +47,14 @@ class DeadReckoning(PlaceLocalizer):
         place_radius: Annotated[
             float,
             Field(gt=0.0, le=20.0, description="of the position of a robot at a place [m]"),
-        ] = PLACE_RADIUS
+        ] = place_posterior.PLACE_RADIUS
         places: Annotated[
             int, Field(ge=1, le=1000, description="number of places that the belief lists")
-        ] = COUNT
+        ] = place_posterior.COUNT
         refresh: Annotated[
             NonNegative,
             Field(description="distance moved until place probabilities are computed again [m]"),
-        ] = REFRESH
+        ] = place_posterior.REFRESH
 
     params: Params
 
@@ -73,9 +65,11 @@ class DeadReckoning(PlaceLocalizer):
             InputError: ``pose`` is None: without landmarks an unknown start cannot be found.
 
         """
-        pose = known_start(pose, self.name, "a localizer that recognises landmarks")
+        pose = place_posterior.known_start(pose, self.name, "a localizer that recognises landmarks")
         p = self.params
-        self._posterior = PlacePosterior(topo_map, p.place_radius, p.places, p.refresh)
+        self._posterior = place_posterior.PlacePosterior(
+            topo_map, p.place_radius, p.places, p.refresh
+        )
         self._map_from_odom = pose.frame_of(odometry.pose)
         self._last = odometry.pose
         self._covariance = np.diag([p.start_xy**2, p.start_xy**2, p.start_yaw**2])
@@ -90,7 +84,7 @@ class DeadReckoning(PlaceLocalizer):
         self._covariance = self._propagated(moved, pose.yaw)
         self._last = odometry.pose
         places = posterior.at(pose, self._covariance)
-        confidence = probability_within(self._covariance)
+        confidence = place_posterior.probability_within(self._covariance)
         return Belief(odometry.time, pose, self._covariance, places, confidence)
 
     def _propagated(self, moved: Pose, yaw: float) -> Array:

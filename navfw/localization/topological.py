@@ -12,6 +12,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
+from navfw.localization import passage_walls
 from navfw.localization.discrete_filter import Cluster, DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_model import (
     LandmarkExistence,
@@ -19,13 +20,6 @@ from navfw.localization.landmark_model import (
     LandmarkObserver,
 )
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
-from navfw.localization.passage_walls import (
-    PassageAxis,
-    PassageFix,
-    corridor_fix,
-    door_fix,
-    passage_axes,
-)
 from navfw.localization.place_posterior import PlaceLocalizer, PlacePosterior, probability_within
 from navfw.localization.plan_scan import PlanScan, ScanMemory, scan_of
 from navfw.localization.situation_model import observed_situations, situation_table
@@ -56,7 +50,7 @@ class PassageObserver:
     """Collects scans of walls, and corrects the pose by them in the passages of a map."""
 
     def __init__(self, topo_map: TopoMap, robot: RobotModel) -> None:
-        axes = passage_axes(topo_map)
+        axes = passage_walls.passage_axes(topo_map)
         self._corridors = [axis for axis in axes if not axis.is_door]
         self._doors = [axis for axis in axes if axis.is_door]
         self._robot = robot
@@ -65,7 +59,9 @@ class PassageObserver:
         self._driven = 0.0
         self._scanned_at = self._corridor_at = self._door_at = -math.inf
 
-    def observe(self, pose: Pose, odometry: Odometry, percept: Percept | None) -> list[PassageFix]:
+    def observe(
+        self, pose: Pose, odometry: Odometry, percept: Percept | None
+    ) -> list[passage_walls.PassageFix]:
         """Corrections of the believed ``pose`` (map) by the newest ``percept``."""
         odom = odometry.pose
         if self._last is not None:
@@ -79,34 +75,34 @@ class PassageObserver:
         fixes = (self._corridor(pose, odom), self._door(pose, scan))
         return [fix for fix in fixes if fix is not None]
 
-    def _corridor(self, pose: Pose, odom: Pose) -> PassageFix | None:
+    def _corridor(self, pose: Pose, odom: Pose) -> passage_walls.PassageFix | None:
         if self._driven - self._corridor_at < _CORRIDOR_EVERY:
             return None
         axis = next((axis for axis in self._corridors if _is_in(axis, pose)), None)
         if axis is None:
             return None
-        fix = corridor_fix(axis, pose, self._scans.cloud(odom, POINTS))
+        fix = passage_walls.corridor_fix(axis, pose, self._scans.cloud(odom, POINTS))
         if fix is not None:
             self._corridor_at = self._driven
         return fix
 
-    def _door(self, pose: Pose, scan: PlanScan) -> PassageFix | None:
+    def _door(self, pose: Pose, scan: PlanScan) -> passage_walls.PassageFix | None:
         if self._driven - self._door_at < _DOOR_EVERY:
             return None
         axis = next((axis for axis in self._doors if _is_ahead(axis, pose)), None)
-        fix = None if axis is None else door_fix(axis, pose, scan)
+        fix = None if axis is None else passage_walls.door_fix(axis, pose, scan)
         if fix is not None:
             self._door_at = self._driven
         return fix
 
 
-def _is_in(axis: PassageAxis, pose: Pose) -> bool:
+def _is_in(axis: passage_walls.PassageAxis, pose: Pose) -> bool:
     at = axis.frame(pose)
     inside = abs(at.y) <= 0.5 * axis.width + MARGIN
     return inside and -MARGIN <= at.x <= axis.length + MARGIN and axis.heading_off(pose) <= _ALONG
 
 
-def _is_ahead(axis: PassageAxis, pose: Pose) -> bool:
+def _is_ahead(axis: passage_walls.PassageAxis, pose: Pose) -> bool:
     at = axis.frame(pose)
     ahead = -at.x if abs(at.yaw) < 0.5 * math.pi else at.x
     in_front = _MIN_DOOR_DISTANCE <= ahead <= _MAX_DOOR_DISTANCE and abs(at.y) <= 0.5 * axis.width

@@ -12,15 +12,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from navfw.config.strict_model import StrictModel
-from navfw.localmap.free_distances import (
-    Arcs,
-    FreeDistance,
-    Ranges,
-    arcs_of,
-    free_distance,
-    free_turn,
-    ranges_around,
-)
+from navfw.localmap import free_distances
 from navfw.localmap.local_planner import LocalGoal, LocalPlanner, LocalPlannerParams
 from navfw.localmap.occupancy_grid import OccupancyGrid, OccupancyParams
 from navfw.localmap.path_sight import PathSight
@@ -268,21 +260,21 @@ class LocalMap:
 
     # --- queries ---------------------------------------------------------------------------------
 
-    def free_distance(self, pose: Pose, twist: Twist) -> FreeDistance:
+    def free_distance(self, pose: Pose, twist: Twist) -> free_distances.FreeDistance:
         """Free distance [m] of ``twist`` from odom ``pose``; 0 while nothing is known."""
-        return free_distance(self.occupancy, pose, twist)
+        return free_distances.free_distance(self.occupancy, pose, twist)
 
     def free_turn(self, pose: Pose, w: float) -> float:
         """Angle [rad] that the robot may turn on the spot in the sense of ``w``."""
-        return free_turn(self.occupancy, pose, w)
+        return free_distances.free_turn(self.occupancy, pose, w)
 
-    def arcs(self, pose: Pose, speeds: Array, turns: Array) -> Arcs:
+    def arcs(self, pose: Pose, speeds: Array, turns: Array) -> free_distances.Arcs:
         """Free distance along the arc of every command (``speeds`` x ``turns``)."""
-        return arcs_of(self.occupancy, pose, speeds, turns, self.params.margin)
+        return free_distances.arcs_of(self.occupancy, pose, speeds, turns, self.params.margin)
 
-    def ranges(self, pose: Pose) -> Ranges:
+    def ranges(self, pose: Pose) -> free_distances.Ranges:
         """Free distance in all directions around odom ``pose``."""
-        return ranges_around(self.occupancy, pose)
+        return free_distances.ranges_around(self.occupancy, pose)
 
     def local_goal(
         self,

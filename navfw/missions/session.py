@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from navfw.errors import InputError
+from navfw.missions import run_metrics
 from navfw.missions.mission_events import Event, EventClock, EventTarget
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.oracle import plugins_of, reveal
@@ -21,13 +22,6 @@ from navfw.missions.outcome import Outcome
 from navfw.missions.pilot import TickView
 from navfw.missions.process_check import check_process, drive_contained
 from navfw.missions.run_drawing import WindowOverlay, outline_of
-from navfw.missions.run_metrics import (
-    CombinedClearance,
-    RunMetrics,
-    first_contacts,
-    measure,
-    permanent_plan,
-)
 from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
 from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import SimulatorWatch
@@ -350,14 +344,14 @@ class MissionResult:
         return tuple(f"behavior {e.behavior}: " for e in self.session.events if e.behavior)
 
     @cached_property
-    def metrics(self) -> RunMetrics:
+    def metrics(self) -> run_metrics.RunMetrics:
         """The metrics of the run."""
         session, run = self.session, self.run
         frames = max(1.0, run.sim_time * session.mission.spec.robot.camera.rate)
         start, goal = session.mission.start, session.mission.goals[-1]
-        return measure(
+        return run_metrics.measure(
             run.log,
-            permanent_plan(session.plan, self.changes),
+            run_metrics.permanent_plan(session.plan, self.changes),
             start=(start.x, start.y),
             goal=(goal.x, goal.y),
             within=session.mission.spec.success.within,
@@ -365,7 +359,7 @@ class MissionResult:
             discs=session.mission.spec.robot.discs,
             succeeded=self.outcome.succeeded,
             stage_ms={name: 1e3 * t / frames for name, t in self.timings.items()},
-            moving=CombinedClearance(self.movers, self.changes),
+            moving=run_metrics.CombinedClearance(self.movers, self.changes),
         )
 
     def summary(self) -> dict[str, Any]:
@@ -387,7 +381,9 @@ class MissionResult:
             **measured.pop("localization"),
             **measured,
             "collision_cause": self.collision_cause,
-            "contacts": [asdict(contact) for contact in first_contacts(run.log.contacts)],
+            "contacts": [
+                asdict(contact) for contact in run_metrics.first_contacts(run.log.contacts)
+            ],
             "command_hash": run.log.command_hash,
             "oracle": self.session.stack.resolved.settings.oracle or bool(self.oracle_plugins),
             "oracle_plugins": list(self.oracle_plugins),

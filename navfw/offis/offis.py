@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from navfw.interfaces import Perception
 from navfw.numerics import Array
+from navfw.offis import nearness
 from navfw.offis.elementary_situations import (
     FLOOR_IN_FRONT,
     find_objects,
@@ -21,16 +22,6 @@ from navfw.offis.elementary_situations import (
     raw_channels,
 )
 from navfw.offis.grid_geometry import FloorModel, GridGeometry, find_blind_borders
-from navfw.offis.nearness import (
-    TERMS,
-    Nearness,
-    common_regions,
-    find_distances,
-    find_planes,
-    nearest_objects,
-    pairs_of,
-    triangulate,
-)
 from navfw.offis.percept_explanation import OffisResults, PerceptExplanation, report
 from navfw.offis.pyramid import NEIGHBOURS, QUADRANTS, RegionStatistics
 from navfw.offis.walls import SIDES, find_walls, slopes_of_means, slopes_of_walls
@@ -151,7 +142,7 @@ class Offis(Perception):
             label=label,
             obstacles=results.obstacles,
             quadrants={
-                quadrant: dict(zip(TERMS, degrees[:, i].tolist(), strict=True))
+                quadrant: dict(zip(nearness.TERMS, degrees[:, i].tolist(), strict=True))
                 for i, quadrant in enumerate(QUADRANTS)
             },
             planes={
@@ -172,9 +163,9 @@ class Offis(Perception):
 
     def _cells(
         self, flow: FlowField, geometry: GridGeometry
-    ) -> tuple[Nearness, Array, npt.NDArray[np.int8]]:
+    ) -> tuple[nearness.Nearness, Array, npt.NDArray[np.int8]]:
         """Nearness, height [m] and label of each cell."""
-        seen = triangulate(
+        seen = nearness.triangulate(
             flow,
             self.robot.camera.focal,
             minimum_baseline=self.params.minimum_baseline,
@@ -194,7 +185,9 @@ class Offis(Perception):
         for flow in alternatives:
             seen, _, label = self._cells(flow, geometry)
             others.append(self._infer(flow, twist, geometry, seen, label))
-        obstacles = common_regions(results.obstacles, [other.obstacles for other in others])
+        obstacles = nearness.common_regions(
+            results.obstacles, [other.obstacles for other in others]
+        )
         empty = all(other.known and not other.obstacles["layer1"] for other in (results, *others))
         return replace(
             results,
@@ -207,7 +200,7 @@ class Offis(Perception):
         flow: FlowField,
         twist: Twist,
         geometry: GridGeometry,
-        seen: Nearness,
+        seen: nearness.Nearness,
         label: npt.NDArray[np.int8],
     ) -> OffisResults:
         """The fuzzy part: from nearness and labels to objects, planes, slopes and situations."""
@@ -232,9 +225,9 @@ class Offis(Perception):
         size = self._size(regions)
         region_nearness = regions.mean if paper else regions.nearest
         present = (regions.objects > 0.0) & (region_nearness > 1.0 / params.farthest)
-        planes = find_planes(self._pairs, regions, size)
+        planes = nearness.find_planes(self._pairs, regions, size)
         # the last four regions are the halves of the planes, for which no distance is inferred
-        distances = find_distances(region_nearness[:-4], regions.known[:-4], twist.v)
+        distances = nearness.find_distances(region_nearness[:-4], regions.known[:-4], twist.v)
         slopes = slopes_of_means(regions) if paper else slopes_of_walls(walls)
         return OffisResults(
             mode=params.mode,
@@ -242,7 +235,7 @@ class Offis(Perception):
             regions=regions,
             planes=planes,
             distances=distances,
-            obstacles=nearest_objects(pyramid, size, present, planes, distances),
+            obstacles=nearness.nearest_objects(pyramid, size, present, planes, distances),
             known=bool(distances.degrees[:, :4].any()),
             borders=borders,
             walls=walls,
@@ -264,7 +257,7 @@ class Offis(Perception):
                 self.params.wall_height,
             )
             self._geometry = geometry
-            self._pairs = pairs_of(geometry.pyramid)
+            self._pairs = nearness.pairs_of(geometry.pyramid)
         return geometry
 
     def _size(self, regions: RegionStatistics) -> Array:

@@ -12,15 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from navfw.numerics import Array
-from navfw.recording import top_view
+from navfw.recording import plan_picture, top_view
 from navfw.recording.palette import CONTACT, GOAL, START
-from navfw.recording.plan_picture import (
-    PathLabels,
-    draw_arrow,
-    draw_shapes,
-    plan_axes,
-    write_legend,
-)
 from navfw.recording.run_observers import RunLog
 from navfw.signals import Pose
 
@@ -90,21 +83,25 @@ def draw_trajectory(path: Path, log: RunLog, picture: TrajectoryPicture) -> None
     above = 0.16 + _LINE * len(header)
     inches = max(3.0, height * scale) + _BELOW + above
     frame = (0.05, _BELOW / inches, 0.92, 1.0 - (_BELOW + above) / inches)
-    figure, axes = plan_axes((wide, inches), frame, low, high)
+    figure, axes = plan_picture.plan_axes((wide, inches), frame, low, high)
     places = np.array(list(picture.places.values())).reshape(-1, 2)
-    draw_shapes(axes, [*picture.outline.shapes(), top_view.Marks(places, _PLACES)], zorder=2.0)
+    plan_picture.draw_shapes(
+        axes, [*picture.outline.shapes(), top_view.Marks(places, _PLACES)], zorder=2.0
+    )
     zones = [top_view.Disc(x, y, picture.zone, _ZONE) for x, y in picture.goals]
     movers = [
         shape
         for track, radius in zip(picture.tracks, picture.track_radii, strict=True)
         for shape in top_view.mover_shapes(track, (track[-1, 0], track[-1, 1]), radius, 0.35)
     ]
-    draw_shapes(axes, [*movers, *zones], zorder=3.0)
+    plan_picture.draw_shapes(axes, [*movers, *zones], zorder=3.0)
     if len(shown) > 1:
         leaders = [log.leaders[leader] for leader in log.leader[shown]]
         paths = top_view.led_lines(log.true[shown, :2], leaders)
-        draw_shapes(axes, [*paths, top_view.estimated_line(log.estimate[shown, :2])], zorder=4.0)
-    draw_shapes(axes, _marks(log, picture), zorder=6.0)
+        plan_picture.draw_shapes(
+            axes, [*paths, top_view.estimated_line(log.estimate[shown, :2])], zorder=4.0
+        )
+    plan_picture.draw_shapes(axes, _marks(log, picture), zorder=6.0)
     _write_labels(axes, log, picture)
     axes.set_xlabel("x [m]", fontsize=8, color="#666666", labelpad=1)
     axes.set_ylabel("y [m]", fontsize=8, color="#666666", labelpad=1)
@@ -112,7 +109,7 @@ def draw_trajectory(path: Path, log: RunLog, picture: TrajectoryPicture) -> None
         weight = "bold" if number == 0 else "normal"
         y = 1.0 - (0.34 + _LINE * number) / inches
         figure.text(0.03, y, text, fontsize=size, color=ink, weight=weight)
-    write_legend(figure, axes)
+    plan_picture.write_legend(figure, axes)
     figure.savefig(path, dpi=130, format="png", metadata={"Software": "navfw"})
 
 
@@ -144,7 +141,7 @@ def _write_labels(axes: Axes, log: RunLog, picture: TrajectoryPicture) -> None:
         turn = np.linspace(0.0, 2.0 * math.pi, 13)
         body = picture.robot_radius * np.column_stack([np.cos(turn), np.sin(turn)])
         path = np.vstack([path[0] + body, path, path[-1] + body])
-    labels = PathLabels(axes, path, zorder=10)
+    labels = plan_picture.PathLabels(axes, path, zorder=10)
     for waypoint in log.waypoints:
         labels.keep_clear((waypoint.x, waypoint.y))
     for contact in log.contacts[:1]:
@@ -156,7 +153,7 @@ def _write_labels(axes: Axes, log: RunLog, picture: TrajectoryPicture) -> None:
     for tick in _timed_ticks(log):
         x, y, _ = log.true[tick]
         if labels.write(f"{log.time[tick]:.0f} s", (x, y), _TIME):
-            draw_arrow(axes, (x, y), _direction(log, tick), _TIME, zorder=5.0)
+            plan_picture.draw_arrow(axes, (x, y), _direction(log, tick), _TIME, zorder=5.0)
 
 
 def _timed_ticks(log: RunLog) -> list[int]:

@@ -24,15 +24,9 @@ from navfw.recording import palette, top_view
 from navfw.recording.channel_list import SeenRun
 from navfw.recording.recorded_run import RecordedRun, recording_in
 from navfw.recording.run_folder import MAP, PICTURE, RECORDING, plain_json, read_result
+from navfw.report import run_timeline
 from navfw.report.report_page import reduced_source, render_page
 from navfw.report.run_moments import RunMoment, read_moments
-from navfw.report.run_timeline import (
-    RunTimeline,
-    located_damage,
-    read_timeline,
-    robot_and_goals,
-    run_events,
-)
 
 
 def live_page(title: str, seen: SeenRun, goals: list[tuple[float, float]]) -> str:
@@ -151,9 +145,9 @@ def _numbers(result: Mapping[str, Any]) -> list[tuple[str, str]]:
 def _recorded(
     run: RecordedRun, result: Mapping[str, Any], places: list[tuple[str, float, float]]
 ) -> dict[str, Any]:
-    radius, goals = robot_and_goals(result)
-    timeline = read_timeline(run, radius)
-    events = run_events(timeline, result) if len(timeline.time) else []
+    radius, goals = run_timeline.robot_and_goals(result)
+    timeline = run_timeline.read_timeline(run, radius)
+    events = run_timeline.run_events(timeline, result) if len(timeline.time) else []
     moments = read_moments(run, events)
     if not moments and result.get("notes"):
         return {}  # of a bag without images
@@ -162,7 +156,7 @@ def _recorded(
     ruled = next((moment.time for moment in moments if moment.rules), 0.0)
     first = min(events, key=lambda event: event.rank).time if events else ruled
     data: dict[str, Any] = {"events": [asdict(event) for event in events], "first": first}
-    with located_damage(run, "the configuration in its result"):
+    with run_timeline.located_damage(run, "the configuration in its result"):
         data |= _moments_data(moments, result["config"].get("stack", {}))
     if len(timeline.time):
         data["rows"] = _columns(timeline)
@@ -182,7 +176,7 @@ def _recorded(
 _ROWS = "time clearance confidence x y believed_x believed_y v w driven_v driven_w"
 
 
-def _columns(timeline: RunTimeline) -> dict[str, Any]:
+def _columns(timeline: run_timeline.RunTimeline) -> dict[str, Any]:
     """The timeline by columns, in thousandths; of the leaders their names."""
     single = timeline.time, timeline.clearance, timeline.confidence
     pairs = timeline.true, timeline.estimate, timeline.commands, timeline.driven

@@ -17,14 +17,8 @@ from navfw.recording import palette, top_view
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of, recording_in
 from navfw.recording.run_folder import read_result
 from navfw.recording.video_output import VideoOutput
+from navfw.report import run_timeline
 from navfw.report.run_moments import local_map_picture, moving_obstacles, newest_at_images
-from navfw.report.run_timeline import (
-    RunTimeline,
-    located_damage,
-    planar_pose,
-    read_timeline,
-    robot_and_goals,
-)
 from navfw.signals import Pose
 
 _KEY_HEIGHT = 70
@@ -59,7 +53,7 @@ class VideoPlan:
 
     def __init__(
         self,
-        timeline: RunTimeline,
+        timeline: run_timeline.RunTimeline,
         goals: Sequence[tuple[float, float]],
         robot_radius: float,
         size: tuple[int, int],
@@ -91,7 +85,7 @@ class VideoPlan:
         canvas.image[:] = palette.bgr(palette.FLOOR)
         canvas.draw(self._world)
         if topics.TRANSFORMS in content:
-            odom = planar_pose(content[topics.TRANSFORMS].transforms[0].transform)
+            odom = run_timeline.planar_pose(content[topics.TRANSFORMS].transforms[0].transform)
             if topics.LOCAL_MAP in content:
                 canvas.lay(content[topics.LOCAL_MAP], odom)
             if topics.OBSTACLES in content:
@@ -219,7 +213,7 @@ def _way(content: Mapping[str, Any], believed: Pose | None) -> list[top_view.Sha
 
 def _pose(content: Mapping[str, Any], topic: str) -> Pose | None:
     """The newest pose on a channel; None without one."""
-    return planar_pose(content[topic]) if topic in content else None
+    return run_timeline.planar_pose(content[topic]) if topic in content else None
 
 
 _TEXT_HEIGHT = 240
@@ -338,9 +332,9 @@ def write_run_video(
         InputError: the video cannot be written (``VideoOutput``).
 
     """
-    radius, goals = robot_and_goals(read_result(folder))
+    radius, goals = run_timeline.robot_and_goals(read_result(folder))
     run = RecordedRun(recording_in(folder))
-    timeline = read_timeline(run, radius)
+    timeline = run_timeline.read_timeline(run, radius)
     times = np.array([message.time for message in run.messages(topics.CAMERA_IMAGE)])
     if not len(times) or not len(timeline.time):
         raise ConfigError(
@@ -365,6 +359,6 @@ def _picture(newest: dict[str, RecordedMessage], plan: VideoPlan, run: RecordedR
         for topic, message in newest.items()
         if camera.time - message.time < _MAX_AGE
     }
-    with located_damage(run, f"a message before {camera.time:.2f} s"):
+    with run_timeline.located_damage(run, f"a message before {camera.time:.2f} s"):
         left = draw_camera(camera.time, image_of(camera, run.path), content, _SIZE)
         return np.concatenate([left, plan.draw(camera.time, content)], axis=1)

@@ -14,13 +14,7 @@ from navfw.config.input_file import is_file
 from navfw.errors import ConfigError, locating
 from navfw.recording.run_folder import RECORDING, REPORT
 from navfw.report.report_page import reduced_source, render_page
-from navfw.suite.paired_comparison import (
-    PairedChanges,
-    compare_tables,
-    comparison_rows,
-    of_variant,
-    pair_up,
-)
+from navfw.suite import paired_comparison
 from navfw.suite.run_journal import RunRow
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_summary import equal_configurations, summarize, summary_table
@@ -170,10 +164,12 @@ def comparison_report(
     suites = (first, second)
     finished = [finished_rows(suite) for suite in suites]
     with locating(file=f"{first.path}, {second.path}"):
-        rows = [of_variant(*chosen) for chosen in zip(finished, variants, strict=True)]
-        comparison = compare_tables(*rows)
-    pairs = pair_up(*rows)
-    changes = PairedChanges.of(pairs)
+        rows = [
+            paired_comparison.of_variant(*chosen) for chosen in zip(finished, variants, strict=True)
+        ]
+        comparison = paired_comparison.compare_tables(*rows)
+    pairs = paired_comparison.pair_up(*rows)
+    changes = paired_comparison.PairedChanges.of(pairs)
     neither = [pair for pair in pairs if not pair.a.succeeded and not pair.b.succeeded]
     of_a, of_b = (RunLines(suite, page) for suite in suites)
     names = [
@@ -189,7 +185,7 @@ def comparison_report(
         ],
         several="by_configuration" in comparison,
         unpaired=comparison["unpaired"],
-        numbers=comparison_rows(comparison),
+        numbers=paired_comparison.comparison_rows(comparison),
         pairs=pairs,
         groups=[
             (name, note, [(of_a.line(pair.a), of_b.line(pair.b)) for pair in changed_pairs])

@@ -20,19 +20,7 @@ from navfw.egomotion.refinement import refine
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.grid_flow import grid_points
 from navfw.offis.offis import Offis
-from navfw.reproduce.paper_scenes import (
-    COLS,
-    ROWS,
-    SCENES,
-    SPEED,
-    START,
-    STEP,
-    WAYPOINTS,
-    OfficeScene,
-    TrajectoryWaypoint,
-    drive,
-    hand_held,
-)
+from navfw.reproduce import paper_scenes
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Percept, Pose, Twist
 from navfw.sim.camera import DepthImage
@@ -141,7 +129,7 @@ class WaypointRow:
     "removed" or "left in", mode "normalised" or "raw means".
     """
 
-    waypoint: TrajectoryWaypoint
+    waypoint: paper_scenes.TrajectoryWaypoint
     point: MovingPose
     view: RenderedPair
     percepts: Mapping[tuple[str, str, str], CheckedPercept]
@@ -151,7 +139,7 @@ class WaypointRow:
 class SceneRow:
     """A situation of Table 3; keys of ``percepts``: (flow, mode) as in ``WaypointRow``."""
 
-    scene: OfficeScene
+    scene: paper_scenes.OfficeScene
     view: RenderedPair
     percepts: Mapping[tuple[str, str], CheckedPercept]
 
@@ -162,13 +150,15 @@ def table2(seed: int) -> list[WaypointRow]:
     Images 120 x 160, grid 12 x 16, two layers.
     """
     robot = RobotModel()
-    way = drive()
+    way = paper_scenes.drive()
     modes = _modes(robot, _SEARCH)
     params = BlockMatching.Params(search=_SEARCH)
     rows = []
     rng = np.random.default_rng(seed)
-    with Simulation(load_world(find("world", "paper-room")), robot, START, 0, SENSORS) as sim:
-        for waypoint in WAYPOINTS:
+    with Simulation(
+        load_world(find("world", "paper-room")), robot, paper_scenes.START, 0, SENSORS
+    ) as sim:
+        for waypoint in paper_scenes.WAYPOINTS:
             point = way[round(waypoint.time * 60.0)]
             view = rendered_view(sim, rng, point.before(PERIOD), point.pose, PERIOD)
             true = true_flow(view, robot)
@@ -192,17 +182,19 @@ def table2(seed: int) -> list[WaypointRow]:
 
 def table3(seed: int) -> list[SceneRow]:
     """The three office situations, strictly forward motion, grid 10 x 15, 24 px windows."""
-    robot = hand_held()
+    robot = paper_scenes.hand_held()
     modes = _modes(robot)
-    params = BlockMatching.Params(rows=ROWS, cols=COLS, window=24)
+    params = BlockMatching.Params(rows=paper_scenes.ROWS, cols=paper_scenes.COLS, window=24)
     rows = []
-    for scene in SCENES:
-        past = scene.pose.compose(Pose(-STEP, 0.0, 0.0))
+    for scene in paper_scenes.SCENES:
+        past = scene.pose.compose(Pose(-paper_scenes.STEP, 0.0, 0.0))
         rng = np.random.default_rng(seed + scene.number)
         with Simulation(scene.world, robot, scene.pose, 0, SENSORS) as sim:
-            view = rendered_view(sim, rng, past, scene.pose, STEP / SPEED)
+            view = rendered_view(sim, rng, past, scene.pose, paper_scenes.STEP / paper_scenes.SPEED)
         flows = {
-            "ideal": derotate(true_flow(view, robot, ROWS, COLS), robot.camera),
+            "ideal": derotate(
+                true_flow(view, robot, paper_scenes.ROWS, paper_scenes.COLS), robot.camera
+            ),
             "block matching": _refined(_matched_flow(view, robot, params, gyro=True), robot),
         }
         percepts = {
@@ -254,7 +246,7 @@ def _as_table1(row: WaypointRow, rotation: str) -> bool:
 
 def timings(rows: list[WaypointRow], scenes: list[SceneRow], repeats: int = 30) -> dict[str, float]:
     """Median times [ms] of one OFFIS inference (obstacles and situation), and of one flow field."""
-    robot, held = RobotModel(), hand_held()
+    robot, held = RobotModel(), paper_scenes.hand_held()
     offis, other, matching = Offis(robot), Offis(held), BlockMatching(robot)
     normal = [(row.percepts["ideal", "removed", "normalised"].flow, row.view.twist) for row in rows]
     small = [(row.percepts["block matching", "normalised"].flow, row.view.twist) for row in scenes]

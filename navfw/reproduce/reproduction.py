@@ -33,19 +33,9 @@ from navfw.process.work_progress import ProgressCallback, silent
 from navfw.recording.plan_picture import draw_arrow, draw_shapes, plan_axes
 from navfw.recording.run_folder import plain_json
 from navfw.recording.top_view import Line, Marks, Style
+from navfw.reproduce import paper_tables
 from navfw.reproduce.metric_comparison import compare_metrics
 from navfw.reproduce.paper_scenes import drive
-from navfw.reproduce.paper_tables import (
-    FAST,
-    PERIOD,
-    SceneRow,
-    WaypointRow,
-    as_data,
-    checks,
-    table2,
-    table3,
-    timings,
-)
 from navfw.reproduce.photographs import RealScene, chosen_frames, real_as_data, real_scenes
 from navfw.signals import FlowField
 from navfw.sim.scene_geometry import SceneGeometry
@@ -84,12 +74,13 @@ def _table2(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
             for rotation in ("removed", "left in")
         ]
         yield f"{flow.capitalize()} flow, {mode}: {'; '.join(counts)}."
-    fast = [row for row in rows if row["waypoint"] == FAST]
+    fast = [row for row in rows if row["waypoint"] == paper_tables.FAST]
     verdicts = "; ".join(
         f"{reading['flow']} flow, rotation {reading['rotation']}: {reading['verdict']}"
         for reading in _chosen(fast, mode="normalised")
     )
-    yield f"Waypoint {FAST}, where the paper's conclusion is false, normalised: {verdicts}."
+    false = f"Waypoint {paper_tables.FAST}, where the paper's conclusion is false"
+    yield f"{false}, normalised: {verdicts}."
     none = [str(row["waypoint"]) for row in rows if row["truth"]["no_situation"]]
     if none:
         yield (
@@ -175,7 +166,7 @@ _PAPER, _INK = (255, 255, 255), (40, 40, 40)
 _WAYPOINT = "#D00000"
 
 
-def waypoint_picture(row: WaypointRow) -> Image:
+def waypoint_picture(row: paper_tables.WaypointRow) -> Image:
     """The image; its ideal flow without and with rotation; the flow of block matching."""
     image = row.view.pair.now.image
     parts = [_panel(image, None, f"waypoint {row.waypoint.number}")]
@@ -188,7 +179,7 @@ def waypoint_picture(row: WaypointRow) -> Image:
     return np.concatenate([_beside(parts[:2]), _beside(parts[2:])])
 
 
-def scene_picture(row: SceneRow) -> Image:
+def scene_picture(row: paper_tables.SceneRow) -> Image:
     """The image, and the flow of block matching over it, as in the paper's Fig. 18."""
     image = row.view.pair.now.image
     flow = row.percepts["block matching", "normalised"].flow
@@ -221,7 +212,9 @@ def _beside(panels: list[Image]) -> Image:
     return np.concatenate(padded, axis=1)
 
 
-def draw_map(world: WorldSpec, way: list[MovingPose], rows: list[WaypointRow]) -> Image:
+def draw_map(
+    world: WorldSpec, way: list[MovingPose], rows: list[paper_tables.WaypointRow]
+) -> Image:
     """The room from above with trajectory and waypoints (Fig. 16)."""
     outline = outline_of(SceneGeometry.from_world(world, 2.0))
     low, high = np.array([world.x, world.y]).T
@@ -232,7 +225,7 @@ def draw_map(world: WorldSpec, way: list[MovingPose], rows: list[WaypointRow]) -
     draw_shapes(axes, [*outline.shapes(), path, waypoints], zorder=1.0)
     for row in rows:
         pose = row.point.pose
-        fast = row.waypoint.number == FAST
+        fast = row.waypoint.number == paper_tables.FAST
         draw_arrow(axes, pose.to_parent(0.2, 0.0), pose.yaw, _WAYPOINT, zorder=3.0)
         # label beside the trajectory
         side = 14.0 * math.sin(pose.yaw) - 4.0, -14.0 * math.cos(pose.yaw) - 4.0
@@ -271,8 +264,8 @@ def write_page(result: Mapping[str, Any], pictures: Mapping[str, Image]) -> str:
     return environment.get_template(TEMPLATE).render(
         **result,
         pictures={name: _embedded(picture) for name, picture in pictures.items()},
-        fast=FAST,
-        period=PERIOD,
+        fast=paper_tables.FAST,
+        period=paper_tables.PERIOD,
         flows=("ideal", "block matching"),
         rotations=("removed", "left in"),
         modes=("normalised", "raw means"),
@@ -319,20 +312,20 @@ def reproduce(
         # first, since it can fail
         real = {} if data is None else real_scenes(data, default_registry(), report)
         report("Table 2: the trajectory")
-        rows = table2(seed)
+        rows = paper_tables.table2(seed)
         report("Table 3: the office")
-        scenes = table3(seed)
+        scenes = paper_tables.table3(seed)
         experiments = {
             "seed": seed,
-            **as_data(rows, scenes),
+            **paper_tables.as_data(rows, scenes),
             "real": None if data is None else real_as_data(real),
             "metrics": compare_metrics(views, seed, report),
-            "checks": checks(rows),
+            "checks": paper_tables.checks(rows),
         }
         result = plain_json({**experiments, "summary": summary(experiments)})
         digest = hashlib.sha256(json.dumps(result, sort_keys=True).encode()).hexdigest()
         report("times")
-        times = {**timings(rows, scenes), "paper": dict(_PAPER_TIMES)}
+        times = {**paper_tables.timings(rows, scenes), "paper": dict(_PAPER_TIMES)}
         result |= {"digest": digest, "timings": times}
         report("pictures")
         page = write_page(result, _pictures(rows, scenes, real))
@@ -343,7 +336,9 @@ def reproduce(
 
 
 def _pictures(
-    rows: list[WaypointRow], scenes: list[SceneRow], real: Mapping[FrameLabel, RealScene]
+    rows: list[paper_tables.WaypointRow],
+    scenes: list[paper_tables.SceneRow],
+    real: Mapping[FrameLabel, RealScene],
 ) -> dict[str, Image]:
     """The pictures of the page by name; frames that may not be shown have none."""
     shown = [(k, real[label].picture) for k, label in enumerate(chosen_frames(list(real)))]

@@ -34,13 +34,7 @@ from navfw.config.lookup import list_files
 from navfw.errors import ConfigError, UnknownNameError, locating
 from navfw.process.result_table import Column, ResultTable, markdown_table, shown
 from navfw.recording.provenance import DIRTY
-from navfw.results.result_file import (
-    Figures,
-    StoredResult,
-    StoredSuiteResult,
-    StoredValues,
-    load_results,
-)
+from navfw.results import result_file
 
 TEMPLATE = "template.md"
 """The template's name, beside the results."""
@@ -61,8 +55,8 @@ class _FigureRow:
     """A row of a table: its label, the result, and the figures of a suite that it shows."""
 
     label: str
-    result: StoredSuiteResult
-    figures: Figures
+    result: result_file.StoredSuiteResult
+    figures: result_file.Figures
 
 
 _SUITE_COLUMNS = (
@@ -113,7 +107,7 @@ def current_pages(folder: Path) -> dict[Path, str]:
 
     """
     template = folder / TEMPLATE
-    results = load_results(folder)
+    results = result_file.load_results(folder)
     header = _HEADER.format(folder=f"{folder.parent.name}/{folder.name}")
     page = fill(read_input_text(template, max_bytes("template or page")), results, template)
     pages = {folder.with_suffix(".md"): header + page}
@@ -131,7 +125,7 @@ def current_pages(folder: Path) -> dict[Path, str]:
     return pages
 
 
-def fill(template: str, results: Sequence[StoredResult], file: Path) -> str:
+def fill(template: str, results: Sequence[result_file.StoredResult], file: Path) -> str:
     """``template``, the text of ``file``, with every placeholder replaced.
 
     Raises:
@@ -156,9 +150,9 @@ def fill(template: str, results: Sequence[StoredResult], file: Path) -> str:
 class _Writer:
     """Turns placeholders into text, each by a function of its own."""
 
-    def __init__(self, results: Sequence[StoredResult]) -> None:
+    def __init__(self, results: Sequence[result_file.StoredResult]) -> None:
         self._results = {result.name: result for result in results}
-        self._suites = [r for r in results if isinstance(r, StoredSuiteResult)]
+        self._suites = [r for r in results if isinstance(r, result_file.StoredSuiteResult)]
         self._machines = list(dict.fromkeys(result.machine for result in results))
         self._verbs: dict[str, Callable[..., str]] = {
             "suites": self._suite_table,
@@ -179,7 +173,7 @@ class _Writer:
             raise UnknownNameError("placeholder", verb, self._verbs)
         return self._verbs[verb](*words)
 
-    def _of_suites(self, names: Sequence[str]) -> list[StoredSuiteResult]:
+    def _of_suites(self, names: Sequence[str]) -> list[result_file.StoredSuiteResult]:
         shipped = {file.name for file in list_files("suite")}
         suites = shipped | {result.suite for result in self._suites}
         for name in names:
@@ -201,7 +195,7 @@ class _Writer:
         table = ResultTable("", [*columns, *several], records).markdown()
         return f"{table}\nAll rows: {', '.join(common)}." if common else table
 
-    def _letter_of(self, record: _FigureRow | StoredResult) -> str:
+    def _letter_of(self, record: _FigureRow | result_file.StoredResult) -> str:
         return _letter(self._machines.index(_result_of(record).machine))
 
     def _suite_table(self, *names: str) -> str:
@@ -237,14 +231,14 @@ class _Writer:
         runs = [
             result
             for result in self._results.values()
-            if isinstance(result, StoredValues) and result.kind == "run"
+            if isinstance(result, result_file.StoredValues) and result.kind == "run"
             if any(fnmatchcase(result.name, pattern) for pattern in patterns)
         ]
         return self._table(_RUN_COLUMNS, runs)
 
     def _value_table(self, name: str, *wanted: str) -> str:
         result = self._results.get(name)
-        if not isinstance(result, StoredValues):
+        if not isinstance(result, result_file.StoredValues):
             return ""
         values = []
         for text in wanted:
@@ -256,7 +250,7 @@ class _Writer:
         table = markdown_table(["quantity", "value"], values)
         return f"{table}\nRevision {_short(result)}, machine {self._letter_of(result)}."
 
-    def _called(self, name: str) -> list[StoredResult]:
+    def _called(self, name: str) -> list[result_file.StoredResult]:
         """The result of that name; else all of that suite, driven as the suite has it."""
         if name in self._results:
             return [self._results[name]]
@@ -279,9 +273,9 @@ class _Writer:
         return ResultTable("", columns, self._machines).markdown() if self._machines else ""
 
 
-def _value_at(result: StoredResult, key: str) -> Any:
+def _value_at(result: result_file.StoredResult, key: str) -> Any:
     """The value at a dotted key: of a suite's figures, or of a benchmark's or a run's values."""
-    suite = isinstance(result, StoredSuiteResult)
+    suite = isinstance(result, result_file.StoredSuiteResult)
     data: Any = result.model_dump(mode="json")["figures" if suite else "values"]
     for name in key.split("."):
         if not isinstance(data, Mapping) or name not in data:
@@ -294,14 +288,14 @@ def _joined(texts: Iterable[str]) -> str:
     return ", ".join(dict.fromkeys(texts))
 
 
-def _label(result: StoredSuiteResult) -> str:
+def _label(result: result_file.StoredSuiteResult) -> str:
     """The suite's name, and the options that change what it runs."""
     words = shlex.split(result.command)
     options = words[words.index(result.seeds) + 1 :] if result.seeds in words else []
     return f"{result.suite} `{shlex.join(options)}`" if options else result.suite
 
 
-def _arrivals(figures: Figures) -> str:
+def _arrivals(figures: result_file.Figures) -> str:
     """Arrivals with Wilson's interval; where the suite expects something else, passes."""
     if figures.expect == "stop" or (figures.expect is None and figures.passed is not None):
         return f"passed {figures.passed} of {figures.runs}"
@@ -310,7 +304,7 @@ def _arrivals(figures: Figures) -> str:
     return f"{_reached(figures)} ({share:.1f} %, {low:.1f} to {high:.1f})"
 
 
-def _reached(figures: Figures) -> str:
+def _reached(figures: result_file.Figures) -> str:
     return f"{figures.reached} of {figures.runs}"
 
 
@@ -319,7 +313,7 @@ def _reached_in(entry: str, line: _FigureRow) -> str | None:
     return _reached(parts[entry]) if entry in parts else None
 
 
-def _estimate_error(figures: Figures) -> str:
+def _estimate_error(figures: result_file.Figures) -> str:
     errors = figures.estimate_error_m, figures.estimate_error_max_m
     return ", ".join(shown(error, ".2f", missing="") for error in errors) + " m"
 
@@ -329,15 +323,15 @@ def _estimate_errors(values: Mapping[str, Any]) -> str:
     return ", ".join(shown(error, ".3f", "m") for error in errors if error is not None)
 
 
-def _causes(figures: Figures) -> str:
+def _causes(figures: result_file.Figures) -> str:
     return "; ".join(f"{cause} {count}" for cause, count in figures.causes.items()) or "none"
 
 
-def _result_of(record: _FigureRow | StoredResult) -> StoredResult:
+def _result_of(record: _FigureRow | result_file.StoredResult) -> result_file.StoredResult:
     return record.result if isinstance(record, _FigureRow) else record
 
 
-def _short(record: _FigureRow | StoredResult) -> str:
+def _short(record: _FigureRow | result_file.StoredResult) -> str:
     """The revision that a record was measured at, shortened."""
     result = _result_of(record)
     if not result.dirty:

@@ -13,17 +13,7 @@ import numpy as np
 from navfw.egomotion import Odometer
 from navfw.missions import Simulator
 from navfw.process.interruption import check_interrupted
-from navfw.recording.ros_messages import (
-    camera_message,
-    image_message,
-    imu_message,
-    joints_message,
-    odometry_message,
-    pose_fields,
-    ros_message,
-    time_fields,
-    transforms_message,
-)
+from navfw.recording import ros_messages as ros
 from navfw.robot import RobotModel
 from navfw.ros.connection import Quality, RosNode
 from navfw.safety import PersistentFailure
@@ -106,31 +96,31 @@ class RosPilot:
 
     def _publish(self, reading: SensorReading) -> None:
         now, robot, out = round(1e9 * reading.time), self._robot, self._out
-        out["/clock"](ros_message("rosgraph_msgs/msg/Clock", {"clock": time_fields(now)}))
+        out["/clock"](ros.ros_message("rosgraph_msgs/msg/Clock", {"clock": ros.time_fields(now)}))
         images = []
         if reading.frame is not None:
             images.append("image")
             taken, image = round(1e9 * reading.frame.time), reading.frame.image
-            out["image"](image_message(image, taken))
-            out["camera_info"](camera_message(robot.camera, image.shape, taken))
+            out["image"](ros.image_message(image, taken))
+            out["camera_info"](ros.camera_message(robot.camera, image.shape, taken))
         if reading.landmark_frame is not None:
             images.append("landmarks")
             taken = round(1e9 * reading.landmark_frame.time)
-            self._landmarks(image_message(reading.landmark_frame.image, taken))
-        out["imu"](imu_message(robot, reading, round(1e9 * reading.inertial.time)))
+            self._landmarks(ros.image_message(reading.landmark_frame.image, taken))
+        out["imu"](ros.imu_message(robot, reading, round(1e9 * reading.inertial.time)))
         frame = "+".join(["", *images])
         wheels_at = round(1e9 * reading.encoders.time)
         odometry = self._odometer.update(reading.inertial, reading.encoders, self._twist)
-        out["odom"](odometry_message(odometry, now))
-        out["/tf"](transforms_message(odometry.pose, now, camera=robot.camera))
+        out["odom"](ros.odometry_message(odometry, now))
+        out["/tf"](ros.transforms_message(odometry.pose, now, camera=robot.camera))
         self._truth(reading.time, odometry.twist, now)
-        out["joint_states"](joints_message(robot, reading, wheels_at, frame))
+        out["joint_states"](ros.joints_message(robot, reading, wheels_at, frame))
 
     def _truth(self, time: float, twist: Twist, now: int) -> None:
         pose = self._simulator.true_pose()
-        at = {"pose": pose_fields(pose.x, pose.y, pose.yaw)}
+        at = {"pose": ros.pose_fields(pose.x, pose.y, pose.yaw)}
         fields = {"header": {"frame_id": "map"}, "child_frame_id": "base_link", "pose": at}
-        self._out["/ground_truth/odom"](ros_message("nav_msgs/msg/Odometry", fields, now))
+        self._out["/ground_truth/odom"](ros.ros_message("nav_msgs/msg/Odometry", fields, now))
 
     def _keep_pace(self, now: float) -> None:
         """Take in commands until the wall clock has come to ``now`` [s] of the simulation."""

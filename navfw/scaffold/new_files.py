@@ -17,17 +17,10 @@ from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
+from navfw.config import lookup
 from navfw.config.document import load_yaml
 from navfw.config.file_kinds import FILE_KINDS
 from navfw.config.input_file import max_bytes, read_input_text, shown_path
-from navfw.config.lookup import (
-    NamedFile,
-    list_files,
-    list_missions,
-    plugin_files,
-    plugin_folders,
-    project_folder,
-)
 from navfw.errors import ConfigError, UnknownNameError
 from navfw.plugins.built_in import BUILT_IN
 from navfw.process.atomic import AtomicFolder, write_text
@@ -49,7 +42,7 @@ def write_project(folder: Path) -> list[str]:
 
     """
     above = (folder.absolute(), *folder.absolute().parents)
-    around = project_folder(next(existing for existing in above if existing.is_dir()))
+    around = lookup.project_folder(next(existing for existing in above if existing.is_dir()))
     if around is not None:
         what = f"is within the project {shown_path(around)}; choose a folder outside of it"
         raise ConfigError(what, file=folder)
@@ -116,7 +109,7 @@ def write_part(kind: str, name: str, start: str = "") -> tuple[list[str], str]:
     part = PARTS[kind]
     if (start := start or part.starts[0]) not in part.starts:
         raise UnknownNameError("start", start, part.starts)
-    project = project_folder()
+    project = lookup.project_folder()
     if project is None:
         what = "is in no project; change into one, or write one by navfw new project DIR"
         raise ConfigError(what, file=Path.cwd())
@@ -151,21 +144,21 @@ def write_part(kind: str, name: str, start: str = "") -> tuple[list[str], str]:
 def _taken(sort: str, world: str) -> dict[str, str]:
     """Names that are taken among things of that ``sort``, each with where it is."""
     if sort in FILE_KINDS:
-        files = list_missions(world) if sort == "mission" else list_files(sort)
+        files = lookup.list_missions(world) if sort == "mission" else lookup.list_files(sort)
         return {file.name: shown_path(file.path) for file in files}
     shipped = {name: "navfw" for names in BUILT_IN.values() for name in names}
-    plugins = (file for folder in plugin_folders() for file in plugin_files(folder))
+    plugins = (file for folder in lookup.plugin_folders() for file in lookup.plugin_files(folder))
     return shipped | {file.stem: shown_path(file) for file in plugins}
 
 
-def _model(world: str) -> NamedFile:
+def _model(world: str) -> lookup.NamedFile:
     """The mission of ``world`` that a new one begins as: the first one without events.
 
     Raises:
         ConfigError: the world has no such mission.
 
     """
-    for mission in list_missions(world):
+    for mission in lookup.list_missions(world):
         data = load_yaml(mission.path).data
         if isinstance(data, dict) and "events" not in data:
             return mission

@@ -15,6 +15,7 @@ from navfw.features.landmark_appearance import landmark_kind
 from navfw.meshes.furniture_meshes import furniture_mesh
 from navfw.numerics import Array, Image
 from navfw.numerics.products import product
+from navfw.sim import textures
 from navfw.sim.engine import Display, quaternion
 from navfw.sim.raster import Raster
 from navfw.sim.shapes import Rectangle
@@ -31,13 +32,6 @@ from navfw.sim.surface_patches import (
     wall_patches,
 )
 from navfw.sim.textured_mesh import TexturedMesh, cylinder_mesh, triangle_mesh
-from navfw.sim.textures import (
-    STOCK,
-    covered_area,
-    picture_texture,
-    read_picture,
-    synthesize,
-)
 from navfw.sim.visibility import PartBounds, Visibility
 from navfw.sim.worldspec import TextureSpec, WalkerSpec, WorldSpec
 
@@ -162,15 +156,15 @@ class Scenery:
 
     def _texture(self, name: str) -> int:
         if name not in self._textures:
-            self._textures[name] = self._load(self.world.textures.get(name) or STOCK[name])
+            self._textures[name] = self._load(self.world.textures.get(name) or textures.STOCK[name])
         return self._textures[name]
 
     def _load(self, spec: TextureSpec) -> int:
         if spec.picture is None:
-            return self._load_image(synthesize(spec))
-        picture = read_picture(spec.picture)
-        index = self._load_image(picture_texture(spec))
-        self._periods[index] = covered_area(picture, spec.size)
+            return self._load_image(textures.synthesize(spec))
+        picture = textures.read_picture(spec.picture)
+        index = self._load_image(textures.picture_texture(spec))
+        self._periods[index] = textures.covered_area(picture, spec.size)
         return index
 
     def _load_image(self, image: Image) -> int:

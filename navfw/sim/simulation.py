@@ -19,6 +19,7 @@ from navfw.numerics import Array, Image
 from navfw.process.supervised import send_position, supervised
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, Pose, SensorReading, wrap_angle
+from navfw.sim import world_changes
 from navfw.sim.camera import DepthImage
 from navfw.sim.camera_rig import CameraRig, Timings
 from navfw.sim.engine import BulletConnection, SimulatorWindow, quaternion
@@ -29,15 +30,6 @@ from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
 from navfw.sim.solids import fallen_into
-from navfw.sim.world_changes import (
-    CLOSING_TIME,
-    ChangeTrack,
-    Walker,
-    WalkerTrack,
-    WorldChanges,
-    caused_by_robot,
-    closed_by_robot,
-)
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
 
@@ -87,7 +79,7 @@ class Simulation(BulletConnection):
         self.plan = SceneGeometry.from_world(world, robot.height)
         for x, y, radius in robot.discs:
             self.plan.check_free(*start.to_parent(x, y), radius, "the start")
-        self.walkers = tuple(Walker(spec) for spec in world.movers)
+        self.walkers = tuple(world_changes.Walker(spec) for spec in world.movers)
         _check_apart(self.walkers, start, robot.reach)
         self.timings, self._steps, self.time = Timings(), 0, 0.0
         self.window: SimulatorWindow | None = None
@@ -109,7 +101,7 @@ class Simulation(BulletConnection):
             self._set_up_engine(gui, drawn)
             scenery = Scenery(world, None if self.window is None else self.window.display)
             self._physics = PhysicsWorld(world, self._client, scenery)
-            self._changes = WorldChanges(world, self._physics)
+            self._changes = world_changes.WorldChanges(world, self._physics)
             self._body = make_body(robot, self._client, start, self._physics.floor)
             self._rig = CameraRig(
                 robot,
@@ -280,10 +272,10 @@ class Simulation(BulletConnection):
 
         Its speed is that of the previous control period: the contact changes it.
         """
-        since = bisect_left(self._walker_times, self.time - CLOSING_TIME)
+        since = bisect_left(self._walker_times, self.time - world_changes.CLOSING_TIME)
         robot = np.array(self._robot_points[since:])
         walker = np.array(self._walker_points[since:])[:, index]
-        return closed_by_robot(robot, walker) or caused_by_robot(
+        return world_changes.closed_by_robot(robot, walker) or world_changes.caused_by_robot(
             self._last_pose, pose, dt, self.walkers[index]
         )
 
@@ -307,11 +299,11 @@ class Simulation(BulletConnection):
         """
         return self._cause
 
-    def walker_track(self) -> WalkerTrack:
+    def walker_track(self) -> world_changes.WalkerTrack:
         """The walkers' positions so far, recorded at every ``advance``."""
-        return WalkerTrack.of(self.walkers, self._walker_times, self._walker_points)
+        return world_changes.WalkerTrack.of(self.walkers, self._walker_times, self._walker_points)
 
-    def change_track(self) -> ChangeTrack:
+    def change_track(self) -> world_changes.ChangeTrack:
         """The solids that were present part of the time only: doors, obstacles."""
         return self._changes.track()
 
@@ -346,7 +338,7 @@ class Simulation(BulletConnection):
         return self._true_state
 
 
-def _check_apart(walkers: tuple[Walker, ...], start: Pose, radius: float) -> None:
+def _check_apart(walkers: tuple[world_changes.Walker, ...], start: Pose, radius: float) -> None:
     for walker in walkers:
         free = math.hypot(walker.x - start.x, walker.y - start.y) - walker.spec.radius
         if free < radius:

@@ -18,15 +18,8 @@ import numpy as np
 from navfw.features.landmark_appearance import landmark_kind
 from navfw.numerics import Array
 from navfw.numerics.products import product
+from navfw.sim import solids, worldspec
 from navfw.sim.shapes import Rectangle
-from navfw.sim.solids import (
-    Solid,
-    Tread,
-    drop_at,
-    opening_segment,
-    treads_of,
-    wall_segments,
-)
 from navfw.sim.textured_mesh import (
     Span,
     TexturedMesh,
@@ -36,14 +29,6 @@ from navfw.sim.textured_mesh import (
     split_positions,
 )
 from navfw.sim.visibility import PartBounds
-from navfw.sim.worldspec import (
-    DoorFrameSpec,
-    LandmarkPlateSpec,
-    OpeningSpec,
-    RoomSpec,
-    WallSpec,
-    WorldSpec,
-)
 
 _STAND_OFF = 0.006
 """Distance of a plate from its wall [m]: more than that of the textureless cover of a wall."""
@@ -51,7 +36,7 @@ _RIM = 1e-3
 """Part of the texture left out at each side: texture coordinates beyond it wrap around."""
 
 
-def plate_mesh(mark: LandmarkPlateSpec) -> TexturedMesh:
+def plate_mesh(mark: worldspec.LandmarkPlateSpec) -> TexturedMesh:
     """The plate as a mesh in the map frame, its image upright as seen from in front of it."""
     right, normal = plate_axes(mark)
     half = 0.5 * landmark_kind(mark.kind).plate_side(mark.size)
@@ -67,7 +52,7 @@ def plate_mesh(mark: LandmarkPlateSpec) -> TexturedMesh:
     )
 
 
-def plate_bounds(mark: LandmarkPlateSpec) -> PartBounds:
+def plate_bounds(mark: worldspec.LandmarkPlateSpec) -> PartBounds:
     """The plate's bounds in the plane, with the plane in front of which it is visible."""
     _, normal = plate_axes(mark)
     points = np.array(plate_mesh(mark).vertices)
@@ -75,7 +60,7 @@ def plate_bounds(mark: LandmarkPlateSpec) -> PartBounds:
     return PartBounds.around(points, mark.yaw + 0.5 * math.pi, plane)
 
 
-def plate_axes(mark: LandmarkPlateSpec) -> tuple[Array, Array]:
+def plate_axes(mark: worldspec.LandmarkPlateSpec) -> tuple[Array, Array]:
     """Unit vectors (3,) in the map: the image's right side as seen from in front; the normal."""
     c, s = math.cos(mark.yaw), math.sin(mark.yaw)
     return np.array([-s, c, 0.0]), np.array([c, s, 0.0])
@@ -97,7 +82,7 @@ class _TrimStrip:
 
 
 def _trim_strips(
-    world: WorldSpec, wall: Solid, start: Array, right: Array, length: float
+    world: worldspec.WorldSpec, wall: solids.Solid, start: Array, right: Array, length: float
 ) -> list[_TrimStrip]:
     """The strips of one vertical face of a wall piece or lintel; later ones cover earlier ones.
 
@@ -125,17 +110,17 @@ def _texture_at(strips: Sequence[_TrimStrip], along: float, above: float) -> str
 
 
 def _frame_strips(
-    frame: DoorFrameSpec,
-    spec: WallSpec,
-    opening: OpeningSpec,
-    wall: Solid,
+    frame: worldspec.DoorFrameSpec,
+    spec: worldspec.WallSpec,
+    opening: worldspec.OpeningSpec,
+    wall: solids.Solid,
     face: tuple[Array, Array, float],
 ) -> Iterator[_TrimStrip]:
     """The strips of one opening's frame on a face (start, right, length) of its wall."""
     start, right, length = face
-    index = opening_segment(spec, opening)
+    index = solids.opening_segment(spec, opening)
     assert index is not None  # noqa: S101 - check_world guarantees it
-    yaw = wall_segments(spec)[index].yaw
+    yaw = solids.wall_segments(spec)[index].yaw
     dx, dy = np.subtract(opening.at, start)
     along, off = dx * right[0] + dy * right[1], abs(dx * right[1] - dy * right[0])
     half, top = 0.5 * opening.width, min(opening.height, spec.height)
@@ -186,7 +171,7 @@ class SurfacePatch:
 # --- floor, drops and walls -------------------------------------------------------------------
 
 
-def floor_patches(world: WorldSpec) -> Iterator[SurfacePatch]:
+def floor_patches(world: worldspec.WorldSpec) -> Iterator[SurfacePatch]:
     """Floor and ceiling; no patch crosses the edge of a room or of a drop."""
     ex, ey, ez = np.eye(3)
     corner = np.array([world.x[0], world.y[0], 0.0])
@@ -204,21 +189,21 @@ def floor_patches(world: WorldSpec) -> Iterator[SurfacePatch]:
         middle = corner[0] + 0.5 * sum(columns), corner[1] + 0.5 * sum(rows)
         room = _room_at(world, *middle)
         floor = (room and room.floor) or world.floor
-        if drop_at(world, *middle) is None:
+        if solids.drop_at(world, *middle) is None:
             yield _patch(floor, corner, ex, ey, columns, rows)
         ceiling = (room and room.ceiling) or world.ceiling
         if ceiling is not None:
             yield _patch(ceiling, corner + height * ez, ey, ex, rows, columns)
 
 
-def drop_patches(world: WorldSpec) -> Iterator[SurfacePatch]:
+def drop_patches(world: worldspec.WorldSpec) -> Iterator[SurfacePatch]:
     """Treads, sides and risers of the drops."""
     for drop in world.drops:
-        for tread in treads_of(drop):
+        for tread in solids.treads_of(drop):
             yield from _tread_patches(tread, drop.texture, drop.walls)
 
 
-def wall_patches(world: WorldSpec, wall: Solid) -> Iterator[SurfacePatch]:
+def wall_patches(world: worldspec.WorldSpec, wall: solids.Solid) -> Iterator[SurfacePatch]:
     """The faces of one wall piece, each patch with the texture of the room in front of it."""
     assert isinstance(wall.shape, Rectangle)  # noqa: S101 - walls and lintels are
     corners = wall.shape.corners
@@ -250,7 +235,7 @@ def wall_patches(world: WorldSpec, wall: Solid) -> Iterator[SurfacePatch]:
         yield from _patches(texture, np.array([*a, wall.bottom]), ey, ex, rows, columns)
 
 
-def _room_edges(world: WorldSpec, start: Array, right: Array) -> list[float]:
+def _room_edges(world: worldspec.WorldSpec, start: Array, right: Array) -> list[float]:
     """Distances [m] along a wall's face at which edges of rooms intersect it."""
     cuts = []
     for room in world.rooms:
@@ -260,14 +245,14 @@ def _room_edges(world: WorldSpec, start: Array, right: Array) -> list[float]:
     return cuts
 
 
-def _room_at(world: WorldSpec, x: float, y: float) -> RoomSpec | None:
+def _room_at(world: worldspec.WorldSpec, x: float, y: float) -> worldspec.RoomSpec | None:
     for room in world.rooms:
         if room.x[0] <= x <= room.x[1] and room.y[0] <= y <= room.y[1]:
             return room
     return None
 
 
-def _tread_patches(tread: Tread, texture: str, walls: str) -> Iterator[SurfacePatch]:
+def _tread_patches(tread: solids.Tread, texture: str, walls: str) -> Iterator[SurfacePatch]:
     ex, ey, ez = np.eye(3)
     corner = np.array([tread.x[0], tread.y[0], -tread.depth])
     columns, rows = (
@@ -302,7 +287,7 @@ def _patch(
 # --- boxes and cylinders ----------------------------------------------------------------------
 
 
-def solid_patch(solid: Solid) -> SurfacePatch:
+def solid_patch(solid: solids.Solid) -> SurfacePatch:
     """A box or cylinder as one patch."""
     mesh = TexturedMesh()
     mesh.add_mesh(solid_mesh(solid), solid.centre, solid.shape.yaw)
@@ -310,7 +295,7 @@ def solid_patch(solid: Solid) -> SurfacePatch:
 
 
 @lru_cache(maxsize=1024)
-def solid_mesh(solid: Solid, margin: float = 0.0) -> TexturedMesh:
+def solid_mesh(solid: solids.Solid, margin: float = 0.0) -> TexturedMesh:
     """The mesh of a solid around its own centre, enlarged by ``margin`` [m] on all sides."""
     height, shape, shift = solid.height + 2.0 * margin, solid.shape, texture_shift(solid.name)
     if isinstance(shape, Rectangle):

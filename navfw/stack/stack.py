@@ -15,15 +15,7 @@ from navfw.egomotion import seeing_speed
 from navfw.egomotion.floor_odometry import FloorOdometry
 from navfw.egomotion.odometer import Odometer, OdometryHistory
 from navfw.errors import ConfigError
-from navfw.guard import PluginGuard
-from navfw.guard.guarded_stages import (
-    GuardedController,
-    GuardedFeatures,
-    GuardedFlow,
-    GuardedLocalizer,
-    GuardedPerception,
-    GuardedPlanner,
-)
+from navfw.guard import PluginGuard, guarded_stages
 from navfw.localization.passage_walls import KnownWalls
 from navfw.localmap import LocalMap
 from navfw.locom.unicycle import WheelTrim
@@ -75,7 +67,9 @@ class Stack:
         def build(choice: Choice) -> Any:
             return self.guard.construct(choice.plugin, robot, choice.params)
 
-        self.features = GuardedFeatures(self.guard, build(stages["features"]))  # whole images
+        self.features = guarded_stages.GuardedFeatures(
+            self.guard, build(stages["features"])
+        )  # whole images
         self._lens, self._reduction = robot.camera.undistortion(), robot.camera.reduction
         self.robot = robot = robot.with_reduced_images()
         self.period = 1.0 / robot.control_rate
@@ -92,13 +86,13 @@ class Stack:
         self.vision = Vision(
             robot,
             settings,
-            GuardedFlow(self.guard, build(stages["flow"])),
-            GuardedPerception(self.guard, build(stages["perception"])),
+            guarded_stages.GuardedFlow(self.guard, build(stages["flow"])),
+            guarded_stages.GuardedPerception(self.guard, build(stages["perception"])),
             self.timings,
         )
-        self.localizer = GuardedLocalizer(self.guard, build(stages["localizer"]))
-        self.planner = GuardedPlanner(self.guard, build(stages["planner"]))
-        self.controller = GuardedController(self.guard, build(stages["controller"]))
+        self.localizer = guarded_stages.GuardedLocalizer(self.guard, build(stages["localizer"]))
+        self.planner = guarded_stages.GuardedPlanner(self.guard, build(stages["planner"]))
+        self.controller = guarded_stages.GuardedController(self.guard, build(stages["controller"]))
         behaviors = {name: build(choice) for name, choice in config.behaviors.items()}
         self.local_map = LocalMap(robot, settings.local_map)
         self.known_walls = KnownWalls.of(topo_map.floor_plan, robot)

@@ -25,14 +25,8 @@ from navfw.process.atomic import output_place, write_text, writing
 from navfw.process.target_lock import TargetInUseError, TargetLock, sweep
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import REPORT, plain_json
+from navfw.suite import run_journal
 from navfw.suite.case import RECORDINGS
-from navfw.suite.run_journal import (
-    JournalDamagedError,
-    RunJournal,
-    RunRow,
-    ready_journal,
-    write_table,
-)
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import brief_table
 
@@ -65,9 +59,9 @@ class SuiteFolder:
         return self.path / TABLE
 
     @property
-    def journal(self) -> RunJournal:
+    def journal(self) -> run_journal.RunJournal:
         """The journal of all runs that have ended."""
-        return RunJournal(self.path / _JOURNAL)
+        return run_journal.RunJournal(self.path / _JOURNAL)
 
     @cached_property
     def lock(self) -> TargetLock:
@@ -90,7 +84,7 @@ class SuiteFolder:
         """Whether a suite has written runs here."""
         return is_file(self.journal.file) or is_file(self.table)
 
-    def recording(self, row: RunRow) -> Path:
+    def recording(self, row: run_journal.RunRow) -> Path:
         """The run folder of a run that was recorded (``navfw suite --record``)."""
         name = row.key.file_name(generated=bool(row.family))
         return self.path / RECORDINGS / name
@@ -130,7 +124,7 @@ class SuiteFolder:
         *,
         begin: StartMode = "new",
         tell: Callable[[str], None] = lambda text: None,
-    ) -> list[RunRow]:
+    ) -> list[run_journal.RunRow]:
         """Create the folder, or continue what is in it; returns the rows of finished runs.
 
         Runs that ended without a result are left out: they are driven again. ``tell`` is called
@@ -164,14 +158,14 @@ class SuiteFolder:
             "machines": machines + [machine_kind()] * (machine_kind() not in machines),
         }
         self._write(_ABOUT, about)  # before the journal, which cannot be read without it
-        if note := ready_journal(self.journal):
+        if note := run_journal.ready_journal(self.journal):
             tell(note)
         rows = self.journal.rows(case.content for case in plan.cases)
         if earlier.get("content", plan.content) != plan.content:
             kept = sum(row.has_result for row in rows)
             tell(f"the suite was changed: {kept} finished runs are unchanged and kept")
         rows = [row for row in rows if row.has_result]
-        write_table(self.table, rows)
+        run_journal.write_table(self.table, rows)
         return rows
 
     def _set_aside(self, tell: Callable[[str], None]) -> None:
@@ -189,7 +183,7 @@ class SuiteFolder:
                 (self.path / name).rename(aside / name)
         tell(f"{self.path}: the earlier results are in {aside.name}")
 
-    def rows(self) -> list[RunRow]:
+    def rows(self) -> list[run_journal.RunRow]:
         """The rows of all runs that have ended, by entry, mission, variant and stack.
 
         Also while a suite runs, or after a kill.
@@ -201,9 +195,9 @@ class SuiteFolder:
         self._check_journal()
         try:
             return self.journal.rows(self.about().get("current", []))
-        except JournalDamagedError as error:
+        except run_journal.JournalDamagedError as error:
             what = f"{error}; continue the suite with --resume, which keeps what is intact"
-            raise JournalDamagedError(what) from None
+            raise run_journal.JournalDamagedError(what) from None
 
     def summary(self) -> dict[str, Any]:
         """The summary that was written last, empty before the first.
@@ -215,9 +209,9 @@ class SuiteFolder:
         file = self.path / SUMMARY
         return read_json_object(file) if is_file(file) else {}
 
-    def save(self, rows: Sequence[RunRow], summary: Mapping[str, Any]) -> None:
+    def save(self, rows: Sequence[run_journal.RunRow], summary: Mapping[str, Any]) -> None:
         """Replace the table and the summary."""
-        write_table(self.table, rows)
+        run_journal.write_table(self.table, rows)
         self._write(SUMMARY, summary)
         write_text(self.path / _MARKDOWN, brief_table(summary).markdown())
 

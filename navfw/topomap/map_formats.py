@@ -23,16 +23,8 @@ from navfw.config.input_file import max_bytes, parse_json, read_input_text, show
 from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError, MapError
 from navfw.process.atomic import write_text
+from navfw.topomap import mapfile
 from navfw.topomap.geojson import geojson_text, read_geojson
-from navfw.topomap.mapfile import (
-    EDGE_KEYS,
-    PLACE_KEYS,
-    KindCheck,
-    MapImporter,
-    load_map,
-    map_data,
-    map_text,
-)
 from navfw.topomap.occupancy_map import save_ros_map
 from navfw.topomap.topological_map import TopoMap
 
@@ -45,20 +37,24 @@ def graphml_text(topo_map: TopoMap, plan_file: str | None = None) -> str:
     """The map as the text of a GraphML file, with its floor plan in ``plan_file``."""
     root = Element("graphml", xmlns="http://graphml.graphdrawing.org/xmlns")
     graph_keys = ("landmarks", "floor_plan")
-    for owner, keys in (("node", PLACE_KEYS), ("edge", EDGE_KEYS), ("graph", graph_keys)):
+    for owner, keys in (
+        ("node", mapfile.PLACE_KEYS),
+        ("edge", mapfile.EDGE_KEYS),
+        ("graph", graph_keys),
+    ):
         for key in keys:
             kind = "string" if key in _TEXTS else "double"
             names = {"for": owner, "attr.name": key, "attr.type": kind}
             SubElement(root, "key", {"id": f"{owner}-{key}", **names})
     graph = SubElement(root, "graph", id=topo_map.name, edgedefault="undirected")
-    landmarks = json.dumps(map_data(topo_map)["landmarks"]) if topo_map.landmarks else None
+    landmarks = json.dumps(mapfile.map_data(topo_map)["landmarks"]) if topo_map.landmarks else None
     _add_data(graph, {"landmarks": landmarks, "floor_plan": plan_file})
     for place in topo_map.places.values():
         node = SubElement(graph, "node", id=place.name)
-        _add_data(node, {key: getattr(place, key) for key in PLACE_KEYS})
+        _add_data(node, {key: getattr(place, key) for key in mapfile.PLACE_KEYS})
     for passage in topo_map.passages:
         edge = SubElement(graph, "edge", source=passage.a, target=passage.b)
-        values = {key: getattr(passage, key) for key in EDGE_KEYS}
+        values = {key: getattr(passage, key) for key in mapfile.EDGE_KEYS}
         _add_data(edge, {key: v if math.isfinite(v) else None for key, v in values.items()})
     indent(root)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, encoding="unicode") + "\n"
@@ -76,7 +72,7 @@ class _GraphmlReader:
 
     def __init__(self, path: Path, both_ways: bool) -> None:
         self._path = path
-        self._importer = MapImporter(shown_path(path), both_ways)
+        self._importer = mapfile.MapImporter(shown_path(path), both_ways)
         self._keys: dict[str, tuple[str, str]] = {}  # id: attr.name, attr.type
 
     def read(self) -> TopoMap:
@@ -152,8 +148,8 @@ class _GraphmlReader:
 
 
 _WRITERS: dict[str, Callable[[TopoMap, str | None], str]] = {
-    ".yaml": map_text,
-    ".yml": map_text,
+    ".yaml": mapfile.map_text,
+    ".yml": mapfile.map_text,
     ".graphml": graphml_text,
     ".geojson": geojson_text,
     ".json": geojson_text,
@@ -164,7 +160,7 @@ SUFFIXES: tuple[str, ...] = tuple(_WRITERS)
 
 
 def load_any_map(
-    path: str | Path, both_ways: bool = False, check_kind: KindCheck | None = None
+    path: str | Path, both_ways: bool = False, check_kind: mapfile.KindCheck | None = None
 ) -> TopoMap:
     """The map in a file of any format, chosen by its suffix.
 
@@ -180,8 +176,8 @@ def load_any_map(
     """
     path = Path(path)
     suffix = _suffix(path)
-    if _WRITERS[suffix] is map_text:
-        return load_map(path) if check_kind is None else load_map(path, check_kind)
+    if _WRITERS[suffix] is mapfile.map_text:
+        return mapfile.load_map(path) if check_kind is None else mapfile.load_map(path, check_kind)
     if _WRITERS[suffix] is graphml_text:
         return _GraphmlReader(path, both_ways).read()
     text = read_input_text(path, max_bytes("exchanged map"))

@@ -11,20 +11,13 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from navfw.sim import worldspec
 from navfw.sim.textures import STOCK
-from navfw.sim.worldspec import (
-    DoorFrameSpec,
-    Look,
-    SkirtingSpec,
-    Style,
-    TextureSpec,
-    WorldSpec,
-)
 
 Role = Literal["floor", "wall", "ceiling", "thing", "person"]
 Interval = tuple[float, float]
 
-_NOISE: Mapping[Role, tuple[tuple[Style, ...], Interval]] = MappingProxyType(
+_NOISE: Mapping[Role, tuple[tuple[worldspec.Style, ...], Interval]] = MappingProxyType(
     {
         "floor": (("carpet", "stone", "plaster", "wood"), (110.0, 150.0)),
         "wall": (("plaster", "panels", "stone", "carpet"), (120.0, 155.0)),
@@ -43,7 +36,7 @@ class Palette:
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
-        self.textures: dict[str, TextureSpec] = {}
+        self.textures: dict[str, worldspec.TextureSpec] = {}
 
     def draw(self, role: Role) -> str:
         """Add a random texture for a role; returns its name."""
@@ -52,7 +45,7 @@ class Palette:
         styles, brightness = _NOISE[role]
         tint = rng.uniform(0.62, 1.0, 3)
         red, green, blue = np.round(tint / tint.max(), 2).tolist()
-        self.textures[name] = TextureSpec(
+        self.textures[name] = worldspec.TextureSpec(
             style=styles[int(rng.integers(len(styles)))],
             seed=int(rng.integers(1_000_000)),
             contrast=round(float(rng.uniform(36.0, 48.0)), 1),
@@ -71,7 +64,7 @@ class Palette:
         return names[int(self._rng.integers(len(names)))]
 
 
-def with_contrast(world: WorldSpec, contrast: float) -> WorldSpec:
+def with_contrast(world: worldspec.WorldSpec, contrast: float) -> worldspec.WorldSpec:
     """``world`` with ``contrast`` [grey levels] of all textures, the stock textures included.
 
     Brightness and colour stay, so that surfaces still differ from each other.
@@ -81,7 +74,7 @@ def with_contrast(world: WorldSpec, contrast: float) -> WorldSpec:
     return world.model_copy(update={"textures": changed})
 
 
-LOOKS: tuple[Look, ...] = ("plain", "photo")
+LOOKS: tuple[worldspec.Look, ...] = ("plain", "photo")
 
 Colour = tuple[float, float, float]
 
@@ -94,7 +87,7 @@ _TRIM = "trim"
 class _Surface(NamedTuple):
     """A pattern with intervals of contrast and mean luminance [grey levels], and its tint."""
 
-    style: Style
+    style: worldspec.Style
     contrast: Interval
     brightness: Interval
     colour: Colour
@@ -142,14 +135,14 @@ _PHOTO: Mapping[Role, tuple[_Surface, ...]] = MappingProxyType(
         "person": (_Surface("rug", (16.0, 24.0), (70.0, 120.0), (0.7, 0.75, 1.0)),),
     }
 )
-_SURFACES: Mapping[Look, Mapping[Role, tuple[_Surface, ...]]] = MappingProxyType(
+_SURFACES: Mapping[worldspec.Look, Mapping[Role, tuple[_Surface, ...]]] = MappingProxyType(
     {"plain": _PLAIN, "photo": _PHOTO}
 )
 _MIN_PHOTO_DETAIL: Mapping[Role, float] = MappingProxyType({"floor": 0.035})
 """Finest detail [m] by role: coarser on floors, seen at a shallow angle, against aliasing."""
 
 
-def with_look(world: WorldSpec, look: Look, seed: int) -> WorldSpec:
+def with_look(world: worldspec.WorldSpec, look: worldspec.Look, seed: int) -> worldspec.WorldSpec:
     """``world`` with surfaces of that look, drawn by ``seed``; its solids are the same.
 
     ``plain``: walls painted in one colour, with skirting boards and door frames. ``photo``:
@@ -166,15 +159,15 @@ def with_look(world: WorldSpec, look: Look, seed: int) -> WorldSpec:
     changes: dict[str, object] = {"textures": textures}
     if look == "plain":
         bright = float(rng.integers(2)) * 170.0 + 50.0
-        trim = TextureSpec(contrast=2.0, brightness=bright, colour=_WHITE)
+        trim = worldspec.TextureSpec(contrast=2.0, brightness=bright, colour=_WHITE)
         changes["textures"] = {**textures, _TRIM: trim}
         height = round(float(rng.uniform(0.08, 0.12)), 3)
-        changes["skirting"] = SkirtingSpec(height=height, texture=_TRIM)
-        changes["door_frames"] = DoorFrameSpec(texture=_TRIM)
+        changes["skirting"] = worldspec.SkirtingSpec(height=height, texture=_TRIM)
+        changes["door_frames"] = worldspec.DoorFrameSpec(texture=_TRIM)
     return world.model_copy(update=changes)
 
 
-def _uses(world: WorldSpec) -> Iterator[tuple[str, Role]]:
+def _uses(world: worldspec.WorldSpec) -> Iterator[tuple[str, Role]]:
     """The textures of a world, each with the roles in which it is used."""
     yield world.floor, "floor"
     if world.ceiling is not None:
@@ -194,11 +187,11 @@ def _uses(world: WorldSpec) -> Iterator[tuple[str, Role]]:
     yield from ((mesh.texture, "thing") for mesh in world.meshes)
 
 
-def _drawn(rng: np.random.Generator, look: Look, role: Role) -> TextureSpec:
+def _drawn(rng: np.random.Generator, look: worldspec.Look, role: Role) -> worldspec.TextureSpec:
     """A random texture of a look for a role."""
     surfaces = _SURFACES[look][role]
     surface = surfaces[int(rng.integers(len(surfaces)))]
-    return TextureSpec(
+    return worldspec.TextureSpec(
         style=surface.style,
         seed=int(rng.integers(1_000_000)),
         contrast=round(float(rng.uniform(*surface.contrast)), 1),

@@ -9,18 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from navfw.robot import RobotModel
+from navfw.sim import worldspec
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import Circle, Shape, gap_between
-from navfw.sim.worldspec import (
-    BoxSpec,
-    CylinderSpec,
-    DoorSpec,
-    LightSpec,
-    RoomSpec,
-    WalkerSpec,
-    WallSpec,
-    WorldSpec,
-)
 from navfw.topomap import TopoMap
 from navfw.worldgen.looks import Palette
 
@@ -77,13 +68,13 @@ class WorldDraft:
     description: str = ""
     floor: str = "carpet"
     ceiling: str | None = None
-    rooms: list[RoomSpec] = field(default_factory=list)
-    walls: list[WallSpec] = field(default_factory=list)
-    doors: list[DoorSpec] = field(default_factory=list)
-    boxes: list[BoxSpec] = field(default_factory=list)
-    cylinders: list[CylinderSpec] = field(default_factory=list)
-    movers: list[WalkerSpec] = field(default_factory=list)
-    light: LightSpec = field(default_factory=LightSpec)
+    rooms: list[worldspec.RoomSpec] = field(default_factory=list)
+    walls: list[worldspec.WallSpec] = field(default_factory=list)
+    doors: list[worldspec.DoorSpec] = field(default_factory=list)
+    boxes: list[worldspec.BoxSpec] = field(default_factory=list)
+    cylinders: list[worldspec.CylinderSpec] = field(default_factory=list)
+    movers: list[worldspec.WalkerSpec] = field(default_factory=list)
+    light: worldspec.LightSpec = field(default_factory=worldspec.LightSpec)
     hazards: list[str] = field(default_factory=list)
     events: list[Mapping[str, object]] = field(default_factory=list)
     free: list[Circle] = field(default_factory=list)
@@ -112,7 +103,7 @@ class WorldDraft:
         x0, y0, x1, y1 = rounded(x0 + WALL / 2, y0 + WALL / 2, x1 - WALL / 2, y1 - WALL / 2)
         corners = ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))
         self.walls.append(
-            WallSpec(name="outer-wall", points=corners, height=height, texture=texture)
+            worldspec.WallSpec(name="outer-wall", points=corners, height=height, texture=texture)
         )
 
     def keep_free(self, x: float, y: float, radius: float) -> None:
@@ -144,16 +135,20 @@ class WorldDraft:
         if isinstance(shape, Circle):
             (radius,) = rounded(shape.radius)
             self.cylinders.append(
-                CylinderSpec(name=name, at=(x, y), radius=radius, height=tall, texture=texture)
+                worldspec.CylinderSpec(
+                    name=name, at=(x, y), radius=radius, height=tall, texture=texture
+                )
             )
         else:
             width, depth = rounded(2 * shape.half_x, 2 * shape.half_y)
             size = (width, depth, tall)
-            self.boxes.append(BoxSpec(name=name, at=(x, y), size=size, yaw=yaw, texture=texture))
+            self.boxes.append(
+                worldspec.BoxSpec(name=name, at=(x, y), size=size, yaw=yaw, texture=texture)
+            )
 
-    def world(self, name: str) -> WorldSpec:
+    def world(self, name: str) -> worldspec.WorldSpec:
         """The specification of the world so far."""
-        return WorldSpec(
+        return worldspec.WorldSpec(
             name=name,
             description=self.description,
             textures=dict(self.palette.textures),
