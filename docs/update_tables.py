@@ -19,8 +19,8 @@ from typing import Any, get_args
 
 from pydantic import BaseModel
 
+from navfw.config.error_location import describe, is_model, parameters_of
 from navfw.config.input_file import INPUT_BOUNDS
-from navfw.config.type_descriptions import describe, is_model, parameters_of
 from navfw.interfaces import KINDS
 from navfw.recording.channel_list import CHANNELS
 

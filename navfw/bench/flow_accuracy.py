@@ -26,9 +26,8 @@ from navfw.bench.true_pairs import (
     true_flow,
 )
 from navfw.flow.block_matching import BlockMatching
-from navfw.flow.dense_flow import Dis, Farneback
+from navfw.flow.dense_flow import Dis, Farneback, LucasKanade
 from navfw.flow.ideal import Ideal
-from navfw.flow.lucas_kanade import LucasKanade
 from navfw.flow.registered import Registered
 from navfw.interfaces import FlowProcessor
 from navfw.numerics import Array

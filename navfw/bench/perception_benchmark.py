@@ -21,8 +21,7 @@ from navfw.bench.flow_accuracy import match_template_ratio
 from navfw.bench.perception_samples import samples_of_world
 from navfw.errors import InputError
 from navfw.fuzzy import load_rule_base
-from navfw.fuzzy.fis_benchmark import FisComparison, compare
-from navfw.fuzzy.reference_fis import ReferenceFis
+from navfw.fuzzy.fis_benchmark import FisComparison, ReferenceFis, compare
 from navfw.offis.fuzzy_systems import RULES, FuzzyEvaluation, infer
 from navfw.offis.offis import Offis
 from navfw.offis.percept_explanation import PerceptExplanation, evaluations_of

@@ -24,9 +24,8 @@ import numpy as np
 from navfw.bench.true_pairs import MovingPose, exposed, random_world, true_field
 from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
 from navfw.camera_geometry.rotations import derotate
-from navfw.egomotion.camera_motions import camera_motion
 from navfw.egomotion.odometer import Odometer
-from navfw.egomotion.pairing import FrameBuffer, PairingParams
+from navfw.egomotion.pairing import FrameBuffer, PairingParams, camera_motion
 from navfw.egomotion.refinement import refine
 from navfw.flow.block_matching import BlockMatching
 from navfw.robot import RobotModel

@@ -17,11 +17,15 @@ from typing import Any
 
 import numpy as np
 
-from navfw.bench.real_labels import FrameLabel, Judgement, SentenceVerdict, judge, load_labels
-from navfw.bench.recording_truth import (
+from navfw.bench.real_labels import (
+    FrameLabel,
+    Judgement,
     NearnessErrors,
+    SentenceVerdict,
     camera_way,
     heading_error,
+    judge,
+    load_labels,
     nearness_errors,
     posed_images,
     recorded_gyro,

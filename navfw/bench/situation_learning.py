@@ -16,7 +16,7 @@ import numpy as np
 from navfw.errors import InputError
 from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_model import LandmarkExistence
-from navfw.localization.situation_model import SITUATIONS, SituationTable, learn_table
+from navfw.localization.place_probabilities import SITUATIONS, SituationTable, learn_table
 from navfw.missions.learning_drives import SituationDrive, record_situations
 from navfw.plugins import Registry
 from navfw.process.result_table import Column, ResultTable, named

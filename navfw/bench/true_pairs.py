@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from navfw.config.lookup import find
-from navfw.egomotion.camera_motions import camera_motion, yaw_rotation
+from navfw.egomotion.pairing import camera_motion, yaw_rotation
 from navfw.flow.ideal import SIGMA, nearness_at, true_vectors
 from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats, Indices, Mask

@@ -17,8 +17,7 @@ from typing import Annotated, Any
 import typer
 
 from navfw.cli.options import PanelGroup
-from navfw.cli.output import printable_output, standard_streams
-from navfw.cli.run_result import show_result
+from navfw.cli.output import printable_output, show_result, standard_streams
 from navfw.cli.supervisor import supervise
 from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
 from navfw.config.project_code import asking, trusting

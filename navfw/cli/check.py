@@ -12,6 +12,9 @@ import typer
 from navfw.cli.options import JsonList
 from navfw.cli.output import print_json, quiet_stdout
 from navfw.config.file_kinds import FILE_KINDS, FileKind, kind_called
+from navfw.config.input_file import no_such_file, shown_path
+from navfw.config.lookup import project_folder
+from navfw.errors import ConfigError, InputError, PluginError, did_you_mean
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
@@ -70,9 +73,6 @@ def schema(
 
 
 def _project() -> Path:
-    from navfw.config.lookup import project_folder
-    from navfw.errors import ConfigError
-
     folder = project_folder()
     if folder is None:
         what = "no project here: expected a folder with navfw.toml; or name files to check"
@@ -81,7 +81,6 @@ def _project() -> Path:
 
 
 def _checked(paths: list[Path]) -> Iterator[Checked]:
-    from navfw.config.input_file import no_such_file
     from navfw.plugins import default_registry
 
     missing = [path for path in paths if not path.exists()]
@@ -111,7 +110,6 @@ def _checked(paths: list[Path]) -> Iterator[Checked]:
 
 def _tried(row: Checked, registry: Registry) -> str | None:
     """What is wrong with the answers of a behaviour or composite; None for nothing."""
-    from navfw.errors import PluginError
     from navfw.interfaces import Behavior, Composite
     from navfw.testing import check_behavior, check_composite
 
@@ -139,9 +137,6 @@ def _causes(checked: list[Checked]) -> dict[str, list[str]]:
 
 def _check_data_file(file: Path, registry: Registry) -> Checked:
     """A row for a data file; its kind is None where it cannot be known."""
-    from navfw.config.input_file import shown_path
-    from navfw.errors import InputError
-
     kind = error = None
     try:
         file_kind = _kind_of(file)
@@ -177,8 +172,6 @@ def _is_data_file(file: Path) -> bool:
 def _kind_of(path: Path) -> FileKind:
     """The kind of the data file at ``path``: by its own name, its folder's, or its keys."""
     from navfw.config.document import load_yaml
-    from navfw.config.input_file import shown_path
-    from navfw.errors import ConfigError, did_you_mean
 
     for kind in FILE_KINDS.values():
         if path.name == kind.file_name or path.absolute().parent.name in kind.folders:

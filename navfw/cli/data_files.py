@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict
 
 from navfw.config.document import load_yaml
 from navfw.config.yamlfile import validate
-from navfw.errors import InputError
+from navfw.errors import InputError, PluginError
 from navfw.stack.stack_document import read_stack
 
 if TYPE_CHECKING:
@@ -93,7 +93,6 @@ def _check_start(session: Session) -> None:
     """Let the stack begin the mission, as at the first tick, and plan the way to its goals."""
     import numpy as np
 
-    from navfw.errors import PluginError
     from navfw.guard import PluginCallError
     from navfw.signals import Belief
 

@@ -15,6 +15,7 @@ from navfw.cli.options import Json, numbers_of
 from navfw.cli.output import print_json, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
+from navfw.process.atomic import output_place
 from navfw.process.work_progress import ProgressCallback, silent
 
 _IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
@@ -138,8 +139,6 @@ def _folders(sources: list[Path], out: Path) -> dict[Path, Path]:
     """The folder of each file: ``out`` of a single one, else one in it with the file's name."""
     if len(sources) == 1:
         return {sources[0]: out}
-    from navfw.process.atomic import output_place
-
     output_place(out, "--out", replaced=False)
     folders: dict[Path, Path] = {}
     for file in sources:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from navfw.cli.options import JsonList, SuggestingGroup, World
 from navfw.cli.output import console, print_json, print_table, quiet_stdout
+from navfw.config import lookup
 from navfw.config.file_kinds import FILE_KINDS, FileKind
-
-if TYPE_CHECKING:
-    from navfw.config.lookup import NamedFile
+from navfw.config.input_file import shown_path
+from navfw.config.project_code import require_trust
+from navfw.errors import InputError
 
 Row = dict[str, Any]
 
@@ -37,13 +38,14 @@ def kinds(ctx: typer.Context, json: JsonList = False) -> None:
     """
     if ctx.invoked_subcommand is not None:
         return
-    from navfw.config.lookup import list_files, plugin_files, plugin_folders
     from navfw.plugins.built_in import BUILT_IN
 
     counts = {
-        kind.plural: len(list_files(kind.name)) for kind in FILE_KINDS.values() if kind.plural
+        kind.plural: len(lookup.list_files(kind.name))
+        for kind in FILE_KINDS.values()
+        if kind.plural
     }
-    counts["plugins"] = sum(len(plugin_files(folder)) for folder in plugin_folders())
+    counts["plugins"] = sum(len(lookup.plugin_files(folder)) for folder in lookup.plugin_folders())
     counts["plugins"] += sum(map(len, BUILT_IN.values()))
     if json:
         print_json([{"name": name, "count": count} for name, count in counts.items()])
@@ -53,17 +55,13 @@ def kinds(ctx: typer.Context, json: JsonList = False) -> None:
 
 def missions(world: World, json: JsonList = False) -> None:
     """List the missions of a world."""
-    from navfw.config.lookup import list_missions
-
     nothing = f"The world {world} has no missions."
-    _show(FILE_KINDS["mission"], list_missions(world), nothing, as_json=json)
+    _show(FILE_KINDS["mission"], lookup.list_missions(world), nothing, as_json=json)
 
 
 def _lister(kind: FileKind) -> Callable[[bool], None]:
     def command(json: JsonList = False) -> None:
-        from navfw.config.lookup import list_files
-
-        _show(kind, list_files(kind.name), f"There are no {kind.plural}.", as_json=json)
+        _show(kind, lookup.list_files(kind.name), f"There are no {kind.plural}.", as_json=json)
 
     return command
 
@@ -109,12 +107,10 @@ def overview() -> list[Row]:
         UntrustedCodeError: the project has plugins, and the user has not agreed to execute them.
 
     """
-    from navfw.config.lookup import project_plugin_folders
-    from navfw.config.project_code import require_trust
     from navfw.plugins.built_in import installed_points, shipped_outlines
 
     require_trust()
-    points, folders = installed_points(), project_plugin_folders()
+    points, folders = installed_points(), lookup.project_plugin_folders()
     try:
         shipped = shipped_outlines()
     except SyntaxError:
@@ -134,15 +130,11 @@ def overview() -> list[Row]:
     return registry.listing(outlines=shipped)
 
 
-def _row(kind: FileKind, file: NamedFile) -> Row:
+def _row(kind: FileKind, file: lookup.NamedFile) -> Row:
     """The row of a file; that of an invalid one holds its error."""
-    from navfw.config.input_file import shown_path
-    from navfw.config.lookup import list_missions
-    from navfw.errors import InputError
-
     row: Row = {"name": file.name, "description": ""}
     if kind.name == "world":
-        row["missions"] = [mission.name for mission in list_missions(file.name)]
+        row["missions"] = [mission.name for mission in lookup.list_missions(file.name)]
     error = None
     try:
         row |= kind.summary_of(file.path)
@@ -153,7 +145,9 @@ def _row(kind: FileKind, file: NamedFile) -> Row:
     return row | {"status": status, **where, "error": error}
 
 
-def _show(kind: FileKind, files: Iterable[NamedFile], nothing: str, *, as_json: bool) -> None:
+def _show(
+    kind: FileKind, files: Iterable[lookup.NamedFile], nothing: str, *, as_json: bool
+) -> None:
     rows, columns = [_row(kind, file) for file in files], [*kind.columns, "source"]
     if as_json:
         print_json(rows)

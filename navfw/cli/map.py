@@ -11,6 +11,9 @@ import typer
 from navfw.cli.options import Json, Map, Mission, NoiseSeed, Stack, World, command_group
 from navfw.cli.output import print_json, print_result, print_table, print_tables, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
+from navfw.config.lookup import find, list_files
+from navfw.process.atomic import output_file, write_text
+from navfw.recording.run_folder import plain_json
 
 if TYPE_CHECKING:
     from navfw.recording.top_view import WorldOutline
@@ -38,7 +41,7 @@ def show(
     json: Json = False,
 ) -> None:
     """Draw a map over its world's floor plan."""
-    from navfw.recording.map_picture import draw_map
+    from navfw.recording.plan_picture import draw_map
     from navfw.topomap.map_formats import SUFFIXES
 
     with quiet_stdout():
@@ -96,7 +99,6 @@ def build(
     quiet: Quiet = False,
 ) -> None:
     """Build a draft of a map from a world."""
-    from navfw.config.lookup import find
     from navfw.sim.scene_geometry import SceneGeometry
     from navfw.sim.worldfile import load_world
     from navfw.topomap.clearance_grid import ClearanceGrid
@@ -150,7 +152,6 @@ def export(
     json: Json = False,
 ) -> None:
     """Export a world's floor plan for ROS' map_server, as Nav2 uses it."""
-    from navfw.config.lookup import find
     from navfw.sim.worldfile import load_world
     from navfw.topomap.occupancy_map import save_ros_map
     from navfw.worldgen.plan_exchange import exported_plan
@@ -193,7 +194,7 @@ def plan(
         made = plan_route(topo_map, start, goal, avoid=avoid or [])
         route: dict[str, Any] = {"map": topo_map.name, **made.explain()}
         if plot is not None:
-            from navfw.recording.map_picture import draw_map
+            from navfw.recording.plan_picture import draw_map
 
             draw_map(
                 plot, topo_map, _outline_for(topo_map, world), made.route, avoid=route["closed"]
@@ -245,8 +246,6 @@ def learn_landmarks(
     with quiet_stdout():
         from navfw.missions.learning_drives import learn_landmarks as learn
         from navfw.missions.session_setup import prepare
-        from navfw.process.atomic import output_file
-        from navfw.recording.run_folder import plain_json
         from navfw.topomap.map_formats import save_map
 
         session = prepare(world, mission, seed=seed, stack=stack)
@@ -289,7 +288,6 @@ def learn_situations(
     with quiet_stdout():
         from navfw.bench.situation_learning import learn_situations, tables
         from navfw.plugins import default_registry
-        from navfw.process.atomic import output_file, write_text
         from navfw.suite.suite_plan import plan_runs
         from navfw.suite.suitefile import load_suite, parse_seeds
 
@@ -309,7 +307,6 @@ def learn_situations(
 
 def _find_map(name: str, both_ways: bool = False) -> TopoMap:
     """The map called ``name``, or in the file ``name`` of any supported format."""
-    from navfw.config.lookup import find
     from navfw.features.landmark_appearance import check_landmark_kind
     from navfw.topomap.map_formats import SUFFIXES, load_any_map
 
@@ -320,7 +317,6 @@ def _find_map(name: str, both_ways: bool = False) -> TopoMap:
 
 def _floor_plan(topo_map: TopoMap, world: str | None) -> SceneGeometry | None:
     """The floor plan of ``world``, or of the world with the map's name; None without one."""
-    from navfw.config.lookup import find, list_files
     from navfw.sim.scene_geometry import SceneGeometry
     from navfw.sim.worldfile import load_world
 

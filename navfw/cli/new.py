@@ -38,7 +38,7 @@ def project(
     All of it passes. Nothing that exists is overwritten. The project is trusted: its plugins are
     those just written.
     """
-    from navfw.config.project_code import TrustFile
+    from navfw.config.trust_file import TrustFile
     from navfw.scaffold.new_files import write_project
 
     written = write_project(folder)

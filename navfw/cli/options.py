@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import typer
 from typer.core import TyperGroup
 
-from navfw.config.lookup import list_files, list_missions, plugin_files, plugin_folders
+from navfw.config.lookup import find, list_files, list_missions, plugin_files, plugin_folders
 from navfw.errors import InputError, locating
 
 if TYPE_CHECKING:
@@ -131,8 +131,6 @@ def of_robot(name: str | None) -> tuple[str, ...]:
         ConfigError: it is a path, and no such file exists.
 
     """
-    from navfw.config.lookup import find
-
     if name is None:
         return ()
     with locating(key="--robot"):

@@ -17,6 +17,7 @@ from navfw.cli.options import Topic
 from navfw.cli.output import print_json_list, quiet_stdout, quietly
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError, locating
+from navfw.process.atomic import write_text
 from navfw.recording.run_folder import is_bag
 
 if TYPE_CHECKING:
@@ -231,8 +232,6 @@ def _end(notes: list[str], page: Path | None, drawn: PerceivePage | None) -> Non
     for note in notes:
         typer.echo(f"note: {note}", err=True)
     if page is not None and drawn is not None:
-        from navfw.process.atomic import write_text
-
         write_text(page, drawn.render(notes))
 
 

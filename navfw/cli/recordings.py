@@ -17,7 +17,10 @@ from navfw.cli.bags import replay_bag
 from navfw.cli.options import Json, Recorded, Robot, Stack, Topic, VariantA, VariantB, Video
 from navfw.cli.output import print_json, print_result, print_status, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
+from navfw.config.input_file import is_file
 from navfw.errors import InputError, locating
+from navfw.process.atomic import output_file, write_text
+from navfw.recording.run_folder import RECORDING, REPORT, RESULT, is_bag
 
 if TYPE_CHECKING:
     from navfw.suite.suite_folder import SuiteFolder
@@ -65,8 +68,6 @@ def replay(
 
     Of a bag, it says what it would have commanded, and leaves a run folder.
     """
-    from navfw.recording.run_folder import is_bag
-
     if video is not None:
         from navfw.recording.video_output import check_video
 
@@ -241,9 +242,6 @@ def _write(
     folders: list[Path], variants: Variants, out: Path | None, bar: ProgressBar
 ) -> tuple[Path, list[str]]:
     """Write the report; returns its file, and what is wrong with pictures and recordings."""
-    from navfw.process.atomic import output_file, write_text
-    from navfw.recording.run_folder import REPORT
-
     if len(folders) > 1 or not _is_run(folders[0]):
         return _write_of_suites(folders, variants, out, bar)
     from navfw.report.run_page import run_report  # it needs no simulator, those of suites do
@@ -258,8 +256,6 @@ def _write_of_suites(
     folders: list[Path], variants: Variants, out: Path | None, bar: ProgressBar
 ) -> tuple[Path, list[str]]:
     """Write the report of one suite or of two, and those of their recorded runs."""
-    from navfw.process.atomic import output_file, write_text
-    from navfw.recording.run_folder import REPORT, RESULT
     from navfw.report.suite_page import comparison_report, suite_report
     from navfw.suite.suite_folder import COMPARISON, SuiteFolder
 
@@ -287,9 +283,6 @@ def _write_of_suites(
 
 def _write_run_reports(suite: SuiteFolder, bar: ProgressBar) -> list[str]:
     """Write the reports of recorded runs that have none; returns what is wrong with recordings."""
-    from navfw.config.input_file import is_file
-    from navfw.process.atomic import write_text
-    from navfw.recording.run_folder import RECORDING, REPORT
     from navfw.report.run_page import run_report
 
     folders = [
@@ -308,9 +301,6 @@ def _write_run_reports(suite: SuiteFolder, bar: ProgressBar) -> list[str]:
 
 
 def _is_run(folder: Path) -> bool:
-    from navfw.config.input_file import is_file
-    from navfw.recording.run_folder import RESULT
-
     return is_file(folder / RESULT)
 
 

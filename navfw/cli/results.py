@@ -9,8 +9,9 @@ import typer
 
 from navfw.cli.options import command_group
 from navfw.cli.output import print_status
-from navfw.config.input_file import is_file, is_folder, read_input_text
+from navfw.config.input_file import is_file, is_folder, max_bytes, read_input_text
 from navfw.errors import InputError
+from navfw.process.atomic import write_text
 
 Folder = Annotated[
     Path, typer.Option(help="The folder of results and template.md; its page is FOLDER.md.")
@@ -42,7 +43,8 @@ def add(
     folder: Folder = _FOLDER,
 ) -> None:
     """Keep a result as JSON, with revision, command, seeds and kind of machine."""
-    from navfw.results.result_file import collect, save_result
+    from navfw.results.collection import collect
+    from navfw.results.result_file import save_result
 
     _check(folder)
     for result in collect(source, name, total=total):
@@ -59,8 +61,6 @@ def write(
     folder: Folder = _FOLDER,
 ) -> None:
     """Write FOLDER.md from the template and the results, and the marked tables of the README."""
-    from navfw.config.input_file import max_bytes
-    from navfw.process.atomic import write_text
     from navfw.results.results_page import current_pages
 
     _check(folder)

@@ -19,6 +19,7 @@ from navfw.cli.options import (
 )
 from navfw.cli.output import print_result, quiet_stdout
 from navfw.cli.warm import compile_with_progress
+from navfw.recording.run_folder import plain_json
 
 if TYPE_CHECKING:
     from navfw.ros import DriveOptions
@@ -170,7 +171,6 @@ def sim(
     """
     with quiet_stdout():
         from navfw.missions import MissionLoop, MissionResult, prepare
-        from navfw.recording import plain_json
         from navfw.ros import RosNode, RosPilot
 
         overrides = (*of_robot(robot), *(settings or ()))

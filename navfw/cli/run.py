@@ -12,20 +12,21 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from navfw.cli import options
-from navfw.cli.output import quiet_stdout
+from navfw.cli.output import NOT_SAVED, quiet_stdout, show_result
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.recordings import VIDEO, write_video
-from navfw.cli.run_result import NOT_SAVED, show_result
 from navfw.cli.warm import compile_with_progress
+from navfw.config.lookup import list_missions
 from navfw.errors import InputError
+from navfw.process import watchdog
 from navfw.process.interruption import check_interrupted, deferred, interruptible
 from navfw.process.supervised import SupervisedRun, send, send_result, supervised
+from navfw.recording.run_folder import RunFolder, plain_json
 
 if TYPE_CHECKING:
     from navfw.missions.runner import Progress
     from navfw.missions.session import MissionResult, Session
     from navfw.recording.live_server import LiveServer
-    from navfw.recording.run_folder import RunFolder
 
 LINE_PERIOD = 5.0
 """Interval between progress lines where stderr is not a terminal [s]."""
@@ -124,8 +125,6 @@ def _target(world: str, mission: str, goal: str | None) -> str | tuple[float, fl
     if point is not None:
         return point[0], point[1]
     if not mission:
-        from navfw.config.lookup import list_missions
-
         names = ", ".join(item.name for item in list_missions(world)) or "it has none"
         raise InputError(f"give --goal, or one of the missions of {world}: {names}")
     return mission
@@ -159,8 +158,6 @@ class _Request:
 
 def _run(request: _Request) -> NoReturn:
     """Drive and hand over the result. No signal interrupts the printing."""
-    from navfw.recording.run_folder import plain_json
-
     with deferred():
         with quiet_stdout():
             result, folder, missing = _drive(request)
@@ -180,7 +177,6 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
     """
     from navfw.missions.run_report import default_folder, write_run
     from navfw.missions.session_setup import prepare
-    from navfw.recording.run_folder import RunFolder
     from navfw.recording.video_output import check_video
     from navfw.robot.urdf_measures import robot_notes
     from navfw.sim.engine import check_display
@@ -304,10 +300,8 @@ class _RunProgress(ProgressBar):
 
     def _explain_delay(self, over: threading.Event) -> None:
         """Print ``COMPILING`` once if there is no progress for a while because of a kernel."""
-        from navfw.process.watchdog import compiling
-
         while not over.wait(0.1 * COMPILING_NOTICE_AFTER):
-            if compiling() and time.monotonic() - self._shown > COMPILING_NOTICE_AFTER:
+            if watchdog.compiling() and time.monotonic() - self._shown > COMPILING_NOTICE_AFTER:
                 self.note(COMPILING)
                 return
 

@@ -17,6 +17,7 @@ from navfw.cli.output import print_json, print_status, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.warm import compile_with_progress
 from navfw.process.interruption import deferred, interruptible
+from navfw.recording.run_folder import plain_json
 
 if TYPE_CHECKING:
     from navfw.suite.case import Case
@@ -219,7 +220,6 @@ def _beginning(out: Path | None, *, resume: bool, extend: bool, restart: bool) -
 
 
 def _print_result(done: SuiteResult, table: Path, *, json: bool) -> None:
-    from navfw.recording.run_folder import plain_json
     from navfw.suite.run_journal import columns_of
 
     if json:

@@ -24,11 +24,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from navfw.cli.run_result import NOT_SAVED
+from navfw.cli.output import NOT_SAVED
+from navfw.errors import InputError
 from navfw.process import supervised
+from navfw.process.atomic import write_text
 from navfw.process.interruption import ignore_signals
 from navfw.process.supervised import SupervisedRun, TextToSupervisor, send
 from navfw.process.watchdog import HEARTBEAT_SIZE, HeartbeatMonitor
+from navfw.recording.run_folder import RESULT, RunFolder, read_result
 
 if TYPE_CHECKING:
     from navfw.missions.outcome import GoalChecker
@@ -291,9 +294,6 @@ class _Supervisor:
 
     def _conclude(self, status: int | str) -> int:
         """Print and write the result of a run whose process has ended without one."""
-        from navfw.errors import InputError
-        from navfw.recording.run_folder import RESULT, RunFolder
-
         assert self._run is not None  # noqa: S101 - a run has begun
         run, reason = self._run, self._reason(status)
         faults = self._faults() + ([reason] if ": " in reason else [])
@@ -341,9 +341,6 @@ class _Supervisor:
 
 def _correct(folder: str | None, changes: Mapping[str, Any]) -> None:
     """Change the written result of a run."""
-    from navfw.process.atomic import write_text
-    from navfw.recording.run_folder import RESULT, read_result
-
     if folder is not None:
         text = json.dumps({**read_result(folder), **changes}, indent=2)
         write_text(Path(folder) / RESULT, text + "\n")

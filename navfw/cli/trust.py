@@ -17,7 +17,7 @@ from navfw.config.project_code import ProjectCode, require_trust_in_settings, tr
 from navfw.errors import InputError
 
 if TYPE_CHECKING:
-    from navfw.config.project_code import TrustedFolder
+    from navfw.config.trust_file import TrustedFolder
 
 TrustOnce = Annotated[
     bool,
@@ -33,7 +33,7 @@ def trust(
     remove: Annotated[bool, typer.Option("--remove", help="Trust DIR no longer.")] = False,
 ) -> None:
     """Trust the plugins of a project: they are executed from now on."""
-    from navfw.config.project_code import TrustFile
+    from navfw.config.trust_file import TrustFile
 
     trusted = TrustFile()
     if list_ != (folder is None) or (list_ and remove):

@@ -12,6 +12,7 @@ import typer
 from navfw.cli import options
 from navfw.cli.output import print_json, quiet_stdout
 from navfw.config.extras import require_extra
+from navfw.process.target_lock import TargetLock
 
 if TYPE_CHECKING:
     from optuna.trial import FrozenTrial
@@ -78,7 +79,6 @@ def tune(
     with quiet_stdout():
         require_extra("tune", "optuna", key="navfw tune")
         from navfw.plugins import default_registry
-        from navfw.process.target_lock import TargetLock
         from navfw.suite.suite_run import engine_or_processes
         from navfw.suite.suitefile import load_suite
         from navfw.tune.stack_study import StackStudy, StudyFolder

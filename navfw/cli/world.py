@@ -10,7 +10,9 @@ import typer
 from navfw.cli.import_world import import_
 from navfw.cli.options import Json, World, command_group, completer_of, numbers_of
 from navfw.cli.output import print_result, quiet_stdout
+from navfw.config.lookup import find, list_missions
 from navfw.errors import WorldError, locating
+from navfw.process.atomic import atomic_file, output_file
 
 if TYPE_CHECKING:
     from navfw.sim.worldspec import WorldSpec
@@ -92,9 +94,6 @@ def show(
     json: Json = False,
 ) -> None:
     """Draw the floor plan of a world, or with --at what a robot's camera sees in it."""
-    from navfw.config.lookup import find, list_missions
-    from navfw.process.atomic import output_file
-
     pose = numbers_of("--at", at, ("X", "Y", "YAW"))
     file = find("world", world)
     path = out or Path(f"{file.parent.name}-{'plan' if pose is None else 'camera'}.png")
@@ -130,7 +129,6 @@ def _draw_plan(path: Path, world: WorldSpec) -> None:
     import numpy as np
 
     from navfw.missions.run_drawing import outline_of
-    from navfw.process.atomic import atomic_file
     from navfw.recording.plan_picture import draw_shapes, plan_axes
     from navfw.sim.scene_geometry import SceneGeometry
 
@@ -152,7 +150,6 @@ def _draw_view(path: Path, world: WorldSpec, pose: tuple[float, ...], robot: str
     """Write the first frame of ``robot``'s camera at ``pose`` (x, y [m], yaw [rad]) as PNG."""
     import cv2
 
-    from navfw.process.atomic import atomic_file
     from navfw.robot.robotfile import load_robot
     from navfw.signals import Pose
     from navfw.sim.simulation import Simulation

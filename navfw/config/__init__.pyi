@@ -2,6 +2,7 @@ from .document import KeyPath as KeyPath
 from .document import key_text as key_text
 from .document import load_yaml as load_yaml
 from .document import parse_yaml as parse_yaml
+from .error_location import parameters_of as parameters_of
 from .extras import extra_imports as extra_imports
 from .extras import require_extra as require_extra
 from .file_kinds import FILE_KINDS as FILE_KINDS
@@ -28,12 +29,11 @@ from .project_code import LIBRARY_SETTINGS as LIBRARY_SETTINGS
 from .project_code import MAX_NAMED as MAX_NAMED
 from .project_code import TRUST_VARIABLE as TRUST_VARIABLE
 from .project_code import ProjectCode as ProjectCode
-from .project_code import TrustFile as TrustFile
 from .project_code import asking as asking
 from .project_code import require_trust as require_trust
 from .project_code import trusting as trusting
 from .strict_model import StrictModel as StrictModel
-from .type_descriptions import parameters_of as parameters_of
+from .trust_file import TrustFile as TrustFile
 from .yaml_compose import MAX_NESTING as MAX_NESTING
 from .yaml_compose import compose_quickly as compose_quickly
 from .yamlfile import MAX_LISTED as MAX_LISTED

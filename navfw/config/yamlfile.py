@@ -20,9 +20,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from navfw.config.document import KeyPath, Origin, YamlDocument, key_text, load_yaml
-from navfw.config.error_location import ErrorLocation, ExpectedType, locate
+from navfw.config.error_location import ErrorLocation, ExpectedType, choices_of, locate, members_of
 from navfw.config.overrides import Override, apply_overrides
-from navfw.config.type_descriptions import choices_of, members_of
 from navfw.errors import ConfigError, did_you_mean
 
 MAX_LISTED = 50

@@ -1,7 +1,3 @@
-from .camera_motions import camera_motion as camera_motion
-from .camera_motions import camera_place as camera_place
-from .camera_motions import with_yaw_sigma as with_yaw_sigma
-from .camera_motions import yaw_rotation as yaw_rotation
 from .epipolar_kernels import epipolar_residual as epipolar_residual
 from .epipolar_kernels import fit_reweighted as fit_reweighted
 from .floor_odometry import FloorOdometry as FloorOdometry
@@ -19,7 +15,11 @@ from .odometer import OdometryHistory as OdometryHistory
 from .odometer import RockingFilter as RockingFilter
 from .pairing import FrameBuffer as FrameBuffer
 from .pairing import PairingParams as PairingParams
+from .pairing import camera_motion as camera_motion
+from .pairing import camera_place as camera_place
 from .pairing import seeing_speed as seeing_speed
+from .pairing import with_yaw_sigma as with_yaw_sigma
+from .pairing import yaw_rotation as yaw_rotation
 from .plane_approach import towards_plane as towards_plane
 from .refinement import RefinementParams as RefinementParams
 from .refinement import refine as refine

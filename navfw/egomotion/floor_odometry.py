@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from navfw.egomotion.camera_motions import YAW_RATE_SIGMA
 from navfw.egomotion.floor_registration import FloorImage, FloorRegistration, FloorStep
+from navfw.egomotion.pairing import YAW_RATE_SIGMA
 from navfw.numerics import Array
 from navfw.numerics.linear_systems import solve
 from navfw.numerics.products import product

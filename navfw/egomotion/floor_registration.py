@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from navfw.egomotion.camera_motions import camera_place
 from navfw.egomotion.floor_kernels import SLANT, UNKNOWNS, register_floor
+from navfw.egomotion.pairing import camera_place
 from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats
 from navfw.numerics.functions import log

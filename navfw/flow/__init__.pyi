@@ -3,6 +3,7 @@ from .block_matching import judge_registration as judge_registration
 from .block_matching import uniqueness as uniqueness
 from .dense_flow import Dis as Dis
 from .dense_flow import Farneback as Farneback
+from .dense_flow import LucasKanade as LucasKanade
 from .divergence import ContactFilter as ContactFilter
 from .divergence import Expansion as Expansion
 from .divergence import fit_expansion as fit_expansion
@@ -18,7 +19,6 @@ from .grid_flow import with_shutter_sigma as with_shutter_sigma
 from .ideal import Ideal as Ideal
 from .ideal import nearness_at as nearness_at
 from .ideal import true_vectors as true_vectors
-from .lucas_kanade import LucasKanade as LucasKanade
 from .registered import ROUGHNESS_POWER as ROUGHNESS_POWER
 from .registered import ROUGHNESS_RANGE as ROUGHNESS_RANGE
 from .registered import UNKNOWN_ROUGHNESS as UNKNOWN_ROUGHNESS

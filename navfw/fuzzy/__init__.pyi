@@ -1,13 +1,13 @@
 from .compiled_fis import CompiledFis as CompiledFis
 from .compiled_fis import Inference as Inference
 from .coverage import uncovered_region as uncovered_region
+from .fis_benchmark import ReferenceFis as ReferenceFis
 from .fis_benchmark import compare as compare
 from .fis_benchmark import random_inputs as random_inputs
 from .membership import SHAPES as SHAPES
 from .membership import hedged as hedged
 from .membership import make_shape as make_shape
 from .membership import sample_universe as sample_universe
-from .reference_fis import ReferenceFis as ReferenceFis
 from .rulebase import KEYWORDS as KEYWORDS
 from .rulebase import And as And
 from .rulebase import Clause as Clause

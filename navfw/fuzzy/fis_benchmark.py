@@ -1,18 +1,210 @@
-"""Compare the compiled evaluator with scikit-fuzzy on random inputs: time and difference."""
+"""The reference evaluator: a rule base built and computed by scikit-fuzzy, slow.
+
+``navfw.fuzzy.compiled_fis`` must agree with it. Peculiarities of scikit-fuzzy 0.5.0, and how both
+evaluators handle them:
+
+- The universe of an output is widened by the points where a term crosses its activation, and the
+  mean of maximum is the mean of the *samples* at the maximum, not the middle of the plateau. It
+  depends on where samples lie, down to rounding; smallest and largest of maximum are sharper.
+- Where no rule fires, centroid and bisector raise inside (and the output is missing), while
+  mom / som / lom return the middle / ends of the universe. Here: the output's default, or NaN,
+  whenever no term is activated above ``FIRING_FLOOR``.
+- The area is guarded by ``max(area, 2.2e-16)``, so the centroid of an almost empty conclusion
+  moves toward zero, even out of the range. ``FIRING_FLOOR`` excludes such conclusions.
+- The bisector is wrong when the conclusion has a gap right before the segment that is bisected: the
+  area up to there is taken as 0 (``accum_area`` is not carried over empty segments). Here the
+  conclusion is raised by 1e-300, which leaves no segment empty and changes nothing else.
+- The bisector's formula loses its digits on an almost flat segment: the result can leave the range,
+  or be NaN, the root of a number just below 0. Results are clipped to the range; NaN stays NaN
+  here, and the compiled evaluator takes the root of 0.
+- Only terms that a rule concludes take part. ``NOT`` is 1 - degree; ``AND`` / ``OR`` are fmin /
+  fmax, which ignore a NaN: a sample with a NaN input is not computed at all.
+- Only clipping (min implication) exists; for ``implication: prod`` the activations come from the
+  simulation, and the scaled terms are joined here and given to ``skfuzzy.defuzz``.
+- Simulations keep every past result, and terms are never freed (class-level dictionaries keyed by
+  instance): ``ReferenceFis`` is for tests and benchmarks, not for missions.
+
+``compare`` measures the time of both, and their difference, on random inputs.
+"""
 
 from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable, Mapping
-from typing import TypedDict
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
+from navfw.config.extras import extra_imports
 from navfw.fuzzy.compiled_fis import CompiledFis
-from navfw.fuzzy.reference_fis import ReferenceFis
-from navfw.fuzzy.rulebase import RuleBase
+from navfw.fuzzy.inference_kernels import FIRING_FLOOR
+from navfw.fuzzy.rulebase import And, Clause, Is, Not, Or, RuleBase, Variable, atoms
 from navfw.numerics import Array
+
+_RESET_EVERY = 500
+"""Samples after which the past results of the simulation are dropped, to bound its memory."""
+
+_LIFT = 1e-300
+"""Least degree of a joined conclusion given to ``skfuzzy.defuzz``; see the bisector above."""
+
+
+class ReferenceInference(NamedTuple):
+    """``Inference`` of the compiled evaluator, for one sample: arrays of length 1."""
+
+    outputs: dict[str, Array]
+    firing: Array
+    degrees: dict[str, dict[str, Array]]
+
+
+class ReferenceFis:
+    """A rule base as a ``skfuzzy.control.ControlSystemSimulation``."""
+
+    def __init__(self, rule_base: RuleBase) -> None:
+        with extra_imports("bench"), _without_warnings():
+            from skfuzzy import control, defuzz
+            from skfuzzy.control.controlsystem import CrispValueCalculator
+
+            self._control = control
+            self._calculator = CrispValueCalculator
+            self._defuzz = defuzz
+            self.rule_base = rule_base
+            self._inputs = {v.name: self._antecedent(v) for v in rule_base.inputs.values()}
+            self._outputs = {v.name: self._consequent(v) for v in rule_base.outputs.values()}
+            self._rules = [self._rule(number) for number in range(len(rule_base.rules))]
+            self.simulation = control.ControlSystemSimulation(
+                control.ControlSystem(self._rules), flush_after_run=10**9
+            )
+        self._runs = 0
+
+    def evaluate(self, inputs: Mapping[str, float]) -> ReferenceInference:
+        """Infer from one sample: a number for every input.
+
+        Raises:
+            ValueError: an input is missing or unknown (from scikit-fuzzy).
+
+        """
+        if any(np.isnan(value) for value in inputs.values()):
+            return self._nothing_fired()
+        self.compute(inputs)
+        return self.read()
+
+    def compute(self, inputs: Mapping[str, float]) -> Mapping[str, float]:
+        """Set the inputs and compute, as a user of scikit-fuzzy does; the crisp outputs."""
+        self._runs += 1
+        if self._runs % _RESET_EVERY == 0:
+            self.simulation.reset()
+        with _without_warnings():
+            self.simulation.inputs({name: float(value) for name, value in inputs.items()})
+            self.simulation.compute()
+        crisp: Mapping[str, float] = self.simulation.output
+        return crisp
+
+    def _antecedent(self, variable: Variable) -> Any:
+        antecedent = self._control.Antecedent(variable.universe, variable.name)
+        for term in variable.terms:
+            antecedent[term] = variable.sampled(term)
+        for rule in self.rule_base.rules:
+            for atom in atoms(rule.antecedent):
+                if atom.variable == variable.name and atom.hedges:
+                    antecedent[_label(atom)] = variable.sampled(atom.term, atom.hedges)
+        return antecedent
+
+    def _consequent(self, variable: Variable) -> Any:
+        consequent = self._control.Consequent(
+            variable.universe, variable.name, defuzzify_method=self.rule_base.defuzzify
+        )
+        for term in variable.terms:
+            consequent[term] = variable.sampled(term)
+        return consequent
+
+    def _rule(self, number: int) -> Any:
+        rule = self.rule_base.rules[number]
+        conclusions = [
+            self._outputs[output][term] % float(rule.weight) for output, term in rule.conclusions
+        ]
+        return self._control.Rule(
+            self._clause(rule.antecedent),
+            conclusions,
+            label=f"rule {number}",
+            and_func=np.fmin if self.rule_base.conjunction == "min" else np.multiply,
+        )
+
+    def _clause(self, clause: Clause) -> Any:
+        match clause:
+            case Is():
+                return self._inputs[clause.variable][_label(clause)]
+            case Not(inner):
+                return ~self._clause(inner)
+            case And(left, right):
+                return self._clause(left) & self._clause(right)
+            case Or(left, right):
+                return self._clause(left) | self._clause(right)
+
+    def read(self) -> ReferenceInference:
+        """The result of the last ``compute``."""
+        sim = self.simulation
+        firing = np.array(
+            [
+                [
+                    float(built.aggregate_firing[sim]) * rule.weight
+                    for built, rule in zip(self._rules, self.rule_base.rules, strict=True)
+                ]
+            ]
+        )
+        degrees: dict[str, dict[str, Array]] = {}
+        outputs: dict[str, Array] = {}
+        for name, consequent in self._outputs.items():
+            cuts = {term: consequent[term].membership_value[sim] for term in consequent.terms}
+            degrees[name] = {
+                term: np.array([0.0 if cut is None else float(cut)]) for term, cut in cuts.items()
+            }
+            outputs[name] = np.array([self._crisp(name, degrees[name])])
+        return ReferenceInference(outputs, firing, degrees)
+
+    def _crisp(self, name: str, degrees: Mapping[str, Array]) -> float:
+        variable = self.rule_base.outputs[name]
+        if max(float(cut[0]) for cut in degrees.values()) <= FIRING_FLOOR:
+            return np.nan if variable.default is None else variable.default
+        if self.rule_base.implication == "prod":
+            scaled = [float(cut[0]) * variable.sampled(term) for term, cut in degrees.items()]
+            joined = np.maximum(np.max(scaled, axis=0), _LIFT)
+            with _without_warnings():
+                crisp = self._defuzz(variable.universe, joined, self.rule_base.defuzzify)
+        elif self.rule_base.defuzzify == "bisector":
+            with _without_warnings():
+                calculator = self._calculator(self._outputs[name], self.simulation)
+                universe, joined, _ = calculator.find_memberships()
+                crisp = self._defuzz(universe, np.maximum(joined, _LIFT), "bisector")
+        else:
+            crisp = self.simulation.output[name]
+        return float(np.clip(crisp, variable.low, variable.high))
+
+    def _nothing_fired(self) -> ReferenceInference:
+        outputs = {
+            name: np.array([np.nan if variable.default is None else variable.default])
+            for name, variable in self.rule_base.outputs.items()
+        }
+        degrees = {
+            name: {term: np.zeros(1) for term in variable.terms}
+            for name, variable in self.rule_base.outputs.items()
+        }
+        return ReferenceInference(outputs, np.zeros((1, len(self._rules))), degrees)
+
+
+@contextmanager
+def _without_warnings() -> Iterator[None]:
+    """Ignore scikit-fuzzy's warnings (deprecated calls, divisions by zero)."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        yield
+
+
+def _label(atom: Is) -> str:
+    return " ".join((*atom.hedges, atom.term))
+
 
 _BATCH = 16
 """Samples in one call: about the number of regions in a frame."""

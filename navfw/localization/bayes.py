@@ -10,7 +10,7 @@ from pydantic import Field
 from navfw.interfaces import Localizer
 from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_model import LandmarkExistence, LandmarkObserver
-from navfw.localization.situation_model import observed_situations, situation_table
+from navfw.localization.place_probabilities import observed_situations, situation_table
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose
 from navfw.topomap import TopoMap
 

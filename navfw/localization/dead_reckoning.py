@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw.localization import place_posterior
+from navfw.localization import place_probabilities
 from navfw.localization.motion_model import NonNegative
 from navfw.numerics import Array
 from navfw.numerics.products import product
@@ -17,7 +17,7 @@ from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, wr
 from navfw.topomap import TopoMap
 
 
-class DeadReckoning(place_posterior.PlaceLocalizer):
+class DeadReckoning(place_probabilities.PlaceLocalizer):
     """Map pose = start pose composed with the odometry since the start.
 
     The covariance of (x, y, yaw) is propagated as in an EKF without measurements: it grows with
@@ -27,7 +27,7 @@ class DeadReckoning(place_posterior.PlaceLocalizer):
 
     name: ClassVar[str] = "dead_reckoning"
 
-    class Params(place_posterior.PlaceLocalizer.Params):
+    class Params(place_probabilities.PlaceLocalizer.Params):
         """Standard deviations; those per root of a unit accumulate as a random walk."""
 
         start_xy: Annotated[NonNegative, Field(description="of the start x and y [m]")] = 0.02
@@ -47,14 +47,14 @@ class DeadReckoning(place_posterior.PlaceLocalizer):
         place_radius: Annotated[
             float,
             Field(gt=0.0, le=20.0, description="of the position of a robot at a place [m]"),
-        ] = place_posterior.PLACE_RADIUS
+        ] = place_probabilities.PLACE_RADIUS
         places: Annotated[
             int, Field(ge=1, le=1000, description="number of places that the belief lists")
-        ] = place_posterior.COUNT
+        ] = place_probabilities.COUNT
         refresh: Annotated[
             NonNegative,
             Field(description="distance moved until place probabilities are computed again [m]"),
-        ] = place_posterior.REFRESH
+        ] = place_probabilities.REFRESH
 
     params: Params
 
@@ -65,9 +65,11 @@ class DeadReckoning(place_posterior.PlaceLocalizer):
             InputError: ``pose`` is None: without landmarks an unknown start cannot be found.
 
         """
-        pose = place_posterior.known_start(pose, self.name, "a localizer that recognises landmarks")
+        pose = place_probabilities.known_start(
+            pose, self.name, "a localizer that recognises landmarks"
+        )
         p = self.params
-        self._posterior = place_posterior.PlacePosterior(
+        self._posterior = place_probabilities.PlacePosterior(
             topo_map, p.place_radius, p.places, p.refresh
         )
         self._map_from_odom = pose.frame_of(odometry.pose)
@@ -84,7 +86,7 @@ class DeadReckoning(place_posterior.PlaceLocalizer):
         self._covariance = self._propagated(moved, pose.yaw)
         self._last = odometry.pose
         places = posterior.at(pose, self._covariance)
-        confidence = place_posterior.probability_within(self._covariance)
+        confidence = place_probabilities.probability_within(self._covariance)
         return Belief(odometry.time, pose, self._covariance, places, confidence)
 
     def _propagated(self, moved: Pose, yaw: float) -> Array:

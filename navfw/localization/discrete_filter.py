@@ -20,8 +20,7 @@ from navfw.localization.landmark_model import (
     consistent_observations,
 )
 from navfw.localization.lattice import Lattice
-from navfw.localization.place_posterior import COUNT
-from navfw.localization.situation_model import LEARNT, SituationTable
+from navfw.localization.place_probabilities import COUNT, LEARNT, SituationTable
 from navfw.numerics import Array
 from navfw.numerics.functions import arctan2, exp, power
 from navfw.numerics.products import product

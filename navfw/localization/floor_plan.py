@@ -12,7 +12,11 @@ from pydantic import Field
 from navfw.errors import MapError
 from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
-from navfw.localization.place_posterior import PlaceLocalizer, PlacePosterior, probability_within
+from navfw.localization.place_probabilities import (
+    PlaceLocalizer,
+    PlacePosterior,
+    probability_within,
+)
 from navfw.localization.plan_field import PlanField
 from navfw.localization.plan_scan import PlanScan, scan_of
 from navfw.localization.plan_search import PlanSearch, are_close

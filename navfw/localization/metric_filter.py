@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw.localization import place_posterior
+from navfw.localization import place_probabilities
 from navfw.localization.landmark_model import (
     GATE,
     Association,
@@ -237,7 +237,7 @@ class MetricFilter:
         self._correct(step, np.outer(gain, self.covariance[3:4, :]))
 
 
-class Ekf(place_posterior.PlaceLocalizer):
+class Ekf(place_probabilities.PlaceLocalizer):
     """Odometry and gyro predict (x, y, yaw, gyro bias); landmark detections correct them.
 
     A detection passes a chi-square gate and is weighted by its landmark's existence probability, so
@@ -246,7 +246,7 @@ class Ekf(place_posterior.PlaceLocalizer):
 
     name: ClassVar[str] = "ekf"
 
-    class Params(MetricFilterParams, place_posterior.PlaceLocalizer.Params):
+    class Params(MetricFilterParams, place_probabilities.PlaceLocalizer.Params):
         """Noise, the landmarks' prior, and when the belief is lost."""
 
         lost_below: Annotated[
@@ -263,9 +263,9 @@ class Ekf(place_posterior.PlaceLocalizer):
 
         """
         instead = "the localizer 'topological' (see the stack 'landmarks')"
-        pose = place_posterior.known_start(pose, self.name, instead)
+        pose = place_probabilities.known_start(pose, self.name, instead)
         p = self.params
-        self._posterior = place_posterior.PlacePosterior(topo_map)
+        self._posterior = place_probabilities.PlacePosterior(topo_map)
         self.existence = LandmarkExistence(p.prior)
         self._observer = LandmarkObserver(topo_map, p.map_sigma)
         self.filter = MetricFilter(p, self.existence, self.robot)
@@ -280,7 +280,7 @@ class Ekf(place_posterior.PlaceLocalizer):
         self.filter.predict(odometry)
         self.filter.observe(self._observer.observe(odometry, detections))
         pose, covariance = self.filter.pose, self.filter.pose_covariance
-        confidence = place_posterior.probability_within(covariance)
+        confidence = place_probabilities.probability_within(covariance)
         return Belief(
             odometry.time,
             pose,

@@ -20,9 +20,14 @@ from navfw.localization.landmark_model import (
     LandmarkObserver,
 )
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
-from navfw.localization.place_posterior import PlaceLocalizer, PlacePosterior, probability_within
+from navfw.localization.place_probabilities import (
+    PlaceLocalizer,
+    PlacePosterior,
+    observed_situations,
+    probability_within,
+    situation_table,
+)
 from navfw.localization.plan_scan import PlanScan, ScanMemory, scan_of
-from navfw.localization.situation_model import observed_situations, situation_table
 from navfw.robot import RobotModel
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap

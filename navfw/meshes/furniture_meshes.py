@@ -20,8 +20,7 @@ import numpy.typing as npt
 
 from navfw.config.input_file import shown_path
 from navfw.errors import ConfigError
-from navfw.meshes.mesh_file import FURNITURE_LIMITS, read_mesh
-from navfw.meshes.triangle_mesh import TriangleMesh, joined, windings
+from navfw.meshes.mesh_file import FURNITURE_LIMITS, TriangleMesh, joined, read_mesh, windings
 from navfw.numerics import Array, Mask
 from navfw.numerics.products import product
 from navfw.robot.urdf import attribute_numbers, origin_frame, read_urdf, urdf_error

@@ -12,7 +12,7 @@ import numpy as np
 from navfw.errors import MapError
 from navfw.features.landmark_appearance import landmark_kind
 from navfw.features.recognizers import Landmarks
-from navfw.localization.situation_model import observed_situations
+from navfw.localization.place_probabilities import observed_situations
 from navfw.missions.pilot import TickView
 from navfw.missions.runner import MissionLoop, Progress, RunResult
 from navfw.missions.session import Session

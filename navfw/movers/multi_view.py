@@ -12,8 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
-from navfw.egomotion.camera_motions import with_yaw_sigma
-from navfw.egomotion.pairing import PairingParams, PosedFrame
+from navfw.egomotion.pairing import PairingParams, PosedFrame, with_yaw_sigma
 from navfw.egomotion.refinement import RefinementParams, refine
 from navfw.flow.floor_aligned import FloorAlignedFlow
 from navfw.movers.localization import locate_moving_objects, merge_views

@@ -23,7 +23,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "dis": "navfw.flow.dense_flow:Dis",
         "farneback": "navfw.flow.dense_flow:Farneback",
         "ideal": "navfw.flow.ideal:Ideal",
-        "lucas_kanade": "navfw.flow.lucas_kanade:LucasKanade",
+        "lucas_kanade": "navfw.flow.dense_flow:LucasKanade",
         "registered": "navfw.flow.registered:Registered",
     },
     "perception": {"offis": "navfw.offis.offis:Offis"},

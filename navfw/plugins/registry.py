@@ -9,10 +9,10 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, cast
 
+from navfw.config.error_location import parameters_of
 from navfw.config.input_file import shown_path
 from navfw.config.lookup import plugin_files, plugin_folders, shipped_folder
 from navfw.config.project_code import require_trust
-from navfw.config.type_descriptions import parameters_of
 from navfw.errors import InputError, PluginError, UnknownNameError
 from navfw.interfaces import KINDS, Plugin
 from navfw.plugins import plugin_import

@@ -45,9 +45,6 @@ with extra_imports("record"):
     from mcap.well_known import MessageEncoding, SchemaEncoding
     from mcap_protobuf.decoder import DecoderFactory
 
-with extra_imports("bags"):
-    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-
 _EXPANSION = 8
 """Largest size of all unpacked chunks, in units of the largest file."""
 _MAX_CHUNK = max_bytes("chunk of a recording")
@@ -330,6 +327,9 @@ def export_bag(folder: Path, target: Path) -> dict[str, int]:
             be written.
 
     """
+    with extra_imports("bags"):
+        from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
     run = open_run(folder)
     kinds = {
         topic: kind

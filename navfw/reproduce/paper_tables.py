@@ -15,7 +15,7 @@ from navfw.bench.true_pairs import MovingPose, exposed, true_field
 from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
 from navfw.camera_geometry.rotations import derotate
 from navfw.config.lookup import find
-from navfw.egomotion.camera_motions import camera_motion
+from navfw.egomotion.pairing import camera_motion
 from navfw.egomotion.refinement import refine
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.grid_flow import grid_points

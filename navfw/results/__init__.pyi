@@ -1,12 +1,12 @@
+from .collection import collect as collect
+from .collection import seed_range as seed_range
 from .result_file import Figures as Figures
 from .result_file import Machine as Machine
 from .result_file import StoredResult as StoredResult
 from .result_file import StoredSuiteResult as StoredSuiteResult
 from .result_file import StoredValues as StoredValues
-from .result_file import collect as collect
 from .result_file import load_results as load_results
 from .result_file import save_result as save_result
-from .result_file import seed_range as seed_range
 from .results_page import SENTENCES as SENTENCES
 from .results_page import TEMPLATE as TEMPLATE
 from .results_page import current_pages as current_pages

@@ -10,9 +10,8 @@ from dataclasses import dataclass, field, replace
 
 from navfw.camera_geometry.image_reduction import reduce_frame
 from navfw.camera_geometry.rotations import derotate
-from navfw.egomotion.camera_motions import pitch_rotation, with_yaw_sigma
 from navfw.egomotion.odometer import OdometryHistory
-from navfw.egomotion.pairing import FrameBuffer
+from navfw.egomotion.pairing import FrameBuffer, pitch_rotation, with_yaw_sigma
 from navfw.egomotion.refinement import refine
 from navfw.flow.grid_flow import above_horizon, align_past, with_shutter_sigma
 from navfw.guard.guarded_stages import GuardedFlow, GuardedPerception

@@ -24,7 +24,7 @@ import numpy as np
 from navfw.errors import UnknownNameError
 from navfw.missions.session import MissionResult, Session
 from navfw.mofis.mofis import explanation_lines
-from navfw.recording.run_folder import PICTURE, RECORDING
+from navfw.recording.run_folder import PICTURE, RECORDING, RunFolder
 from navfw.recording.run_observers import RunLog
 from navfw.testing.mission_cache import DrivenRun, MissionCache, drive
 from navfw.testing.mission_case import MissionCase
@@ -75,7 +75,6 @@ class MissionRun(DrivenRun):
     def save(self) -> Path:
         """Write the run folder, with the recording, unless it exists; returns its path."""
         from navfw.missions.run_report import write_run
-        from navfw.recording.run_folder import RunFolder
 
         if self.folder.exists():
             return self.folder

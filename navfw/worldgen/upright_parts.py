@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from navfw.errors import WorldError
-from navfw.meshes.triangle_mesh import TriangleMesh, windings
+from navfw.meshes.mesh_file import TriangleMesh, windings
 from navfw.numerics import Array, Mask
 from navfw.numerics.arrays import Indices
 from navfw.sim.shapes import Circle, Rectangle, Shape

@@ -31,8 +31,7 @@ from navfw.signals import (
     Waypoint,
 )
 from navfw.stack import Choice, Stack, View, Vision, load_stack
-from navfw.testing.behavior_scenes import wall_flow
-from navfw.testing.fakes import FakeSimulator
+from navfw.testing.behavior_scenes import FakeSimulator, wall_flow
 from navfw.topomap import Passage, Place, TopoMap
 
 ROBOT = RobotModel()

@@ -25,7 +25,7 @@ from navfw.robot import RobotModel
 from navfw.signals import Belief, Pose, Twist, Waypoint
 from navfw.sim import PRESETS, SceneGeometry, SensorParams, load_world
 from navfw.stack import StackState
-from navfw.testing.fakes import FakeSimulator, ScriptedPilot
+from navfw.testing.behavior_scenes import FakeSimulator, ScriptedPilot
 from navfw.topomap import Place
 
 HERE = Pose(0.0, 0.0, 0.0)

@@ -32,7 +32,7 @@ from navfw.recording import Contact, RunLog, RunLogger
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading, Sight, Twist, Waypoint
 from navfw.sim import BoxSpec, SceneGeometry, WorldSpec
-from navfw.testing.fakes import FakeSimulator, Posts, ScriptedPilot
+from navfw.testing.behavior_scenes import FakeSimulator, Posts, ScriptedPilot
 
 ROBOT = RobotModel()
 START = Pose(0.0, 0.0, 0.0)

@@ -31,7 +31,7 @@ from navfw.recording import (
     ros_message,
 )
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist
-from navfw.testing.fakes import FakeSimulator
+from navfw.testing.behavior_scenes import FakeSimulator
 
 TICKS = 40
 HERE = Pose(0.0, 0.0, 0.0)

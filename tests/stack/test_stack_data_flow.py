@@ -33,8 +33,7 @@ from navfw.signals import (
     YawCorrection,
 )
 from navfw.stack import TIMED, StackSettings, View, Vision
-from navfw.testing.behavior_scenes import wall_flow
-from navfw.testing.fakes import FakeSimulator
+from navfw.testing.behavior_scenes import FakeSimulator, wall_flow
 
 
 def test_behaviours_get_the_newest_flow_and_percept() -> None:
