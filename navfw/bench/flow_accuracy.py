@@ -16,19 +16,11 @@ from typing import Any, TypeVar
 import cv2
 import numpy as np
 
-from navfw.bench.true_pairs import (
-    MOTIONS,
-    WORLDS,
-    TruePair,
-    load_worlds,
-    pixels,
-    rendered_pairs,
-    true_flow,
-)
+from navfw.bench import true_pairs
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.dense_flow import Dis, Farneback, LucasKanade
 from navfw.flow.ideal import Ideal
-from navfw.flow.registered import Registered
+from navfw.flow.registration import Registered
 from navfw.interfaces import FlowProcessor
 from navfw.numerics import Array
 from navfw.numerics.arrays import Floats, Mask
@@ -55,7 +47,7 @@ surfaces."""
 class _PairTruth:
     """A ``navfw.flow.ideal.TruthSource`` for one pair."""
 
-    pair: TruePair
+    pair: true_pairs.TruePair
 
     def depth(self, frame: Frame) -> Floats:
         return self.pair.depth
@@ -95,10 +87,10 @@ class FlowAnswer:
         return np.asarray(np.hypot(self.off[..., 0], self.off[..., 1]))
 
 
-def answer(processor: FlowProcessor, pair: TruePair) -> FlowAnswer:
+def answer(processor: FlowProcessor, pair: true_pairs.TruePair) -> FlowAnswer:
     """The answer of ``processor`` on a pair, compared with the true flow."""
     spent, flow = _cpu_ms(processor.compute, pair.pair)
-    true, valid = true_flow(flow.points, pair, processor.robot.camera)
+    true, valid = true_pairs.true_flow(flow.points, pair, processor.robot.camera)
     trusted = (flow.confidence >= TRUSTED) & valid
     return FlowAnswer(flow.points, flow.vectors - true, true, flow.sigma, valid, trusted, spent)
 
@@ -120,7 +112,7 @@ def bench_flow(
     places: int = 20,
     seed: int = 0,
     robot: RobotModel | None = None,
-    worlds: Sequence[str] = WORLDS,
+    worlds: Sequence[str] = true_pairs.WORLDS,
     processors: Mapping[str, FlowProcessor] | None = None,
     report: ProgressCallback = silent,
 ) -> dict[str, Any]:
@@ -138,21 +130,23 @@ def bench_flow(
     """
     robot = RobotModel() if robot is None else robot
     processors = all_processors(robot) if processors is None else processors
-    rendered = rendered_pairs(load_worlds(worlds), robot, places, seed)
+    rendered = true_pairs.rendered_pairs(true_pairs.load_worlds(worlds), robot, places, seed)
     pairs = list(
-        with_progress(rendered, "flow: rendering", report, len(worlds) * places * len(MOTIONS))
+        with_progress(
+            rendered, "flow: rendering", report, len(worlds) * places * len(true_pairs.MOTIONS)
+        )
     )
     measured = {}
     for name, processor in processors.items():
-        true_pairs = with_progress(pairs, f"flow: {name}", report)
-        measured[name] = measure(processor, true_pairs, worlds)
+        counted = with_progress(pairs, f"flow: {name}", report)
+        measured[name] = measure(processor, counted, worlds)
     report("flow: matchTemplate")
     return {
         "pairs": len(pairs),
         "places": places,
         "seed": seed,
         "worlds": list(worlds),
-        "motions": list(MOTIONS),
+        "motions": list(true_pairs.MOTIONS),
         "trusted_from": TRUSTED,
         "processors": measured,
         **match_template_ratio(robot, [p.pair for p in pairs[:: max(1, len(pairs) // 60)]]),
@@ -160,7 +154,9 @@ def bench_flow(
 
 
 def measure(
-    processor: FlowProcessor, pairs: Iterable[TruePair], worlds: Sequence[str] = WORLDS
+    processor: FlowProcessor,
+    pairs: Iterable[true_pairs.TruePair],
+    worlds: Sequence[str] = true_pairs.WORLDS,
 ) -> dict[str, Any]:
     """Run ``processor`` over ``pairs`` and compare each trusted vector with the true one.
 
@@ -189,7 +185,7 @@ def measure(
     return {
         **statistics(off[trusted], sigma[trusted], trusted.size),
         "ms": whole.ms,
-        "by_motion": {name: with_name(name) for name in MOTIONS},
+        "by_motion": {name: with_name(name) for name in true_pairs.MOTIONS},
         "by_world": {name: with_name(name, trusted.size // len(worlds)) for name in worlds},
         "edges": of(edges, 0),
         "smooth": of(~edges, 0),
@@ -205,7 +201,7 @@ def _edges(depth: Floats, points: Array, camera: CameraModel) -> Mask:
     step[1:] = np.maximum(step[1:], np.abs(np.diff(nearness, axis=0)))
     jumps = (step > _EDGE_STEP * np.maximum(nearness, 1e-3)).astype(np.uint8)
     near = cv2.dilate(jumps, np.ones((2 * _EDGE_REACH, 2 * _EDGE_REACH), np.uint8))
-    return np.asarray(near, dtype=np.bool_)[pixels(points, camera)]
+    return np.asarray(near, dtype=np.bool_)[true_pairs.pixels(points, camera)]
 
 
 def statistics(off: Array, sigma: Array, cells: int) -> dict[str, Any]:

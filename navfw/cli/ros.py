@@ -7,16 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from navfw.cli.options import (
-    Json,
-    Mission,
-    Robot,
-    World,
-    command_group,
-    completer_of,
-    numbers_of,
-    of_robot,
-)
+from navfw.cli import options
 from navfw.cli.output import print_result, quiet_stdout
 from navfw.cli.warm import compile_with_progress
 from navfw.recording.run_folder import plain_json
@@ -29,7 +20,7 @@ if TYPE_CHECKING:
 _ROS_ARGS = "--ros-args"
 _MAP_OF_NOTHING = "empty"
 
-group = command_group("Drive a robot of ROS 2, or be one.")
+group = options.command_group("Drive a robot of ROS 2, or be one.")
 
 
 def add_to(app: typer.Typer) -> None:
@@ -49,16 +40,18 @@ class _RosCommand(TyperCommand):
 @group.command(cls=_RosCommand)
 def drive(
     ctx: typer.Context,
-    robot: Robot = None,
+    robot: options.Robot = None,
     map_: Annotated[
         str,
-        typer.Option("--map", help="Name or file of a map.", autocompletion=completer_of("map")),
+        typer.Option(
+            "--map", help="Name or file of a map.", autocompletion=options.completer_of("map")
+        ),
     ] = _MAP_OF_NOTHING,
     stack: Annotated[
         str | None,
         typer.Option(
             help="Name or file of a stack [default: floor_plan with a floor plan, or default].",
-            autocompletion=completer_of("stack"),
+            autocompletion=options.completer_of("stack"),
         ),
     ] = None,
     start: Annotated[
@@ -75,7 +68,7 @@ def drive(
     lockstep: Annotated[
         bool, typer.Option("--lockstep", help="With a robot in lock step: bit for bit.")
     ] = False,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Drive a robot of ROS 2: images, IMU and wheels in, cmd_vel out.
 
@@ -91,20 +84,20 @@ def drive(
 
         topo_map = load_map(map_)
         unnamed = "default" if topo_map.floor_plan is None else "floor_plan"
-        options = _options(topo_map, start, goal or [], tolerance, lockstep=lockstep)
+        wanted = _options(topo_map, start, goal or [], tolerance, lockstep=lockstep)
         model = load_robot(robot or "default")
         made = Stack.load(stack or unnamed, model, topo_map, default_registry())
         _load_kernels(quiet=json)
         node, driver = RosNode("navfw", ctx.meta[_ROS_ARGS]), None
         try:
-            driver = DriveNode(node, made, options)
+            driver = DriveNode(node, made, wanted)
             ended = driver.run(f"{robot or 'default'} on the map {map_} by {stack or unnamed}")
         except KeyboardInterrupt:
             ended = "ended by a signal"
         finally:
             node.close()
     _print_end(ended, {"notes": node.notes, **(driver.latency() if driver else {})}, json=json)
-    if options.once and ended != "reached":
+    if wanted.once and ended != "reached":
         raise typer.Exit(1)
 
 
@@ -131,7 +124,7 @@ def _options(
     pose: Pose | None = None
     if start is not None and start in topo_map.places:
         pose = Pose(topo_map.places[start].x, topo_map.places[start].y, 0.0)
-    elif (at := numbers_of("--start", start, ("X", "Y", "YAW"))) is not None:
+    elif (at := options.numbers_of("--start", start, ("X", "Y", "YAW"))) is not None:
         pose = Pose(*at)
     points = tuple(_goal(topo_map, text, tolerance) for text in goals)
     return DriveOptions(pose, points, once=bool(goals), lockstep=lockstep)
@@ -143,17 +136,17 @@ def _goal(topo_map: TopoMap, text: str, tolerance: float) -> Waypoint:
 
     if "," not in text:
         return goal_at(topo_map, text, tolerance)
-    x, y = numbers_of("--goal", text, ("X", "Y")) or (0.0, 0.0)
+    x, y = options.numbers_of("--goal", text, ("X", "Y")) or (0.0, 0.0)
     return Waypoint(x, y, tolerance, "", "goal", final=True)
 
 
 @group.command(cls=_RosCommand)
 def sim(
     ctx: typer.Context,
-    world: World,
-    mission: Mission = "",
+    world: options.World,
+    mission: options.Mission = "",
     seed: Annotated[int, typer.Option(min=0, help="Seed of all noise.")] = 0,
-    robot: Robot = None,
+    robot: options.Robot = None,
     pace: Annotated[
         float,
         typer.Option(min=0.0, max=100.0, help="Simulated over real time; 0: in lock step."),
@@ -163,7 +156,7 @@ def sim(
         typer.Option("--set", metavar="K=V", help="Change one value of the mission, e.g. timeout."),
     ] = None,
     gui: Annotated[bool, typer.Option("--gui", help="Show a window.")] = False,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Be the robot of a mission in ROS 2, for nodes that drive it; the stack is theirs.
 
@@ -173,7 +166,7 @@ def sim(
         from navfw.missions import MissionLoop, MissionResult, prepare
         from navfw.ros import RosNode, RosPilot
 
-        overrides = (*of_robot(robot), *(settings or ()))
+        overrides = (*options.of_robot(robot), *(settings or ()))
         loaded = prepare(world, mission, seed=seed, overrides=overrides)
         compile_with_progress(loaded=True, quiet=json)
         node = RosNode("navfw_sim", ctx.meta[_ROS_ARGS])

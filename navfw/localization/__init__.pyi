@@ -1,5 +1,4 @@
 from .bayes import Bayes as Bayes
-from .dead_reckoning import DeadReckoning as DeadReckoning
 from .discrete_filter import DiscreteFilter as DiscreteFilter
 from .discrete_filter import DiscreteParams as DiscreteParams
 from .floor_plan import FloorPlanLocalizer as FloorPlanLocalizer
@@ -17,6 +16,7 @@ from .metric_filter import Ekf as Ekf
 from .metric_filter import MetricFilter as MetricFilter
 from .metric_filter import MetricFilterParams as MetricFilterParams
 from .motion_model import BY_FLOOR as BY_FLOOR
+from .motion_model import DeadReckoning as DeadReckoning
 from .motion_model import MotionParams as MotionParams
 from .motion_model import motion_noise as motion_noise
 from .motion_model import predict as predict

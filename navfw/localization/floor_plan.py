@@ -10,13 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from navfw.errors import MapError
+from navfw.localization import place_probabilities
 from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
-from navfw.localization.place_probabilities import (
-    PlaceLocalizer,
-    PlacePosterior,
-    probability_within,
-)
 from navfw.localization.plan_field import PlanField
 from navfw.localization.plan_scan import PlanScan, scan_of
 from navfw.localization.plan_search import PlanSearch, are_close
@@ -67,7 +63,7 @@ _SEARCH_XY, _SEARCH_YAW = 0.15, 0.05
 """Standard deviations [m, rad] of a pose that the search has found."""
 
 
-class FloorPlanLocalizer(PlaceLocalizer):
+class FloorPlanLocalizer(place_probabilities.PlaceLocalizer):
     """Tracks the pose by an EKF on odometry, corrected by the walls of the map's floor plan.
 
     Scans are taken some way apart, since neighbouring ones share their errors. The running mean of
@@ -82,7 +78,7 @@ class FloorPlanLocalizer(PlaceLocalizer):
 
     name: ClassVar[str] = "floor_plan"
 
-    class Params(MetricFilterParams, PlaceLocalizer.Params):
+    class Params(MetricFilterParams, place_probabilities.PlaceLocalizer.Params):
         """Noise of odometry, and when a pose is believed."""
 
         every: Annotated[
@@ -119,7 +115,7 @@ class FloorPlanLocalizer(PlaceLocalizer):
                 "'dead_reckoning'"
             )
         p = self.params
-        self._posterior = PlacePosterior(topo_map)
+        self._posterior = place_probabilities.PlacePosterior(topo_map)
         self._field = PlanField(topo_map.floor_plan)
         self._search = PlanSearch(topo_map.floor_plan, self._field, self.robot.radius)
         self.filter = MetricFilter(p, LandmarkExistence(p.prior), self.robot)
@@ -215,7 +211,7 @@ class FloorPlanLocalizer(PlaceLocalizer):
         pose = frame.compose(odometry.pose)
         if self.tracking:
             tracked = self.filter.pose
-            within = probability_within(self.filter.pose_covariance)
+            within = place_probabilities.probability_within(self.filter.pose_covariance)
             needed = 0.0 if within < self.params.lost_below else _CLEARLY_BETTER
             if (
                 are_close(pose, tracked)
@@ -229,7 +225,7 @@ class FloorPlanLocalizer(PlaceLocalizer):
         self.fit = max(self.params.doubt_below, 0.5)
         self.filter.initialize(pose, np.diag([xy**2, xy**2, yaw**2]), odometry)
 
-    def _belief(self, posterior: PlacePosterior, odometry: Odometry) -> Belief:
+    def _belief(self, posterior: place_probabilities.PlacePosterior, odometry: Odometry) -> Belief:
         if not self.tracking:
             unknown: Array = np.diag([1e4, 1e4, 10.0])
             return Belief(
@@ -241,7 +237,7 @@ class FloorPlanLocalizer(PlaceLocalizer):
                 hypotheses=self._search.hypotheses,
             )
         pose, covariance = self.filter.pose, self.filter.pose_covariance
-        within = probability_within(covariance)
+        within = place_probabilities.probability_within(covariance)
         return Belief(
             odometry.time,
             pose,

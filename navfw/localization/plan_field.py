@@ -8,12 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt
 
-from navfw.localization.plan_kernels import (
-    count_rays_through_walls,
-    match_points,
-    rate_poses,
-    share_of_blocked_rays,
-)
+from navfw.localization import plan_kernels
 from navfw.localization.plan_scan import PlanScan
 from navfw.numerics import Array
 from navfw.numerics.products import product
@@ -79,7 +74,7 @@ class PlanField:
         on_grid = self.origin.relative(start)
         prior = np.diag([0.0, 0.0, 0.0, SCALE_SIGMA**-2])
         prior[:3, :3] = product(turn.T, information, turn)
-        state, by_points, belonging = match_points(
+        state, by_points, belonging = plan_kernels.match_points(
             scan.points,
             scan.sigma,
             scan.origins,
@@ -105,7 +100,7 @@ class PlanField:
 
         ``plan_sigma`` [m] is the standard deviation of the walls: a wide one for coarse poses.
         """
-        rating = rate_poses(
+        rating = plan_kernels.rate_poses(
             scan.points,
             scan.sigma,
             self.cells,
@@ -118,14 +113,14 @@ class PlanField:
 
     def blocked(self, scan: PlanScan, poses: Array) -> Array:
         """Share (m,) of the rays to the points that walls would block at ``poses`` (m, 3)."""
-        shares = share_of_blocked_rays(
+        shares = plan_kernels.share_of_blocked_rays(
             scan.points, scan.origins, self.cells, self.resolution, self._on_grid(poses), SHORT
         )
         return np.asarray(shares, dtype=np.float64)
 
     def see_through(self, scan: PlanScan, pose: Pose) -> None:
         """Take away walls that the rays of ``scan`` from ``pose`` (map) have gone through."""
-        count_rays_through_walls(
+        plan_kernels.count_rays_through_walls(
             scan.points,
             scan.origins,
             self.cells,

@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw.localization import passage_walls
+from navfw.localization import passage_walls, place_probabilities
 from navfw.localization.discrete_filter import Cluster, DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_model import (
     LandmarkExistence,
@@ -20,13 +20,6 @@ from navfw.localization.landmark_model import (
     LandmarkObserver,
 )
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
-from navfw.localization.place_probabilities import (
-    PlaceLocalizer,
-    PlacePosterior,
-    observed_situations,
-    probability_within,
-    situation_table,
-)
 from navfw.localization.plan_scan import PlanScan, ScanMemory, scan_of
 from navfw.robot import RobotModel
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
@@ -125,7 +118,7 @@ _ESTABLISHED_SUPPORT = 4
 pose, or a given start, needs one more supporting landmark elsewhere to be replaced."""
 
 
-class Topological(PlaceLocalizer):
+class Topological(place_probabilities.PlaceLocalizer):
     """Global localisation by a discrete filter, pose tracking by an EKF.
 
     The discrete filter always covers the whole map. Once most of its probability lies at one pose
@@ -137,7 +130,7 @@ class Topological(PlaceLocalizer):
 
     name: ClassVar[str] = "topological"
 
-    class Params(PlaceLocalizer.Params):
+    class Params(place_probabilities.PlaceLocalizer.Params):
         """Both filters, and when the discrete filter's pose is adopted."""
 
         metric: Annotated[MetricFilterParams, Field(description="of the Kalman filter")] = (
@@ -163,10 +156,10 @@ class Topological(PlaceLocalizer):
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
         """Start at ``pose`` (map frame), or anywhere when None."""
         p = self.params
-        self._posterior = PlacePosterior(topo_map)
+        self._posterior = place_probabilities.PlacePosterior(topo_map)
         self._observer = LandmarkObserver(topo_map, p.metric.map_sigma)
         self.existence = LandmarkExistence(p.metric.prior)
-        table = situation_table(p.discrete.situations)
+        table = place_probabilities.situation_table(p.discrete.situations)
         self.discrete = DiscreteFilter(topo_map, p.discrete, p.metric.prior, self.existence, table)
         self.discrete.initialize(pose, odometry)
         self.metric = MetricFilter(p.metric, self.existence, self.robot)
@@ -187,7 +180,7 @@ class Topological(PlaceLocalizer):
         posterior = self.posterior
         observations = self._observer.observe(odometry, detections)
         self.discrete.predict(odometry)
-        self.discrete.observe_situations(observed_situations(percept))
+        self.discrete.observe_situations(place_probabilities.observed_situations(percept))
         self.discrete.observe(observations)
         if self.tracking:
             self.metric.predict(odometry)
@@ -237,12 +230,14 @@ class Topological(PlaceLocalizer):
         self.existence.reset(set(self.discrete.supporting(cluster.pose)).__contains__)
         self.metric.observe(observations)
 
-    def _belief(self, posterior: PlacePosterior, odometry: Odometry) -> Belief:
+    def _belief(self, posterior: place_probabilities.PlacePosterior, odometry: Odometry) -> Belief:
         lost_below = self.params.lost_below
         if self.tracking:
             pose, covariance = self.metric.pose, self.metric.pose_covariance
             places = posterior.at(pose, covariance)
-            confidence = probability_within(covariance) * (1.0 - self._disagreement)
+            confidence = place_probabilities.probability_within(covariance) * (
+                1.0 - self._disagreement
+            )
         else:
             cluster = self.discrete.cluster
             pose, covariance, places = cluster.pose, cluster.spread, self.discrete.places

@@ -1,9 +1,9 @@
 from .bag_source import camera_contradiction as camera_contradiction
 from .bag_source import unpacked_bag as unpacked_bag
 from .floor_motion import FloorFinder as FloorFinder
+from .front_evidence import HeldWords as HeldWords
 from .front_evidence import front_probabilities as front_probabilities
 from .front_evidence import probable_front as probable_front
-from .held_words import HeldWords as HeldWords
 from .image_sources import ImageSource as ImageSource
 from .image_sources import open_source as open_source
 from .image_times import load_image_times as load_image_times

@@ -18,8 +18,7 @@ from navfw.interfaces import FlowProcessor
 from navfw.offis.offis import Offis
 from navfw.offis.percept_explanation import with_front
 from navfw.perceive.floor_motion import FloorFinder, FloorMotion
-from navfw.perceive.front_evidence import front_probabilities, probable_front
-from navfw.perceive.held_words import HeldWords
+from navfw.perceive.front_evidence import HeldWords, front_probabilities, probable_front
 from navfw.perceive.image_sources import ImageSource, SourceImage
 from navfw.perceive.pair_motion import (
     SURE_HEADING,

@@ -24,7 +24,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "farneback": "navfw.flow.dense_flow:Farneback",
         "ideal": "navfw.flow.ideal:Ideal",
         "lucas_kanade": "navfw.flow.dense_flow:LucasKanade",
-        "registered": "navfw.flow.registered:Registered",
+        "registered": "navfw.flow.registration:Registered",
     },
     "perception": {"offis": "navfw.offis.offis:Offis"},
     "features": {
@@ -35,7 +35,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
     },
     "localizer": {
         "bayes": "navfw.localization.bayes:Bayes",
-        "dead_reckoning": "navfw.localization.dead_reckoning:DeadReckoning",
+        "dead_reckoning": "navfw.localization.motion_model:DeadReckoning",
         "ekf": "navfw.localization.metric_filter:Ekf",
         "floor_plan": "navfw.localization.floor_plan:FloorPlanLocalizer",
         "topological": "navfw.localization.topological:Topological",

@@ -1,12 +1,12 @@
-from .progress_watch import NO_ROUTE_AFTER as NO_ROUTE_AFTER
-from .progress_watch import STUCK_AFTER as STUCK_AFTER
-from .progress_watch import ProgressWatch as ProgressWatch
 from .shadow_stack import ShadowStack as ShadowStack
 from .shadow_stack import halt as halt
 from .stack import TIMED as TIMED
 from .stack import Stack as Stack
 from .stack_document import STAGES as STAGES
 from .stack_document import read_stack as read_stack
+from .stack_state import NO_ROUTE_AFTER as NO_ROUTE_AFTER
+from .stack_state import STUCK_AFTER as STUCK_AFTER
+from .stack_state import ProgressWatch as ProgressWatch
 from .stack_state import StackState as StackState
 from .stackfile import Choice as Choice
 from .stackfile import StackSettings as StackSettings

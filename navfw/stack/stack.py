@@ -37,8 +37,7 @@ from navfw.signals import (
     Twist,
     Waypoint,
 )
-from navfw.stack.progress_watch import ProgressWatch
-from navfw.stack.stack_state import StackState
+from navfw.stack.stack_state import ProgressWatch, StackState
 from navfw.stack.stackfile import Choice, PluginSource, StackConfig, load_stack
 from navfw.stack.stopwatch import timed
 from navfw.stack.vision import View, Vision, ready_frame, straight_reading

@@ -1,7 +1,12 @@
-"""State of the stack at its last step, for displays, records and the runner."""
+"""State of the stack at its last step, for displays, records and the runner; its progress.
+
+A watch says whether the robot makes progress on its route, and why it gives up where it does not.
+"""
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -14,6 +19,7 @@ from navfw.signals import (
     MovingObject,
     Odometry,
     Percept,
+    Pose,
     Proposal,
     Sight,
     Stixels,
@@ -52,3 +58,86 @@ class StackState:
     faults: tuple[str, ...] = ()
     landmark_detections: tuple[LandmarkDetection, ...] = ()
     detection_counts: Mapping[str, int] = field(default_factory=dict)
+
+
+STUCK_AFTER = 60.0
+"""Time without progress toward a waypoint [s] after which the stack gives up."""
+
+NO_ROUTE_AFTER = 20.0
+"""Time without a route [s] after which the stack gives up; a passage may have been misjudged."""
+
+_DETOUR = 1.5
+"""Distance [m] beyond which the robot is on a way round what closes its route, and goes on."""
+
+
+class ProgressWatch:
+    """Watches waypoint and route from frame to frame.
+
+    ``give_up_reason`` is why the robot gives up, None while it does not. It is ``unsure`` at a goal
+    if the estimate is too uncertain for the planner to count the goal as reached.
+    """
+
+    def __init__(self) -> None:
+        self.give_up_reason: str | None = None
+        self._unsure_of: Waypoint | None = None
+        self._no_route_since: tuple[float, Pose] | None = None
+        self._vetoes: Counter[str] = Counter()
+
+    @property
+    def unsure(self) -> bool:
+        """Whether the robot is, or was before it looked around, at its goal by the estimate."""
+        return self._unsure_of is not None
+
+    def update(
+        self,
+        now: float,
+        belief: Belief,
+        waypoint: Waypoint | None,
+        idle: float,
+        no_route_reason: str | None,
+        veto: str = "",
+    ) -> None:
+        """Take in a frame at ``now`` [s]; ``idle`` [s] is the time without progress.
+
+        ``veto`` is why the safety monitor holds the robot, empty if it does not.
+        """
+        if idle == 0.0:
+            self._vetoes.clear()
+        self._vetoes[veto] += 1
+        if _is_at(belief, waypoint):
+            self._unsure_of = waypoint
+        elif waypoint != self._unsure_of:
+            self._unsure_of = None
+        if no_route_reason is None or waypoint is None:
+            self._no_route_since = None
+        elif self._no_route_since is None or _away(belief, self._no_route_since[1]) > _DETOUR:
+            self._no_route_since = now, belief.pose
+        self.give_up_reason = None
+        if self._no_route_since is not None and now - self._no_route_since[0] >= NO_ROUTE_AFTER:
+            self.give_up_reason = no_route_reason
+        elif idle > STUCK_AFTER and waypoint is not None:
+            if self.unsure:
+                doubt = f"the position estimate has a sigma of {belief.sigma:.2f} m"
+                self.give_up_reason = f"perhaps at {waypoint.label}: {doubt}"
+            else:
+                because = "" if no_route_reason is None else f"; {no_route_reason}"
+                what = f"no progress toward {waypoint.label} for {idle:.0f} s"
+                self.give_up_reason = f"{what}{because}{self._held()}"
+
+    def _held(self) -> str:
+        """The veto of the safety monitor in most frames without progress, in words."""
+        veto, frames = self._vetoes.most_common(1)[0]
+        held = bool(veto) and 2 * frames > self._vetoes.total()
+        return f"; held by the safety monitor: {veto}" if held else ""
+
+
+def _is_at(belief: Belief, waypoint: Waypoint | None) -> bool:
+    """Whether the robot is at a goal that the planner does not count as reached."""
+    if waypoint is None or not waypoint.final:
+        return False
+    return _away(belief, waypoint) <= waypoint.tolerance
+
+
+def _away(belief: Belief, point: Pose | Waypoint) -> float:
+    """Distance [m] of a point of the map from the estimated position."""
+    return math.hypot(point.x - belief.pose.x, point.y - belief.pose.y)

@@ -9,7 +9,7 @@ from flow_scene import STILL, blurred_noise, cell_truth, room, turn_about, wall
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import navfw.flow.registered as module
+import navfw.flow.registration as module
 from navfw.flow import (
     ROUGHNESS_POWER,
     ROUGHNESS_RANGE,

@@ -63,7 +63,7 @@ BASES = {
     "perception": ("navfw.offis.offis", "Offis", "perceive(flow, twist)"),
     "features": ("navfw.features.recognizers", "NoFeatures", "recognize(frame)"),
     "localizer": (
-        "navfw.localization.dead_reckoning",
+        "navfw.localization.motion_model",
         "DeadReckoning",
         "update(odometry, percept, detections)",
     ),
