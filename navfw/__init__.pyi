@@ -12,9 +12,9 @@ from .errors import SimulationError as SimulationError
 from .errors import UnknownNameError as UnknownNameError
 from .errors import UntrustedCodeError as UntrustedCodeError
 from .errors import WorldError as WorldError
-from .features.square_localization import is_upright as is_upright
-from .features.square_localization import landmark_sizes as landmark_sizes
-from .features.square_localization import square_detection as square_detection
+from .features.recognizers import is_upright as is_upright
+from .features.recognizers import landmark_sizes as landmark_sizes
+from .features.recognizers import square_detection as square_detection
 from .flow.grid_flow import grid_points as grid_points
 from .interfaces import Behavior as Behavior
 from .interfaces import Composite as Composite

@@ -33,7 +33,7 @@ from navfw.flow.ideal import Ideal
 from navfw.interfaces import FlowProcessor
 from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats, Mask
-from navfw.perceive.working_size import WorkingSize
+from navfw.perceive.perceiver_options import WorkingSize
 from navfw.process.result_table import Column, ResultTable, named
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import CameraModel, RobotModel

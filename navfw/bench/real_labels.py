@@ -24,7 +24,7 @@ from navfw.offis.percept_explanation import front_in
 from navfw.perceive.image_times import ImageTimes, load_image_times
 from navfw.perceive.motion_record import GyroRecord, load_gyro_record
 from navfw.perceive.pair_result import PairResult
-from navfw.perceive.working_size import WorkingSize
+from navfw.perceive.perceiver_options import WorkingSize
 from navfw.signals import Label
 
 QUADRANTS = {"P1": "upper_right", "P2": "upper_left", "P3": "lower_left", "P4": "lower_right"}

@@ -28,7 +28,7 @@ from navfw.errors import ConfigError
 from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats
 from navfw.perceive.motion_record import load_pose_record
-from navfw.perceive.working_size import WorkingSize
+from navfw.perceive.perceiver_options import WorkingSize
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, Frame, FramePair
 

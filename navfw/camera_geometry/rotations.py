@@ -103,15 +103,6 @@ def rotate_points(points: Array, rotation: Array, focal: float) -> Array:
     return turned.reshape(points.shape)
 
 
-def rotational_flow(points: Array, rotation: Array, focal: float) -> Array:
-    """Flow (..., 2) [px] at current ``points`` of a camera that only rotates by ``rotation``.
-
-    It is independent of depth. The exact form of METHOD 2.3; ``rotation`` maps past to current
-    axes, as in CameraMotion.
-    """
-    return points - rotate_points(points, rotation.T, focal)
-
-
 def derotate(flow: FlowField, camera: CameraModel) -> FlowField:
     """``flow`` of a camera with the same translation but without rotation.
 

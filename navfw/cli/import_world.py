@@ -157,8 +157,12 @@ def _import_files(
     failed: list[InputError] = []
     single, count = len(folders) == 1, len(folders)
     for number, (file, folder) in enumerate(folders.items(), start=1):
+        kind = file.suffix.lower()
+        plan = kind in {".yaml", ".yml", *_IMAGE_SUFFIXES}
+        import_file, report = _import_plan if plan else _import_gazebo, bar.show_part
         try:
-            made.append(_import_file(file, folder, options, bar.show_part if single else silent))
+            options.check(kind, plan=plan)
+            made.append(import_file(file, folder, options, report if single else silent))
         except InputError as error:
             if single:
                 raise
@@ -168,20 +172,11 @@ def _import_files(
     return made, failed
 
 
-def _import_file(
-    source: Path, folder: Path, options: _ImportOptions, report: ProgressCallback
-) -> _Imported:
-    kind = source.suffix.lower()
-    plan = kind in {".yaml", ".yml", *_IMAGE_SUFFIXES}
-    options.check(kind, plan=plan)
-    return (_import_plan if plan else _import_gazebo)(source, folder, options, report)
-
-
 def _import_plan(
     source: Path, out: Path, options: _ImportOptions, report: ProgressCallback
 ) -> _Imported:
-    from navfw.worldgen.generated_world import MIN_PATH
     from navfw.worldgen.plan_exchange import import_plan, read_cleaning, read_plan
+    from navfw.worldgen.world_draft import MIN_PATH
 
     steps = read_cleaning({"speckle": options.speckle, "gap": options.gap})
     report("reading")
@@ -223,7 +218,7 @@ def _import_gazebo(
     source: Path, out: Path, options: _ImportOptions, report: ProgressCallback
 ) -> _Imported:
     from navfw.worldgen.gazebo_import import import_world
-    from navfw.worldgen.generated_world import MISSION
+    from navfw.worldgen.world_draft import MISSION
 
     begin, end = options.start, options.goal
     report("reading")

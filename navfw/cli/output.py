@@ -216,7 +216,8 @@ def standard_streams() -> Iterator[None]:
             with contextlib.suppress(OSError):
                 sys.stderr.write(f"navfw: cannot write the output: {error.strerror}\n")
                 sys.stderr.flush()
-        _discard()
+        for descriptor in _OUTPUTS:  # the interpreter's last flush succeeds, and goes nowhere
+            _to_null(descriptor)
         sys.exit(1)
 
 
@@ -229,12 +230,6 @@ def _replace_closed() -> None:
             _to_null(descriptor)
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(os.dup(descriptor), "w", encoding="utf-8"))
-
-
-def _discard() -> None:
-    """Let the interpreter's last flush succeed: what is still in the buffers goes nowhere."""
-    for descriptor in _OUTPUTS:
-        _to_null(descriptor)
 
 
 def _to_null(descriptor: int) -> None:

@@ -77,6 +77,7 @@ def drive(
     """
     with quiet_stdout():
         from navfw.plugins import default_registry
+        from navfw.process import listed_kernels
         from navfw.robot.robotfile import load_robot
         from navfw.ros import DriveNode, RosNode
         from navfw.stack import Stack
@@ -87,7 +88,9 @@ def drive(
         wanted = _options(topo_map, start, goal or [], tolerance, lockstep=lockstep)
         model = load_robot(robot or "default")
         made = Stack.load(stack or unnamed, model, topo_map, default_registry())
-        _load_kernels(quiet=json)
+        compile_with_progress(loaded=True, quiet=json)
+        for kernel in listed_kernels(loaded=True):  # its first call would stop the robot
+            kernel.compile()
         node, driver = RosNode("navfw", ctx.meta[_ROS_ARGS]), None
         try:
             driver = DriveNode(node, made, wanted)
@@ -96,23 +99,11 @@ def drive(
             ended = "ended by a signal"
         finally:
             node.close()
-    _print_end(ended, {"notes": node.notes, **(driver.latency() if driver else {})}, json=json)
-    if wanted.once and ended != "reached":
-        raise typer.Exit(1)
-
-
-def _load_kernels(*, quiet: bool) -> None:
-    """Compile and load what drives: the first call of each kernel would stop the robot."""
-    from navfw.process import listed_kernels
-
-    compile_with_progress(loaded=True, quiet=quiet)
-    for kernel in listed_kernels(loaded=True):
-        kernel.compile()
-
-
-def _print_end(ended: str, about: dict[str, Any], *, json: bool) -> None:
+    about = {"notes": node.notes, **(driver.latency() if driver else {})}
     lines = [ended, *(f"  {name} {value}" for name, value in about.items() if value)]
     print_result({"ended": ended, **about}, lines, json=json)
+    if wanted.once and ended != "reached":
+        raise typer.Exit(1)
 
 
 def _options(

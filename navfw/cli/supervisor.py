@@ -187,20 +187,16 @@ class _Supervisor:
         status = self._watch()
         self._take_signals()
         left = _end_orphans()
-        if self._run is None:
-            return self._without_run(status)
+        if self._run is None:  # the command has begun none
+            if self._code is not None:
+                return self._code
+            sys.stderr.write(f"navfw: {self._reason(status)}\n")
+            return 1
         if left:
             self._misdeeds.append(f"{left} process{'es' * (left != 1)} left running")
         if self._result is None:
             return self._conclude(status)
         return self._judge(*self._result)
-
-    def _without_run(self, status: int | str) -> int:
-        """The exit code of a command that has begun no run."""
-        if self._code is not None:
-            return self._code
-        sys.stderr.write(f"navfw: {self._reason(status)}\n")
-        return 1
 
     def _watch(self) -> int | str:
         """The status of the ended child, or why it was killed."""

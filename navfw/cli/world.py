@@ -46,7 +46,7 @@ def new(
 ) -> None:
     """Generate a world from a seed. Drive in it with navfw run FOLDER cross."""
     from navfw.worldgen import generate as make
-    from navfw.worldgen.generated_world import MISSION
+    from navfw.worldgen.world_draft import MISSION
 
     with quiet_stdout():
         made = make(family, seed, difficulty, contrast, look)

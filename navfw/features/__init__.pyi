@@ -5,6 +5,6 @@ from .recognizers import Aruco as Aruco
 from .recognizers import Landmarks as Landmarks
 from .recognizers import NoFeatures as NoFeatures
 from .recognizers import Posters as Posters
-from .square_localization import is_upright as is_upright
-from .square_localization import locate as locate
-from .square_localization import locate_with_covariance as locate_with_covariance
+from .recognizers import is_upright as is_upright
+from .recognizers import locate as locate
+from .recognizers import locate_with_covariance as locate_with_covariance

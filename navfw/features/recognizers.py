@@ -2,10 +2,15 @@
 
 ``aruco``: square markers (OpenCV's ArUco, 4 x 4 modules). ``posters``: pictures, found by ORB
 features, ratio test and homography. ``landmarks``: both of them. ``none``: for dead reckoning.
+
+The orientation of a small square is ambiguous (two solutions), but its range is not: both of its
+sides are vertical, and the length of a side over the difference of its ends' slopes is its
+horizontal distance, at any orientation (METHOD 4.6: range and bearing only).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
@@ -15,13 +20,93 @@ import numpy as np
 from pydantic import Field
 
 from navfw.config.image_file import read_image
-from navfw.features.landmark_appearance import marker_dictionary, poster_image
-from navfw.features.square_localization import is_upright, landmark_sizes, square_detection
+from navfw.features.landmark_appearance import identity_of, marker_dictionary, poster_image
 from navfw.interfaces import FeatureRecognizer
 from navfw.numerics import Array, Image
-from navfw.robot import RobotModel
+from navfw.numerics.functions import arctan2
+from navfw.numerics.products import product
+from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Frame, LandmarkDetection
 from navfw.topomap import TopoMap
+
+_STEP = 0.25
+"""Step of the numerical derivative [px]."""
+_MAX_LEAN = 0.25
+"""Largest lean of a side (horizontal over vertical extent): camera and plates are upright."""
+_BEARING_FLOOR = math.radians(0.3)
+_RANGE_FLOOR = 0.01
+"""Standard deviations of errors other than the corners': camera mount, focal length, plate. Bearing
+in rad, range as a share."""
+
+
+def landmark_sizes(topo_map: TopoMap, kind: str) -> Mapping[int, float]:
+    """Sides [m] of the map's landmarks of ``kind``, by id."""
+    marks = topo_map.landmarks.values()
+    return {mark.id: mark.size for mark in marks if mark.kind == kind}
+
+
+def locate(corners: Array, side: float, camera: CameraModel) -> Array:
+    """Bearing [rad] and range [m] in base_link (..., 2) of the centres of upright squares.
+
+    ``corners`` (..., 4, 2) [px, relative to the principal point] are top left, top right, bottom
+    right, bottom left in the image; ``side`` [m] is the squares' side.
+    """
+    ahead = np.full((*corners.shape[:-1], 1), camera.focal)
+    rays = product(np.concatenate([corners, ahead], axis=-1), camera.base_from_camera.T)
+    level = np.hypot(rays[..., 0], rays[..., 1])
+    slopes = rays[..., 2] / level
+    directions = rays[..., :2] / level[..., None]
+    # left side: corners 0 and 3; right side: corners 1 and 2
+    drop = np.maximum(slopes[..., :2] - slopes[..., :1:-1], 1e-6)
+    along = 0.5 * (directions[..., :2, :] + directions[..., :1:-1, :])
+    points = (side / drop)[..., None] * along
+    middle = points.mean(axis=-2)
+    x = middle[..., 0] + camera.mount_forward
+    return np.stack([arctan2(middle[..., 1], x), np.hypot(x, middle[..., 1])], axis=-1)
+
+
+def locate_with_covariance(
+    corners: Array, side: float, camera: CameraModel, sigma: float
+) -> tuple[Array, Array]:
+    """Bearing and range (2,) of one square, and their covariance (2, 2).
+
+    ``sigma`` [px] is one standard deviation of each coordinate of ``corners`` (4, 2).
+    """
+    shifts = _STEP * np.eye(8).reshape(8, 4, 2)
+    varied = locate(np.concatenate([corners[None], corners + shifts]), side, camera)
+    located = varied[0]
+    jacobian = (varied[1:] - located) / _STEP
+    covariance = product(sigma**2 * jacobian.T, jacobian)
+    covariance += np.diag([_BEARING_FLOOR**2, (_RANGE_FLOOR * located[1]) ** 2])
+    return located, covariance
+
+
+def is_upright(corners: Array) -> bool:
+    """Whether corners (4, 2) can be those of an upright square viewed from its front."""
+    left, right = corners[3] - corners[0], corners[2] - corners[1]
+    leans = abs(left[0]) > _MAX_LEAN * left[1] or abs(right[0]) > _MAX_LEAN * right[1]
+    return bool(not leans and corners[0, 0] < corners[1, 0] and corners[3, 0] < corners[2, 0])
+
+
+def square_detection(
+    time: float,
+    kind: str,
+    number: int,
+    pixels: Array,
+    side: float,
+    camera: CameraModel,
+    sigma: float,
+) -> LandmarkDetection:
+    """The detection of a landmark with corners ``pixels`` (4, 2) [px, from the image's corner].
+
+    ``side`` [m] is the landmark's side, ``sigma`` [px] the corners' standard deviation.
+    """
+    corners = pixels - 0.5 * np.array([camera.width - 1, camera.height - 1])
+    (bearing, away), covariance = locate_with_covariance(corners, side, camera, sigma)
+    return LandmarkDetection(
+        time, identity_of(kind, number), float(bearing), float(away), covariance
+    )
+
 
 _SIDES = (160, 64)
 """Sides [px] of the templates: one for near, one for distant posters."""

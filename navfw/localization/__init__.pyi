@@ -1,4 +1,3 @@
-from .bayes import Bayes as Bayes
 from .discrete_filter import DiscreteFilter as DiscreteFilter
 from .discrete_filter import DiscreteParams as DiscreteParams
 from .floor_plan import FloorPlanLocalizer as FloorPlanLocalizer
@@ -39,7 +38,8 @@ from .place_probabilities import load_table as load_table
 from .place_probabilities import situation_shares as situation_shares
 from .place_probabilities import situation_table as situation_table
 from .plan_field import PlanField as PlanField
-from .plan_scan import PlanScan as PlanScan
-from .plan_scan import scan_of as scan_of
+from .plan_field import PlanScan as PlanScan
+from .plan_field import scan_of as scan_of
+from .topological import Bayes as Bayes
 from .topological import PassageObserver as PassageObserver
 from .topological import Topological as Topological

@@ -194,17 +194,6 @@ class DiscreteFilter:
         ]
         return [observation.landmark.identity for observation in consistent_observations(fitting)]
 
-    def mass_near(self, pose: Pose, radius: float) -> float:
-        """The probability within ``radius`` [m] of ``pose`` (map), at similar headings."""
-        lattice = self.lattice
-        turned = wrap_angle(pose.yaw - self._last.yaw)
-        headings = np.abs(_wrapped(lattice.yaw - turned)) <= 5.0 * math.pi / lattice.headings
-        at = self._before(pose, turned)
-        rows, columns = self._window(*at, radius)
-        near = np.hypot(lattice.x[columns][None, :] - at[0], lattice.y[rows][:, None] - at[1])
-        window = self.belief[:, rows, columns][headings]
-        return float((window * (near <= radius)[None]).sum())
-
     @property
     def cluster(self) -> Cluster:
         """The cluster around the likeliest pose now (computed when the belief has changed)."""
@@ -347,12 +336,6 @@ class DiscreteFilter:
             wrap_angle(turned + self._last.yaw),
         )
         return Cluster(pose, cluster.mass, cluster.covariance, cluster.spread)
-
-    def _before(self, pose: Pose, turned: float) -> tuple[float, float]:
-        """Position [m, map] at the last shift of a robot that is now at ``pose``."""
-        dx, dy = self._last.x - self._shifted_at.x, self._last.y - self._shifted_at.y
-        c, s = math.cos(turned), math.sin(turned)
-        return pose.x - c * dx + s * dy, pose.y - s * dx - c * dy
 
     def _fits(self, observation: LandmarkObservation, pose: Pose) -> bool:
         mark = observation.landmark

@@ -13,8 +13,7 @@ from navfw.errors import MapError
 from navfw.localization import place_probabilities
 from navfw.localization.landmark_model import LandmarkExistence
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
-from navfw.localization.plan_field import PlanField
-from navfw.localization.plan_scan import PlanScan, scan_of
+from navfw.localization.plan_field import PlanField, PlanScan, scan_of
 from navfw.localization.plan_search import PlanSearch, are_close
 from navfw.numerics import Array
 from navfw.numerics.linear_systems import inverse, solve

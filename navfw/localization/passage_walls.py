@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import binary_erosion
 
-from navfw.localization.plan_scan import PlanScan
+from navfw.localization.plan_field import PlanScan
 from navfw.numerics import Array
 from navfw.numerics.linear_systems import inverse, solve
 from navfw.numerics.products import product

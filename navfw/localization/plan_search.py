@@ -12,8 +12,7 @@ from collections.abc import Generator
 
 import numpy as np
 
-from navfw.localization.plan_field import PlanField
-from navfw.localization.plan_scan import PlanScan, ScanMemory
+from navfw.localization.plan_field import PlanField, PlanScan, ScanMemory
 from navfw.numerics import Array
 from navfw.signals import Pose, wrap_angle
 from navfw.topomap.occupancy_map import OccupancyMap

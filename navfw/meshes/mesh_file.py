@@ -14,8 +14,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from navfw.config.foreign_files import line_of, read_xml
 from navfw.config.input_file import INPUT_BOUNDS, read_input, shown_path
-from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.numerics.arrays import Indices

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from navfw import signals
 from navfw.context import CommandGrid, Context
 from navfw.guard import PluginCallError, PluginGuard, label_of
 from navfw.guard.answers import items, mapping, nothing
@@ -18,18 +19,6 @@ from navfw.guard.stage_answers import check_command, check_proposal, check_weigh
 from navfw.interfaces import Behavior, Composite, Fusion, Plugin
 from navfw.localmap import Arcs, LocalGoal, LocalMap, Ranges
 from navfw.robot import RobotModel
-from navfw.signals import (
-    Belief,
-    Command,
-    Conflicts,
-    FlowField,
-    OccupiedDisc,
-    Odometry,
-    Percept,
-    Proposal,
-    Twist,
-    Waypoint,
-)
 
 AnswerT = TypeVar("AnswerT")
 
@@ -56,9 +45,9 @@ class ProgressMonitor:
 
     def update(
         self,
-        odometry: Odometry,
-        driven: Twist | None,
-        waypoint: Waypoint | None,
+        odometry: signals.Odometry,
+        driven: signals.Twist | None,
+        waypoint: signals.Waypoint | None,
         local_goal: LocalGoal | None,
     ) -> tuple[float, float]:
         """(stalled, idle) [s]: since when wheels do not follow, and no progress was made.
@@ -92,14 +81,14 @@ class DecisionInputs:
     that the safety monitor let through, None if that was the last command.
     """
 
-    odometry: Odometry
-    belief: Belief
-    waypoint: Waypoint | None
-    percept: Percept | None = None
-    flow: FlowField | None = None
-    conflicts: Conflicts | None = None
-    moving_obstacles: tuple[OccupiedDisc, ...] = ()
-    driven: Twist | None = None
+    odometry: signals.Odometry
+    belief: signals.Belief
+    waypoint: signals.Waypoint | None
+    percept: signals.Percept | None = None
+    flow: signals.FlowField | None = None
+    conflicts: signals.Conflicts | None = None
+    moving_obstacles: tuple[signals.OccupiedDisc, ...] = ()
+    driven: signals.Twist | None = None
 
 
 class Mofis:
@@ -147,10 +136,10 @@ class Mofis:
         for label, plugin in plugins.items():
             self.guard.call(label, plugin.reset, check=nothing)
         self.progress.reset()
-        self.proposals: dict[str, Proposal] = {}
+        self.proposals: dict[str, signals.Proposal] = {}
         self.weights: Mapping[str, float] = {}
         self.context: Context | None = None
-        self._previous: Command | None = None
+        self._previous: signals.Command | None = None
 
     @property
     def handles_moving_obstacles(self) -> bool:
@@ -166,7 +155,7 @@ class Mofis:
         """Time [s] without progress toward the waypoint, at the last decision."""
         return 0.0 if self.context is None else self.context.idle
 
-    def decide(self, inputs: DecisionInputs) -> Command | None:
+    def decide(self, inputs: DecisionInputs) -> signals.Command | None:
         """The command for now; None when the fusion fails."""
         context = self.context = self._context(inputs)
         self.proposals = {}
@@ -266,8 +255,8 @@ def explanation_lines(explanation: dict[str, Any]) -> list[str]:
 
 
 def explain_command(
-    command: Command,
-    proposals: Mapping[str, Proposal],
+    command: signals.Command,
+    proposals: Mapping[str, signals.Proposal],
     mofis: Mofis,
     guard: PluginGuard | None = None,
 ) -> dict[str, Any]:

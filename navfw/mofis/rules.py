@@ -15,15 +15,8 @@ import numba
 import numpy as np
 from pydantic import Field
 
+from navfw import fuzzy
 from navfw.context import CommandGrid, Context
-from navfw.fuzzy import (
-    CompiledFis,
-    Inference,
-    RuleBase,
-    TermCorners,
-    load_rule_base,
-    parse_rule_base,
-)
 from navfw.interfaces import Behavior, Composite, Plugin
 from navfw.numerics import Array
 from navfw.numerics.products import sum_in_order
@@ -47,7 +40,9 @@ def _cut_and_joined(terms: Array, cuts: Array) -> Array:
 class Verdict:
     """The result of a rule base for one set of inputs, or (``evaluate_all``) for many at once."""
 
-    def __init__(self, rules: BehaviorRules, result: Inference, shape: tuple[int, ...]) -> None:
+    def __init__(
+        self, rules: BehaviorRules, result: fuzzy.Inference, shape: tuple[int, ...]
+    ) -> None:
         self._rules = rules
         self._result = result
         self._shape = shape
@@ -101,19 +96,19 @@ class BehaviorRules:
     backwards) and top turning rate (positive: left).
     """
 
-    def __init__(self, base: RuleBase | str | Path) -> None:
-        self.base = base if isinstance(base, RuleBase) else load_rule_base(Path(base))
-        self.fis = CompiledFis(self.base)
+    def __init__(self, base: fuzzy.RuleBase | str | Path) -> None:
+        self.base = base if isinstance(base, fuzzy.RuleBase) else fuzzy.load_rule_base(Path(base))
+        self.fis = fuzzy.CompiledFis(self.base)
         self._terms: dict[tuple[str, bytes], Array] = {}
         self._peaks: dict[str, tuple[float, ...]] = {}
 
     @classmethod
-    def beside(cls, module_file: str, terms: TermCorners | None = None) -> BehaviorRules:
+    def beside(cls, module_file: str, terms: fuzzy.TermCorners | None = None) -> BehaviorRules:
         """The rule base in the YAML file beside a module: ``BehaviorRules.beside(__file__)``.
 
         ``terms`` has corners of terms of inputs, instead of those in the file.
         """
-        return cls(load_rule_base(cls.file_beside(module_file), terms))
+        return cls(fuzzy.load_rule_base(cls.file_beside(module_file), terms))
 
     @staticmethod
     def file_beside(module_file: str) -> Path:
@@ -123,7 +118,7 @@ class BehaviorRules:
     @classmethod
     def parse(cls, text: str, source: str | None = None) -> BehaviorRules:
         """The rule base written as YAML in ``text``; ``source`` is its name in errors."""
-        return cls(parse_rule_base(text, source))
+        return cls(fuzzy.parse_rule_base(text, source))
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -197,7 +192,7 @@ class _Ruled(Plugin):
 
         """
         if cls.load_rules is _Ruled.load_rules:
-            load_rule_base(BehaviorRules.file_beside(inspect.getfile(cls)))
+            fuzzy.load_rule_base(BehaviorRules.file_beside(inspect.getfile(cls)))
 
     def load_rules(self) -> BehaviorRules:
         """The rules; override it if they are not in the YAML file beside the class.

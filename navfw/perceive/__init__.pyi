@@ -33,4 +33,4 @@ from .pair_result import PairResult as PairResult
 from .perceiver import NO_FLOOR as NO_FLOOR
 from .perceiver import Perceiver as Perceiver
 from .perceiver_options import PerceiverOptions as PerceiverOptions
-from .working_size import WorkingSize as WorkingSize
+from .perceiver_options import WorkingSize as WorkingSize

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from navfw.errors import InputError
 from navfw.numerics import Array
 from navfw.perceive.pair_motion import TrackImage, track_points
-from navfw.perceive.working_size import WorkingSize
+from navfw.perceive.perceiver_options import WorkingSize
 from navfw.process.atomic import scratch_folder
 from navfw.recording.bag_reader import Bag, driven_way, ros_image
 

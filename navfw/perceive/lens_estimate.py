@@ -22,7 +22,7 @@ from navfw.lenses import ARCTAN, CameraCalibration, LensShape, focal_for
 from navfw.perceive.image_sources import ImageSource
 from navfw.perceive.lens_fit import LensFit, TrackedPair
 from navfw.perceive.pair_motion import TrackImage, track_points
-from navfw.perceive.working_size import HFOV, WorkingSize
+from navfw.perceive.perceiver_options import HFOV, WorkingSize
 
 _LOOKED_AT = 120
 """Number of pairs that are looked at."""

@@ -20,7 +20,7 @@ from navfw.numerics import Array, Image
 from navfw.offis.percept_explanation import front_in
 from navfw.perceive.image_sources import ImageSource
 from navfw.perceive.pair_result import PairResult, strongest_term
-from navfw.perceive.working_size import WorkingSize
+from navfw.perceive.perceiver_options import WorkingSize
 from navfw.process.atomic import AtomicFolder
 from navfw.recording.video_output import VIDEO_SUFFIX, VideoOutput
 from navfw.signals import FlowField, Label, Percept

@@ -36,7 +36,7 @@ from navfw.egomotion.flow_egomotion import (
 from navfw.egomotion.plane_approach import towards_plane
 from navfw.numerics import Array, Image
 from navfw.perceive.motion_record import RATES, MotionRecord
-from navfw.perceive.working_size import WorkingSize
+from navfw.perceive.perceiver_options import WorkingSize
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, FlowField
 

@@ -30,8 +30,13 @@ from navfw.perceive.pair_motion import (
     rotation_vector,
 )
 from navfw.perceive.pair_result import PairResult
-from navfw.perceive.perceiver_options import MAX_STRIDE, PerceiverOptions
-from navfw.perceive.working_size import WorkingSize, are_alike, has_texture
+from navfw.perceive.perceiver_options import (
+    MAX_STRIDE,
+    PerceiverOptions,
+    WorkingSize,
+    are_alike,
+    has_texture,
+)
 from navfw.plugins import Registry
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import FlowField, Frame, FramePair, Label, Percept, Twist

@@ -1,4 +1,7 @@
-"""Options of the perceiver, and what it assumes about the camera where nothing is given."""
+"""Options of the perceiver, and what it assumes about the camera where nothing is given.
+
+Images are scaled and cropped to a size that the flow's grid divides.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,127 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from navfw.errors import InputError
+from navfw.numerics import Array, Image
 from navfw.perceive.image_sources import ImageSource
 from navfw.perceive.motion_record import MotionRecord
-from navfw.perceive.working_size import HFOV, WorkingSize
+from navfw.robot import CameraModel
+
+HFOV = (15.0, 155.0)
+"""Smallest and largest horizontal field of view of a pinhole camera [deg]."""
+_AREA = 160 * 120
+"""Area of the paper's images [px^2], for which windows and search range are chosen."""
+_CONTRAST, _TEXTURED = 6.0, 0.3
+"""Standard deviation [grey levels] in a cell with texture, and share of such cells in an image that
+has texture."""
+_MIN_SIDE = 24
+"""Least side of an image [px], the side of a window of block matching."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorkingSize:
+    """Conversion of images (``width`` x ``height`` px) to working images for the flow.
+
+    Images are scaled by ``scale`` along both axes, then cropped around the centre to ``cut_width``
+    x ``cut_height``, multiples of the grid.
+    """
+
+    width: int
+    height: int
+    scale: float
+    cut_width: int
+    cut_height: int
+
+    @classmethod
+    def of(cls, width: int, height: int, rows: int, cols: int) -> WorkingSize:
+        """The working size closest to the paper's with the least cropping.
+
+        Raises:
+            InputError: the images are too small, or far too long for the grid.
+
+        """
+        if min(width, height) < _MIN_SIDE:
+            raise InputError(
+                f"images of {width} x {height} px are too small; at least {_MIN_SIDE} px are "
+                "needed per side"
+            )
+        best: tuple[float, WorkingSize] | None = None
+        for cell_width in range(2, 1 + math.ceil(math.sqrt(4 * _AREA * width / height) / cols)):
+            cut_width = cell_width * cols
+            for cell_height in _cells(cut_width, width, height, rows):
+                cut_height = cell_height * rows
+                scale = max(cut_width / width, cut_height / height)
+                kept = cut_width * cut_height / (scale * scale * width * height)
+                area = cut_width * cut_height / _AREA
+                if not (32 <= cut_width <= 1920 and _MIN_SIDE <= cut_height <= 1080):
+                    continue  # as CameraModel
+                if area > 4.0:
+                    continue
+                # a factor of two in area costs as much as 15 % cropping
+                cost = (1.0 - kept) + 0.15 * abs(math.log2(area))
+                if best is None or cost < best[0] - 1e-9:
+                    best = cost, cls(width, height, scale, cut_width, cut_height)
+        if best is None:
+            raise InputError(
+                f"a grid of {rows} x {cols} does not fit images of {width} x {height} px"
+            )
+        return best[1]
+
+    def camera(self, hfov: float, height: float, pitch: float, rate: float) -> CameraModel:
+        """The camera model of the working images.
+
+        ``hfov`` [rad] is the horizontal field of view of the original images, ``height`` [m] that
+        of the camera above the floor, ``pitch`` [rad] nose down, ``rate`` [1/s].
+        """
+        focal = 0.5 * self.scale * self.width / math.tan(0.5 * hfov)
+        return CameraModel(
+            width=self.cut_width,
+            height=self.cut_height,
+            hfov=2.0 * math.atan(0.5 * self.cut_width / focal),
+            mount_height=height,
+            mount_forward=0.0,
+            pitch=pitch,
+            rate=rate,
+        )
+
+    def prepare(self, image: Image) -> Image:
+        """The working image (cut_height, cut_width) luminance of ``image`` (height, width, 3)."""
+        grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+        width = max(round(self.scale * self.width), self.cut_width)
+        height = max(round(self.scale * self.height), self.cut_height)
+        way = cv2.INTER_AREA if self.scale < 1.0 else cv2.INTER_LINEAR
+        scaled = cv2.resize(grey, (width, height), interpolation=way)
+        x, y = (width - self.cut_width) // 2, (height - self.cut_height) // 2
+        cut = scaled[y : y + self.cut_height, x : x + self.cut_width]
+        return np.ascontiguousarray(cut, dtype=np.uint8)
+
+    def to_image(self, points: Array) -> Array:
+        """``points`` (..., 2) [px from the centre of the working image] in the original image."""
+        return points / self.scale + 0.5 * np.array([self.width, self.height])
+
+
+def _cells(cut_width: int, width: int, height: int, rows: int) -> tuple[int, ...]:
+    """Cell heights [px] with the least cropping for working images of ``cut_width`` [px]."""
+    exact = cut_width * height / (width * rows)
+    return tuple(n for n in {math.floor(exact), math.ceil(exact)} if n >= 2)
+
+
+def are_alike(past: Image, now: Image) -> bool:
+    """Whether two grey images (height, width) with some contrast show the same, unmoved."""
+    change = np.abs(now.astype(np.int16) - past).mean()
+    return bool(change < 0.1 * now.std() and now.std() > 4.0)
+
+
+def has_texture(image: Image, shape: tuple[int, int]) -> bool:
+    """Whether most cells of a grid of ``shape`` over a grey image (height, width) have contrast."""
+    grey, size = image.astype(np.float32), shape[::-1]
+    mean, squares = (cv2.resize(i, size, interpolation=cv2.INTER_AREA) for i in (grey, grey**2))
+    contrast = np.sqrt(np.maximum(squares - np.square(mean), 0.0))
+    return float((contrast > _CONTRAST).mean()) > _TEXTURED
+
 
 _USUAL_VIEW = 65.0
 """Field of view along the longer side of an image that is assumed if none is given [deg]: that of

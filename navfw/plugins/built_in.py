@@ -34,7 +34,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "posters": "navfw.features.recognizers:Posters",
     },
     "localizer": {
-        "bayes": "navfw.localization.bayes:Bayes",
+        "bayes": "navfw.localization.topological:Bayes",
         "dead_reckoning": "navfw.localization.motion_model:DeadReckoning",
         "ekf": "navfw.localization.metric_filter:Ekf",
         "floor_plan": "navfw.localization.floor_plan:FloorPlanLocalizer",

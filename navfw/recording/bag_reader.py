@@ -19,9 +19,9 @@ import numpy as np
 
 from navfw.config.document import load_yaml
 from navfw.config.extras import extra_imports
+from navfw.config.foreign_files import check_database
 from navfw.config.image_file import decode_image
 from navfw.config.input_file import INPUT_BOUNDS, is_folder, max_bytes, open_input, shown_path
-from navfw.config.sqlite_file import check_database
 from navfw.errors import ConfigError, NavfwError, UnknownNameError, did_you_mean
 from navfw.numerics import Array, Image
 from navfw.recording.ros_messages import message_types

@@ -17,8 +17,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from navfw.config.foreign_files import line_of
 from navfw.config.input_file import shown_path
-from navfw.config.xml_file import line_of
 from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.numerics.products import product, sum_in_order

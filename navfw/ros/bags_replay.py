@@ -14,26 +14,12 @@ from typing import Any
 import cv2
 import numpy as np
 
+from navfw import recording
 from navfw.errors import InputError, locating
 from navfw.numerics import Array
 from navfw.perceive import camera_contradiction
 from navfw.plugins import default_registry
 from navfw.process.interruption import check_interrupted, interruptible
-from navfw.recording import (
-    RECORDING,
-    RESULT,
-    Bag,
-    BagImage,
-    RunFolder,
-    RunRecorder,
-    WorldOutline,
-    code_revision,
-    driven_way,
-    hash_commands,
-    machine_kind,
-    plain_json,
-    ros_image,
-)
 from navfw.recording.channel_list import SeenRun
 from navfw.robot import RobotModel
 from navfw.ros.sensor_inputs import TOLERANCE, as_taken, goal_at
@@ -54,7 +40,7 @@ _VIEW = math.radians(1.0)
 """Difference of fields of view [rad] that is told."""
 
 
-def _gyro(bag: Bag) -> Array:
+def _gyro(bag: recording.Bag) -> Array:
     """(n, 4) the rates by the gyro, or else by the wheels, about the vertical alone."""
     if len(bag.gyro) or len(bag.odometry) < 2:
         return bag.gyro
@@ -67,10 +53,10 @@ def _gyro(bag: Bag) -> Array:
 class _Readings:
     """The readings of ``robot`` in ``bag`` at its control rate, for a single iteration."""
 
-    def __init__(self, bag: Bag, robot: RobotModel) -> None:
+    def __init__(self, bag: recording.Bag, robot: RobotModel) -> None:
         self._bag, self._robot, self._gyro = bag, robot, _gyro(bag)
         turned = 0.5 * robot.track * bag.odometry[:, 3]
-        way = driven_way(bag.odometry)
+        way = recording.driven_way(bag.odometry)
         rolled = np.column_stack([bag.odometry[:, 0], way - turned, way + turned])
         if len(bag.joints):
             rolled = bag.joints * [1.0, robot.wheel_radius, robot.wheel_radius]
@@ -115,10 +101,10 @@ class _Readings:
             ticks = [np.interp(now, times, self._ticks[after - 1 : after + 1, k]) for k in (1, 2)]
         return Encoders(min(taken, now), round(float(ticks[0])), round(float(ticks[1])))
 
-    def _frame(self, item: BagImage) -> Frame | None:
+    def _frame(self, item: recording.BagImage) -> Frame | None:
         """The image as the robot's camera takes it; None, and a note, if it is damaged."""
         try:
-            grey = cv2.cvtColor(ros_image(item.message, item.name), cv2.COLOR_BGR2GRAY)
+            grey = cv2.cvtColor(recording.ros_image(item.message, item.name), cv2.COLOR_BGR2GRAY)
         except InputError as error:
             self._bag.notes.append(f"an image is left out: {error}")
             return None
@@ -126,19 +112,19 @@ class _Readings:
             return Frame(item.time, as_taken(np.asarray(grey, dtype=np.uint8), self._robot.camera))
 
 
-def _due(item: BagImage) -> float:
+def _due(item: recording.BagImage) -> float:
     """When an image was delivered [s]: as received, if stamps are on the same clock."""
     return item.received if 0.0 <= item.received - item.time <= _DELAY else item.time
 
 
-def driven_map(bag: Bag) -> TopoMap:
+def driven_map(bag: recording.Bag) -> TopoMap:
     """A map of the way that the bag's wheels drove, from its start at the origin.
 
     It has a place every two metres; without a way it leads two metres ahead.
     """
     points = [(0.0, 0.0)]
     if len(bag.odometry):
-        way = np.abs(np.diff(driven_way(bag.odometry), prepend=0.0)).cumsum()
+        way = np.abs(np.diff(recording.driven_way(bag.odometry), prepend=0.0)).cumsum()
         start = Pose(*bag.odometry[0, 1:].tolist())
         for row in [*np.searchsorted(way, np.arange(_LEG, way[-1], _LEG)).tolist(), -1]:
             point = start.to_local(*bag.odometry[row, 1:3].tolist())
@@ -161,7 +147,7 @@ class BagReplay:
 
     def __init__(
         self,
-        bag: Bag,
+        bag: recording.Bag,
         robot: RobotModel,
         topo_map: TopoMap,
         start: Pose | None,
@@ -172,8 +158,10 @@ class BagReplay:
         self._goals = [goal_at(topo_map, name) for name in goals]
         self._stack = ShadowStack.load(stack_name, robot, topo_map, default_registry())
         self._config = {"mission": self._mission(), "stack": self._stack.config}
-        about = {"world": bag.path.name, "config": json.dumps(plain_json(self._config))}
-        self._recorder = RunRecorder(about, SeenRun(self._stack, WorldOutline()))
+        about = {"world": bag.path.name, "config": json.dumps(recording.plain_json(self._config))}
+        self._recorder = recording.RunRecorder(
+            about, SeenRun(self._stack, recording.WorldOutline())
+        )
         self._held: Counter[str] = Counter()
         if bag.info is not None:
             view = 2.0 * math.atan(0.5 * bag.info.width / max(float(bag.matrix[0]), 1e-9))
@@ -194,7 +182,7 @@ class BagReplay:
         }
 
     def run(
-        self, target: RunFolder, progress: Callable[[int, int], None] = lambda *_: None
+        self, target: recording.RunFolder, progress: Callable[[int, int], None] = lambda *_: None
     ) -> dict[str, Any]:
         """Replay the whole bag into a run folder; ``progress`` takes ticks done, and all.
 
@@ -221,9 +209,9 @@ class BagReplay:
                 rows.append((reading.time, twist.v, twist.w, *was))
                 progress(number + 1, len(readings))
         result = self._result(np.array(rows), time.perf_counter() - began)
-        target.write_json(RESULT, result)
+        target.write_json(recording.RESULT, result)
         writers = target.input_writers(stack.config, stack.topo_map)
-        for name, write in {**writers, RECORDING: self._recorder.save}.items():
+        for name, write in {**writers, recording.RECORDING: self._recorder.save}.items():
             write(target.path / name)
         return result
 
@@ -256,13 +244,13 @@ class BagReplay:
             "sim_time_s": duration,
             "wall_time_s": wall,
             "real_time_factor": duration / max(wall, 1e-9),
-            "command_hash": hash_commands(rows[:, :3]),
+            "command_hash": recording.hash_commands(rows[:, :3]),
             "notes": [*dict.fromkeys(self._bag.notes), *self._compared(rows)],
             "faults": list(self._stack.state.faults),
             "events": [],
             "config": self._config,
-            "revision": code_revision(),
-            "machine": machine_kind(),
+            "revision": recording.code_revision(),
+            "machine": recording.machine_kind(),
         }
 
     def _compared(self, rows: Array) -> list[str]:

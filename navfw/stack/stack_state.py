@@ -10,21 +10,8 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from navfw import signals
 from navfw.safety import PersistentFailure
-from navfw.signals import (
-    Belief,
-    Command,
-    FlowField,
-    LandmarkDetection,
-    MovingObject,
-    Odometry,
-    Percept,
-    Pose,
-    Proposal,
-    Sight,
-    Stixels,
-    Waypoint,
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,24 +26,24 @@ class StackState:
     """
 
     time: float
-    odometry: Odometry | None = None
-    belief: Belief | None = None
-    flows: tuple[FlowField, ...] = ()
-    percept: Percept | None = None
-    moving_objects: tuple[MovingObject, ...] = ()
-    stixels: Stixels | None = None
-    waypoint: Waypoint | None = None
-    path: tuple[Waypoint, ...] = ()
-    proposals: Mapping[str, Proposal] | None = None
-    command: Command | None = None
+    odometry: signals.Odometry | None = None
+    belief: signals.Belief | None = None
+    flows: tuple[signals.FlowField, ...] = ()
+    percept: signals.Percept | None = None
+    moving_objects: tuple[signals.MovingObject, ...] = ()
+    stixels: signals.Stixels | None = None
+    waypoint: signals.Waypoint | None = None
+    path: tuple[signals.Waypoint, ...] = ()
+    proposals: Mapping[str, signals.Proposal] | None = None
+    command: signals.Command | None = None
     finished: bool = False
     stuck: str | None = None
     veto: str = ""
     unsure: bool = False
-    sight: Sight = Sight.ENOUGH
+    sight: signals.Sight = signals.Sight.ENOUGH
     fault: PersistentFailure | None = None
     faults: tuple[str, ...] = ()
-    landmark_detections: tuple[LandmarkDetection, ...] = ()
+    landmark_detections: tuple[signals.LandmarkDetection, ...] = ()
     detection_counts: Mapping[str, int] = field(default_factory=dict)
 
 
@@ -79,8 +66,8 @@ class ProgressWatch:
 
     def __init__(self) -> None:
         self.give_up_reason: str | None = None
-        self._unsure_of: Waypoint | None = None
-        self._no_route_since: tuple[float, Pose] | None = None
+        self._unsure_of: signals.Waypoint | None = None
+        self._no_route_since: tuple[float, signals.Pose] | None = None
         self._vetoes: Counter[str] = Counter()
 
     @property
@@ -91,8 +78,8 @@ class ProgressWatch:
     def update(
         self,
         now: float,
-        belief: Belief,
-        waypoint: Waypoint | None,
+        belief: signals.Belief,
+        waypoint: signals.Waypoint | None,
         idle: float,
         no_route_reason: str | None,
         veto: str = "",
@@ -131,13 +118,13 @@ class ProgressWatch:
         return f"; held by the safety monitor: {veto}" if held else ""
 
 
-def _is_at(belief: Belief, waypoint: Waypoint | None) -> bool:
+def _is_at(belief: signals.Belief, waypoint: signals.Waypoint | None) -> bool:
     """Whether the robot is at a goal that the planner does not count as reached."""
     if waypoint is None or not waypoint.final:
         return False
     return _away(belief, waypoint) <= waypoint.tolerance
 
 
-def _away(belief: Belief, point: Pose | Waypoint) -> float:
+def _away(belief: signals.Belief, point: signals.Pose | signals.Waypoint) -> float:
     """Distance [m] of a point of the map from the estimated position."""
     return math.hypot(point.x - belief.pose.x, point.y - belief.pose.y)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from navfw import signals
 from navfw.camera_geometry.image_reduction import reduce_frame
 from navfw.camera_geometry.rotations import derotate
 from navfw.egomotion.odometer import OdometryHistory
@@ -20,21 +21,13 @@ from navfw.movers import MultiViewDetector
 from navfw.numerics import Image
 from navfw.numerics.products import product
 from navfw.robot import CameraEffects, CameraModel, RobotModel
-from navfw.signals import (
-    FlowField,
-    Frame,
-    MovingObject,
-    Odometry,
-    Percept,
-    SensorReading,
-    Stixels,
-    YawCorrection,
-)
 from navfw.stack.stackfile import StackSettings
 from navfw.stack.stopwatch import timed
 
 
-def straight_reading(reading: SensorReading, lens: Undistortion | None) -> SensorReading:
+def straight_reading(
+    reading: signals.SensorReading, lens: Undistortion | None
+) -> signals.SensorReading:
     """``reading`` with its frame as a pinhole camera would show it; nothing without a ``lens``.
 
     A frame of another size than the camera's stays: the flow refuses it. Side views and landmark
@@ -47,8 +40,8 @@ def straight_reading(reading: SensorReading, lens: Undistortion | None) -> Senso
 
 
 def ready_frame(
-    frame: Frame | None, robot: RobotModel, factor: int, history: OdometryHistory
-) -> Frame | None:
+    frame: signals.Frame | None, robot: RobotModel, factor: int, history: OdometryHistory
+) -> signals.Frame | None:
     """``frame`` reduced by ``factor``, as a level camera of the reduced ``robot`` would take it.
 
     The pitch is that of the time of the frame in ``history``.
@@ -60,7 +53,7 @@ def ready_frame(
     if pitch == 0.0:
         return frame
     sides = zip(frame.sides, robot.side_cameras, strict=True)
-    return Frame(
+    return signals.Frame(
         frame.time,
         _level(frame.image, robot.camera, pitch),
         tuple(_level(side, camera, pitch) for side, camera in sides),
@@ -83,12 +76,12 @@ class View:
     for the odometer. ``percept`` is the newest of the percepts with any depth.
     """
 
-    flows: tuple[FlowField, ...] = ()
-    percepts: tuple[Percept, ...] = ()
-    moving_objects: tuple[MovingObject, ...] = ()
-    stixels: Stixels | None = None
-    yaw_corrections: tuple[YawCorrection, ...] = ()
-    percept: Percept | None = field(init=False)
+    flows: tuple[signals.FlowField, ...] = ()
+    percepts: tuple[signals.Percept, ...] = ()
+    moving_objects: tuple[signals.MovingObject, ...] = ()
+    stixels: signals.Stixels | None = None
+    yaw_corrections: tuple[signals.YawCorrection, ...] = ()
+    percept: signals.Percept | None = field(init=False)
 
     def __post_init__(self) -> None:
         seen = (percept for percept in reversed(self.percepts) if percept.sees_depth)
@@ -128,11 +121,11 @@ class Vision:
         self.perception.reset()
         self._detector.reset()
 
-    def process(self, frame: Frame, odometry: Odometry) -> View:
+    def process(self, frame: signals.Frame, odometry: signals.Odometry) -> View:
         """The view of ``frame``; ``odometry`` is of (about) the same time."""
-        flows: list[FlowField] = []
-        percepts: list[Percept] = []
-        corrections: list[YawCorrection] = []
+        flows: list[signals.FlowField] = []
+        percepts: list[signals.Percept] = []
+        corrections: list[signals.YawCorrection] = []
         self._frames.add(frame, odometry)
         for pair in self._frames.pairs():
             with timed(self.timings, "flow"):
@@ -155,8 +148,8 @@ class Vision:
         return View(tuple(flows), tuple(percepts), moving_objects, stixels, tuple(corrections))
 
     def _derotated(
-        self, flow: FlowField, odometry: Odometry
-    ) -> tuple[FlowField, YawCorrection | None]:
+        self, flow: signals.FlowField, odometry: signals.Odometry
+    ) -> tuple[signals.FlowField, signals.YawCorrection | None]:
         """``flow`` without its rotational part, and the yaw by which the gyro was refined.
 
         With ``derotate: false`` all flow counts as translational, as for a robot without a gyro;
@@ -171,5 +164,5 @@ class Vision:
             return derotate(flow, camera), None
         flow = with_yaw_sigma(flow, odometry)
         refinement = refine(flow, camera)
-        correction = YawCorrection(refinement.yaw, refinement.yaw_sigma, flow.motion)
+        correction = signals.YawCorrection(refinement.yaw, refinement.yaw_sigma, flow.motion)
         return refinement.apply(flow, camera), correction

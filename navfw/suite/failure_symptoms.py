@@ -62,7 +62,7 @@ def collect_symptoms(result: MissionResult) -> FailureSymptoms:
         collision=collision,
         path=path,
         motion=_motion(result) if log.ticks else None,
-        sight=_sight(log) if log.ticks else Sight.ENOUGH,
+        sight=Sight(int(np.median(log.sight[_late(log)]))) if log.ticks else Sight.ENOUGH,
         fault=result.run.verdict.fault,
     )
 
@@ -219,11 +219,6 @@ def _motion(result: MissionResult) -> MotionSymptoms:
         recent_turned=float(turned),
         vetoed=float(log.vetoed[_late(log)].mean()),
     )
-
-
-def _sight(log: RunLog) -> Sight:
-    """Median sight of the path ahead over the end of the run."""
-    return Sight(int(np.median(log.sight[_late(log)])))
 
 
 def _late(log: RunLog) -> Mask:

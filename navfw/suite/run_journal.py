@@ -25,8 +25,8 @@ from typing import NamedTuple
 
 from pydantic import TypeAdapter
 
+from navfw.config.foreign_files import open_database
 from navfw.config.input_file import INPUT_BOUNDS, is_file
-from navfw.config.sqlite_file import open_database
 from navfw.errors import ConfigError, InputError
 from navfw.missions.outcome import Outcome
 from navfw.process.atomic import atomic_file, write_text

@@ -299,7 +299,12 @@ class MissionCache:
                 result = drive(case)
             run = DrivenRun.of(result)
             if inputs.cover(files, result.session.stack):
-                _store(self.folder / inputs.key, run)
+                pattern, place = "|".join(map(re.escape, FILES)), self.folder / inputs.key
+                with (
+                    suppress(InputError, OSError),  # what is not stored costs no test
+                    AtomicFolder(place, re.compile(pattern), "cache_dir") as target,
+                ):
+                    store_run(run, target.path)
             return run, result
 
     def run_folder(self, case: MissionCase) -> Path | None:
@@ -341,10 +346,3 @@ class MissionCache:
             yield
         finally:
             claim.release()
-
-
-def _store(folder: Path, run: DrivenRun) -> None:
-    """Store a run; a cache that cannot be written costs no test."""
-    pattern = re.compile("|".join(re.escape(name) for name in FILES))
-    with suppress(InputError, OSError), AtomicFolder(folder, pattern, "cache_dir") as target:
-        store_run(run, target.path)

@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from navfw.config.foreign_files import line_of, read_xml
 from navfw.config.input_file import max_bytes, parse_json, read_input_text, shown_path
-from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError, MapError
 from navfw.process.atomic import write_text
 from navfw.topomap import mapfile

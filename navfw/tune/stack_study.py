@@ -19,9 +19,9 @@ from optuna.trial import FrozenTrial
 from ruamel.yaml import YAML
 from sqlalchemy.exc import SQLAlchemyError
 
+from navfw.config.foreign_files import check_database
 from navfw.config.input_file import is_file
 from navfw.config.lookup import find
-from navfw.config.sqlite_file import check_database
 from navfw.errors import ConfigError, InputError
 from navfw.plugins import Registry
 from navfw.process.atomic import atomic_file, write_text, writing

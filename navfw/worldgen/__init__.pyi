@@ -2,8 +2,6 @@ from .gazebo_import import POLE_HEIGHT as POLE_HEIGHT
 from .gazebo_import import ImportedWorld as ImportedWorld
 from .gazebo_import import import_world as import_world
 from .gazebo_import import reference_length as reference_length
-from .generated_world import MAP_FILE as MAP_FILE
-from .generated_world import GeneratedWorld as GeneratedWorld
 from .generation import FAMILIES as FAMILIES
 from .generation import generate as generate
 from .looks import LOOKS as LOOKS
@@ -18,4 +16,6 @@ from .sdf_reader import read_sdf as read_sdf
 from .upright_parts import MAX_PARTS as MAX_PARTS
 from .upright_parts import UprightPart as UprightPart
 from .upright_parts import mesh_solids as mesh_solids
+from .world_draft import MAP_FILE as MAP_FILE
+from .world_draft import GeneratedWorld as GeneratedWorld
 from .world_draft import WorldDraft as WorldDraft

@@ -27,10 +27,9 @@ from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec
-from navfw.worldgen.generated_world import MISSION, write_world
 from navfw.worldgen.looks import Palette
 from navfw.worldgen.sdf_reader import SdfShape, SdfWorld, read_sdf
-from navfw.worldgen.world_draft import FAST_ROBOT, POLES_STACK, ROBOT
+from navfw.worldgen.world_draft import FAST_ROBOT, MISSION, POLES_STACK, ROBOT, write_world
 
 POLE_HEIGHT = 1.0
 """Height of BARN's poles [m]: in the files, half of their 1 m is below the ground."""

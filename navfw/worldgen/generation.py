@@ -14,13 +14,19 @@ from navfw.missions.missionspec import MissionSpec
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import MAX_CONTRAST, Look
 from navfw.worldgen.corridors import Corridors
-from navfw.worldgen.generated_world import MAP_FILE, MIN_PATH, GeneratedWorld
 from navfw.worldgen.hard import Hard
 from navfw.worldgen.looks import LOOKS, with_contrast, with_look
 from navfw.worldgen.maze import Maze
 from navfw.worldgen.open_areas import Clutter, Moving, Poles
 from navfw.worldgen.rooms import Rooms
-from navfw.worldgen.world_draft import ROBOT, Unsuitable, WorldDraft
+from navfw.worldgen.world_draft import (
+    MAP_FILE,
+    MIN_PATH,
+    ROBOT,
+    GeneratedWorld,
+    Unsuitable,
+    WorldDraft,
+)
 
 _SHIPPED: dict[str, type[WorldFamily]] = {
     family.name: family for family in (Rooms, Clutter, Corridors, Maze, Moving, Poles, Hard)

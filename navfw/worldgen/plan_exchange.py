@@ -34,11 +34,10 @@ from navfw.topomap.occupancy_map import (
     load_ros_map,
     plan_of_image,
 )
-from navfw.worldgen.generated_world import MAP_FILE, MIN_PATH, write_world
 from navfw.worldgen.looks import Palette
 from navfw.worldgen.plan_cleaning import CleanedPlan, PlanCleaning, cleaned
 from navfw.worldgen.plan_walls import wall_rectangles
-from navfw.worldgen.world_draft import ROBOT
+from navfw.worldgen.world_draft import MAP_FILE, MIN_PATH, ROBOT, write_world
 
 RESOLUTION = 0.05
 """Edge of a cell [m]: the usual one of maps for Nav2."""

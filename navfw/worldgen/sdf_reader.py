@@ -16,8 +16,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from navfw.config.foreign_files import line_of, read_xml
 from navfw.config.input_file import INPUT_BOUNDS, is_file, max_bytes, shown_path
-from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError, WorldError
 from navfw.meshes import MeshLimits, read_triangles
 from navfw.numerics import Array

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 import pytest
-from flow_scene import exact_field, turn_about
+from flow_scene import exact_field, rotational_flow, turn_about
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -16,7 +16,6 @@ from navfw.camera_geometry import (
     rotate_points,
     rotation_matrix,
     rotation_vector,
-    rotational_flow,
     turn_point,
     turning_slope,
     undo_turn,

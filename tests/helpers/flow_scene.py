@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from scipy.ndimage import map_coordinates
 
+from navfw.camera_geometry import rotate_points
 from navfw.flow import grid_points
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel
@@ -14,6 +15,15 @@ from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Pose
 
 TILE = 2.0  # period of the textures [m]
 TEXELS = 256
+
+
+def rotational_flow(points: Array, rotation: Array, focal: float) -> Array:
+    """Flow (..., 2) [px] at current ``points`` of a camera that only rotates by ``rotation``.
+
+    It is independent of depth. The exact form of METHOD 2.3; ``rotation`` maps past to current
+    axes, as in CameraMotion.
+    """
+    return points - rotate_points(points, rotation.T, focal)
 
 
 def smooth_texture(rng: np.random.Generator) -> Array:

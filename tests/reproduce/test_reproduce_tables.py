@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flow_scene import rotational_flow
 
 from navfw.bench import front_of
-from navfw.camera_geometry import rotational_flow
 from navfw.config import find
 from navfw.reproduce import (
     FAST,

@@ -10,7 +10,7 @@ from cli_calls import invoke, put_files, refusal
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.config import xml_file
+from navfw.config import foreign_files
 from navfw.errors import InputError
 from navfw.missions import prepare
 from navfw.robot import load_robot, read_urdf, robot_notes
@@ -186,7 +186,7 @@ def test_a_urdf_is_parsed_once_and_a_changed_one_again(
 
     def counted(content: bytes, name: str, what: str) -> Element:
         parsed.append(name)
-        return xml_file.parse_xml(content, name, what)
+        return foreign_files.parse_xml(content, name, what)
 
     monkeypatch.setattr("navfw.robot.urdf.parse_xml", counted)
     (project / "bot.urdf").write_text(URDF.replace("'bot'", "'once'"))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from architecture_sources import ROOT, imports, tree_of
+from flow_scene import rotational_flow
 from stack_samples import (
     GOAL,
     OFFIS,
@@ -18,7 +19,6 @@ from stack_samples import (
     wall_view,
 )
 
-from navfw.camera_geometry import rotational_flow
 from navfw.egomotion import FloorOdometry, Odometer
 from navfw.guard import GuardedFlow, GuardedPerception, PluginGuard
 from navfw.interfaces import FlowProcessor
