@@ -266,12 +266,8 @@ def _figures(
         "epe_median": float(np.median(error[own.trusted])) if own.trusted.any() else None,
         "epe_common": _mean(error[common]),
         "epe_at_first": _mean(error[own.trusted & first.trusted]),
-        **{
-            f"within_{n}_sigma": None
-            if name in plain
-            else _mean((error < n * own.sigma)[own.trusted])
-            for n in (1, 2)
-        },
+        "within_1_sigma": None if name in plain else _mean((error < own.sigma)[own.trusted]),
+        "within_2_sigma": None if name in plain else _mean((error < 2 * own.sigma)[own.trusted]),
         "beaten_by": sorted(beaten_by),
     }
 

@@ -8,6 +8,7 @@ import typer
 from typer.core import TyperCommand
 
 from navfw.cli import options
+from navfw.cli.options import completer_of
 from navfw.cli.output import print_result, quiet_stdout
 from navfw.cli.warm import compile_with_progress
 from navfw.recording.run_folder import plain_json
@@ -43,15 +44,13 @@ def drive(
     robot: options.Robot = None,
     map_: Annotated[
         str,
-        typer.Option(
-            "--map", help="Name or file of a map.", autocompletion=options.completer_of("map")
-        ),
+        typer.Option("--map", help="Name or file of a map.", autocompletion=completer_of("map")),
     ] = _MAP_OF_NOTHING,
     stack: Annotated[
         str | None,
         typer.Option(
             help="Name or file of a stack [default: floor_plan with a floor plan, or default].",
-            autocompletion=options.completer_of("stack"),
+            autocompletion=completer_of("stack"),
         ),
     ] = None,
     start: Annotated[
@@ -77,7 +76,6 @@ def drive(
     """
     with quiet_stdout():
         from navfw.plugins import default_registry
-        from navfw.process import listed_kernels
         from navfw.robot.robotfile import load_robot
         from navfw.ros import DriveNode, RosNode
         from navfw.stack import Stack
@@ -88,9 +86,7 @@ def drive(
         wanted = _options(topo_map, start, goal or [], tolerance, lockstep=lockstep)
         model = load_robot(robot or "default")
         made = Stack.load(stack or unnamed, model, topo_map, default_registry())
-        compile_with_progress(loaded=True, quiet=json)
-        for kernel in listed_kernels(loaded=True):  # its first call would stop the robot
-            kernel.compile()
+        _load_kernels(quiet=json)
         node, driver = RosNode("navfw", ctx.meta[_ROS_ARGS]), None
         try:
             driver = DriveNode(node, made, wanted)
@@ -99,11 +95,23 @@ def drive(
             ended = "ended by a signal"
         finally:
             node.close()
-    about = {"notes": node.notes, **(driver.latency() if driver else {})}
-    lines = [ended, *(f"  {name} {value}" for name, value in about.items() if value)]
-    print_result({"ended": ended, **about}, lines, json=json)
+    _print_end(ended, {"notes": node.notes, **(driver.latency() if driver else {})}, json=json)
     if wanted.once and ended != "reached":
         raise typer.Exit(1)
+
+
+def _load_kernels(*, quiet: bool) -> None:
+    """Compile and load what drives: the first call of each kernel would stop the robot."""
+    from navfw.process import listed_kernels
+
+    compile_with_progress(loaded=True, quiet=quiet)
+    for kernel in listed_kernels(loaded=True):
+        kernel.compile()
+
+
+def _print_end(ended: str, about: dict[str, Any], *, json: bool) -> None:
+    lines = [ended, *(f"  {name} {value}" for name, value in about.items() if value)]
+    print_result({"ended": ended, **about}, lines, json=json)
 
 
 def _options(

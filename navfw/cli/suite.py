@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import sys
 from collections.abc import Callable
 from enum import StrEnum
@@ -261,8 +262,6 @@ def _print_table(done: SuiteResult, table: Path) -> None:
     if not done.unsaved:
         typer.echo(f"table: {table}")
         return
-    import csv
-
     from navfw.suite.run_journal import table_cells
 
     csv.writer(sys.stdout, lineterminator="\n").writerows(table_cells(done.rows))

@@ -6,7 +6,8 @@ another user owns or that anyone may write to, as ``/tmp``: a project planted th
 The working folder itself is always looked at.
 
 A project has the same shape as navfw's repository, with plugins in ``behaviors/*.py``. A file of
-the project takes precedence over the shipped one of the same name.
+the project takes precedence over the shipped one of the same name. Packages of ROS are folders,
+whose roots the environment names.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from __future__ import annotations
 import os
 import stat
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -270,3 +271,24 @@ def _first_of_each_name(files: Iterator[NamedFile]) -> list[NamedFile]:
     for file in files:
         by_name.setdefault(file.name, file)
     return sorted(by_name.values(), key=lambda file: file.name)
+
+
+def package_roots(path: Path, folders: Iterable[str]) -> Iterator[Path]:
+    """The folders that may have packages of ROS in them, for the file at ``path``.
+
+    ``folders``, those of the environment's ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``, and
+    those around the file.
+    """
+    yield from map(Path, folders)
+    yield from map(Path, filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)))
+    prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
+    yield from (Path(prefix) / "share" for prefix in prefixes)
+    yield from path.absolute().parents
+
+
+def package_folders(name: str, roots: Iterable[Path]) -> Iterator[Path]:
+    """The folders that may be the package ``name``: in the roots, or a root of that name itself."""
+    for root in roots:
+        yield root / name
+        if root.name == name:
+            yield root

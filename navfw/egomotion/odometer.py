@@ -280,7 +280,9 @@ class Odometer:
         way = 0.5 * (left + right)
         self._speed += (way / dt - self._speed) * -math.expm1(-dt / _SPEED_SMOOTHING)
         if self._resting(encoders.time) and abs(rate) <= _MAX_BIAS:
-            self._learn_bias(rate, dt)
+            # its mean over the time at rest, with a fading memory as the bias drifts
+            self._bias_time = min(self._bias_time + dt, _BIAS_MEMORY)
+            self._bias += (rate - self._bias) * min(1.0, dt / self._bias_time)
             turn = 0.0
         else:
             turn = (rate - self._bias) * dt
@@ -366,11 +368,6 @@ class Odometer:
         if moved > _FLICKER:
             self._rest_ticks = (encoders.left, encoders.right)
             self._rest_since = encoders.time
-
-    def _learn_bias(self, rate: float, dt: float) -> None:
-        """Average the rate over the time at rest, with a fading memory as the bias drifts."""
-        self._bias_time = min(self._bias_time + dt, _BIAS_MEMORY)
-        self._bias += (rate - self._bias) * min(1.0, dt / self._bias_time)
 
 
 class _GyroResidual:

@@ -60,19 +60,14 @@ class FreeDistance(NamedTuple):
 
 
 def arcs_of(
-    occupancy: OccupancyGrid,
-    pose: Pose,
-    speeds: Array,
-    turns: Array,
-    margin: float,
-    reach: float = 1.6,
-    horizon: float = 0.6,
+    occupancy: OccupancyGrid, pose: Pose, speeds: Array, turns: Array, margin: float
 ) -> Arcs:
     """Sweep the robot's body, widened by ``margin`` [m], along the arc of every command.
 
     ``speeds`` (n_v,) [m/s] ascending and ``turns`` (n_w,) [rad/s] span the commands; clearances are
-    taken over the first ``horizon`` [m].
+    taken over the first part.
     """
+    reach, horizon = 1.6, 0.6  # of the arcs, and of clearances [m]
     free, observed, clearance = np.empty((3, speeds.size, turns.size))
     turn = np.full(turns.size, math.inf)
     robot = occupancy.robot

@@ -228,10 +228,8 @@ class Bag:
     def _table(self, role: str, rows: list[tuple[float, ...]]) -> Array:
         """Times, reception and numbers; nan as time of messages that are unusable."""
         table = np.array(rows, dtype=np.float64).reshape(-1, 2 + _ROLES[role][2])
-        topic, off = (
-            self._topics[role],
-            float(np.median(table[:, 1] - table[:, 0])) if rows else 0.0,
-        )
+        topic = self._topics[role]
+        off = float(np.median(table[:, 1] - table[:, 0])) if rows else 0.0
         if abs(off) > _CLOCKS:
             table[:, 0] = table[:, 1]
             what = f"the clock of {topic} is {abs(off):.6g} s {'behind' if off > 0.0 else 'ahead'}"

@@ -7,13 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from navfw.robot.camera_models import (
-    CameraEffects,
-    CameraModel,
-    LandmarkCamera,
-    SideCamera,
-    SideViews,
-)
+from navfw.robot import camera_models
 from navfw.signals import Twist
 
 Speed = Annotated[float, Field(gt=0.0, le=10.0)]
@@ -190,16 +184,17 @@ class RobotModel(BaseModel):
     control_rate: Annotated[
         float, Field(ge=1.0, le=240.0, description="LOCOM ticks, up to those of physics [Hz]")
     ] = 60.0
-    camera: CameraModel = CameraModel()
+    camera: camera_models.CameraModel = camera_models.CameraModel()
     side_views: Annotated[
-        SideViews | None, Field(description="what a wider lens shows beside the camera's image")
+        camera_models.SideViews | None,
+        Field(description="what a wider lens shows beside the camera's image"),
     ] = None
     landmark_camera: Annotated[
-        LandmarkCamera, Field(description="how the camera is read out for landmarks")
-    ] = LandmarkCamera()
+        camera_models.LandmarkCamera, Field(description="how the camera is read out for landmarks")
+    ] = camera_models.LandmarkCamera()
     camera_effects: Annotated[
-        CameraEffects, Field(description="of a real camera, in all its images")
-    ] = CameraEffects()
+        camera_models.CameraEffects, Field(description="of a real camera, in all its images")
+    ] = camera_models.CameraEffects()
     odometry: Annotated[OdometrySheet, Field(description="error model of gyro and wheels")] = (
         OdometrySheet()
     )
@@ -277,7 +272,7 @@ class RobotModel(BaseModel):
         return math.hypot(max(footprint.front, footprint.rear), 0.5 * footprint.width)
 
     @property
-    def side_cameras(self) -> tuple[SideCamera, ...]:
+    def side_cameras(self) -> tuple[camera_models.SideCamera, ...]:
         """The cameras that would take the side views: left and right; none without side views."""
         if self.side_views is None:
             return ()
@@ -286,7 +281,7 @@ class RobotModel(BaseModel):
         turn = 0.5 * camera.hfov - sides.overlap + half
         view = camera.model_dump() | {"width": sides.width, "hfov": 2.0 * half}
         view["calibration"] = None  # they are straight
-        return tuple(SideCamera(**view, turn=side * turn) for side in (1.0, -1.0))
+        return tuple(camera_models.SideCamera(**view, turn=side * turn) for side in (1.0, -1.0))
 
     @property
     def seen_aside(self) -> float:
@@ -296,7 +291,7 @@ class RobotModel(BaseModel):
         left = self.side_cameras[0]
         return left.turn + 0.5 * left.hfov
 
-    def with_camera(self, camera: CameraModel) -> RobotModel:
+    def with_camera(self, camera: camera_models.CameraModel) -> RobotModel:
         """The same robot with ``camera`` for its only one."""
         return self.model_copy(update={"camera": camera, "side_views": None})
 
@@ -313,7 +308,7 @@ class RobotModel(BaseModel):
         return self.model_copy(update=update)
 
     @property
-    def landmark_view(self) -> CameraModel:
+    def landmark_view(self) -> camera_models.CameraModel:
         """The camera as it takes landmark frames: mounted and looking as ``camera`` does."""
         wanted = self.landmark_camera
         return self.camera.model_copy(

@@ -20,7 +20,7 @@ import numpy as np
 from navfw.config.extras import require_extra
 from navfw.config.foreign_files import line_of, parse_xml
 from navfw.config.input_file import is_file, max_bytes, read_input, shown_path
-from navfw.config.ros_packages import package_folders, package_roots
+from navfw.config.lookup import package_folders, package_roots
 from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.numerics.products import product

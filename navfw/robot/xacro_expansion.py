@@ -23,7 +23,7 @@ from typing import Any, NoReturn
 
 from navfw.config.extras import require_extra
 from navfw.config.input_file import INPUT_BOUNDS, read_input, read_input_text, shown_path
-from navfw.config.ros_packages import package_folders
+from navfw.config.lookup import package_folders
 from navfw.errors import ConfigError
 
 _INCLUDED = INPUT_BOUNDS["file that xacro includes"]

@@ -152,13 +152,8 @@ class RosNode:
         async def execute(goal: Any) -> Any:
             waiting.append(future())
             success = await waiting[-1]
-            (
-                goal.canceled
-                if goal.is_cancel_requested
-                else goal.succeed
-                if success
-                else goal.abort
-            )()
+            ended = goal.succeed if success else goal.abort
+            (goal.canceled if goal.is_cancel_requested else ended)()
             return action.Result()
 
         server.ActionServer(

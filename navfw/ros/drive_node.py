@@ -134,12 +134,9 @@ class DriveNode:
         node.subscribe("goal_pose", TOPICS["goal_pose"][0], self._take_goal, "reliable")
         node.subscribe("goal_place", TOPICS["goal_place"][0], self._take_place, "reliable")
         node.subscribe("initialpose", TOPICS["initialpose"][0], self._take_start, "reliable")
-        for name, answer in (
-            ("stop", self._stop),
-            ("resume", self._resume),
-            ("cancel", self._cancel),
-        ):
-            node.serve(name, answer)
+        node.serve("stop", self._stop)
+        node.serve("resume", self._resume)
+        node.serve("cancel", self._cancel)
         kind = "nav2_msgs/action/NavigateToPose"
         self._end_goal = node.serve_action(
             "navigate_to_pose", kind, lambda goal: self._take_goal(goal.pose), self._cancel

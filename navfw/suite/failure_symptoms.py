@@ -48,7 +48,8 @@ def collect_symptoms(result: MissionResult) -> FailureSymptoms:
     spec = session.mission.spec
     stack = session.stack
     odometry = stack.state.odometry
-    now = _true_at(log, stack.state.time)
+    decided = int(np.searchsorted(log.time, stack.state.time - 1e-9))
+    now = Pose(*log.true[decided]) if decided < log.ticks else None  # the log may end before it
     collision = path = None
     if log.contacts and now is not None:
         collision = _collision(result, now)
@@ -65,12 +66,6 @@ def collect_symptoms(result: MissionResult) -> FailureSymptoms:
         sight=Sight(int(np.median(log.sight[_late(log)]))) if log.ticks else Sight.ENOUGH,
         fault=result.run.verdict.fault,
     )
-
-
-def _true_at(log: RunLog, time: float) -> Pose | None:
-    """The true pose at the stack's last decision; None if the log ends before it."""
-    index = int(np.searchsorted(log.time, time - 1e-9))
-    return Pose(*log.true[index]) if index < log.ticks else None
 
 
 # --- collisions ----------------------------------------------------------------------------------

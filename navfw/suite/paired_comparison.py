@@ -67,10 +67,8 @@ def mcnemar_pairs(difference: float, discordant: float, power: float = 0.8) -> i
     return math.ceil((half / effect) ** 2)
 
 
-def paired_interval(
-    only_a: int, only_b: int, pairs: int, confidence: float = 0.95
-) -> tuple[float, float]:
-    """Interval of the difference of two paired proportions, B minus A (Bonett and Price 2012).
+def paired_interval(only_a: int, only_b: int, pairs: int) -> tuple[float, float]:
+    """95 % interval of the difference of paired proportions, B minus A (Bonett and Price 2012).
 
     A success in only one run of a pair counts for ``only_a`` or ``only_b``. Wald's interval with
     one more of each and two more pairs: it keeps its coverage for few pairs.
@@ -80,15 +78,13 @@ def paired_interval(
     (-0.028, 0.028)
     """
     a, b = (only_a + 1) / (pairs + 2), (only_b + 1) / (pairs + 2)
-    z = NormalDist().inv_cdf(0.5 + 0.5 * confidence)
+    z = NormalDist().inv_cdf(0.975)
     half = z * math.sqrt((a + b - (b - a) ** 2) / (pairs + 2))
     return max(-1.0, b - a - half), min(1.0, b - a + half)
 
 
-def median_interval(
-    values: Sequence[float], confidence: float = 0.95
-) -> tuple[float, float] | None:
-    """Interval of the median by order statistics; None for too few values.
+def median_interval(values: Sequence[float]) -> tuple[float, float] | None:
+    """95 % interval of the median by order statistics; None for too few values.
 
     It assumes no distribution: the number of values below the median is binomial.
 
@@ -99,7 +95,7 @@ def median_interval(
 
     ordered, count = sorted(values), len(values)
     # the values below the interval, with its lower end, and as many above
-    rank = int(binom.ppf(0.5 - 0.5 * confidence, count, 0.5)) if count else 0
+    rank = int(binom.ppf(0.025, count, 0.5)) if count else 0
     return (ordered[rank - 1], ordered[count - rank]) if rank else None
 
 
