@@ -1,7 +1,7 @@
 """Feature Recognition Processor (paper sec 2): landmark detections from single images.
 
-``aruco`` detects markers, ``posters`` pictures, ``combined_landmarks`` both, or nothing.
-``square_localization`` computes bearing and range from the corners.
+``recognizers`` detects markers, pictures, both, or nothing, and computes bearing and range from
+their corners; ``landmark_appearance`` says how they look.
 """
 
 import lazy_loader

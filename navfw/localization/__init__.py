@@ -4,9 +4,8 @@
 (``metric_filter``), ``bayes`` finds an unknown start by a discrete one (``discrete_filter`` over a
 ``lattice``), ``topological`` combines both. Landmark detections become observations, weighted by
 each landmark's existence probability (``landmark_model``); OFFIS' situations enter by
-``situation_model``.
-``floor_plan`` matches the walls that are seen to the map's floor plan (``plan_field``), and
-searches it for an unknown start (``plan_search``).
+``place_probabilities``. ``floor_plan`` matches the walls that are seen to the map's floor plan
+(``plan_field``), and searches it for an unknown start (``plan_search``).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Triangle meshes from files, of bounded size: furniture of a world, collision shapes to import.
 
-``mesh_file`` reads all formats; ``furniture_meshes`` scales a mesh, or a URDF's shapes, to
-metres, and covers it with boxes for plans; ``triangle_mesh`` has sections and surfaces.
+``mesh_file`` reads all formats, and has sections and surfaces; ``furniture_meshes`` scales a mesh,
+or a URDF's shapes, to metres, and covers it with boxes for plans.
 """
 
 import lazy_loader

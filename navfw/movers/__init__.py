@@ -8,7 +8,7 @@ The data flow one way, from image cells to predicted conflicts:
 3. ``localization`` makes one detection of each connected region: bearing, distance by the foot
    point on the floor, velocity by the flow.
 4. ``multi_view`` runs 1 to 3 for each view of the lens as its ``DetectionSchedule`` asks: full,
-   coarse or idle; ``view_merging`` joins an object that shows in two of them.
+   coarse or idle; an object that shows in two of them is joined.
 5. ``tracking`` associates detections with tracks in the odom frame (gated cost, Kalman filter with
    constant velocity) and confirms them.
 6. ``conflict_prediction`` moves robot and tracks on together and gives, for every command, distance
