@@ -13,17 +13,15 @@ from collections.abc import Sequence
 from typing import Annotated
 
 import cv2
+import numba
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from navfw.config.strict_model import StrictModel
 from navfw.localmap.occupancy_grid import OccupancyGrid
-from navfw.numerics.arrays import Bytes
+from navfw.numerics.arrays import Array, Bytes, Indices
 from navfw.signals import Belief, PassageQuery, PassageStatus, Pose
 
-Cells = npt.NDArray[np.intp]
-"""(k,) flat indices of cells."""
 Metres = Annotated[float, Field(ge=0.0, le=5.0)]
 
 _MIN_LENGTH = 0.3
@@ -108,6 +106,8 @@ class TraversabilityCheck:
 
 
 Leg = tuple[tuple[float, float], tuple[float, float], float]
+Gate = tuple[float, float, float, float, float, float, float, float]
+"""x, y of the grid's first cell, side of a cell, x, y of the leg's end, its direction, half width."""
 
 
 def _passage_statuses(
@@ -118,13 +118,11 @@ def _passage_statuses(
     Legs are judged up to ``reach`` [m] from odom ``pose``; the first closed one is the last of the
     list, as the camera does not see behind it.
     """
-    radius = occupancy.robot.radius
-    passable = (occupancy.clearance >= radius - _RADIUS_TOLERANCE).astype(np.uint8)
-    observed = ((occupancy.clearance >= radius) & (occupancy.observed > 0)).astype(np.uint8)
-    strip = np.zeros_like(passable)
+    radius, clearance = occupancy.robot.radius, occupancy.clearance
+    strip = np.zeros(clearance.shape, np.uint8)
     row, column = occupancy.index(pose.x, pose.y)
     cv2.circle(strip, (column, row), round(_START_RADIUS / occupancy.params.cell), 1, -1)
-    near = _cells_of(strip)
+    near = np.flatnonzero(strip.view(np.bool_))
     statuses: list[PassageStatus] = []
     for start, end, half in legs:
         stop = _cut(pose, start, end, reach)
@@ -136,14 +134,15 @@ def _passage_statuses(
         if math.dist(start, stop) < _MIN_LENGTH:
             statuses.append("unknown")
             continue
-        gate = _gate(occupancy, strip, start, stop, half + slack)
-        if _connected(observed & strip, near, gate):
+        gate = _gate(occupancy, start, stop, half + slack)
+        if _leads(strip, near, clearance, radius, occupancy.observed, gate)[1]:
             statuses.append("open")
-        elif passable.ravel()[near].any() and not _connected(passable & strip, near, gate):
-            statuses.append("closed")
-            break
-        else:
-            statuses.append("unknown")
+            continue
+        # were all unobserved cells free
+        begins, leads = _leads(strip, near, clearance, radius - _RADIUS_TOLERANCE, strip, gate)
+        if begins and not leads:
+            return [*statuses, "closed"]
+        statuses.append("unknown")
     return statuses
 
 
@@ -163,33 +162,50 @@ def _cut(
 
 
 def _gate(
-    occupancy: OccupancyGrid,
-    strip: Bytes,
-    start: tuple[float, float],
-    end: tuple[float, float],
-    half: float,
-) -> Cells:
-    """The cells of the strip across the leg's end: a path that reaches one of them has passed."""
-    cell = occupancy.params.cell
-    cells = _cells_of(strip)
-    rows, columns = np.divmod(cells, occupancy.size)
-    x = occupancy.origin[0] + cell * columns - end[0]
-    y = occupancy.origin[1] + cell * rows - end[1]
+    occupancy: OccupancyGrid, start: tuple[float, float], end: tuple[float, float], half: float
+) -> Gate:
+    """The gate across the leg's end, ``half`` [m] to either side."""
     length = math.dist(start, end)
     ux, uy = (end[0] - start[0]) / length, (end[1] - start[1]) / length
+    return *occupancy.origin, occupancy.params.cell, *end, ux, uy, half
+
+
+@numba.njit(cache=True)
+def _in_gate(gate: Gate, row: int, column: int) -> bool:  # pragma: no cover - compiled
+    """Whether a cell is in the gate: a path that reaches one of its cells has passed."""
+    left, bottom, cell, end_x, end_y, ux, uy, half = gate
+    x, y = left + cell * column - end_x, bottom + cell * row - end_y
     along = ux * x + uy * y
-    aside = uy * x - ux * y
-    return cells[(along >= -cell) & (along <= 2.0 * cell) & (np.abs(aside) <= half)]
+    return -cell <= along <= 2.0 * cell and abs(uy * x - ux * y) <= half
 
 
-def _connected(free: Bytes, near: Cells, gate: Cells) -> bool:
-    """Whether one connected free area reaches from near the robot to the gate."""
-    areas, labels = cv2.connectedComponents(free, connectivity=4)
-    reached = np.zeros(areas, np.bool_)
-    reached[labels.ravel()[near]] = True
-    reached[0] = False  # label 0 is what is not free
-    return bool(reached[labels.ravel()[gate]].any())
+@numba.njit(cache=True)
+def _leads(
+    strip: Bytes, near: Indices, clearance: Array, least: float, observed: Bytes, gate: Gate
+) -> tuple[bool, bool]:  # pragma: no cover - compiled
+    """Whether a path may begin at one of the cells ``near``, and whether one leads to the gate.
 
-
-def _cells_of(marked: Bytes) -> Cells:
-    return np.flatnonzero(marked.view(np.bool_))
+    It leads over cells of the ``strip`` that are ``observed`` and have at least some clearance;
+    ``near`` (k,) are flat indices.
+    """
+    size, cells = strip.shape[1], strip.size
+    free, waiting = strip.copy().reshape(-1), np.empty(cells, np.int64)
+    room, seen = clearance.reshape(-1), observed.reshape(-1)
+    count = 0
+    for i in near:
+        if seen[i] and room[i] >= least:
+            free[i], waiting[count] = 0, i  # reached
+            count += 1
+    begins = count > 0
+    while count > 0:
+        count -= 1
+        at = waiting[count]
+        column = at % size
+        if _in_gate(gate, at // size, column):
+            return begins, True
+        # at the first and the last column a neighbour is the cell itself
+        for i in (at - size, at + size, at - min(column, 1), at + min(size - 1 - column, 1)):
+            if 0 <= i < cells and free[i] and seen[i] and room[i] >= least:
+                free[i], waiting[count] = 0, i
+                count += 1
+    return begins, False

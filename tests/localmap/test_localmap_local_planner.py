@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from navfw.localmap import (
     TraversabilityCheck,
 )
 from navfw.localmap.cost_kernels import cost_to_go, descend, first_leg
-from navfw.localmap.traversability import _gate
+from navfw.localmap.traversability import _gate, _in_gate
 from navfw.numerics import Array
 from navfw.signals import Belief, OccupiedDisc, Odometry, PassageQuery, Pose, Twist
 
@@ -295,9 +295,9 @@ def statuses(occupancy: OccupancyGrid, legs: list[PassageQuery], sigma: float = 
 
 def test_the_gate_of_a_leg_lies_across_its_end() -> None:
     occupancy = grid_with(observed=False)
-    everywhere = np.ones((occupancy.size, occupancy.size), np.uint8)
-    gate = _gate(occupancy, everywhere, (1.0, 0.5), (1.0, 1.5), 0.3)
-    rows, columns = np.divmod(gate, occupancy.size)
+    gate = _gate(occupancy, (1.0, 0.5), (1.0, 1.5), 0.3)
+    cells = product(range(occupancy.size), repeat=2)
+    rows, columns = np.transpose([cell for cell in cells if _in_gate(gate, *cell)])
     x, y = (occupancy.origin[k] + occupancy.params.cell * (columns, rows)[k] for k in (0, 1))
     cell = 1.01 * occupancy.params.cell
     assert (x.min(), x.max()) == pytest.approx((0.7, 1.3), abs=cell)
