@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated
 
 import numba
@@ -292,18 +292,18 @@ class LocalMap:
         return self.local_planner.plan(self.occupancy, pose, x, y, moving_obstacles)
 
     def passage_report(
-        self, queries: Sequence[PassageQuery], odometry: Odometry, belief: Belief
+        self, queries: Callable[[], Sequence[PassageQuery]], odometry: Odometry, belief: Belief
     ) -> PassageReport | None:
         """Status of the queried legs, and drops in the map frame; None until the next check is due.
 
-        ``queries`` are the legs of the route, in order, the first from the robot on.
+        ``queries``, asked for then, are the legs of the route in order, the first from the robot.
         """
         pose, time = odometry.pose, odometry.time
         if not (self.occupancy.located and self.traversability.due(time)):
             return None
         return PassageReport(
             time=time,
-            passages=self.traversability.check(self.occupancy, queries, pose, belief, time),
+            passages=self.traversability.check(self.occupancy, queries(), pose, belief, time),
             drops=tuple(
                 belief.pose.to_parent(*pose.to_local(*point)) for point in self.drops.points()
             ),

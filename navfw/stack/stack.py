@@ -381,7 +381,7 @@ class Stack:
 
     def _check_passages(self, odometry: Odometry, belief: Belief) -> None:
         """Check the passages ahead; the planner receives the report at the next frame."""
-        queries = () if belief.lost else self.planner.queries
+        queries = tuple if belief.lost else lambda: self.planner.queries
         with timed(self.timings, "motion"):
             self._passage_report = self.local_map.passage_report(queries, odometry, belief)
 

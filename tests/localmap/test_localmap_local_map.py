@@ -91,7 +91,7 @@ def all_free() -> LocalMap:
 def passage_report(chosen: LocalMap, at: Pose = ORIGIN, time: float = 0.0) -> PassageReport | None:
     """The report without queries of a robot at the origin of odom, and at ``at`` in the map."""
     belief = Belief(0.0, at, np.diag([0.01, 0.01, 0.01]))
-    return chosen.passage_report([], Odometry(time, ORIGIN, AHEAD, 0.0, still=False), belief)
+    return chosen.passage_report(tuple, Odometry(time, ORIGIN, AHEAD, 0.0, still=False), belief)
 
 
 @pytest.mark.parametrize("twist", [AHEAD, Twist(-0.1, 0.2), Twist(0.0, 1.0)])
