@@ -228,10 +228,13 @@ def _cells_of(pose: Pose, origin: tuple[float, float], cell: float, size: int) -
     """(2, 3): from (column, row) around the robot to (column, row) of the grid in odom axes."""
     middle, cos, sin = size // 2, math.cos(pose.yaw), math.sin(pose.yaw)
     # of a cell, the metres ahead are (middle - row) * cell, to the left (middle - column) * cell
-    turn = np.array([[sin, -cos], [-cos, -sin]])
-    place = np.array([pose.x - origin[0], pose.y - origin[1]]) / cell
-    shift = place - turn @ np.array([middle, middle], dtype=np.float64)
-    return np.column_stack([turn, shift])
+    column, row = (pose.x - origin[0]) / cell, (pose.y - origin[1]) / cell
+    return np.array(
+        [
+            [sin, -cos, column + (cos - sin) * middle],
+            [-cos, -sin, row + (cos + sin) * middle],
+        ]
+    )
 
 
 def _grid_of(stack: Stack) -> tuple[int, int]:
