@@ -145,9 +145,8 @@ def _votes(
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Spots (k, 2) of floor that the cells of a percept show, and one vote (k,) for each.
 
-    The vote follows the majority of the spot's cells; a tie is 0. ``turn``
-    is ``base_from_camera``; ``camera`` its focal length [px], height and place ahead [m]; ``pose``
-    is (x, y, cos yaw, sin yaw).
+    The vote follows the majority of the spot's cells; a tie is 0. ``turn`` is ``base_from_camera``;
+    ``camera`` its focal length [px], height, place ahead [m]; ``pose`` x, y, cos yaw, sin yaw.
     """
     focal, height, forward = camera
     x, y, c, s = pose

@@ -106,8 +106,8 @@ class TraversabilityCheck:
 
 
 Leg = tuple[tuple[float, float], tuple[float, float], float]
-Gate = tuple[float, float, float, float, float, float, float, float]
-"""x, y of the grid's first cell, side of a cell, x, y of the leg's end, its direction, half width."""
+Gate = tuple[float, ...]
+"""x, y of the grid's first cell, side of a cell, end of the leg, its direction, half width."""
 
 
 def _passage_statuses(
@@ -134,11 +134,10 @@ def _passage_statuses(
         if math.dist(start, stop) < _MIN_LENGTH:
             statuses.append("unknown")
             continue
-        gate = _gate(occupancy, start, stop, half + slack)
+        gate = _gate(occupancy, (start, stop, half + slack))
         if _leads(strip, near, clearance, radius, occupancy.observed, gate)[1]:
             statuses.append("open")
             continue
-        # were all unobserved cells free
         begins, leads = _leads(strip, near, clearance, radius - _RADIUS_TOLERANCE, strip, gate)
         if begins and not leads:
             return [*statuses, "closed"]
@@ -161,10 +160,9 @@ def _cut(
     return start[0] + share * dx, start[1] + share * dy
 
 
-def _gate(
-    occupancy: OccupancyGrid, start: tuple[float, float], end: tuple[float, float], half: float
-) -> Gate:
-    """The gate across the leg's end, ``half`` [m] to either side."""
+def _gate(occupancy: OccupancyGrid, leg: Leg) -> Gate:
+    """The gate across the end of ``leg``."""
+    start, end, half = leg
     length = math.dist(start, end)
     ux, uy = (end[0] - start[0]) / length, (end[1] - start[1]) / length
     return *occupancy.origin, occupancy.params.cell, *end, ux, uy, half
@@ -175,8 +173,7 @@ def _in_gate(gate: Gate, row: int, column: int) -> bool:  # pragma: no cover - c
     """Whether a cell is in the gate: a path that reaches one of its cells has passed."""
     left, bottom, cell, end_x, end_y, ux, uy, half = gate
     x, y = left + cell * column - end_x, bottom + cell * row - end_y
-    along = ux * x + uy * y
-    return -cell <= along <= 2.0 * cell and abs(uy * x - ux * y) <= half
+    return -cell <= ux * x + uy * y <= 2.0 * cell and abs(uy * x - ux * y) <= half
 
 
 @numba.njit(cache=True)
@@ -189,23 +186,20 @@ def _leads(
     ``near`` (k,) are flat indices.
     """
     size, cells = strip.shape[1], strip.size
-    free, waiting = strip.copy().reshape(-1), np.empty(cells, np.int64)
-    room, seen = clearance.reshape(-1), observed.reshape(-1)
-    count = 0
-    for i in near:
-        if seen[i] and room[i] >= least:
-            free[i], waiting[count] = 0, i  # reached
-            count += 1
-    begins = count > 0
+    free, room, seen = strip.copy().reshape(-1), clearance.reshape(-1), observed.reshape(-1)
+    waiting, count = np.empty(len(near) + 4 * cells, np.int64), len(near)
+    waiting[:count], begins = near, False
     while count > 0:
         count -= 1
-        at = waiting[count]
-        column = at % size
+        at, column = waiting[count], waiting[count] % size
+        if not (free[at] and seen[at] and room[at] >= least):
+            continue
+        free[at], begins = 0, True  # reached
         if _in_gate(gate, at // size, column):
-            return begins, True
+            return True, True
         # at the first and the last column a neighbour is the cell itself
         for i in (at - size, at + size, at - min(column, 1), at + min(size - 1 - column, 1)):
-            if 0 <= i < cells and free[i] and seen[i] and room[i] >= least:
-                free[i], waiting[count] = 0, i
+            if 0 <= i < cells and free[i]:
+                waiting[count] = i
                 count += 1
     return begins, False

@@ -295,7 +295,7 @@ def statuses(occupancy: OccupancyGrid, legs: list[PassageQuery], sigma: float = 
 
 def test_the_gate_of_a_leg_lies_across_its_end() -> None:
     occupancy = grid_with(observed=False)
-    gate = _gate(occupancy, (1.0, 0.5), (1.0, 1.5), 0.3)
+    gate = _gate(occupancy, ((1.0, 0.5), (1.0, 1.5), 0.3))
     cells = product(range(occupancy.size), repeat=2)
     rows, columns = np.transpose([cell for cell in cells if _in_gate(gate, *cell)])
     x, y = (occupancy.origin[k] + occupancy.params.cell * (columns, rows)[k] for k in (0, 1))
