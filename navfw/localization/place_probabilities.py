@@ -54,7 +54,7 @@ def likeliest_places(
     ``covariance`` (3, 3) is that of ``pose`` (x, y, yaw); ``radius`` [m] is the standard deviation
     of the position of a robot at a place.
     """
-    spread = radius**2 + 0.5 * float(np.trace(covariance[:2, :2]))
+    spread = radius**2 + 0.5 * float(covariance[0, 0] + covariance[1, 1])
     squared = topo_map.place_distances(pose.x, pose.y) ** 2
     count = min(count, len(squared))
     likeliest = np.argsort(squared, kind="stable")[:count]

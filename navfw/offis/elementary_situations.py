@@ -138,24 +138,6 @@ ELEMENTARY = (
 
 
 @dataclass(frozen=True, slots=True)
-class FrontFeatures:
-    """Features of the area in front, inputs of the rule base ``front``: arrays of one sample.
-
-    ``opening`` in [-1, 1] is the relative distance of the middle of the image behind the planes, or
-    of both borders before them, whichever is larger; ``steepness`` [rad] the incline of the less
-    steep plane; ``fit`` the share of the object cells that lie in the planes, in the worse half
-    (all from ``walls``). ``floor`` is the share of the cells of the robot's path that show floor.
-    ``support`` in [0, 1] measures the number of object cells in the middle.
-    """
-
-    opening: Array
-    steepness: Array
-    fit: Array
-    floor: Array
-    support: float
-
-
-@dataclass(frozen=True, slots=True)
 class Situations:
     """Degrees in [0, 1] of all situations.
 
@@ -171,26 +153,23 @@ class Situations:
     front_evaluation: FuzzyEvaluation
 
 
-def front_features(geometry: GridGeometry, walls: Walls, objects: ObjectCells) -> FrontFeatures:
-    """Features of the area in front from the fitted ``walls`` and the cells ahead."""
+def find_situations(
+    geometry: GridGeometry, slopes: Slopes, walls: Walls, objects: ObjectCells
+) -> Situations:
+    """Degrees of all situations from the slopes and the area in front.
+
+    Inputs of the rule base ``front`` besides entries of the table: ``opening`` in [-1, 1], the
+    relative distance of the middle of the image behind the planes, or of both borders before them,
+    whichever is larger; ``steepness`` [rad], the incline of the less steep plane; ``fit``, the
+    share of the object cells that lie in the planes, in the worse half (all from ``walls``);
+    ``floor``, the share of the cells of the robot's path that show floor.
+    """
     path = geometry.path_cells
-    floor_share = float(product(geometry.path, objects.floor)) / path if path > 0.0 else 0.0
-    support = min(float(product(geometry.middle, objects.wall_weight)) / 2.0, 1.0)
-    return FrontFeatures(
-        opening=np.array([walls.gap]),
-        steepness=walls.incline.min(keepdims=True),
-        fit=walls.explained.min(keepdims=True),
-        floor=np.array([floor_share]),
-        support=support,
-    )
-
-
-def find_situations(slopes: Slopes, ahead: FrontFeatures) -> Situations:
-    """Degrees of all situations from the slopes and the features ``ahead``."""
+    floor = float(product(geometry.path, objects.floor)) / path if path > 0.0 else 0.0
+    ahead = min(float(product(geometry.middle, objects.wall_weight)) / 2.0, 1.0)
     support = float(slopes.support.min())
-    in_table = infer(
-        load_system("situation"), {"left": slopes.value[:1], "right": slopes.value[1:]}
-    )
+    left, right = slopes.value.tolist()
+    in_table = infer(load_system("situation"), {"left": left, "right": right})
     concluded = in_table.result.first("situation")
     table = {name: support * concluded[name.replace(" ", "_")] for name in TABLE}
     table["unknown"] = max(table["unknown"], 1.0 - support)
@@ -198,26 +177,26 @@ def find_situations(slopes: Slopes, ahead: FrontFeatures) -> Situations:
     in_front = infer(
         load_system("front"),
         {
-            "corridor_like": np.array([max(table["door or corridor"], table["door or unknown"])]),
-            "corner_like": np.array([max(table["door or corner"], table["corner"])]),
-            "opening": ahead.opening,
-            "steepness": ahead.steepness,
-            "fit": ahead.fit,
-            "floor": ahead.floor,
+            "corridor_like": max(table["door or corridor"], table["door or unknown"]),
+            "corner_like": max(table["door or corner"], table["corner"]),
+            "opening": walls.gap,
+            "steepness": float(walls.incline.min()),
+            "fit": float(walls.explained.min()),
+            "floor": floor,
         },
     )
-    front = {term: in_front.degree("front", term)[0] for term in ("door", "corridor", "corner")}
-    sure = min(support, ahead.support)
+    front = in_front.result.first("front")
+    sure = min(support, ahead)
     degrees = dict(table)
-    degrees["door"] = sure * float(front["door"])
-    degrees["corridor"] = min(sure * float(front["corridor"]), table["door or corridor"])
+    degrees["door"] = sure * front["door"]
+    degrees["corridor"] = min(sure * front["corridor"], table["door or corridor"])
     degrees["corner"] = max(
-        min(sure * float(front["corner"]), table["door or corner"]),
+        min(sure * front["corner"], table["door or corner"]),
         table["corner"] * (1.0 - degrees["door"]),
     )
     for name in ("left wall", "right wall", "left slope wall", "right slope wall"):
         degrees[name] = table[f"{name} or unknown"]
-    floor_in_front = float(in_front.degree("floor_in_front", "present")[0])
+    floor_in_front = in_front.result.first("floor_in_front")["present"]
     entry = _entry(table, degrees)
     return Situations(table, degrees, floor_in_front, entry, in_table, in_front)
 

@@ -54,9 +54,10 @@ class FuzzyEvaluation:
         }
 
 
-def infer(system: CompiledFis, inputs: Mapping[str, Array]) -> FuzzyEvaluation:
-    """Evaluate ``system`` on (N,) samples of every input."""
-    return infer_rows(system, np.array([inputs[name] for name in system.input_names]))
+def infer(system: CompiledFis, inputs: Mapping[str, Array | float]) -> FuzzyEvaluation:
+    """Evaluate ``system`` on (N,) samples of every input, or on one number of each."""
+    rows = np.array([inputs[name] for name in system.input_names])
+    return infer_rows(system, rows.reshape(len(rows), -1))
 
 
 def infer_rows(system: CompiledFis, rows: Array) -> FuzzyEvaluation:

@@ -17,7 +17,6 @@ from navfw.offis.elementary_situations import (
     FLOOR_IN_FRONT,
     find_objects,
     find_situations,
-    front_features,
     object_channels,
     raw_channels,
 )
@@ -240,7 +239,7 @@ class Offis(Perception):
             borders=borders,
             walls=walls,
             slopes=slopes,
-            situations=find_situations(slopes, front_features(geometry, walls, objects)),
+            situations=find_situations(geometry, slopes, walls, objects),
         )
 
     def _geometry_of(self, points: Array) -> GridGeometry:
