@@ -300,10 +300,6 @@ class LocalMap:
         pose, time = odometry.pose, odometry.time
         if not (self.occupancy.located and self.traversability.due(time)):
             return None
-        return PassageReport(
-            time=time,
-            passages=self.traversability.check(self.occupancy, queries(), pose, belief, time),
-            drops=tuple(
-                belief.pose.to_parent(*pose.to_local(*point)) for point in self.drops.points()
-            ),
-        )
+        passages = self.traversability.check(self.occupancy, queries(), pose, belief, time)
+        drops = (pose.to_local(*point) for point in self.drops.points())
+        return PassageReport(time, passages, tuple(belief.pose.to_parent(*drop) for drop in drops))

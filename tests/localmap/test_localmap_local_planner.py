@@ -352,7 +352,7 @@ def test_checks_keep_their_interval() -> None:
     def reported(time: float) -> bool:
         odometry = Odometry(time, ORIGIN, Twist(0.0, 0.0), 0.0, still=True)
         local_map.update(odometry, (), None, ORIGIN)
-        return local_map.passage_report([], odometry, belief(ORIGIN)) is not None
+        return local_map.passage_report(tuple, odometry, belief(ORIGIN)) is not None
 
     assert sum(reported(0.1 * k) for k in range(11)) == 3
     local_map.reset()
