@@ -16,10 +16,7 @@ from pydantic import Field
 
 from navfw.errors import PluginError
 from navfw.flow.grid_flow import SIGMA_UNKNOWN, GridFlow, check_frame
-from navfw.numerics import Array, Mask
-from navfw.numerics.arrays import Floats
-from navfw.numerics.functions import exp
-from navfw.numerics.products import product
+from navfw.numerics.arrays import Array, Floats
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair
 
@@ -45,21 +42,17 @@ class TruthSource(Protocol):
 
     def depth(self, frame: Frame) -> Floats:
         """True depth (height, width) [m] along the optical axis of ``frame``; inf: no surface."""
-        ...
 
     def motion(self, pair: FramePair) -> CameraMotion:
         """True motion of the camera between the frames of ``pair``."""
-        ...
 
 
 class Ideal(GridFlow):
     """Flow from the simulator's depth and the true motion; for evaluation only.
 
     Without error, or, with ``noisy``, with density, sigma, confidence, errors and outliers as they
-    were measured of block matching.
-
-    A cell has confidence 1 if its surface point projects into the past image, whether occluded
-    there or not. The field's ``motion`` is the measured one: gyro and odometry stay realistic.
+    were measured of block matching. A cell has confidence 1 if its surface point projects into the
+    past image, whether occluded there or not. The field's ``motion`` is the measured one.
     """
 
     name: ClassVar[str] = "ideal"
@@ -94,51 +87,56 @@ class Ideal(GridFlow):
         check_frame(pair.past, camera)
         check_frame(pair.now, camera)
         if self._truth is None:
-            raise PluginError(
-                "ideal flow needs the simulator's ground truth, which only a mission or a "
-                "benchmark provides; choose another flow processor",
-                key=self.name,
+            needs = (
+                "needs the simulator's ground truth, which only a mission or a benchmark provides"
             )
+            raise PluginError(f"ideal flow {needs}; choose another flow processor", key=self.name)
         motion = self._truth.motion(pair)
         nearness = nearness_at(self._points, self._truth.depth(pair.now), camera)
         vectors = true_vectors(self._points, nearness, motion, camera.focal)
-        x, y = np.moveaxis(self._points - vectors, -1, 0)
-        seen = (np.abs(x) <= 0.5 * camera.width) & (np.abs(y) <= 0.5 * camera.height)
-        confidence, sigma = np.ones(seen.shape), np.full(seen.shape, SIGMA)
+        noise = np.empty((6, 0))
         if self.params.noisy:
-            measured, confidence, sigma, errors = _measured_noise(self._noise, seen.shape)
-            seen, vectors = seen & measured, vectors + errors
-        return FlowField(
-            time=pair.now.time,
-            points=self._points,
-            vectors=np.where(np.isfinite(vectors), vectors, 0.0),
-            confidence=np.where(seen, confidence, 0.0),
-            sigma=np.where(seen, sigma, SIGMA_UNKNOWN),
-            motion=pair.motion,
-        )
+            uniform = self._noise.random((2, nearness.size))
+            noise = np.concatenate([uniform, self._noise.standard_normal((4, nearness.size))])
+        half = 0.5 * camera.width, 0.5 * camera.height
+        cells = self._points.reshape(-1, 2), vectors.reshape(-1, 2)
+        confidence, sigma = _measured(*cells, half, noise).reshape(2, *nearness.shape)
+        return FlowField(pair.now.time, self._points, vectors, confidence, sigma, pair.motion)
 
 
-def _measured_noise(
-    rng: np.random.Generator, shape: tuple[int, ...]
-) -> tuple[Mask, Array, Array, Array]:
-    """Whether a cell is measured, confidence, sigma [px] (rows, cols); errors (rows, cols, 2)."""
-    measured, outlier = rng.random((2, *shape)) < np.reshape([_DENSITY, _OUTLIERS], (2, 1, 1))
-    spread, other, *errors = rng.standard_normal((4, *shape))
-    mean, deviation = _LOG_SIGMA
-    sigma = exp(mean + deviation * spread)
-    middle, width, shared = _CONFIDENCE
-    confidence = middle + width * (shared * spread + math.sqrt(1.0 - shared**2) * other)
-    # a Gaussian in two dimensions has the mean length sqrt(pi / 2) standard deviations
-    length = np.where(outlier, _OUTLIER / math.sqrt(0.5 * math.pi), _ERROR * sigma)
-    vectors = length[..., None] * np.stack(errors, axis=-1)
-    return measured, np.clip(confidence, 0.02, 1.0), sigma, vectors
+@numba.njit(cache=True)
+def _measured(points: Array, vectors: Array, half: tuple[float, float], noise: Array) -> Array:
+    """Confidence and sigma [px] (2, n) of ``vectors`` (n, 2), to which the errors are added.
+
+    A past end beyond ``half`` the image's size is not seen. Of ``noise`` (6, n) the first two rows
+    are uniform and four normal; (6, 0): no error.
+    """
+    measured = np.zeros((2, len(points)))
+    (mean, deviation), (middle, width, shared) = _LOG_SIGMA, _CONFIDENCE
+    for n in range(len(points)):
+        seen = abs(points[n, 0] - vectors[n, 0]) <= half[0]
+        seen = seen and abs(points[n, 1] - vectors[n, 1]) <= half[1]
+        confidence, sigma = 1.0, SIGMA
+        if noise.size:
+            seen, spread = seen and noise[0, n] < _DENSITY, noise[2, n]
+            sigma = math.exp(mean + deviation * spread)
+            mixed = shared * spread + math.sqrt(1.0 - shared**2) * noise[3, n]
+            confidence = min(max(middle + width * mixed, 0.02), 1.0)
+            # a Gaussian in two dimensions has the mean length sqrt(pi / 2) standard deviations
+            outlier = noise[1, n] < _OUTLIERS
+            length = _OUTLIER / math.sqrt(0.5 * math.pi) if outlier else _ERROR * sigma
+            for k in range(2):
+                vectors[n, k] += length * noise[4 + k, n]
+        measured[0, n], measured[1, n] = (confidence, sigma) if seen else (0.0, SIGMA_UNKNOWN)
+        for k in range(2):
+            vectors[n, k] = vectors[n, k] if math.isfinite(vectors[n, k]) else 0.0
+    return measured
 
 
 def nearness_at(points: Array, depth: Floats, camera: CameraModel) -> Array:
     """Nearness 1/Z [1/m] at image ``points`` (..., 2) [px], interpolated in ``depth``.
 
     ``depth`` may have fewer pixels than the camera's image, of the same field of view.
-
     Nearness is affine over the image of a plane, so bilinear interpolation is exact on planes.
     Where the four pixels around a point show more than one surface, the nearest pixel's value is
     taken.
@@ -178,7 +176,18 @@ def true_vectors(points: Array, nearness: Array, motion: CameraMotion, focal: fl
     R^T (X + t) in the past camera's axes. The equation is divided by the depth, so that it also
     holds for points at infinity.
     """
-    ray = np.concatenate([points / focal, np.ones_like(points[..., :1])], axis=-1)
-    past = product(ray + nearness[..., None] * motion.translation, motion.rotation)
-    ahead = np.where(past[..., 2:] > 1e-6, past[..., 2:], np.nan)
-    return np.asarray(points - focal * past[..., :2] / ahead)
+    flat, motions = points.reshape(-1, 2), (motion.rotation, motion.translation)
+    return _true_vectors(flat, nearness.reshape(-1), *motions, focal).reshape(points.shape)
+
+
+@numba.njit(cache=True)
+def _true_vectors(points: Array, nearness: Array, turn: Array, shift: Array, focal: float) -> Array:
+    vectors = np.empty_like(points)
+    for n, q in enumerate(nearness):
+        u, v = points[n, 0] / focal + q * shift[0], points[n, 1] / focal + q * shift[1]
+        w = 1.0 + q * shift[2]
+        ahead = u * turn[0, 2] + v * turn[1, 2] + w * turn[2, 2]
+        for k in range(2):
+            past = u * turn[0, k] + v * turn[1, k] + w * turn[2, k]
+            vectors[n, k] = points[n, k] - focal * past / ahead if ahead > 1e-6 else np.nan
+    return vectors
