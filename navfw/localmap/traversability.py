@@ -182,8 +182,7 @@ def _leads(
 ) -> tuple[bool, bool]:  # pragma: no cover - compiled
     """Whether a path may begin at one of the cells ``near``, and whether one leads to the gate.
 
-    It leads over cells of the ``strip`` that are ``observed`` and have at least some clearance;
-    ``near`` (k,) are flat indices.
+    It leads over cells of ``strip`` that are ``observed``; ``near`` (k,) are flat indices.
     """
     size, cells = strip.shape[1], strip.size
     free, room, seen = strip.copy().reshape(-1), clearance.reshape(-1), observed.reshape(-1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import cv2
 import numpy as np
@@ -20,9 +21,14 @@ NEAR, FAR = 0.03, 40.0
 """Distances of the clipping planes [m]."""
 
 DepthImage = npt.NDArray[np.float32]
+Place = tuple[float, float, float]
+Turn = tuple[float, float, float, float]
 
 _NOISE_BANK = 1 << 20
 """Size of the noise drawn once [bytes]; every frame uses a random section of it."""
+_KEPT_BANKS = 4
+"""Number of runs' banks kept, 2 MB each: another run with the same seed has the same."""
+_known_banks: dict[str, tuple[tuple[Image, Image], Any]] = {}
 _MAX_VIEW = 2.8
 """Limit of the horizontal field of view with a fault [rad]: a pinhole image ends at pi."""
 _RIGHT_UP_BACK = np.array([[1.0], [-1.0], [-1.0]])
@@ -70,14 +76,7 @@ class Camera:
         self._scenery = scenery
         self._supersample = supersample
         self._rng = rng
-        self._banks: tuple[Image, Image] | None = None
-        if noise > 0.0:
-            drawn = np.rint(rng.standard_normal(_NOISE_BANK, dtype=np.float32) * noise)
-            # positive and negative part apart: saturated arithmetic on bytes is fast
-            self._banks = (
-                np.clip(drawn, 0, 127).astype(np.uint8),
-                np.clip(-drawn, 0, 127).astype(np.uint8),
-            )
+        self._banks = _noise_banks(rng, noise) if noise > 0.0 else None
         self._light_spec = light
         self._mount = np.array([camera.mount_forward, 0.0, camera.mount_height])
         self._base_from_camera = camera.base_from_camera
@@ -93,14 +92,10 @@ class Camera:
         true = self.model.model_copy(update={"hfov": hfov})
         self._projection = _projection_matrix(true, self._supersample)
         # half the image's size in focal lengths, with a margin of one pixel
-        self._half_size = (
-            (0.5 * true.width + 1.0) / true.focal,
-            (0.5 * true.height + 1.0) / true.focal,
-        )
+        right, down = 0.5 * true.width + 1.0, 0.5 * true.height + 1.0
+        self._half_size = right / true.focal, down / true.focal
 
-    def render(
-        self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
-    ) -> tuple[Image, npt.NDArray[np.float32]]:
+    def render(self, position: Place, turn: Turn) -> tuple[Image, npt.NDArray[np.float32]]:
         """Luminance (height, width) without noise, and the raw depth that ``depth`` converts.
 
         ``position`` [m] and ``turn`` (quaternion x, y, z, w) are those of base_link in the map.
@@ -113,15 +108,11 @@ class Camera:
             )
         return grey.astype(np.uint8, copy=False), depth
 
-    def raw_depth(
-        self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
-    ) -> npt.NDArray[np.float32]:
+    def raw_depth(self, position: Place, turn: Turn) -> npt.NDArray[np.float32]:
         """The raw depth of ``render``, without its image."""
         return self._scenery.raster.depth(self.request(position, turn))
 
-    def request(
-        self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
-    ) -> RenderRequest:
+    def request(self, position: Place, turn: Turn) -> RenderRequest:
         """The render request for a pose; updates which parts of the scenery are drawn."""
         scale = self._supersample
         eye, axes = self.camera_pose(position, turn)
@@ -137,9 +128,8 @@ class Camera:
             positive, negative = (np.resize(bank, 2 * clean.size) for bank in self._banks)
             self._banks = positive, negative
         begin = int(self._rng.integers(self._banks[0].size - clean.size))
-        brighter, darker = [
-            bank[begin : begin + clean.size].reshape(clean.shape) for bank in self._banks
-        ]
+        part = slice(begin, begin + clean.size)
+        brighter, darker = [bank[part].reshape(clean.shape) for bank in self._banks]
         if gain != 1.0:
             noise = np.float32(gain) * (brighter.astype(np.float32) - darker)
             return np.clip(np.rint(clean + noise), 0, 255).astype(np.uint8)
@@ -160,9 +150,7 @@ class Camera:
             metres = metres.reshape(shape).min(axis=(1, 3))
         return metres.astype(np.float32)
 
-    def camera_pose(
-        self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
-    ) -> tuple[Array, Array]:
+    def camera_pose(self, position: Place, turn: Turn) -> tuple[Array, Array]:
         """Position (3,) [m] and axes (3, 3; columns: right, down, ahead) in the map."""
         x, y, z, w = turn
         rotation: Array = np.array(
@@ -174,6 +162,19 @@ class Camera:
         )
         eye: Array = position + product(rotation, self._mount)
         return eye, product(rotation, self._base_from_camera)
+
+
+def _noise_banks(rng: np.random.Generator, noise: float) -> tuple[Image, Image]:
+    """Positive and negative part of noise [grey levels], apart: saturated bytes are fast."""
+    key = f"{noise} {rng.bit_generator.state}"
+    if key not in _known_banks:
+        if len(_known_banks) == _KEPT_BANKS:
+            del _known_banks[next(iter(_known_banks))]
+        drawn = np.rint(rng.standard_normal(_NOISE_BANK, dtype=np.float32) * noise)
+        parts = np.clip(drawn, 0, 127).astype(np.uint8), np.clip(-drawn, 0, 127).astype(np.uint8)
+        _known_banks[key] = parts, rng.bit_generator.state
+    banks, rng.bit_generator.state = _known_banks[key]
+    return banks
 
 
 def _view(eye: Array, axes: Array) -> Array:
