@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -22,6 +22,7 @@ import numpy as np
 from navfw.numerics import Array
 from navfw.numerics.arrays import Mask
 from navfw.offis.percept_explanation import front_in, report
+from navfw.offis.pyramid import QUADRANTS, position
 from navfw.perceive.floor_motion import MIN_FALL
 from navfw.perceive.pair_motion import NO_FLOOR
 from navfw.robot import CameraModel
@@ -151,6 +152,8 @@ _CHANGES, _STAYS = 0.75, 0.5
 least one in which all regions of the object that are said are seen, for them to stay."""
 _ENTERS, _LEAVES = 0.6, 0.2
 """Share of them from which on the floor is named, and up to which it is not any more."""
+_COVERED = 0.5
+"""Share of a quadrant that is floor, from which on no other pair's object is held there."""
 _MAX_SILENT = 2
 """Pairs without a result over which words are held."""
 _TERMS = "near", "middle", "far"
@@ -173,13 +176,24 @@ class _Words:
         layers = None if unknown else percept.obstacles
         return cls(layers, front_in(percept.sentence), "Floor in front" in clauses)
 
+    def without(self, places: Collection[str]) -> _Words:
+        """These words, but for the regions at these ``position``s."""
+        if not any(position(name) in places for name in (self.layers or {}).get("layer1", ())):
+            return self
+        layers = {
+            layer: {name: term for name, term in regions.items() if position(name) not in places}
+            for layer, regions in (self.layers or {}).items()
+        }
+        return replace(self, layers=layers if layers["layer1"] else None)
+
 
 class HeldWords:
     """The words of one sequence, which change when most of the last pairs say so.
 
     The regions of the nearest object are held or changed together: regions that were never seen at
-    once would not be true of any pair. What comes near while nothing was is said at once. A pair
-    without a result says nothing: the words before are held for a few of them.
+    once would not be true of any pair. What comes near while nothing was is said at once; no object
+    is held where the floor is seen. A pair without a result says nothing: the words before are held
+    for a few of them.
     """
 
     def __init__(self) -> None:
@@ -198,6 +212,9 @@ class HeldWords:
         if self._silent > _MAX_SILENT:
             self.interrupt()
         if known:
+            floor_at = _covered(percept)
+            self._said = self._said.without(floor_at)
+            self._past = deque((words.without(floor_at) for words in self._past), maxlen=_PAIRS)
             self._past.append(_Words.of(percept))
             recent = list(self._past)[-_RECENT:]
             (front, count), *_ = Counter(words.front for words in recent).most_common()
@@ -227,6 +244,14 @@ class HeldWords:
             regions = frozenset(before) if stays else regions
         terms = {region: _term(region, votes, (before or {}).get(region)) for region in regions}
         return {layer: _parts(layer, terms, votes) for layer in votes[-1]}
+
+
+def _covered(percept: Percept) -> list[str]:
+    """The quadrants, as ``position``s, in which the floor is seen."""
+    halves = np.array_split(percept.label == Label.FLOOR, 2)
+    (p2, p1), (p3, p4) = (np.array_split(half, 2, axis=1) for half in halves)
+    quadrants = zip(QUADRANTS, (p1, p2, p3, p4), strict=True)
+    return [position(name) for name, floor in quadrants if floor.mean() > _COVERED]
 
 
 def _term(region: str, votes: Sequence[Layers], before: str | None) -> str:

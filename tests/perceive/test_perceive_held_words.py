@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from navfw.offis import Offis
 from navfw.perceive import HeldWords
 from navfw.robot import RobotModel
-from navfw.signals import Percept, Twist
+from navfw.signals import Label, Percept, Twist
 from navfw.testing.behavior_scenes import wall_flow
 
 ROBOT = RobotModel()
 SEEN = Offis(ROBOT).perceive(wall_flow(ROBOT, 0.2, 0.8, 2.0, 0.5), Twist(0.3, 0.0))
+SEEN = replace(SEEN, label=np.full_like(SEEN.label, Label.UNKNOWN))
 TERMS = st.sampled_from(["near", "middle", "far"])
 QUADRANTS = ("P1", "P2", "P3", "P4")
 
@@ -67,6 +68,17 @@ def test_regions_are_held_together_until_most_pairs_show_others() -> None:
     none = said({})
     assert last(held, none, none).obstacles["layer1"] == {"P1": "far", "P2": "far"}
     assert last(held, none).obstacles["layer1"] == {}
+
+
+def test_no_object_is_held_where_the_floor_is_seen() -> None:
+    near, label = said({"P2": "far", "P4": "near"}), SEEN.label.copy()
+    rows, cols = label.shape
+    label[rows // 2 :, cols // 2 :] = Label.FLOOR
+    floor = replace(said(None), label=label)
+    assert last(HeldWords(), near, floor).obstacles["layer1"] == {"P2": "far"}
+    assert last(HeldWords(), near, floor, said(None)).obstacles["layer1"] == {"P2": "far"}
+    stands = replace(near, label=label)
+    assert last(HeldWords(), near, stands).obstacles["layer1"] == {"P2": "far", "P4": "near"}
 
 
 def test_words_are_held_over_two_pairs_without_a_result_and_not_over_three() -> None:
