@@ -19,12 +19,10 @@ from .grid_flow import with_shutter_sigma as with_shutter_sigma
 from .ideal import Ideal as Ideal
 from .ideal import nearness_at as nearness_at
 from .ideal import true_vectors as true_vectors
-from .registration import ROUGHNESS_POWER as ROUGHNESS_POWER
-from .registration import ROUGHNESS_RANGE as ROUGHNESS_RANGE
-from .registration import UNKNOWN_ROUGHNESS as UNKNOWN_ROUGHNESS
 from .registration import Registered as Registered
 from .registration import Registration as Registration
 from .registration import grid_windows as grid_windows
 from .registration import register_windows as register_windows
+from .registration_kernels import find_bends as find_bends
 from .registration_kernels import find_mixtures as find_mixtures
-from .registration_kernels import roughness as roughness
+from .registration_kernels import vector_sigma as vector_sigma

@@ -7,7 +7,6 @@ The processor ``registered`` refines coarse dense flow so in each cell, with a m
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
@@ -16,7 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from navfw.flow.grid_flow import MatchedFlow, ramp
-from navfw.flow.registration_kernels import find_mixtures, register, roughness
+from navfw.flow.registration_kernels import find_mixtures, register, vector_sigma
 from navfw.numerics import Image
 from navfw.numerics.arrays import Array, Floats, Indices, Mask
 from navfw.numerics.functions import exp
@@ -129,25 +128,10 @@ def _filtered(image: Image, along_x: Array, along_y: Array) -> Floats:
     return np.asarray(cv2.sepFilter2D(image, cv2.CV_32F, along_x, along_y), dtype=np.float32)
 
 
-#: Least standard deviation of a registered vector [px], however well the window fits.
-_FLOOR = 0.035
-#: Standard deviation [grey levels] of rounding to whole grey levels: residuals of images without
-#: noise may be smaller by chance.
-_ROUNDING = 0.29
-#: Shares that count as standard deviation: of the bend of the field at a vector, of its
-#: disagreement with both neighbours (``Registration.mixture``), and of its length. These,
-#: ROUGHNESS_POWER and _USUAL_ROUGHNESS were fitted to the odd pairs of ``navfw bench flow``, so
-#: that the shares within one and two sigmas are right for short and long, good and bad vectors.
-_BEND_SHARE, _MIXTURE_SHARE, _LENGTH_SHARE = 0.70, 0.19, 0.0052
-#: Power of the field's roughness by which all its sigmas are scaled: images with blur, or with a
-#: motion that varies within windows, have errors that no single window's residual shows.
-ROUGHNESS_POWER = 0.77
-#: Roughness at which the parts above are the whole error.
-_USUAL_ROUGHNESS = 1.17
-#: Roughness that is assumed if too few neighbours are there to measure it, the least number of
-#: triples for measuring, and the range that is believed.
-UNKNOWN_ROUGHNESS, _MIN_TRIPLES, ROUGHNESS_RANGE = 1.5, 10, (0.6, 3.0)
-#: Least score and least share inside the past image of the vectors that the roughness is taken of.
+#: ``shares`` of ``vector_sigma``, fitted to the logarithms of the errors of the odd recorded pairs
+#: of ``navfw bench flow``, and of rendered ones of other seeds, forwards and backwards.
+_SIGMA_SHARES = (0.84, 0.59, 0.26, 0.0074, 0.65, 0.22, 0.086, 630.0)
+#: Least score and least share inside the past image of the vectors that are compared with others.
 #: All others have confidence 0.
 _LIKELY_CELL = 0.8, 0.6
 
@@ -159,11 +143,11 @@ class Registered(MatchedFlow):
     centre a window is registered from there (``register_windows``), which is more accurate than the
     finest scale of any of OpenCV's methods of equal cost, as it fits expansion and slant.
 
-    A vector's sigma follows from the window's residual and gradients, from rounding, from the
-    disagreement with its neighbours, from its length, and from the roughness of the whole field.
-    Errors are longer along an edge in the image than across: were the two known exactly, one sigma
-    for both would hold 42 to 47 % within one where it holds 86 % within two. Where the window
-    matches, the confidence is that of a small sigma, and falls with its inverse square.
+    A vector's sigma follows from the window's residual, gradients and contrast, from the
+    disagreement with its neighbours, from its length, and from the sigmas of its neighbours. Errors
+    are longer along an edge in the image than across: were the two known exactly, one sigma for
+    both would hold 42 to 47 % within one where it holds 86 % within two. Where the window matches,
+    the confidence is that of a small sigma, and falls with its inverse square.
 
     Windows at the border are clipped to the image; the field's ``points`` are the centres of the
     clipped windows.
@@ -193,7 +177,7 @@ class Registered(MatchedFlow):
         ] = 0.95
         sigma_full: Annotated[
             float, Field(gt=0.0, le=10.0, description="largest sigma of full confidence [px]")
-        ] = 0.175
+        ] = 0.154
         sigma_max: Annotated[
             float, Field(gt=0.0, le=10.0, description="largest sigma of a useful vector [px]")
         ] = 1.0
@@ -220,7 +204,7 @@ class Registered(MatchedFlow):
     ) -> tuple[Array, Array, Array]:
         p = self.params
         now, past = np.ascontiguousarray(now), np.ascontiguousarray(past)
-        registration = register_windows(
+        windows = register_windows(
             now,
             past,
             self._x_windows,
@@ -231,19 +215,13 @@ class Registered(MatchedFlow):
             p.stride,
             p.weight_width,
         )
-        likely = (registration.score > _LIKELY_CELL[0]) & (registration.share > _LIKELY_CELL[1])
-        grey = np.where(likely, registration.sensitivity, 0.0)
-        variance = registration.sigma**2 + (_ROUNDING * grey) ** 2 + _FLOOR**2
-        rough, bend = roughness(registration.vectors, variance, likely, _MIN_TRIPLES)
-        rough = UNKNOWN_ROUGHNESS if math.isnan(rough) else rough
-        rough = min(max(rough, ROUGHNESS_RANGE[0]), ROUGHNESS_RANGE[1])
-        variance += (_BEND_SHARE * bend) ** 2 + (_MIXTURE_SHARE * registration.mixture) ** 2
-        variance += _LENGTH_SHARE**2 * (registration.vectors**2).sum(axis=-1)
-        sigma = (rough / _USUAL_ROUGHNESS) ** ROUGHNESS_POWER * np.sqrt(variance)
-        confidence = ramp(registration.score, p.registered_low, p.registered_high)
-        confidence *= ramp(registration.share, 0.6, 0.9)
+        likely = (windows.score > _LIKELY_CELL[0]) & (windows.share > _LIKELY_CELL[1])
+        shown = (windows.sigma, windows.sensitivity, windows.score, windows.mixture)
+        sigma = vector_sigma(windows.vectors, *shown, likely, _SIGMA_SHARES)
+        confidence = ramp(windows.score, p.registered_low, p.registered_high)
+        confidence *= ramp(windows.share, 0.6, 0.9)
         confidence *= np.minimum((p.sigma_full / sigma) ** 2, 1.0) * (sigma <= p.sigma_max)
-        return registration.vectors, confidence, sigma
+        return windows.vectors, confidence, sigma
 
     def _coarse(self, now: Image, past: Image) -> Array:
         """Displacements (rows, cols, 2) [px], now - past, of the windows by dense search."""

@@ -15,6 +15,8 @@ _UNKNOWNS = 6
 #: Largest gain of the brightness between the frames, and its reciprocal the least; the offset is
 #: free.
 _GAIN = 2.0
+#: Least variance [grey^2] of a window's grey levels that counts, as equal images do not show it.
+_MIN_CONTRAST = 16.0
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -322,40 +324,69 @@ def find_mixtures(
 
 
 @numba.njit(cache=True)
-def roughness(vectors: Array, variance: Array, trusted: Mask, least: int) -> tuple[float, Array]:
-    """Median over the field of the second differences in units of their standard deviation.
+def find_bends(vectors: Array, trusted: Mask) -> Array:
+    """How far (rows, cols) [px] each of ``vectors`` (rows, cols, 2) is off its neighbours' middle.
 
     Along a row or a column of cells three vectors of one surface lie almost on a line, so what is
-    left of ``vectors`` (rows, cols, 2) [px] in their second difference is mostly error, and has the
-    variance a + 4 b + c for three independent vectors. ``variance`` (rows, cols) [px^2] belongs to
-    a component. Only triples of ``trusted`` cells count; NaN if there are fewer than ``least``.
-
-    The second value is how far (rows, cols) [px] each vector is off the middle of its neighbours,
-    along its row or its column, whichever is less: an edge in depth bends the field across it, but
-    not along it, an error both ways. It is 0 for cells without such a triple.
+    left is mostly error. The less along row and column counts: an edge in depth bends the field
+    across it, but not along it, an error both ways. 0 without two ``trusted`` neighbours in a line.
     """
     rows, cols = trusted.shape
-    ratios, bend = np.empty(2 * rows * cols, np.float64), np.zeros((rows, cols), np.float64)
-    count = 0
+    bend = np.zeros((rows, cols), np.float64)
     for r in range(rows):
         for c in range(cols):
-            if not trusted[r, c]:
-                continue
             least_off = np.inf
             for down, right in ((0, 1), (1, 0)):
                 i, j, k, m = r - down, c - right, r + down, c + right
-                if i < 0 or j < 0 or k >= rows or m >= cols:
+                if i < 0 or j < 0 or k >= rows or m >= cols or not trusted[r, c]:
                     continue
-                if not (trusted[i, j] and trusted[k, m]):
-                    continue
-                x = vectors[i, j, 0] - 2.0 * vectors[r, c, 0] + vectors[k, m, 0]
-                y = vectors[i, j, 1] - 2.0 * vectors[r, c, 1] + vectors[k, m, 1]
-                expected = variance[i, j] + 4.0 * variance[r, c] + variance[k, m]
-                ratios[count] = math.sqrt((x * x + y * y) / expected)
-                least_off = min(least_off, 0.5 * math.sqrt(x * x + y * y))
-                count += 1
-            if least_off < np.inf:
-                bend[r, c] = least_off
-    if count < least:
-        return math.nan, bend
-    return float(np.median(ratios[:count])), bend
+                if trusted[i, j] and trusted[k, m]:
+                    x = vectors[i, j, 0] - 2.0 * vectors[r, c, 0] + vectors[k, m, 0]
+                    y = vectors[i, j, 1] - 2.0 * vectors[r, c, 1] + vectors[k, m, 1]
+                    least_off = min(least_off, 0.5 * math.sqrt(x * x + y * y))
+            bend[r, c] = least_off if least_off < np.inf else 0.0
+    return bend
+
+
+@numba.njit(cache=True, error_model="numpy")
+def vector_sigma(
+    vectors: Array,
+    residual: Array,
+    sensitivity: Array,
+    score: Array,
+    mixture: Array,
+    trusted: Mask,
+    shares: tuple[float, ...],
+) -> Array:
+    """Standard deviation (rows, cols) [px] of registered vectors; infinite unless ``trusted``.
+
+    ``residual`` [px] is ``Registration.sigma``; the other arrays are those of ``Registration``.
+    ``shares``: of the residual, the bend, the mixture and the length; errors that a residual does
+    not show, of rounding and interpolation [grey levels]; of the mean over the cell and its
+    neighbours in the logarithm, since few samples show a window's own errors; and the power of the
+    variance of its grey levels over the usual one [grey^2], as steep edges are interpolated worse.
+    """
+    by_residual, by_bend, by_mixture, by_length, grey, around, power, usual = shares
+    rows, cols = trusted.shape
+    bend, own = find_bends(vectors, trusted), np.full((rows, cols), np.inf)
+    for r in range(rows):
+        for c in range(cols):
+            if trusted[r, c]:
+                x, y = vectors[r, c]
+                variance = (by_residual * residual[r, c]) ** 2 + (grey * sensitivity[r, c]) ** 2
+                variance += (by_bend * bend[r, c]) ** 2 + (by_mixture * mixture[r, c]) ** 2
+                own[r, c] = 0.5 * math.log(variance + by_length**2 * (x * x + y * y))
+    sigma = np.full((rows, cols), np.inf)
+    for r in range(rows):
+        for c in range(cols):
+            if trusted[r, c]:
+                total, count = 0.0, 0
+                for i in range(max(r - 1, 0), min(r + 2, rows)):
+                    for j in range(max(c - 1, 0), min(c + 2, cols)):
+                        if trusted[i, j]:
+                            total, count = total + own[i, j], count + 1
+                contrast = (residual[r, c] / sensitivity[r, c]) ** 2
+                contrast = max(contrast / max(1.0 - score[r, c] ** 2, 1e-6), _MIN_CONTRAST) / usual
+                size = own[r, c] + around * (total / count - own[r, c])
+                sigma[r, c] = math.exp(size + power * math.log(contrast))
+    return sigma

@@ -9,19 +9,15 @@ from flow_scene import STILL, blurred_noise, cell_truth, room, turn_about, wall
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import navfw.flow.registration as module
 from navfw.flow import (
-    ROUGHNESS_POWER,
-    ROUGHNESS_RANGE,
-    SIGMA_UNKNOWN,
-    UNKNOWN_ROUGHNESS,
     BlockMatching,
     Registered,
     Registration,
+    find_bends,
     find_mixtures,
     grid_windows,
     register_windows,
-    roughness,
+    vector_sigma,
 )
 from navfw.numerics import Array, Image
 from navfw.robot import RobotModel
@@ -157,42 +153,20 @@ def plane() -> Array:
     return np.stack([0.3 * x - 0.1 * y, 0.2 * y + 1.0], axis=-1)
 
 
-@pytest.mark.parametrize("sigma", [0.02, 0.2])
-def test_roughness_is_error_in_units_of_sigma(sigma: float) -> None:
-    assert roughness(plane(), np.full((12, 16), sigma**2), EVERY, 10)[0] < 1e-9
-    noise = sigma * np.random.default_rng(1).standard_normal((12, 16, 2))
-    # the median length of two normal components
-    usual = math.sqrt(2.0 * math.log(2.0))
-    for share in (1.0, 0.5):
-        variance = np.full((12, 16), (share * sigma) ** 2)
-        found, _ = roughness(plane() + noise, variance, EVERY, 10)
-        assert found == pytest.approx(usual / share, rel=0.12)
-
-
-def test_roughness_leaves_out_what_is_not_trusted() -> None:
-    vectors, variance, trusted = plane(), np.full((12, 16), 0.01), EVERY.copy()
-    vectors[::2, 5::2] += 7.0
-    vectors[1::2, 6::2] += 7.0
-    trusted[:, 5:] = False
-    assert roughness(vectors, variance, trusted, 10)[0] < 1e-9
-    assert roughness(vectors, variance, EVERY, 10)[0] > 10.0
-    trusted[:, 3:] = False
-    trusted[4:] = False
-    # 3 columns of 4 rows: 4 triples along rows, 6 along columns
-    assert roughness(vectors, variance, trusted, 10)[0] < 1e-9
-    assert math.isnan(roughness(vectors, variance, trusted, 11)[0])
-
-
 def test_a_single_error_bends_the_field_both_ways_and_an_edge_only_one() -> None:
-    vectors, variance = plane(), np.full((12, 16), 0.01)
+    vectors, trusted = plane(), EVERY.copy()
+    assert find_bends(vectors, trusted).max() < 1e-9
     vectors[:, 8:] += 3.0
     vectors[4, 3, 0] += 1.0
-    _, bend = roughness(vectors, variance, EVERY, 10)
+    bend = find_bends(vectors, trusted)
     assert bend[4, 3] == pytest.approx(1.0)
     # its neighbours are bent along one of their two lines only
     assert np.delete(bend[1:-1, 1:-1].ravel(), 3 * 14 + 2).max() < 1e-9
     # corners have no triple
     assert bend[0, 0] == 0.0
+    # nor is there one along the row or the column of a cell between untrusted ones
+    trusted[4, 2] = trusted[3, 3] = False
+    assert find_bends(vectors, trusted)[4, 3] == 0.0
 
 
 def test_sensitivity_is_sigma_for_a_residual_of_one_grey_level() -> None:
@@ -250,31 +224,43 @@ def test_a_displacement_beyond_the_reach_of_block_matching() -> None:
     assert (BlockMatching(ROBOT).compute(pair).confidence >= 0.3).mean() < 0.2
 
 
-@pytest.mark.parametrize(
-    ("rough", "scale"),
-    [
-        (1.0, 1.0),
-        (2.0, 2.0**ROUGHNESS_POWER),
-        (0.01, ROUGHNESS_RANGE[0] ** ROUGHNESS_POWER),
-        (50.0, ROUGHNESS_RANGE[1] ** ROUGHNESS_POWER),
-        (math.nan, UNKNOWN_ROUGHNESS**ROUGHNESS_POWER),
-    ],
-)
-def test_all_sigmas_grow_with_the_roughness(
-    monkeypatch: pytest.MonkeyPatch, rough: float, scale: float
-) -> None:
-    pair, _ = shaken(3.0, 2)
-    params = Registered.Params(sigma_max=10.0)
-    sigmas = []
-    for value in (1.0, rough):
-        monkeypatch.setattr(
-            module, "roughness", lambda *_, value=value: (value, np.zeros((12, 16)))
-        )
-        sigmas.append(Registered(ROBOT, params).compute(pair).sigma)
-    usual, other = sigmas
-    free = (usual < SIGMA_UNKNOWN) & (other < SIGMA_UNKNOWN)
-    assert free.mean() > 0.5
-    np.testing.assert_allclose(other[free], scale * usual[free])
+PARTS = {"residual": 0, "bend": 1, "mixture": 2, "length": 3, "grey": 4}
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_a_part_of_sigma_alone_is_its_share(part: str) -> None:
+    """Each part in one cell; the cells around it, and what is not trusted, stay as they are."""
+    shares, vectors, trusted = np.zeros(8), np.zeros((12, 16, 2)), EVERY.copy()
+    shares[[PARTS[part], 7]], trusted[0, 0] = 0.5, False
+    shares[4] = max(shares[4], 1e-3)  # of rounding: never 0
+    residual, mixture, grey = (np.full((12, 16), 0.01) for _ in range(3))
+    value = {"residual": residual, "mixture": mixture, "grey": grey}.get(part)
+    if value is None:
+        vectors[5, 5] = 1.2, 1.6
+    else:
+        value[5, 5] = 2.0
+    score = np.full((12, 16), 0.9)
+    found = vector_sigma(vectors, residual, grey, score, mixture, trusted, tuple(shares.tolist()))
+    assert found[5, 5] == pytest.approx(1.0, rel=1e-3)
+    assert np.delete(found.ravel(), [0, 85]).max() < 0.01
+    assert np.isinf(found[0, 0])
+
+
+def test_sigma_has_a_share_of_its_neighbours_and_grows_with_the_contrast() -> None:
+    vectors, zero, one = np.zeros((12, 16, 2)), np.zeros((12, 16)), np.ones((12, 16))
+    grey, residual = one.copy(), 4.0 * one
+    grey[5, 5] = math.exp(9.0)
+
+    def sigma(around: float, power: float, usual: float, score: float = 0.0) -> Array:
+        shares = (0.0, 0.0, 0.0, 0.0, 1.0, around, power, usual)
+        return vector_sigma(vectors, residual, grey, score * one, zero, EVERY, shares)
+
+    logs = np.log(sigma(0.3, 0.0, 1.0))
+    np.testing.assert_allclose(logs[4:7, 4:7].ravel(), [0.3] * 4 + [9.0 - 0.3 * 8.0] + [0.3] * 4)
+    assert np.abs(np.delete(logs, [4, 5, 6], axis=0)).max() < 1e-9
+    # the contrast is 16 where the window fits not at all, twice that at a score of root 1/2
+    assert sigma(0.0, 0.5, 16.0)[0, 0] == pytest.approx(1.0)
+    assert sigma(0.0, 0.5, 16.0, math.sqrt(0.5))[0, 0] == pytest.approx(math.sqrt(2.0))
 
 
 def test_a_large_sigma_is_not_trusted() -> None:
