@@ -1,9 +1,6 @@
 from .bag_source import camera_contradiction as camera_contradiction
 from .bag_source import unpacked_bag as unpacked_bag
 from .floor_motion import FloorFinder as FloorFinder
-from .front_evidence import HeldWords as HeldWords
-from .front_evidence import front_probabilities as front_probabilities
-from .front_evidence import probable_front as probable_front
 from .image_sources import ImageSource as ImageSource
 from .image_sources import open_source as open_source
 from .image_times import load_image_times as load_image_times
@@ -34,3 +31,6 @@ from .perceiver import NO_FLOOR as NO_FLOOR
 from .perceiver import Perceiver as Perceiver
 from .perceiver_options import PerceiverOptions as PerceiverOptions
 from .perceiver_options import WorkingSize as WorkingSize
+from .sentence_evidence import HeldWords as HeldWords
+from .sentence_evidence import front_probabilities as front_probabilities
+from .sentence_evidence import probable_front as probable_front

@@ -18,7 +18,6 @@ from navfw.interfaces import FlowProcessor
 from navfw.offis.offis import Offis
 from navfw.offis.percept_explanation import with_front
 from navfw.perceive.floor_motion import FloorFinder, FloorMotion
-from navfw.perceive.front_evidence import HeldWords, front_probabilities, probable_front
 from navfw.perceive.image_sources import ImageSource, SourceImage
 from navfw.perceive.pair_motion import (
     SURE_HEADING,
@@ -37,6 +36,7 @@ from navfw.perceive.perceiver_options import (
     are_alike,
     has_texture,
 )
+from navfw.perceive.sentence_evidence import HeldWords, front_probabilities, probable_front
 from navfw.plugins import Registry
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import FlowField, Frame, FramePair, Label, Percept, Twist

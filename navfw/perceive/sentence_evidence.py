@@ -1,4 +1,4 @@
-"""What stands in front of a camera: probabilities of open floor, a corridor and a wall.
+"""What a sentence says: the front by probability, and words that hold still over pairs of images.
 
 Nearness in heights of the camera, which the floor's motion gives, tells what is near without any
 scale. Three features of the thirds of the image, a class each for what is open, a corridor, and
@@ -6,7 +6,7 @@ across: logistic regression on the labels of real frames (docs/real-frames.md), 
 probability is a frequency. Without a floor only a wall can be told, by one plane that fills the
 image. Doors and corners are too rare in the labels to be named.
 
-Words hold still: those of a percept are changed by the evidence of the last pairs of images.
+The words of a percept are changed by the evidence of the last pairs.
 """
 
 from __future__ import annotations
