@@ -203,6 +203,7 @@ class _NodeConverter:
         self._file = file
         self._nodes = 0
         self._open: set[int] = set()
+        self._scalars: dict[int, Data] = {}
         self.origins: dict[KeyPath, Origin] = {}
 
     def build(self, node: Node, path: KeyPath, line: int) -> Data:
@@ -213,7 +214,9 @@ class _NodeConverter:
             raise self._error(f"nested too deeply: more than {MAX_DEPTH} levels", node, ())
         self.origins[path] = Origin(self._file, line)
         if isinstance(node, ScalarNode):
-            return self._scalar(node, path)
+            if id(node) not in self._scalars:  # aliases repeat nodes
+                self._scalars[id(node)] = self._scalar(node, path)
+            return self._scalars[id(node)]
         if id(node) in self._open:
             raise self._error("an alias (*) inside its own anchor (&)", node, path)
         self._open.add(id(node))

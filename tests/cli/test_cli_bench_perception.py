@@ -49,7 +49,7 @@ SCORES: dict[str, Any] = {
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """Stubs in place of every part."""
-    monkeypatch.setattr(flow_accuracy, "MOTIONS", {"2 cm": true_pairs.MOTIONS["2 cm"]})
+    monkeypatch.setattr(true_pairs, "MOTIONS", {"2 cm": true_pairs.MOTIONS["2 cm"]})
     errors = flow_accuracy.statistics(np.ones((4, 2)), np.full(4, 2.0), 8)
     part = {**errors, "ms": 1.0, "by_motion": {"2 cm": errors}, "calibration": []}
     speed = {"offis_ms": 0.3, "offis_skfuzzy_ratio": 900.0, "offis_max_abs_diff": 1e-15}

@@ -46,7 +46,7 @@ def quick() -> Iterator[None]:
         patch.setattr(
             reproduction, "compare_metrics", lambda _, seed, report: compare_metrics(4, seed)
         )
-        patch.setattr(reproduction, "timings", partial(paper_tables.timings, repeats=2))
+        patch.setattr(paper_tables, "timings", partial(paper_tables.timings, repeats=2))
         yield
 
 

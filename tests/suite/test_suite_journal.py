@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -27,6 +28,7 @@ from navfw.suite import (
     SuiteFolder,
     SuitePlan,
     SuiteResult,
+    run_journal,
     run_suite,
     suite_folder,
     write_table,
@@ -95,18 +97,21 @@ def test_a_row_replaces_an_earlier_one_of_the_same_run(journal: RunJournal) -> N
     assert not journal.deaths({"aa"})
 
 
-@pytest.mark.parametrize("last", ["write_text", "ready_journal", "write_table"])
+@pytest.mark.parametrize(
+    ("module", "last"),
+    [(suite_folder, "write_text"), (run_journal, "ready_journal"), (run_journal, "write_table")],
+)
 def test_a_suite_that_dies_as_it_begins_is_resumed(
-    out: SuiteFolder, monkeypatch: pytest.MonkeyPatch, last: str
+    out: SuiteFolder, monkeypatch: pytest.MonkeyPatch, module: ModuleType, last: str
 ) -> None:
-    done = getattr(suite_folder, last)
+    done = getattr(module, last)
 
     def die(*arguments: object) -> None:
         done(*arguments)
         raise SystemExit
 
     with monkeypatch.context() as patched:
-        patched.setattr(suite_folder, last, die)
+        patched.setattr(module, last, die)
         with pytest.raises(SystemExit):
             out.open(plan(), "abc")
     if out.has_runs:
