@@ -18,8 +18,8 @@ import numpy as np
 
 from navfw.bench import true_pairs
 from navfw.flow.block_matching import BlockMatching
-from navfw.flow.dense_flow import Dis, Farneback, LucasKanade
 from navfw.flow.ideal import Ideal
+from navfw.flow.opencv_flow import Dis, Farneback, LucasKanade
 from navfw.flow.registration import Registered
 from navfw.interfaces import FlowProcessor
 from navfw.numerics import Array

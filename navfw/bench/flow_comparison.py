@@ -27,9 +27,9 @@ from navfw.bench.recorded_pairs import (
     tum_frames,
 )
 from navfw.errors import InputError
-from navfw.flow.dense_flow import PRESETS, Dis, Farneback
 from navfw.flow.grid_flow import SIGMA_UNKNOWN, GridFlow, MatchedFlow
 from navfw.flow.ideal import Ideal
+from navfw.flow.opencv_flow import PRESETS, Dis, Farneback
 from navfw.interfaces import FlowProcessor
 from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats, Mask

@@ -20,10 +20,10 @@ BUILT_IN: dict[str, dict[str, str]] = {
     "composite": {},
     "flow": {
         "block_matching": "navfw.flow.block_matching:BlockMatching",
-        "dis": "navfw.flow.dense_flow:Dis",
-        "farneback": "navfw.flow.dense_flow:Farneback",
+        "dis": "navfw.flow.opencv_flow:Dis",
+        "farneback": "navfw.flow.opencv_flow:Farneback",
         "ideal": "navfw.flow.ideal:Ideal",
-        "lucas_kanade": "navfw.flow.dense_flow:LucasKanade",
+        "lucas_kanade": "navfw.flow.opencv_flow:LucasKanade",
         "registered": "navfw.flow.registration:Registered",
     },
     "perception": {"offis": "navfw.offis.offis:Offis"},

@@ -22,6 +22,8 @@ from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Encoders, Frame, Inertial, SensorReading, Waypoint
 from navfw.topomap import TopoMap
 
+TOLERANCE = 0.3
+"""Distance [m] at which a goal that was sent is reached."""
 _CLOCKS = 1.0
 """Difference [s] of a stamp from the time of its reception from which stamps are not used."""
 _JUMP = 1.0
@@ -296,10 +298,6 @@ def _grey(message: Any, topic: str) -> Image:
     if getattr(message, "encoding", "") in {"mono8", "8UC1"}:
         return np.ascontiguousarray(ros_image(message, topic)[..., 0])
     return np.asarray(cv2.cvtColor(ros_image(message, topic), cv2.COLOR_BGR2GRAY), dtype=np.uint8)
-
-
-TOLERANCE = 0.3
-"""Distance [m] at which a goal that was sent is reached."""
 
 
 def goal_at(topo_map: TopoMap, name: str, tolerance: float = TOLERANCE) -> Waypoint:

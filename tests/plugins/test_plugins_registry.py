@@ -211,7 +211,7 @@ def test_a_new_registry_imports_neither_simulator_nor_built_in_plugins() -> None
         "for kind, plugins in BUILT_IN.items():\n"
         "    for name, target in plugins.items():\n"
         "        r.register_lazily(kind, name, target, 'navfw')\n"
-        "unwanted = {'pybullet', 'cv2', 'numba', 'navfw.flow.dense_flow'}\n"
+        "unwanted = {'pybullet', 'cv2', 'numba', 'navfw.flow.opencv_flow'}\n"
         "print([m for m in sys.modules if m in unwanted])"
     )
     assert printed(code) == "[]"

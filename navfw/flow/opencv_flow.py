@@ -29,6 +29,17 @@ PRESETS = {
 """OpenCV's presets of DIS by name."""
 
 
+class _TextureParams(grid_flow.MatchedFlow.Params):
+    """Grid, and the gradients across the weakest direction between which confidence rises."""
+
+    gradient_low: Annotated[
+        float, Field(ge=0.1, le=255.0, description="gradient: no texture [grey levels/px]")
+    ] = 0.8
+    gradient_high: Annotated[
+        float, Field(gt=0.1, le=255.0, description="gradient: ample texture [grey levels/px]")
+    ] = 2.5
+
+
 class DenseFlow(grid_flow.MatchedFlow):
     """Base of processors that compute a vector per pixel; the field has their mean per grid cell.
 
@@ -37,15 +48,9 @@ class DenseFlow(grid_flow.MatchedFlow):
     spread of the flow within the cell.
     """
 
-    class Params(grid_flow.MatchedFlow.Params):
+    class Params(_TextureParams):
         """Grid, and limits of the confidence (METHOD 2.9)."""
 
-        gradient_low: Annotated[
-            float, Field(ge=0.1, le=255.0, description="gradient: no texture [grey levels/px]")
-        ] = 0.8
-        gradient_high: Annotated[
-            float, Field(gt=0.1, le=255.0, description="gradient: ample texture [grey levels/px]")
-        ] = 2.5
         match_low: Annotated[float, Field(ge=0.0, lt=1.0, description="correlation: no match")] = (
             0.6
         )
@@ -224,18 +229,12 @@ class LucasKanade(grid_flow.MatchedFlow):
 
     name: ClassVar[str] = "lucas_kanade"
 
-    class Params(grid_flow.MatchedFlow.Params):
+    class Params(_TextureParams):
         """Grid, windows, and limits of the confidence (METHOD 2.9)."""
 
         points: Annotated[int, Field(ge=1, le=4, description="points per cell along each axis")] = 1
         window: Annotated[int, Field(ge=5, le=63, description="side of a window [px]")] = 11
         levels: Annotated[int, Field(ge=0, le=5, description="halvings of the image")] = 2
-        gradient_low: Annotated[
-            float, Field(ge=0.1, le=255.0, description="gradient: no texture [grey levels/px]")
-        ] = 0.8
-        gradient_high: Annotated[
-            float, Field(gt=0.1, le=255.0, description="gradient: ample texture [grey levels/px]")
-        ] = 2.5
         return_low: Annotated[
             float, Field(ge=0.0, le=100.0, description="forward-backward error: certain match [px]")
         ] = 0.3
