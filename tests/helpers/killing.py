@@ -10,7 +10,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-PROGRAM = "from navfw.cli import main; main()"
+TINY = "entries: [{world: empty, missions: [straight], set: {mission.timeout: 1}}]\n"
+"""A suite of one run of a second for each seed."""
 
 MANY = int(os.environ.get("NAVFW_KILLS", "5"))
 """Moments for each signal in the slow tests."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cli_calls import PROGRAM
 
 from navfw.ros import RosNode
 
@@ -30,12 +31,11 @@ def domain(monkeypatch: pytest.MonkeyPatch) -> None:
 @contextmanager
 def started(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
     """A process of ``navfw ros``; its output goes to files called by its first word."""
-    code = "from navfw.cli import main; main()"
     with (
         (folder / f"{words[0]}.json").open("w") as out,
         (folder / f"{words[0]}.err").open("w") as err,
     ):
-        command = [sys.executable, "-c", code, "ros", *words]
+        command = [sys.executable, "-c", PROGRAM, "ros", *words]
         process = subprocess.Popen(command, stdout=out, stderr=err, text=True)  # noqa: S603
         try:
             yield process

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_calls import invoke
-from killing import MANY, PROGRAM, Ended, Started, moments
+from cli_calls import PROGRAM, invoke
+from killing import MANY, Ended, Started, moments
 
 from navfw.missions import MissionResult, Session
 from navfw.process import scratch_folder

@@ -15,8 +15,9 @@ from pathlib import Path
 
 import pytest
 import suite_samples
+from cli_calls import PROGRAM
 from dask_cluster import Cluster, cluster
-from killing import MANY, PROGRAM, Ended, Started, moments
+from killing import MANY, TINY, Ended, Started, moments
 
 from navfw.suite import RunRow, SuiteFolder
 
@@ -39,8 +40,6 @@ with deferred(), SuiteFolder.claim(Path("o"), plan, range(40)) as folder:
 """
 
 WORDS = ("suite", "tiny.yaml", "--seeds=0:4", "--out=o", "--resume", "--json", "--keep=all")
-
-TINY = "entries: [{world: empty, missions: [straight], set: {mission.timeout: 1}}]\n"
 
 SIGNALS = [signal.SIGKILL, signal.SIGTERM, signal.SIGINT]
 

@@ -10,11 +10,10 @@ import time
 from pathlib import Path
 
 import pytest
-from killing import MANY, PROGRAM, Ended, Started, moments
+from cli_calls import PROGRAM
+from killing import MANY, TINY, Ended, Started, moments
 
 pytest.importorskip("optuna", reason="needs the extra tune: uv sync --extra tune")
-
-TINY = "entries: [{world: empty, missions: [straight], set: {mission.timeout: 1}}]\n"
 
 STUDY = ("tiny.yaml", "--stack=detuned.yaml", "--param=avoid.spare", "--trials=4", "--seeds=0:2")
 WORDS = ("tune", *STUDY, "--validate=9:10", "--workers=2", "--out=o", "--json")
