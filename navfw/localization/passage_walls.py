@@ -14,8 +14,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
-from scipy.ndimage import binary_erosion
 
 from navfw.localization.plan_field import PlanScan
 from navfw.numerics import Array
@@ -25,6 +25,8 @@ from navfw.robot import RobotModel
 from navfw.signals import Belief, Pose, wrap_angle
 from navfw.topomap import Passage, Place, TopoMap
 from navfw.topomap.occupancy_map import OccupancyMap
+
+_CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 MAX_WIDTH = 3.0
 """Largest width [m] of a passage between walls."""
@@ -244,7 +246,10 @@ class KnownWalls:
 
     def __init__(self, plan: OccupancyMap) -> None:
         occupied = plan.occupied
-        surface = occupied & ~binary_erosion(occupied)
+        inner = cv2.erode(
+            occupied.view(np.uint8), _CROSS, borderType=cv2.BORDER_CONSTANT, borderValue=0
+        )
+        surface = occupied & (inner == 0)
         self._points = plan.centres(*np.nonzero(surface))
 
     @classmethod
