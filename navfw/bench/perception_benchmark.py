@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import re
-import statistics
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -21,7 +19,7 @@ from navfw.bench.flow_accuracy import match_template_ratio
 from navfw.bench.perception_samples import samples_of_world
 from navfw.errors import InputError
 from navfw.fuzzy import load_rule_base
-from navfw.fuzzy.fis_benchmark import FisComparison, ReferenceFis, compare
+from navfw.fuzzy.fis_benchmark import FisComparison, ReferenceFis, compare, median_ms
 from navfw.offis.fuzzy_systems import RULES, FuzzyEvaluation, infer
 from navfw.offis.offis import Offis
 from navfw.offis.percept_explanation import PerceptExplanation, evaluations_of
@@ -139,17 +137,6 @@ def _textured_pair() -> FramePair:
     motion = CameraMotion(np.eye(3), np.array([0.0, 0.0, 0.06]), 0.2)
     past, now = (picture[10 + dy : 130 + dy, 10 + dx : 170 + dx] for dx, dy in ((0, 0), (3, 2)))
     return FramePair(Frame(0.0, past.copy()), Frame(0.2, now.copy()), motion)
-
-
-def median_ms(call: Callable[[int], object], repeats: int) -> float:
-    """The median time [ms] of ``call(0)`` to ``call(repeats - 1)``, after one that is not timed."""
-    call(0)
-    seconds = []
-    for k in range(repeats):
-        start = time.perf_counter()
-        call(k)
-        seconds.append(time.perf_counter() - start)
-    return statistics.median(seconds) * 1e3
 
 
 @dataclass(frozen=True, slots=True)

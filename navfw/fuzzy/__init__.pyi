@@ -14,7 +14,7 @@ from .rulebase import Clause as Clause
 from .rulebase import Is as Is
 from .rulebase import Not as Not
 from .rulebase import Or as Or
-from .rulebase import ParsedRule as ParsedRule
+from .rulebase import Rule as Rule
 from .rulebase import RuleBase as RuleBase
 from .rulebase import SentenceError as SentenceError
 from .rulebase import Variable as Variable

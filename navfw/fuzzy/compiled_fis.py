@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from navfw.errors import RuleBaseError, UnknownNameError
 from navfw.fuzzy import inference_kernels
-from navfw.fuzzy.inference_kernels import fuzzify, infer
+from navfw.fuzzy.inference_kernels import infer
 from navfw.fuzzy.rulebase import And, Clause, Is, Not, Or, RuleBase, Variable, atoms
 from navfw.numerics import Array
 from navfw.numerics.arrays import Indices
@@ -30,19 +30,6 @@ class FiredRule(TypedDict):
     strength: float
 
 
-def explain(rule_base: RuleBase, firing: Array, minimum: float = 0.05) -> list[FiredRule]:
-    """The rules with a strength of at least ``minimum`` in ``firing`` (rules,), strongest first.
-
-    Rules of equal strength keep the order of the rule base. A rule of strength 0 is never listed.
-    """
-    listed = [
-        FiredRule(rule=rule.sentence, strength=float(strength))
-        for rule, strength in zip(rule_base.rules, firing, strict=True)
-        if strength > 0.0 and strength >= minimum
-    ]
-    return sorted(listed, key=lambda fired: -fired["strength"])
-
-
 _METHODS = {
     "centroid": inference_kernels.CENTROID,
     "bisector": inference_kernels.BISECTOR,
@@ -50,34 +37,6 @@ _METHODS = {
     "som": inference_kernels.SOM,
     "lom": inference_kernels.LOM,
 }
-
-
-class InferenceTables(NamedTuple):
-    """A rule base as arrays; ``packed`` are the arguments of ``inference_kernels.infer`` after x.
-
-    The kernel knows the arrays by their order here: those of numbers, then those of indices.
-    """
-
-    input_xs: Array  # universes of all inputs, one after the other
-    literal_ys: Array  # (literals, longest universe) degree of "input IS hedges term"
-    weights: Array  # (rules,)
-    output_xs: Array  # universes of all outputs, one after the other
-    term_ys: Array  # (terms, longest universe) of the terms that rules conclude
-    defaults: Array  # (outputs,) NaN where none
-    input_starts: Indices  # (inputs + 1,) where each begins
-    literal_starts: Indices  # (inputs + 1,) literals are grouped by input
-    program: Indices  # antecedents in postfix form, one after the other
-    program_starts: Indices  # (rules + 1,)
-    conclusions: Indices  # (conclusions, 2) rule, term
-    output_starts: Indices  # (outputs + 1,)
-    term_starts: Indices  # (outputs + 1,) terms are grouped by output
-    support: Indices  # (terms, 2) first and last sample above zero
-    modes: Indices  # defuzzification, implication is prod, depth of stack, size of workspace
-
-    @property
-    def packed(self) -> tuple[Array, Indices]:
-        """All arrays of numbers and all of indices, each as one (``pack``)."""
-        return _pack(self[:6], np.float64), _pack(self[6:], np.int64)
 
 
 def _pack(arrays: Sequence[npt.NDArray[Any]], dtype: type[Any]) -> npt.NDArray[Any]:
@@ -99,13 +58,16 @@ def _concluded_terms(rule_base: RuleBase) -> list[list[str]]:
     ]
 
 
-def _tables_of(rule_base: RuleBase) -> InferenceTables:
-    """``rule_base`` as arrays."""
+def _tables_of(rule_base: RuleBase) -> tuple[Array, Indices]:
+    """``rule_base`` as the arguments of ``inference_kernels.infer`` after x: numbers, and indices.
+
+    Arrays of each are packed as one: the kernel knows them by their order here.
+    """
     terms = _concluded_terms(rule_base)
     inputs, outputs = list(rule_base.inputs.values()), list(rule_base.outputs.values())
     literals = _group(
         inputs,
-        ((atom.variable, atom) for rule in rule_base.rules for atom in atoms(rule.antecedent)),
+        ((atom.variable, atom) for rule in rule_base.rules for atom, _ in atoms(rule.antecedent)),
     )
     literal_index = {atom: k for k, atom in enumerate(a for group in literals for a in group)}
     pairs = [(output, term) for output, names in zip(outputs, terms, strict=True) for term in names]
@@ -129,23 +91,26 @@ def _tables_of(rule_base: RuleBase) -> InferenceTables:
         max(len(program) for program in programs),
         longest * (1 + max(len(names) for names in terms)),
     )
-    return InferenceTables(
-        input_xs=np.concatenate([variable.universe for variable in inputs]),
-        input_starts=_starts([variable.universe.size for variable in inputs]),
-        literal_ys=_padded(literal_ys),
-        literal_starts=_starts([len(group) for group in literals]),
-        program=np.array([op for program in programs for op in program], dtype=np.int64),
-        program_starts=_starts([len(program) for program in programs]),
-        weights=np.array([rule.weight for rule in rule_base.rules]),
-        conclusions=np.array(conclusions, dtype=np.int64),
-        output_xs=np.concatenate([variable.universe for variable in outputs]),
-        output_starts=_starts([variable.universe.size for variable in outputs]),
-        term_ys=term_ys,
-        term_starts=_starts([len(names) for names in terms]),
-        support=np.array([(row.nonzero()[0][0], row.nonzero()[0][-1]) for row in term_ys]),
-        defaults=np.array([np.nan if v.default is None else v.default for v in outputs]),
-        modes=np.array(modes, dtype=np.int64),
-    )
+    reals = [
+        np.concatenate([variable.universe for variable in inputs]),
+        _padded(literal_ys),  # (literals, longest universe) degree of "input IS hedges term"
+        np.array([rule.weight for rule in rule_base.rules]),
+        np.concatenate([variable.universe for variable in outputs]),
+        term_ys,  # (terms, longest universe) of the terms that rules conclude
+        np.array([np.nan if v.default is None else v.default for v in outputs]),
+    ]
+    indices = [
+        _starts([variable.universe.size for variable in inputs]),
+        _starts([len(group) for group in literals]),  # literals are grouped by input
+        np.array([op for program in programs for op in program]),  # antecedents in postfix form
+        _starts([len(program) for program in programs]),
+        np.array(conclusions),  # (conclusions, 2) rule, term
+        _starts([variable.universe.size for variable in outputs]),
+        _starts([len(names) for names in terms]),  # terms are grouped by output
+        np.array([(row.nonzero()[0][0], row.nonzero()[0][-1]) for row in term_ys]),  # above zero
+        np.array(modes),  # defuzzification, implication is prod, depth of stack, workspace
+    ]
+    return _pack(reals, np.float64), _pack(indices, np.int64)
 
 
 def _group(variables: Sequence[Variable], items: Any) -> list[list[Any]]:
@@ -220,8 +185,7 @@ class Inference:
 
     def degree(self, output: str, term: str) -> Array:
         """``degrees[output][term]`` (N,), without building the other ones."""
-        column = self._layout.terms[output][term]
-        return self._column(None) if column is None else self._table[:, column]
+        return self._column(self._layout.terms[output][term])
 
     def first(self, output: str) -> dict[str, float]:
         """``degrees[output]`` of the first sample."""
@@ -253,7 +217,7 @@ class CompiledFis:
 
     def __init__(self, rule_base: RuleBase) -> None:
         self.rule_base = rule_base
-        self._tables = _tables_of(rule_base).packed
+        self._tables = _tables_of(rule_base)
         self._layout = _layout(rule_base)
         self._row_of = {name: row for row, name in enumerate(rule_base.inputs)}
 
@@ -325,22 +289,20 @@ class CompiledFis:
         """
         if name not in self._row_of:
             raise self._names_error({name: values})
-        variable = self.rule_base.inputs[name]
-        x = np.atleast_1d(np.asarray(values, dtype=np.float64))
-        degrees = np.empty((x.size, len(variable.terms)))
-        fuzzify(x, variable.universe, self._sampled[name], degrees)
-        return {term: degrees[:, k] for k, term in enumerate(variable.terms)}
+        x, variable = np.atleast_1d(values), self.rule_base.inputs[name]
+        return {t: np.interp(x, variable.universe, variable.sampled(t)) for t in variable.terms}
 
     def explain(self, result: Inference, index: int = 0, minimum: float = 0.05) -> list[FiredRule]:
-        """The rules that fired for sample ``index`` with at least ``minimum``, strongest first."""
-        return explain(self.rule_base, result.firing[index], minimum)
+        """The rules that fired for sample ``index`` with at least ``minimum``, strongest first.
 
-    @cached_property
-    def _sampled(self) -> dict[str, Array]:
-        return {
-            name: np.array([variable.sampled(term) for term in variable.terms])
-            for name, variable in self.rule_base.inputs.items()
-        }
+        Rules of equal strength keep the order of the rule base. One of strength 0 is never listed.
+        """
+        listed = [
+            FiredRule(rule=rule.sentence, strength=float(strength))
+            for rule, strength in zip(self.rule_base.rules, result.firing[index], strict=True)
+            if strength > 0.0 and strength >= minimum
+        ]
+        return sorted(listed, key=lambda fired: -fired["strength"])
 
     def _names_error(self, inputs: Mapping[str, Any]) -> RuleBaseError | UnknownNameError:
         rule_base = self.rule_base

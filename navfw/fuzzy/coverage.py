@@ -13,7 +13,7 @@ fires, it takes that value.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from navfw.errors import RuleBaseError
 from navfw.fuzzy.inference_kernels import FIRING_FLOOR
-from navfw.fuzzy.rulebase import And, Clause, Is, Not, Or, RuleBase, Variable
+from navfw.fuzzy.rulebase import And, Clause, Is, Not, Or, RuleBase, Variable, atoms
 
 Classes = npt.NDArray[np.int8]
 # Classes of degrees. They are ordered, so AND is min, OR is max, and NOT is 2 - class.
@@ -176,25 +176,13 @@ class _Axis:
 def _axes(rule_base: RuleBase, clauses: Iterable[Clause]) -> list[_Axis]:
     depths: dict[str, dict[Is, set[int]]] = {}
     for clause in clauses:
-        for literal, depth in _negations(clause):
+        for literal, depth in atoms(clause):
             depths.setdefault(literal.variable, {}).setdefault(literal, set()).add(depth)
     return [
         _Axis(variable, depths[name])
         for name, variable in rule_base.inputs.items()
         if name in depths
     ]
-
-
-def _negations(clause: Clause, depth: int = 0) -> Iterator[tuple[Is, int]]:
-    """Every literal with the number of NOTs around it."""
-    match clause:
-        case Is():
-            yield clause, depth
-        case Not(inner):
-            yield from _negations(inner, depth + 1)
-        case And(left, right) | Or(left, right):
-            yield from _negations(left, depth)
-            yield from _negations(right, depth)
 
 
 def _cell_classes(degrees: npt.NDArray[np.float64]) -> Classes:

@@ -107,7 +107,7 @@ class ReferenceFis:
         for term in variable.terms:
             antecedent[term] = variable.sampled(term)
         for rule in self.rule_base.rules:
-            for atom in atoms(rule.antecedent):
+            for atom, _ in atoms(rule.antecedent):
                 if atom.variable == variable.name and atom.hedges:
                     antecedent[_label(atom)] = variable.sampled(atom.term, atom.hedges)
         return antecedent
@@ -183,14 +183,11 @@ class ReferenceFis:
         return float(np.clip(crisp, variable.low, variable.high))
 
     def _nothing_fired(self) -> ReferenceInference:
-        outputs = {
-            name: np.array([np.nan if variable.default is None else variable.default])
-            for name, variable in self.rule_base.outputs.items()
-        }
         degrees = {
             name: {term: np.zeros(1) for term in variable.terms}
             for name, variable in self.rule_base.outputs.items()
         }
+        outputs = {name: np.array([self._crisp(name, cuts)]) for name, cuts in degrees.items()}
         return ReferenceInference(outputs, np.zeros((1, len(self._rules))), degrees)
 
 
@@ -233,10 +230,9 @@ def random_inputs(rule_base: RuleBase, samples: int, rng: np.random.Generator) -
         width = variable.high - variable.low
         beside = rng.choice(corners, samples) + rng.choice([0.0, -1e-6, 1e-6], samples) * width
         uniform = rng.uniform(variable.low, variable.high, samples)
-        rows.append(np.where(rng.random(samples) < 0.5, uniform, beside))
-    low = np.array([[variable.low] for variable in rule_base.inputs.values()])
-    high = np.array([[variable.high] for variable in rule_base.inputs.values()])
-    return np.asarray(np.clip(rows, low, high))
+        mixed = np.where(rng.random(samples) < 0.5, uniform, beside)
+        rows.append(np.clip(mixed, variable.low, variable.high))
+    return np.array(rows)
 
 
 def compare(rule_base: RuleBase, samples: int, rng: np.random.Generator) -> FisComparison:
@@ -269,12 +265,12 @@ def compare(rule_base: RuleBase, samples: int, rng: np.random.Generator) -> FisC
         largest = max(
             largest,
             float(np.abs(result.firing[index] - expected.firing[0]).max()),
-            _largest_difference(ours, theirs),
+            *(apart for name in ours if not np.isnan(apart := abs(ours[name] - theirs[name]))),
         )
         undecided += any(np.isnan(ours[name]) != np.isnan(theirs[name]) for name in ours)
-    single = _median_ms(lambda k: compiled.evaluate(named[k % samples]), max(samples, 200))
+    single = median_ms(lambda k: compiled.evaluate(named[k % samples]), max(samples, 200))
     batch = {name: np.resize(row, _BATCH) for name, row in zip(rule_base.inputs, rows, strict=True)}
-    together = _median_ms(lambda _: compiled.evaluate(batch), 200)
+    together = median_ms(lambda _: compiled.evaluate(batch), 200)
     one = statistics.median(seconds) * 1e3
     return FisComparison(
         name=rule_base.name,
@@ -290,12 +286,9 @@ def compare(rule_base: RuleBase, samples: int, rng: np.random.Generator) -> FisC
     )
 
 
-def _largest_difference(ours: Mapping[str, float], theirs: Mapping[str, float]) -> float:
-    differences = [abs(ours[name] - theirs[name]) for name in ours]
-    return max((value for value in differences if not np.isnan(value)), default=0.0)
-
-
-def _median_ms(call: Callable[[int], object], repeats: int) -> float:
+def median_ms(call: Callable[[int], object], repeats: int) -> float:
+    """The median time [ms] of ``call(0)`` to ``call(repeats - 1)``, after one that is not timed."""
+    call(0)
     seconds = []
     for k in range(repeats):
         start = time.perf_counter()

@@ -58,19 +58,6 @@ def _interpolate(xs: Array, ys: Array, i: int, x: float) -> float:
 
 
 @numba.njit(cache=True)
-def fuzzify(x: Array, xs: Array, sampled: Array, out: Array) -> None:
-    """Degrees of one input: x (N,), universe xs (M,), terms (T, M) sampled -> out (N, T)."""
-    for n in range(x.size):
-        value = min(max(x[n], xs[0]), xs[-1])
-        if math.isnan(x[n]):
-            out[n, :] = np.nan
-            continue
-        i = _interval_of(xs, value)
-        for t in range(sampled.shape[0]):
-            out[n, t] = _interpolate(xs, sampled[t], i, value)
-
-
-@numba.njit(cache=True)
 def _join(
     xs: Array,
     terms: Array,
@@ -315,7 +302,7 @@ def _find_equal(rows: Array, n: int, different: Indices, count: int) -> int:
 
 @numba.njit(cache=True)
 def _part(packed: Any, number: int) -> Any:
-    """Array ``number`` of a ``packed`` sequence of arrays (``compiled_fis.pack``), flat."""
+    """Array ``number`` of a ``packed`` sequence of arrays (``compiled_fis._pack``), flat."""
     return packed[int(packed[number]) : int(packed[number + 1])]
 
 
@@ -323,8 +310,8 @@ def _part(packed: Any, number: int) -> Any:
 def infer(x: Array, reals: Array, indices: Indices) -> Array:
     """Evaluate a rule base on x (inputs, N).
 
-    ``reals`` and ``indices`` are ``compiled_fis.InferenceTables.packed``: a call with three arrays
-    costs a quarter of one with sixteen. Returns a table (N, rules + terms + outputs): firing
+    ``reals`` and ``indices`` are those of ``compiled_fis``: a call with three arrays costs a
+    quarter of one with sixteen. Returns a table (N, rules + terms + outputs): firing
     strengths, activations of the concluding terms, crisp outputs.
     """
     input_xs, weights, output_xs = _part(reals, 0), _part(reals, 2), _part(reals, 3)

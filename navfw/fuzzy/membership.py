@@ -87,10 +87,6 @@ class Trapezoid(Shape):
         return (((b, -1),) if a == b else ()) + (((c, 1),) if c == d else ())
 
 
-def _trapezoid(*corners: float) -> Shape:
-    return Trapezoid(corners)
-
-
 @dataclass(frozen=True, slots=True)
 class Gauss(Shape):
     """exp(-(x - mean)^2 / (2 sigma^2)), sigma > 0."""
@@ -146,8 +142,8 @@ class Sigmoid(Shape):
 
 
 SHAPES: dict[str, tuple[Callable[..., Shape], tuple[str, ...]]] = {
-    "triangle": (_trapezoid, ("a", "b", "c")),
-    "trapezoid": (_trapezoid, ("a", "b", "c", "d")),
+    "triangle": (lambda *places: Trapezoid(places), ("a", "b", "c")),
+    "trapezoid": (lambda *places: Trapezoid(places), ("a", "b", "c", "d")),
     "gauss": (Gauss, ("mean", "sigma")),
     "sigmoid": (Sigmoid, ("centre", "slope")),
 }

@@ -89,24 +89,16 @@ def _grouped(clause: Clause, joined: type[_Joined] | None = None) -> str:
     return str(clause) if bare else f"({clause})"
 
 
-def atoms(clause: Clause) -> Iterator[Is]:
-    """The literals of ``clause``, left to right."""
+def atoms(clause: Clause, depth: int = 0) -> Iterator[tuple[Is, int]]:
+    """The literals of ``clause``, left to right, each with the number of NOTs around it."""
     match clause:
         case Is():
-            yield clause
+            yield clause, depth
         case Not(inner):
-            yield from atoms(inner)
+            yield from atoms(inner, depth + 1)
         case And(left, right) | Or(left, right):
-            yield from atoms(left)
-            yield from atoms(right)
-
-
-class ParsedRule(NamedTuple):
-    """A parsed sentence: antecedent, conclusions as (output, term), weight in (0, 1]."""
-
-    antecedent: Clause
-    conclusions: tuple[tuple[str, str], ...]
-    weight: float
+            yield from atoms(left, depth)
+            yield from atoms(right, depth)
 
 
 class SentenceError(ValueError):
@@ -135,7 +127,7 @@ Vocabulary = Mapping[str, Collection[str]]
 """The terms of each variable, by its name."""
 
 
-def parse_rule(sentence: str, inputs: Vocabulary, outputs: Vocabulary) -> ParsedRule:
+def parse_rule(sentence: str, inputs: Vocabulary, outputs: Vocabulary) -> Rule:
     """Parse one rule about the variables and terms of ``inputs`` and ``outputs``.
 
     Raises:
@@ -197,7 +189,7 @@ class _Parser:
                 hint = f"; {near}" if near.startswith("did") else ""
             raise self._error(f"expected {word}{after}, got {self._token}{hint}")
 
-    def rule(self) -> ParsedRule:
+    def rule(self) -> Rule:
         self._keyword("IF")
         antecedent = self._or()
         if self._token.kind == "mark" and self._token.text == ")":
@@ -208,7 +200,7 @@ class _Parser:
         weight = self._weight()
         if self._token.kind != "end":
             raise self._expected("',', WITH or the end of the sentence")
-        return ParsedRule(antecedent, conclusions, weight)
+        return Rule(self._sentence, antecedent, conclusions, weight)
 
     def _or(self) -> Clause:
         clause = self._and()
@@ -323,7 +315,6 @@ class Variable:
     high: float
     terms: Mapping[str, Shape]
     unit: str = "1"
-    description: str = ""
     points: int = 101
     default: float | None = None
     line: int | None = None
@@ -369,5 +360,4 @@ class RuleBase:
     conjunction: Norm = "min"
     implication: Norm = "min"
     defuzzify: Defuzzification = "centroid"
-    description: str = ""
     file: str | None = field(default=None, compare=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -133,7 +134,6 @@ class _RuleBaseBuilder:
             conjunction=spec.and_,
             implication=spec.implication,
             defuzzify=spec.defuzzify,
-            description=spec.description,
             file=self._document.file,
         )
 
@@ -168,7 +168,6 @@ class _RuleBaseBuilder:
             high=high,
             terms=terms,
             unit=spec.unit,
-            description=spec.description,
             points=spec.points,
             default=default,
             line=self._document.line_of(path),
@@ -220,7 +219,7 @@ class _RuleBaseBuilder:
                 self._problem(("rules", index), str(error))
                 continue
             line = self._document.line_of(("rules", index))
-            rules.append(Rule(sentence, *parsed, line=line))
+            rules.append(replace(parsed, line=line))
         return tuple(rules)
 
     def _check_use(
@@ -229,7 +228,7 @@ class _RuleBaseBuilder:
         inputs: Mapping[str, Variable],
         outputs: Mapping[str, Variable],
     ) -> None:
-        used = {atom.variable for rule in rules for atom in atoms(rule.antecedent)}
+        used = {atom.variable for rule in rules for atom, _ in atoms(rule.antecedent)}
         concluded = {output for rule in rules for output, _ in rule.conclusions}
         for name in inputs.keys() - used:
             self._problem(("inputs", name), f"expected a rule with {name!r} in its IF part")

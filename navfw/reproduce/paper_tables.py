@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from navfw.bench.perception_accuracy import judge_percept, no_situation
-from navfw.bench.perception_benchmark import median_ms
 from navfw.bench.real_labels import Judgement, SentenceVerdict
 from navfw.bench.true_pairs import MovingPose, exposed, true_field
 from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
@@ -19,6 +18,7 @@ from navfw.egomotion.pairing import camera_motion
 from navfw.egomotion.refinement import refine
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.grid_flow import grid_points
+from navfw.fuzzy.fis_benchmark import median_ms
 from navfw.offis.offis import Offis
 from navfw.reproduce import paper_scenes
 from navfw.robot import RobotModel

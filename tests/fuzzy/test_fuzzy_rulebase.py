@@ -15,7 +15,7 @@ from navfw.fuzzy import (
     Is,
     Not,
     Or,
-    ParsedRule,
+    Rule,
     SentenceError,
     load_rule_base,
     parse_rule,
@@ -28,7 +28,7 @@ OUTPUTS = {"turn": ("left", "right"), "speed": ("slow", "fast")}
 NEAR, LEFT = Is("distance", "near"), Is("side", "left")
 
 
-def parse(sentence: str) -> ParsedRule:
+def parse(sentence: str) -> Rule:
     return parse_rule(sentence, INPUTS, OUTPUTS)
 
 

@@ -113,7 +113,7 @@ def rule_bases(draw: st.DrawFn, /, **fixed: Any) -> RuleBase:
         weight = draw(st.sampled_from(["", "", " WITH 0.8", " WITH 0.125 weight"]))
         then = ", ".join(f"{name} IS {term}" for name, term in zip(chosen, terms, strict=True))
         rules.append(f"IF {antecedent} THEN {then}{weight}")
-        used.update(atom.variable for atom in atoms(antecedent))
+        used.update(atom.variable for atom, _ in atoms(antecedent))
         concluded.update(chosen)
     spec = {
         "name": "random",
