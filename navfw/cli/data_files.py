@@ -100,7 +100,7 @@ def _check_start(session: Session) -> None:
     try:
         session.stack.start(pose if known else None, session.mission.goals)
         if known:
-            with session.stack.guard.on_duty():
+            with session.stack.guard.watchdog.on_duty():
                 session.stack.planner.update(Belief(0.0, pose, np.zeros((3, 3))))
     except PluginCallError as error:
         raise PluginError(str(error)) from None

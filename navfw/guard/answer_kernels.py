@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numba
 
@@ -35,35 +34,12 @@ def are_degrees(values: Array) -> bool:  # pragma: no cover - compiled
 
 
 @numba.njit(cache=True)
-def are_within(values: Any, low: int, high: int) -> bool:  # pragma: no cover - compiled
-    """Whether all integers ``values`` are in [low, high]."""
-    valid = True
-    for value in values.flat:
-        valid = valid and bool(low <= value <= high)
-    return valid
-
-
-@numba.njit(cache=True)
 def are_finite_where(values: Array, confidence: Array) -> bool:  # pragma: no cover - compiled
     """Whether ``values`` (rows, cols) are finite wherever ``confidence`` (rows, cols) is not 0."""
     valid = True
     for i in range(values.shape[0]):
         for j in range(values.shape[1]):
             valid = valid and (confidence[i, j] <= 0.0 or math.isfinite(values[i, j]))
-    return valid
-
-
-@numba.njit(cache=True)
-def are_deviations(sigma: Array, confidence: Array) -> bool:  # pragma: no cover - compiled
-    """Whether ``sigma`` (rows, cols) is never negative, and finite where ``confidence`` is not 0.
-
-    NaN is allowed where the confidence is 0.
-    """
-    valid = True
-    for i in range(sigma.shape[0]):
-        for j in range(sigma.shape[1]):
-            unused = confidence[i, j] <= 0.0
-            valid = valid and not sigma[i, j] < 0.0 and (unused or math.isfinite(sigma[i, j]))
     return valid
 
 

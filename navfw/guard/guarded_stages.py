@@ -99,11 +99,6 @@ class GuardedPerception(GuardedStage[interfaces.Perception]):
 class GuardedFeatures(GuardedStage[interfaces.FeatureRecognizer]):
     """A landmark recogniser; no detections in a frame at which it fails."""
 
-    @property
-    def landmark_frames(self) -> bool:
-        """Whether it gets landmark frames in place of the camera's."""
-        return bool(self.plugin.landmark_frames)
-
     def set_map(self, topo_map: TopoMap) -> None:
         """Set the map. Raises PluginCallError if the plugin fails."""
         self._prepare(self.plugin.set_map, topo_map)
@@ -122,13 +117,9 @@ class GuardedLocalizer(GuardedStage[interfaces.Localizer]):
 
     _last: tuple[Belief, Odometry] | None = None
 
-    def reset(self) -> None:
-        """Back to the start of a run. Raises PluginCallError if the plugin fails."""
-        self._last = None
-        super().reset()
-
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
         """Start at ``pose``. Raises PluginCallError if the plugin fails."""
+        self._last = None
         self._prepare(self.plugin.start, topo_map, pose, odometry)
 
     def update(
@@ -160,11 +151,6 @@ class GuardedPlanner(GuardedStage[interfaces.Planner]):
     """
 
     _last: Waypoint | None = None
-
-    def reset(self) -> None:
-        """Back to the start of a run. Raises PluginCallError if the plugin fails."""
-        self._last = None
-        super().reset()
 
     def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
         """Start a mission. Raises PluginCallError if the plugin fails."""

@@ -6,7 +6,6 @@ import sysconfig
 import traceback
 from collections import Counter
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -122,14 +121,14 @@ class PluginGuard:
     A call fails if the plugin raises anything (SystemExit and KeyboardInterrupt included), exceeds
     the time limit, or gives an answer that its check refuses. The failure is recorded in ``faults``
     and PluginCallError is raised. After a time-out the plugin is suspended for some simulated time.
-    ``failing`` are stages whose last ``vital`` call has failed. While ``starting``, a plugin may
-    refuse the mission by an InputError.
+    ``failing`` are stages, by plugin, whose last ``vital`` call has failed. While ``starting``, a
+    plugin may refuse the mission by an InputError. ``watchdog`` enforces the limits.
     """
 
     def __init__(self, limit: float = LIMIT, first_limit: float = _FIRST_LIMIT) -> None:
         self._limit = limit
         self._first_limit = first_limit
-        self._watchdog = Watchdog()
+        self.watchdog = Watchdog()
         self.reset()
 
     def reset(self) -> None:
@@ -140,16 +139,7 @@ class PluginGuard:
         self._failed: Counter[str] = Counter()
         self._suspended: dict[str, tuple[float, float]] = {}
         self._faults: dict[tuple[str, str], PluginFault] = {}
-        self._failing: dict[str, FailingStage] = {}
-
-    def on_duty(self) -> AbstractContextManager[None]:
-        """A context in which time limits are enforced; installing the timer takes some 20 us."""
-        return self._watchdog.on_duty()
-
-    @property
-    def watching(self) -> bool:
-        """Whether time limits are being enforced."""
-        return self._watchdog.active
+        self.failing: dict[str, FailingStage] = {}
 
     @property
     def faults(self) -> tuple[PluginFault, ...]:
@@ -166,11 +156,6 @@ class PluginGuard:
             if self._failed[plugin] > MAX_FAILURE_RATE * count
         }
 
-    @property
-    def failing(self) -> Mapping[str, FailingStage]:
-        """The vital stages that fail at present, by plugin."""
-        return self._failing
-
     def construct(self, cls: type[Plugin], robot: RobotModel, params: Plugin.Params) -> Plugin:
         """An object of a plugin class.
 
@@ -180,7 +165,7 @@ class PluginGuard:
         """
         check = partial(instance, cls=cls, call="the class")
         try:
-            with self._watchdog.on_duty():
+            with self.watchdog.on_duty():
                 return self.call(f"{cls.kind} {cls.name}", cls, robot, params, check=check)
         except PluginCallError as error:
             raise PluginError(f"cannot be constructed: {error}", key=cls.name) from None
@@ -208,12 +193,12 @@ class PluginGuard:
         process = this_process()
         try:
             first = self.starting or not self._answered[plugin]
-            self._watchdog.begin(plugin, self._first_limit if first else self._limit)
+            self.watchdog.begin(plugin, self._first_limit if first else self._limit)
             try:
                 answer = check(function(*arguments))
             finally:
                 end_copy(process)
-                self._watchdog.end()
+                self.watchdog.end()
         except PluginTimeout as timeout:
             self._suspend(plugin)
             raise self._failure(plugin, f"took too long: {timeout}", vital) from None
@@ -226,18 +211,18 @@ class PluginGuard:
             raise self._failure(plugin, self._text_of(plugin, error), vital) from None
         self._answered[plugin] += 1
         if vital:
-            self._failing.pop(plugin, None)
+            self.failing.pop(plugin, None)
         return answer
 
     def _text_of(self, plugin: str, error: BaseException) -> str:
         """``error_text``, which calls code of ``plugin``, within a time limit."""
-        self._watchdog.begin(plugin, _ERROR_LIMIT)
+        self.watchdog.begin(plugin, _ERROR_LIMIT)
         try:
             return error_text(error)
         except PluginTimeout:
             return "an error that takes too long to describe"
         finally:
-            if self._watchdog.end():
+            if self.watchdog.end():
                 self._suspend(plugin)
 
     def _suspend(self, plugin: str) -> None:
@@ -248,8 +233,8 @@ class PluginGuard:
 
     def _failure(self, plugin: str, error: str, vital: bool) -> PluginCallError:
         self._failed[plugin] += 1
-        if vital and plugin not in self._failing:
-            self._failing[plugin] = FailingStage(plugin, self.time, error)
+        if vital and plugin not in self.failing:
+            self.failing[plugin] = FailingStage(plugin, self.time, error)
         fault = self._faults.get((plugin, error))
         if fault is not None:
             self._faults[plugin, error] = replace(fault, count=fault.count + 1)

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from navfw.guard import answers
-from navfw.guard.answer_kernels import are_deviations, are_finite_where, are_within, is_symmetric
+from navfw.guard.answer_kernels import are_finite_where, is_symmetric
 from navfw.numerics import Array
 from navfw.signals import (
     Belief,
@@ -73,7 +73,9 @@ def check_flow(answer: Any, pair: FramePair) -> FlowField:
     ``sigma`` may be infinite where the confidence is 0.
     """
     answers.instance(answer, FlowField, "compute")
-    shape = _grid_shape(answer.confidence)
+    shape = np.shape(answer.confidence)
+    if len(shape) != 2 or 0 in shape:
+        raise answers.AnswerError(f"confidence has shape {shape}, expected (rows, cols)")
     confidence = answers.degrees(answer.confidence, "confidence", shape)
     hints = answer.inconsistency
     return _checked(
@@ -101,7 +103,7 @@ def check_percept(answer: Any, flow: FlowField) -> Percept:
         raise answers.AnswerError(
             f"label is {label.dtype} of shape {label.shape}, expected int8, {shape}"
         )
-    if not are_within(label, *_LABELS):
+    if label.min() < _LABELS[0] or label.max() > _LABELS[1]:
         raise answers.AnswerError(f"label has values outside [{_LABELS[0]}, {_LABELS[1]}]")
     labelled = confidence * (label != _UNKNOWN)
     return _checked(
@@ -170,10 +172,6 @@ def check_reason(answer: Any) -> str | None:
     return None if answer is None else answers.text(answer, "no_route_reason")
 
 
-def _flag(value: Any, _what: str) -> bool:
-    return bool(value)
-
-
 def _count(value: Any, what: str) -> int:
     return int(answers.number(value, what, 0.0))
 
@@ -183,13 +181,6 @@ def _explanation(value: Any, what: str) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
         raise answers.AnswerError(f"{what} is no mapping")
     return value
-
-
-def _grid_shape(confidence: Any) -> tuple[int, int]:
-    shape = np.shape(confidence)
-    if len(shape) != 2 or 0 in shape:
-        raise answers.AnswerError(f"confidence has shape {shape}, expected (rows, cols)")
-    return shape[0], shape[1]
 
 
 def _finite_where(value: Any, what: str, shape: tuple[int, int], confidence: Array) -> Array:
@@ -202,7 +193,7 @@ def _finite_where(value: Any, what: str, shape: tuple[int, int], confidence: Arr
 def _deviations(value: Any, shape: tuple[int, int], confidence: Array) -> Array:
     """Standard deviations: at least 0, finite wherever the confidence is not 0."""
     result = answers.real(value, "sigma", shape)
-    if not are_deviations(result, confidence):
+    if (result < 0.0).any() or not are_finite_where(result, confidence):
         raise answers.AnswerError("sigma has values that are negative or not finite")
     return result
 
@@ -260,7 +251,7 @@ _CHECKS: Mapping[str, Callable[[Any, str], Any]] = {
     **dict.fromkeys(("range", "tolerance"), partial(answers.number, low=0.0)),
     **dict.fromkeys(("applicability", "confidence", "floor_in_front"), answers.degree),
     **dict.fromkeys(("reason", "leader", "sentence", "identity", "place", "kind"), answers.text),
-    **dict.fromkeys(("emergency", "derotated", "lost", "final"), _flag),
+    **dict.fromkeys(("emergency", "derotated", "lost", "final"), lambda value, _: bool(value)),
     **dict.fromkeys(("weights", "planes"), answers.numbers),
     **dict.fromkeys(("places", "situations"), partial(answers.numbers, low=0.0, high=1.0)),
     **dict.fromkeys(("start", "end"), _point),

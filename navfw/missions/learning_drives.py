@@ -136,7 +136,7 @@ def learn_landmarks(
             "learning landmarks needs a known start; choose a mission without start: unknown",
             file=session.mission.file,
         )
-    if not stack.features.landmark_frames:
+    if not stack.features.plugin.landmark_frames:
         stack.features.plugin = Landmarks(stack.robot)
     mapper = LandmarkMapper(session.mission.start)
     last = -math.inf

@@ -103,7 +103,7 @@ def bench_loop(
 def _drive(session: Session, seconds: float) -> tuple[Lap, RunLog, WalkerTrack]:
     """A lap without PyBullet's frame time, and the poses of the robot and of the movers."""
     task = replace(session.task, timeout=seconds)
-    with session.simulation() as simulator, session.stack.guard.on_duty():
+    with session.simulation() as simulator, session.stack.guard.watchdog.on_duty():
         before = replace(simulator.timings)
         run = MissionLoop(task, session.stack, simulator).run()
         spent = simulator.timings

@@ -102,7 +102,7 @@ class Session:
             self.seed,
             spec.sensors.resolved(),
             gui=gui,
-            landmark_frames=self.stack.features.landmark_frames,
+            landmark_frames=self.stack.features.plugin.landmark_frames,
             drawn=self.drawn,
         )
         reveal(simulation, self.stack)
@@ -203,7 +203,8 @@ class SteppedSession:
         if simulator is None:
             return
         spent, stack = simulator.timings, self.session.stack
-        landmarks = {"landmark_frames": spent.landmarks} if stack.features.landmark_frames else {}
+        larger = stack.features.plugin.landmark_frames
+        landmarks = {"landmark_frames": spent.landmarks} if larger else {}
         self._of_simulator = {
             "timings": {
                 "render": spent.render,
@@ -228,7 +229,7 @@ class SteppedSession:
 
     def run(self) -> RunResult:
         """Drive to the end."""
-        with self.session.stack.guard.on_duty(), self._watch:
+        with self.session.stack.guard.watchdog.on_duty(), self._watch:
             return self._opened().run()
 
     def failed(self, reason: str) -> RunResult:

@@ -197,7 +197,7 @@ class BagReplay:
         self._bag.notes[:0] = [contradiction] if contradiction else []
         stack.start(self._start, self._goals)
         readings = _Readings(self._bag, self._robot)
-        with stack.guard.on_duty(), interruptible():
+        with stack.guard.watchdog.on_duty(), interruptible():
             for number, reading in enumerate(readings):
                 check_interrupted()
                 twist, driven = stack.step(reading), self._driven(reading.time)

@@ -121,7 +121,7 @@ class DriveNode:
         image = "image/compressed" if compressed else "image"
         kind = "sensor_msgs/msg/CompressedImage" if compressed else TOPICS["image"][0]
         hear(image, kind, self._take_image)
-        if self._stack.features.landmark_frames:
+        if self._stack.features.plugin.landmark_frames:
             hear("landmark_image", TOPICS["image"][0], inputs.image, landmarks=True)
             del self._heard["landmark_image"]
         hear("imu", TOPICS["imu"][0], inputs.imu)

@@ -156,7 +156,7 @@ class Stack:
         if state is None or state.command is None or state.proposals is None:
             return {}
         mofis = self.mofis
-        with self.guard.on_duty():
+        with self.guard.watchdog.on_duty():
             explanation = explain_command(state.command, state.proposals, mofis)
         if state.percept is not None:
             explanation["perception"] = {
@@ -178,7 +178,7 @@ class Stack:
 
         """
         self.guard.reset()
-        with self.guard.on_duty():
+        with self.guard.watchdog.on_duty():
             self._start(pose, goals)
 
     def _start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
@@ -208,9 +208,9 @@ class Stack:
     def step(self, reading: SensorReading) -> Twist:
         """One control tick: the twist to drive until the next reading."""
         self.guard.time = reading.time
-        if self.guard.watching:
+        if self.guard.watchdog.active:
             return self._step(reading)
-        with self.guard.on_duty():
+        with self.guard.watchdog.on_duty():
             return self._step(reading)
 
     def _step(self, reading: SensorReading) -> Twist:
@@ -300,7 +300,7 @@ class Stack:
         if not self.safety.senses.seeing:
             return View(), ()
         view = self.vision.process(frame, odometry)
-        shown = reading.landmark_frame if self.features.landmark_frames else reading.frame
+        shown = reading.landmark_frame if self.features.plugin.landmark_frames else reading.frame
         if shown is None:
             return view, ()
         with timed(self.timings, "features"):

@@ -128,7 +128,7 @@ def _problems(
     verify(cls)
     guard = PluginGuard(_TIME, _TIME)
     try:
-        with guard.on_duty():
+        with guard.watchdog.on_duty():
             arguments = (cls, params, robot or RobotModel(), answers, run)
             return guard.call(cls.__name__, _problems_in_scenes, *arguments, check=list)
     except PluginCallError as error:
@@ -232,7 +232,8 @@ def _propose(
         durations.append(time.perf_counter() - began)
         problems.update(dict.fromkeys(_faults(proposal, context)))
         if isinstance(proposal, Proposal):
-            digest.update(_bytes(proposal))
+            for layer in (proposal.desirability, proposal.prohibition, proposal.applicability):
+                digest.update(np.asarray(layer, dtype=np.float64).tobytes())
     return list(problems), digest.hexdigest()
 
 
@@ -253,11 +254,6 @@ def _faults(proposal: object, context: Context) -> Iterator[str]:
         json.dumps(plain_json(explanation), allow_nan=False)
     except Exception as error:  # a plugin may return anything
         yield f"explain(0, 0) does not give plain data: {_message(error)}"
-
-
-def _bytes(proposal: Proposal) -> bytes:
-    layers = (proposal.desirability, proposal.prohibition, proposal.applicability)
-    return b"".join(np.asarray(layer, dtype=np.float64).tobytes() for layer in layers)
 
 
 def _message(error: Exception) -> str:

@@ -188,9 +188,9 @@ def test_a_time_out_suspends_the_plugin_for_longer_each_time() -> None:
 def test_a_call_that_hangs_is_ended_and_the_next_one_gets_its_own_time() -> None:
     guard = PluginGuard(limit=0.3, first_limit=0.6)
     began = time.monotonic()
-    with guard.on_duty(), pytest.raises(PluginCallError, match=r"within 0.6 s"):
+    with guard.watchdog.on_duty(), pytest.raises(PluginCallError, match=r"within 0.6 s"):
         guard.call("fusion slow", time.sleep, 30.0, check=nothing)
-    with guard.on_duty():
+    with guard.watchdog.on_duty():
         guard.call("fusion quick", time.sleep, 0.4, check=nothing)
         guard.call("fusion quick", time.sleep, 0.4, check=nothing)  # kernels of another function
         guard.starting = False
