@@ -95,7 +95,8 @@ def drive(
             ended = "ended by a signal"
         finally:
             node.close()
-    _print_end(ended, {"notes": node.notes, **(driver.latency() if driver else {})}, json=json)
+    latency = driver.outputs.latency() if driver else {}
+    _print_end(ended, {"notes": node.notes, **latency}, json=json)
     if wanted.once and ended != "reached":
         raise typer.Exit(1)
 
@@ -136,7 +137,7 @@ def _goal(topo_map: TopoMap, text: str, tolerance: float) -> Waypoint:
     if "," not in text:
         return goal_at(topo_map, text, tolerance)
     x, y = options.numbers_of("--goal", text, ("X", "Y")) or (0.0, 0.0)
-    return Waypoint(x, y, tolerance, "", "goal", final=True)
+    return Waypoint.goal(x, y, tolerance)
 
 
 @group.command(cls=_RosCommand)

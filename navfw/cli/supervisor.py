@@ -133,7 +133,7 @@ class _Record:
         from navfw.missions.outcome import GoalChecker
         from navfw.signals import Pose, Waypoint
 
-        goals = [Waypoint(x, y, run.radius, place, "goal", True) for x, y, place in run.goals]
+        goals = [Waypoint.goal(x, y, run.radius, place) for x, y, place in run.goals]
         self._goals: GoalChecker = GoalChecker(goals, run.radius)
         self._touched = 0
         self._pose = Pose

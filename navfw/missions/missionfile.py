@@ -257,7 +257,7 @@ def _goals(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tupl
         else:
             place = _place(document, ("goals", index), topo_map, goal)
             x, y, name = place.x, place.y, place.name
-        waypoints.append(Waypoint(x, y, spec.tolerance, name, "goal", final=True))
+        waypoints.append(Waypoint.goal(x, y, spec.tolerance, name))
     return tuple(waypoints) * spec.rounds
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from navfw.errors import MapError
@@ -100,16 +100,8 @@ def waypoints_of(
         last = route.legs[-2]
     if waypoints and places[0].distance(*route.start.point) <= AT_PLACE:
         del waypoints[0]
-    final = Waypoint(
-        goal.x,
-        goal.y,
-        goal.tolerance,
-        goal.place,
-        "goal",
-        final=True,
-        width=route.widths[-1],
-        passage=_ends(last),
-    )
+    width, passage = route.widths[-1], _ends(last)
+    final = replace(goal, kind="goal", final=True, width=width, passage=passage)
     return [*waypoints, final]
 
 

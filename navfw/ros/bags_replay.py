@@ -11,7 +11,6 @@ from contextlib import closing
 from itertools import pairwise
 from typing import Any
 
-import cv2
 import numpy as np
 
 from navfw import recording
@@ -22,7 +21,7 @@ from navfw.plugins import default_registry
 from navfw.process.interruption import check_interrupted, interruptible
 from navfw.recording.channel_list import SeenRun
 from navfw.robot import RobotModel
-from navfw.ros.sensor_inputs import TOLERANCE, as_taken, goal_at
+from navfw.ros.sensor_inputs import TOLERANCE, as_taken, goal_at, grey_image
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist
 from navfw.stack import ShadowStack
 from navfw.topomap import Passage, Place, TopoMap
@@ -104,12 +103,12 @@ class _Readings:
     def _frame(self, item: recording.BagImage) -> Frame | None:
         """The image as the robot's camera takes it; None, and a note, if it is damaged."""
         try:
-            grey = cv2.cvtColor(recording.ros_image(item.message, item.name), cv2.COLOR_BGR2GRAY)
+            grey = grey_image(item.message, item.name)
         except InputError as error:
             self._bag.notes.append(f"an image is left out: {error}")
             return None
         with locating(file=self._bag.file, key="--robot"):
-            return Frame(item.time, as_taken(np.asarray(grey, dtype=np.uint8), self._robot.camera))
+            return Frame(item.time, as_taken(grey, self._robot.camera))
 
 
 def _due(item: recording.BagImage) -> float:

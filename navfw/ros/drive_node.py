@@ -70,7 +70,7 @@ class DriveOptions:
 
 
 class DriveNode:
-    """Drives one robot by ``stack``, until it is told to end.
+    """Drives one robot by ``stack``, until it is told to end; ``outputs`` tell what it does.
 
     Parameters of the node: ``wheels`` (joints or odom), ``wheel_joints``, ``imu_rpy`` [rad],
     ``compressed``, ``stamped_cmd_vel``.
@@ -100,7 +100,7 @@ class DriveNode:
         velocity = "TwistStamped" if self._stamped else "Twist"
         self._command = node.publisher("cmd_vel", f"geometry_msgs/msg/{velocity}")
         self._status = node.publisher("navfw/status", "std_msgs/msg/String", "latched")
-        self._outputs = DriveOutputs(node, stack)
+        self.outputs = DriveOutputs(node, stack)
 
     def _subscribe(self, wheels: str, compressed: bool) -> None:
         node, inputs = self._node, self._inputs
@@ -176,7 +176,7 @@ class DriveNode:
             self._node.note(f"a goal on goal_pose is left out: its frame is {what}")
             return False
         place = message.pose.position
-        return self._go_to(Waypoint(place.x, place.y, TOLERANCE, "", "goal", final=True))
+        return self._go_to(Waypoint.goal(place.x, place.y, TOLERANCE))
 
     def _take_place(self, message: Any) -> None:
         try:
@@ -274,9 +274,9 @@ class DriveNode:
         frame = next((reading.frame for reading in readings if reading.frame is not None), None)
         if frame is not None:
             came_at, age = self._image_came
-            self._outputs.latencies.append(max(0.0, age) + time.monotonic() - came_at)
+            self.outputs.latencies.append(max(0.0, age) + time.monotonic() - came_at)
             ended = self._ended() or ", ".join(self._held)
-            self._outputs.tell(frame, self._base, ended, self._node.now())
+            self.outputs.tell(frame, self._base, ended, self._node.now())
         if ended := self._ended():
             self._end_goal(ended == "reached")
         return ended if self._options.once and not self._held else ""
@@ -376,7 +376,3 @@ class DriveNode:
         still = max(abs(twist.v), abs(twist.w)) <= _STILL
         done = "reached" if self._goals else "no goal"
         return done if state.finished and still else ""
-
-    def latency(self) -> Mapping[str, float]:
-        """From an image's stamp to the command [ms]: median and 99th percentile."""
-        return self._outputs.latency()

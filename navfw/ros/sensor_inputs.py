@@ -74,7 +74,6 @@ class SensorInputs:
         self._frame: Frame | None = None
         self._landmarks: Frame | None = None
         self.shift = 0.0
-        self.images = 0
 
     def time_of(self, topic: str, stamp: Any, now: float) -> float | None:
         """The time [s] of a message with ``stamp`` that came at ``now`` [s]; None if it goes back.
@@ -119,12 +118,11 @@ class SensorInputs:
         if time is None:
             return
         try:
-            grey = _grey(message, topic)
+            grey = grey_image(message, topic)
             if landmarks:
                 self._landmarks = Frame(time, grey)
                 return
             self._frame = Frame(time, as_taken(grey, self._robot.camera))
-            self.images += 1
         except (ConfigError, cv2.error, ValueError) as error:
             self._note(f"images on {topic} are left out: {error}")
 
@@ -294,7 +292,8 @@ def as_taken(grey: Image, camera: CameraModel) -> Image:
     return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def _grey(message: Any, topic: str) -> Image:
+def grey_image(message: Any, topic: str) -> Image:
+    """The luminance (height, width) of an ``Image`` or ``CompressedImage``; see ``ros_image``."""
     if getattr(message, "encoding", "") in {"mono8", "8UC1"}:
         return np.ascontiguousarray(ros_image(message, topic)[..., 0])
     return np.asarray(cv2.cvtColor(ros_image(message, topic), cv2.COLOR_BGR2GRAY), dtype=np.uint8)
@@ -308,4 +307,4 @@ def goal_at(topo_map: TopoMap, name: str, tolerance: float = TOLERANCE) -> Waypo
 
     """
     place = topo_map.place(name)
-    return Waypoint(place.x, place.y, tolerance, name, "goal", final=True)
+    return Waypoint.goal(place.x, place.y, tolerance, name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 from navfw.numerics.arrays import Array
 from navfw.signals.geometry import Pose, Twist, position_sigma
@@ -75,6 +75,11 @@ class Waypoint:
     final: bool
     width: float = math.inf
     passage: tuple[str, str] | None = None
+
+    @classmethod
+    def goal(cls, x: float, y: float, tolerance: float, place: str = "") -> Self:
+        """A goal of a mission."""
+        return cls(x, y, tolerance, place, "goal", final=True)
 
     @property
     def label(self) -> str:

@@ -122,7 +122,10 @@ def contexts_of(
             percept = percepts[0] if percepts[0].sees_depth else percept
         belief = Belief(time, start.compose(pose), np.zeros((3, 3)))
         local_map.update(odometry, percepts, None, belief.pose)
-        waypoint = _waypoint(scene.waypoint, start)
+        waypoint = None
+        if scene.waypoint is not None:
+            tolerance = min(0.3, 0.5 * math.hypot(*scene.waypoint))
+            waypoint = Waypoint.goal(*start.to_parent(*scene.waypoint), tolerance, "there")
         mofis.decide(DecisionInputs(odometry, belief, waypoint, percept, flow))
         if mofis.context is not None:
             contexts.append(mofis.context)
@@ -164,13 +167,6 @@ def wall_flow(robot: RobotModel, time: float, ahead: float, left: float, right: 
         motion=CameraMotion(np.eye(3), step, 0.2, 1e-3, 1e-3),
         derotated=True,
     )
-
-
-def _waypoint(point: tuple[float, float] | None, start: Pose) -> Waypoint | None:
-    if point is None:
-        return None
-    tolerance = min(0.3, 0.5 * math.hypot(*point))
-    return Waypoint(*start.to_parent(*point), tolerance, "there", "goal", final=True)
 
 
 class _Scripted(Fusion):

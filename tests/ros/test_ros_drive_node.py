@@ -26,7 +26,7 @@ def between(begin: float, end: float, graph: Graph, topic: str) -> None:
 def test_messages_that_are_late_and_lost_lead_to_the_goal(monkeypatch: pytest.MonkeyPatch) -> None:
     drive = GraphDrive(Graph(dropped=0.1, jitter=0.05), monkeypatch, *STRAIGHT)
     assert drive.run().outcome == "reached"
-    assert drive.driver.latency()["latency_p99_ms"] < 150.0
+    assert drive.driver.outputs.latency()["latency_p99_ms"] < 150.0
 
 
 @pytest.mark.slow
