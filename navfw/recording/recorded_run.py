@@ -108,7 +108,7 @@ class RecordedRun:
                 content = decoders[topic](data)
             except Exception as error:  # of the decoders of protobuf, CDR and JSON
                 reason = str(error) or type(error).__name__
-                raise self._refused(f"a message of {topic} is damaged ({reason})") from None
+                raise self.refused(f"a message of {topic} is damaged ({reason})") from None
             yield RecordedMessage(topic, 1e-9 * log_time, content)
 
     def packed(self, *wanted: str) -> Iterator[tuple[str, int, bytes]]:
@@ -149,7 +149,7 @@ class RecordedRun:
         """
         with open_input(self.path, self._max_bytes) as stream:
             if stream.read(len(_MAGIC)) != _MAGIC:
-                raise self._refused("expected an MCAP file, as navfw run --record writes it")
+                raise self.refused("expected an MCAP file, as navfw run --record writes it")
             stream.seek(-len(_MAGIC), io.SEEK_END)  # as a whole file ends
             ended = stream.read() == _MAGIC and stream.tell() > len(_MAGIC)
             try:
@@ -159,9 +159,10 @@ class RecordedRun:
                     return  # the file is cut off within this record
                 # mcap, zstandard and struct raise errors of many kinds for damaged content
                 reason = str(error) or type(error).__name__
-                raise self._refused(f"the file is damaged ({reason})") from None
+                raise self.refused(f"the file is damaged ({reason})") from None
 
-    def _refused(self, what: str) -> ConfigError:
+    def refused(self, what: str) -> ConfigError:
+        """The error that the file is no recording."""
         return ConfigError(f"not a recording: {what}", file=self.path)
 
     def _unpacked(self, stream: BinaryIO, wanted: Container[int] | None) -> Iterator[McapRecord]:
@@ -196,29 +197,29 @@ class RecordedRun:
                 if record.name == topics.RUN:
                     self.metadata = dict(record.metadata)
             elif isinstance(record, Message) and record.channel_id not in self._channels:
-                raise self._refused("the file is damaged (a message without a channel)")
+                raise self.refused("the file is damaged (a message without a channel)")
 
     def _check_header(self, header: object) -> None:
         profile = header.profile if isinstance(header, Header) else ""
         version = profile.removeprefix(topics.PROFILE)
         if not profile.startswith(topics.PROFILE) or not version.isdecimal():
             of = f"of profile {profile!r}" if profile else "without a profile"
-            raise self._refused(f"an MCAP file {of}, expected one of navfw run --record")
+            raise self.refused(f"an MCAP file {of}, expected one of navfw run --record")
         if int(version[:9]) != topics.FORMAT_VERSION:
             what = f"it has version {version[:9]} of the format, this navfw reads"
-            raise self._refused(f"{what} {topics.FORMAT_VERSION}; record the run again")
+            raise self.refused(f"{what} {topics.FORMAT_VERSION}; record the run again")
 
     def _add_channel(self, channel: Channel) -> None:
         """Add a channel; one of navfw's own must have the schema that navfw gives it."""
         schema = self._schemas.get(channel.schema_id)
         expected = _SCHEMAS.get(channel.topic)
         if schema is None:
-            raise self._refused(f"channel {channel.topic} has no schema")
+            raise self.refused(f"channel {channel.topic} has no schema")
         if expected not in (None, schema.name):
             what = f"channel {channel.topic} has schema {schema.name}, expected {expected}"
-            raise self._refused(what)
+            raise self.refused(what)
         if channel.topic == topics.READING and schema.data != topics.SCHEMA.encode():
-            raise self._refused(f"the fields of {channel.topic} are not those of this version")
+            raise self.refused(f"the fields of {channel.topic} are not those of this version")
         self._channels[channel.id] = channel
 
     def _decoder(self, channel: Channel) -> Callable[[bytes], Any]:
@@ -234,7 +235,7 @@ class RecordedRun:
                     return decoder
         except Exception as error:  # protobuf raises errors of many kinds for damaged schemas
             what = f"the schema of {channel.topic} is damaged ({error})"
-            raise self._refused(what) from None
+            raise self.refused(what) from None
         return bytes
 
 

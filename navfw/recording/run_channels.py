@@ -38,60 +38,6 @@ OpenChannel = Callable[[topics.ChannelInfo], Any]
 """Opens a channel: it has ``has_sinks()``, and ``log(data, log_time=...)`` with a time [ns]."""
 
 
-class SensorChannels:
-    """Logs sensor readings, each with its images before it.
-
-    Images are compressed in a thread of their own, and whatever comes later waits for them; the
-    thread sees nothing but the images, which are not changed.
-    """
-
-    def __init__(self, open_channel: OpenChannel) -> None:
-        channels = {info.topic: open_channel(info) for info in topics.SENSOR_CHANNELS}
-        self._reading = channels.pop(topics.READING)
-        self._images = channels
-        self._packer = ThreadPoolExecutor(max_workers=1)
-        self._waiting: deque[tuple[str, int, Future[bytes] | bytes]] = deque()
-
-    def log(self, reading: SensorReading, twist: Twist) -> None:
-        """Log one control tick: the reading, and the stack's command for it."""
-        now = topics.nanoseconds(reading.time)
-        frame, landmarks = reading.frame, reading.landmark_frame
-        if frame is not None:
-            self._pack(topics.CAMERA_IMAGE, frame.image, now)
-            for topic, side in zip(topics.SIDE_IMAGES, frame.sides, strict=False):
-                self._pack(topic, side, now)
-        if landmarks is not None:
-            self._pack(topics.LANDMARK_IMAGE, landmarks.image, now)
-        self._waiting.append((topics.READING, now, ros.reading_message(reading, twist)))
-        self.send(wait=False)
-
-    def close(self) -> None:
-        """Log what still waits; nothing can be logged afterwards."""
-        self.send(wait=True)
-        self._packer.shutdown()
-
-    def _pack(self, topic: str, image: Image, now: int) -> None:
-        if self._images[topic].has_sinks():
-            self._waiting.append((topic, now, self._packer.submit(_packed, image)))
-
-    def send(self, *, wait: bool) -> None:
-        """Log what is ready, in order; with ``wait`` all of it."""
-        while self._waiting:
-            topic, now, data = self._waiting[0]
-            if isinstance(data, Future):
-                if not (wait or data.done()):
-                    return
-                data = data.result()
-            self._waiting.popleft()
-            if topic == topics.READING:
-                self._reading.log(data, log_time=now)
-                continue
-            frame = {"frame_id": topic.removeprefix("/").removesuffix("/image")}
-            content = {"format": _IMAGE_FORMAT, "data": np.frombuffer(data, dtype=np.uint8)}
-            message = ros.ros_message(topics.IMAGE_SCHEMA, {"header": frame, **content}, now)
-            self._images[topic].log(message, log_time=now)
-
-
 def _packed(image: Image) -> bytes:
     """An image in ``_IMAGE_FORMAT``; OpenCV lets other threads run meanwhile."""
     return cv2.imencode(f".{_IMAGE_FORMAT}", image)[1].tobytes()
@@ -111,20 +57,22 @@ as much, with cold caches."""
 class RunChannels:
     """Logs every control tick of a run to channels of ``open_channel``.
 
-    Without ``seen`` the sensor readings and images alone. A channel without a receiver costs
-    nothing. The stack is only read: its plugins explain themselves outside its guard, so that a
-    fault in an explanation is none of the run.
+    Without ``seen`` the sensor readings alone, each with its images before it. Images are
+    compressed in a thread of their own, and readings wait for them; the thread sees nothing but the
+    images, which are not changed. A channel without a receiver costs nothing. The stack is only
+    read: its plugins explain themselves outside its guard, so that a fault in an explanation is
+    none of the run.
     """
 
     def __init__(self, open_channel: OpenChannel, seen: SeenRun | None = None) -> None:
         self._open_channel = open_channel
-        self._sensors = SensorChannels(open_channel)
         self._seen = seen
         self._guard = PluginGuard()
+        self._packer = ThreadPoolExecutor(max_workers=1)
+        self._waiting: deque[tuple[str, int, Future[bytes] | bytes]] = deque()
         self._ticks: list[tuple[SensorReading, Twist]] = []
-        self._channels: dict[str, Any] = {}
-        for info in topics.VIEWER_CHANNELS if seen is not None else ():
-            self._channels[info.topic] = open_channel(info)
+        opened = topics.SENSOR_CHANNELS if seen is None else topics.CHANNELS
+        self._channels = {info.topic: open_channel(info) for info in opened}
         self.restart()
 
     def restart(self) -> None:
@@ -133,7 +81,7 @@ class RunChannels:
 
     def observe(self, reading: SensorReading, twist: Twist, pose: Pose | None) -> None:
         """Log one control tick: the reading, the stack's command, the true pose if it is known."""
-        self._sensors.log(reading, twist)
+        self._log_reading(reading, twist)
         if self._seen is None:
             return
         self._ticks.append((reading, twist))
@@ -155,15 +103,43 @@ class RunChannels:
         now = topics.nanoseconds(time)
         self._log(topics.DRIVEN, now, partial(ros.command_message, twist, now))
 
-    def flush(self) -> None:
-        """Log what still waits."""
-        self._sensors.send(wait=True)
+    def _log_reading(self, reading: SensorReading, twist: Twist) -> None:
+        """Log the reading of one control tick, and the stack's command for it, after its images."""
+        now = topics.nanoseconds(reading.time)
+        frame, landmarks = reading.frame, reading.landmark_frame
+        if frame is not None:
+            self._pack(topics.CAMERA_IMAGE, frame.image, now)
+            for topic, side in zip(topics.SIDE_IMAGES, frame.sides, strict=False):
+                self._pack(topic, side, now)
+        if landmarks is not None:
+            self._pack(topics.LANDMARK_IMAGE, landmarks.image, now)
+        self._waiting.append((topics.READING, now, ros.reading_message(reading, twist)))
+        self.flush(wait=False)
+
+    def _pack(self, topic: str, image: Image, now: int) -> None:
+        if self._channels[topic].has_sinks():
+            self._waiting.append((topic, now, self._packer.submit(_packed, image)))
+
+    def flush(self, *, wait: bool = True) -> None:
+        """Log the readings and images that are ready, in order; with ``wait`` all of them."""
+        while self._waiting:
+            topic, now, data = self._waiting[0]
+            if isinstance(data, Future):
+                if not (wait or data.done()):
+                    return
+                data = data.result()
+                frame = {"frame_id": topic.removeprefix("/").removesuffix("/image")}
+                content = {"format": _IMAGE_FORMAT, "data": np.frombuffer(data, dtype=np.uint8)}
+                data = ros.ros_message(topics.IMAGE_SCHEMA, {"header": frame, **content}, now)
+            self._waiting.popleft()
+            self._channels[topic].log(data, log_time=now)
 
     def close(self) -> None:
         """Log what still waits; nothing can be logged afterwards."""
         if self._seen is not None:
             self._log_ticks(self._seen.stack.robot)
-        self._sensors.close()
+        self.flush()
+        self._packer.shutdown()
 
     def _log_ticks(self, robot: RobotModel) -> None:
         """Log gyro, wheels and command of the ticks that wait."""
@@ -195,7 +171,7 @@ def _views(
     log_time = topics.nanoseconds(now)
     stamp = Timestamp(*divmod(log_time, 10**9))
     if pose is not None:
-        yield topics.TRUE_POSE, partial(messages.true_pose_message, pose, stamp)
+        yield topics.TRUE_POSE, partial(messages.pose_in_message, "map", pose, stamp)
     if state.flows:
         yield topics.FLOW, partial(messages.flow_message, state.flows[-1], camera, stamp)
     if state.percept is not None and state.flows:
@@ -212,8 +188,8 @@ def _views(
         yield topics.PATH, partial(messages.path_message, belief, state.path, stamp)
         context = stack.mofis.context
         if command is not None and context is not None and context.local_goal is not None:
-            goal = context.local_goal
-            yield topics.LOCAL_GOAL, partial(messages.local_goal_message, goal, stamp)
+            goal = Pose(context.local_goal.x, context.local_goal.y, 0.0)
+            yield topics.LOCAL_GOAL, partial(messages.pose_in_message, "base_link", goal, stamp)
     yield topics.OBSTACLES, partial(messages.obstacles_message, tracks, now, stamp)
     yield topics.LOG, partial(_line, state, log_time)
     yield topics.WORLD, partial(messages.world_message, seen.outline, stamp)

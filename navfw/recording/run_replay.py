@@ -67,9 +67,8 @@ def load_recording(path: str | Path, max_bytes: int = topics.MAX_BYTES) -> Senso
             its readings are none that sensors give.
 
     """
-    path = Path(path)
     run = RecordedRun(path, max_bytes)
-    images = _Images(path, max_bytes)
+    images = _Images(run, max_bytes)
     readings: list[SensorReading] = []
     commands: list[tuple[float, float]] = []
     for message in run.messages(topics.READING, *topics.IMAGES):
@@ -80,8 +79,8 @@ def load_recording(path: str | Path, max_bytes: int = topics.MAX_BYTES) -> Senso
         else:
             images.add(message)
     if not readings and not run.complete:
-        raise _no_recording(path, "the file is cut off before its first reading")
-    _check(readings, path)
+        raise run.refused("the file is cut off before its first reading")
+    _check(readings, run)
     table = np.array(commands, dtype=np.float64).reshape(-1, 2)
     return SensorRecording(tuple(readings), table, run.complete)
 
@@ -89,16 +88,16 @@ def load_recording(path: str | Path, max_bytes: int = topics.MAX_BYTES) -> Senso
 class _Images:
     """The images since the last reading, by their channel; they stand before their reading."""
 
-    def __init__(self, path: Path, max_bytes: int) -> None:
-        self._path = path
+    def __init__(self, run: RecordedRun, max_bytes: int) -> None:
+        self._run = run
         self._left = max_bytes
         self._waiting: dict[str, deque[Image]] = {topic: deque() for topic in topics.IMAGES}
 
     def add(self, message: RecordedMessage) -> None:
-        image = image_of(message, self._path)
+        image = image_of(message, self._run.path)
         self._left -= image.nbytes
         if self._left < 0:
-            raise _no_recording(self._path, "its images are too large")
+            raise self._run.refused("its images are too large")
         self._waiting[message.topic].append(image)
 
     def complete(self, row: Any) -> SensorReading:
@@ -111,7 +110,7 @@ class _Images:
         if row.pictures & topics.ImageFlags.LANDMARKS:
             landmark_frame = Frame(row.landmark_frame_time, self._take(topics.LANDMARK_IMAGE))
         if any(self._waiting.values()):
-            raise _no_recording(self._path, "an image belongs to no reading")
+            raise self._run.refused("an image belongs to no reading")
         return SensorReading(
             time=row.time,
             inertial=Inertial(row.inertial_time, row.roll_rate, row.pitch_rate, row.yaw_rate),
@@ -122,28 +121,28 @@ class _Images:
 
     def _take(self, topic: str) -> Image:
         if not self._waiting[topic]:
-            raise _no_recording(self._path, f"images of {topic} are missing")
+            raise self._run.refused(f"images of {topic} are missing")
         return self._waiting[topic].popleft()
 
 
-def _check(readings: Sequence[SensorReading], path: Path) -> None:
+def _check(readings: Sequence[SensorReading], run: RecordedRun) -> None:
     times = np.array([reading.time for reading in readings])
     if not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
-        raise _no_recording(path, "times do not increase")
+        raise run.refused("times do not increase")
     for measured in ("inertial", "encoders"):
         taken = np.array([getattr(reading, measured).time for reading in readings])
         if not _near(taken, times, times):
             what = "the times of gyro or encoders are not those of their readings"
-            raise _no_recording(path, what)
+            raise run.refused(what)
     inertial = [reading.inertial for reading in readings]
     rates = np.array([(gyro.roll_rate, gyro.pitch_rate, gyro.yaw_rate) for gyro in inertial])
     if (np.abs(rates) > _MAX_RATE).any():
-        raise _no_recording(path, f"a rate is above {_MAX_RATE:g} rad/s")
+        raise run.refused(f"a rate is above {_MAX_RATE:g} rad/s")
     for kind in ("frame", "landmark_frame"):
         frames = [(getattr(reading, kind), reading.time) for reading in readings]
         pairs = np.array([(frame.time, time) for frame, time in frames if frame is not None])
         if len(pairs) and not _near(pairs[:, 0], pairs[:, 1], times):
-            raise _no_recording(path, "the time of an image is not that of its reading")
+            raise run.refused("the time of an image is not that of its reading")
 
 
 def _near(measured: Array, read: Array, times: Array) -> bool:
@@ -153,10 +152,6 @@ def _near(measured: Array, read: Array, times: Array) -> bool:
     """
     earliest = times[0] - _TOLERANCE if len(times) else 0.0
     return bool(((measured >= earliest) & (measured <= read + _TOLERANCE)).all())
-
-
-def _no_recording(path: Path, reason: str) -> ConfigError:
-    return ConfigError(f"not a recording: {reason}", file=path)
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,9 +219,7 @@ def replay(folder: str | Path) -> ReplayResult:
         InputError: the folder is not that of a run with ``--record``, or is damaged.
 
     """
-    stack, recording, start, goals = _load(Path(folder))
-    faults = _FaultReplay(Path(folder), stack)
-    stack.start(start, goals)
+    stack, recording, faults = _started(Path(folder))
     commands = replay_commands(stack.step, recording, faults.update)
     return compare_commands(recording, commands)
 
@@ -242,9 +235,7 @@ def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
             was in force at that time.
 
     """
-    stack, recording, start, goals = _load(Path(folder))
-    faults = _FaultReplay(Path(folder), stack)
-    stack.start(start, goals)
+    stack, recording, faults = _started(Path(folder))
     last = recording.readings[-1].time if len(recording) else 0.0
     for reading in recording.readings:
         if reading.time > time + 1e-9:
@@ -262,8 +253,8 @@ def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
     return explanation
 
 
-def _load(folder: Path) -> tuple[Stack, SensorRecording, Pose | None, list[Waypoint]]:
-    """The stack, the readings, the start (None: unknown) and the goals of a recorded run."""
+def _started(folder: Path) -> tuple[Stack, SensorRecording, _FaultReplay]:
+    """The stack of a recorded run at its start, the readings, and the faults to repeat."""
     from navfw.plugins import default_registry
     from navfw.stack import ShadowStack, Stack
     from navfw.topomap import load_map
@@ -281,11 +272,11 @@ def _load(folder: Path) -> tuple[Stack, SensorRecording, Pose | None, list[Waypo
         load_map(folder / "map.yaml", check_landmark_kind),
         default_registry(),
     )
-    goals = [
-        Waypoint(goal.x, goal.y, mission.tolerance, goal.place, "goal", final=True)
-        for goal in mission.goals
-    ]
-    return stack, recording, Pose(*mission.start) if mission.start_known else None, goals
+    faults = _FaultReplay(folder, stack)
+    tolerance = mission.tolerance
+    goals = [Waypoint.goal(goal.x, goal.y, tolerance, goal.place) for goal in mission.goals]
+    stack.start(Pose(*mission.start) if mission.start_known else None, goals)
+    return stack, recording, faults
 
 
 def _check_images(recording: SensorRecording, camera: CameraModel, file: Path) -> None:

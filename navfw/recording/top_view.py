@@ -129,11 +129,6 @@ def led_lines(points: Array, leaders: Sequence[str]) -> list[Line]:
     return lines
 
 
-def estimated_line(points: Array) -> Line:
-    """The path (n, 2) where the robot believes to have been."""
-    return Line(points, Style(palette.ESTIMATE, width=0.9, dashed=True, label="estimate"))
-
-
 def goal_marks(goals: Iterable[Point]) -> Marks:
     """The goals of a mission."""
     return Marks(np.array(list(goals)).reshape(-1, 2), _GOAL)

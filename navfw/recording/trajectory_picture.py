@@ -13,7 +13,7 @@ import numpy as np
 
 from navfw.numerics import Array
 from navfw.recording import plan_picture, top_view
-from navfw.recording.palette import CONTACT, GOAL, START
+from navfw.recording.palette import CONTACT, ESTIMATE, GOAL, START
 from navfw.recording.run_observers import RunLog
 from navfw.signals import Pose
 
@@ -25,6 +25,7 @@ _PLACES = top_view.Style(_PLACE, size=2.5)
 _ZONE = top_view.Style(GOAL, opacity=0.13)
 _START = top_view.Style("white", START, width=1.6, label="start")
 _END = top_view.Style(edge="#111111", width=1.4)
+_ESTIMATE = top_view.Style(ESTIMATE, width=0.9, dashed=True, label="estimate")
 _CONTACT = top_view.Style(CONTACT, "white", marker="cross", size=11.0, label="contact")
 
 _BAD_OUTCOME, _GOOD_OUTCOME = "#B00020", "#2E7D32"
@@ -98,9 +99,8 @@ def draw_trajectory(path: Path, log: RunLog, picture: TrajectoryPicture) -> None
     if len(shown) > 1:
         leaders = [log.leaders[leader] for leader in log.leader[shown]]
         paths = top_view.led_lines(log.true[shown, :2], leaders)
-        plan_picture.draw_shapes(
-            axes, [*paths, top_view.estimated_line(log.estimate[shown, :2])], zorder=4.0
-        )
+        estimate = top_view.Line(log.estimate[shown, :2], _ESTIMATE)
+        plan_picture.draw_shapes(axes, [*paths, estimate], zorder=4.0)
     plan_picture.draw_shapes(axes, _marks(log, picture), zorder=6.0)
     _write_labels(axes, log, picture)
     axes.set_xlabel("x [m]", fontsize=8, color="#666666", labelpad=1)

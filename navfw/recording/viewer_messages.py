@@ -13,7 +13,6 @@ import numpy as np
 from foxglove import messages as fox
 from foxglove.messages import Timestamp
 
-from navfw.localmap import LocalGoal
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.movers.tracking import Track
 from navfw.numerics import Array
@@ -200,15 +199,9 @@ def pose_message(belief: Belief, twist: Twist, stamp: Timestamp) -> fox.Odometry
     )
 
 
-def true_pose_message(pose: Pose, stamp: Timestamp) -> fox.PoseInFrame:
-    """The true pose in ``map``."""
-    return fox.PoseInFrame(timestamp=stamp, frame_id="map", pose=_pose3(pose))
-
-
-def local_goal_message(goal: LocalGoal, stamp: Timestamp) -> fox.PoseInFrame:
-    """The point to head for now, in ``base_link``."""
-    pose = _pose3(Pose(goal.x, goal.y, 0.0))
-    return fox.PoseInFrame(timestamp=stamp, frame_id="base_link", pose=pose)
+def pose_in_message(frame: str, pose: Pose, stamp: Timestamp) -> fox.PoseInFrame:
+    """A pose in a ``frame``."""
+    return fox.PoseInFrame(timestamp=stamp, frame_id=frame, pose=_pose3(pose))
 
 
 def path_message(belief: Belief, path: Sequence[Waypoint], stamp: Timestamp) -> fox.PosesInFrame:

@@ -53,12 +53,10 @@ def render_page(template: str, **content: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.policies["json.dumps_function"] = _dumped
+    environment.policies["json.dumps_function"] = lambda data, **options: json.dumps(
+        printable_data(data), **options
+    )
     return environment.get_template(template).render(**content)
-
-
-def _dumped(data: Any, **options: Any) -> str:
-    return json.dumps(printable_data(data), **options)
 
 
 _WIDTH, _QUALITY = 640, 60

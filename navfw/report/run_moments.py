@@ -30,6 +30,19 @@ _WIDTH = 320
 """Width to which larger camera images are reduced [px]."""
 _QUALITY = 75
 """Quality of the camera images (WebP), of 100."""
+SHOWN = (
+    topics.FLOW,
+    topics.CELLS,
+    topics.PERCEPT,
+    topics.COMMAND,
+    topics.LOCAL_MAP,
+    topics.OBSTACLES,
+    topics.TRANSFORMS,
+    topics.POSE,
+    topics.TRUE_POSE,
+    topics.PATH,
+)
+"""What reports and videos show beside the camera's images."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,21 +123,7 @@ def read_moments(
     kept = shown[np.linspace(0, len(shown) - 1, min(len(shown), limit)).round().astype(int)]
     at = np.array([topics.nanoseconds(event.time) for event in events], dtype=np.int64)
     of_events = shown[np.minimum(np.searchsorted(images[shown], at), len(shown) - 1)]
-    wanted = (
-        topics.CAMERA_IMAGE,
-        topics.FLOW,
-        topics.CELLS,
-        topics.PERCEPT,
-        topics.COMMAND,
-        topics.RULES,
-        topics.PROPOSALS,
-        topics.PATH,
-        topics.POSE,
-        topics.TRUE_POSE,
-        topics.TRANSFORMS,
-        topics.OBSTACLES,
-        topics.LOCAL_MAP,
-    )
+    wanted = (*SHOWN, topics.RULES, topics.PROPOSALS)
     moments: list[RunMoment] = []
     maps: dict[float, str] = {}
     for newest in newest_at_images(run, wanted, {*kept.tolist(), *of_events.tolist()}):
@@ -136,13 +135,13 @@ def read_moments(
 def newest_at_images(
     run: RecordedRun, wanted: tuple[str, ...], kept: Container[int]
 ) -> Iterator[dict[str, RecordedMessage]]:
-    """The newest message of each topic at the time of each image of ``kept``, the image included.
+    """The newest message of each ``wanted`` topic at each image of ``kept``, and the image.
 
     Images stand later in the file than what was logged with them: they are packed meanwhile. The
     mapping is updated from image to image.
     """
     newest: dict[str, RecordedMessage] = {}
-    others = run.messages(*(topic for topic in wanted if topic != topics.CAMERA_IMAGE))
+    others = run.messages(*wanted)
     ahead = next(others, None)
     for number, image in enumerate(run.messages(topics.CAMERA_IMAGE)):
         while ahead is not None and ahead.time <= image.time + 1e-9:

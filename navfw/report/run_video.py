@@ -18,7 +18,12 @@ from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of,
 from navfw.recording.run_folder import read_result
 from navfw.recording.video_output import VideoOutput
 from navfw.report import run_timeline
-from navfw.report.run_moments import local_map_picture, moving_obstacles, newest_at_images
+from navfw.report.run_moments import (
+    SHOWN,
+    local_map_picture,
+    moving_obstacles,
+    newest_at_images,
+)
 from navfw.signals import Pose
 
 _KEY_HEIGHT = 70
@@ -303,20 +308,6 @@ _MAX_AGE = 2.0
 """Age of a message from which it is no longer shown [s]."""
 _MAX_REPEATS = 600
 """Largest number of times that a picture is repeated while the camera gives no other."""
-_SHOWN = (
-    topics.CAMERA_IMAGE,
-    topics.FLOW,
-    topics.CELLS,
-    topics.PERCEPT,
-    topics.COMMAND,
-    topics.LOCAL_MAP,
-    topics.LOCAL_GOAL,
-    topics.OBSTACLES,
-    topics.TRANSFORMS,
-    topics.POSE,
-    topics.TRUE_POSE,
-    topics.PATH,
-)
 
 
 def write_run_video(
@@ -344,7 +335,7 @@ def write_run_video(
     rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 1.0  # the usual one
     repeats = np.clip(np.rint(np.diff(times, append=times[-1]) * rate), 1, _MAX_REPEATS)
     with VideoOutput(target, rate, option) as video:
-        moments = newest_at_images(run, _SHOWN, range(len(times)))
+        moments = newest_at_images(run, (*SHOWN, topics.LOCAL_GOAL), range(len(times)))
         for number, newest in enumerate(moments):
             picture = _picture(newest, plan, run)
             for _ in range(int(repeats[number])):
