@@ -21,4 +21,4 @@ def compile_with_progress(*, loaded: bool = False, quiet: bool = False) -> int:
     from navfw.process import compile_kernels
 
     with ProgressBar("compiling", "kernels", quiet=quiet, moving=True) as bar:
-        return compile_kernels(lambda s: bar.update(s.done, s.total, s.now), loaded=loaded)
+        return compile_kernels(bar.update, loaded=loaded)

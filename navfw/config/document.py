@@ -164,7 +164,7 @@ def _compose(text: str, file: str | None, max_nodes: int) -> Node | None:
     except ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         raise ConfigError(
-            f"the character U+{_ordinal(error.character):04X} is not allowed", file=file, line=line
+            f"the character U+{error.character:04X} is not allowed", file=file, line=line
         ) from None
     except RecursionError:
         raise ConfigError("nested too deeply", file=file) from None
@@ -303,10 +303,3 @@ def _syntax_message(error: MarkedYAMLError) -> str:
 def _tag_text(tag: object) -> str:
     text = str(tag)
     return text.replace(_TAG, "!!") if text.startswith(_TAG) else text
-
-
-def _ordinal(character: object) -> int:
-    if isinstance(character, int):
-        return character
-    text = str(character)
-    return ord(text[0]) if text else 0

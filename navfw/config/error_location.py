@@ -111,23 +111,14 @@ def _container(bare: Any) -> str:
     if issubclass(origin, BaseModel | Mapping):
         has_values = len(args) == 2 and args[1] is not Any
         return f"a mapping to {_plural(args[1])}" if has_values else "a mapping"
-    if issubclass(origin, tuple):
-        return _tuple(origin, args)
+    if hasattr(origin, "_fields"):  # a named tuple
+        return f"a list of {len(origin._fields)} values"
+    if issubclass(origin, tuple) and args and args[-1] is not Ellipsis:
+        parts = dict.fromkeys(_plural(arg) for arg in args)
+        return f"a list of {len(args)} {' and '.join(parts)}"
     if issubclass(origin, Sequence | set | frozenset):
         return f"a list of {_plural(args[0])}" if args else "a list"
     return origin.__name__
-
-
-def _tuple(origin: type[tuple[Any, ...]], args: tuple[Any, ...]) -> str:
-    names = getattr(origin, "_fields", None)
-    if names is not None:
-        return f"a list of {len(names)} values"
-    if not args:
-        return "a list"
-    if args[-1] is Ellipsis:
-        return f"a list of {_plural(args[0])}"
-    parts = dict.fromkeys(_plural(arg) for arg in args)
-    return f"a list of {len(args)} {' and '.join(parts)}"
 
 
 def _plural(annotation: Any) -> str:

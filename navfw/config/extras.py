@@ -6,18 +6,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import metadata
 from importlib.util import find_spec
-from pathlib import Path
 
 from navfw.errors import MissingExtraError
 
 
 @contextmanager
-def extra_imports(
-    extra: str, *, file: str | Path | None = None, key: str | None = None
-) -> Iterator[None]:
+def extra_imports(extra: str, *, key: str | None = None) -> Iterator[None]:
     """Import modules of an extra of ``pyproject.toml`` in the body, and nothing else.
 
-    ``file`` or ``key`` say what needs them; a key is a command, an option or a plugin.
+    ``key`` says what needs them: a command, an option or a plugin.
 
     Raises:
         MissingExtraError: one of the modules is not installed.
@@ -26,7 +23,7 @@ def extra_imports(
     try:
         yield
     except ModuleNotFoundError as error:
-        raise MissingExtraError(extra, error.name or extra, file=file, key=key) from None
+        raise MissingExtraError(extra, error.name or extra, key=key) from None
 
 
 def require_extra(extra: str, module: str, *, key: str | None = None) -> None:

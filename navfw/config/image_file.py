@@ -6,7 +6,6 @@ import contextlib
 import io
 import os
 import re
-import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +17,7 @@ from PIL import Image as PillowImage
 
 from navfw.config.input_file import INPUT_BOUNDS, max_bytes, read_input, shown_path
 from navfw.errors import ConfigError
+from navfw.process.process_resources import stderr_to
 
 _DAMAGED = re.compile(
     rb"bad Huffman code|premature end of data|([3-9][0-9]|[0-9]{3,}) extraneous bytes"
@@ -97,16 +97,14 @@ def _declared_size(data: bytes, name: str) -> tuple[int, int]:
 def _heard() -> Iterator[list[bytes]]:
     """What native decoders write to stderr inside the block, known at its end; nothing is shown."""
     said: list[bytes] = []
-    sys.stderr.flush()
-    saved, (outlet, inlet) = os.dup(2), os.pipe()
-    for end in (outlet, inlet):
+    ends = outlet, inlet = os.pipe()
+    for end in ends:
         os.set_blocking(end, False)  # output beyond the pipe's buffer is dropped
-    os.dup2(inlet, 2)
     try:
-        yield said
+        with stderr_to(inlet):
+            yield said
     finally:
-        os.dup2(saved, 2)
         with contextlib.suppress(BlockingIOError):
             said.append(os.read(outlet, 100_000))
-        for descriptor in (saved, outlet, inlet):
-            os.close(descriptor)
+        for end in ends:
+            os.close(end)

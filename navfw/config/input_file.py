@@ -81,12 +81,7 @@ def max_bytes(kind: str) -> int:
     return INPUT_BOUNDS[kind].max_bytes
 
 
-_FLAGS = (
-    os.O_RDONLY
-    | getattr(os, "O_NONBLOCK", 0)  # opening a pipe must not wait for a writer
-    | getattr(os, "O_NOCTTY", 0)
-    | getattr(os, "O_BINARY", 0)
-)
+_FLAGS = os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY  # a pipe must not wait for a writer
 
 
 _traced: ContextVar[set[Path] | None] = ContextVar("traced", default=None)

@@ -58,10 +58,7 @@ def config_error(problems: Sequence[FileProblem]) -> ConfigError:
     lines = [first.message, *(str(other.error()) for other in others)]
     if len(ordered) > MAX_LISTED:
         lines.append(f"and {len(ordered) - MAX_LISTED} more")
-    message = "\n".join(lines)
-    return ConfigError(
-        message, file=first.origin.file, line=first.origin.line, key=first.key or None
-    )
+    return dataclasses.replace(first, message="\n".join(lines)).error()
 
 
 def problems_of(

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
-import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
 
 import cv2
 import numpy as np
@@ -17,6 +14,7 @@ import numpy as np
 from navfw.config.input_file import INPUT_BOUNDS, open_input, shown_path
 from navfw.errors import InputError
 from navfw.numerics import Image
+from navfw.process.process_resources import stderr_to
 
 FRAME_RATE = 10.0
 """Frame rate assumed if none is known [1/s]."""
@@ -51,7 +49,7 @@ class VideoFile:
         with (
             open_input(path, _FILM.max_bytes),
             tempfile.TemporaryFile() as said,
-            _messages_to(said),
+            stderr_to(said.fileno()),
         ):
             self._capture = cv2.VideoCapture(str(path), cv2.CAP_ANY, _ONE_THREAD)
         width, height = (self._capture.get(side) for side in _FRAME_SIZE)
@@ -85,7 +83,7 @@ class VideoFile:
             with tempfile.TemporaryFile() as said:
                 while True:
                     before = said.tell()
-                    with _messages_to(said):
+                    with stderr_to(said.fileno()):
                         good, image = self._capture.read()
                     if not good:
                         break
@@ -135,16 +133,3 @@ class VideoFile:
             return rate
         self.notes.append(f"the video has no frame rate: {FRAME_RATE:g} images a second assumed")
         return FRAME_RATE
-
-
-@contextlib.contextmanager
-def _messages_to(file: IO[bytes]) -> Iterator[None]:
-    """Keep in ``file`` what video decoders write to stderr."""
-    sys.stderr.flush()
-    saved = os.dup(2)
-    os.dup2(file.fileno(), 2)
-    try:
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)

@@ -7,7 +7,6 @@ from .interruption import deferred as deferred
 from .interruption import interrupted as interrupted
 from .interruption import interruptible as interruptible
 from .kernel_compilation import KERNEL_FILE as KERNEL_FILE
-from .kernel_compilation import CompilationState as CompilationState
 from .kernel_compilation import Kernel as Kernel
 from .kernel_compilation import compile_kernels as compile_kernels
 from .kernel_compilation import groups_of as groups_of

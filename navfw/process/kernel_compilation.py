@@ -15,7 +15,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -71,11 +71,6 @@ class Kernel:
         return any(cache._index_key(types, codegen) not in stored for types in self.signatures)
 
     @property
-    def cache_folder(self) -> Path:
-        """The folder into which numba writes the compiled function."""
-        return Path(self.function._cache.cache_path)
-
-    @property
     def calls(self) -> set[Any]:
         """The compiled functions that it calls, directly or not, and itself."""
         called, new = {self.function}, [self.function]
@@ -103,18 +98,16 @@ def listed_kernels(loaded: bool = False) -> list[Kernel]:
 
     None where numba does not compile (NUMBA_DISABLE_JIT).
     """
-    return list(_kernels(json.loads(KERNEL_FILE.read_text(encoding="utf-8")), loaded))
-
-
-def _kernels(content: dict[str, dict[str, list[str]]], loaded: bool) -> Iterator[Kernel]:
-    for module, functions in content.items():
+    kernels = []
+    for module, functions in json.loads(KERNEL_FILE.read_text(encoding="utf-8")).items():
         if loaded and module not in sys.modules:
             continue
         space = vars(importlib.import_module(module))
         for name, signatures in functions.items():
             if is_jitted(space[name]):
                 types = tuple(parse_types(signature) for signature in signatures)
-                yield Kernel(f"{module}.{name}", space[name], types)
+                kernels.append(Kernel(f"{module}.{name}", space[name], types))
+    return kernels
 
 
 def groups_of(kernels: Sequence[Kernel]) -> list[list[Kernel]]:
@@ -136,16 +129,8 @@ def groups_of(kernels: Sequence[Kernel]) -> list[list[Kernel]]:
 # --- compilation ----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class CompilationState:
-    """``done`` of ``total`` kernels are compiled; ``now`` says what is being compiled."""
-
-    done: int
-    total: int
-    now: str
-
-
-Report = Callable[[CompilationState], object]
+Report = Callable[[int, int, str], object]
+"""Takes how many kernels are compiled, of how many, and what is being compiled."""
 
 
 def compile_kernels(report: Report | None = None, *, loaded: bool = False) -> int:
@@ -159,12 +144,12 @@ def compile_kernels(report: Report | None = None, *, loaded: bool = False) -> in
         KeyboardInterrupt: a signal has arrived; what was compiled by then is kept.
 
     """
-    show = report or (lambda state: None)
+    show = report or (lambda *state: None)
     missing = [kernel for kernel in listed_kernels(loaded) if kernel.missing]
     if not missing:
         return 0
-    folder = missing[0].cache_folder.parent / "kernels"
-    lock = TargetLock(folder.absolute())
+    cache = Path(missing[0].function._cache.cache_path)
+    lock = TargetLock((cache.parent / "kernels").absolute())
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):  # not writable: every process compiles for itself
             _wait_for(lock, missing, show)
@@ -186,7 +171,7 @@ def _wait_for(lock: TargetLock, missing: Sequence[Kernel], show: Report) -> None
         except TargetInUseError:
             check_interrupted()
             done = sum(not kernel.missing for kernel in missing)
-            show(CompilationState(done, len(missing), "by another process"))
+            show(done, len(missing), "by another process")
         else:
             return
 
@@ -208,7 +193,7 @@ def _compile_groups(groups: Sequence[Sequence[Kernel]], show: Report) -> None:
                 running = (group for future, group in futures.items() if future.running())
                 names = (group[0].name for group in islice(running, workers))
                 now = ", ".join(name.removeprefix("navfw.") for name in names)
-                show(CompilationState(done, total, now))
+                show(done, total, now)
                 finished, unfinished = wait(unfinished, PERIOD, return_when=FIRST_COMPLETED)
                 done += sum(len(futures[f]) for f in finished if f.exception() is None)
                 check_interrupted()
@@ -216,7 +201,7 @@ def _compile_groups(groups: Sequence[Sequence[Kernel]], show: Report) -> None:
             for process in (pool._processes or {}).values():
                 process.terminate()
             raise
-    show(CompilationState(done, total, ""))
+    show(done, total, "")
 
 
 # --- in a worker process --------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Resources of this process: cores, the largest memory it has had, freed memory given back."""
+"""Resources of this process: cores, the largest memory it has had, what goes to stderr."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import ctypes
 import os
 import resource
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 _STATUS = Path("/proc/self/status")
@@ -31,6 +32,19 @@ def peak_memory_mb() -> float:
         return peak / (1e6 if sys.platform == "darwin" else 1e3)
     line = next(line for line in text.splitlines() if line.startswith("VmHWM:"))
     return int(line.split()[1]) * 1024 / 1e6
+
+
+@contextlib.contextmanager
+def stderr_to(descriptor: int) -> Iterator[None]:
+    """Send to ``descriptor`` what native libraries write to stderr inside the block."""
+    sys.stderr.flush()
+    saved = os.dup(2)
+    os.dup2(descriptor, 2)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
 
 
 def return_freed_memory() -> None:

@@ -22,32 +22,25 @@ from navfw.process.watchdog import set_memory
 _encode = JSONEncoder().encode
 
 
-@dataclass(slots=True)
-class _Pipe:
-    """The pipe's end of this process; ``descriptor`` is -1 without a supervisor."""
-
-    descriptor: int = -1
-
-
-_pipe = _Pipe()
+_pipe = -1
+"""Descriptor of the pipe's end of this process; -1 without a supervisor."""
 
 
 def begin(descriptor: int, memory: mmap.mmap) -> None:
     """Send messages to ``descriptor``; ``memory`` is that of the heartbeat."""
-    _pipe.descriptor = descriptor
+    _connect(descriptor, memory)
+    os.register_at_fork(after_in_child=lambda: _connect(-1, None))  # a copy has no supervisor
+
+
+def _connect(descriptor: int, memory: mmap.mmap | None) -> None:
+    global _pipe  # noqa: PLW0603 - one supervisor watches one process
+    _pipe = descriptor
     set_memory(memory)
-    os.register_at_fork(after_in_child=_forget)
-
-
-def _forget() -> None:
-    """A copy of the process has no supervisor."""
-    _pipe.descriptor = -1
-    set_memory(None)
 
 
 def supervised() -> bool:
     """Whether this process has a supervisor."""
-    return _pipe.descriptor >= 0
+    return _pipe >= 0
 
 
 def this_process() -> int:
@@ -68,15 +61,15 @@ def send(message: Mapping[str, Any]) -> None:
 
 def send_position(time: float, x: float, y: float, touched: int) -> None:
     """Tell the true position [m] at ``time`` [s], and the number of bodies in contact."""
-    if _pipe.descriptor >= 0:
+    if _pipe >= 0:
         _send(f'{{"at": [{time!r}, {x!r}, {y!r}, {touched}]}}')
 
 
 def _send(text: str) -> None:
-    rest = text.encode() + b"\n" if _pipe.descriptor >= 0 else b""
+    rest = text.encode() + b"\n" if _pipe >= 0 else b""
     with suppress(OSError):  # the supervisor has died
         while rest:
-            rest = rest[write(_pipe.descriptor, rest) :]
+            rest = rest[write(_pipe, rest) :]
 
 
 class TextToSupervisor(io.TextIOBase):

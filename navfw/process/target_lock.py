@@ -33,6 +33,9 @@ class TargetInUseError(InputError):
 class TargetLock:
     """The lock on ``target``, an absolute path; a context manager.
 
+    ``file`` is the lock file, ``part`` the file or folder for unfinished content, ``old`` the
+    content that is being replaced.
+
     Raises:
         TargetInUseError: another process, or another lock of this one, holds it.
         OSError: the lock file cannot be created.
@@ -41,22 +44,10 @@ class TargetLock:
 
     def __init__(self, target: Path) -> None:
         self.target = target
+        self.file, self.part, self.old = (
+            target.with_name(f".{target.name}.navfw-{word}") for word in ("lock", "part", "old")
+        )
         self._handle: int | None = None
-
-    @property
-    def file(self) -> Path:
-        """The lock file."""
-        return self._beside("lock")
-
-    @property
-    def part(self) -> Path:
-        """The file or folder for unfinished content."""
-        return self._beside("part")
-
-    @property
-    def old(self) -> Path:
-        """The content that is being replaced."""
-        return self._beside("old")
 
     def __enter__(self) -> Self:
         self.acquire()
@@ -90,9 +81,6 @@ class TargetLock:
                 self.file.unlink()
             os.close(self._handle)
             self._handle = None
-
-    def _beside(self, word: str) -> Path:
-        return self.target.with_name(f".{self.target.name}.navfw-{word}")
 
     def _opened(self) -> tuple[int, bool]:
         """A handle of the lock file, and whether the file was there before."""

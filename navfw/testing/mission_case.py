@@ -6,6 +6,7 @@ it is used.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,8 +51,6 @@ class MissionCase:
     @property
     def folder_name(self) -> str:
         """The name of its run folder."""
-        import hashlib
-
         name = f"{Path(self.world).stem}-{Path(self.mission).stem}-{self.seed}"
         variant = (self.stack, self.overrides)
         if variant == (None, ()):

@@ -64,8 +64,6 @@ class NotReachedError(Exception):
 class MissionYaml(pytest.File):
     """A mission file; its items are seeds. It passes if the robot reaches its goals."""
 
-    seeds: tuple[int, ...] = ()
-
     def collect(self) -> Iterator[MissionItem]:
         """One item for each seed.
 
@@ -73,9 +71,9 @@ class MissionYaml(pytest.File):
             CollectError: the mission, its world or its stack is wrong.
 
         """
-        world = self.path.parents[1]
+        world, seeds = self.path.parents[1], self.config.stash[_SEEDS]
         named = str(world) if (world / "world.yaml").is_file() else world.name
-        cases = [MissionCase(named, str(self.path), seed) for seed in widened([0], self.seeds)]
+        cases = [MissionCase(named, str(self.path), seed) for seed in widened([0], seeds)]
         if wrong := cases[0].check():
             raise self.CollectError(wrong)
         for case in cases:
@@ -182,10 +180,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> MissionYam
     name = file_path.relative_to(config.rootpath) if inside else file_path
     if not any(name.match(pattern) for pattern in config.getini(_FILES)):
         return None
-
-    collector = MissionYaml.from_parent(parent, path=file_path)
-    collector.seeds = config.stash[_SEEDS]
-    return collector
+    return MissionYaml.from_parent(parent, path=file_path)
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -217,15 +212,15 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     drives = any(_MISSION in getattr(item, "fixturenames", (_MISSION,)) for item in session.items)
     if not (drives or scenes) or config.option.collectonly:
         return
-    from navfw.process import CompilationState, compile_kernels
+    from navfw.process import compile_kernels
 
     capture: Any = config.pluginmanager.getplugin("capturemanager")
     reports = itertools.count()
 
-    def show(state: CompilationState) -> None:
+    def show(done: int, total: int, _: str) -> None:
         if next(reports) % 20 == 0:  # every 10 s
             with capture.global_and_fixture_disabled() if capture else contextlib.nullcontext():
-                sys.stderr.write(f"compiling: {state.done} of {state.total} kernels\n")
+                sys.stderr.write(f"compiling: {done} of {total} kernels\n")
 
     compile_kernels(show, loaded=True)
 

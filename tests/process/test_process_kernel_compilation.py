@@ -17,14 +17,15 @@ from navfw.process import groups_of, listed_kernels, parse_types
 COMPILE = """
 import sys
 from navfw.process import kernel_compilation, Kernel
-from navfw.guard.answer_kernels import are_degrees, are_finite, are_within
+from navfw.guard.answer_kernels import are_degrees, are_finite
 from navfw.process import parse_types
 one, two = (parse_types(f"Array(float64, 1, 'C', readonly={word})") for word in (False, True))
 kernels = [Kernel(str(f), f, (one, two)) for f in (are_degrees, are_finite)]
 kernel_compilation.listed_kernels = lambda loaded: kernels
 shown = []
-print(kernel_compilation.compile_kernels(shown.append), any(k.missing for k in kernels))
-print(*(f"{state.done}/{state.total}" for state in shown))
+compiled = kernel_compilation.compile_kernels(lambda *state: shown.append(state))
+print(compiled, any(k.missing for k in kernels))
+print(*(f"{done}/{total}" for done, total, _ in shown))
 compiled = [s for k in kernels for s in k.function.stats.cache_misses.values()]
 print("compiled here:", sum(compiled))
 """
@@ -108,7 +109,7 @@ def test_only_one_of_two_processes_compiles(tmp_path: Path) -> None:
 )
 def test_what_workers_leave_stays_uncompiled(tmp_path: Path, work: str, end: list[str]) -> None:
     code = COMPILE.replace("shown = []", f"shown = []\nKernel.compile = lambda self: {work}")
-    code = code.replace("print(kernel", "print('begun', flush=True)\nprint(kernel", 1)
+    code = code.replace("compiled = kernel", "print('begun', flush=True)\ncompiled = kernel", 1)
     process = compiler(tmp_path, code)
     assert process.stdout is not None
     assert process.stdout.readline() == "begun\n"
