@@ -151,11 +151,6 @@ class Registry:
         rows = (outlined.get((entry.kind, entry.name, entry.source)) for entry in entries)
         return [row or self._checked(entry) for row, entry in zip(rows, entries, strict=True)]
 
-    def broken(self) -> list[dict[str, Any]]:
-        """The entries of ``listing`` already known to be broken; imports nothing."""
-        entries = (*self._entries.values(), *self._duplicates)
-        return [self._listed(entry) for entry in entries if entry.error is not None]
-
     def _discover_file(self, file: Path, code: CodeState | None) -> None:
         source, kind = shown_path(file), "behavior"
         try:
@@ -218,7 +213,14 @@ class Registry:
         try:
             cls = plugin_import.import_object(entry.target)
             verify(cls)
-            _check_declared(cls, entry)
+            kind, name = kind_of(cls), getattr(cls, "name", None)
+            if (kind, name) != (entry.kind, entry.name):
+                raise PluginError(
+                    f"registered as {entry.kind} {entry.name!r}, but the class is {kind} {name!r}; "
+                    "make both agree",
+                    file=entry.source,
+                    key=getattr(cls, "__qualname__", None),
+                )
         except InputError as error:
             entry.error = error
         else:
@@ -232,10 +234,6 @@ class Registry:
                 entry.cls.check_files()
             except InputError as error:
                 entry.error = error
-        return self._listed(entry)
-
-    def _listed(self, entry: _RegistryEntry) -> dict[str, Any]:
-        self._load(entry)
         cls = entry.cls
         return {
             "name": entry.name,
@@ -280,18 +278,6 @@ def check_kind(kind: str) -> None:
     """Raise UnknownNameError, with the nearest kind, unless ``kind`` is a kind of plugin."""
     if kind not in KINDS:
         raise UnknownNameError("kind of plugin", kind, KINDS)
-
-
-def _check_declared(cls: object, entry: _RegistryEntry) -> None:
-    """Raise PluginError unless a lazily loaded class has the kind and name of its entry."""
-    kind, name = kind_of(cls), getattr(cls, "name", None)
-    if (kind, name) != (entry.kind, entry.name):
-        raise PluginError(
-            f"registered as {entry.kind} {entry.name!r}, but the class is {kind} {name!r}; "
-            "make both agree",
-            file=entry.source,
-            key=getattr(cls, "__qualname__", None),
-        )
 
 
 def _source(cls: object) -> str:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import ast
 import functools
+import itertools
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType, ModuleType
-from typing import Any
+from typing import Any, ClassVar
 
 from navfw.config.input_file import read_input, shown_path
 from navfw.errors import ConfigError
@@ -72,11 +73,7 @@ def source_findings(file: Path) -> tuple[SourceFinding, ...]:
     whole process. Detours are ``sys.modules`` and ``ctypes``. A file that cannot be read or parsed
     has no findings.
     """
-    try:
-        changed = file.stat().st_mtime_ns
-    except OSError:
-        return ()
-    return _findings(file, changed)[0]
+    return _read(file)[0]
 
 
 def access_notes(cls: type[Plugin]) -> list[str]:
@@ -92,33 +89,35 @@ def access_notes(cls: type[Plugin]) -> list[str]:
     return [f"{shown_path(file)}:{finding.line}: {finding.what}" for finding in findings]
 
 
+_Findings = tuple[tuple[SourceFinding, ...], tuple[Path, ...]]
+"""``source_findings`` of a file, and the helpers that it imports."""
+
+
+def _read(file: Path) -> _Findings:
+    try:
+        return _findings(file, file.stat().st_mtime_ns)
+    except OSError:
+        return (), ()
+
+
 @functools.lru_cache(maxsize=512)
-def _findings(file: Path, changed: int) -> tuple[tuple[SourceFinding, ...], tuple[Path, ...]]:
-    """``source_findings`` of the file as ``changed`` last [ns], and the helpers that it imports."""
-    del changed
+def _findings(file: Path, _changed: int) -> _Findings:
     try:
         tree = ast.parse(read_input(file, _MAX_SOURCE))
     except (ConfigError, SyntaxError, ValueError, RecursionError):
         return (), ()
     nodes = list(ast.walk(tree))
     findings = [finding for node in nodes for finding in _findings_at(node)]
-    helpers = {file.parent / f"{name}.py" for node in nodes for name in _relative(node)} - {file}
+    beside = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.level == 1]
+    names = [[node.module] if node.module else [n.name for n in node.names] for node in beside]
+    helpers = {file.parent / f"{name}.py" for name in itertools.chain(*names)} - {file}
     return tuple(sorted(findings, key=lambda finding: finding.line)), tuple(sorted(helpers))
-
-
-def _relative(node: ast.AST) -> Iterator[str]:
-    """The names of modules in the same folder that ``node`` may import."""
-    if isinstance(node, ast.ImportFrom) and node.level == 1:
-        yield from [node.module] if node.module else [name.name for name in node.names]
 
 
 def _uses(file: Path, seen: set[Path]) -> bool:
     """Whether ``file``, or a helper in its folder, uses the simulator by its source."""
     seen.add(file)
-    try:
-        findings, helpers = _findings(file, file.stat().st_mtime_ns)
-    except OSError:
-        return False
+    findings, helpers = _read(file)
     if any(finding.uses for finding in findings):
         return True
     return any(_uses(helper, seen) for helper in helpers if helper not in seen)
@@ -175,6 +174,8 @@ class SimulatorWatch:
     and of helpers in their folders, say, and what plugins and their modules hold at the end.
     """
 
+    _watching: ClassVar[SimulatorWatch | None] = None
+
     def __init__(self, plugins: Mapping[str, Plugin]) -> None:
         self._plugins = dict(plugins)
         self._files: dict[Path, list[str]] = {}
@@ -187,13 +188,13 @@ class SimulatorWatch:
 
     def __enter__(self) -> SimulatorWatch:
         """Begin to watch."""
-        _hook.install()
-        _hook.watch = self
+        _add_hook()
+        SimulatorWatch._watching = self
         return self
 
     def __exit__(self, *exception: object) -> None:
         """No longer watch."""
-        _hook.watch = None
+        SimulatorWatch._watching = None
 
     def found(self) -> tuple[str, ...]:
         """The names of the plugins that use the simulator, sorted; declared ones are among them."""
@@ -204,7 +205,18 @@ class SimulatorWatch:
         names.update(name for name, plugin in self._plugins.items() if _holds_simulator(plugin))
         return tuple(sorted(names))
 
-    def note(self, caller: FrameType | None) -> None:
+    @classmethod
+    def _take(cls, event: str, _: tuple[Any, ...]) -> None:
+        watch = cls._watching
+        if watch is None or not event.startswith(_AUDITED):
+            return
+        cls._watching = None  # what follows causes events, too
+        try:
+            watch._note(sys._getframe(1))
+        finally:
+            cls._watching = watch
+
+    def _note(self, caller: FrameType | None) -> None:
         """Count an event for the nearest plugin, if code in a plugin's folder has caused it."""
         while caller is not None and _top_module(caller) in _PASSED:
             caller = caller.f_back
@@ -221,31 +233,10 @@ def _top_module(frame: FrameType) -> str:
     return str(frame.f_globals.get("__name__", "")).partition(".")[0]
 
 
-class _AuditHook:
-    """The hook of this process; the interpreter keeps it to its end."""
-
-    def __init__(self) -> None:
-        self.watch: SimulatorWatch | None = None
-        self._installed = False
-
-    def install(self) -> None:
-        """Add the hook to the interpreter, once."""
-        if not self._installed:
-            self._installed = True
-            sys.addaudithook(self._take)
-
-    def _take(self, event: str, arguments: tuple[Any, ...]) -> None:
-        watch = self.watch
-        if watch is None or not event.startswith(_AUDITED):
-            return
-        self.watch = None  # what follows causes events, too
-        try:
-            watch.note(sys._getframe(1))
-        finally:
-            self.watch = watch
-
-
-_hook = _AuditHook()
+@functools.cache
+def _add_hook() -> None:
+    """Add the hook of this process, once; the interpreter keeps it to its end."""
+    sys.addaudithook(SimulatorWatch._take)
 
 
 def _holds_simulator(plugin: Plugin) -> bool:

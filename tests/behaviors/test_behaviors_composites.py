@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from behavior_samples import behavior_of, composite_of, scene, twist_of
+from plugin_rows import broken_rows
 
 from navfw.context import Context
 from navfw.errors import InputError
@@ -298,7 +299,7 @@ def test_a_composite_by_rules_without_inputs_is_refused_at_once(
     tmp_path: Path, instead: str, message: str
 ) -> None:
     (tmp_path / "wary.py").write_text(RULED.replace("def inputs(self, context)", instead))
-    (broken,) = default_registry([tmp_path]).broken()
+    (broken,) = broken_rows(default_registry([tmp_path]))
     assert message in broken["error"]
 
 

@@ -9,6 +9,7 @@ import pytest
 from cli_calls import put_file
 from hypothesis import given
 from hypothesis import strategies as st
+from plugin_rows import broken_rows
 from plugins_samples import GOOD, discovered, put, statuses
 
 from navfw.config import find, layered, list_files, parse_yaml
@@ -91,7 +92,7 @@ def test_broken_files_are_listed_and_do_not_affect_others(folder: Path) -> None:
         (row,) = [row for row in registry.listing() if row["name"] == name]
         assert row["error"] == str(caught.value)
         assert f"{name}.py" in row["source"]
-    assert len(registry.broken()) == len(BROKEN)
+    assert len(broken_rows(registry)) == len(BROKEN)
     folders = [m for m in sys.modules if m.startswith("navfw_folder_")]
     assert [m for m in folders if m.endswith((".raises", ".syntax"))] == []
 
@@ -153,7 +154,7 @@ def test_a_folder_is_discovered_once_and_what_it_prints_goes_to_stderr(
     registry = discovered(folder)
     registry.discover_folder(folder)
     assert statuses(registry) == {"loud": "ok"}
-    assert registry.broken() == []
+    assert broken_rows(registry) == []
     assert capsys.readouterr() == ("", "hello\n")
 
 
@@ -176,7 +177,7 @@ def test_control_c_is_not_swallowed(folder: Path) -> None:
 def test_an_import_that_hangs_is_ended(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plugin_import, "IMPORT_LIMIT", 0.3)
     put(folder, "slow", "import time\ntime.sleep(1000)\n")
-    [broken] = discovered(folder).broken()
+    [broken] = broken_rows(discovered(folder))
     assert "no result within 0.3 s" in broken["error"]
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from plugin_rows import broken_rows
 from plugins_samples import GOOD, Mine, discovered, put, statuses
 from processes import printed
 
@@ -83,7 +84,7 @@ def test_of_two_plugins_of_one_name_the_later_is_broken(tmp_path: Path) -> None:
         put(tmp_path / name, "turn", cls=name.capitalize())
         registry.discover_folder(tmp_path / name)
     assert registry.get("behavior", "turn").__name__ == "First"
-    (row,) = registry.broken()
+    (row,) = broken_rows(registry)
     assert row["name"] == "turn"
     for text in ("second/turn.py: class Second: ", "first/turn.py", "rename one of them"):
         assert text in row["error"]
@@ -104,7 +105,7 @@ def test_a_working_plugin_replaces_a_broken_one(folder: Path) -> None:
     registry.register(Mine)
     assert registry.get("behavior", "mine") is Mine
     assert sorted(row["status"] for row in registry.listing()) == ["broken", "ok"]
-    assert len(registry.broken()) == 1
+    assert len(broken_rows(registry)) == 1
 
 
 @pytest.fixture
@@ -165,7 +166,7 @@ def test_an_entry_point_must_have_the_declared_kind_and_name(package: str) -> No
 def test_an_entry_point_with_a_taken_name(package: str) -> None:
     registry = registered(Mine, points=[point(f"{package}:Hover", "mine")])
     assert registry.get("behavior", "mine") is Mine
-    (row,) = registry.broken()
+    (row,) = broken_rows(registry)
     assert "entry point navfw.behaviors: the behavior name 'mine' is already taken" in row["error"]
 
 
@@ -224,7 +225,7 @@ def test_extra_folders_and_those_of_a_project_are_verified(
     put(folder, "avoid")
     registry = default_registry([folder])
     assert "one" in registry.names("behavior")
-    assert [row["name"] for row in registry.broken()] == ["avoid"]
+    assert [row["name"] for row in broken_rows(registry)] == ["avoid"]
     (folder.parent / "navfw.toml").touch()
     monkeypatch.chdir(folder.parent)
     rows = overview()
