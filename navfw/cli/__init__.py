@@ -16,7 +16,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navfw.cli.options import PanelGroup
+from navfw.cli.options import SuggestingGroup
 from navfw.cli.output import printable_output, show_result, standard_streams
 from navfw.cli.supervisor import supervise
 from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
@@ -48,7 +48,7 @@ PANELS = {
 """The commands by their heading in ``navfw --help``, each with its module."""
 
 
-class _Navfw(PanelGroup):
+class _Navfw(SuggestingGroup):
     """Prints a ``NavfwError`` as one message on stderr and exits with its code.
 
     All that is printed is made printable.
@@ -56,7 +56,20 @@ class _Navfw(PanelGroup):
     Before a project's plugins are executed for the first time it asks, where there is a terminal.
     """
 
-    panels = PANELS
+    def format_commands(self, _: Any, formatter: Any) -> None:
+        """Write a line for each command, under the headings of ``PANELS``."""
+        width = max(len(name) for name in self.commands)
+        for panel, names in PANELS.items():
+            with formatter.section(panel):
+                formatter.write_dl(
+                    [
+                        (
+                            name.ljust(width),
+                            self.commands[name].get_short_help_str(formatter.width - 6 - width),
+                        )
+                        for name in names
+                    ]
+                )
 
     def main(self, *args: Any, **options: Any) -> Any:
         with printable_output():

@@ -11,10 +11,10 @@ import typer
 
 from navfw.cli.options import JsonList
 from navfw.cli.output import print_json, quiet_stdout
-from navfw.config.file_kinds import FILE_KINDS, FileKind, kind_called
+from navfw.config.file_kinds import FILE_KINDS, FileKind
 from navfw.config.input_file import no_such_file, shown_path
 from navfw.config.lookup import project_folder
-from navfw.errors import ConfigError, InputError, PluginError, did_you_mean
+from navfw.errors import ConfigError, InputError, PluginError, UnknownNameError, did_you_mean
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
@@ -48,7 +48,11 @@ def check(
         for row in checked:
             for note in row["notes"]:
                 typer.echo(f"note: {note}")
-        for cause, sources in _causes(checked).items():
+        causes: dict[str, list[str]] = {}  # several files may use one that is wrong
+        for row in checked:
+            if row["error"] is not None:
+                causes.setdefault(row["error"], []).append(row["source"])
+        for cause, sources in causes.items():
             typer.echo(cause)
             if others := [source for source in sources if not cause.startswith(source)]:
                 using = "1 file that uses" if len(others) == 1 else f"{len(others)} files that use"
@@ -67,8 +71,10 @@ def schema(
 
     It gives keys, types and bounds. What files say of each other is checked by navfw check.
     """
+    if kind not in FILE_KINDS:
+        raise UnknownNameError("kind of file", kind, FILE_KINDS)
     with quiet_stdout():
-        content = kind_called(kind).schema()
+        content = FILE_KINDS[kind].schema()
     print_json(content)
 
 
@@ -126,15 +132,6 @@ def _tried(row: Checked, registry: Registry) -> str | None:
     return None
 
 
-def _causes(checked: list[Checked]) -> dict[str, list[str]]:
-    """The files of each error: several files may use one that is wrong."""
-    causes: dict[str, list[str]] = {}
-    for row in checked:
-        if row["error"] is not None:
-            causes.setdefault(row["error"], []).append(row["source"])
-    return causes
-
-
 def _check_data_file(file: Path, registry: Registry) -> Checked:
     """A row for a data file; its kind is None where it cannot be known."""
     kind = error = None
@@ -161,12 +158,9 @@ def data_files(folder: Path) -> list[Path]:
     }
     if any(folder.resolve().name in kind.folders for kind in FILE_KINDS.values()):
         files.update(folder.glob("*"))
-    return sorted(file for file in files if _is_data_file(file))
-
-
-def _is_data_file(file: Path) -> bool:
-    of_plugin = file.parent.name in PLUGIN_FOLDERS and file.with_suffix(".py").exists()
-    return file.suffix in _SUFFIXES and not file.name.startswith((".", "_")) and not of_plugin
+    named = [f for f in files if f.suffix in _SUFFIXES and not f.name.startswith((".", "_"))]
+    of_plugins = {f for f in named if f.parent.name in PLUGIN_FOLDERS}
+    return sorted(f for f in named if not (f in of_plugins and f.with_suffix(".py").exists()))
 
 
 def _kind_of(path: Path) -> FileKind:

@@ -12,11 +12,10 @@ import difflib
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from enum import StrEnum
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from typer.core import TyperGroup
@@ -178,13 +177,8 @@ Topic = Annotated[
 ]
 
 
-class EngineKind(StrEnum):
-    """What drives the runs."""
-
-    PROCESSES = "processes"
-    DASK = "dask"
-
-
+EngineKind = Literal["processes", "dask"]
+"""What drives the runs."""
 Workers = Annotated[int, typer.Option(min=1, max=256, help="Processes, each with one thread.")]
 Limit = Annotated[float, typer.Option(min=1.0, help="Largest wall time of a run [s].")]
 Memory = Annotated[float, typer.Option(min=100.0, help="Largest memory of a run's process [MB].")]
@@ -199,7 +193,7 @@ Scheduler = Annotated[
 
 def check_engine(engine: EngineKind, scheduler: str | None) -> None:
     """Raise typer.BadParameter unless an address is given for Dask, and for Dask alone."""
-    if (engine is EngineKind.DASK) != (scheduler is not None):
+    if (engine == "dask") != (scheduler is not None):
         what = "needs --engine dask" if scheduler else "needs --scheduler tcp://HOST:PORT"
         raise typer.BadParameter(what, param_hint="--scheduler" if scheduler else "--engine dask")
 
@@ -258,28 +252,6 @@ class SuggestingGroup(TyperGroup):
             hint = f" Did you mean {', '.join(map(repr, meant))}?" if meant else ""
             ctx.fail(f"No such command {args[0]!r}.{hint}")
         return super().resolve_command(ctx, args)
-
-
-class PanelGroup(SuggestingGroup):
-    """Shows its commands under the headings of ``panels``."""
-
-    panels: ClassVar[Mapping[str, Iterable[str]]] = {}
-
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write a line for each command."""
-        del ctx
-        width = max(map(len, self.commands))
-        for panel, names in self.panels.items():
-            with formatter.section(panel):
-                formatter.write_dl(
-                    [
-                        (
-                            name.ljust(width),
-                            self.commands[name].get_short_help_str(formatter.width - 6 - width),
-                        )
-                        for name in names
-                    ]
-                )
 
 
 def meant_by(word: str, commands: dict[str, str]) -> list[str]:

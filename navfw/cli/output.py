@@ -1,4 +1,4 @@
-"""Output of the commands: JSON, tables, and status lines; streams that fail give no traceback.
+"""Output of the commands: JSON and tables; streams that fail give no traceback.
 
 ``navfw list worlds > /dev/full`` ends with a message and exit code 1, ``navfw list worlds | head
 -0`` with exit code 1, and with a closed standard output everything runs without it.
@@ -24,11 +24,6 @@ if TYPE_CHECKING:
     from navfw.process.result_table import ResultTable
 
 ItemT = TypeVar("ItemT")
-
-
-def print_status(text: str) -> None:
-    """Print a status line on stderr; stdout is reserved for results."""
-    typer.echo(text, err=True)
 
 
 class _PrintableStream:
@@ -254,14 +249,11 @@ def show_result(summary: Mapping[str, Any], missing: Sequence[str], as_json: boo
         _print_result(summary)
     else:
         typer.echo(f"{summary['outcome']}: {summary['reason']}")
-    if missing:
-        _report_missing(missing, summary["run_folder"])
-
-
-def _report_missing(missing: Sequence[str], folder: str | None) -> None:
-    """Print on stderr what was not written, and what was."""
+    if not missing:
+        return
     for what in missing:
         typer.echo(f"navfw: {what}", err=True)
+    folder = summary["run_folder"]
     names = [] if folder is None else sorted(file.name for file in Path(folder).iterdir())
     saved = f"{', '.join(names)} in {folder}" if names else "nothing; the result is on stdout"
     typer.echo(f"navfw: saved: {saved}", err=True)

@@ -15,11 +15,12 @@ import typer
 
 from navfw.cli.bags import replay_bag
 from navfw.cli.options import Json, Recorded, Robot, Stack, Topic, VariantA, VariantB, Video
-from navfw.cli.output import print_json, print_result, print_status, quiet_stdout
+from navfw.cli.output import print_json, print_result, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.config.input_file import is_file
 from navfw.errors import InputError, locating
 from navfw.process.atomic import output_file, write_text
+from navfw.process.result_table import shown
 from navfw.recording.run_folder import RECORDING, REPORT, RESULT, is_bag
 
 if TYPE_CHECKING:
@@ -140,7 +141,7 @@ def write_video(folder: Path, target: Path, *, quiet: bool) -> None:
     with ProgressBar("video", "pictures", quiet=quiet) as bar:
         write_run_video(folder, target, VIDEO, bar.update)
     if not quiet:
-        print_status(f"video: {target}")
+        typer.echo(f"video: {target}", err=True)
 
 
 Variants = tuple[str | None, str | None]
@@ -206,7 +207,7 @@ def report(
             target, notes = _write(folder, variants, out, bar)
             comparison = _compare(folder, variants) if len(folder) == 2 else None
         for what in notes:
-            print_status(f"navfw: left out: {what}")
+            typer.echo(f"navfw: left out: {what}", err=True)
     if comparison is not None:
         (print_json if json else _print_comparison)(comparison)
     if not (text or json):
@@ -242,7 +243,7 @@ def _write(
     folders: list[Path], variants: Variants, out: Path | None, bar: ProgressBar
 ) -> tuple[Path, list[str]]:
     """Write the report; returns its file, and what is wrong with pictures and recordings."""
-    if len(folders) > 1 or not _is_run(folders[0]):
+    if len(folders) > 1 or not is_file(folders[0] / RESULT):
         return _write_of_suites(folders, variants, out, bar)
     from navfw.report.run_page import run_report  # it needs no simulator, those of suites do
 
@@ -260,7 +261,7 @@ def _write_of_suites(
     from navfw.suite.suite_folder import COMPARISON, SuiteFolder
 
     suites = [SuiteFolder(folder) for folder in folders]
-    of_run = [_is_run(folder) for folder in folders]
+    of_run = [is_file(folder / RESULT) for folder in folders]
     for folder, is_run, suite in zip(folders, of_run, suites, strict=True):
         if not is_run and not suite.has_runs:
             what = f"is neither the folder of a run (it has no {RESULT}) nor of a suite (it has no"
@@ -300,15 +301,12 @@ def _write_run_reports(suite: SuiteFolder, bar: ProgressBar) -> list[str]:
     return wrong
 
 
-def _is_run(folder: Path) -> bool:
-    return is_file(folder / RESULT)
-
-
 def _exit_if_worse(comparison: Mapping[str, Any], margin: float) -> None:
     """Exit with 1 if B succeeds more rarely than A by more than ``margin``, a share of the runs."""
     fallen = (len(comparison["lost"]) - len(comparison["gained"])) / comparison["pairs"]
     if fallen > margin + 1e-9:
-        print_status(f"navfw: success fell by {_percent(fallen)}, more than {_percent(margin)}")
+        fell, allowed = shown(fallen, ".1%"), shown(margin, ".1%")
+        typer.echo(f"navfw: success fell by {fell}, more than {allowed}", err=True)
         raise typer.Exit(1)
 
 
@@ -344,7 +342,3 @@ def _print_comparison(comparison: dict[str, Any]) -> None:
         if len(comparison[word]) > MAX_SHOWN:
             typer.echo(f"  {word}: and {len(comparison[word]) - MAX_SHOWN} more")
     typer.echo(f"reports    {', '.join(comparison['reports'])}")
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.1f} %"

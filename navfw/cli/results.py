@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from navfw.cli.options import command_group
-from navfw.cli.output import print_status
 from navfw.config.input_file import is_file, is_folder, max_bytes, read_input_text
 from navfw.errors import InputError
 from navfw.process.atomic import write_text
@@ -51,7 +50,7 @@ def add(
         typer.echo(f"{save_result(folder, result)}: {result.command}")
         if result.dirty:
             what = f"the code had uncommitted changes ({result.revision})"
-            print_status(f"navfw: {result.name}: {what}")
+            typer.echo(f"navfw: {result.name}: {what}", err=True)
 
 
 def write(

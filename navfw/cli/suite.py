@@ -5,16 +5,15 @@ from __future__ import annotations
 import csv
 import sys
 from collections.abc import Callable
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from navfw.cli import options
 from navfw.cli.options import complete_setting, completer_of
-from navfw.cli.output import print_json, print_status, print_table, quiet_stdout
+from navfw.cli.output import print_json, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.warm import compile_with_progress
 from navfw.process.interruption import deferred, interruptible
@@ -31,14 +30,8 @@ MAX_SHOWN = 25
 """Largest number of failed runs to print; the table holds all."""
 
 
-class Keep(StrEnum):
-    """The runs of which the picture of the trajectory is kept."""
-
-    ALL = "all"
-    FAILED = "failed"
-    NONE = "none"
-
-
+Keep = Literal["all", "failed", "none"]
+"""The runs of which the picture of the trajectory is kept."""
 Seeds = Annotated[str, typer.Option(metavar="A:B", help="Seeds from A to B - 1.")]
 _SuiteOut = Annotated[
     Path | None, typer.Option(help="Folder for the table [default: runs/SUITE-A-B].")
@@ -99,11 +92,11 @@ def suite(
     set_: Overrides = None,
     worlds: Worlds = None,
     variant: Variants = None,
-    keep: _KeepPictures = Keep.FAILED,
-    record: Recorded = Keep.NONE,
+    keep: _KeepPictures = "failed",
+    record: Recorded = "none",
     limit: options.Limit = 900.0,
     memory: options.Memory = 2000.0,
-    engine: options.EngineName = options.EngineKind.PROCESSES,
+    engine: options.EngineName = "processes",
     scheduler: options.Scheduler = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue the suite in --out.")] = False,
     extend: _Extend = False,
@@ -143,7 +136,7 @@ def suite(
                     compile_with_progress(loaded=True, quiet=quiet)
             with ProgressBar(plan.suite, "runs", quiet=quiet, moving=True) as bar:
                 drive = partial(run_suite, workers=workers, limit=limit, memory=memory)
-                drive = partial(drive, keep=keep.value, record=record.value)
+                drive = partial(drive, keep=keep, record=record)
                 shown = _RunCount(bar, plan.cases, have).add
                 done = drive(plan, folder, have=have, engine=runner, on_row=shown)
         _print_result(done, folder.table, json=json)
@@ -151,7 +144,7 @@ def suite(
 
 
 def _check_engine(engine: options.EngineKind, scheduler: str | None, record: Keep) -> None:
-    if engine is options.EngineKind.DASK and record is not Keep.NONE:
+    if engine == "dask" and record != "none":
         what = "is not for --engine dask; drive the run again alone: navfw run --record"
         raise typer.BadParameter(what, param_hint="--record")
     options.check_engine(engine, scheduler)
@@ -190,7 +183,7 @@ def _print_power(file: str, text: str, out: Path | None) -> None:
 
 
 def _print_note(text: str) -> None:
-    print_status(f"navfw: {text}")
+    typer.echo(f"navfw: {text}", err=True)
 
 
 def _checked_plan(
@@ -221,7 +214,7 @@ def _beginning(out: Path | None, *, resume: bool, extend: bool, restart: bool) -
 
 
 def _print_result(done: SuiteResult, table: Path, *, json: bool) -> None:
-    from navfw.suite.run_journal import columns_of
+    from navfw.suite.run_journal import columns_of, table_cells
 
     if json:
         columns = columns_of(done.rows)
@@ -229,7 +222,10 @@ def _print_result(done: SuiteResult, table: Path, *, json: bool) -> None:
         print_json(plain_json({"summary": {**done.summary, "table": str(table)}, "runs": runs}))
     else:
         _print_summary(done.summary, done.rows)
-        _print_table(done, table)
+        if done.unsaved:
+            csv.writer(sys.stdout, lineterminator="\n").writerows(table_cells(done.rows))
+        else:
+            typer.echo(f"table: {table}")
     if done.unsaved:
         _print_note(f"{done.unsaved}; all runs are on stdout")
 
@@ -255,16 +251,6 @@ def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
         typer.echo(f"{died} {'run' if died == 1 else 'runs'} died; --resume runs them again")
     if faults := summary["plugin_faults"]:
         typer.echo(f"plugins failed often, or changed the process ({faults}); see plugin_faults")
-
-
-def _print_table(done: SuiteResult, table: Path) -> None:
-    """The path of the table; the table itself where it could not be written."""
-    if not done.unsaved:
-        typer.echo(f"table: {table}")
-        return
-    from navfw.suite.run_journal import table_cells
-
-    csv.writer(sys.stdout, lineterminator="\n").writerows(table_cells(done.rows))
 
 
 class _RunCount:

@@ -64,7 +64,7 @@ def tune(
     workers: options.Workers = 1,
     limit: options.Limit = 900.0,
     memory: options.Memory = 2000.0,
-    engine: options.EngineName = options.EngineKind.PROCESSES,
+    engine: options.EngineName = "processes",
     scheduler: options.Scheduler = None,
     search_seed: SearchSeed = 0,
     out: StudyOut = None,

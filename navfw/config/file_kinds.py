@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from navfw.errors import UnknownNameError
-
 
 @dataclass(frozen=True)
 class FileKind:
@@ -88,18 +86,6 @@ class FileKind:
         """
         summary: dict[str, Any] = _imported(self.summary)(path)
         return summary
-
-
-def kind_called(name: str) -> FileKind:
-    """The kind of that name.
-
-    Raises:
-        UnknownNameError: there is none.
-
-    """
-    if name not in FILE_KINDS:
-        raise UnknownNameError("kind of file", name, FILE_KINDS)
-    return FILE_KINDS[name]
 
 
 def _imported(target: str) -> Any:
