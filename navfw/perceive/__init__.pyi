@@ -11,7 +11,6 @@ from .lens_estimate import estimate_line as estimate_line
 from .lens_estimate import lens_pairs as lens_pairs
 from .lens_estimate import open_with_lens as open_with_lens
 from .lens_fit import LensFit as LensFit
-from .lens_fit import TrackedPair as TrackedPair
 from .motion_record import GyroRecord as GyroRecord
 from .motion_record import MotionRecord as MotionRecord
 from .motion_record import load_gyro_record as load_gyro_record

@@ -103,7 +103,10 @@ class ImageSource:
                 continue
             if first is None:
                 first, last, self._shape = item, item.time, item.image.shape
-                straighten = self._undistortion(item.image)
+                if self._calibration is not None:
+                    straighten = Undistortion(self._calibration, *item.image.shape[1::-1])
+                    self.hfov = straighten.hfov
+                    self.notes += straighten.notes
             image = item.image if straighten is None else straighten.apply(item.image)
             after_gap = item.time - last > longest
             if after_gap:
@@ -119,14 +122,6 @@ class ImageSource:
         if count < 2:
             sizes = f" of one size: {_listed(others)}" if others else ""
             raise InputError(f"{self} has {count or 'no'} image{sizes}; flow needs at least two")
-
-    def _undistortion(self, image: Image) -> Undistortion | None:
-        if self._calibration is None:
-            return None
-        straighten = Undistortion(self._calibration, image.shape[1], image.shape[0])
-        self.hfov = straighten.hfov
-        self.notes += straighten.notes
-        return straighten
 
     def _items(self) -> Iterator[SourceImage]:
         raise NotImplementedError

@@ -17,10 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.egomotion.flow_egomotion import PointMotion
 from navfw.errors import InputError
 from navfw.lenses import ARCTAN, CameraCalibration, LensShape, focal_for
 from navfw.perceive.image_sources import ImageSource
-from navfw.perceive.lens_fit import LensFit, TrackedPair
+from navfw.perceive.lens_fit import LensFit
 from navfw.perceive.pair_motion import TrackImage, track_points
 from navfw.perceive.perceiver_options import HFOV, WorkingSize
 
@@ -41,13 +42,13 @@ _MAX_PAIR = 15
 
 def lens_pairs(
     images: ImageSource, tick: Callable[[], None]
-) -> tuple[list[TrackedPair], tuple[int, int]]:
+) -> tuple[list[PointMotion], tuple[int, int]]:
     """Pairs with enough points and flow, and the images' size (width, height) [px].
 
     Images are read up to the first that is no good, which is reported when it is its turn;
     ``tick`` is called after each.
     """
-    pairs: list[TrackedPair] = []
+    pairs: list[PointMotion] = []
     earlier: deque[TrackImage] = deque(maxlen=_MAX_PAIR)
     width, height, stride = 0, 0, 2
     with contextlib.suppress(InputError):
@@ -69,7 +70,7 @@ def lens_pairs(
 
 
 def _add_pair(
-    pairs: list[TrackedPair],
+    pairs: list[PointMotion],
     earlier: Sequence[TrackImage],
     now: TrackImage,
     size: WorkingSize,
@@ -82,7 +83,7 @@ def _add_pair(
         return max(stride // 2, 1)
     flow = float(np.median(np.hypot(*(tracks.points - tracks.past).T))) / size.width
     if flow > MIN_FLOW:
-        pairs.append(TrackedPair(tracks.points, tracks.past))
+        pairs.append(tracks)
     wanted = apart * min(max(FLOW / max(flow, 1e-3), 0.5), 2.0)
     return min(max(round(wanted), 1), _MAX_PAIR)
 

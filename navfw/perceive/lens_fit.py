@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -57,16 +56,8 @@ Motion: TypeAlias = tuple[Array, Array]
 """Rotation (3, 3), past to current camera axes, and direction (3,) of the translation."""
 
 
-@dataclass(frozen=True, slots=True)
-class TrackedPair:
-    """Points (n, 2) [px from the centre of the image] ``now``, and where they were in the past."""
-
-    now: Array
-    past: Array
-
-
 class LensFit:
-    """The fit to ``pairs`` of images that are twice ``half`` [px] wide.
+    """The fit to tracks of ``pairs`` of images that are twice ``half`` [px] wide.
 
     ``view`` [rad] is the horizontal field of view if it is known: the focal length then follows
     from the curvature. ``curvature`` is that of the lens if it is known.
@@ -74,7 +65,7 @@ class LensFit:
 
     def __init__(
         self,
-        pairs: Sequence[TrackedPair],
+        pairs: Sequence[PointMotion],
         half: float,
         view: float | None = None,
         curvature: float | None = None,
@@ -158,26 +149,26 @@ class LensFit:
         return LensShape(math.exp(float(values[0])), curvature)
 
 
-def _first_motions(pairs: Sequence[TrackedPair], shape: LensShape) -> list[Motion]:
+def _first_motions(pairs: Sequence[PointMotion], shape: LensShape) -> list[Motion]:
     motions = []
     for pair in pairs:
         area = np.maximum(np.linalg.det(shape.slopes(pair.past)), _MIN_STRETCH**2)
-        points, past = shape.straight(pair.now), shape.straight(pair.past)
+        points, past = shape.straight(pair.points), shape.straight(pair.past)
         tracks = PointMotion(points, past, SIGMA * np.sqrt(area), np.ones(len(points)))
         motion = estimate_egomotion(tracks, shape.focal)
         motions.append((motion.rotation, motion.direction))
     return motions
 
 
-def _residuals(pairs: Sequence[TrackedPair], shape: LensShape, motions: Sequence[Motion]) -> Array:
+def _residuals(pairs: Sequence[PointMotion], shape: LensShape, motions: Sequence[Motion]) -> Array:
     """Epipolar residuals [sigma] of the points of all pairs, each at its best motion."""
     return np.concatenate(
         [_pair_residuals(pair, shape, motion) for pair, motion in zip(pairs, motions, strict=True)]
     )
 
 
-def _pair_residuals(pair: TrackedPair, shape: LensShape, motion: Motion) -> Array:
-    points, past = shape.straight(pair.now), shape.straight(pair.past)
+def _pair_residuals(pair: PointMotion, shape: LensShape, motion: Motion) -> Array:
+    points, past = shape.straight(pair.points), shape.straight(pair.past)
     slopes = shape.slopes(pair.past)
     weight = np.ones(len(points))
     residual = sigma = weight

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -148,7 +148,8 @@ class Perceiver:
         rate = min(max(self.source.rate, 0.01), 1e4)
         hfov = o.angle_of_view(width, height, self.source.hfov)
         self._camera = size.camera(hfov, 1.0, math.radians(o.pitch or 0.0), rate)
-        self._processor = self._plugin(RobotModel(camera=self._camera), rows, cols)
+        params = self._plugin.Params.model_validate({"rows": rows, "cols": cols})
+        self._processor = self._plugin(RobotModel(camera=self._camera), params)
         self._offis: dict[tuple[int, int, float], Offis] = {}
         self._motions = PairMotionEstimator(self._camera, size, o.gyro)
         pitch = None if o.pitch is None else math.radians(o.pitch)
@@ -323,23 +324,16 @@ class Perceiver:
         self._stride = min(max(round(wanted), 1), MAX_STRIDE)
 
 
-def _flow_plugin(
-    options: PerceiverOptions, registry: Registry
-) -> Callable[[RobotModel, int, int], FlowProcessor]:
-    """A factory of the flow processor: from the robot, the rows and columns of the grid."""
-    plugin = registry.get("flow", options.flow)
+def _flow_plugin(options: PerceiverOptions, registry: Registry) -> type[FlowProcessor]:
+    """The flow processor's class, which has rows and columns of the grid as parameters."""
+    plugin = cast(type[FlowProcessor], registry.get("flow", options.flow))
     if getattr(plugin, "oracle", False):
         raise InputError(
             f"{options.flow!r} needs the true depth, which images do not contain", key="--flow"
         )
     if not {"rows", "cols"} <= plugin.Params.model_fields.keys():
         raise InputError(f"{options.flow!r} has no parameters rows and cols", key="--flow")
-
-    def processor(robot: RobotModel, rows: int, cols: int) -> FlowProcessor:
-        params = plugin.Params.model_validate({"rows": rows, "cols": cols})
-        return cast(FlowProcessor, plugin(robot, params))
-
-    return processor
+    return plugin
 
 
 def _fastest(flow: FlowField) -> float:

@@ -59,7 +59,8 @@ class WorkingSize:
         best: tuple[float, WorkingSize] | None = None
         for cell_width in range(2, 1 + math.ceil(math.sqrt(4 * _AREA * width / height) / cols)):
             cut_width = cell_width * cols
-            for cell_height in _cells(cut_width, width, height, rows):
+            exact = cut_width * height / (width * rows)  # with the least cropping
+            for cell_height in {math.floor(exact), math.ceil(exact)} - {0, 1}:
                 cut_height = cell_height * rows
                 scale = max(cut_width / width, cut_height / height)
                 kept = cut_width * cut_height / (scale * scale * width * height)
@@ -109,12 +110,6 @@ class WorkingSize:
     def to_image(self, points: Array) -> Array:
         """``points`` (..., 2) [px from the centre of the working image] in the original image."""
         return points / self.scale + 0.5 * np.array([self.width, self.height])
-
-
-def _cells(cut_width: int, width: int, height: int, rows: int) -> tuple[int, ...]:
-    """Cell heights [px] with the least cropping for working images of ``cut_width`` [px]."""
-    exact = cut_width * height / (width * rows)
-    return tuple(n for n in {math.floor(exact), math.ceil(exact)} if n >= 2)
 
 
 def are_alike(past: Image, now: Image) -> bool:

@@ -377,7 +377,7 @@ def test_images_are_paired_until_one_is_bad(
     pairs, size = lens_pairs(open_source([folder], 10.0), lambda: None)
     assert size == (WIDTH, HEIGHT)
     assert 4 < len(pairs) < 12
-    assert min(len(pair.now) for pair in pairs) >= 60
+    assert min(len(pair.points) for pair in pairs) >= 60
     with monkeypatch.context() as patch:  # images are read until six are exceeded
         patch.setattr(lens_estimate, "MAX_PIXELS", 6 * WIDTH * HEIGHT)
         ticks: list[int] = []

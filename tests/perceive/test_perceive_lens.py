@@ -29,7 +29,6 @@ from navfw.perceive import (
     ImageSource,
     LensEstimate,
     LensFit,
-    TrackedPair,
     TrackImage,
     WorkingSize,
     estimate_lens,
@@ -260,7 +259,7 @@ def shown(shape: LensShape, points: Array) -> Array:
     return distort(points[:, :2] / points[:, 2:], shape.curvature) * shape.focal
 
 
-def drive(shape: LensShape, turn: float, count: int = 16, seed: int = 0) -> list[TrackedPair]:
+def drive(shape: LensShape, turn: float, count: int = 16, seed: int = 0) -> list[PointMotion]:
     """Tracks of a camera that goes ahead and turns by ``turn`` [rad] at most between two images."""
     rng = np.random.default_rng(seed)
     pairs = []
@@ -271,12 +270,12 @@ def drive(shape: LensShape, turn: float, count: int = 16, seed: int = 0) -> list
         vector = np.array([0.1 * turn * rng.normal(), turn * math.sin(0.7 * k + 0.5), 0.0])
         past = (now + np.array([0.02, 0.0, 0.15])) @ rotation_matrix(vector)
         moved = shown(shape, past) + rng.normal(0.0, 0.15, (80, 2))
-        pairs.append(TrackedPair(shown(shape, now), moved))
+        pairs.append(PointMotion(shown(shape, now), moved, np.ones(80), np.ones(80)))
     return pairs
 
 
 def estimated(
-    monkeypatch: pytest.MonkeyPatch, pairs: list[TrackedPair], hfov: float | None = None
+    monkeypatch: pytest.MonkeyPatch, pairs: list[PointMotion], hfov: float | None = None
 ) -> LensEstimate:
     """The estimate by ``pairs`` in place of tracked images."""
     monkeypatch.setattr(lens_estimate, "lens_pairs", lambda *_: (pairs, (WIDTH, HEIGHT)))
@@ -290,7 +289,7 @@ def test_straightening_shrinks_no_standard_deviation_beyond_a_limit(
     (pair,) = drive(pinhole, 0.02, count=1)
 
     def residuals(stretch: float) -> Array:
-        slopes = np.tile(stretch * np.eye(2), (len(pair.now), 1, 1))
+        slopes = np.tile(stretch * np.eye(2), (len(pair.points), 1, 1))
         monkeypatch.setattr(LensShape, "slopes", lambda *_: slopes)
         return _pair_residuals(pair, pinhole, (np.eye(3), np.array([0.1, 0.0, 0.99])))
 
@@ -305,9 +304,9 @@ def test_pairs_are_taken_so_far_apart_that_the_flow_is_right(
     monkeypatch: pytest.MonkeyPatch, share: float, apart: int, following: int
 ) -> None:
     past = np.random.default_rng(0).uniform(-100.0, 100.0, (100, 2))
-    pair = TrackedPair(past + np.array([share * WIDTH, 0.0]), past)
     image = TrackImage.of(np.zeros((HEIGHT, WIDTH, 3), np.uint8))
-    tracked = PointMotion(pair.now, pair.past, np.ones(100), np.ones(100))
+    now = past + np.array([share * WIDTH, 0.0])
+    tracked = PointMotion(now, past, np.ones(100), np.ones(100))
     monkeypatch.setattr(lens_estimate, "track_points", lambda *_: tracked)
     size = WorkingSize(WIDTH, HEIGHT, 1.0, WIDTH, HEIGHT)
     assert lens_estimate._add_pair([], [image] * 15, image, size, apart) == following
@@ -344,7 +343,7 @@ def test_wrong_tracks_do_not_move_the_fit() -> None:
     shape, rng = LensShape(200.0, 0.45), np.random.default_rng(3)
     pairs = drive(shape, 0.08)
     for pair in pairs:  # an eighth of the tracks follows something else
-        pair.past[::8] = pair.now[::8] + rng.normal([6.0, -4.0], 3.0, (10, 2))
+        pair.past[::8] = pair.points[::8] + rng.normal([6.0, -4.0], 3.0, (10, 2))
     fit = LensFit(pairs, HALF)
     fitted = fit.refined(fit.start())
     assert fitted.focal == pytest.approx(shape.focal, rel=0.05)
