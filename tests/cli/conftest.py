@@ -1,0 +1,23 @@
+"""Working folders of commands: an empty one, and a new project."""
+
+from pathlib import Path
+
+import pytest
+from cli_calls import output
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty working folder, in which all projects are trusted."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NAVFW_TRUST", "1")
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path.with_name("config")))
+    return tmp_path
+
+
+@pytest.fixture
+def project(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A new project: the working folder, and trusted."""
+    output("new", "project", "mine")
+    monkeypatch.chdir(folder / "mine")
+    return folder / "mine"
