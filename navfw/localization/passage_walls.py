@@ -14,7 +14,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from navfw.localization.plan_field import PlanScan
@@ -25,8 +24,6 @@ from navfw.robot import RobotModel
 from navfw.signals import Belief, Pose, wrap_angle
 from navfw.topomap import Passage, Place, TopoMap
 from navfw.topomap.occupancy_map import OccupancyMap
-
-_CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 MAX_WIDTH = 3.0
 """Largest width [m] of a passage between walls."""
@@ -245,12 +242,9 @@ class KnownWalls:
     """The surfaces of the walls of ``plan``."""
 
     def __init__(self, plan: OccupancyMap) -> None:
-        occupied = plan.occupied
-        inner = cv2.erode(
-            occupied.view(np.uint8), _CROSS, borderType=cv2.BORDER_CONSTANT, borderValue=0
-        )
-        surface = occupied & (inner == 0)
-        self._points = plan.centres(*np.nonzero(surface))
+        opened = np.pad(~plan.occupied, 1, constant_values=True)
+        beside = opened[:-2, 1:-1] | opened[2:, 1:-1] | opened[1:-1, :-2] | opened[1:-1, 2:]
+        self._points = plan.centres(*np.nonzero(plan.occupied & beside))
 
     @classmethod
     def of(cls, plan: OccupancyMap | None, robot: RobotModel) -> KnownWalls | None:
