@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,24 +17,6 @@ from navfw.process import ProcessState
 def own_plugins(plugins: Iterable[type[Plugin]]) -> str:
     """Those of ``plugins`` that do not ship with navfw, as in ``behavior a or fusion b``."""
     return " or ".join(f"{cls.kind} {cls.name}" for cls in plugins if not _ships(cls))
-
-
-def drive_contained(
-    drive: Callable[[], RunResult], failed: Callable[[str], RunResult], before: ProcessState
-) -> tuple[RunResult, str]:
-    """The result of ``drive``, and which functions it replaced since ``before``; they are set back.
-
-    It raises as ``drive``. With functions replaced even the handling of errors may have failed: the
-    result is then that of ``failed``, a function of a reason.
-    """
-    try:
-        run = drive()
-    except Exception:
-        replaced = before.code.restore()
-        if not replaced:
-            raise
-        return failed(f"replaced {replaced}"), replaced
-    return run, before.code.restore()
 
 
 def check_process(

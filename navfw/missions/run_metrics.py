@@ -35,20 +35,6 @@ _CORRECT = 1.0
 """Largest distance [m] of the estimate from the true position for a correct belief."""
 
 
-class CombinedClearance:
-    """Clearances to the nearest of several sets of moving or temporary bodies."""
-
-    def __init__(self, *tracks: WalkerTrack | ChangeTrack | None) -> None:
-        self._tracks = [track for track in tracks if track is not None]
-
-    def clearances(self, points: Array, times: Array) -> Array:
-        """Clearances (n,) [m] of ``points`` (n, 2) at ``times`` (n,) [s]; inf without bodies."""
-        nearest = np.full(len(points), np.inf)
-        for track in self._tracks:
-            np.minimum(nearest, track.clearances(points, times), out=nearest)
-        return nearest
-
-
 def permanent_plan(plan: SceneGeometry, changes: ChangeTrack | None) -> SceneGeometry:
     """The plan of the solids that existed during the whole run."""
     if changes is None or not changes.names:
@@ -134,8 +120,8 @@ def path_length(points: Array) -> float:
     return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
 
-def first_contacts(contacts: Sequence[Contact], debounce: float = _DEBOUNCE) -> list[Contact]:
-    """The first of each collision: contacts less than ``debounce`` [s] apart are one.
+def first_contacts(contacts: Sequence[Contact]) -> list[Contact]:
+    """The first of each collision: contacts less than _DEBOUNCE apart are one.
 
     >>> touches = [Contact(t, 0.0, 0.0, "wall") for t in (1.0, 1.5, 2.4, 9.0)]
     >>> [contact.time for contact in first_contacts(touches)]
@@ -143,7 +129,7 @@ def first_contacts(contacts: Sequence[Contact], debounce: float = _DEBOUNCE) -> 
     """
     ordered = sorted(contacts, key=lambda contact: contact.time)
     before = [-math.inf, *(contact.time for contact in ordered)]
-    return [c for c, last in zip(ordered, before, strict=False) if c.time - last >= debounce]
+    return [c for c, last in zip(ordered, before, strict=False) if c.time - last >= _DEBOUNCE]
 
 
 def traversal_time(log: RunLog, start: Point, goal: Point, within: float) -> float:
@@ -171,7 +157,7 @@ def measure(
     discs: Sequence[tuple[float, float, float]],
     succeeded: bool,
     stage_ms: Mapping[str, float] | None = None,
-    moving: CombinedClearance | None = None,
+    moving: Sequence[WalkerTrack | ChangeTrack] = (),
 ) -> RunMetrics:
     """The metrics of a run from ``start`` to ``goal`` by a robot of these ``discs``.
 
@@ -183,14 +169,14 @@ def measure(
     true = log.true[sampled] if log.ticks else np.array([[*start, 0.0]])
     estimate = log.estimate[sampled] if log.ticks else true
     driven = path_length(true)
-    times = log.time[sampled] if log.ticks else None
+    times = log.time[sampled]
     clearance = np.full(len(true), np.inf)
     c, s = np.cos(true[:, 2]), np.sin(true[:, 2])
     for x, y, radius in discs:
         points = true[:, :2] + np.stack([x * c - y * s, x * s + y * c], axis=1)
         free = plan.clearances(points)
-        if moving is not None and times is not None:
-            free = np.minimum(free, moving.clearances(points, times))
+        for track in moving if log.ticks else ():
+            free = np.minimum(free, track.clearances(points, times))
         clearance = np.minimum(clearance, free - radius)
     error = np.hypot(*(estimate - true)[:, :2].T)
     duration = float(log.time[-1] - log.time[0]) if log.ticks else 0.0

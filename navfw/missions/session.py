@@ -15,12 +15,12 @@ from typing import Any, Self
 
 from navfw.errors import InputError
 from navfw.missions import run_metrics
-from navfw.missions.mission_events import Event, EventClock, EventTarget
+from navfw.missions.mission_events import Event, EventClock
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import Outcome
 from navfw.missions.pilot import TickView
-from navfw.missions.process_check import check_process, drive_contained
+from navfw.missions.process_check import check_process
 from navfw.missions.run_drawing import WindowOverlay, outline_of
 from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
 from navfw.plugins.fault_injection import inject_faults
@@ -129,30 +129,12 @@ class Session:
         recorder = RunRecorder(self.description, self.seen) if record else None
         observers = (*observers, *((recorder,) if recorder else ()))
         before = ProcessState()
-        stepped = SteppedSession(self, progress, gui=gui, observers=observers, limit=limit)
-        with stepped:
-            run, replaced = drive_contained(stepped.run, stepped.failed, before)
+        with SteppedSession(self, progress, gui=gui, observers=observers, limit=limit) as stepped:
+            run, replaced = stepped.run(before)
             for observer in observers:
                 observer.close()
         run = check_process(run, before, self.stack.resolved.plugins, replaced)
         return stepped.result_of(run, recorder)
-
-    def loop(
-        self,
-        simulator: Simulation,
-        progress: Callable[[Progress], None] | None = None,
-        observers: Sequence[RunObserver] = (),
-        limit: float = math.inf,
-    ) -> MissionLoop:
-        """The loop of a run with the mission's events."""
-        events = EventClock((event, self._target(event, simulator)) for event in self.events)
-        return MissionLoop(self.task, self.stack, simulator, progress, observers, events, limit)
-
-    def _target(self, event: Event, simulator: Simulation) -> EventTarget:
-        """A behaviour of the stack for a behaviour's fault, else the simulation."""
-        if event.behavior:
-            return inject_faults(self.stack.mofis.behaviors, event.behavior)
-        return simulator
 
 
 class SteppedSession:
@@ -188,10 +170,17 @@ class SteppedSession:
             compile_kernels(loaded=True)
         self._simulator = simulator = self.session.simulation(self._gui)
         try:
-            self._loop = self.session.loop(simulator, *self._loop_options)
+            session, (progress, observers, limit) = self.session, self._loop_options
+            stack, behaviors = session.stack, session.stack.mofis.behaviors
             if simulator.window is not None:
-                overlay = WindowOverlay(simulator.window, self.session.stack)
-                self._loop.observers = (*self._loop.observers, overlay)
+                observers = (*observers, WindowOverlay(simulator.window, stack))
+            targets = (
+                inject_faults(behaviors, event.behavior) if event.behavior else simulator
+                for event in session.events
+            )
+            events = EventClock(zip(session.events, targets, strict=True))
+            loop = MissionLoop(session.task, stack, simulator, progress, observers, events, limit)
+            self._loop = loop
         except BaseException:
             self._simulator = None
             simulator.close()
@@ -227,14 +216,21 @@ class SteppedSession:
         """Whether the mission has ended."""
         return self._loop is not None and self._loop.verdict is not None
 
-    def run(self) -> RunResult:
-        """Drive to the end."""
-        with self.session.stack.guard.watchdog.on_duty(), self._watch:
-            return self._opened().run()
+    def run(self, before: ProcessState) -> tuple[RunResult, str]:
+        """Drive to the end; also which functions this replaced since ``before``: they are set back.
 
-    def failed(self, reason: str) -> RunResult:
-        """The result so far of a run that has failed for this ``reason``."""
-        return self._opened().failed(reason)
+        With functions replaced even the handling of errors may have failed: the run is a fault.
+        """
+        loop = self._opened()
+        try:
+            with self.session.stack.guard.watchdog.on_duty(), self._watch:
+                run = loop.run()
+        except Exception:
+            replaced = before.code.restore()
+            if not replaced:
+                raise
+            return loop.failed(f"replaced {replaced}"), replaced
+        return run, before.code.restore()
 
     def step(self) -> TickView | None:
         """Drive one control tick; None once the mission has ended.
@@ -360,7 +356,7 @@ class MissionResult:
             discs=session.mission.spec.robot.discs,
             succeeded=self.outcome.succeeded,
             stage_ms={name: 1e3 * t / frames for name, t in self.timings.items()},
-            moving=run_metrics.CombinedClearance(self.movers, self.changes),
+            moving=[track for track in (self.movers, self.changes) if track is not None],
         )
 
     def summary(self) -> dict[str, Any]:
