@@ -20,7 +20,6 @@ from .motion_model import MotionParams as MotionParams
 from .motion_model import motion_noise as motion_noise
 from .motion_model import predict as predict
 from .motion_model import process_noise as process_noise
-from .motion_model import transition as transition
 from .passage_walls import SURE_XY as SURE_XY
 from .passage_walls import SURE_YAW as SURE_YAW
 from .passage_walls import KnownWalls as KnownWalls

@@ -29,7 +29,6 @@ from navfw.localization.motion_model import (
     motion_noise,
     predict,
     process_noise,
-    transition,
 )
 from navfw.localization.passage_walls import PassageFix
 from navfw.numerics import Array
@@ -119,10 +118,9 @@ class MetricFilter:
         # odometry holds the heading of a robot at rest
         turning_dt = 0.0 if odometry.still else dt
         drift = (odometry.yaw_bias - float(self.state[3])) * turning_dt
-        jacobian = transition(self.state, moved, drift, turning_dt)
         noise = process_noise(float(self.state[2]), moved, turning_dt, self.noise, odometry)
         noise[3, 3] = self.noise.bias_walk**2 * dt
-        self.state = predict(self.state, moved, drift)
+        self.state, jacobian = predict(self.state, moved, drift, turning_dt)
         self.covariance = product(jacobian, self.covariance, jacobian.T) + noise
 
     def observe(self, observations: Sequence[LandmarkObservation]) -> None:

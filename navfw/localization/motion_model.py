@@ -117,33 +117,30 @@ def motion_noise(params: MotionParams, robot: RobotModel) -> MotionNoise:
     )
 
 
-def predict(state: Array, moved: Pose, drift: float) -> Array:
+def predict(state: Array, moved: Pose, drift: float, dt: float) -> tuple[Array, Array]:
     """The state (4,) after the odometry increment ``moved`` (in the frame of the old pose).
 
-    ``drift`` [rad] is added to the yaw: the bias difference between odometry and state, times dt.
+    ``drift`` [rad] is added to the yaw: (the odometry's bias - that of the state) times ``dt`` [s].
+    The second result is the Jacobian (4, 4) of the first.
     """
     heading = state[2] + 0.5 * drift
     c, s = math.cos(heading), math.sin(heading)
-    return np.array(
-        (
-            state[0] + c * moved.x - s * moved.y,
-            state[1] + s * moved.x + c * moved.y,
-            wrap_angle(state[2] + moved.yaw + drift),
-            state[3],
-        )
-    )
-
-
-def transition(state: Array, moved: Pose, drift: float, dt: float) -> Array:
-    """(4, 4) Jacobian of ``predict``, with ``drift = (odometry's bias - b) dt``."""
-    heading = state[2] + 0.5 * drift
-    c, s = math.cos(heading), math.sin(heading)
+    x, y = state[0] + c * moved.x - s * moved.y, state[1] + s * moved.x + c * moved.y
     dx, dy = c * moved.x - s * moved.y, s * moved.x + c * moved.y
     jacobian = np.eye(4)
     jacobian[0, 2], jacobian[1, 2] = -dy, dx
     jacobian[0, 3], jacobian[1, 3] = 0.5 * dt * dy, -0.5 * dt * dx
     jacobian[2, 3] = -dt
-    return jacobian
+    return np.array((x, y, wrap_angle(state[2] + moved.yaw + drift), state[3])), jacobian
+
+
+def _slip(yaw: float, along: float, aside: float) -> Array:
+    """(2, 2) covariance of x and y with variances ``along`` and ``aside`` of ``yaw`` [rad]."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    cross = c * s * (along - aside)
+    return np.array(
+        [[c * c * along + s * s * aside, cross], [cross, s * s * along + c * c * aside]]
+    )
 
 
 def process_noise(
@@ -161,11 +158,8 @@ def process_noise(
         along = min(along, BY_FLOOR**2 * distance)
     elif odometry.silent:
         along += distance**2
-    c, s = math.cos(yaw), math.sin(yaw)
-    cross = c * s * (along - aside)
     noise = np.zeros((4, 4))
-    noise[0, 0], noise[1, 1] = c * c * along + s * s * aside, s * s * along + c * c * aside
-    noise[0, 1] = noise[1, 0] = cross
+    noise[:2, :2] = _slip(yaw, along, aside)
     noise[2, 2] = sigma.yaw_by_time**2 * dt + sigma.yaw_by_turning**2 * abs(moved.yaw)
     noise[3, 3] = sigma.bias_walk**2 * dt
     return noise
@@ -248,16 +242,9 @@ class DeadReckoning(place_probabilities.PlaceLocalizer):
         p = self.params
         distance, turned = math.hypot(moved.x, moved.y), abs(moved.yaw)
         before = wrap_angle(yaw - moved.yaw)
-        c, s = math.cos(before), math.sin(before)
-        dx, dy = c * moved.x - s * moved.y, s * moved.x + c * moved.y
-        jacobian = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
-        along, aside = p.along**2 * distance, p.aside**2 * distance
-        noise = np.array(
-            [
-                [c * c * along + s * s * aside, c * s * (along - aside), 0.0],
-                [c * s * (along - aside), s * s * along + c * c * aside, 0.0],
-                [0.0, 0.0, p.yaw_by_distance**2 * distance + p.yaw_by_turning**2 * turned],
-            ]
-        )
+        jacobian = predict(np.array((0.0, 0.0, before, 0.0)), moved, 0.0, 0.0)[1][:3, :3]
+        noise = np.zeros((3, 3))
+        noise[:2, :2] = _slip(before, p.along**2 * distance, p.aside**2 * distance)
+        noise[2, 2] = p.yaw_by_distance**2 * distance + p.yaw_by_turning**2 * turned
         propagated: Array = product(jacobian, self._covariance, jacobian.T) + noise
         return propagated

@@ -288,12 +288,8 @@ def load_table(file: str | Path) -> SituationTable:
             _check_name(document, "situation", name, SITUATIONS, ("seen_at", kind, name))
         row = np.array([shares.get(name, 0.0) for name in SITUATIONS])
         if abs(row.sum() - 1.0) > 0.01:
-            raise ConfigError(
-                f"expected probabilities that add up to 1, got {row.sum():.3g}",
-                file=document.file,
-                line=document.line_of(("seen_at", kind)),
-                key=f"seen_at.{kind}",
-            )
+            with document.locating(("seen_at", kind)):
+                raise ConfigError(f"expected probabilities that add up to 1, got {row.sum():.3g}")
         rows[kind] = row / row.sum()
     return SituationTable(rows, dict(spec.observations))
 
@@ -302,5 +298,5 @@ def _check_name(
     document: YamlDocument, what: str, name: str, allowed: tuple[str, ...], path: tuple[str, ...]
 ) -> None:
     if name not in allowed:
-        line, key = document.line_of(path), ".".join(path)
-        raise UnknownNameError(what, name, allowed, file=document.file, line=line, key=key)
+        with document.locating(path):
+            raise UnknownNameError(what, name, allowed)

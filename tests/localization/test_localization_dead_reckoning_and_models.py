@@ -32,7 +32,6 @@ from navfw.localization import (
     motion_noise,
     predict,
     process_noise,
-    transition,
 )
 from navfw.numerics import Array
 from navfw.robot import RobotModel
@@ -67,9 +66,9 @@ def test_the_motion_jacobian_is_the_derivative(
     state: Array, moved: Pose, dt: float, known: float
 ) -> None:
     def step(at: Array) -> Array:
-        return predict(at, moved, (known - at[3]) * dt)
+        return predict(at, moved, (known - at[3]) * dt, dt)[0]
 
-    jacobian = transition(state, moved, (known - float(state[3])) * dt, dt)
+    _, jacobian = predict(state, moved, (known - float(state[3])) * dt, dt)
     assert np.allclose(jacobian, numeric(step, state), atol=1e-6)
 
 
