@@ -12,6 +12,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain, count
 
 import numpy as np
 import numpy.typing as npt
@@ -229,7 +230,5 @@ def _parsed(identity: str) -> tuple[str, int]:
 
 def _unused(wanted: str, taken: set[str]) -> str:
     """``wanted``, with a number added where a landmark has that name already."""
-    name, count = wanted, 2
-    while name in taken:
-        name, count = f"{wanted}-{count}", count + 1
-    return name
+    names = chain([wanted], (f"{wanted}-{number}" for number in count(2)))
+    return next(name for name in names if name not in taken)

@@ -49,11 +49,10 @@ _ENOUGH_CLEARANCE = 0.45
 def build_map(
     name: str,
     grid: ClearanceGrid,
-    robot: RobotModel | None = None,
     rooms: Mapping[str, Bounds] | None = None,
     report: ProgressCallback = silent,
 ) -> TopoMap:
-    """The map of the free space in ``grid`` for ``robot`` (default: ``RobotModel()``).
+    """The map of the free space in ``grid`` for the default robot.
 
     ``rooms`` (x0, x1, y0, y1) [m] by name, where given, provide the names of places; else regions
     are called room, hall or corridor, with numbers. ``report`` is called with each part.
@@ -62,12 +61,12 @@ def build_map(
         MapError: there is no free space for the robot.
 
     """
-    robot = robot or RobotModel()
-    need = robot.radius + MARGIN
+    radius = RobotModel().radius
+    need = radius + MARGIN
     report("skeleton of the free space")
     graph = skeleton_graph(grid, need)
     if not graph:
-        raise MapError(f"no space is free for a robot of radius {robot.radius:g} m", key=name)
+        raise MapError(f"no space is free for a robot of radius {radius:g} m", key=name)
     lines = _StraightLines(grid, need)
     for a, b, data in with_progress(list(graph.edges(data=True)), "lines", report):
         lines.add_line(graph, min(a, b), max(a, b), data["line"])

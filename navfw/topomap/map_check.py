@@ -51,22 +51,17 @@ class MapProblem:
         return {"kind": self.kind, "where": self.where, "message": self.message}
 
 
-def check_map(
-    topo_map: TopoMap, clearances: Clearances | None = None, robot: RobotModel | None = None
-) -> list[MapProblem]:
-    """All problems of ``topo_map`` for ``robot``; empty if none.
+def check_map(topo_map: TopoMap, clearances: Clearances | None = None) -> list[MapProblem]:
+    """All problems of ``topo_map`` for the default robot; empty if none.
 
     With ``clearances``, those of the mapped world, walls are checked too.
     """
-    robot = robot or RobotModel()
-    problems = [
-        *_unconnected_parts(topo_map),
-        *_narrow_passages(topo_map, robot),
-        *_duplicates(topo_map),
-    ]
+    radius = RobotModel().radius
+    problems = [*_unconnected_parts(topo_map), *_narrow_passages(topo_map, radius)]
+    problems += _duplicates(topo_map)
     if clearances is not None:
-        problems += _places_in_walls(topo_map, clearances, robot)
-        problems += _blocked_passages(topo_map, clearances, robot)
+        problems += _places_in_walls(topo_map, clearances, radius)
+        problems += _blocked_passages(topo_map, clearances, radius)
     return problems
 
 
@@ -79,8 +74,8 @@ def _unconnected_parts(topo_map: TopoMap) -> Iterator[MapProblem]:
         )
 
 
-def _narrow_passages(topo_map: TopoMap, robot: RobotModel) -> Iterator[MapProblem]:
-    need = 2.0 * robot.radius
+def _narrow_passages(topo_map: TopoMap, radius: float) -> Iterator[MapProblem]:
+    need = 2.0 * radius
     narrow = [passage for passage in topo_map.passages if passage.width <= need]
     for passage in narrow:
         yield MapProblem(
@@ -111,21 +106,21 @@ def _duplicates(topo_map: TopoMap) -> Iterator[MapProblem]:
 
 
 def _places_in_walls(
-    topo_map: TopoMap, clearances: Clearances, robot: RobotModel
+    topo_map: TopoMap, clearances: Clearances, radius: float
 ) -> Iterator[MapProblem]:
     places = list(topo_map.places.values())
     free = clearances(np.array([(place.x, place.y) for place in places]))
     for place, clearance in zip(places, free.tolist(), strict=True):
-        if clearance < robot.radius:
+        if clearance < radius:
             near = f"{clearance:.2f} m from an obstacle"
             what = "inside an obstacle" if clearance < 0.0 else near
             yield MapProblem(
-                "in-wall", place.name, f"{what}, the robot needs {robot.radius:g} m; move it"
+                "in-wall", place.name, f"{what}, the robot needs {radius:g} m; move it"
             )
 
 
 def _blocked_passages(
-    topo_map: TopoMap, clearances: Clearances, robot: RobotModel
+    topo_map: TopoMap, clearances: Clearances, radius: float
 ) -> Iterator[MapProblem]:
     for passage in topo_map.passages:
         a, b = topo_map.places[passage.a], topo_map.places[passage.b]
@@ -134,10 +129,10 @@ def _blocked_passages(
         line, free = _line(topo_map, passage, clearances)
         worst = int(np.argmin(free))
         at = f"at ({line[worst, 0]:.2f}, {line[worst, 1]:.2f})"
-        if free[worst] < robot.radius:
+        if free[worst] < radius:
             clear = f"has {free[worst]:.2f} m of clearance"
             what = "crosses an obstacle" if free[worst] <= 0.0 else clear
-            message = f"{what} {at}, the robot needs {robot.radius:g} m to each side"
+            message = f"{what} {at}, the robot needs {radius:g} m to each side"
             yield MapProblem("blocked", str(passage), message)
         elif math.isfinite(passage.width) and passage.width > 2.0 * free[worst] + _WIDTH_ROUNDING:
             yield MapProblem(

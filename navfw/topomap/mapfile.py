@@ -76,9 +76,8 @@ def read_map(document: YamlDocument, check_kind: KindCheck = _shipped_kind) -> T
         try:
             check_kind(at.kind)
         except ValueError as error:
-            path = ("landmarks", name, "kind")
-            line, key = document.line_of(path), key_text(path)
-            raise ConfigError(str(error), file=document.file, line=line, key=key) from None
+            with document.locating(("landmarks", name, "kind")):
+                raise ConfigError(str(error)) from None
     places = [Place(name, at.x, at.y, at.kind) for name, at in spec.places.items()]
     place_of = {place.name: place for place in places}
     passages = [_passage(edge, place_of) for edge in spec.edges]
