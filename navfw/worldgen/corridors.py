@@ -335,7 +335,7 @@ def _add_map(draft: WorldDraft, network: CorridorNetwork) -> None:
         stations = [(network.where[n][segment.axis], names[n]) for n in (segment.a, segment.b)]
         for door in network.doors:
             if door.segment == segment and door.is_open:
-                stations.append((door.at[segment.axis], _add_door(roadmap, network, door)))
+                stations.append((door.at[segment.axis], _add_door(roadmap, door)))
         stations.sort()
         joined = _drop_close(roadmap, [name for _, name in stations])
         for a, b in pairwise(joined):
@@ -356,7 +356,7 @@ def _add_node(roadmap: Roadmap, network: CorridorNetwork, node: Node) -> str:
     return roadmap.add(name, *network.where[node], kind)
 
 
-def _add_door(roadmap: Roadmap, network: CorridorNetwork, door: SideDoor) -> str:
+def _add_door(roadmap: Roadmap, door: SideDoor) -> str:
     """Add the door, the room behind it and the place in front of it; returns the last one."""
     before = roadmap.add(
         f"{door.name}-corridor", *door.beside(-0.5 * door.segment.width), "junction"

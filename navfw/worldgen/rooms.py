@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
+from itertools import combinations, count
 from typing import ClassVar
 
 import networkx as nx
@@ -74,11 +74,8 @@ def _pick(rng: np.random.Generator, interval: Interval) -> float:
 
 def _named(draft: WorldDraft, kind: str, room: str) -> str:
     taken = {box.name for box in draft.boxes} | {round_.name for round_ in draft.cylinders}
-    stem = f"{room}-{kind}"
-    number = 1
-    while f"{stem}-{number}" in taken:
-        number += 1
-    return f"{stem}-{number}"
+    names = (f"{room}-{kind}-{number}" for number in count(1))
+    return next(name for name in names if name not in taken)
 
 
 def _along_wall(

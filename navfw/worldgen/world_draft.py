@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -19,7 +20,7 @@ import numpy as np
 from navfw.config.input_file import is_file, is_folder, max_bytes, open_input
 from navfw.errors import ConfigError, InputError
 from navfw.missions.missionspec import MissionSpec
-from navfw.process.atomic import AtomicTarget
+from navfw.process.atomic import AtomicFolder
 from navfw.robot import RobotModel
 from navfw.sim import worldspec
 from navfw.sim.scene_geometry import SceneGeometry
@@ -233,7 +234,7 @@ def write_world(
     """
     folder = Path(folder)
     _check_target(folder)
-    with _WorldFolder(folder) as target:
+    with AtomicFolder(folder, re.compile(".*", re.DOTALL), "--out") as target:
         if is_folder(folder):
             shutil.copytree(folder, target.path, symlinks=True, dirs_exist_ok=True)
         (target.path / "missions").mkdir(exist_ok=True)
@@ -247,11 +248,6 @@ def write_world(
                 save_ros_map(topo_map.floor_plan, target.path / _PLAN_FILE)
             _write_yaml(target.path / MAP_FILE, map_data(topo_map))
     return folder
-
-
-class _WorldFolder(AtomicTarget):
-    def _move_into_place(self) -> None:
-        self._replace()
 
 
 def _check_target(folder: Path) -> None:
