@@ -9,6 +9,7 @@ from navfw.recording import palette
 from navfw.recording.top_view import Disc, Line, Marks, WorldOutline, way_shapes
 from navfw.signals import Pose, SensorReading, Twist
 from navfw.sim.scene_geometry import SceneGeometry
+from navfw.sim.shapes import Circle
 
 if TYPE_CHECKING:
     from navfw.sim.engine import Point3, SimulatorWindow
@@ -24,13 +25,11 @@ _STEP = 0.05
 
 def outline_of(plan: SceneGeometry) -> WorldOutline:
     """The outline of the world in a top view: walls, doors, furniture and drops."""
-    rectangles = list(plan.rectangles())
+    shapes = [(solid.kind, solid.shape) for solid in plan.solids]
     return WorldOutline(
-        walls=[corners for solid, corners in rectangles if solid.kind in {"wall", "door"}],
-        furniture=[
-            corners for solid, corners in rectangles if solid.kind in {"box", "mesh", "drop"}
-        ],
-        discs=[(circle.x, circle.y, circle.radius) for _, circle in plan.circles()],
+        walls=[shape.corners for kind, shape in shapes if kind in {"wall", "door"}],
+        furniture=[shape.corners for kind, shape in shapes if kind in {"box", "mesh", "drop"}],
+        discs=[(s.x, s.y, s.radius) for _, s in shapes if isinstance(s, Circle)],
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -13,7 +12,7 @@ import numpy as np
 from navfw.errors import WorldError
 from navfw.numerics import Array, Mask
 from navfw.numerics.arrays import Indices
-from navfw.sim.shapes import Circle, Rectangle, Shape
+from navfw.sim.shapes import Shape
 from navfw.sim.solids import drop_rectangle, solids_of
 from navfw.sim.worldspec import WorldSpec
 
@@ -105,20 +104,6 @@ class SceneGeometry:
         )
         drops = tuple(NamedShape(d.name, "drop", drop_rectangle(d)) for d in world.drops)
         return cls((world.x[0], world.y[0], world.x[1], world.y[1]), (*solids, *drops))
-
-    # --- geometry for plots -------------------------------------------------------------------
-
-    def rectangles(self) -> Iterator[tuple[NamedShape, Array]]:
-        """Every rectangle with its (4, 2) corners [m], counter-clockwise."""
-        for solid in self.solids:
-            if isinstance(solid.shape, Rectangle):
-                yield solid, solid.shape.corners
-
-    def circles(self) -> Iterator[tuple[NamedShape, Circle]]:
-        """Every circle with its name and kind."""
-        for solid in self.solids:
-            if isinstance(solid.shape, Circle):
-                yield solid, solid.shape
 
     # --- clearance ----------------------------------------------------------------------------
 

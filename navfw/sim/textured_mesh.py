@@ -122,21 +122,14 @@ class TexturedMesh:
         tiles -= np.floor(tiles.min(axis=0))
         return replace(self, uvs=tiles.tolist(), shifts=[])
 
-    def add_face(
-        self, corner: Array, right: Array, up: Array, columns: Array, rows: Array, shift: Array
+    def add_patch(
+        self, corner: Array, right: Array, up: Array, columns: Span, rows: Span, shift: Array
     ) -> None:
-        """Add a flat face, split at ``columns`` along ``right`` and ``rows`` along ``up`` [m].
+        """Add a patch of a flat face: between two ``columns`` along ``right`` and ``rows`` up [m].
 
         ``corner`` is the origin of both axes; right x up is the outward normal. ``shift`` (2,) [m]
         translates the texture.
         """
-        for across, above in product(pairwise(columns), pairwise(rows)):
-            self.add_patch(corner, right, up, across, above, shift)
-
-    def add_patch(
-        self, corner: Array, right: Array, up: Array, columns: Span, rows: Span, shift: Array
-    ) -> None:
-        """Add one patch of a flat face: between two columns and two rows (see ``add_face``)."""
         (a, b), (c, d) = columns, rows
         across = np.array([[a], [b], [b], [a]]) * right
         points = corner + across + np.array([[c], [c], [d], [d]]) * up
@@ -179,7 +172,8 @@ def box_mesh(size: tuple[float, float, float], shift: Array) -> TexturedMesh:
         ((-x, y, -z), -ey, ez, rows, levels),
         ((-x, -y, z), ex, ey, columns, rows),
     ):
-        mesh.add_face(np.array(corner), right, up, across, above, shift)
+        for span, level in product(pairwise(across), pairwise(above)):
+            mesh.add_patch(np.array(corner), right, up, span, level, shift)
     return mesh
 
 

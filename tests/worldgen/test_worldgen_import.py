@@ -81,8 +81,8 @@ def test_box_may_rest_on_any_face(tmp_path: Path) -> None:
     world = import_world(path, start=(-5, 0, 0), goal=(5, 1)).world
     turned = Pose(0.0, 0.0, 0.3)
     corners = sorted(turned.to_parent(x, y) for x in (-0.5, 0.5) for y in (-1.5, 1.5))
-    _, rectangle = next(SceneGeometry.from_world(world).rectangles())
-    np.testing.assert_allclose(sorted(rectangle.tolist()), corners, atol=1e-3)
+    (solid,) = SceneGeometry.from_world(world).solids
+    np.testing.assert_allclose(sorted(solid.shape.corners.tolist()), corners, atol=1e-3)
 
 
 def test_saved_state_moves_models(tmp_path: Path) -> None:
