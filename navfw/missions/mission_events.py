@@ -12,14 +12,13 @@ from typing import Any, NoReturn, Protocol, cast
 
 from pydantic import ValidationError
 
-from navfw.config.document import KeyPath, YamlDocument, key_text
+from navfw.config.document import KeyPath, key_text
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, PluginError, UnknownNameError
 from navfw.interfaces import MissionEvent
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.missionspec import BehaviorFault, EventSpec, NearTrigger
 from navfw.plugins.fault_injection import Failure
-from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.signals.immutability import immutable
 from navfw.sim.event_actions import DoorChange, EventAction, Obstacle, Textureless
@@ -122,43 +121,12 @@ def resolve_events(
         PluginError: an event plugin is broken, or its actions are not valid.
 
     """
-    checker = _Checker(mission, world, tuple(stack.mofis.behaviors))
+    checker = _Checker(mission, world, stack)
     return tuple(
         checker.event(index, composed)
         for index, spec in enumerate(mission.spec.events)
-        for composed in _composed(mission.document, index, spec, world, stack.robot, plugins)
+        for composed in checker.composed(index, spec, plugins)
     )
-
-
-def _composed(
-    document: YamlDocument,
-    index: int,
-    spec: EventSpec,
-    world: WorldSpec,
-    robot: RobotModel,
-    plugins: PluginSource,
-) -> Sequence[EventSpec]:
-    """The event itself, or the events that its plugin composes it of."""
-    if spec.plugin is None:
-        return (spec,)
-    ((name, _),) = spec.plugin.items()
-    path: KeyPath = ("events", index, "plugin")
-    shown = key_text((*path, name))
-    with document.locating(path, shown, only=UnknownNameError):
-        plugin = cast(type[MissionEvent], plugins.get("event", name))
-    event = plugin(robot, validate(document, plugin.Params, (*path, name)))
-    trigger = spec.model_dump(exclude_unset=True, exclude={"plugin"})
-    with document.locating(path, shown):
-        try:
-            contents = immutable(world.model_dump(mode="json"))
-            actions = [dict(action) for action in event.actions(contents)]
-            return [EventSpec.model_validate({**trigger, **action}) for action in actions]
-        except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            what = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
-            raise PluginError(f"the event plugin gave an invalid action: {what}") from None
-        except Exception as error:
-            raise PluginError(f"actions raised {type(error).__name__}: {error}") from error
 
 
 def with_doors_open(world: WorldSpec, specs: Sequence[EventSpec]) -> WorldSpec:
@@ -174,10 +142,10 @@ def with_doors_open(world: WorldSpec, specs: Sequence[EventSpec]) -> WorldSpec:
 class _Checker:
     """Checks the names and positions in events; collects the names of obstacles that they add."""
 
-    def __init__(self, mission: MissionFile, world: WorldSpec, behaviors: tuple[str, ...]) -> None:
+    def __init__(self, mission: MissionFile, world: WorldSpec, stack: Stack) -> None:
         self.mission = mission
         self.world = world
-        self.behaviors = behaviors
+        self.stack = stack
         self.doors = [door.name for door in world.doors]
         self.objects = [
             *(wall.name for wall in world.walls),
@@ -188,6 +156,29 @@ class _Checker:
         drops = [drop.name for drop in world.drops]
         meshes = [mesh.name for mesh in world.meshes]
         self.taken = {"floor", *self.objects, *self.doors, *meshes, *movers, *drops}
+
+    def composed(self, index: int, spec: EventSpec, plugins: PluginSource) -> Sequence[EventSpec]:
+        """The event itself, or the events that its plugin composes it of."""
+        if spec.plugin is None:
+            return (spec,)
+        ((name, _),) = spec.plugin.items()
+        path: KeyPath = ("events", index, "plugin")
+        document, shown = self.mission.document, key_text((*path, name))
+        with document.locating(path, shown, only=UnknownNameError):
+            plugin = cast(type[MissionEvent], plugins.get("event", name))
+        event = plugin(self.stack.robot, validate(document, plugin.Params, (*path, name)))
+        trigger = spec.model_dump(exclude_unset=True, exclude={"plugin"})
+        with document.locating(path, shown):
+            try:
+                contents = immutable(self.world.model_dump(mode="json"))
+                actions = [dict(action) for action in event.actions(contents)]
+                return [EventSpec.model_validate({**trigger, **action}) for action in actions]
+            except ValidationError as error:
+                first = error.errors(include_url=False)[0]
+                what = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+                raise PluginError(f"the event plugin gave an invalid action: {what}") from None
+            except Exception as error:
+                raise PluginError(f"actions raised {type(error).__name__}: {error}") from error
 
     def event(self, index: int, spec: EventSpec) -> Event:
         """Check the event with this index in the file."""
@@ -218,15 +209,14 @@ class _Checker:
     def _check(self, action: EventAction | BehaviorFault, path: KeyPath) -> None:
         match action:
             case BehaviorFault():
-                self._check_name("behavior", action.name, self.behaviors, (*path, "name"))
+                behaviors = self.stack.mofis.behaviors
+                self._check_name("behavior", action.name, behaviors, (*path, "name"))
             case DoorChange():
                 self._check_name("door", action.name, self.doors, (*path, "name"))
             case Textureless(name=str(name)):
                 self._check_name("wall or object", name, self.objects, (*path, "name"))
             case Obstacle():
                 self._check_obstacle(action, path)
-            case _:
-                pass
 
     def _check_obstacle(self, obstacle: Obstacle, path: KeyPath) -> None:
         textures = {*STOCK, *self.world.textures}
