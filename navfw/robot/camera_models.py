@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from navfw.config.strict_model import StrictModel
 from navfw.errors import InputError
 from navfw.numerics import Array
 from navfw.numerics.products import product
@@ -37,10 +38,8 @@ _Entry = Annotated[float, Field(ge=-1e6, le=1e6)]
 _Side = Annotated[int, Field(ge=1, le=20_000)]
 
 
-class LensCalibration(BaseModel):
+class LensCalibration(StrictModel):
     """What a calibration file says of a lens (``navfw.lenses.CameraCalibration``)."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     file: Annotated[str, Field(description="where it was read")]
     model: Annotated[str, Field(description="of the distortion, as OpenCV calls it")]
@@ -208,13 +207,11 @@ ShutterTime = Annotated[float, Field(ge=0.0, le=0.2)]
 """[s]; of a frame: a camera of 5 Hz has 0.2 s for it."""
 
 
-class AutoExposure(BaseModel):
+class AutoExposure(StrictModel):
     """Exposure control: brings the image's mean grey value to a target.
 
     Too bright, it shortens the exposure time; too dark, it amplifies image and noise.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     target: Annotated[
         float, Field(ge=20.0, le=235.0, description="mean grey value of the image [0 to 255]")
@@ -227,10 +224,8 @@ class AutoExposure(BaseModel):
     ] = 8.0
 
 
-class CameraEffects(BaseModel):
+class CameraEffects(StrictModel):
     """What a real camera does to its images; all effects are off by default."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     auto_exposure: Annotated[
         AutoExposure | None, Field(description="exposure control; none: the exposure is fixed")

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from navfw.config.strict_model import StrictModel
 from navfw.robot import camera_models
 from navfw.signals import Twist
 
@@ -27,13 +28,11 @@ _MAX_LENS_ANGLE = math.radians(110.0)
 """Largest half angle of view [rad]: fisheye lenses reach 220 degrees in all."""
 
 
-class OdometrySheet(BaseModel):
+class OdometrySheet(StrictModel):
     """Error model of gyro and wheels by their data sheets.
 
     The stack knows these figures, never the errors of the simulated sensors.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     gyro_noise: Annotated[
         GyroSigma, Field(description="standard deviation of one reading [rad/s]")

@@ -136,22 +136,17 @@ def _located(document: YamlDocument, at: KeyPath, folder: Path) -> YamlDocument:
     The path of the URDF is made absolute, the calibration is read.
     """
     data = copy.deepcopy(document.data)
-    for key in (_URDF, _CALIBRATION):
-        name = document.at((*at, *key))
-        if not isinstance(name, str) or not name:
-            continue
+    for key in (_URDF, _CALIBRATION, _PACKAGES):
         from_here = Path() if document.origin_of((*at, *key)).option else folder
         section = YamlDocument(None, data).at((*at, key[0]))
-        if key == _URDF:
-            section[key[1]] = str(urdf_path(name, from_here).absolute())
-        else:
-            with document.locating((*at, *key), key=key_text(key)):
-                section[key[1]] = LensCalibration.load(from_here / name).model_dump()
-    folders = document.at((*at, *_PACKAGES))
-    if isinstance(folders, list) and all(isinstance(name, str) for name in folders):
-        from_here = Path() if document.origin_of((*at, *_PACKAGES)).option else folder
-        section = YamlDocument(None, data).at((*at, _PACKAGES[0]))
-        section[_PACKAGES[1]] = [str((from_here / name).absolute()) for name in folders]
+        match key[1], document.at((*at, *key)):
+            case "file", str(name) if name:
+                section["file"] = str(urdf_path(name, from_here).absolute())
+            case "calibration", str(name) if name:
+                with document.locating((*at, *key), key=key_text(key)):
+                    section["calibration"] = LensCalibration.load(from_here / name).model_dump()
+            case "packages", list(names) if all(isinstance(name, str) for name in names):
+                section["packages"] = [str((from_here / name).absolute()) for name in names]
     return YamlDocument(document.file, data, document.origins)
 
 
