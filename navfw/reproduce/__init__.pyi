@@ -4,7 +4,6 @@ from .paper_scenes import SCENES as SCENES
 from .paper_scenes import WAYPOINTS as WAYPOINTS
 from .paper_scenes import drive as drive
 from .paper_scenes import hand_held as hand_held
-from .paper_scenes import length as length
 from .paper_tables import FAST as FAST
 from .paper_tables import SceneRow as SceneRow
 from .paper_tables import WaypointRow as WaypointRow

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 
 from navfw.bench.true_pairs import MovingPose
 from navfw.robot import CameraModel, RobotModel
@@ -76,11 +75,6 @@ def drive() -> list[MovingPose]:
         pose = way[-1].before(-_TICK)
         time += _TICK
     return way
-
-
-def length(way: list[MovingPose]) -> float:
-    """Length [m] of a trajectory."""
-    return sum(math.dist((a.pose.x, a.pose.y), (b.pose.x, b.pose.y)) for a, b in pairwise(way))
 
 
 IMAGE = (108, 144)

@@ -10,6 +10,7 @@ from flow_scene import rotational_flow
 
 from navfw.bench import front_of
 from navfw.config import find
+from navfw.missions import path_length
 from navfw.reproduce import (
     FAST,
     FAST_TURN,
@@ -23,7 +24,6 @@ from navfw.reproduce import (
     draw_map,
     drive,
     hand_held,
-    length,
     scene_picture,
     summary,
     table2,
@@ -51,7 +51,7 @@ def test_the_way_is_free_and_smooth() -> None:
     way = drive()
     plan = SceneGeometry.from_world(load_world(find("world", "paper-room")), 0.4)
     assert min(plan.clearance(m.pose.x, m.pose.y) for m in way) > RobotModel().radius + 0.1
-    assert 7.0 < length(way) < 12.0
+    assert 7.0 < path_length(np.array([(m.pose.x, m.pose.y) for m in way])) < 12.0
     turns = [abs(point.twist.w) for point in way]
     assert max(turns) == FAST_TURN
 
