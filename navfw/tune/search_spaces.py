@@ -178,9 +178,10 @@ class SearchSpace:
         """
         return {c.path: c.suggest(trial) for c in self.coordinates}
 
-    def overrides(self, settings: Mapping[str, object]) -> tuple[str, ...]:
-        """The same as arguments of ``--set``."""
-        return tuple(f"{path}={json.dumps(value)}" for path, value in settings.items())
+
+def overrides_of(settings: Mapping[str, object]) -> tuple[str, ...]:
+    """Values by path as arguments of ``--set``."""
+    return tuple(f"{path}={json.dumps(value)}" for path, value in settings.items())
 
 
 def search_space(

@@ -32,7 +32,7 @@ from navfw.suite.case import Case
 from navfw.suite.run_journal import RunRow
 from navfw.suite.suite_plan import plan_runs
 from navfw.suite.suitefile import Suite, parse_seeds
-from navfw.tune.search_spaces import SearchSpace, TunedVariant, search_space
+from navfw.tune.search_spaces import SearchSpace, TunedVariant, overrides_of, search_space
 from navfw.tune.trials import (
     SETTINGS,
     Drive,
@@ -168,14 +168,6 @@ class StudyFolder:
             figure.savefig(stream, format="png", dpi=120)
         plt.close(figure)
         return True
-
-    def write_validation(self, validation: Mapping[str, Any]) -> None:
-        """The comparison on validation seeds."""
-        write_text(self.path / "validation.json", json.dumps(dict(validation), indent=2) + "\n")
-
-    def settings_of(self, trial: optuna.trial.FrozenTrial) -> dict[str, object]:
-        """The values of the stack that a trial took, by path."""
-        return dict(trial.user_attrs[SETTINGS])
 
 
 def _short(value: object) -> str:
@@ -313,8 +305,8 @@ class StackStudy:
         best = best_of(study)
         if best is None:
             raise InputError("no trial has been completed; give more --trials", file=folder.path)
-        settings = folder.settings_of(best)
-        changes = self.space.overrides(settings)
+        settings = dict(best.user_attrs[SETTINGS])
+        changes = overrides_of(settings)
         tuned = load_stack(find("stack", self.stack), self.registry, changes)
         folder.write_stack(
             tuned,
@@ -323,7 +315,7 @@ class StackStudy:
         )
         drawn = folder.write_importance(study)
         before = list(drive(self.validation))
-        after = list(drive(with_settings(self.validation, self.space, settings)))
+        after = list(drive(with_settings(self.validation, settings)))
         validation = {
             **validated_difference(before, after, self.objectives),
             "trial": best.number,
@@ -332,5 +324,5 @@ class StackStudy:
             "stack": str(folder.stack),
             "importance": drawn,
         }
-        folder.write_validation(validation)
+        write_text(folder.path / "validation.json", json.dumps(validation, indent=2) + "\n")
         return validation

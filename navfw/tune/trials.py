@@ -11,14 +11,14 @@ from pathlib import Path
 from statistics import fmean
 
 import optuna
-from optuna.trial import FrozenTrial, Trial, TrialState
+from optuna.trial import FrozenTrial, TrialState
 
 from navfw.errors import InputError, RuleBaseError, UnknownNameError
 from navfw.suite.case import Case, Job
 from navfw.suite.run_journal import RunRow
 from navfw.suite.suite_run import Engine, answered_row
 from navfw.suite.worker_pool import WorkerFailure
-from navfw.tune.search_spaces import SearchSpace
+from navfw.tune.search_spaces import SearchSpace, overrides_of
 
 CLEAR = 0.5
 """Clearance [m] from which more of it counts no more."""
@@ -129,45 +129,32 @@ def run_trials(
     end = time.monotonic() + 60.0 * minutes
     while (done := len(finished(study))) < trials and (done == 0 or time.monotonic() < end):
         trial = study.ask()
-        _try(study, trial, space, cases, objectives, drive)
+        try:
+            settings = space.settings(trial)
+        except RuleBaseError as error:
+            trial.set_user_attr("refused", str(error).splitlines()[0])
+            study.tell(trial, state=TrialState.PRUNED)
+        else:
+            trial.set_user_attr(SETTINGS, settings)
+            rows: list[RunRow] = []
+            for row in drive(with_settings(cases, settings)):
+                trial.report(objectives.score(row), len(rows))
+                rows.append(row)
+                if len(rows) < len(cases) and trial.should_prune():
+                    break
+            trial.set_user_attr("runs", len(rows))
+            trial.set_user_attr("scores", objectives.parts(rows))
+            if len(rows) < len(cases):
+                study.tell(trial, state=TrialState.PRUNED)
+            else:
+                study.tell(trial, fmean(objectives.score(row) for row in rows))
         if on_trial is not None:
             on_trial(study.trials[trial.number])
 
 
-def _try(
-    study: optuna.Study,
-    trial: Trial,
-    space: SearchSpace,
-    cases: Sequence[Case],
-    objectives: Objectives,
-    drive: Drive,
-) -> None:
-    try:
-        settings = space.settings(trial)
-    except RuleBaseError as error:
-        trial.set_user_attr("refused", str(error).splitlines()[0])
-        study.tell(trial, state=TrialState.PRUNED)
-        return
-    trial.set_user_attr(SETTINGS, settings)
-    rows: list[RunRow] = []
-    for row in drive(with_settings(cases, space, settings)):
-        trial.report(objectives.score(row), len(rows))
-        rows.append(row)
-        if len(rows) < len(cases) and trial.should_prune():
-            break
-    trial.set_user_attr("runs", len(rows))
-    trial.set_user_attr("scores", objectives.parts(rows))
-    if len(rows) < len(cases):
-        study.tell(trial, state=TrialState.PRUNED)
-    else:
-        study.tell(trial, fmean(objectives.score(row) for row in rows))
-
-
-def with_settings(
-    cases: Sequence[Case], space: SearchSpace, settings: Mapping[str, object]
-) -> list[Case]:
+def with_settings(cases: Sequence[Case], settings: Mapping[str, object]) -> list[Case]:
     """``cases`` with these values of the stack, over those that the suite sets."""
-    changes = space.overrides(settings)
+    changes = overrides_of(settings)
     return [replace(case, overrides=(*case.overrides, *changes)) for case in cases]
 
 
