@@ -34,26 +34,22 @@ class RemoteResult:
     picture: bytes | None = None
 
 
+@dataclass(eq=False)
 class PackageOnWorker(WorkerPlugin):
     """Unpacks the files of a suite on every worker, also on one that joins later.
 
     ``work`` is the function of a job, ``module:name``.
     """
 
-    def __init__(
-        self,
-        package: JobPackage,
-        work: str,
-        limit: float,
-        memory: float,
-    ) -> None:
-        self.package = package
-        self.work = work
-        self.limit = limit
-        self.memory = memory
-        self.name = f"navfw-{package.key}"
+    package: JobPackage
+    work: str
+    limit: float
+    memory: float
+    folder: Path = Path()
+
+    def __post_init__(self) -> None:
+        self.name = f"navfw-{self.package.key}"
         self.identity = worker_identity()
-        self.folder = Path()
         self.idle: list[WorkerPool[Job, RemoteResult]] = []
 
     def setup(self, worker: Worker) -> None:

@@ -180,11 +180,7 @@ def _distance_from_truth(
     x, y = (axis[occupied] for axis in _cells(occupancy))
     if not x.size:
         return distance
-    c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-    ahead = c * (x - pose.x) + s * (y - pose.y)
-    left = -s * (x - pose.x) + c * (y - pose.y)
-    c, s = math.cos(now.yaw), math.sin(now.yaw)
-    true = np.column_stack([now.x + c * ahead - s * left, now.y + s * ahead + c * left])
+    true = now.points_to_parent(pose.points_to_local(np.column_stack([x, y])))
     away = plan.clearances(true)
     if movers is not None:
         ended = np.full(len(true), result.session.stack.state.time)

@@ -375,17 +375,16 @@ def ready_journal(journal: RunJournal) -> str:
 def _moved_aside(file: Path) -> Path:
     """Rename a damaged journal, with SQLite's own file of its last transaction."""
     try:
-        for number in itertools.count(1):
-            aside = file.with_name(f"{file.stem}-damaged-{number}{file.suffix}")
-            if not aside.exists():
-                rest = file.with_name(f"{file.name}-journal")
-                if rest.exists():
-                    rest.rename(aside.with_name(f"{aside.name}-journal"))
-                return file.rename(aside)
+        numbers = (f"{file.stem}-damaged-{number}" for number in itertools.count(1))
+        places = (file.with_name(f"{name}{file.suffix}") for name in numbers)
+        aside = next(place for place in places if not place.exists())
+        rest = file.with_name(f"{file.name}-journal")
+        if rest.exists():
+            rest.rename(aside.with_name(f"{aside.name}-journal"))
+        return file.rename(aside)
     except OSError as error:
         what = f"is damaged, and cannot be renamed: {error.strerror or error}"
         raise InputError(what, file=file) from None
-    raise AssertionError("numbers have no end")
 
 
 def _checksum(*parts: str) -> str:

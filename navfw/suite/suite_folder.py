@@ -220,11 +220,6 @@ class SuiteFolder:
         if self.pictures.is_dir() and not any(self.pictures.iterdir()):
             self.pictures.rmdir()
 
-    @property
-    def revisions(self) -> list[str]:
-        """The revisions of the code that produced the table."""
-        return list(self.about().get("revisions", []))
-
     def about(self) -> dict[str, Any]:
         """The content of ``suite.json``: suite, its hash, options, content, revisions, machines.
 

@@ -164,7 +164,7 @@ class _SuiteRows:
     def __init__(self, plan: SuitePlan, out: SuiteFolder, have: Sequence[RunRow]) -> None:
         self.plan = plan
         self.out = out
-        self._revisions = out.revisions
+        self._revisions = list(out.about().get("revisions", []))
         self.rows: dict[RunKey, RunRow] = {row.key: row for row in have}
         self.deaths = out.journal.deaths({case.content for case in plan.cases})
         self._next_export = time.monotonic() + _EXPORT_PERIOD

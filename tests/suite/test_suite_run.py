@@ -116,7 +116,7 @@ def test_resuming_with_another_configuration_is_refused(out: SuiteFolder) -> Non
 def test_revisions_are_recorded(out: SuiteFolder) -> None:
     run(plan(2), out)
     out.open(plan(2), "def-dirty", begin="resume")
-    assert out.revisions == ["abc", "def-dirty"]
+    assert out.about()["revisions"] == ["abc", "def-dirty"]
     assert out.about()["machines"] == [machine_kind()]
 
 
