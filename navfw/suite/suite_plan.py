@@ -91,14 +91,18 @@ def plan_runs(
         first = replace(template, overrides=changes, seed=seeds[0])
         of_variant = files or stacks_of(suite, index, name)
         try:
-            checked, fingerprints = _checked(suite, index, first, of_variant, registry)
+            checked = [
+                _check_case(suite, index, replace(first, stack=str(file or "")), registry)
+                for file in of_variant.values()
+            ]
         except MissingExtraError as error:
             if not name:
                 raise
             skipped[name] = str(error)
             continue
-        content |= fingerprints
-        cases += [with_seed(case, entry, seed) for case in checked for seed in seeds]
+        for case, fingerprints in checked:
+            content |= fingerprints
+            cases += [with_seed(case, entry, seed) for seed in seeds]
         if len(cases) > _MAX_RUNS:
             raise InputError(f"more than {_MAX_RUNS} runs; give fewer seeds", key="--seeds")
     progress(len(templates), len(templates), "")
@@ -130,24 +134,6 @@ def _check_worlds(suite: Suite, worlds: Path | None) -> None:
     if worlds is not None and all(entry.worlds is None for entry in suite.spec.entries):
         what = f"the suite {suite.name!r} has no entry that takes a folder of worlds"
         raise InputError(what, key="--worlds")
-
-
-def _checked(
-    suite: Suite,
-    index: int,
-    case: Case,
-    stacks: Mapping[str, Path | None],
-    registry: Registry,
-) -> tuple[list[Case], dict[str, str]]:
-    """The checked ``case`` with each of ``stacks``, and the fingerprints of all."""
-    cases: list[Case] = []
-    content: dict[str, str] = {}
-    for name, file in stacks.items():
-        with_stack = replace(case, stack=str(file or ""), stack_name=name)
-        checked, fingerprints = _check_case(suite, index, with_stack, registry)
-        cases.append(checked)
-        content |= fingerprints
-    return cases, content
 
 
 def _check_case(
