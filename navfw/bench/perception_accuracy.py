@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
@@ -33,6 +33,7 @@ from navfw.offis.nearness import TERMS
 from navfw.offis.offis import Offis
 from navfw.offis.percept_explanation import front_in
 from navfw.offis.pyramid import QUADRANTS
+from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Percept, Twist
 
@@ -68,11 +69,7 @@ class PerceptScore:
 
 
 def run(
-    poses: int = 1000,
-    seed: int = HELD_OUT_SEED,
-    workers: int = 1,
-    params: Offis.Params | None = None,
-    progress: Callable[[int], None] | None = None,
+    poses: int, seed: int, workers: int = 1, report: ProgressCallback = silent
 ) -> dict[str, Any]:
     """Accuracy over ``poses`` random views of a ``seed``, as plain data.
 
@@ -84,18 +81,17 @@ def run(
     (truth -> inferred -> count); ``causes``: count of each cause of error. ``ideal`` has the same
     values for ideal flow.
 
-    The result does not depend on ``workers``, the number of processes. ``progress`` is called with
+    The result does not depend on ``workers``, the number of processes. ``report`` is called with
     the number of views done so far.
     """
     robot = RobotModel()
-    offis, ideal = Offis(robot, params), Offis(robot, params)
+    offis, ideal = Offis(robot), Offis(robot)
     samples, measured, perfect = [], [], []
-    for sample in islice(drawn_samples(seed, workers), poses):
+    drawn = islice(drawn_samples(seed, workers), poses)
+    for sample in with_progress(drawn, "accuracy over views", report, poses):
         samples.append(sample.truth)
         measured.append(_score_percept(offis, sample.flow, sample.twist, sample.truth))
         perfect.append(_score_percept(ideal, sample.ideal, sample.view.twist, sample.truth))
-        if progress is not None:
-            progress(len(samples))
     return {
         "poses": len(samples),
         "seed": seed,

@@ -67,7 +67,9 @@ def time_offis(repeats: int = 1000) -> dict[str, Any]:
     offis = Offis(RobotModel())
     whole = median_ms(lambda k: offis.perceive(*flows[k % len(flows)]), repeats)
     frames = [_evaluations(offis, *frame) for frame in flows]
-    inference = median_ms(lambda k: _repeat(frames[k % len(frames)]), repeats)
+    inference = median_ms(
+        lambda k: [infer(one.system, one.inputs) for one in frames[k % len(frames)]], repeats
+    )
     references = {
         evaluation.system.rule_base.name: ReferenceFis(evaluation.system.rule_base)
         for evaluation in frames[0]
@@ -90,11 +92,6 @@ def _evaluations(offis: Offis, flow: FlowField, twist: Twist) -> tuple[FuzzyEval
     if not isinstance(explanation, PerceptExplanation):
         raise TypeError(f"expected an explanation by OFFIS, got {type(explanation).__name__}")
     return evaluations_of(explanation)
-
-
-def _repeat(evaluations: Sequence[FuzzyEvaluation]) -> None:
-    for evaluation in evaluations:
-        infer(evaluation.system, evaluation.inputs)
 
 
 def _by_reference(
@@ -255,12 +252,7 @@ def bench_perception(
         tum = flow_comparison.bench_flow_sets(
             flow_comparison.recorded_sets(data["tum_fr1"].parent, only="tum_fr1"), report=report
         )
-
-    def count(done: int) -> None:
-        report("accuracy over views", done, extent.poses)
-
-    count(0)
-    accuracy = perception_accuracy.run(extent.poses, seed, workers, progress=count)
+    accuracy = perception_accuracy.run(extent.poses, seed, workers, report)
     result = {
         "offis_ms": costs["offis_ms"],
         "offis_skfuzzy_ratio": costs["offis_skfuzzy_ratio"],
