@@ -11,7 +11,6 @@ from navfw.errors import SimulationError
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import Plugin
 from navfw.mofis.navground import Navground, Surroundings
-from navfw.numerics import Array
 from navfw.signals import CameraMotion, Frame, FramePair
 from navfw.sim.shapes import Circle, Shape
 from navfw.sim.simulation import Simulation
@@ -63,9 +62,9 @@ class SimulatorTruth:
                 velocity = (speed * math.cos(heading), speed * math.sin(heading))
                 moving.append([*robot.to_local(mover.x, mover.y), mover.spec.radius, *velocity])
         return Surroundings(
-            _array(edges).reshape(-1, 2, 2),
-            _array(circles).reshape(-1, 3),
-            _array(moving).reshape(-1, 5),
+            np.array(edges, np.float64).reshape(-1, 2, 2),
+            np.array(circles, np.float64).reshape(-1, 3),
+            np.array(moving, np.float64).reshape(-1, 5),
         )
 
     def _present(self) -> list[Shape]:
@@ -75,10 +74,6 @@ class SimulatorTruth:
         permanent = [s.shape for s in simulation.plan.solids if s.name not in changes.names]
         now = simulation.time
         return permanent + [p.shape for p in changes.presences if p.begin <= now < p.end]
-
-
-def _array(rows: object) -> Array:
-    return np.array(rows, dtype=np.float64)
 
 
 def reveal(simulation: Simulation, stack: Stack) -> None:
