@@ -202,15 +202,14 @@ def read_triangles(path: Path, limits: MeshLimits) -> Array:
     if reader is None:
         expected = ", ".join(MESH_SUFFIXES)
         what = f"expected a mesh ({expected}), got {path.name!r}; export the mesh as OBJ"
-        raise ConfigError(what, file=shown_path(path))
+        raise _error(path, what)
     corners = reader(path, read_input(path, limits.file_size), limits)
     if len(corners) > limits.triangles:
         raise _too_many(path, limits)
     if not len(corners):
-        raise ConfigError("has no triangles; export the mesh again", file=shown_path(path))
+        raise _error(path, "has no triangles; export the mesh again")
     if not np.isfinite(corners).all() or np.abs(corners).max() > _MAX_COORDINATE:
-        what = "has coordinates beyond 1e6; export the mesh again"
-        raise ConfigError(what, file=shown_path(path))
+        raise _error(path, "has coordinates beyond 1e6; export the mesh again")
     return corners
 
 
@@ -227,16 +226,20 @@ def _check_closed(path: Path, mesh: TriangleMesh) -> None:
         else:
             what = "some faces are turned inside out; make their normals point outwards in a"
             help_ = "modelling program (Blender: Mesh > Normals > Recalculate Outside)"
-        raise ConfigError(f"{what} {help_}", file=shown_path(path))
+        raise _error(path, f"{what} {help_}")
     first_corners = mesh.corners[:, 0] - mesh.vertices[0]
     if float(np.einsum("ij,ij->", first_corners, mesh.normals)) <= 0.0:
         what = "the mesh encloses no volume, or its faces are turned inside out; flip its normals"
-        raise ConfigError(what, file=shown_path(path))
+        raise _error(path, what)
 
 
 def _too_many(path: Path, limits: MeshLimits) -> ConfigError:
     what = f"has more than {limits.triangles} triangles; simplify it (Blender: Decimate modifier)"
-    return ConfigError(what, file=shown_path(path))
+    return _error(path, what)
+
+
+def _error(path: Path, what: str, line: int | None = None) -> ConfigError:
+    return ConfigError(what, file=shown_path(path), line=line)
 
 
 # --- formats ----------------------------------------------------------------------------------
@@ -255,11 +258,8 @@ def _by_trimesh(path: Path, content: bytes, limits: MeshLimits) -> Array:
         unit = unit_conversion(mesh.units, "meters") if mesh.units else 1.0
         return np.asarray(getattr(mesh, "triangles", ()), dtype=float).reshape(-1, 3, 3) * unit
     except Exception as error:  # whatever parsers of foreign files raise
-        reason = f"{type(error).__name__}: {error}"
-        raise ConfigError(
-            f"cannot be read as {kind.upper()}: {reason}; export the mesh again",
-            file=shown_path(path),
-        ) from None
+        reason = f"{type(error).__name__}: {error}; export the mesh again"
+        raise _error(path, f"cannot be read as {kind.upper()}: {reason}") from None
 
 
 def _collada(path: Path, content: bytes, limits: MeshLimits) -> Array:
@@ -291,9 +291,7 @@ def _drawn_corners(path: Path, root: Element) -> int:
         if not kind.startswith("instance_") or target not in by_id:
             return total
         if target in open_nodes:
-            raise ConfigError(
-                "a node contains itself", file=shown_path(path), line=line_of(element)
-            )
+            raise _error(path, "a node contains itself", line_of(element))
         if target not in counts:
             open_nodes.add(target)
             counts[target] = count(by_id[target])
@@ -305,7 +303,7 @@ def _drawn_corners(path: Path, root: Element) -> int:
             (count(scene) for scene in root.iter() if scene.tag.endswith("visual_scene")), default=0
         )
     except (RecursionError, ValueError):
-        raise ConfigError("is nested too deep", file=shown_path(path)) from None
+        raise _error(path, "is nested too deep") from None
 
 
 def _obj(path: Path, content: bytes, limits: MeshLimits) -> Array:
@@ -323,15 +321,13 @@ def _obj(path: Path, content: bytes, limits: MeshLimits) -> Array:
             if len(triangles) > limits.triangles:
                 raise _too_many(path, limits)
         elif keyword in _FREE_FORM:
-            what = "curved surfaces are not supported; export triangles"
-            raise ConfigError(what, file=shown_path(path), line=line)
+            raise _error(path, "curved surfaces are not supported; export triangles", line)
     mesh = TriangleMesh(np.array(points).reshape(-1, 3), np.array(triangles, int).reshape(-1, 3))
     normals = mesh.normals
     for line, first, end in polygons if limits.closed else ():
         of_polygon = normals[first:end]
         if end - first > 1 and (product(of_polygon, of_polygon.sum(axis=0)) < 0.0).any():
-            what = "the face is concave; triangulate the mesh when exporting it"
-            raise ConfigError(what, file=shown_path(path), line=line)
+            raise _error(path, "the face is concave; triangulate the mesh when exporting it", line)
     return mesh.corners
 
 
@@ -342,16 +338,14 @@ def _stl(path: Path, content: bytes, limits: MeshLimits) -> Array:
         kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
         return np.frombuffer(content, kind, count, _STL_HEADER)["corners"].astype(np.float64)
     if not content.lstrip().startswith(b"solid"):
-        what = "is no STL file, or a part of it is missing; export the mesh again"
-        raise ConfigError(what, file=shown_path(path))
+        raise _error(path, "is no STL file, or a part of it is missing; export the mesh again")
     positions = [
         _position(path, line, values)
         for line, keyword, values in _lines(content)
         if keyword == "vertex"
     ]
     if len(positions) % 3:
-        what = "its last triangle is incomplete; export the mesh again"
-        raise ConfigError(what, file=shown_path(path))
+        raise _error(path, "its last triangle is incomplete; export the mesh again")
     return np.array(positions).reshape(-1, 3, 3)
 
 
@@ -379,7 +373,7 @@ def _position(path: Path, line: int, values: list[str]) -> list[float]:
     if len(position) != 3 or not all(math.isfinite(value) for value in position):
         got = " ".join(values)[:40]
         what = f"expected the x, y and z of a vertex, got {got!r}; export the mesh again"
-        raise ConfigError(what, file=shown_path(path), line=line)
+        raise _error(path, what, line)
     return position
 
 
@@ -392,8 +386,8 @@ def _ring(path: Path, line: int, values: list[str], count: int) -> Iterator[int]
             index = 0
         if not 0 < abs(index) <= count:
             what = f"expected the number of a vertex from 1 to {count}, got {value[:40]!r}"
-            raise ConfigError(f"{what}; export it again", file=shown_path(path), line=line)
+            raise _error(path, f"{what}; export it again", line)
         yield index - 1 if index > 0 else count + index
     if len(values) < 3:
         what = f"a face has at least 3 vertices, got {len(values)}; export the mesh again"
-        raise ConfigError(what, file=shown_path(path), line=line)
+        raise _error(path, what, line)
