@@ -44,13 +44,9 @@ def view_of(
     direction to the camera, ``aside`` [rad] its bearing in the image.
     """
     camera = simulation.robot.camera
-    direction = mark.yaw + angle
-    x = mark.at[0] + distance * math.cos(direction)
-    y = mark.at[1] + distance * math.sin(direction)
-    yaw = direction + math.pi - aside
-    pose = Pose(
-        x - camera.mount_forward * math.cos(yaw), y - camera.mount_forward * math.sin(yaw), yaw
-    )
+    eye = Pose(*mark.at, mark.yaw + angle).to_parent(distance, 0.0)
+    yaw = mark.yaw + angle + math.pi - aside
+    pose = Pose(*Pose(*eye, yaw).to_parent(-camera.mount_forward, 0.0), yaw)
     image, _ = simulation.render_from(pose)
     ahead, left = pose.to_local(*mark.at)
     return image, math.atan2(left, ahead), math.hypot(ahead, left)

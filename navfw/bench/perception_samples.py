@@ -262,9 +262,7 @@ def _towards(
     distance = float(rng.uniform(*distances))
     direction = facing + float(rng.uniform(-aslant, aslant))
     yaw = direction + math.pi + float(rng.uniform(-beside, beside))
-    return Pose(
-        x + distance * math.cos(direction), y + distance * math.sin(direction), wrap_angle(yaw)
-    )
+    return Pose(*Pose(x, y, direction).to_parent(distance, 0.0), wrap_angle(yaw))
 
 
 def _door(rng: np.random.Generator, world: WorldSpec) -> _Facing:
@@ -289,8 +287,7 @@ def _wall_point(rng: np.random.Generator, world: WorldSpec) -> _Facing:
     lengths = np.array([segment.length for segment in segments])
     segment = segments[int(rng.choice(len(segments), p=lengths / lengths.sum()))]
     along = float(rng.uniform(0.1, 0.9)) * segment.length
-    x = segment.start[0] + along * math.cos(segment.yaw)
-    y = segment.start[1] + along * math.sin(segment.yaw)
+    x, y = Pose(*segment.start, segment.yaw).to_parent(along, 0.0)
     return x, y, segment.yaw + float(rng.choice([-0.5, 0.5])) * math.pi
 
 
