@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -87,22 +86,18 @@ def plan_runs(
         if name in skipped:
             continue
         progress(number, len(templates), template.world_name or template.family)
-        changes = (*entry.overrides, *chosen[name].overrides, *overrides)
-        first = replace(template, overrides=changes, seed=seeds[0])
+        first = replace(template, overrides=(*template.overrides, *overrides), seed=seeds[0])
         of_variant = files or stacks_of(suite, index, name)
         try:
-            checked = [
-                _check_case(suite, index, replace(first, stack=str(file or "")), registry)
-                for file in of_variant.values()
-            ]
+            stacked = [replace(first, stack=str(file or "")) for file in of_variant.values()]
+            checked = [_check_case(suite, index, case, registry) for case in stacked]
         except MissingExtraError as error:
             if not name:
                 raise
             skipped[name] = str(error)
             continue
-        for case, fingerprints in checked:
-            content |= fingerprints
-            cases += [with_seed(case, entry, seed) for seed in seeds]
+        content |= {part: value for _, parts in checked for part, value in parts.items()}
+        cases += [with_seed(case, entry, seed) for case, _ in checked for seed in seeds]
         if len(cases) > _MAX_RUNS:
             raise InputError(f"more than {_MAX_RUNS} runs; give fewer seeds", key="--seeds")
     progress(len(templates), len(templates), "")
@@ -120,13 +115,14 @@ def plan_runs(
 
 
 def _templates(
-    suite: Suite, worlds: Path | None, variants: Iterable[str]
+    suite: Suite, worlds: Path | None, variants: Mapping[str, VariantSpec]
 ) -> list[tuple[int, Case]]:
     """A case for each entry, by its index, with each mission and variant."""
     return [
-        (index, replace(template, variant=name))
+        (index, replace(template, variant=name, overrides=(*entry.overrides, *variant.overrides)))
         for index, entry in enumerate(suite.spec.entries)
-        for template, name in product(case_templates(suite, index, entry, worlds), variants)
+        for template in case_templates(suite, index, entry, worlds)
+        for name, variant in variants.items()
     ]
 
 
