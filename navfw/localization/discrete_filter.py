@@ -24,7 +24,7 @@ from navfw.localization.place_probabilities import COUNT, LEARNT, SituationTable
 from navfw.numerics import Array
 from navfw.numerics.functions import arctan2, exp, power
 from navfw.numerics.products import product
-from navfw.signals import Odometry, Pose, wrap_angle
+from navfw.signals import Odometry, Pose
 from navfw.topomap import TopoMap
 
 _FACING = math.radians(80.0)
@@ -327,14 +327,8 @@ class DiscreteFilter:
 
     def _at_present(self, cluster: Cluster) -> Cluster:
         """The cluster moved by the odometry since the last shift; its yaw becomes the robot's."""
-        turned = cluster.pose.yaw
         dx, dy = self._last.x - self._shifted_at.x, self._last.y - self._shifted_at.y
-        c, s = math.cos(turned), math.sin(turned)
-        pose = Pose(
-            cluster.pose.x + c * dx - s * dy,
-            cluster.pose.y + s * dx + c * dy,
-            wrap_angle(turned + self._last.yaw),
-        )
+        pose = cluster.pose.compose(Pose(dx, dy, self._last.yaw))
         return Cluster(pose, cluster.mass, cluster.covariance, cluster.spread)
 
     def _fits(self, observation: LandmarkObservation, pose: Pose) -> bool:
