@@ -6,7 +6,7 @@ The schema is in ``navfw.missions.missionspec``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -67,13 +67,8 @@ class MissionFile:
         """
         if self.start_known:
             return self
-        radius = self.spec.robot.radius
-
-        def check(place: Place) -> None:
-            plan.check_free(place.x, place.y, radius, f"the start {place.name!r}")
-
         with self.document.locating(("start",), only=WorldError):
-            return replace(self, start=draw_start(self.starts, seed, check))
+            return replace(self, start=draw_start(self.starts, seed, plan, self.spec.robot.radius))
 
     def check(self, plan: SceneGeometry) -> float:
         """The length [m] of the shortest path through all goals, in the world of this floor plan.
@@ -225,28 +220,27 @@ def start_candidates(topo_map: TopoMap, goals: Sequence[str]) -> list[Place]:
     ]
 
 
-def draw_start(places: Sequence[Place], seed: int, check: Callable[[Place], None]) -> Pose:
+def draw_start(places: Sequence[Place], seed: int, plan: SceneGeometry, radius: float) -> Pose:
     """A pose at one of ``places``, with a yaw, both drawn by ``seed``.
 
-    Places for which ``check`` raises WorldError are skipped.
+    Places are skipped at which a body of ``radius`` [m] is not free in ``plan``.
 
     Raises:
-        WorldError: ``check`` refuses all places; its first error is raised.
+        WorldError: it is free at none of the places; the error is that of the first one.
 
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
     order = rng.permutation(len(places)).tolist()
     yaw = float(rng.uniform(-math.pi, math.pi))
-    refusal: WorldError | None = None
-    for index in order:
-        place = places[index]
+    refusals: list[WorldError] = []
+    for place in (places[index] for index in order):
         try:
-            check(place)
+            plan.check_free(place.x, place.y, radius, f"the start {place.name!r}")
         except WorldError as error:
-            refusal = refusal or error
+            refusals.append(error)
         else:
             return Pose(place.x, place.y, yaw)
-    raise refusal or WorldError("no place to start from: the map has only doors and goals")
+    raise refusals[0]
 
 
 def _goals(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tuple[Waypoint, ...]:

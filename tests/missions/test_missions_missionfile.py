@@ -23,7 +23,7 @@ from navfw.missions import (
 from navfw.recording import RunLogger
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Pose, Twist, Waypoint
-from navfw.sim import PRESETS, SceneGeometry, SensorParams, load_world
+from navfw.sim import PRESETS, BoxSpec, SceneGeometry, SensorParams, WorldSpec, load_world
 from navfw.stack import StackState
 from navfw.testing.behavior_scenes import FakeSimulator, ScriptedPilot
 from navfw.topomap import Place
@@ -260,14 +260,11 @@ def test_a_wrong_start_is_one_clear_error(
 
 def test_places_that_are_not_free_are_skipped() -> None:
     places = [Place("taken", 0.0, 0.0), Place("free", 1.0, 0.0)]
-
-    def check(place: Place) -> None:
-        if place.name == "taken":
-            raise WorldError("the start 'taken' overlaps the chest")
-
-    assert {draw_start(places, seed, check).x for seed in range(10)} == {1.0}
-    with pytest.raises(WorldError, match="chest"):
-        draw_start(places[:1], 0, check)
+    chest = BoxSpec(name="chest", at=(0.0, 0.0), size=(0.4, 0.4, 0.4))
+    plan = SceneGeometry.from_world(WorldSpec(name="hall", x=(-2, 2), y=(-2, 2), boxes=(chest,)))
+    assert {draw_start(places, seed, plan, 0.2).x for seed in range(10)} == {1.0}
+    with pytest.raises(WorldError, match=r"the start 'taken'.*chest"):
+        draw_start(places[:1], 0, plan, 0.2)
 
 
 class Clueless(ScriptedPilot):
