@@ -6,7 +6,6 @@ step, here their number is free. A display window shows them as well.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy as np
 from navfw.features.landmark_appearance import landmark_kind
 from navfw.meshes.furniture_meshes import furniture_mesh
 from navfw.numerics import Array, Image
-from navfw.numerics.products import product
+from navfw.signals import Pose
 from navfw.sim import textures
 from navfw.sim.engine import Display, quaternion
 from navfw.sim.raster import Raster
@@ -75,9 +74,8 @@ class Scenery:
             visible = triangle_mesh(triangles.corners, texture_shift(thing.name))
             place = (*thing.at, thing.base)
             self._bodies.append(self._add(visible, thing.texture, place, thing.yaw))
-            c, s = math.cos(thing.yaw), math.sin(thing.yaw)
-            points = product(triangles.vertices[:, :2], np.array([[c, s], [-s, c]]))
-            bounds.append(PartBounds.around(points + np.array(thing.at)))
+            points = Pose(*thing.at, thing.yaw).points_to_parent(triangles.vertices[:, :2])
+            bounds.append(PartBounds.around(points))
         if len(furniture) <= _MAX_SINGLE:
             for solid in furniture:
                 self._bodies.append(self.add_solid(solid))

@@ -9,6 +9,7 @@ import numpy as np
 
 from navfw.numerics import Array
 from navfw.numerics.products import product
+from navfw.signals import Pose
 
 OVERLAP_TOLERANCE = 0.002
 """Two solids of a world file may overlap by this much [m]: coordinates are rounded."""
@@ -28,10 +29,7 @@ class Rectangle:
     def corners(self) -> Array:
         """(4, 2) corners [m], counter-clockwise."""
         signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        turned = product(signs * (self.half_x, self.half_y), np.array([[c, s], [-s, c]]))
-        corners: Array = turned + (self.x, self.y)  # noqa: RUF005 - adds, does not append
-        return corners
+        return Pose(self.x, self.y, self.yaw).points_to_parent(signs * (self.half_x, self.half_y))
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:

@@ -20,6 +20,7 @@ import numpy as np
 
 from navfw.meshes.furniture_meshes import furniture_outline
 from navfw.numerics import Array
+from navfw.signals import Pose
 from navfw.sim.shapes import OVERLAP_TOLERANCE, Circle, Rectangle, Shape, overlap_depth
 from navfw.sim.worldspec import DropSpec, MeshSpec, OpeningSpec, WallSpec, WorldSpec
 
@@ -72,15 +73,11 @@ class Segment:
 
     def locate(self, point: tuple[float, float]) -> tuple[float, float]:
         """(distance along the line, signed distance to its left) [m] of a point."""
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        dx, dy = point[0] - self.start[0], point[1] - self.start[1]
-        return c * dx + s * dy, -s * dx + c * dy
+        return Pose(*self.start, self.yaw).to_local(*point)
 
     def piece(self, begin: float, end: float, thickness: float) -> Rectangle:
         """The wall's rectangle between two distances along the line [m]."""
-        middle = 0.5 * (begin + end)
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        x, y = self.start[0] + c * middle, self.start[1] + s * middle
+        x, y = Pose(*self.start, self.yaw).to_parent(0.5 * (begin + end), 0.0)
         return Rectangle(x, y, 0.5 * (end - begin), 0.5 * thickness, self.yaw)
 
 
@@ -131,11 +128,9 @@ def solids_of(world: WorldSpec) -> list[Solid]:
 
 def _mesh_solids(mesh: MeshSpec) -> list[Solid]:
     """The boxes of a mesh's outline in the map."""
-    c, s = math.cos(mesh.yaw), math.sin(mesh.yaw)
     solids = []
     for (x0, x1), (y0, y1), bottom, top in furniture_outline(mesh.file, mesh.scale, mesh.up):
-        x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-        middle = mesh.at[0] + c * x - s * y, mesh.at[1] + s * x + c * y
+        middle = Pose(*mesh.at, mesh.yaw).to_parent(0.5 * (x0 + x1), 0.5 * (y0 + y1))
         shape = Rectangle(*middle, 0.5 * (x1 - x0), 0.5 * (y1 - y0), mesh.yaw)
         low, high = mesh.base + bottom, mesh.base + top
         solids.append(Solid(mesh.name, "mesh", shape, low, high, mesh.texture))
