@@ -176,11 +176,11 @@ LEFT_BEHIND = {"runs", "generated", "dist"}
 IN_A_PROJECT = {"plugins.md", "recipes.md", "worlds.md"}
 """Pages whose reader stands in a project: their commands may write to its folders."""
 
-FROM_ANOTHER_PAGE = {
-    "commands.md": "navfw new project ~/my-robot",
-    "recordings.md": "navfw run empty straight --record --out /tmp/straight",
+TYPED_BEFORE = {
+    "commands.md": ["navfw new project ~/my-robot"],
+    "recordings.md": ["navfw run empty straight --record --out /tmp/straight"],
 }
-"""What the reader of a page has typed before."""
+"""What the reader of a page has typed on another one."""
 
 LINES = {page: [line for line, *_ in typed] for page, typed in TYPED.items()}
 
@@ -245,10 +245,8 @@ def write_plans(folder: Path) -> None:
     "page", [p for p, lines in LINES.items() if any(map(is_typed, lines))], ids=lambda p: p.name
 )
 def test_the_commands_of_a_page_succeed(page: Path, desk: Path, tmp_path: Path) -> None:
-    lines = list(filter(is_typed, LINES[page]))
+    lines = [*TYPED_BEFORE.get(page.name, ()), *filter(is_typed, LINES[page])]
     before = set(desk.iterdir())
-    if page.name in FROM_ANOTHER_PAGE:
-        lines.insert(0, FROM_ANOTHER_PAGE[page.name])
     moved = [line.replace("/tmp/", f"{tmp_path}/") for line in lines]  # noqa: S108 - replaced
     typed = [line.removeprefix("uv run ") for line in moved]
     script = "".join(f"{line}\necho ':: {n} exit '$?\n" for n, line in enumerate(typed))
