@@ -60,7 +60,7 @@ def test_a_killed_driver_leaves_the_robot_standing_and_tells_what_it_sees(
         processes.enter_context(started(tmp_path, *PATIENT))
         listener.spin_until(lambda: listener.speed > 0.2 and listener.x > 0.3, 200.0)
         told = {"navfw/local_map", "navfw/explanation", "navfw/path", "odom"}
-        assert told <= set(listener.newest)
+        listener.spin_until(lambda: told <= set(listener.newest), 3.0)
         assert json.loads(listener.newest["navfw/explanation"].data)
         assert bytes(listener.newest["navfw/image/compressed"].data[:2]) == b"\xff\xd8"
         driver.send_signal(signal.SIGKILL)
