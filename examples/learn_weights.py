@@ -137,7 +137,7 @@ def main() -> None:
         else:
             weights = json.loads(options.weights.read_text(encoding="utf-8"))["weights"]
         result: dict[str, Any] = {"weights": {name: round(w, 2) for name, w in weights.items()}}
-        learnt = list(result["weights"].values())
+        learnt = [result["weights"][name] for name in environment(options.family, False).behaviors]
         print(json.dumps(result))
         policies: dict[str, Callable[[int], Drive]] = {
             "learnt": partial(drive, options.family, True, learnt),
