@@ -34,13 +34,13 @@ def are_degrees(values: Array) -> bool:  # pragma: no cover - compiled
 
 
 @numba.njit(cache=True)
-def are_finite_where(values: Array, confidence: Array) -> bool:  # pragma: no cover - compiled
-    """Whether ``values`` (rows, cols) are finite wherever ``confidence`` (rows, cols) is not 0."""
-    valid = True
+def are_finite_where(values: Array, confidence: Array, low: float) -> bool:  # pragma: no cover
+    """Whether ``values`` (rows, cols) are never below ``low``, and finite where confidence > 0."""
     for i in range(values.shape[0]):
         for j in range(values.shape[1]):
-            valid = valid and (confidence[i, j] <= 0.0 or math.isfinite(values[i, j]))
-    return valid
+            if values[i, j] < low or (confidence[i, j] > 0.0 and not math.isfinite(values[i, j])):
+                return False
+    return True
 
 
 @numba.njit(cache=True)

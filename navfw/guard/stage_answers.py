@@ -185,7 +185,7 @@ def _explanation(value: Any, what: str) -> Mapping[str, Any]:
 
 def _finite_where(value: Any, what: str, shape: tuple[int, int], confidence: Array) -> Array:
     result = answers.real(value, what, shape)
-    if not are_finite_where(result, confidence):
+    if not are_finite_where(result, confidence, -np.inf):
         raise answers.AnswerError(f"{what} has values that are not finite")
     return result
 
@@ -193,7 +193,7 @@ def _finite_where(value: Any, what: str, shape: tuple[int, int], confidence: Arr
 def _deviations(value: Any, shape: tuple[int, int], confidence: Array) -> Array:
     """Standard deviations: at least 0, finite wherever the confidence is not 0."""
     result = answers.real(value, "sigma", shape)
-    if (result < 0.0).any() or not are_finite_where(result, confidence):
+    if not are_finite_where(result, confidence, 0.0):
         raise answers.AnswerError("sigma has values that are negative or not finite")
     return result
 
