@@ -145,6 +145,6 @@ class Unicycle(Controller):
         v = self._v
         slowing = abs(target) < abs(v) or target * v < 0.0
         step = (self.robot.max_brake if slowing else self.robot.max_accel) * dt
-        if slowing and target * v < 0.0:
+        if target * v < 0.0:
             target = 0.0  # first to a standstill: the other direction is speeding up
         return v + min(max(target - v, -step), step)

@@ -272,7 +272,7 @@ class Tour:
             if waypoint.kind == "door" and count <= index:
                 break
         if count == 0 and (sure or not self._ahead[0].final):
-            after = self._ahead[1] if len(self._ahead) > 1 else None
+            after = next(iter(self._ahead[1:]), None)
             count = int(has_passed(at, self._came_from, self._ahead[0], after, self._passing))
         return count
 

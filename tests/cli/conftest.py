@@ -7,12 +7,11 @@ from cli_calls import output
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(workdir: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty working folder, in which all projects are trusted."""
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("NAVFW_TRUST", "1")
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path.with_name("config")))
-    return tmp_path
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(workdir.with_name("config")))
+    return workdir
 
 
 @pytest.fixture

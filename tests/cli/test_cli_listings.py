@@ -29,7 +29,7 @@ class Hover(Behavior):
 
 
 @pytest.fixture
-def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def project(workdir: Path) -> Path:
     """A user's project with valid and broken files of every kind."""
     files = {
         "navfw.toml": "",
@@ -47,9 +47,8 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "stacks/torn.yaml": "description: [x]\n",
         "robots/torn.yaml": "radius: wide\n",
     }
-    put_files(tmp_path, files)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    put_files(workdir, files)
+    return workdir
 
 
 def listed(*arguments: str) -> dict[str, dict[str, Any]]:

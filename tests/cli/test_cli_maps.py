@@ -11,10 +11,7 @@ from cli_calls import answer, invoke, output, sole_refusal
 from navfw.numerics import Image
 from navfw.topomap import load_any_map
 
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("workdir")
 
 
 def read_picture(file: Path | str) -> Image:

@@ -94,11 +94,8 @@ def test_a_folder_or_device_is_rejected(tmp_path: Path) -> None:
         load_yaml("a\0b.yaml")
 
 
-def test_files_below_the_working_folder_are_shown_relative(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert str(load(tmp_path, "a: 1\na: 2", "maps/m.yaml")).startswith("maps/m.yaml:2: a: ")
+def test_files_below_the_working_folder_are_shown_relative(workdir: Path) -> None:
+    assert str(load(workdir, "a: 1\na: 2", "maps/m.yaml")).startswith("maps/m.yaml:2: a: ")
 
 
 def test_alias_bombs_are_rejected_quickly() -> None:

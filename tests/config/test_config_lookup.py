@@ -246,7 +246,7 @@ def load_note(path: str) -> NoteSpec:
 
 
 @pytest.fixture
-def notes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def notes(workdir: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A project with files of a kind that navfw does not have."""
     module = ModuleType("notes_of_a_test")
     vars(module).update(NoteSpec=NoteSpec, load_note=load_note)
@@ -260,9 +260,8 @@ def notes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         load="notes_of_a_test:load_note",
     )
     monkeypatch.setitem(FILE_KINDS, "note", kind)
-    put_files(tmp_path, {"navfw.toml": "", "notes/a.yaml": "text: x\n", "b.yaml": "text: 1\n"})
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    put_files(workdir, {"navfw.toml": "", "notes/a.yaml": "text: x\n", "b.yaml": "text: 1\n"})
+    return workdir
 
 
 def test_a_further_kind_is_found_completed_checked_and_described(notes: Path) -> None:

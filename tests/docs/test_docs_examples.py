@@ -44,10 +44,9 @@ def test_the_recipe_of_a_duty_keeps_the_contract(file: Path) -> None:
 
 @pytest.mark.parametrize(("kind", "name"), [("flow", "there_and_back"), ("fusion", "largest_sum")])
 def test_the_page_on_plugins_shows_the_parts_that_navfw_new_writes(
-    kind: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    kind: str, name: str, workdir: Path
 ) -> None:
-    (tmp_path / "navfw.toml").touch()
-    monkeypatch.chdir(tmp_path)
+    (workdir / "navfw.toml").touch()
     write_part(kind, name)
     file = f"plugins/{name}.py"
     assert Path(file).read_text(encoding="utf-8") == files_of(ROOT / "docs/plugins.md")[file]

@@ -41,9 +41,10 @@ def output(*words: object) -> str:
 
 
 def sole_refusal(*words: object) -> str:
-    """The ``refusal`` of ``words`` that print nothing on stdout."""
+    """The ``refusal`` of ``words`` that print nothing on stdout, and no traceback."""
     result = invoke(*words)
-    assert (result.exit_code, result.stdout) == (2, "")
+    assert (result.exit_code, result.stdout) == (2, ""), result.output
+    assert "Traceback" not in result.stderr
     return result.stderr
 
 

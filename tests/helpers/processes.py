@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 Done = subprocess.CompletedProcess[str]
 
@@ -33,17 +34,11 @@ def run(
     )
 
 
-def python(
-    code: str,
-    *words: object,
-    cwd: Path | None = None,
-    env: Mapping[str, str | None] | None = None,
-    timeout: float = 300.0,
-) -> Done:
-    """The ended process of this Python with ``code``, which reads ``words``."""
-    return run([sys.executable, "-c", code, *words], cwd=cwd, env=env, timeout=timeout)
+def python(code: str, *words: object, **options: Any) -> Done:
+    """The ended process of this Python with ``code``, which reads ``words``; options as ``run``."""
+    return run([sys.executable, "-c", code, *words], **options)
 
 
-def printed(code: str, *words: object, env: Mapping[str, str | None] | None = None) -> str:
+def printed(code: str, *words: object, **options: Any) -> str:
     """What ``code`` prints in a process of its own, without the space around; it must succeed."""
-    return run([sys.executable, "-c", code, *words], env=env, check=True).stdout.strip()
+    return python(code, *words, check=True, **options).stdout.strip()

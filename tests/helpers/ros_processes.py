@@ -48,11 +48,11 @@ def said(folder: Path, word: str) -> str:
     return (folder / f"{word}.err").read_text()
 
 
-def wait_until(condition: Any, seconds: float = 60.0) -> None:
+def wait_until(condition: Any, seconds: float = 60.0, pause: Any = time.sleep) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.02)
+        pause(0.02)
 
 
 class Listener:
@@ -92,10 +92,7 @@ class Listener:
         return 0.0 if message is None else float(message.twist.linear.x)
 
     def spin_until(self, condition: Any, seconds: float = 60.0) -> None:
-        end = time.monotonic() + seconds
-        while not condition():
-            assert time.monotonic() < end, "waited in vain"
-            self.node.spin(0.05)
+        wait_until(condition, seconds, self.node.spin)
 
 
 @pytest.fixture

@@ -43,11 +43,10 @@ ROBOT = "base: default\ncamera:\n  calibration: ../lens.yaml\n"
 
 
 @pytest.fixture
-def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def project(workdir: Path) -> Path:
     files = {"navfw.toml": "", "lens.yaml": LENS, "robots/real.yaml": ROBOT}
-    put_files(tmp_path, files)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    put_files(workdir, files)
+    return workdir
 
 
 def straightener(camera: CameraModel) -> Undistortion:

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from localmap_samples import ORIGIN, grid_with
 
 from navfw.context import CommandGrid
-from navfw.localmap import LocalMap, OccupancyGrid, arcs_of, free_distance, free_turn, ranges_around
+from navfw.localmap import OccupancyGrid, arcs_of, free_distance, free_turn, ranges_around
 from navfw.robot import Footprint, RobotModel
-from navfw.safety import SafetyMonitor
 from navfw.signals import Pose, Twist
 
 CART = RobotModel(footprint=Footprint(front=0.5, rear=0.1, width=0.3), track=0.2)
@@ -106,6 +105,15 @@ def test_a_body_too_near_a_wall_may_turn_away_alone(x: float, beside: float, yaw
     assert turned < 0.25
 
 
+def test_observed_floor_counts_up_to_the_nose_in_every_direction() -> None:
+    occupancy = occupancy_with(observed=False)
+    (first, _), (last, _) = occupancy.index(0.0, -0.8), occupancy.index(0.0, 0.8)
+    occupancy.log_odds[first : last + 1, first : last + 1] = -1.0
+    ways = [free_distance(occupancy, Pose(0, 0, 0.5 * math.pi * k), AHEAD) for k in range(4)]
+    assert ways[::2] == ways[1::2]
+    assert ways[0].unobserved == pytest.approx(0.3, abs=0.06)
+
+
 def test_ranges_are_from_the_rim() -> None:
     ranges = ranges_around(occupancy_with((1.0, 1.2, -1.0, 1.0)), ORIGIN)
     ahead = int(np.abs(ranges.bearings).argmin())
@@ -121,17 +129,3 @@ def test_the_ground_under_the_body_is_free() -> None:
     turned = OccupancyGrid(CART)
     turned.update(Pose(0.0, 0.0, 0.5 * math.pi), 0.0)
     assert (turned.log_odds < 0.0)[turned.index(0.1, 0.45)]
-
-
-def test_safety_slows_a_turn_to_what_the_room_allows() -> None:
-    local_map = LocalMap(CART)
-    local_map.occupancy = occupancy_with((-1.0, 1.5, 0.22, 0.4))
-    monitor = SafetyMonitor(CART, local_map)
-    verdict = monitor.limit(Twist(0.0, 1.0), 0.0, ORIGIN)
-    assert verdict.reason == "no room to turn"
-    fastest = verdict.twist.w
-    room = local_map.free_turn(ORIGIN, 1.0) - monitor.params.gap / CART.reach
-    stopping = fastest * monitor.params.latency + fastest**2 / (2.0 * CART.max_turn_accel)
-    assert 0.0 < fastest < 1.0
-    assert stopping == pytest.approx(room)
-    assert monitor.limit(Twist(0.0, -1.0), 0.1, ORIGIN).twist.w == -1.0

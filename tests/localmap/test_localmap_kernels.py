@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import map_coordinates
 
 from navfw.localmap.cost_kernels import cost_to_go, price_cells
-from navfw.localmap.ray_kernels import least_within
+from navfw.localmap.ray_kernels import body_room, least_within
 from navfw.localmap.sensor_kernels import cast_evidence, decay_view, merge_evidence, rays_of
 from navfw.numerics import Array
 from navfw.robot import RobotModel
@@ -80,6 +81,15 @@ def test_the_least_range_of_a_sector(seed: int, low: float, high: float) -> None
     inside = (bearings >= low) & (bearings <= high)
     expected = ranges[inside].min() if inside.any() else 3.5
     assert least_within(bearings, ranges, low, high, 3.5) == expected
+
+
+@given(SEEDS, st.floats(0.0, 8.99), st.floats(0.0, 8.99))
+def test_room_between_cells_is_bilinear(seed: int, row: float, column: float) -> None:
+    clearance = np.random.default_rng(seed).uniform(0.0, 1.0, (10, 10))
+    (expected,) = map_coordinates(clearance, [[row], [column]], order=1) - 0.2
+    ground = (clearance, np.ones((10, 10), np.uint8), 0.0, 0.0, 1.0)
+    room = body_room(ground, column, row, 0.0, np.array([[0.0, 0.0, 0.15]]), 0.05)
+    assert room == pytest.approx(expected)
 
 
 @settings(max_examples=30)

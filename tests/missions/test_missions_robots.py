@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
-from cli_calls import invoke, put_files, refusal
+from cli_calls import invoke, put_files, refusal, sole_refusal
 
 from navfw.errors import InputError, UnknownNameError
 from navfw.missions import load_mission, prepare, split_overrides
@@ -21,13 +21,12 @@ QUICK = "base: tall\nmax_v: 1.1\ncamera: {rate: 20}\n"
 
 
 @pytest.fixture
-def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def project(workdir: Path) -> Path:
     """A project with two robots, the second based on the first, and one with a URDF."""
     robots = {"tall.yaml": TALL, "quick.yaml": QUICK, "own.urdf": URDF, "own.yaml": ROBOT}
-    put_files(tmp_path / "robots", robots)
-    (tmp_path / "navfw.toml").touch()
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    put_files(workdir / "robots", robots)
+    (workdir / "navfw.toml").touch()
+    return workdir
 
 
 def robot_of(folder: Path, text: str, *options: str) -> RobotModel:
@@ -276,8 +275,5 @@ def test_a_run_is_refused_before_it_begins(
     path = project / "robots" / file
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new))
-    answer = invoke("run", "office", "lobby-to-lab", "--robot", "own")
-    assert answer.exit_code == 2
-    assert message in answer.stderr
-    assert answer.stdout == ""
+    assert message in sole_refusal("run", "office", "lobby-to-lab", "--robot", "own")
     assert not (project / "runs").exists()

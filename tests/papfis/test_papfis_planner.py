@@ -10,6 +10,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from papfis_maps import belief, goal, joined, line, next_waypoint, office, row
+from param_ranges import check_ranges
 
 from navfw.errors import MapError
 from navfw.papfis import Papfis, Router
@@ -163,6 +164,13 @@ def test_the_plan_is_explained_as_plain_data() -> None:
     assert explained["places"][-1] == "lab"
     through_door = next(p for p in explained["passages"] if p["to"] == "lobby-door")
     assert "clearance IS fair" in through_door["rules"][0]["rule"]
+
+
+def test_parameters_are_within_their_ranges() -> None:
+    ways = "passing (0, 10], door_passing (0, 10], beside_door_passing (0, 10]"
+    ranges = f"aversion [0, 100], avoidance [0, 1e6], {ways}, passing_reach (0, 10]"
+    ranges += ", replan_distance (0, 10], max_off_map [0.1, 1000], closing_votes [1, 100]"
+    check_ranges(Papfis.Params, f"{ranges}, vote_interval [0, 60], closed_for (0, 86400]")
 
 
 def test_goals_in_different_parts_or_far_off_the_map_are_an_error() -> None:
@@ -332,6 +340,16 @@ def test_a_free_leg_back_does_not_reopen_a_passage() -> None:
     assert drive.papfis.queries[0].end == (3.0, 0.0)  # in the closed passage, but back
     drive.report("open", 10)
     assert drive.closed == ["near - far"]
+
+
+def test_an_obstacle_is_seen_to_be_gone_from_within_two_metres() -> None:
+    drive = on_the_way(STRAIGHT)
+    drive.go(5.0, 0)
+    drive.report("closed", 3)
+    for x, closed in ((2.9, True), (3.5, False)):  # the obstacle is at 5.4
+        drive.go(x, 0)
+        drive.report("open", 10)
+        assert bool(drive.closed) is closed
 
 
 def test_a_robot_in_a_closed_passage_leaves_it_by_the_end_behind_it() -> None:

@@ -311,6 +311,17 @@ def test_beside_a_passage_its_door_is_not_reachable() -> None:
     assert leads_to(router, 1.7, 0.4) == {"hall", "door"}
 
 
+@pytest.mark.parametrize("frame", [Pose(0.0, 0.0, 0.0), Pose(3.0, -5.0, 2.0)])
+@pytest.mark.parametrize("y", [1.0, 3.9, -3.9, 4.2, -4.2])
+def test_the_wall_of_a_door_hides_what_is_beyond_it(y: float, frame: Pose) -> None:
+    """Up to 3.5 m from the door, which the line from (1.7, 4.03) to the cell crosses."""
+    at = [frame.to_parent(x, 0.0) for x in (0.0, 2.0, 4.0)]
+    hall, door, cell = Place("hall", *at[0]), Place("door", *at[1], "door"), Place("cell", *at[2])
+    passages = line(hall, door, cell, width=0.9) + line(hall, cell, width=0.9)
+    router = Router(TopoMap("m", [hall, door, cell], passages), ROBOT)
+    assert ("cell" in leads_to(router, *frame.to_parent(1.7, y))) is (abs(y) > 4.03)
+
+
 def test_a_known_place_restricts_the_choice() -> None:
     assert leads_to(OFFICE, 14.2, 7.8, "lab") == {"lab"}
     assert leads_to(OFFICE, 14.4, 8.4, "lab") <= {"lab", "lab-north", "lab-west", "lab-entrance"}

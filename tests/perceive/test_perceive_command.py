@@ -90,16 +90,11 @@ def test_images_of_a_calibrated_camera(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_wrong_costs_one_message(
-    approach: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: tuple[str, ...],
-    message: str,
+    approach: Path, workdir: Path, arguments: tuple[str, ...], message: str
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    calibration(tmp_path, 640, 360).rename("wide.yaml")
+    calibration(workdir, 640, 360).rename("wide.yaml")
     poses = "100 0 0 0 0 0 0 1\n101 0 0 0 0 0 0 1\n"
-    put_files(tmp_path, {"gyro.csv": "0,90\n1,90\n", "poses.txt": poses})
+    put_files(workdir, {"gyro.csv": "0,90\n1,90\n", "poses.txt": poses})
     said = sole_refusal("perceive", approach, *arguments, "--quiet")
     assert said.startswith("navfw: ")
     assert message in said

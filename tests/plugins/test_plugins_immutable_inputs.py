@@ -21,6 +21,8 @@ from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Conflicts, FlowField, Sealed, freeze, immutable, read_only
 
+pytestmark = pytest.mark.usefixtures("workdir")  # away from any project that has plugins
+
 _LEAVES = (type(None), bool, int, float, str, bytes, slice, enum.Enum, Path, np.generic)
 _KNOWN = (np.ndarray, frozenset, tuple, Mapping, BaseModel, Sealed)
 _WITHOUT_ATTRIBUTES = (np.ndarray, frozenset, tuple, MappingProxyType)
@@ -294,9 +296,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     return set(value) if isinstance(value, set | frozenset) else value
-
-
-@pytest.fixture(autouse=True)
-def _in_this_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Away from any project whose plugins would be listed, too."""
-    monkeypatch.chdir(tmp_path)

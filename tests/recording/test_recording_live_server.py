@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_calls import invoke
+from cli_calls import invoke, refusal
 from live_browser import live_browser
 from report_browser import CONTRAST
 from websockets.exceptions import ConnectionClosed
@@ -224,12 +224,9 @@ def test_a_port_in_use_is_told_before_the_run(idle: Session, tmp_path: Path) -> 
         port = taken.getsockname()[1]
         with pytest.raises(InputError, match=rf"--port: port {port} cannot be served \(Address"):
             LiveServer(idle.seen, port)
-        done = invoke("run", "empty", "straight", "--live", "--port", port, "--out", tmp_path / "r")
-    assert done.exit_code == 2
-    assert f"port {port} cannot be served" in done.output
-    done = invoke("run", "empty", "straight", "--stay", "--out", tmp_path / "r")
-    assert done.exit_code == 2
-    assert "need --live" in done.output
+        words = ("run", "empty", "straight", "--out", tmp_path / "r")
+        assert f"port {port} cannot be served" in refusal(*words, "--live", "--port", port)
+    assert "need --live" in refusal(*words, "--stay")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -243,15 +243,14 @@ def test_a_full_disk_is_an_error_that_names_the_target(tmp_path: Path) -> None:
 
 
 def test_a_folder_is_written_to_the_place_of_the_start(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    workdir: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "elsewhere").mkdir()
-    monkeypatch.chdir(tmp_path)
+    (workdir / "elsewhere").mkdir()
     with RunFolder("run") as folder:
         folder.write_json(RESULT, {})
-        monkeypatch.chdir(tmp_path / "elsewhere")
-    assert names(tmp_path) == ["elsewhere", "run"]
-    assert names(tmp_path / "elsewhere") == []
+        monkeypatch.chdir(workdir / "elsewhere")
+    assert names(workdir) == ["elsewhere", "run"]
+    assert names(workdir / "elsewhere") == []
 
 
 def test_scratch_folders_of_dead_processes_are_removed(

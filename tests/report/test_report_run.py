@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_calls import invoke, refusal
+from cli_calls import invoke, output, refusal
 from report_browser import seen_in_browser
 
 from navfw.recording import PICTURE, RECORDING, REPORT, open_run
@@ -132,6 +132,5 @@ def test_a_cut_recording_is_shown_as_far_as_it_is_intact(run_folder: Path, tmp_p
     recording = folder / RECORDING
     content = recording.read_bytes()
     recording.write_bytes(content[: len(content) * 9 // 10])
-    done = invoke("report", folder)
-    assert done.exit_code == 0, done.output
+    output("report", folder)
     assert "ends before its run" in (folder / REPORT).read_text(encoding="utf-8")

@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from cli_calls import invoke, put_files, refusal
+from cli_calls import invoke, output, put_files, refusal, sole_refusal
 from report_browser import seen_in_browser
 from suite_samples import row
 
@@ -122,9 +122,7 @@ def later(tmp_path: Path) -> Path:
 
 
 def test_two_suites_stand_side_by_side(suite: Path, later: Path) -> None:
-    done = invoke("report", suite, later)
-    assert done.exit_code == 0
-    comparison, _, report = done.stdout.rstrip("\n").rpartition("\n")
+    comparison, _, report = output("report", suite, later).rstrip("\n").rpartition("\n")
     assert report == f"report: {later / 'comparison.html'}"
     assert comparison == invoke("report", suite, later, "--text").stdout.rstrip("\n")
     assert comparison.startswith("5 pairs, 0 unpaired runs\n")
@@ -240,9 +238,8 @@ def test_a_picture_outside_of_the_suite_is_never_read(tmp_path: Path) -> None:
 
 @pytest.mark.thorough
 def test_recorded_runs_are_a_click_from_their_own_reports(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    workdir: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     tiny = "entries: [{world: paper-room, missions: [through-the-door], set: {mission.timeout: 2}}]"
     Path("tiny.yaml").write_text(tiny)
     ended: list[int] = []
@@ -292,22 +289,20 @@ CHANGES = {
     ],
 )
 def test_bad_input_gives_one_message_and_writes_nothing(
-    words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    words: list[str], message: str, workdir: Path
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    write_suite(tmp_path / "a", [pictured(1, "stuck")])
+    write_suite(workdir / "a", [pictured(1, "stuck")])
     for name, change in CHANGES.items():
-        folder = write_suite(tmp_path / name, [pictured(1, "stuck")])
+        folder = write_suite(workdir / name, [pictured(1, "stuck")])
         with sqlite3.connect(folder / "journal.sqlite") as database:
             database.execute(change)
-    write_suite(tmp_path / "other", [row(1, entry="maze")])
-    write_suite(tmp_path / "variants", [row(1, variant=name) for name in ("default", "paper")])
-    put_files(tmp_path, {"foreign/file": "", "run/result.json": ""})
-    before = sorted(tmp_path.rglob("*"))
-    done = invoke("report", *words)
-    assert (done.exit_code, done.stdout) == (2, "")
-    assert message in " ".join(done.stderr.replace("│", " ").split())
-    assert sorted(tmp_path.rglob("*")) == before
+    write_suite(workdir / "other", [row(1, entry="maze")])
+    write_suite(workdir / "variants", [row(1, variant=name) for name in ("default", "paper")])
+    put_files(workdir, {"foreign/file": "", "run/result.json": ""})
+    before = sorted(workdir.rglob("*"))
+    refused = sole_refusal("report", *words)
+    assert message in " ".join(refused.replace("│", " ").split())
+    assert sorted(workdir.rglob("*")) == before
 
 
 @pytest.mark.slow

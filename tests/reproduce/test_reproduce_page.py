@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli_calls import invoke
+from cli_calls import answer, refusal
 from perceive_images import label, save_approach
 from report_browser import seen_in_browser
 
@@ -190,9 +190,7 @@ def test_the_middle_frame_of_each_front_is_chosen_of_the_test_split_where_there_
 @pytest.mark.usefixtures("quick")
 def test_reproduce_without_recordings(tmp_path: Path) -> None:
     out = tmp_path / "page"
-    done = invoke("reproduce", "--out", out, "--json")
-    assert done.exit_code == 0, done.output
-    result = json.loads(done.stdout)
+    result = answer("reproduce", "--out", out)
     assert all(result["checks"].values())
     assert result["timings"]["paper"]["obstacles_s"] == 0.16
     assert result["real"] is None
@@ -207,9 +205,8 @@ def test_reproduce_without_recordings(tmp_path: Path) -> None:
 
 def test_reproduce_leaves_other_folders_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("work")
-    done = invoke("reproduce", "--out", tmp_path)
-    assert done.exit_code == 2
-    assert "contains 'thesis.txt', so it is not replaced; choose another --out" in done.stderr
+    refused = refusal("reproduce", "--out", tmp_path)
+    assert "contains 'thesis.txt', so it is not replaced; choose another --out" in refused
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 
 
@@ -237,7 +234,5 @@ def test_a_folder_without_the_recordings_costs_one_message(
     else:
         for path in (data / "approach").iterdir():
             path.write_bytes(b"no image")
-    done = invoke("reproduce", "--out", out, "--data", data)
-    assert done.exit_code == 2, done.output
-    assert message in done.stderr
+    assert message in refusal("reproduce", "--out", out, "--data", data)
     assert [path.name for path in tmp_path.iterdir()] == ["data"]

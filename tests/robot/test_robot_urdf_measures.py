@@ -54,7 +54,7 @@ TRIANGLE += "endloop\nendfacet\nendsolid\n"
 
 
 @pytest.fixture
-def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def project(workdir: Path) -> Path:
     parts = PARTS % re.sub(r"\{(\w+)\}", r"${\1}", WHEEL)
     files = {
         "navfw.toml": "",
@@ -63,9 +63,8 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "ros/bot_description/urdf/parts.xacro": parts,
         "robots/own.yaml": "urdf: {file: ../bot.urdf}\n",
     }
-    put_files(tmp_path, files)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    put_files(workdir, files)
+    return workdir
 
 
 @pytest.mark.parametrize("file", ["bot.urdf", "bot.urdf.xacro", "own"])

@@ -16,13 +16,12 @@ TRIANGLE = struct.pack("<12fH", *range(12), 0)
 
 
 @pytest.fixture
-def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def outside(workdir: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The working folder, which is not that of the xacro file ``bot/urdf/bot.xacro``."""
     files = {"secret.yaml": "word: hidden\n", "part.xacro": PART, "other/part.xacro": PART}
-    put_files(tmp_path, {**files, "bot/urdf/sub/part.xacro": PART, "bot/urdf/size.yaml": "w: c\n"})
-    monkeypatch.chdir(tmp_path)
+    put_files(workdir, {**files, "bot/urdf/sub/part.xacro": PART, "bot/urdf/size.yaml": "w: c\n"})
     monkeypatch.setenv("SECRET", "hidden")
-    return tmp_path
+    return workdir
 
 
 def links(folder: Path, body: str) -> tuple[str, ...]:

@@ -172,6 +172,7 @@ def test_reverse_without_frames_is_limited_in_distance() -> None:
     assert reversed_blindly(monitor, -0.1, 10.0) == pytest.approx(0.3, abs=0.011)
     verdict = monitor.limit(Twist(-0.1, 0.5), 10.0, ORIGIN)
     assert (verdict.twist.w, verdict.reason) == (0.5, "longest reverse without a valid frame")
+    assert monitor.limit(Twist(0.0, 0.5), 10.0, ORIGIN).reason == "", "a turn is no reverse"
     monitor.reset()
     assert reversed_blindly(monitor, -0.05, 15.0) == pytest.approx(0.3, abs=0.011)
     # a valid frame allows for the whole distance again

@@ -5,15 +5,18 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from localmap_samples import grid_with
 from param_ranges import check_ranges
 from safety_samples import ORIGIN, ROBOT, monitor_with
 
 from navfw.localmap import LocalMap
+from navfw.robot import Footprint, RobotModel
 from navfw.safety import SafetyMonitor, SafetyParams
 from navfw.signals import Odometry, Pose, Twist
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 MONITOR = monitor_with()
+CART = RobotModel(footprint=Footprint(front=0.5, rear=0.1, width=0.3), track=0.2)
 
 
 @given(ANY, ANY)
@@ -79,6 +82,20 @@ def test_without_a_local_map_the_robot_turns_at_most(v: float, w: float) -> None
 def test_over_observed_floor_the_robot_drives_both_ways() -> None:
     for v in (0.4, -0.1):
         assert SafetyMonitor(ROBOT, FLOOR).limit(Twist(v, 0.0), 0.0, ORIGIN).twist.v == v
+
+
+def test_a_turn_is_slowed_to_what_the_room_allows() -> None:
+    local_map = LocalMap(CART)
+    local_map.occupancy = grid_with((-1.0, 1.5, 0.22, 0.4), robot=CART)
+    monitor = SafetyMonitor(CART, local_map)
+    verdict = monitor.limit(Twist(0.0, 1.0), 0.0, ORIGIN)
+    assert verdict.reason == "no room to turn"
+    fastest = verdict.twist.w
+    room = local_map.free_turn(ORIGIN, 1.0) - monitor.params.gap / CART.reach
+    stopping = fastest * monitor.params.latency + fastest**2 / (2.0 * CART.max_turn_accel)
+    assert 0.0 < fastest < 1.0
+    assert stopping == pytest.approx(room)
+    assert monitor.limit(Twist(0.0, -1.0), 0.1, ORIGIN).twist.w == -1.0
 
 
 # --- thresholds -----------------------------------------------------------------------------------

@@ -151,9 +151,8 @@ def test_office_is_drivable() -> None:
 
 
 def test_errors_name_the_file_relative_to_the_working_directory_if_there_is_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    workdir: Path,
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     wall = "{name: w, points: [[1, 1], [2, 2]], texture: t}"
     with pytest.raises(WorldError, match=r"^world\.yaml:4: walls\[0\]\.texture: unknown texture"):
         loaded(Path(), f"name: a\nx: [0, 9]\ny: [0, 9]\nwalls: [{wall}]\n")

@@ -141,8 +141,7 @@ def test_a_damaged_folder_is_not_continued(out: SuiteFolder) -> None:
         out.open(plan(2), "abc", begin="resume")
 
 
-def test_default_folders_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_default_folders_are_numbered(workdir: Path) -> None:
     names = []
     for _ in range(2):
         with SuiteFolder.claim(None, plan(2), range(2, 3)) as out:
@@ -181,13 +180,10 @@ def test_a_table_that_cannot_be_written_is_in_the_result(out: SuiteFolder, tmp_p
     assert done.exit_code == 3
 
 
-def test_a_folder_that_another_suite_writes_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_folder_that_another_suite_writes_is_refused(workdir: Path) -> None:
 
     def claimed(name: str) -> AbstractContextManager[SuiteFolder]:
-        return SuiteFolder.claim(tmp_path / name, plan(2), range(2, 3))
+        return SuiteFolder.claim(workdir / name, plan(2), range(2, 3))
 
     with claimed("out") as out:
         out.open(plan(2), "abc")
@@ -197,6 +193,6 @@ def test_a_folder_that_another_suite_writes_is_refused(
         assert out.open(plan(2), "abc", begin="resume") == []
     files = sorted(file.name for file in out.path.iterdir())
     assert files == ["journal.sqlite", "pictures", "suite.json", "table.csv"]
-    (tmp_path / "link").symlink_to(tmp_path / "none")
+    (workdir / "link").symlink_to(workdir / "none")
     with pytest.raises(InputError, match="is a link to"), claimed("link"):
         pass

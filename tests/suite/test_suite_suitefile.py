@@ -85,10 +85,9 @@ def test_shipped_suites_can_be_loaded(name: str) -> None:
     assert load_suite(name).spec.description
 
 
-def test_a_project_can_have_suites(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_project_can_have_suites(workdir: Path) -> None:
     suites = {"worlds/suites/office.yaml": "entries: [{family: rooms}]"}
-    put_files(tmp_path, {"navfw.toml": "", **suites})
-    monkeypatch.chdir(tmp_path)
+    put_files(workdir, {"navfw.toml": "", **suites})
     assert load_suite("office").spec.entries[0].family == "rooms"
     assert "paper-room" in [suite.name for suite in list_files("suite")]
 

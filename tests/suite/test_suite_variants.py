@@ -228,13 +228,12 @@ def test_long_missions_of_shipped_suites_use_landmarks(name: str) -> None:
 
 
 @pytest.fixture
-def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def project(workdir: Path) -> Path:
     """A project with robots of different radii."""
     robots = {"a": 0.21, "b": 0.22, "c": 0.23}
-    put_files(tmp_path, {f"robots/{name}.yaml": f"radius: {r}\n" for name, r in robots.items()})
-    (tmp_path / "navfw.toml").touch()
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    put_files(workdir, {f"robots/{name}.yaml": f"radius: {r}\n" for name, r in robots.items()})
+    (workdir / "navfw.toml").touch()
+    return workdir
 
 
 def radii(folder: Path, entry: str, variants: str = "", *options: str) -> list[float]:

@@ -225,6 +225,12 @@ def test_errors_in_graphml_name_their_line(
     assert_refused(path, error, [f"g.graphml:{line}: ", *words])
 
 
+ONE_PLACE = (
+    '"type": "FeatureCollection", "features": [{"type": "Feature", "properties": {"id": 1},'
+    ' "geometry": {"type": "Point", "coordinates": [0, 0]}}]'
+)
+
+
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
@@ -234,6 +240,7 @@ def test_errors_in_graphml_name_their_line(
         ("m.geojson", '{"type": "FeatureCollection", "features": []}', ["at least one place"]),
         ("m.geojson", '{"a": NaN}', ["NaN is not a number"]),
         ("m.geojson", "[" * 100_000, ["nested too deeply"]),
+        ("m.geojson", f'{{\n"floor_plan": 1, {ONE_PLACE}}}', ["m.geojson:2: floor_plan"]),
         ("m.graphml", "<a/>", ["there is no <graph>"]),
         ("m.txt", "", [".graphml", "m.txt"]),
         ("none.geojson", None, ["none.geojson", "no such file"]),

@@ -150,6 +150,8 @@ def test_an_obstacle_is_found_on_a_passage_of_any_length(length: float) -> None:
     assert problem.kind == "blocked"
     assert "0.15 m of clearance" in problem.message
     assert asked < 1_000_000
+    inside = check_map(row(a), lambda points: np.full(len(points), -0.1))
+    assert "inside an obstacle" in inside[0].message
 
 
 NARROW = joined(B, C, width=2.0 * RobotModel().radius)

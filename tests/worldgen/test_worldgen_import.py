@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli_calls import answer, invoke, refusal
+from cli_calls import answer, invoke, refusal, sole_refusal
 
 from navfw.config import max_bytes
 from navfw.errors import ConfigError, InputError, WorldError
@@ -291,9 +291,8 @@ def test_two_files_of_one_name_are_refused_before_anything_is_written(tmp_path: 
     (tmp_path / "other").mkdir()
     twin = tmp_path / "other" / file.name
     twin.write_bytes(file.read_bytes())
-    done = invoke("world", "import", file, twin, "--out", out)
-    assert (done.exit_code, done.stdout) == (2, "")
-    assert f"{twin}: a second file called '{file.stem}'" in done.stderr
+    refused = sole_refusal("world", "import", file, twin, "--out", out)
+    assert f"{twin}: a second file called '{file.stem}'" in refused
     assert not out.exists()
 
 
