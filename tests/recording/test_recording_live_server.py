@@ -80,7 +80,6 @@ class Viewer:
         self.received: dict[str, list[tuple[float, bytes]]] = defaultdict(list)
         self.advertised: dict[str, dict[str, Any]] = {}
         self.status = ""
-        self.subscribed = False
         self.thread = threading.Thread(target=self._view, args=(url,), daemon=True)
         self.thread.start()
 
@@ -100,7 +99,6 @@ class Viewer:
                         for number, topic in enumerate(WANTED)
                     ]
                     connection.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
-                    self.subscribed = True
                 self.status = message.get("message", "")
 
 
@@ -109,7 +107,7 @@ def test_a_client_receives_the_run_and_changes_no_command() -> None:
     plain = watched.run()
     server = LiveServer(watched.seen, port=0, page=page_of(watched))
     viewer = Viewer(address(server))
-    while not viewer.subscribed:
+    while not server._open[WANTED[-1]].has_sinks():
         server.serve(0.01)
     with closing(socket.create_connection(("127.0.0.1", port_of(server)))) as reader:
         reader.sendall(request(server))
