@@ -97,8 +97,7 @@ def test_five_commands_lead_to_an_edited_behaviour_that_passes(folder: Path) -> 
         "XDG_CONFIG_HOME": str(folder / "config"),
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
     }
-    done = run(["/bin/sh", "-ec", "\n".join(lines)], env=environment)
-    assert done.returncode == 0, done.stdout + done.stderr
+    done = run(["/bin/sh", "-ec", "\n".join(lines)], env=environment, check=True)
     assert "IF ahead IS very little" in (folder / "my-robot/behaviors/cautious.yaml").read_text()
     assert "2 passed" in done.stdout
 
@@ -237,5 +236,4 @@ def test_the_next_command_and_the_test_of_a_part_succeed(kind: str, project: Pat
     command = f"{python} -c 'from navfw.cli import main; main()' "
     then = lines[-1].removeprefix("next: ").replace("navfw ", command)
     pytest_ = f" && {python} -m pytest -q -p no:cacheprovider {' '.join(tests)}" if tests else ""
-    done = run(["/bin/sh", "-ec", then + pytest_], cwd=project, env={"NAVFW_TRUST": "1"})
-    assert done.returncode == 0, done.stdout + done.stderr
+    run(["/bin/sh", "-ec", then + pytest_], cwd=project, env={"NAVFW_TRUST": "1"}, check=True)

@@ -70,8 +70,7 @@ def test_the_options_of_every_command_are_on_the_site(assembled: Path) -> None:
 
 def test_the_site_is_built_without_a_warning(builder: ModuleType, tmp_path: Path) -> None:
     pytest.importorskip("zensical", reason="needs the group docs: uv sync --group docs")
-    done = run([sys.executable, DOCS / "build_site.py", "--out", tmp_path / "site"])
-    assert done.returncode == 0, done.stdout + done.stderr
+    run([sys.executable, DOCS / "build_site.py", "--out", tmp_path / "site"], check=True)
     api = (tmp_path / "site" / "api.html").read_text(encoding="utf-8")
     anchors = set(re.findall(r'<h3 id="[\w.]+\.(\w+)"', api))
     names = ((module, name) for module in builder.API_MODULES for name in module.__all__)

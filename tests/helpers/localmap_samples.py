@@ -4,10 +4,11 @@ import numpy as np
 
 from navfw.localmap import OccupancyGrid
 from navfw.numerics import Array
-from navfw.robot import RobotModel
+from navfw.robot import Footprint, RobotModel
 from navfw.signals import Label, Percept, Pose
 
 ROBOT = RobotModel()
+CART = RobotModel(footprint=Footprint(front=0.5, rear=0.1, width=0.3), track=0.2)
 ORIGIN = Pose(0, 0, 0)
 WALL_AHEAD = (1.0, 1.2, -3.0, 3.0)
 """A wall across the way (x from, x to, y from, y to) [m]."""

@@ -20,18 +20,20 @@ def run(
 ) -> Done:
     """The ended process of a command; ``env`` is set in the environment beside what is there.
 
-    A variable that is None in ``env`` is removed. ``check`` raises where the process fails.
+    A variable that is None in ``env`` is removed. With ``check`` the process must succeed.
     """
     environment = {**os.environ, **(env or {})}
-    return subprocess.run(  # noqa: S603 - the tests' own words
+    done = subprocess.run(  # noqa: S603 - the tests' own words
         [str(word) for word in words],
         cwd=cwd,
         env={name: value for name, value in environment.items() if value is not None},
         capture_output=True,
         text=True,
         timeout=timeout,
-        check=check,
+        check=False,
     )
+    assert not check or done.returncode == 0, done.stdout + done.stderr
+    return done
 
 
 def python(code: str, *words: object, **options: Any) -> Done:

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from localmap_samples import ORIGIN, grid_with
+from localmap_samples import CART, ORIGIN, grid_with
 
 from navfw.context import CommandGrid
 from navfw.localmap import OccupancyGrid, arcs_of, free_distance, free_turn, ranges_around
 from navfw.robot import Footprint, RobotModel
 from navfw.signals import Pose, Twist
 
-CART = RobotModel(footprint=Footprint(front=0.5, rear=0.1, width=0.3), track=0.2)
 COMMANDS = CommandGrid(CART)
 AHEAD = Twist(0.3, 0.0)
 occupancy_with = partial(grid_with, robot=CART)

@@ -57,7 +57,7 @@ ROOMS = {
     "localization": ("navfw/localization", "tests/localization"),
     "topomap": ("navfw/topomap", "tests/topomap"),
     "worldgen": ("navfw/worldgen", "tests/worldgen"),
-    "perceive": ("navfw/perceive", "tests/perceive"),
+    "perceive": ("navfw/perceive", "tests/perceive tests/ros/test_ros_bags_replay.py"),
 }
 """Source and tests of each room."""
 LEFT_OUT = ("core/RemoveDecorator", "core/VariableReplacer", "core/VariableInserter")

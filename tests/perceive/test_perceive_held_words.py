@@ -57,6 +57,8 @@ def test_what_comes_near_is_said_at_once() -> None:
     assert "in near distance" in result.sentence
     nearer = last(HeldWords(), far, far, said({"P2": "near"}))
     assert nearer.obstacles["layer1"] == {"P2": "near"}
+    undecided = last(HeldWords(), far, said({"P1": "far"}), said({"P1": "middle"}))
+    assert undecided.obstacles["layer1"] == {"P1": "middle"}
 
 
 def test_regions_are_held_together_until_most_pairs_show_others() -> None:

@@ -210,12 +210,15 @@ def test_points_come_back_to_the_image() -> None:
     assert SIZE.to_image(np.array([-80.0, 60.0])) == pytest.approx([0.0, 480.0])
 
 
-def test_a_mark_stays_where_it_is() -> None:
-    image = np.zeros((480, 640, 3), np.uint8)
+@pytest.mark.parametrize("shape", [(480, 640), (500, 700)])  # whole, and without its sides
+def test_a_mark_stays_where_it_is(shape: tuple[int, int]) -> None:
+    image = np.zeros((*shape, 3), np.uint8)
     image[100:104, 400:404] = 255
-    working = SIZE.prepare(image)
+    size = WorkingSize.of(shape[1], shape[0], 12, 16)
+    working = size.prepare(image)
     assert working.shape == (120, 160)
-    assert divmod(int(working.argmax()), working.shape[1]) == (25, 100)
+    places = np.average(np.indices(working.shape), axis=(1, 2), weights=np.stack([working] * 2))
+    assert size.to_image(places[::-1] - (79.5, 59.5)) == pytest.approx([402.0, 102.0], abs=1.0)
 
 
 @pytest.mark.parametrize("shape", [(10, 10), (23, 500), (20_000, 40)])

@@ -196,6 +196,8 @@ def test_a_result_is_drawn_always_the_same(known: bool, digest: str) -> None:
     grey = np.full((HEIGHT, WIDTH, 3), 120, np.uint8)
     picture = overlay.draw(grey, result, WorkingSize.of(WIDTH, HEIGHT, 12, 16))
     assert hashlib.sha256(picture.tobytes()).hexdigest().startswith(digest)
+    cut = WorkingSize.of(700, 500, 12, 16)  # without the sides of the picture
+    assert overlay.draw(np.full((500, 700, 3), 120, np.uint8), result, cut).shape[1] == 1024
 
 
 def test_gyro(approach: Path, tmp_path: Path) -> None:

@@ -212,7 +212,7 @@ def turning(rate: float, seen: float, *, gyro: bool = True) -> list[Sent]:
     return sent
 
 
-@pytest.mark.parametrize(("seen", "told"), [(-1.0, ""), (0.0, STILL), (1.0, STILL)])
+@pytest.mark.parametrize(("seen", "told"), [(-1.0, ""), (0.0, f"{STILL}, 100%"), (1.0, STILL)])
 def test_a_camera_that_does_not_turn_with_the_wheels_is_told(
     seen: float, told: str, tmp_path: Path
 ) -> None:

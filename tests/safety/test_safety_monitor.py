@@ -5,18 +5,16 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from localmap_samples import grid_with
+from localmap_samples import CART, grid_with
 from param_ranges import check_ranges
 from safety_samples import ORIGIN, ROBOT, monitor_with
 
 from navfw.localmap import LocalMap
-from navfw.robot import Footprint, RobotModel
 from navfw.safety import SafetyMonitor, SafetyParams
 from navfw.signals import Odometry, Pose, Twist
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 MONITOR = monitor_with()
-CART = RobotModel(footprint=Footprint(front=0.5, rear=0.1, width=0.3), track=0.2)
 
 
 @given(ANY, ANY)
