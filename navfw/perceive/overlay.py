@@ -203,7 +203,9 @@ def draw(image: Image, result: PairResult, size: WorkingSize) -> Image:
     corners = middle - half, middle + half
     _draw_quadrants(scene, result, corners)
     if result.known:
-        if front_in(result.percept.sentence) not in ("unknown", "open"):
+        # words are held over pairs: planes of this pair are drawn where they show what is said
+        said, degrees = front_in(result.percept.sentence), result.percept.situations
+        if said != "unknown" and any(n.endswith(said) and degrees[n] >= 0.5 for n in degrees):
             _draw_planes(scene, result.percept, corners)
         draw_flow(scene, result.flow, gain)
         if result.focus is not None:
@@ -235,7 +237,7 @@ def draw_flow(scene: Image, flow: FlowField, gain: float) -> None:
 
 
 def _draw_quadrants(scene: Image, result: PairResult, corners: tuple[Array, Array]) -> None:
-    """Tint quadrants by distance, the nearest ones more strongly, and frame their nearest parts.
+    """Tint quadrants by distance, the nearest ones as said, and frame their nearest parts.
 
     Cells of floor have its colour, those of which nothing is known that of the unknown.
     """
@@ -246,7 +248,7 @@ def _draw_quadrants(scene: Image, result: PairResult, corners: tuple[Array, Arra
     for name, degrees in percept.quadrants.items():
         (x0, y0), (x1, y1) = (np.rint(end).astype(int).tolist() for end in _region(name, ends))
         share = 0.34 if name in nearest else 0.14
-        tint[y0:y1, x0:x1] = (*COLOURS[strongest_term(degrees)], share)
+        tint[y0:y1, x0:x1] = (*COLOURS[nearest.get(name, strongest_term(degrees))], share)
     unknown = np.full(percept.label.shape, not result.known) | (percept.label == Label.UNKNOWN)
     tint[unknown] = (*COLOURS["unknown"], 0.14)
     tint[(percept.label == Label.FLOOR) & ~unknown] = (*COLOURS["floor"], 0.34)
@@ -276,8 +278,7 @@ def _label_quadrants(scene: Image, result: PairResult, corners: tuple[Array, Arr
         text = term
         contact = result.quadrant_contact[name]
         if result.known and term != "unknown" and math.isfinite(contact) and contact < 100.0:
-            nearness = 1.0 / (contact * result.scale.speed)
-            text += f" {1.0 / nearness:.1f} m" if result.scale.metric else ""
+            text += f" {contact * result.scale.speed:.1f} m" if result.scale.metric else ""
             text += f" {contact:.1f} s"
         x = low[0] + 8 if name in ("P2", "P3") else high[0] - 8 - text_width(text, 15.0)
         y = low[1] + 21 if name in ("P1", "P2") else high[1] - 10
@@ -356,14 +357,13 @@ def _caption(result: PairResult, width: int) -> Image:
 
 def _figures(result: PairResult) -> list[str]:
     contact = f"{result.contact:.1f} s" if math.isfinite(result.contact) else "-"
-    lines = [
+    planes = "  ".join(f"{side} {code}" for side, code in result.percept.slopes.items())
+    return [
         f"{result.time:.2f} s   {result.now}",
         f"contact ahead in {contact}",
         f"confidence {result.confidence:.2f}",
+        f"planes {planes}",
     ]
-    codes = result.percept.slopes
-    lines.append("planes " + "  ".join(f"{side} {code}" for side, code in codes.items()))
-    return lines
 
 
 def _region(name: str, corners: tuple[Array, Array]) -> tuple[Array, Array]:

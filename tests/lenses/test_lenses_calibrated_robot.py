@@ -44,8 +44,7 @@ ROBOT = "base: default\ncamera:\n  calibration: ../lens.yaml\n"
 
 @pytest.fixture
 def project(workdir: Path) -> Path:
-    files = {"navfw.toml": "", "lens.yaml": LENS, "robots/real.yaml": ROBOT}
-    put_files(workdir, files)
+    put_files(workdir, {"navfw.toml": "", "lens.yaml": LENS, "robots/real.yaml": ROBOT})
     return workdir
 
 

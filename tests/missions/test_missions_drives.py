@@ -191,7 +191,7 @@ edges:
 CROSS = "map: pair\nstart: [1.2, 1.5, 0]\ngoals: [east]\ntimeout: 200\n"
 
 
-def cross(folder: Path, monkeypatch: pytest.MonkeyPatch, *barred: float) -> MissionResult:
+def cross(workdir: Path, *barred: float) -> MissionResult:
     """Cross from west to east with unmapped crates in the gaps at these y [m]."""
     files = {
         "navfw.toml": "",
@@ -200,17 +200,14 @@ def cross(folder: Path, monkeypatch: pytest.MonkeyPatch, *barred: float) -> Miss
         "maps/pair.yaml": PAIR_MAP,
         "barred.yaml": PAIR + "boxes:\n" + "".join(CRATE.format(name=f"c{y}", y=y) for y in barred),
     }
-    put_files(folder, files)
-    monkeypatch.chdir(folder)
+    put_files(workdir, files)
     session = prepare("pair", "cross", seed=1)
     # prepared with free gaps: an impossible mission is refused
-    return replace(session, world=load_world(folder / "barred.yaml")).run()
+    return replace(session, world=load_world(workdir / "barred.yaml")).run()
 
 
-def test_a_blocked_passage_is_detected_and_avoided(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    result = cross(tmp_path, monkeypatch, 1.5)
+def test_a_blocked_passage_is_detected_and_avoided(workdir: Path) -> None:
+    result = cross(workdir, 1.5)
     assert result.outcome is Outcome.REACHED, result.reason
     assert result.metrics.collisions == 0
     planner = result.session.stack.planner.plugin
@@ -221,10 +218,8 @@ def test_a_blocked_passage_is_detected_and_avoided(
 
 
 @pytest.mark.slow
-def test_with_all_passages_blocked_the_mission_ends_stuck_with_the_reason(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    result = cross(tmp_path, monkeypatch, 1.5, 4.5)
+def test_with_all_passages_blocked_the_mission_ends_stuck_with_the_reason(workdir: Path) -> None:
+    result = cross(workdir, 1.5, 4.5)
     assert result.outcome is Outcome.STUCK, result.reason
     assert result.reason.startswith("the only route to east is closed: ")
     assert "door" in result.reason

@@ -3,6 +3,7 @@
 import hashlib
 import math
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -196,8 +197,11 @@ def test_a_result_is_drawn_always_the_same(known: bool, digest: str) -> None:
     grey = np.full((HEIGHT, WIDTH, 3), 120, np.uint8)
     picture = overlay.draw(grey, result, WorkingSize.of(WIDTH, HEIGHT, 12, 16))
     assert hashlib.sha256(picture.tobytes()).hexdigest().startswith(digest)
-    cut = WorkingSize.of(700, 500, 12, 16)  # without the sides of the picture
-    assert overlay.draw(np.full((500, 700, 3), 120, np.uint8), result, cut).shape[1] == 1024
+    cut, wide = WorkingSize.of(700, 500, 12, 16), np.full((500, 700, 3), 120, np.uint8)
+    held = replace(result, percept=replace(result.percept, sentence="Front is a corridor"))
+    drawn = [overlay.draw(wide, one, cut) for one in (result, held)]
+    planes = [(one[:700] == (255, 255, 160)).all(axis=2).any() for one in drawn]
+    assert planes == [known, False]
 
 
 def test_gyro(approach: Path, tmp_path: Path) -> None:

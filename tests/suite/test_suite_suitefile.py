@@ -86,8 +86,8 @@ def test_shipped_suites_can_be_loaded(name: str) -> None:
 
 
 def test_a_project_can_have_suites(workdir: Path) -> None:
-    suites = {"worlds/suites/office.yaml": "entries: [{family: rooms}]"}
-    put_files(workdir, {"navfw.toml": "", **suites})
+    text = "entries: [{family: rooms}]"
+    put_files(workdir, {"navfw.toml": "", "worlds/suites/office.yaml": text})
     assert load_suite("office").spec.entries[0].family == "rooms"
     assert "paper-room" in [suite.name for suite in list_files("suite")]
 
