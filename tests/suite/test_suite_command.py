@@ -25,8 +25,9 @@ def folder(workdir: Path) -> Path:
 
 @pytest.mark.thorough
 def test_a_suite_runs_and_its_runs_are_those_of_navfw_run(folder: Path) -> None:
-    done = answer("suite", "tiny.yaml", "--seeds", "4:6", "--workers", "2")
-    summary, runs = done["summary"], done["runs"]
+    done = invoke("suite", "tiny.yaml", "--seeds", "4:6", "--workers", "2", "--json")
+    assert done.exit_code == 0, done.output
+    summary, runs = (json.loads(done.stdout)[name] for name in ("summary", "runs"))
     assert (summary["missions"], summary["success"], summary["complete"]) == (2, 0.0, True)
     assert summary["outcomes"] == {"timeout": 2}
     assert summary["causes"] == {"timeout: slow": 2}
