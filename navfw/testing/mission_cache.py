@@ -17,7 +17,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
 from functools import cache
-from importlib import metadata
+from importlib import metadata, util
 from pathlib import Path
 from typing import Any, Self, get_type_hints
 
@@ -138,14 +138,14 @@ class DrivenRun:
 
 
 def drive(case: MissionCase) -> MissionResult:
-    """Drive the mission of ``case``, with a recording of its sensor readings.
+    """Drive the mission of ``case``; it is recorded where the extra record is installed.
 
     Raises:
         InputError: the mission cannot be driven.
         KeyboardInterrupt: the user has stopped the run.
 
     """
-    result = case.prepare().run(record=True)
+    result = case.prepare().run(record=util.find_spec("foxglove") is not None)
     if result.outcome == "cancelled":  # caught by the runner; pytest has to stop as well
         raise KeyboardInterrupt
     return result

@@ -58,9 +58,9 @@ def installed(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(command: list[str], folder: Path, path: str | None = None) -> Done:
+def run(command: list[str], folder: Path, path: str | None = None, **options: Any) -> Done:
     """The ended process of a command with ``path`` as that of Python's modules."""
-    return processes.run(command, cwd=folder, env={"PYTHONPATH": path}, timeout=600)
+    return processes.run(command, cwd=folder, env={"PYTHONPATH": path}, timeout=600, **options)
 
 
 def listed(installed: Path, folder: Path, kind: str) -> list[dict[str, Any]]:
@@ -70,8 +70,8 @@ def listed(installed: Path, folder: Path, kind: str) -> list[dict[str, Any]]:
         "assert navfw.__file__.startswith(os.environ['PYTHONPATH']), navfw.__file__\n"
         "from navfw.cli import main; main()"
     )
-    done = run([sys.executable, "-c", code, "list", kind, "--json"], folder, str(installed))
-    assert done.returncode == 0, done.stderr
+    words = [sys.executable, "-c", code, "list", kind, "--json"]
+    done = run(words, folder, str(installed), check=True)
     rows: list[dict[str, Any]] = json.loads(done.stdout)
     return rows
 
@@ -122,8 +122,7 @@ def test_the_distributions_can_be_published(dist: Path) -> None:
         ["twine", "check", "--strict", str(wheel), str(sdist)],
         ["check_wheel_contents", "--no-config", str(wheel)],
     ):
-        done = run([sys.executable, "-m", *words], ROOT)
-        assert done.returncode == 0, done.stdout + done.stderr
+        run([sys.executable, "-m", *words], ROOT, check=True)
 
 
 def test_the_links_of_the_wheels_readme_are_absolute(installed: Path) -> None:
@@ -137,7 +136,7 @@ def test_the_links_of_the_wheels_readme_are_absolute(installed: Path) -> None:
 class Environment:
     """A Python with the wheel installed from wheels alone, with the pins of the project."""
 
-    def __init__(self, folder: Path, version: str, wheel: Path, extra: str) -> None:
+    def __init__(self, folder: Path, version: str, wheel: Path, extra: str, *more: str) -> None:
         found = run([uv(), "python", "find", "--no-python-downloads", version], folder)
         if found.returncode:
             pytest.skip(f"needs Python {version}")
@@ -149,10 +148,9 @@ class Environment:
         install = ["pip", "install", "--python", str(self.python), "--only-binary", ":all:"]
         for words in (
             ["venv", "--python", found.stdout.strip(), str(folder / "environment")],
-            [*install, "-c", str(folder / "pins.txt"), wanted],
+            [*install, "-c", str(folder / "pins.txt"), wanted, *more],
         ):
-            done = run([uv(), *words, "--quiet"], folder)
-            assert done.returncode == 0, done.stderr
+            run([uv(), *words, "--quiet"], folder, check=True)
 
     def navfw(self, folder: Path, *words: str) -> Done:
         return run([str(self.python.with_name("navfw")), *words], folder)
@@ -163,8 +161,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a recorded run, driven by this Python."""
     folder = tmp_path_factory.mktemp("recorded")
     words = ["empty", "straight", "--record", "--json", "--out", str(folder / "run")]
-    done = run([sys.executable, "-m", "navfw", "run", *words], folder)
-    assert done.returncode == 0, done.stderr
+    run([sys.executable, "-m", "navfw", "run", *words], folder, check=True)
     return folder / "run"
 
 
@@ -195,7 +192,7 @@ def test_the_wheel_drives_in_an_empty_environment(
     dist: Path, recorded: Path, version: str, tmp_path: Path
 ) -> None:
     (wheel,) = dist.glob("*.whl")
-    environment = Environment(tmp_path, version, wheel, "sim")
+    environment = Environment(tmp_path, version, wheel, "sim", "pytest")
     done = environment.navfw(tmp_path, "run", "empty", "straight", "--json")
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
@@ -203,6 +200,8 @@ def test_the_wheel_drives_in_an_empty_environment(
     assert (tmp_path / answer["run_folder"] / "trajectory.png").is_file()
     result = json.loads((recorded / "result.json").read_text(encoding="utf-8"))
     assert answer["command_hash"] == result["command_hash"]
+    environment.navfw(tmp_path, "new", "project", "mine")  # its tests record where they can
+    run([str(environment.python), "-m", "pytest", "-q"], tmp_path / "mine", check=True)
 
 
 # --- extras --------------------------------------------------------------------------------------
