@@ -18,6 +18,7 @@ import numpy as np
 
 from navfw.movers.motion_segmentation import segment_motion
 from navfw.numerics import Array, Mask
+from navfw.numerics.linear_systems import solve
 from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import FlowField, MovingObject
@@ -27,9 +28,12 @@ _MIN_CELLS = 6
 _FLAT, _FLAT_GATE = 3, 60.0
 """Height of an object [cells] below which its vectors must be this far from rest, as a sum of
 squares [sigma^2]: mismatches along edges on the floor are flat."""
-_MAX_UNEXPLAINED = 0.06
-"""Largest share of the squares against rest that one velocity of all cells leaves: mismatches do
-not agree with each other."""
+_FITTED = 0.75
+"""Share of the cells, those that agree best, by which the velocity is estimated: at outlines
+vectors are mixed with those of the background."""
+_MAX_UNEXPLAINED, _FIT_ERROR = 0.03, 0.4
+"""Largest share of these cells' squares against rest that one velocity leaves, and the error [px]
+of a vector up to which it may always leave them: mismatches do not agree with each other."""
 _MIN_FALL = 0.10
 """Least fall per metre of depth of the ray to a foot point; flatter rays give no usable
 distance."""
@@ -46,6 +50,8 @@ _SHARED_ERRORS = 4.0
 """Number of neighbouring cells that share one error."""
 _FLOW_ERROR = 0.5
 """Error of the vectors on an object's body, which is no plane [px]."""
+_WEIGHT = 1.0 / (_SHARED_ERRORS * _FLOW_ERROR**2)
+"""Information of one vector [px^-2]."""
 
 
 def locate_moving_objects(flow: FlowField, camera: CameraModel) -> tuple[MovingObject, ...]:
@@ -76,8 +82,8 @@ def _locate(flow: FlowField, fall: Array, cells: Mask, camera: CameraModel) -> M
     """The object in these ``cells``; None if it is too far away, or is not one moving body."""
     points = flow.points[cells]
     half_cell = 0.5 * abs(flow.points[0, 1, 0] - flow.points[0, 0, 0])
-    # the foot point is at the lower border of the lowest cells, but for one or two outliers
-    lowest = _quantile(fall[cells], 0.95) + half_cell / camera.focal
+    # the foot point is at the lower border of the lowest cells, but for one in twenty
+    lowest = np.sort(fall[cells])[int(0.95 * (len(points) - 1))] + half_cell / camera.focal
     if lowest < _MIN_FALL:
         return None
     depth = camera.mount_height / lowest
@@ -86,49 +92,48 @@ def _locate(flow: FlowField, fall: Array, cells: Mask, camera: CameraModel) -> M
     left, right = points[:, 0].min() - half_cell, points[:, 0].max() + half_cell
     bearings = math.atan2(-left, camera.focal), math.atan2(-right, camera.focal)
     off_axis, width = 0.5 * sum(bearings), 0.5 * (bearings[0] - bearings[1])
-    *evidence, at_rest = _velocity(points, flow.vectors[cells], depth, flow, camera)
+    information, evidence, at_rest, least = _velocity(
+        points, flow.vectors[cells], depth, flow, camera
+    )
     if at_rest < _FLAT_GATE and np.count_nonzero(cells.any(axis=1)) < _FLAT:
         return None
-    bearing = camera.bearing + off_axis
-    detection = MovingObject(flow.time, bearing, width, depth / math.cos(off_axis), *evidence)
+    bearing, distance = camera.bearing + off_axis, depth / math.cos(off_axis)
+    detection = MovingObject(flow.time, bearing, width, distance, information, evidence)
     velocity = np.array(detection.velocity(_SPEEDS[1]))
-    explained = product(2.0 * evidence[1] - product(evidence[0], velocity), velocity)
-    return detection if at_rest - explained <= _MAX_UNEXPLAINED * at_rest else None
-
-
-def _quantile(values: Array, share: float) -> float:
-    """The quantile of ``values`` (n,) at ``share``: ``np.quantile`` at a tenth of its cost."""
-    ordered = np.sort(values)
-    place = share * (ordered.size - 1)
-    low = int(place)
-    below, above = float(ordered[low]), float(ordered[min(low + 1, ordered.size - 1)])
-    fraction = place - low
-    if fraction >= 0.5:
-        return above - (above - below) * (1.0 - fraction)
-    return below + (above - below) * fraction
+    explained = product(2.0 * evidence - product(information, velocity), velocity)
+    return detection if at_rest - explained <= max(_MAX_UNEXPLAINED * at_rest, least) else None
 
 
 def _velocity(
     points: Array, vectors: Array, depth: float, flow: FlowField, camera: CameraModel
-) -> tuple[Array, Array, float]:
+) -> tuple[Array, Array, float, float]:
     """Information and evidence of the velocity of an object at ``depth`` [m]: see ``MovingObject``.
 
-    ``vectors`` show the camera's displacement minus the object's: linear in two unknowns. The last
-    value is the sum of squares [sigma^2] of their residuals if the object is at rest.
+    ``vectors`` show the camera's displacement minus the object's: linear in two unknowns. The cells
+    that one velocity of all fits worst are left out. The last values are the sum of squares
+    [sigma^2] of the others' residuals if the object is at rest, and that which their errors leave.
     """
     motion, f = flow.motion, camera.focal
     ahead, left = camera.base_from_camera[0], camera.base_from_camera[1]
     depth_then = depth + motion.translation[2]
     # change of the vectors per unit of the object's velocity
-    columns = [(points * axis[2] - f * axis[:2]).ravel() for axis in (ahead, left)]
-    design = np.stack(columns, axis=1) * (motion.dt / depth_then)
+    columns = [points * axis[2] - f * axis[:2] for axis in (ahead, left)]
+    design = np.stack(columns, axis=2) * (motion.dt / depth_then)
     s = motion.translation
-    at_rest = (points * s[2] - f * s[:2]) / depth_then
-    weight = 1.0 / (_SHARED_ERRORS * _FLOW_ERROR**2)
-    weighted = weight * design.T
-    residual = (at_rest - vectors).ravel()
-    squares = weight * float(product(residual, residual))
-    return product(weighted, design), product(weighted, residual), squares
+    residual = (points * s[2] - f * s[:2]) / depth_then - vectors
+    information, evidence, _ = _evidence(design, residual)
+    velocity = solve(information + np.eye(2) / _SPEEDS[1] ** 2, evidence)
+    squares = np.sum((residual - product(design, velocity)) ** 2, axis=1)
+    fitted = np.argsort(squares, kind="stable")[: round(_FITTED * len(points))]
+    return *_evidence(design[fitted], residual[fitted]), fitted.size * _WEIGHT * _FIT_ERROR**2
+
+
+def _evidence(design: Array, residual: Array) -> tuple[Array, Array, float]:
+    """Information, evidence and sum of squares of ``residual`` (n, 2), by ``design`` (n, 2, 2)."""
+    rows, values = design.reshape(-1, 2), residual.ravel()
+    weighted = _WEIGHT * rows.T
+    squares = _WEIGHT * float(product(values, values))
+    return product(weighted, rows), product(weighted, values), squares
 
 
 BORDER_ANGLE = math.radians(7.0)

@@ -27,18 +27,23 @@ from navfw.signals import CameraMotion, FlowField
 _GATE, _GATE_SIGMA = 3.0, 0.05
 """Residual of a single vector from which it is moving [sigma], and the sigma [px] added to its
 own."""
-_SLIP = 0.05
-"""Relative error of the way driven by the wheels, and so of the floor's flow."""
+_SLIP, _SEEN_SLIP = 0.05, 0.015
+"""Relative error of the way driven by the wheels, and so of the floor's flow; and that left where
+the floor's own flow confirms the way."""
+_FLOOR_CELLS, _FLOOR_FLOW = 40, 3.0
+"""Number of floor cells from which they confirm the way, each with at least this flow [px]."""
 _MIN_BASELINE = 0.002
 """Baseline [m] below which the camera counts as standing: static points then have no flow."""
-_PATCH_GATE, _PATCH_SIGMA, _PATCH_DIRECTION_SIGMA = 2.5, 0.1, 0.04
-"""The same for patches [sigma, px], and the error of their epipolar direction [rad]."""
-_PATCH = np.ones((3, 3), np.uint8)
-"""Structuring element of a patch; sides are odd, or the result would be shifted."""
+_PATCH_GATE, _PATCH_SIGMA = 2.5, 0.1
+"""The same for patches [sigma, px]."""
+_PATCH, _PATCH_CELLS = np.ones((3, 3), np.uint8), 7
+"""Structuring element of a patch (sides are odd, or the result would be shifted), and the number of
+its cells that are moving at least: some have no match."""
 _FOE_RADIUS = 4.0
 """Distance from the focus of expansion [px] within which epipolar directions are undefined."""
-_NEARER, _NEARER_GATE = 1.1, 3.0
-"""Factor on the nearness of the floor below, and sigmas, from which a cell cannot stand there."""
+_NEARER, _NEARER_GATE = 1.25, 3.0
+"""Factor on the nearness of the floor below, and sigmas, from which a cell cannot stand there; the
+factor is beyond _FLOOR_TOLERANCE, within which the lowest cells of an object pass for floor."""
 _FLOOR_TOLERANCE = 0.2
 """Relative difference from the floor's nearness up to which a cell is the floor."""
 
@@ -67,12 +72,7 @@ def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
         camera.focal,
         np.ascontiguousarray(np.maximum(fall, 0.0) / camera.mount_height),
         standing,
-        (
-            float(motion.yaw_sigma),
-            direction_sigma(motion),
-            math.hypot(_SLIP, skid),
-            math.hypot(_PATCH_DIRECTION_SIGMA, skid),
-        ),
+        (float(motion.yaw_sigma), direction_sigma(motion), skid),
     )
     if flow.inconsistency is not None:
         moving |= flow.inconsistency > 0.0
@@ -82,9 +82,29 @@ def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
 
 
 def _patches(moving: Mask) -> Mask:
-    """Those of the ``moving`` cells (rows, cols) that fill whole patches."""
-    opened = cv2.morphologyEx(moving.view(np.uint8), cv2.MORPH_OPEN, _PATCH)
-    return np.asarray(opened).view(np.bool_)
+    """Those of the ``moving`` cells (rows, cols) that fill patches, but for a few."""
+    cells = moving.view(np.uint8)
+    zero = cv2.BORDER_CONSTANT
+    count = np.asarray(
+        cv2.boxFilter(cells, -1, _PATCH.shape, normalize=False, borderType=zero), dtype=np.uint8
+    )
+    patches = cv2.dilate((count >= _PATCH_CELLS).view(np.uint8), _PATCH)
+    return np.asarray(patches).view(np.bool_) & moving
+
+
+@numba.njit(cache=True)
+def _epipolar(x: float, y: float, translation: Array, focal: float) -> tuple[float, float, float]:
+    """Unit vector (x, y) away from the focus of expansion, and flow times depth [px m] there."""
+    ex = x * translation[2] - focal * translation[0]
+    ey = y * translation[2] - focal * translation[1]
+    lever = max(math.hypot(ex, ey), 1e-9)
+    return ex / lever, ey / lever, lever
+
+
+@numba.njit(cache=True)
+def _nearness(along: float, lever: float, translation: Array) -> float:
+    """Nearness [1/m] of a static point whose flow along its epipolar line is ``along`` [px]."""
+    return float(along / max(lever - translation[2] * along, 1e-9))
 
 
 @numba.njit(cache=True)
@@ -97,7 +117,7 @@ def _suspects(
     focal: float,
     floor: Array,
     standing: bool,
-    sigmas: tuple[float, float, float, float],
+    sigmas: tuple[float, float, float],
 ) -> tuple[Mask, Mask, Mask]:
     """Masks (rows, cols) of valid vectors: short ones, and for patches crossing and nearer ones.
 
@@ -105,10 +125,12 @@ def _suspects(
     error of the yaw does not explain, and the other masks are empty. Crossing: across the epipolar
     line. Nearer: of larger nearness than the next floor down the column; as the farthest floor cell
     of a column may be half hidden, that of one row below it. ``sigmas`` are those of yaw and
-    direction of motion [rad], of the way, relative to it, and of epipolar directions [rad].
+    direction of motion [rad], and of the way sideways, relative to the way.
     """
-    yaw_sigma, direction, slip, line_direction = sigmas
+    yaw_sigma, direction, skid = sigmas
     rows, cols = sigma.shape
+    excess = abs(_floor_ratio(points, vectors, confidence, translation, focal, floor) - 1.0)
+    slip = math.hypot(min(max(excess, _SEEN_SLIP), _SLIP), skid)
     short = np.zeros((rows, cols), np.bool_)
     crossing, nearer = np.zeros_like(short), np.zeros_like(short)
     foe_radius = _FOE_RADIUS * math.sqrt(np.sum(translation * translation))
@@ -124,25 +146,44 @@ def _suspects(
                 off = math.hypot(sigma[r, c], yaw_sigma * (focal + x * x / focal))
                 short[r, c] = length > _GATE * (off + 2.0 * _GATE_SIGMA)
                 continue
-            # unit vector away from the focus of expansion, and its length: flow times depth [px m]
-            ex = x * translation[2] - focal * translation[0]
-            ey = y * translation[2] - focal * translation[1]
-            lever = max(math.hypot(ex, ey), 1e-9)
-            ex, ey = ex / lever, ey / lever
+            ex, ey, lever = _epipolar(x, y, translation, focal)
             along, near = ex * u + ey * v, floor[r, c]
             if near > 0.0:
                 least = lever * near / (1.0 + translation[2] * near)
                 allowed = math.hypot(sigma[r, c], direction * (length - least)) + _GATE_SIGMA
                 short[r, c] = along < least * (1.0 - slip) - _GATE * allowed
             if lever > foe_radius:
-                allowed = math.hypot(sigma[r, c], line_direction * length)
+                allowed = math.hypot(sigma[r, c], direction * length)
                 gate = _PATCH_GATE * math.hypot(allowed, _PATCH_SIGMA)
                 crossing[r, c] = abs(ex * v - ey * u) > gate
-            nearness = along / max(lever - translation[2] * along, 1e-9)
-            nearness_sigma = math.hypot(sigma[r, c], slip * along) / lever
+            nearness = _nearness(along, lever, translation)
+            turning = yaw_sigma * ((focal + x * x / focal) * ex + x * y / focal * ey)
+            error = math.hypot(math.hypot(sigma[r, c], slip * along), turning)
+            nearness_sigma = error / lever
             like = max(_FLOOR_TOLERANCE * near, 2.0 * nearness_sigma)
             if near > 0.0 and abs(nearness - near) < like:
                 stands = floor[min(r + 1, rows - 1), c]
             else:
                 nearer[r, c] = nearness - _NEARER_GATE * nearness_sigma > _NEARER * stands
     return short, crossing, nearer
+
+
+@numba.njit(cache=True)
+def _floor_ratio(
+    points: Array, vectors: Array, confidence: Array, translation: Array, focal: float, floor: Array
+) -> float:
+    """Mean ratio of the floor's nearness by flow to ``floor``; infinite if too little is seen."""
+    count, total = 0, 0.0
+    for r in range(floor.shape[0]):
+        for c in range(floor.shape[1]):
+            if not (confidence[r, c] > 0.0 and floor[r, c] > 0.0):
+                continue
+            ex, ey, lever = _epipolar(points[r, c, 0], points[r, c, 1], translation, focal)
+            if lever * floor[r, c] < _FLOOR_FLOW:
+                continue
+            along = ex * vectors[r, c, 0] + ey * vectors[r, c, 1]
+            ratio = _nearness(along, lever, translation) / floor[r, c]
+            if abs(ratio - 1.0) < _FLOOR_TOLERANCE:
+                count += 1
+                total += ratio
+    return total / count if count >= _FLOOR_CELLS else math.inf

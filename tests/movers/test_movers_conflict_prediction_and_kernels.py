@@ -303,7 +303,7 @@ def test_motion_segmentation(seed: int) -> None:
     near = floor(flow[0])
     kernel = motion_segmentation._suspects
     for standing in (False, True):
-        arguments = (*flow, near, standing, (0.01, 0.05, 0.05, 0.04))
+        arguments = (*flow, near, standing, (0.01, 0.05, 0.05))
         masks = kernel(*arguments)
         assert np.array_equal(kernel.py_func(*arguments), masks)
         for mask in masks[:1] if standing else masks:
