@@ -1,12 +1,8 @@
-from .flow_accuracy import all_processors as all_processors
-from .flow_accuracy import bench_flow as bench_flow
-from .flow_accuracy import match_template_ratio as match_template_ratio
-from .flow_accuracy import statistics as statistics
-from .flow_accuracy import tables as tables
 from .flow_comparison import PARTS as PARTS
 from .flow_comparison import PlainDense as PlainDense
 from .flow_comparison import PlainPoints as PlainPoints
 from .flow_comparison import TrueSet as TrueSet
+from .flow_comparison import all_processors as all_processors
 from .flow_comparison import bench_flow_sets as bench_flow_sets
 from .flow_comparison import measure_set as measure_set
 from .flow_comparison import plain_processors as plain_processors
@@ -22,7 +18,7 @@ from .perception_benchmark import MAX_DIFFERENCE as MAX_DIFFERENCE
 from .perception_benchmark import TARGETS as TARGETS
 from .perception_benchmark import Target as Target
 from .perception_benchmark import compare_rule_bases as compare_rule_bases
-from .perception_benchmark import plot as plot
+from .perception_benchmark import match_template_ratio as match_template_ratio
 from .perception_benchmark import time_flow as time_flow
 from .perception_benchmark import time_offis as time_offis
 from .perception_samples import random_views as random_views

@@ -9,17 +9,18 @@ Times are CPU times of single calls, the processors called in turns on each pair
 from __future__ import annotations
 
 import itertools
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from statistics import median
+from typing import Any, ClassVar, TypeVar
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from navfw.bench import true_pairs
-from navfw.bench.flow_accuracy import TRUSTED, FlowAnswer, all_processors, answer
 from navfw.bench.recorded_pairs import (
     RecordedFrame,
     frame_pairs,
@@ -27,9 +28,10 @@ from navfw.bench.recorded_pairs import (
     tum_frames,
 )
 from navfw.errors import InputError
+from navfw.flow.block_matching import BlockMatching
 from navfw.flow.grid_flow import SIGMA_UNKNOWN, GridFlow, MatchedFlow
-from navfw.flow.ideal import Ideal
-from navfw.flow.opencv_flow import PRESETS, Dis, Farneback
+from navfw.flow.opencv_flow import PRESETS, Dis, Farneback, LucasKanade
+from navfw.flow.registration import Registered
 from navfw.interfaces import FlowProcessor
 from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats, Mask
@@ -37,7 +39,71 @@ from navfw.perceive.perceiver_options import WorkingSize
 from navfw.process.result_table import Column, ResultTable, named
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import CameraMotion
+from navfw.signals import CameraMotion, FramePair
+
+ResultT = TypeVar("ResultT")
+
+TRUSTED = 0.3
+"""Least confidence of the vectors that are evaluated."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlowAnswer:
+    """The answer of a processor on one pair, or on n: arrays (rows, cols) or (n, rows, cols).
+
+    ``off`` (..., 2) [px] is measured minus true flow at ``points``, ``true`` (..., 2) [px] the
+    latter, ``sigma`` [px] the processor's own estimate of the error. ``valid`` is where there is a
+    truth, ``trusted`` where the processor has a confidence of TRUSTED as well; ``ms`` the CPU time
+    of the call, or the median of n.
+    """
+
+    points: Array
+    off: Array
+    true: Array
+    sigma: Array
+    valid: Mask
+    trusted: Mask
+    ms: float
+
+    @classmethod
+    def stacked(cls, answers: Sequence[FlowAnswer]) -> FlowAnswer:
+        """The answers on n pairs as one."""
+        names = [field.name for field in fields(cls) if field.name != "ms"]
+        arrays: dict[str, Any] = {n: np.stack([getattr(a, n) for a in answers]) for n in names}
+        return cls(**arrays, ms=median(a.ms for a in answers))
+
+    @property
+    def error(self) -> Array:
+        """End-point errors [px]."""
+        return np.asarray(np.hypot(self.off[..., 0], self.off[..., 1]))
+
+
+def answer(processor: FlowProcessor, pair: true_pairs.TruePair) -> FlowAnswer:
+    """The answer of ``processor`` on a pair, compared with the true flow."""
+    spent, flow = cpu_ms(processor.compute, pair.pair)
+    true, valid = true_pairs.true_flow(flow.points, pair, processor.robot.camera)
+    trusted = (flow.confidence >= TRUSTED) & valid
+    return FlowAnswer(flow.points, flow.vectors - true, true, flow.sigma, valid, trusted, spent)
+
+
+def all_processors(robot: RobotModel) -> dict[str, FlowProcessor]:
+    """Every shipped processor, and block matching as in the paper (peak only, no subpixel fit)."""
+    return {
+        "registered": Registered(robot),
+        "block_matching": BlockMatching(robot),
+        "block_matching, peak only": BlockMatching(robot, BlockMatching.Params(subpixel="peak")),
+        "lucas_kanade": LucasKanade(robot),
+        "dis": Dis(robot),
+        "farneback": Farneback(robot),
+    }
+
+
+def cpu_ms(method: Callable[[FramePair], ResultT], pair: FramePair) -> tuple[float, ResultT]:
+    """CPU time [ms] of a call, and its result."""
+    begun = time.thread_time()
+    result = method(pair)
+    return 1e3 * (time.thread_time() - begun), result
+
 
 _DenseMethod = Callable[[Image, Image], Floats]
 """Displacement (height, width, 2) [px] of each pixel of the first image in the second."""
@@ -201,8 +267,7 @@ def bench_flow_sets(
 
 
 def _every_processor(robot: RobotModel) -> dict[str, FlowProcessor]:
-    shipped = {k: p for k, p in all_processors(robot).items() if not isinstance(p, Ideal)}
-    return {**shipped, **plain_processors(robot)}
+    return {**all_processors(robot), **plain_processors(robot)}
 
 
 def measure_set(

@@ -1,11 +1,11 @@
-"""``navfw bench perception``: accuracy, flow, computing time, recorded images; result and page."""
+"""``navfw bench perception``: accuracy, computing time, a recorded approach; result and page."""
 
 from __future__ import annotations
 
 import json
 import multiprocessing
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,10 +14,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from navfw.bench import flow_accuracy, flow_comparison, perception_accuracy, recorded_approach
-from navfw.bench.flow_accuracy import match_template_ratio
+from navfw.bench import perception_accuracy, recorded_approach
+from navfw.bench.flow_comparison import cpu_ms
 from navfw.bench.perception_samples import samples_of_world
-from navfw.errors import InputError
+from navfw.flow.block_matching import BlockMatching
 from navfw.fuzzy import load_rule_base
 from navfw.fuzzy.fis_benchmark import FisComparison, ReferenceFis, compare, median_ms
 from navfw.offis.fuzzy_systems import RULES, FuzzyEvaluation, infer
@@ -47,7 +47,7 @@ def time_perception(
     ``offis_skfuzzy_ratio`` (skfuzzy_ms / inference_ms), ``offis_whole_ratio`` (skfuzzy_ms /
     offis_ms), ``inferences`` (samples evaluated per frame); ``offis_max_abs_diff`` over
     ``comparisons`` random inputs of every rule base, and ``rule_bases`` one by one; the keys of
-    ``flow_accuracy.match_template_ratio``.
+    ``match_template_ratio``.
 
     scikit-fuzzy takes about 20 ms per input; ``workers`` processes share the comparison.
     """
@@ -126,6 +126,29 @@ def time_flow(repeats: int = 200) -> dict[str, float]:
         cv2.setNumThreads(threads)
 
 
+def match_template_ratio(robot: RobotModel, pairs: Sequence[FramePair]) -> dict[str, float]:
+    """CPU time of a loop of OpenCV's ``matchTemplate`` over the windows, against block matching.
+
+    The loop finds whole-pixel peaks only; block matching includes confidence and subpixel
+    registration. Keys: ``match_template_ms``, ``block_matching_ms``, ``block_matching_peak_ms``
+    (without registration) and ``block_matching_ratio``; medians over ``pairs``, with the three
+    methods called in turns.
+    """
+    matcher = BlockMatching(robot)
+    peak = BlockMatching(robot, BlockMatching.Params(subpixel="peak"))
+    methods: dict[str, Callable[[FramePair], object]] = {
+        "match_template_ms": matcher.whole_pixel_loop,
+        "block_matching_ms": matcher.compute,
+        "block_matching_peak_ms": peak.compute,
+    }
+    matcher.compute(pairs[0])
+    peak.compute(pairs[0])
+    spent = [[cpu_ms(method, pair)[0] for method in methods.values()] for pair in pairs]
+    times = dict(zip(methods, np.median(spent, axis=0).tolist(), strict=True))
+    ratio = times["match_template_ms"] / times["block_matching_ms"]
+    return {**times, "block_matching_ratio": ratio}
+
+
 def _textured_pair() -> FramePair:
     """Two frames of smooth noise, displaced by (3, 2) px."""
     rng = np.random.default_rng(_SEED)
@@ -183,14 +206,10 @@ _ACCURACY = (
 
 @dataclass(frozen=True, slots=True)
 class SampleSizes:
-    """Numbers of samples: random views, inputs of each rule base, poses in each world for the flow.
-
-    ``repeats`` is the number of timed calls.
-    """
+    """Numbers of samples: random views, inputs of each rule base, timed calls."""
 
     poses: int = 1000
     comparisons: int = 10_000
-    places: int = 20
     repeats: int = 1000
 
 
@@ -201,71 +220,49 @@ def page_folder(out: Path) -> AtomicFolder:
         InputError: the folder holds other files.
 
     """
-    return AtomicFolder(out, re.compile(r"index\.md|result\.json|flow\.png"), "--out")
+    return AtomicFolder(out, re.compile(r"index\.md|result\.json"), "--out")
 
 
 def write_page(result: Mapping[str, Any], folder: Path) -> None:
-    """Write ``index.md``, ``result.json`` and ``flow.png``."""
-    plot(result["flow"], folder / "flow.png")
+    """Write ``index.md`` and ``result.json``."""
     (folder / "index.md").write_text(page(result), encoding="utf-8")
     text = json.dumps(result, indent=2, allow_nan=False)
     (folder / "result.json").write_text(text + "\n", encoding="utf-8")
-
-
-def find_data(folder: Path) -> dict[str, Path]:
-    """The recorded data in ``folder`` by name: "approach", "tum_fr1" or both.
-
-    Raises:
-        InputError: the folder holds neither.
-
-    """
-    names = [name for name in ("approach", "tum_fr1") if (folder / name).is_dir()]
-    if not names:
-        raise InputError("holds neither approach nor tum_fr1", file=folder, key="--data")
-    return {name: folder / name for name in names}
 
 
 def bench_perception(
     extent: SampleSizes,
     seed: int | None = None,
     workers: int = 1,
-    data: Mapping[str, Path] | None = None,
+    approach: Path | None = None,
     report: ProgressCallback = silent,
 ) -> dict[str, Any]:
-    """Measure accuracy, flow, computing time and recorded images; plain data.
+    """Measure accuracy, computing time and a recorded ``approach``; plain data.
 
     Keys: those of ``TARGETS`` (None: not measured); ``ideal``, the accuracies with ideal flow; and
-    the complete parts ``accuracy``, ``speed``, ``flow``, ``approach`` and ``tum`` (the last two
-    None without their ``data``). ``seed`` is the seed of the random views, ``workers`` the number
-    of processes for what is not timed. ``report`` is called with each part.
+    the complete parts ``accuracy``, ``speed`` and ``approach`` (None without its folder). ``seed``
+    is that of the random views, ``workers`` the number of processes for what is not timed.
+    ``report`` is called with each part.
     """
     seed = perception_accuracy.HELD_OUT_SEED if seed is None else seed
     report(f"time, and {extent.comparisons} inputs of every rule base by scikit-fuzzy")
     costs = time_perception(extent.comparisons, extent.repeats, workers)
-    flow = flow_accuracy.bench_flow(extent.places, seed=seed, report=report)
-    approach = tum = None
-    if data is not None and "approach" in data:
+    recorded = None
+    if approach is not None:
         report("the recorded approach")
-        approach = recorded_approach.bench_approach(data["approach"])
-    if data is not None and "tum_fr1" in data:
-        report("the recorded office")
-        tum = flow_comparison.bench_flow_sets(
-            flow_comparison.recorded_sets(data["tum_fr1"].parent, only="tum_fr1"), report=report
-        )
+        recorded = recorded_approach.bench_approach(approach)
     accuracy = perception_accuracy.run(extent.poses, seed, workers, report)
     result = {
         "offis_ms": costs["offis_ms"],
         "offis_skfuzzy_ratio": costs["offis_skfuzzy_ratio"],
         "offis_max_abs_diff": costs["offis_max_abs_diff"],
-        "block_matching_ratio": flow["block_matching_ratio"],
+        "block_matching_ratio": costs["block_matching_ratio"],
         **{key: accuracy[key] for key in _ACCURACY},
-        "ttc_median_rel_error": None if approach is None else approach["ttc_median_rel_error"],
+        "ttc_median_rel_error": None if recorded is None else recorded["ttc_median_rel_error"],
         "ideal": {key: accuracy["ideal"][key] for key in _ACCURACY},
         "accuracy": accuracy,
         "speed": costs,
-        "flow": flow,
-        "approach": approach,
-        "tum": tum,
+        "approach": recorded,
     }
     return dict(plain_json(result))
 
@@ -280,7 +277,6 @@ def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
         Column("met", lambda target: _MET[target.met(result[target.key])]),
     ]
     yield ResultTable("Perception", columns, TARGETS)
-    yield next(flow_accuracy.tables(result["flow"]))
     for flow, accuracy in (
         ("", result["accuracy"]),
         (", ideal flow", result["accuracy"]["ideal"]),
@@ -297,68 +293,16 @@ _MET = {None: "not measured", True: "yes", False: "no"}
 
 
 def page(result: Mapping[str, Any]) -> str:
-    """The whole result in Markdown; refers to ``flow.png``."""
-    _, *flow_in_full = flow_accuracy.tables(result["flow"])
-    recorded: list[ResultTable] = []
-    if result["tum"] is not None:
-        recorded += flow_comparison.tables(result["tum"])
+    """The whole result in Markdown."""
+    recorded: Iterable[ResultTable] = ()
     if result["approach"] is not None:
-        recorded += recorded_approach.tables(result["approach"])
+        recorded = recorded_approach.tables(result["approach"])
     return "\n".join(
         [
             "# Benchmark of perception\n",
             f"{result['accuracy']['poses']} random views of seed {result['accuracy']['seed']};"
             f" {result['speed']['comparisons']} random inputs of every rule base; times are medians"
             " of one thread.\n",
-            *(table.section() for table in tables(result)),
-            "## Flow in full\n\n![error and time of the processors](flow.png)\n",
-            f"Vectors with confidence {result['flow']['trusted_from']} or more,"
-            f" in {', '.join(result['flow']['worlds'])}.\n",
-            *(table.section() for table in (*flow_in_full, *recorded)),
+            *(table.section() for table in (*tables(result), *recorded)),
         ]
     )
-
-
-def plot(result: Mapping[str, Any], path: str | Path) -> None:
-    """Plot error over time, errors by motion, and calibration into the file ``path``."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    processors: dict[str, dict[str, Any]] = result["processors"]
-    figure = Figure(figsize=(13.0, 4.2), layout="constrained")
-    FigureCanvasAgg(figure)
-    cost, motion, calibration = figure.subplots(1, 3)
-    colours = {name: f"C{k}" for k, name in enumerate(processors)}
-    for name, p in processors.items():
-        if p["epe_median"] is None:
-            continue
-        low, high = p["epe_median"], p["epe_p95"]
-        cost.plot([p["ms"]] * 2, [low, high], "-", color=colours[name], linewidth=1)
-        cost.plot(p["ms"], low, "o", color=colours[name], label=name)
-        cost.plot(p["ms"], high, "_", color=colours[name], markersize=10)
-        values = [p["by_motion"][m]["epe_p95"] for m in result["motions"]]
-        motion.plot(range(len(values)), values, "o-", color=colours[name], markersize=3)
-        rows = [row for row in p["calibration"] if row["sigma_to"] and row["n"] >= 50]
-        calibration.plot(
-            [0.5 * (row["sigma_from"] + row["sigma_to"]) for row in rows],
-            [row["rms"] for row in rows],
-            "o-",
-            color=colours[name],
-            markersize=3,
-        )
-    cost.set(
-        xlabel="CPU time [ms]",
-        ylabel="end-point error [px]: median to 95 %",
-        xscale="log",
-        yscale="log",
-    )
-    cost.legend(fontsize=7)
-    motion.set_xticks(range(len(result["motions"])), result["motions"], rotation=60, fontsize=7)
-    motion.set(ylabel="95 % of errors below [px]")
-    limits = [0.02, 1.0]
-    calibration.plot(limits, limits, "k--", linewidth=0.8)
-    calibration.set(xlabel="sigma of the processor [px]", ylabel="root mean square error [px]")
-    calibration.set(xscale="log", yscale="log")
-    for axes in (cost, motion, calibration):
-        axes.grid(alpha=0.3)
-    figure.savefig(path, dpi=110)

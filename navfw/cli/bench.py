@@ -124,9 +124,6 @@ _RandomViews = Annotated[int, typer.Option(min=12, help="Number of random views.
 _Comparisons = Annotated[
     int, typer.Option(min=10, help="Random inputs for each rule base, also by scikit-fuzzy.")
 ]
-_FlowPoses = Annotated[
-    int, typer.Option(min=1, help="Poses in each world at which the flow is measured.")
-]
 _ViewSeed = Annotated[
     int | None,
     typer.Option(min=0, help="Seed of the random views; by default the held-out one."),
@@ -137,18 +134,17 @@ Workers = Annotated[
 ]
 _RecordedData = Annotated[
     Path | None,
-    typer.Option(help="Folder with the data sets approach and tum_fr1."),
+    typer.Option(help="Folder with the data set approach."),
 ]
 _PageFolder = Annotated[
     Path | None,
-    typer.Option(help="Folder to write a page of tables and plots to."),
+    typer.Option(help="Folder to write a page of tables to."),
 ]
 
 
 def perception(
     poses: _RandomViews = 1000,
     comparisons: _Comparisons = 10_000,
-    places: _FlowPoses = 20,
     seed: _ViewSeed = None,
     workers: Workers = None,
     data: _RecordedData = None,
@@ -156,18 +152,20 @@ def perception(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Measure accuracy and speed of perception. Covers flow, situations and recorded images."""
+    """Measure accuracy and speed of perception. Covers situations and a recorded approach."""
     with quiet_stdout():
         from navfw.bench import perception_benchmark as bench
         from navfw.bench.perception_accuracy import HELD_OUT_SEED
         from navfw.process.process_resources import usable_cores
 
-        recorded = None if data is None else bench.find_data(data)
+        recorded = None if data is None else data / "approach"
+        if recorded is not None and not recorded.is_dir():
+            raise InputError("holds no approach", file=data, key="--data")
         folder = None if out is None else bench.page_folder(out)
         seed = HELD_OUT_SEED if seed is None else seed
-    options: dict[str, object] = {"poses": poses, "comparisons": comparisons, "places": places}
+    options: dict[str, object] = {"poses": poses, "comparisons": comparisons}
     options |= {"seed": seed} | ({"data": "DIR"} if data else {})
-    sizes = bench.SampleSizes(poses=poses, comparisons=comparisons, places=places)
+    sizes = bench.SampleSizes(poses=poses, comparisons=comparisons)
     measure = partial(bench.bench_perception, sizes, seed, workers or usable_cores(), recorded)
     result = _bench("perception", options, measure, bench.tables, json=json, quiet=quiet)
     if folder is not None:

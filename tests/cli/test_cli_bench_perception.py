@@ -1,28 +1,17 @@
-import re
 from pathlib import Path
 from typing import Any
 from unittest.mock import create_autospec
 
-import numpy as np
 import pytest
 from cli_calls import answer, output, put_file, refusal
 
 from navfw.bench import (
     TARGETS,
     Target,
-    TruePair,
-    TrueSet,
-    flow_accuracy,
-    flow_comparison,
     perception_accuracy,
     perception_benchmark,
     recorded_approach,
-    true_pairs,
 )
-from navfw.flow import Farneback
-from navfw.interfaces import FlowProcessor
-from navfw.robot import RobotModel
-from navfw.signals import CameraMotion, Frame, FramePair
 
 BENCH = ("bench", "perception")
 HEADLINES = (
@@ -49,18 +38,8 @@ SCORES: dict[str, Any] = {
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """Stubs in place of every part."""
-    monkeypatch.setattr(true_pairs, "MOTIONS", {"2 cm": true_pairs.MOTIONS["2 cm"]})
-    errors = flow_accuracy.statistics(np.ones((4, 2)), np.full(4, 2.0), 8)
-    part = {**errors, "ms": 1.0, "by_motion": {"2 cm": errors}, "calibration": []}
     speed = {"offis_ms": 0.3, "offis_skfuzzy_ratio": 900.0, "offis_max_abs_diff": 1e-15}
-    flow = {
-        "pairs": 1,
-        "worlds": ["empty"],
-        "motions": ["2 cm"],
-        "trusted_from": 0.3,
-        "processors": {"dis": part},
-        "block_matching_ratio": 2.6,
-    }
+    speed["block_matching_ratio"] = 2.6
     row = {"from_s": 0.0, "to_s": 5.0, "n": 9, "median_rel_error": 0.02, "raw_median": 0.1}
 
     def stub(module: Any, name: str, **result: Any) -> Any:
@@ -70,7 +49,6 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
     return {
         "speed": stub(perception_benchmark, "time_perception", **speed, comparisons=30),
-        "flow": stub(flow_accuracy, "bench_flow", **flow),
         "accuracy": stub(perception_accuracy, "run", poses=20, seed=1, **SCORES, ideal={**SCORES}),
         "approach": stub(
             recorded_approach, "bench_approach", ttc_median_rel_error=0.02, by_time=[row]
@@ -79,7 +57,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 
 def test_json_has_the_headlines_first(measured: dict[str, Any]) -> None:
-    result = answer(*BENCH, "--poses", 20, "--comparisons", 30, "--places", 2)
+    result = answer(*BENCH, "--poses", 20, "--comparisons", 30)
     assert tuple(key for key in result if key in HEADLINES) == HEADLINES
     assert result["offis_ms"] == 0.3
     assert result["block_matching_ratio"] == 2.6
@@ -88,8 +66,6 @@ def test_json_has_the_headlines_first(measured: dict[str, Any]) -> None:
     assert result["ideal"]["distance_accuracy"] == 0.88
     held_out = perception_accuracy.HELD_OUT_SEED
     assert measured["accuracy"].call_args.args[:2] == (20, held_out)
-    flow = measured["flow"].call_args
-    assert (flow.args, flow.kwargs["seed"]) == ((2,), held_out)
     assert measured["speed"].call_args.args[0] == 30
 
 
@@ -109,40 +85,15 @@ def test_data_and_page(measured: dict[str, Any], tmp_path: Path) -> None:
     result = answer(*BENCH, "--data", tmp_path / "data", "--out", out)
     assert result["ttc_median_rel_error"] == 0.02
     measured["approach"].assert_called_once_with(tmp_path / "data" / "approach")
-    assert {path.name for path in out.iterdir()} == {"index.md", "result.json", "flow.png"}
+    assert {path.name for path in out.iterdir()} == {"index.md", "result.json"}
     page = (out / "index.md").read_text()
     assert "| 0 to 5 | 9 | 2.0 % | 10.0 % |" in page
     assert "| nearest quadrant correct | 0.97 | 0.97 | at least 0.95 | yes |" in page
-    assert "![error and time of the processors](flow.png)" in page
-
-
-@pytest.mark.usefixtures("measured")
-def test_the_page_compares_flow_on_the_recorded_office(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    def one_processor(robot: RobotModel) -> dict[str, FlowProcessor]:
-        return {"farneback": Farneback(robot)}
-
-    def one_pair(folder: Path, only: str) -> list[TrueSet]:
-        assert (folder, only) == (tmp_path, "tum_fr1")
-        wall = np.full((120, 160), 2.0, np.float32)
-        grey = np.random.default_rng(0).integers(0, 255, wall.shape, np.uint8)
-        still = CameraMotion(np.eye(3), np.zeros(3), 0.1)
-        pair = FramePair(Frame(0.0, grey), Frame(0.1, grey), still)
-        return [TrueSet("tum_fr1", RobotModel(), [TruePair("tum", "", pair, still, wall, wall)])]
-
-    monkeypatch.setattr(flow_comparison, "_every_processor", one_processor)
-    monkeypatch.setattr(flow_comparison, "recorded_sets", one_pair)
-    (tmp_path / "tum_fr1").mkdir()
-    output(*BENCH, "--data", tmp_path, "--out", tmp_path / "page")
-    page = (tmp_path / "page" / "index.md").read_text()
-    assert "## tum_fr1: 1 pairs of 160 x 120 px" in page
-    assert re.search(r"\| farneback \| [\d.]+ \| \d+ % \| 0.000 \|", page)
 
 
 def test_bad_input(tmp_path: Path) -> None:
     said = refusal(*BENCH, "--data", tmp_path)
-    assert "--data: holds neither approach nor tum_fr1" in said
+    assert "--data: holds no approach" in said
     put_file(tmp_path, "thesis.txt", "work")
     assert "contains 'thesis.txt'" in refusal(*BENCH, "--out", tmp_path)
 
@@ -156,6 +107,6 @@ def test_every_reach_is_a_key_of_the_result() -> None:
 
 @pytest.mark.slow
 def test_the_whole_benchmark(tmp_path: Path) -> None:
-    result = answer(*BENCH, "--poses", 12, "--comparisons", 10, "--places", 1)
+    result = answer(*BENCH, "--poses", 12, "--comparisons", 10)
     assert result["offis_max_abs_diff"] <= 1e-6
     assert result["nearest_quadrant_accuracy"] >= 0.5
