@@ -25,7 +25,7 @@ from navfw.signals import FlowField, MovingObject
 
 _MIN_CELLS = 6
 """Least number of connected cells of one object; fewer are mismatches."""
-_FLAT, _FLAT_GATE = 3, 60.0
+_FLAT, _FLAT_GATE = 3, 30.0
 """Height of an object [cells] below which its vectors must be this far from rest, as a sum of
 squares [sigma^2]: mismatches along edges on the floor are flat."""
 _FITTED = 0.75

@@ -35,7 +35,7 @@ _GATE_DISTANCE = 0.8
 an old track alone would admit detections from anywhere."""
 _VELOCITY_SIGMA = 0.2
 """Change of velocity [m/s] that costs as much in association as one sigma of position."""
-_MAX_CHANGE = 0.3
+_MAX_CHANGE = 0.45
 """Largest change of velocity [m/s] between the detections that confirm a track: mismatches on a
 static object show another velocity in each frame."""
 _SHAPE_SIGMA = 0.06
