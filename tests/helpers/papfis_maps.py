@@ -8,6 +8,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from navfw.papfis import Papfis
+from navfw.robot import RobotModel
 from navfw.signals import Belief, Pose, Waypoint
 from navfw.topomap import Passage, Place, TopoMap, load_map
 
@@ -72,3 +73,11 @@ def random_maps(draw: st.DrawFn) -> TopoMap:
         for a, b in chosen
     ]
     return TopoMap("random", places, passages)
+
+
+def planner(topo_map: TopoMap, *goals: Waypoint, **params: float) -> Papfis:
+    """A planner that has begun to drive to ``goals``."""
+    papfis = Papfis(RobotModel(), Papfis.Params(**params))
+    papfis.reset()
+    papfis.start(topo_map, goals)
+    return papfis
