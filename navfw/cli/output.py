@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import typer
 
 from navfw.process.printable_text import printable
+from navfw.process.process_resources import redirected
 
 if TYPE_CHECKING:
     from navfw.process.result_table import ResultTable
@@ -112,14 +113,11 @@ def quiet_stdout() -> Iterator[None]:
             yield
             return
         _flush()
-        saved = os.dup(1)
-        os.dup2(2, 1)
-        try:
-            yield
-        finally:
-            _flush()  # the buffers of native libraries
-            os.dup2(saved, 1)
-            os.close(saved)
+        with redirected(2, 1):
+            try:
+                yield
+            finally:
+                _flush()  # the buffers of native libraries
 
 
 def console(*, stderr: bool = False) -> Any:

@@ -17,7 +17,7 @@ from PIL import Image as PillowImage
 
 from navfw.config.input_file import INPUT_BOUNDS, max_bytes, read_input, shown_path
 from navfw.errors import ConfigError
-from navfw.process.process_resources import stderr_to
+from navfw.process.process_resources import redirected
 
 _DAMAGED = re.compile(
     rb"bad Huffman code|premature end of data|([3-9][0-9]|[0-9]{3,}) extraneous bytes"
@@ -101,7 +101,7 @@ def _heard() -> Iterator[list[bytes]]:
     for end in ends:
         os.set_blocking(end, False)  # output beyond the pipe's buffer is dropped
     try:
-        with stderr_to(inlet):
+        with redirected(inlet, 2):
             yield said
     finally:
         with contextlib.suppress(BlockingIOError):

@@ -14,7 +14,7 @@ import numpy as np
 from navfw.config.input_file import INPUT_BOUNDS, open_input, shown_path
 from navfw.errors import InputError
 from navfw.numerics import Image
-from navfw.process.process_resources import stderr_to
+from navfw.process.process_resources import redirected
 
 FRAME_RATE = 10.0
 """Frame rate assumed if none is known [1/s]."""
@@ -49,7 +49,7 @@ class VideoFile:
         with (
             open_input(path, _FILM.max_bytes),
             tempfile.TemporaryFile() as said,
-            stderr_to(said.fileno()),
+            redirected(said.fileno(), 2),
         ):
             self._capture = cv2.VideoCapture(str(path), cv2.CAP_ANY, _ONE_THREAD)
         width, height = (self._capture.get(side) for side in _FRAME_SIZE)
@@ -83,7 +83,7 @@ class VideoFile:
             with tempfile.TemporaryFile() as said:
                 while True:
                     before = said.tell()
-                    with stderr_to(said.fileno()):
+                    with redirected(said.fileno(), 2):
                         good, image = self._capture.read()
                     if not good:
                         break

@@ -1,4 +1,4 @@
-"""Resources of this process: cores, the largest memory it has had, what goes to stderr."""
+"""Resources of this process: cores, the largest memory it has had, where its output goes."""
 
 from __future__ import annotations
 
@@ -10,14 +10,11 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-_STATUS = Path("/proc/self/status")
-
 
 def usable_cores() -> int:
     """Number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    affinity = getattr(os, "sched_getaffinity", None)
+    return (os.cpu_count() or 1) if affinity is None else len(affinity(0))
 
 
 def peak_memory_mb() -> float:
@@ -26,7 +23,7 @@ def peak_memory_mb() -> float:
     On Linux by ``VmHWM``: ``ru_maxrss`` of a process counts what its parent had when it started it.
     """
     try:
-        text = _STATUS.read_text(encoding="utf-8")
+        text = Path("/proc/self/status").read_text(encoding="utf-8")
     except OSError:  # another system
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         return peak / (1e6 if sys.platform == "darwin" else 1e3)
@@ -35,16 +32,19 @@ def peak_memory_mb() -> float:
 
 
 @contextlib.contextmanager
-def stderr_to(descriptor: int) -> Iterator[None]:
-    """Send to ``descriptor`` what native libraries write to stderr inside the block."""
+def redirected(target: int, *descriptors: int) -> Iterator[None]:
+    """Send to ``target`` what Python and native libraries write to ``descriptors`` in the block."""
+    sys.stdout.flush()
     sys.stderr.flush()
-    saved = os.dup(2)
-    os.dup2(descriptor, 2)
+    saved = [os.dup(descriptor) for descriptor in descriptors]
     try:
+        for descriptor in descriptors:
+            os.dup2(target, descriptor)
         yield
     finally:
-        os.dup2(saved, 2)
-        os.close(saved)
+        for descriptor, before in zip(descriptors, saved, strict=True):
+            os.dup2(before, descriptor)
+            os.close(before)
 
 
 def return_freed_memory() -> None:

@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Self
 
 import cv2
@@ -22,25 +23,15 @@ from navfw.config.extras import extra_imports, require_extra
 from navfw.errors import InputError, SimulationError
 from navfw.numerics import Array, Image
 from navfw.process.atomic import scratch_folder
+from navfw.process.process_resources import redirected
 from navfw.sim.textured_mesh import TexturedMesh
 
 
 @contextmanager
 def quiet_output() -> Iterator[None]:
     """Discard what C code prints meanwhile: only redirecting the descriptors suppresses it."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    saved = os.dup(1), os.dup(2)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 1)
-        os.dup2(nowhere, 2)
+    with Path(os.devnull).open("wb") as nowhere, redirected(nowhere.fileno(), 1, 2):
         yield
-    finally:
-        os.dup2(saved[0], 1)
-        os.dup2(saved[1], 2)
-        for descriptor in (nowhere, *saved):
-            os.close(descriptor)
 
 
 with extra_imports("sim"), quiet_output():  # of the banner
