@@ -25,7 +25,7 @@ from navfw.signals import FlowField, MovingObject
 
 _MIN_CELLS = 6
 """Least number of connected cells of one object; fewer are mismatches."""
-_FLAT, _FLAT_GATE = 3, 30.0
+_FLAT, _FLAT_GATE = 3, 60.0
 """Height of an object [cells] below which its vectors must be this far from rest, as a sum of
 squares [sigma^2]: mismatches along edges on the floor are flat."""
 _FITTED = 0.75
@@ -43,9 +43,9 @@ flow is not computed there."""
 _BELOW_IMAGE = 0.8
 """Factor on the distance of an object whose foot point is below the image: it stands nearer than
 the nearest floor in view."""
-_SPEEDS = 0.08, 1.5
-"""Least and largest speed of a moving object [m/s]: slower ones are left to the occupancy grid,
-faster ones are mismatches."""
+_SPEEDS = 0.15, 1.5
+"""Least and largest speed of a moving object [m/s]: slower ones are noise, or left to the occupancy
+grid, faster ones are mismatches."""
 _SHARED_ERRORS = 4.0
 """Number of neighbouring cells that share one error."""
 _FLOW_ERROR = 0.5
