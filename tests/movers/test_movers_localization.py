@@ -105,7 +105,7 @@ def test_only_upright_bodies_of_one_motion_are_detected(
     flow = scene(0.05, (1.5, 0.2, 0.0), (0.0, 0.0))
     odd = np.zeros(X.shape)
     odd[6 : 6 + rows, 15 : 15 + 12 // rows] = 1.0
-    off = np.random.default_rng(0).normal((3.0, 0.0), spread, (*X.shape, 2))
+    off = np.random.default_rng(0).normal((2.5, 0.0), spread, (*X.shape, 2))
     flow = dataclasses.replace(flow, vectors=flow.vectors + odd[..., None] * off, inconsistency=odd)
     assert len(locate_moving_objects(flow, CAMERA)) == number
 
