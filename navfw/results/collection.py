@@ -152,14 +152,14 @@ def _figures(rows: Sequence[RunRow], expect: Mapping[str, Expect]) -> Figures:
     wanted = {entry: expect[entry] for entry in {row.entry for row in rows} & expect.keys()}
     summary = plain_json(summarize(rows, wanted))
     errors = [row.estimate_error_m for row in rows if row.estimate_error_m is not None]
-    kept = {key: summary[key] for key in Figures.model_fields if key in summary}
-    passed = [summary["by_entry"][entry]["passed"] for entry in wanted]
+    passed = [own.get("passed", own["reached"]) for own in summary["by_entry"].values()]
+    kinds = {wanted.get(row.entry) for row in rows}
     return Figures(
-        **kept,
+        **{key: summary[key] for key in Figures.model_fields if key in summary},
         runs=len(rows),
         estimate_error_max_m=max(errors, default=None),
-        expect=next(iter(wanted.values())) if len(set(wanted.values())) == 1 else None,
-        passed=sum(passed) if len(wanted) == len({row.entry for row in rows}) else None,
+        expect=kinds.pop() if len(kinds) == 1 else None,
+        passed=sum(passed) if wanted else None,
     )
 
 
