@@ -197,17 +197,15 @@ class TrueSet:
     pairs: list[true_pairs.TruePair]
 
 
-def recorded_sets(
-    folder: Path, part: slice = PARTS["all"], only: str | None = None
-) -> list[TrueSet]:
-    """The sets of ``_RECORDED`` in ``folder``, or ``only`` one, reduced to perceive's working size.
+def recorded_sets(folder: Path, part: slice = PARTS["all"]) -> list[TrueSet]:
+    """The sets of ``_RECORDED`` in ``folder``, reduced to perceive's working size.
 
     Raises:
         InputError: the folder holds none of them.
         ConfigError: a set lacks a file, or a file cannot be read.
 
     """
-    names = [name for name in _RECORDED if (folder / name).is_dir() and only in (None, name)]
+    names = [name for name in _RECORDED if (folder / name).is_dir()]
     if not names:
         raise InputError(f"holds none of {', '.join(_RECORDED)}", file=folder, key="--data")
     sets = []

@@ -20,6 +20,7 @@ import cv2
 import numba
 import numpy as np
 
+from navfw.camera_geometry.rotations import turning_slope
 from navfw.numerics import Array, Mask
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, FlowField
@@ -46,6 +47,8 @@ _NEARER, _NEARER_GATE = 1.25, 3.0
 factor is beyond _FLOOR_TOLERANCE, within which the lowest cells of an object pass for floor."""
 _FLOOR_TOLERANCE = 0.2
 """Relative difference from the floor's nearness up to which a cell is the floor."""
+_VERTICAL = np.array([0.0, 1.0, 0.0])
+"""The axis of yaw, in the axes of a level camera."""
 
 
 def direction_sigma(motion: CameraMotion) -> float:
@@ -84,21 +87,25 @@ def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
 def _patches(moving: Mask) -> Mask:
     """Those of the ``moving`` cells (rows, cols) that fill patches, but for a few."""
     cells = moving.view(np.uint8)
-    zero = cv2.BORDER_CONSTANT
-    count = np.asarray(
-        cv2.boxFilter(cells, -1, _PATCH.shape, normalize=False, borderType=zero), dtype=np.uint8
-    )
-    patches = cv2.dilate((count >= _PATCH_CELLS).view(np.uint8), _PATCH)
+    count = cv2.filter2D(cells, -1, _PATCH, borderType=cv2.BORDER_CONSTANT)
+    patches = cv2.dilate((np.asarray(count) >= _PATCH_CELLS).view(np.uint8), _PATCH)
     return np.asarray(patches).view(np.bool_) & moving
 
 
 @numba.njit(cache=True)
-def _epipolar(x: float, y: float, translation: Array, focal: float) -> tuple[float, float, float]:
+def epipolar(x: float, y: float, translation: Array, focal: float) -> tuple[float, float, float]:
     """Unit vector (x, y) away from the focus of expansion, and flow times depth [px m] there."""
     ex = x * translation[2] - focal * translation[0]
     ey = y * translation[2] - focal * translation[1]
     lever = max(math.hypot(ex, ey), 1e-9)
     return ex / lever, ey / lever, lever
+
+
+@numba.njit(cache=True)
+def yaw_flow(x: float, y: float, ex: float, ey: float, focal: float) -> float:
+    """Motion [px/rad] of the image point (x, y) along (ex, ey) while the camera yaws."""
+    u, v = turning_slope(x, y, _VERTICAL, focal)
+    return float(u * ex + v * ey)
 
 
 @numba.njit(cache=True)
@@ -129,8 +136,10 @@ def _suspects(
     """
     yaw_sigma, direction, skid = sigmas
     rows, cols = sigma.shape
-    excess = abs(_floor_ratio(points, vectors, confidence, translation, focal, floor) - 1.0)
-    slip = math.hypot(min(max(excess, _SEEN_SLIP), _SLIP), skid)
+    ratio = math.inf  # a camera that stands tells none
+    if not standing:
+        ratio = _floor_ratio(points, vectors, confidence, translation, focal, floor)
+    slip = math.hypot(min(max(abs(ratio - 1.0), _SEEN_SLIP), _SLIP), skid)
     short = np.zeros((rows, cols), np.bool_)
     crossing, nearer = np.zeros_like(short), np.zeros_like(short)
     foe_radius = _FOE_RADIUS * math.sqrt(np.sum(translation * translation))
@@ -146,7 +155,7 @@ def _suspects(
                 off = math.hypot(sigma[r, c], yaw_sigma * (focal + x * x / focal))
                 short[r, c] = length > _GATE * (off + 2.0 * _GATE_SIGMA)
                 continue
-            ex, ey, lever = _epipolar(x, y, translation, focal)
+            ex, ey, lever = epipolar(x, y, translation, focal)
             along, near = ex * u + ey * v, floor[r, c]
             if near > 0.0:
                 least = lever * near / (1.0 + translation[2] * near)
@@ -157,7 +166,7 @@ def _suspects(
                 gate = _PATCH_GATE * math.hypot(allowed, _PATCH_SIGMA)
                 crossing[r, c] = abs(ex * v - ey * u) > gate
             nearness = _nearness(along, lever, translation)
-            turning = yaw_sigma * ((focal + x * x / focal) * ex + x * y / focal * ey)
+            turning = yaw_sigma * yaw_flow(x, y, ex, ey, focal)
             error = math.hypot(math.hypot(sigma[r, c], slip * along), turning)
             nearness_sigma = error / lever
             like = max(_FLOOR_TOLERANCE * near, 2.0 * nearness_sigma)
@@ -178,7 +187,7 @@ def _floor_ratio(
         for c in range(floor.shape[1]):
             if not (confidence[r, c] > 0.0 and floor[r, c] > 0.0):
                 continue
-            ex, ey, lever = _epipolar(points[r, c, 0], points[r, c, 1], translation, focal)
+            ex, ey, lever = epipolar(points[r, c, 0], points[r, c, 1], translation, focal)
             if lever * floor[r, c] < _FLOOR_FLOW:
                 continue
             along = ex * vectors[r, c, 0] + ey * vectors[r, c, 1]

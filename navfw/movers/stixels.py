@@ -15,6 +15,7 @@ import math
 import numba
 import numpy as np
 
+from navfw.movers.motion_segmentation import epipolar, yaw_flow
 from navfw.numerics import Array
 from navfw.robot import CameraModel
 from navfw.signals import FlowField, Stixels
@@ -108,7 +109,7 @@ def _columns(
     advance of a ray ahead per metre of depth. The gain is over the best of the farther candidates.
     """
     rows, cols = sigma.shape
-    tx, ty, tz = translation
+    tz = translation[2]
     best, gain = np.zeros(cols), np.zeros(cols)
     cost = np.empty(candidates.size)
     for j in range(cols):
@@ -118,14 +119,12 @@ def _columns(
             if not confidence[i, j] > 0.0:
                 continue
             x, y = points[i, j, 0], points[i, j, 1]
-            away_x, away_y = x * tz - focal * tx, y * tz - focal * ty
-            lever = math.hypot(away_x, away_y)
-            if lever < 1e-9:
+            away_x, away_y, lever = epipolar(x, y, translation, focal)
+            if lever <= 1e-9:
                 continue
             cells += 1
-            away_x, away_y = away_x / lever, away_y / lever
             along = vectors[i, j, 0] * away_x + vectors[i, j, 1] * away_y
-            turning = yaw_sigma * ((focal + x * x / focal) * away_x + x * y / focal * away_y)
+            turning = yaw_sigma * yaw_flow(x, y, away_x, away_y, focal)
             variance = sigma[i, j] ** 2 + turning**2 + _MODEL_SIGMA**2
             for k in range(candidates.size):
                 q = max(candidates[k] * ahead[i, j], floor[i, j])

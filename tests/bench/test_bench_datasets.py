@@ -27,6 +27,7 @@ from navfw.bench import (
     measure_set,
     recorded_sets,
     rendered_pairs,
+    rendered_set,
     tum_frames,
 )
 from navfw.errors import ConfigError, InputError
@@ -171,6 +172,14 @@ def test_a_recording_that_lacks_something_is_refused(tum: Path, tmp_path: Path) 
 
 
 ROBOT = RobotModel()
+
+
+def test_block_matching_is_good_and_knows_how_good() -> None:
+    drawn = rendered_set(2, 5, worlds=("corridor",))
+    (measured,) = measure_set(drawn, {"own": BlockMatching(ROBOT)})["processors"].values()
+    assert measured["epe_median"] < 0.15
+    assert measured["coverage"] > 0.7
+    assert 0.88 < measured["within_2_sigma"] <= 1.0
 
 
 def test_every_processor_that_ships_is_measured() -> None:
