@@ -168,9 +168,7 @@ def recorded_gyro(
             f"expected a row for each of {len(names)} images, found {len(listed.times)}", file=file
         )
     by_name = dict(zip(names, listed.times, strict=True))
-    record = load_gyro_record(file)
-    upright = np.roll(record.rates, 2 - "xyz".index(vertical), axis=1)
-    return replace(listed, by_name=by_name), replace(record, rates=upright)
+    return replace(listed, by_name=by_name), load_gyro_record(file, vertical)
 
 
 def yaw_rates(results: Iterable[PairResult], start: float, record: GyroRecord) -> Array:

@@ -109,9 +109,7 @@ class MotionRecord(ABC):
         if start is not None and first < start + duration and last > start:
             offset = start
         elif not (first < duration and last > 0.0):
-            clock = ""
-            if start is not None:
-                clock = f" ({start:.2f} to {start + duration:.2f} s on their clock)"
+            clock = "" if start is None else f" ({start:.2f} to {start + duration:.2f} s on theirs)"
             problem = (
                 f"expected readings within the time of the images, 0 to {duration:.2f} s{clock}; "
                 f"got {first:.2f} to {last:.2f} s. Count times from the first image, or give those "
@@ -138,7 +136,6 @@ class GyroRecord(MotionRecord):
 
     def rotation_between(self, begin: float, end: float) -> Array | None:
         """The rates, integrated from ``begin`` to ``end`` [s]; see ``MotionRecord``."""
-        inside = (self.times > begin) & (self.times < end)
         first = int(np.searchsorted(self.times, begin, side="right")) - 1
         last = int(np.searchsorted(self.times, end, side="left"))
         # the ends of the record may be off by one interval
@@ -151,7 +148,8 @@ class GyroRecord(MotionRecord):
         steps = np.diff(self.times[first : last + 1])
         if steps.size and steps.max() > self.longest_gap:
             return None
-        knots = np.concatenate([[begin], self.times[inside], [end]])
+        inside = self.times[(self.times > begin) & (self.times < end)]
+        knots = np.concatenate([[begin], inside, [end]])
         rates = np.stack(
             [np.interp(knots, self.times, self.rates[:, axis]) for axis in range(3)], axis=1
         )
@@ -215,12 +213,13 @@ class PoseRecord(MotionRecord):
         return places, turns
 
 
-def load_gyro_record(path: Path) -> GyroRecord:
+def load_gyro_record(path: Path, vertical: str = "z") -> GyroRecord:
     """Read a table with the columns time, yaw_rate and, if known, pitch_rate and roll_rate.
 
     Without a header these are the columns, in s and rad/s. A header may name them in other words
     and units (``navfw.perceive.timed_table``), in any order, among columns of other quantities.
-    Rows with a missing or NaN value are left out and make a gap.
+    Rows with a missing or NaN value are left out and make a gap. ``vertical`` is the axis of the
+    gyro that is up: "x", "y" or "z".
 
     Raises:
         InputError: the file is no such table, a rate can only be in another unit, or there are
@@ -229,8 +228,10 @@ def load_gyro_record(path: Path) -> GyroRecord:
     """
     table = TimedTable(path, _GYRO)
     notes = [f"gyro columns not used: {', '.join(table.unused)}"] if table.unused else []
+    turns = 2 - "xyz".index(vertical)
     if table.names & _BY_AXIS.keys():
-        notes.append("the gyro's axes x, y, z are taken as ahead, left, up")
+        axes = np.roll(list("xyz"), turns)
+        notes.append(f"the gyro's axes {', '.join(axes)} are taken as ahead, left, up")
     samples = table.array(TIME, *reversed(RATES))
     fastest = np.abs(samples[:, 1:]).max(axis=1)
     is_usable = np.isfinite(samples).all(axis=1)
@@ -245,7 +246,7 @@ def load_gyro_record(path: Path) -> GyroRecord:
     interval = table.interval(times, "gyro sample")
     if left_out := len(samples) - len(usable):
         notes.append(f"{left_out} of {len(samples)} gyro samples are not numbers")
-    rates, offsets = _without_offsets(times, usable[:, 1:])
+    rates, offsets = _without_offsets(times, np.roll(usable[:, 1:], turns, axis=1))
     return GyroRecord(
         times=times,
         longest_gap=_GAP_STEPS * interval,
@@ -257,10 +258,9 @@ def load_gyro_record(path: Path) -> GyroRecord:
 
 
 def _without_offsets(times: Array, rates: Array) -> tuple[Array, list[str]]:
-    """``rates`` without the offsets of roll and pitch that are certain, and notes on them."""
+    """``rates`` less, in place, the offsets of roll and pitch that are certain; notes on them."""
     duration = float(times[-1] - times[0])
     notes = []
-    rates = rates.copy()
     for axis, name in ((0, "roll"), (1, "pitch")):
         offset = float(rates[:, axis].mean())
         if duration >= _MIN_DURATION and abs(offset) * duration > _MAX_TILT:

@@ -113,8 +113,12 @@ def test_offset_of_pitch_rate_is_told_from_pitching(tmp_path: Path) -> None:
     gyro = gyro_of(tmp_path, "time,yaw_rate,pitch_rate\n" + "\n".join(rows))
     assert gyro.notes[0].startswith("the gyro's pitch rate has an offset of 0.07")
     assert gyro.rates[:, 1] == pytest.approx(pitching, abs=0.01)
-    # a turn to the left is not taken for an offset
+    # a turn to the left is not taken for an offset, whichever axis is up
     assert gyro.rates[:, 2] == pytest.approx(0.2)
+    text = "time,gyro_y [rad/s],gyro_z [rad/s]\n" + "\n".join(rows)
+    lying = load_gyro_record(put_file(tmp_path, "y.csv", text), vertical="y")
+    assert lying.notes[0] == "the gyro's axes z, x, y are taken as ahead, left, up"
+    assert lying.rates[:, 2] == pytest.approx(0.2)
 
 
 def test_gaps_and_missing_numbers(tmp_path: Path) -> None:
