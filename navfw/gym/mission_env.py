@@ -29,15 +29,11 @@ from navfw.suite.case import Case
 from navfw.suite.suite_plan import with_seed
 from navfw.suite.suitefile import EntrySpec, parse_seeds
 
-UNDRAWN = (
-    "oracle=true",
-    "flow={ideal: {noisy: true}}",
-    "movers.detect=false",
-    "stixels=false",
-    "robot.control_rate=10",
-)
+COARSE = ("robot.control_rate=10",)
+"""The changes of a coarse environment: one control tick a frame."""
+UNDRAWN = ("oracle=true", "flow={ideal: {noisy: true}}", "movers.detect=false", "stixels=false")
 """The changes of an environment without drawing: flow from the simulator's truth with measured
-noise, nothing that needs images, one control tick a frame."""
+noise, nothing that needs images."""
 
 _MAX_KEPT = 4
 """Number of sessions that are kept for a reset with the same seed."""
@@ -46,7 +42,7 @@ _MAX_KEPT = 4
 class Episodes:
     """Sessions by seed of a family or a world's mission, an agent in the place of one stage.
 
-    They are the same as in a suite.
+    They are the same as in a suite, but for what is ``changed`` of a Session.
 
     Raises:
         InputError: it is neither or both, or one of the names does not exist.
@@ -62,10 +58,10 @@ class Episodes:
         mission: str | None,
         stack: str | None,
         changes: Settings,
-        drawn: bool,
+        **changed: Any,
     ) -> None:
-        agent, before = ACTIONS[action], () if drawn else UNDRAWN
-        overrides = (*before, *override_texts(changes), f"{agent.kind}={agent.name}")
+        agent = ACTIONS[action]
+        overrides = (*override_texts(changes), f"{agent.kind}={agent.name}")
         file = "" if stack is None else str(find("stack", stack).absolute())
         case = Case(0, family or world or "", 0, file, stack or "", "", "", overrides)
         if family is not None and world is None and mission is None:
@@ -81,7 +77,7 @@ class Episodes:
                 "expected either a family, or a world and a mission: "
                 'gymnasium.make("navfw/Mission-v0", world="office", mission="lobby-to-lab")'
             )
-        self._registry, self._drawn = default_registry(), drawn
+        self._registry, self._changed = default_registry(), changed
         for plugin in ACTIONS.values():
             self._registry.register(plugin, "navfw.gym")
         self._kept: dict[int, Session] = {}
@@ -100,7 +96,7 @@ class Episodes:
             made = with_seed(self._case, self._entry, seed).session(self._registry)
             while len(self._kept) >= _MAX_KEPT:
                 del self._kept[next(iter(self._kept))]
-            self._kept[seed] = replace(made, drawn=self._drawn)
+            self._kept[seed] = replace(made, **self._changed)
         return self._kept[seed]
 
 
@@ -182,8 +178,9 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
     Either ``family`` with its ``difficulty`` (a number, or a range that the seed draws from), or
     ``world`` and ``mission``. ``reset(seed=N)`` drives the run with seed N, with the same world and
     noise as ``navfw suite``; ``reset()`` draws N from ``seeds`` (``A:B``). ``changes`` are values
-    as for ``--set``; ``reward`` weights of terms (``RewardWeights``). If not ``drawn``, no images
-    are rendered, and flow is that of ``UNDRAWN``: faster, and marked as ``oracle``.
+    as for ``--set``; ``reward`` weights of terms (``RewardWeights``). If ``coarse``, physics and
+    control have longer steps: faster, and not quite the run of ``navfw suite``. If not ``drawn``,
+    no images are rendered either, and flow is that of ``UNDRAWN``: marked as ``oracle``.
 
     A step lasts one period of the camera, and an action takes effect with the decision on the next
     frame. The wheel drive's limits and the safety monitor stay between the agent and the wheels.
@@ -212,6 +209,7 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         changes: Settings = (),
         reward: dict[str, float] | None = None,
         drawn: bool = True,
+        coarse: bool = False,
         render_mode: str | None = None,
     ) -> None:
         if not drawn and (observation == "image" or render_mode is not None):
@@ -221,7 +219,10 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
                 raise UnknownNameError(what, name, names, key=what)
         self._seeds = parse_seeds(seeds)
         self._weights = RewardWeights.of(reward or {})
-        self._episodes = Episodes(action, family, difficulty, world, mission, stack, changes, drawn)
+        coarse = coarse or not drawn
+        changes = *(() if drawn else UNDRAWN), *(COARSE if coarse else ()), *override_texts(changes)
+        worlds = action, family, difficulty, world, mission, stack, changes
+        self._episodes = Episodes(*worlds, drawn=drawn, coarse=coarse)
         self._stack = stack_like = self._episodes.session(self._seeds[0]).stack
         self._view = AgentView(KINDS[observation](stack_like), stack_like)
         self._agent_class = ACTIONS[action]

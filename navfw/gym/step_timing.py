@@ -19,6 +19,7 @@ from navfw.process.work_progress import ProgressCallback, silent, with_progress
 _SEED = 1000
 """Seed of the timed episodes."""
 _OBSERVATIONS: tuple[Observation, ...] = ("percept", "local_map")
+_MODES: dict[str, Any] = {"not drawn": {"drawn": False}, "coarse": {"coarse": True}, "full": {}}
 
 
 def bench_gym(
@@ -39,14 +40,15 @@ def bench_gym(
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     modes = []
-    kinds = list(product((False, True), _OBSERVATIONS))
-    for drawn, observation in with_progress(kinds, "environments", report):
-        env = MissionEnv(family=family, observation=observation, drawn=drawn)
+    for mode, observation in with_progress(
+        [*product(_MODES, _OBSERVATIONS)], "environments", report
+    ):
+        env = MissionEnv(family=family, observation=observation, **_MODES[mode])
         _timed(env, steps)  # compiles and fills caches
         rates, resets = zip(*(_timed(env, steps) for _ in range(repeats)), strict=True)
         env.close()
-        mode = {"observation": observation, "drawn": drawn}
-        modes.append({**mode, "steps_per_s": _spread(rates), "reset_ms": _spread(resets)})
+        figures = {"steps_per_s": _spread(rates), "reset_ms": _spread(resets)}
+        modes.append({"mode": mode, "observation": observation, **figures})
     cv2.setNumThreads(threads)
     return {"family": family, "steps": steps, "repeats": repeats, "modes": modes}
 
@@ -78,10 +80,7 @@ def _cell(key: str, mode: Mapping[str, Any]) -> str:
 
 def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
     """Steps a second and the time of a reset, of each mode."""
-    columns = [
-        Column("observation", "observation"),
-        Column("drawn", lambda mode: "yes" if mode["drawn"] else "no"),
-    ]
+    columns = [Column("mode", "mode"), Column("observation", "observation")]
     for title, key in (("steps/s", "steps_per_s"), ("reset [ms]", "reset_ms")):
         columns.append(Column(title, partial(_cell, key)))
     yield ResultTable("environments, one core", columns, result["modes"])

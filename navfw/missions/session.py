@@ -41,7 +41,7 @@ class Session:
     """World, mission and stack of a run, loaded and checked; ``run`` may be called repeatedly.
 
     ``shortest`` [m] is the length of the shortest path through all goals. If not ``drawn``, images
-    show nothing: for a stack with ``ideal`` flow.
+    show nothing: for a stack with ``ideal`` flow. If ``coarse``, physics has longer steps.
     """
 
     world_name: str
@@ -56,6 +56,7 @@ class Session:
     overrides: tuple[str, ...] = ()
     events: tuple[Event, ...] = ()
     drawn: bool = True
+    coarse: bool = False
 
     @property
     def task(self) -> Task:
@@ -104,6 +105,7 @@ class Session:
             gui=gui,
             landmark_frames=self.stack.features.plugin.landmark_frames,
             drawn=self.drawn,
+            coarse=self.coarse,
         )
         reveal(simulation, self.stack)
         return simulation
@@ -192,14 +194,13 @@ class SteppedSession:
         if simulator is None:
             return
         spent, stack = simulator.timings, self.session.stack
-        larger = stack.features.plugin.landmark_frames
-        landmarks = {"landmark_frames": spent.landmarks} if larger else {}
+        landmarks = {"landmark_frames": spent.landmarks}
         self._of_simulator = {
             "timings": {
                 "render": spent.render,
                 "physics": spent.physics,
                 "sensors": spent.sensors,
-                **landmarks,
+                **(landmarks if stack.features.plugin.landmark_frames else {}),
                 **stack.timings,
             },
             "collision_cause": simulator.collision_cause,
@@ -378,9 +379,7 @@ class MissionResult:
             **measured.pop("localization"),
             **measured,
             "collision_cause": self.collision_cause,
-            "contacts": [
-                asdict(contact) for contact in run_metrics.first_contacts(run.log.contacts)
-            ],
+            "contacts": [*map(asdict, run_metrics.first_contacts(run.log.contacts))],
             "command_hash": run.log.command_hash,
             "oracle": self.session.stack.resolved.settings.oracle or bool(self.oracle_plugins),
             "oracle_plugins": list(self.oracle_plugins),

@@ -33,10 +33,9 @@ from navfw.sim.solids import fallen_into
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
 
-_PHYSICS_RATE, _COARSE_RATE = 240, 60
-"""Physics steps per second, with and without drawing."""
-_ITERATIONS, _COARSE_ITERATIONS = 50, 10
-"""Those of the solver: fewer halve a step's time, and change the end of a way of 5 m by 2 cm."""
+_FINE, _COARSE = (240, 50), (60, 10)
+"""Physics steps per second, and iterations of the solver in each: fewer halve a step's time, and
+change the end of a way of 5 m by 2 cm."""
 _SETTLING_TIME = 0.25
 """Time [s] of physics before time 0, in which the robot comes to rest on its wheels."""
 _GRAVITY = 9.81
@@ -51,9 +50,9 @@ class Simulation(BulletConnection):
     With ``landmark_frames`` the camera also captures the larger frames of ``robot.landmark_view``.
     ``read()`` gives the robot's sensor readings; ``true_pose``, ``true_depth``, ``contacts``,
     ``walkers`` and ``plan`` are ground truth, for metrics and tests only. ``window`` is that of
-    ``gui``, else None. If not ``drawn``, the physics is coarser, and images show nothing: for a
-    stack with ``ideal`` flow. A new Simulation with the same arguments and the same commands gives
-    the same readings, bit for bit.
+    ``gui``, else None. If not ``drawn``, images show nothing: for a stack with ``ideal`` flow. If
+    ``coarse``, physics has longer steps. A new Simulation with the same arguments and the same
+    commands gives the same readings, bit for bit.
 
     Raises:
         WorldError: the world's geometry is impossible, or the start is not free.
@@ -71,8 +70,9 @@ class Simulation(BulletConnection):
         gui: bool = False,
         landmark_frames: bool = False,
         drawn: bool = True,
+        coarse: bool = False,
     ) -> None:
-        self._rate = _PHYSICS_RATE if drawn else _COARSE_RATE
+        self._rate, iterations = _COARSE if coarse else _FINE
         sensors = SensorParams() if sensors is None else sensors
         check_world(world)
         self.world, self.robot = world, robot
@@ -98,7 +98,7 @@ class Simulation(BulletConnection):
         self._faults, (for_their_faults, self.flow_noise) = InjectedFaults(for_faults), others
         self._landmark_faults = InjectedFaults(for_their_faults)
         try:
-            self._set_up_engine(gui, drawn)
+            self._set_up_engine(gui, iterations)
             scenery = Scenery(world, None if self.window is None else self.window.display)
             self._physics = PhysicsWorld(world, self._client, scenery)
             self._changes = world_changes.WorldChanges(world, self._physics)
@@ -122,12 +122,11 @@ class Simulation(BulletConnection):
             self.close()
             raise
 
-    def _set_up_engine(self, gui: bool, drawn: bool) -> None:
+    def _set_up_engine(self, gui: bool, iterations: int) -> None:
         """Set the physics' parameters, and take hold of the window."""
         self._call("setGravity", 0.0, 0.0, -_GRAVITY)
         self._call("setTimeStep", 1.0 / self._rate)
-        count = _ITERATIONS if drawn else _COARSE_ITERATIONS
-        parameters = {"deterministicOverlappingPairs": 1, "numSolverIterations": count}
+        parameters = {"deterministicOverlappingPairs": 1, "numSolverIterations": iterations}
         self._call("setPhysicsEngineParameter", **parameters)
         if gui:
             self.window = SimulatorWindow(self._client)

@@ -16,16 +16,7 @@ from navfw.localmap import Arcs, LocalGoal, Ranges
 from navfw.numerics import Array
 from navfw.offis import Offis
 from navfw.robot import RobotModel
-from navfw.signals import (
-    Belief,
-    Command,
-    Conflicts,
-    FlowField,
-    Pose,
-    Proposal,
-    Twist,
-    Waypoint,
-)
+from navfw.signals import Belief, Command, Conflicts, FlowField, Pose, Proposal, Twist, Waypoint
 from navfw.testing.behavior_scenes import wall_flow
 
 ROBOT = RobotModel()

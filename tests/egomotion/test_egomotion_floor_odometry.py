@@ -10,11 +10,7 @@ from painted_floor import KNOWN, ORIGIN, ROBOT, PaintedFloor
 from plan_samples import arcs
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from navfw.egomotion import (
-    FloorOdometry,
-    FloorRegistration,
-    FloorStep,
-)
+from navfw.egomotion import FloorOdometry, FloorRegistration, FloorStep
 from navfw.egomotion.floor_kernels import _residuals, register_floor
 from navfw.numerics import Array
 from navfw.robot import CameraModel

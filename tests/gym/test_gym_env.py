@@ -105,6 +105,16 @@ def test_without_drawing_steps_are_marked_as_oracle_and_use_noisy_flow() -> None
     made.close()
 
 
+def test_coarse_steps_show_the_same_world_with_fewer_ticks(env: MissionEnv) -> None:
+    coarse = MissionEnv(**STRAIGHT, observation="image", coarse=True)
+    (first, _), _ = coarse.reset(seed=2), env.reset(seed=2)
+    assert np.abs(first["image"].astype(float) - env._image).mean() < 1.0
+    (*_, (_, _, _, _, ended)), *fine = steps(coarse, AHEAD, 100), *steps(env, AHEAD, 100)
+    coarse.close()
+    assert (ended["outcome"], ended["time"]) == ("reached", pytest.approx(fine[-1][4]["time"], 0.1))
+    assert ended["command_hash"] != fine[-1][4]["command_hash"]
+
+
 def test_the_time_limit_truncates() -> None:
     made = MissionEnv(**{**STRAIGHT, "changes": {"warmup": 0.3, "mission.timeout": 1}})
     made.reset(seed=0)

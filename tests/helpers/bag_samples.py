@@ -37,34 +37,28 @@ def write_bag(path: Path, sent: Iterable[Sent], packed: str = "") -> Path:
     """
     path.parent.mkdir(exist_ok=True)
     ordered = sorted(sent, key=lambda each: each.time)
+    writer: Any
     if path.suffix == ".bag":
-        one = Writer1(path)
+        writer, store, serialize = Writer1(path), ROS1, ROS1.serialize_ros1
         if packed:
-            one.set_compression(Writer1.CompressionFormat.BZ2)
-        with one:
-            channels = {
-                each[:2]: one.add_connection(each.topic, each.kind, typestore=ROS1)
-                for each in first(ordered)
-            }
-            for each in ordered:
-                data = ROS1.serialize_ros1(message(ROS1, each), each.kind)
-                one.write(channels[each[:2]], nanoseconds(each.time), data)
-        return path
-    folder = path.with_name(path.name.replace(".", "-"))
-    plugin = StoragePlugin.MCAP if path.suffix == ".mcap" else StoragePlugin.SQLITE3
-    two = Writer2(folder, version=9, storage_plugin=plugin)
-    if packed:
-        mode = CompressionMode[{"chunk": "STORAGE"}.get(packed, packed.upper())]
-        two.set_compression(mode, CompressionFormat.ZSTD)
-    with two:
+            writer.set_compression(Writer1.CompressionFormat.BZ2)
+    else:
+        plugin = StoragePlugin.MCAP if path.suffix == ".mcap" else StoragePlugin.SQLITE3
+        path = path.with_name(path.name.replace(".", "-"))
+        writer, store = Writer2(path, version=9, storage_plugin=plugin), ROS2
+        serialize = ROS2.serialize_cdr
+        if packed:
+            mode = CompressionMode[{"chunk": "STORAGE"}.get(packed, packed.upper())]
+            writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
         topics = {
-            each[:2]: two.add_connection(each.topic, each.kind, typestore=ROS2)
-            for each in first(ordered)
+            sample[:2]: writer.add_connection(sample.topic, sample.kind, typestore=store)
+            for sample in first(ordered)
         }
-        for each in ordered:
-            data = ROS2.serialize_cdr(message(ROS2, each), each.kind)
-            two.write(topics[each[:2]], nanoseconds(each.time), data)
-    return folder
+        for sample in ordered:
+            data = serialize(message(store, sample), sample.kind)
+            writer.write(topics[sample[:2]], nanoseconds(sample.time), data)
+    return path
 
 
 def first(sent: Sequence[Sent]) -> list[Sent]:
