@@ -28,14 +28,7 @@ from localization_drives import (
 )
 
 from navfw.errors import InputError
-from navfw.localization import (
-    Association,
-    Ekf,
-    MotionParams,
-    Topological,
-    associate,
-    motion_noise,
-)
+from navfw.localization import Association, Ekf, MotionParams, Topological, associate, motion_noise
 from navfw.robot import RobotModel
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose
 from navfw.sim import PRESETS, SensorParams
@@ -265,12 +258,7 @@ class Timed(Topological):
 
 
 def go(
-    seed: int,
-    *,
-    known: bool = False,
-    off: Pose = START,
-    wrong: float = 0.0,
-    goals: int = 2,
+    seed: int, *, known: bool = False, off: Pose = START, wrong: float = 0.0, goals: int = 2
 ) -> tuple[Report, Timed]:
     """Two seconds of rest, a turn on the spot, then a tour of the hospital.
 

@@ -8,17 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from offis_scenes import (
-    Scene,
-    Wall,
-    box,
-    corner,
-    corridor,
-    door,
-    ideal_flow,
-    motion,
-    wall_ahead,
-)
+from offis_scenes import Scene, Wall, box, corner, corridor, door, ideal_flow, motion, wall_ahead
 from pydantic import ValidationError
 
 from navfw.flow import grid_points
@@ -31,10 +21,7 @@ SLOW = Twist(0.3, 0.0)
 
 
 def perceive(
-    walls: Iterable[Wall],
-    twist: Twist = SLOW,
-    params: Offis.Params | None = None,
-    **options: Any,
+    walls: Iterable[Wall], twist: Twist = SLOW, params: Offis.Params | None = None, **options: Any
 ) -> Percept:
     flow, _ = ideal_flow(Scene(tuple(walls)), **options)
     return Offis(ROBOT, params).perceive(flow, twist)

@@ -1,19 +1,29 @@
 """From what commands leave behind to results: origin, figures, refusals."""
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from cli_calls import answer, invoke, refusal
-from results_samples import REVISION, mixed_rows, suite_folder
+from docs_pages import ROOT
+from processes import run
+from results_samples import REVISION, bench_result, mixed_rows, suite_folder
 from suite_samples import row
 
 from navfw.errors import InputError
 from navfw.missions import prepare, write_run
 from navfw.recording import RunFolder, machine_kind
-from navfw.results import StoredSuiteResult, StoredValues, collect, load_results, seed_range
+from navfw.results import (
+    StoredSuiteResult,
+    StoredValues,
+    collect,
+    load_results,
+    save_result,
+    seed_range,
+)
 from navfw.suite import SuiteFolder, wilson
 
 
@@ -149,15 +159,31 @@ def test_a_run_is_kept_from_its_folder_or_from_what_it_printed(tmp_path: Path) -
 def test_a_benchmark_is_kept_without_its_raw_data(tmp_path: Path) -> None:
     file = tmp_path / "planning.json"
     file.write_text(json.dumps(answer("bench", "planning", "--places", "200", "--repeats", "3")))
-    edited(file, raw=list(range(99)), pair=[1, 2], deep={"a": {"b": {"c": 1}, "d": 2}})
+    edited(file, raw=list(range(99)), pair=[1, 2], deep={"a": {"b": {"c": {"e": 1}, "d": 2}}})
     result = of_values(file)
     assert result.name == "bench-planning"
     assert result.command == "navfw bench planning --places 200 --repeats 3 --seed 0"
     assert result.seeds == "0"
     assert result.values["pair"] == [1, 2]
-    assert result.values["deep"] == {"a": {"d": 2}}
+    assert result.values["deep"] == {"a": {"b": {"d": 2}}}
     assert "raw" not in result.values
     assert "provenance" not in result.values
+
+
+def test_results_are_measured_anew_by_their_commands(tmp_path: Path) -> None:
+    command, hand = "navfw run empty straight --seed 3 --stack default", "make test-ros"
+    old = bench_result("one", command=command, seeds="3", kind="run")
+    by_hand = bench_result("two", command=hand)
+    for result in (old, by_hand):
+        save_result(tmp_path, result)
+    script = ROOT / "docs" / "measure_results.py"
+    done = run([sys.executable, script, "--data", tmp_path, "--results", tmp_path])
+    assert (done.returncode, done.stdout.splitlines()) == (1, [command, hand])
+    measured, *others = load_results(tmp_path)
+    assert others == [by_hand]
+    assert isinstance(measured, StoredValues)
+    assert measured.values["outcome"] == "reached"
+    assert measured.revision != REVISION
 
 
 def test_seeds_are_one_range() -> None:
