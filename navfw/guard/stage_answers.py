@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import lru_cache, partial
+from operator import is_
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -211,9 +212,8 @@ def _quadrants(value: Any, what: str) -> Mapping[str, Mapping[str, float]]:
     """Degrees of near, middle and far for each quadrant, the four of the image among them."""
     quadrants = _of_mappings(value, what, answers.numbers)
     for name in QUADRANTS:
-        degrees_by_term = quadrants.get(name, {})
         for term in _TERMS:
-            if term not in degrees_by_term:
+            if term not in quadrants.get(name, {}):
                 raise answers.AnswerError(f"quadrants has no {name}.{term}")
     return quadrants
 
@@ -224,12 +224,8 @@ def _of_mappings(
     """A mapping of texts to mappings, each checked; ``value`` itself if nothing has to change."""
     original = answers.mapping(value, what)
     checked = {name: check(item, name) for name, item in original.items()}
-    if type(value) is not MappingProxyType:
-        return checked
-    for name, item in original.items():
-        if checked[name] is not item:
-            return checked
-    return value
+    unchanged = all(map(is_, checked.values(), original.values()))
+    return value if unchanged and type(value) is MappingProxyType else checked
 
 
 def _width(value: Any, what: str) -> float:
@@ -270,9 +266,13 @@ _CHECKS: Mapping[str, Callable[[Any, str], Any]] = {
 
 def _checked(answer: Any, cls: type[T], **checked: Any) -> T:
     """``answer`` as a ``cls``; fields that are not ``checked`` before are by ``_CHECKS``."""
-    names = (name for name in _names_of(cls) if name not in checked)  # type: ignore[arg-type]
-    values = {name: _CHECKS[name](getattr(answer, name), name) for name in names}
-    return answers.rebuilt(answer, cls, **values, **checked)
+    is_same = type(answer) is cls
+    for name in _names_of(cls):  # type: ignore[arg-type]
+        value = getattr(answer, name)
+        if name not in checked:
+            checked[name] = _CHECKS[name](value, name)
+        is_same = is_same and checked[name] is value
+    return answer if is_same else cls(**checked)
 
 
 @lru_cache

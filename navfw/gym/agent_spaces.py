@@ -220,8 +220,8 @@ class LocalMapObservation:
         if odometry is None or not grid.located:
             return {}
         at = _cells_of(odometry.pose, grid.origin, grid.params.cell, grid.size)
-        nearest = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
-        return {"local_map": cv2.warpAffine(grid.log_odds, at, grid.log_odds.shape, flags=nearest)}
+        nearest, cells = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP, grid.log_odds.astype(np.float32)
+        return {"local_map": cv2.warpAffine(cells, at, cells.shape, flags=nearest)}
 
 
 def _cells_of(pose: Pose, origin: tuple[float, float], cell: float, size: int) -> Array:

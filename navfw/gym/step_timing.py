@@ -19,13 +19,13 @@ from navfw.process.work_progress import ProgressCallback, silent, with_progress
 _SEED = 1000
 """Seed of the timed episodes."""
 _OBSERVATIONS: tuple[Observation, ...] = ("percept", "local_map")
-_MODES: dict[str, Any] = {"not drawn": {"drawn": False}, "coarse": {"coarse": True}, "full": {}}
+_MODES: dict[str, Any] = {"undrawn": {"drawn": False}, "coarse": {"coarse": True}, "full": {}}
 
 
 def bench_gym(
     family: str = "rooms", steps: int = 200, repeats: int = 5, report: ProgressCallback = silent
 ) -> dict[str, Any]:
-    """Time ``repeats`` runs of ``steps`` steps in one world of ``family``, for each ``mode``.
+    """Time ``repeats`` runs of ``steps`` steps in one world of ``family``, for six environments.
 
     The action is a twist toward the waypoint. ``steps_per_s`` of processor time, and ``reset_ms``
     of a reset in the same world: median, least and largest. All threads of the process count, of
@@ -39,18 +39,16 @@ def bench_gym(
 
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
-    modes = []
-    for mode, observation in with_progress(
-        [*product(_MODES, _OBSERVATIONS)], "environments", report
-    ):
+    environments, kinds = {}, list(product(_MODES, _OBSERVATIONS))
+    for mode, observation in with_progress(kinds, "environments", report):
         env = MissionEnv(family=family, observation=observation, **_MODES[mode])
         _timed(env, steps)  # compiles and fills caches
         rates, resets = zip(*(_timed(env, steps) for _ in range(repeats)), strict=True)
         env.close()
         figures = {"steps_per_s": _spread(rates), "reset_ms": _spread(resets)}
-        modes.append({"mode": mode, "observation": observation, **figures})
+        environments[f"{mode}-{observation}"] = figures
     cv2.setNumThreads(threads)
-    return {"family": family, "steps": steps, "repeats": repeats, "modes": modes}
+    return {"family": family, "steps": steps, "repeats": repeats, "environments": environments}
 
 
 def _timed(env: MissionEnv, steps: int) -> tuple[float, float]:
@@ -73,14 +71,15 @@ def _spread(values: Sequence[float]) -> dict[str, float]:
     return {"median": median(values), "min": min(values), "max": max(values)}
 
 
-def _cell(key: str, mode: Mapping[str, Any]) -> str:
+def _cell(key: str, record: Mapping[str, Any]) -> str:
     """Median, and the least to the largest."""
-    return "{median:.0f} ({min:.0f} to {max:.0f})".format(**mode[key])
+    return "{median:.0f} ({min:.0f} to {max:.0f})".format(**record[key])
 
 
 def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
-    """Steps a second and the time of a reset, of each mode."""
-    columns = [Column("mode", "mode"), Column("observation", "observation")]
+    """Steps a second and the time of a reset, of each environment."""
+    columns = [Column("environment", "name")]
     for title, key in (("steps/s", "steps_per_s"), ("reset [ms]", "reset_ms")):
         columns.append(Column(title, partial(_cell, key)))
-    yield ResultTable("environments, one core", columns, result["modes"])
+    records = [{"name": name, **figures} for name, figures in result["environments"].items()]
+    yield ResultTable("environments, one core", columns, records)

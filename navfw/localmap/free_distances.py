@@ -71,7 +71,8 @@ def arcs_of(
     free, observed, clearance = np.empty((3, speeds.size, turns.size))
     turn = np.full(turns.size, math.inf)
     robot = occupancy.robot
-    ground, start = ground_of(occupancy, occupancy.footprint_observed), _start(pose)
+    ground = ground_of(occupancy, occupancy.footprint_observed, occupancy.clearance)
+    start = _start(pose)
     if robot.footprint is None:
         radius = robot.radius + margin
         filled = free, observed, clearance
@@ -104,14 +105,19 @@ def free_distance(
     """
     if not (occupancy.located and occupancy.contains(pose.x, pose.y)):
         return FreeDistance(0.0, 0.0)
-    ground = ground_of(occupancy, occupancy.footprint_observed)
     v, w, robot = float(twist.v), float(twist.w), occupancy.robot
+    seen = occupancy.footprint_observed
     if robot.footprint is None:
+        # an obstacle that is 0.2 m beside the body's way, or more, does not bar it
+        near = occupancy.clearance_near(pose.x, pose.y, reach + robot.radius + 0.2)
+        ground = ground_of(occupancy, seen, near)
         contact, unobserved, _ = follow_arc(ground, _start(pose), v, w, robot.radius, reach, 0.0)
     else:
         discs = np.array(robot.discs)
         # about a point within the body, its inner side goes backward
-        ground = ground if v > abs(w) * robot.radius else blind_ground(occupancy)
+        is_forward = v > abs(w) * robot.radius
+        around = occupancy.clearance if is_forward else occupancy.blind_clearance
+        ground = ground_of(occupancy, seen, around)
         contact, unobserved, _ = follow_body(ground, _start(pose), v, w, discs, 0.0, reach, 0.0)
     return FreeDistance(contact, unobserved)
 
@@ -132,9 +138,11 @@ def _angle(free: Array, reach: float) -> Array:
     return np.where(free >= reach, math.inf, TURN * free / reach)
 
 
-def ground_of(occupancy: OccupancyGrid, observed: npt.NDArray[np.uint8]) -> Ground:
+def ground_of(
+    occupancy: OccupancyGrid, observed: npt.NDArray[np.uint8], clearance: Array
+) -> Ground:
     """The arrays that rays are cast through; ``observed`` (n, n) says where floor was seen."""
-    return occupancy.clearance, observed, *occupancy.origin, occupancy.params.cell
+    return clearance, observed, *occupancy.origin, occupancy.params.cell
 
 
 def blind_ground(occupancy: OccupancyGrid) -> Ground:
@@ -143,7 +151,7 @@ def blind_ground(occupancy: OccupancyGrid) -> Ground:
     Beside a doorway the camera has seen a wall's near side only; the corners of a long body turn
     towards its far side.
     """
-    return occupancy.blind_clearance, *ground_of(occupancy, occupancy.footprint_observed)[1:]
+    return ground_of(occupancy, occupancy.footprint_observed, occupancy.blind_clearance)
 
 
 def _start(pose: Pose) -> Start:
@@ -195,7 +203,7 @@ class Ranges:
 def ranges_around(occupancy: OccupancyGrid, pose: Pose, limit: float = 3.0) -> Ranges:
     """Ranges in ``_SECTORS`` directions around odom ``pose``, at most ``limit`` [m]."""
     free, observed = np.empty((2, _SECTORS))
-    ground = ground_of(occupancy, occupancy.observed)
+    ground = ground_of(occupancy, occupancy.observed, occupancy.clearance)
     cast_ranges(ground, _start(pose), _BEARINGS, limit, free, observed)
     rim = _rim(occupancy.robot)
     return Ranges(_BEARINGS, np.maximum(free - rim, 0.0), np.maximum(observed - rim, 0.0), limit)
@@ -208,7 +216,5 @@ def _rim(robot: RobotModel) -> float | Array:
         return robot.radius
     ahead, aside = np.cos(_BEARINGS), np.abs(np.sin(_BEARINGS))
     along = np.where(ahead >= 0.0, footprint.front, footprint.rear)
-    return np.minimum(
-        along / np.maximum(np.abs(ahead), 1e-9),
-        0.5 * footprint.width / np.maximum(aside, 1e-9),
-    )
+    across = 0.5 * footprint.width / np.maximum(aside, 1e-9)
+    return np.minimum(along / np.maximum(np.abs(ahead), 1e-9), across)

@@ -223,10 +223,8 @@ class LocalMap:
 
     def reset(self) -> None:
         """Back to an empty map without a position."""
-        self.occupancy.reset()
-        self.drops.reset()
-        self.sight.reset()
-        self.traversability.reset()
+        for part in (self.occupancy, self.drops, self.sight, self.traversability):
+            part.reset()
         self.local_planner.reset()
 
     def update(

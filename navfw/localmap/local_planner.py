@@ -84,7 +84,8 @@ class Manoeuvres:
         ``value`` is the local planner's cost-to-go; the body keeps ``margin`` [m].
         """
         seen = cv2.dilate(occupancy.observed, _GAPS).astype(np.uint8, copy=False)
-        ground, discs = ground_of(occupancy, seen), np.array(occupancy.robot.discs)
+        ground = ground_of(occupancy, seen, occupancy.clearance)
+        discs = np.array(occupancy.robot.discs)
         same = math.dist(goal, self._goal) <= _GOAL_MOVED
         if self._stalled(pose):
             self._way, self._wait = _NO_WAY, _STALLED
@@ -181,8 +182,7 @@ class LocalPlannerParams(StrictModel):
         float, Field(ge=0.0, le=0.3, description="least clearance of a passable cell [m]")
     ] = 0.04
     leave_price: Annotated[
-        float,
-        Field(ge=0.0, le=2.0, description="extra price of a cell off the last plan's way"),
+        float, Field(ge=0.0, le=2.0, description="extra price of a cell off the last plan's way")
     ] = 0.15
 
 

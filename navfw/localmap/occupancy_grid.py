@@ -148,9 +148,8 @@ class OccupancyGrid:
         if self._origin is None:
             self._origin = corner
         else:
-            shift = [
-                round((new - old) / cell) for new, old in zip(corner, self.origin, strict=True)
-            ]
+            ends = zip(corner, self._origin, strict=True)
+            shift = [round((new - old) / cell) for new, old in ends]
             if max(abs(s) for s in shift) > round(_SHIFT / cell):
                 self.log_odds = shifted(self.log_odds, *shift)
                 self._origin = corner
@@ -189,11 +188,8 @@ class OccupancyGrid:
         confidence = percept.confidence.ravel()
         nearness = percept.nearness.ravel()
         label = percept.label.ravel()
-        kept = (
-            (confidence >= p.min_confidence)
-            & (nearness > 1e-3)
-            & (percept.height.ravel() < p.max_height)
-        )
+        kept = (confidence >= p.min_confidence) & (nearness > 1e-3)
+        kept &= percept.height.ravel() < p.max_height
         if not kept.any():
             return
         confidence = np.where(kept, confidence, 0.0)  # zero weight: no evidence
@@ -205,10 +201,8 @@ class OccupancyGrid:
         rays = rays_of(points.reshape(-1, 2), third, camera.focal, self._base_from_camera, pose.yaw)
         at = self._camera_position(pose)
         self._decay_view(at, pose.yaw, percept.time)
-        hit, free = (
-            confidence * self._hit_weights[label],
-            confidence * (_WEAK_SIGHT if weak else _FREE_WEIGHTS)[label],
-        )
+        hit = confidence * self._hit_weights[label]
+        free = confidence * (_WEAK_SIGHT if weak else _FREE_WEIGHTS)[label]
         self._cast(at, rays, nearness, sigma, hit, free)
 
     def integrate_stixels(self, stixels: Stixels, pose: Pose) -> None:
@@ -233,14 +227,9 @@ class OccupancyGrid:
         return pose.to_parent(self.robot.camera.mount_forward, 0.0)
 
     def _cast(
-        self,
-        at: tuple[float, float],
-        rays: Array,
-        nearness: Array,
-        sigma: Array,
-        hit: Array,
-        free: Array,
+        self, at: tuple[float, float], *evidence: *tuple[Array, Array, Array, Array, Array]
     ) -> None:
+        """Cast and merge ``evidence``: rays, their nearness, sigma, weights of hit and free."""
         p = self.params
         cast_evidence(
             self._hit,
@@ -251,11 +240,7 @@ class OccupancyGrid:
             p.cell,
             *at,
             self.robot.camera.mount_height,
-            rays,
-            nearness,
-            sigma,
-            hit,
-            free,
+            *evidence,
             self._limits,
         )
         clamps = p.clamp_min, p.clamp_max
@@ -323,9 +308,7 @@ class OccupancyGrid:
     @property
     def occupied(self) -> Mask:
         """(n, n) True where a cell is occupied, by its log-odds or by an obstacle that was set."""
-        least = self.params.occupied
-        if self._weak_sight:
-            least = min(least, _WEAK_OCCUPIED)
+        least = min(self.params.occupied, _WEAK_OCCUPIED if self._weak_sight else math.inf)
         return self._painted(self.log_odds >= least, self._obstacles)
 
     def _painted(self, occupied: Mask, discs: tuple[OccupiedDisc, ...]) -> Mask:
@@ -365,6 +348,16 @@ class OccupancyGrid:
         if self._clearance is None:
             self._clearance = self._distances(self.occupied)
         return self._clearance
+
+    def clearance_near(self, x: float, y: float, away: float) -> Array:
+        """(n, n) ``clearance`` of obstacles up to ``away`` [m] off odom x, y along either axis."""
+        if self._clearance is not None:
+            return self._clearance
+        half = math.ceil(away / self.params.cell)
+        window = tuple(slice(max(at - half, 0), at + half + 1) for at in self.index(x, y))
+        near = np.full(self.log_odds.shape, self.params.extent)
+        near[window] = self._distances(self.occupied[window])
+        return near
 
     @property
     def blind_clearance(self) -> Array:

@@ -25,7 +25,7 @@ from navfw.suite.suite_folder import SUMMARY, SuiteFolder
 from navfw.suite.suite_summary import summarize
 from navfw.suite.suitefile import Expect
 
-MAX_DEPTH = 4
+MAX_DEPTH = 5
 """Depth of nested objects up to which the values of a benchmark are kept."""
 
 _MAX_LIST = 4

@@ -88,8 +88,7 @@ class Simulation(BulletConnection):
         self._cause: Literal["robot", "mover"] | None = None
         self._last_pose = start
         self._true_state: tuple[BodyState, Pose] | None = None
-        self._walker_times: list[float] = []
-        self._walker_points: list[Array] = []
+        self._walker_times, self._walker_points = list[float](), list[Array]()
         self._robot_points: list[tuple[float, float]] = []
         self._reading: SensorReading | None = None
         # one generator for each component: draws of one do not change those of another

@@ -80,6 +80,19 @@ def test_free_distance_of_a_twist_is_that_of_its_arc() -> None:
     assert free_distance(occupancy, ORIGIN, Twist(0.0, 1.0)) == (1.0, 1.0)
 
 
+@settings(max_examples=200)
+@given(st.integers(0, 10_000), st.floats(-0.5, 0.8), st.floats(-1.5, 1.5), st.floats(0.2, 1.3))
+def test_only_obstacles_near_its_way_bar_a_twist(seed: int, v: float, w: float, far: float) -> None:
+    occupancy, random = grid_with(), np.random.default_rng(seed)
+    x, y = np.meshgrid(*(start + 0.05 * np.arange(occupancy.size) for start in occupancy.origin))
+    pose = Pose(*random.uniform(-1.0, 1.0, 3))
+    outside = np.hypot(x - pose.x, y - pose.y) > far
+    occupancy.log_odds = np.where(outside & (random.random(x.shape) < 0.1), 2.0, -1.0)
+    free = free_distance(occupancy, pose, Twist(v, w))
+    assert occupancy.clearance.max() > 0.0  # from here on the whole field is known
+    assert free_distance(occupancy, pose, Twist(v, w)) == free
+
+
 def test_clearance_is_the_least_of_the_first_stretch() -> None:
     # boxes beside the way straight on, 0.3 m from its middle
     for x, counts in ((0.3, True), (0.55, True), (0.8, False)):

@@ -159,13 +159,15 @@ def test_a_run_is_kept_from_its_folder_or_from_what_it_printed(tmp_path: Path) -
 def test_a_benchmark_is_kept_without_its_raw_data(tmp_path: Path) -> None:
     file = tmp_path / "planning.json"
     file.write_text(json.dumps(answer("bench", "planning", "--places", "200", "--repeats", "3")))
-    edited(file, raw=list(range(99)), pair=[1, 2], deep={"a": {"b": {"c": {"e": 1}, "d": 2}}})
+    edited(
+        file, raw=list(range(99)), pair=[1, 2], deep={"a": {"b": {"c": {"d": {"e": 1}, "f": 2}}}}
+    )
     result = of_values(file)
     assert result.name == "bench-planning"
     assert result.command == "navfw bench planning --places 200 --repeats 3 --seed 0"
     assert result.seeds == "0"
     assert result.values["pair"] == [1, 2]
-    assert result.values["deep"] == {"a": {"b": {"d": 2}}}
+    assert result.values["deep"] == {"a": {"b": {"c": {"f": 2}}}}
     assert "raw" not in result.values
     assert "provenance" not in result.values
 

@@ -149,10 +149,7 @@ def test_colours_are_those_of_the_file_without_detail_finer_than_resolved(tmp_pa
     ("content", "message"),
     [
         (np.zeros((4000, 5000), np.uint8), "5000 x 4000 pixels, at most 4000000; scale it down"),
-        (
-            np.zeros((10, 300), np.uint8),
-            "300 x 10 pixels; its sides .* factor of 20 .*: cut it",
-        ),
+        (np.zeros((10, 300), np.uint8), "300 x 10 pixels; its sides .* factor of 20 .*: cut it"),
         (b"GIF89a, or not", "give a PNG or JPEG file"),
         (None, "no such file"),
     ],

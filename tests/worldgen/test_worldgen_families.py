@@ -30,15 +30,7 @@ from navfw.sim import (
 )
 from navfw.suite import EntrySpec
 from navfw.topomap import load_map
-from navfw.worldgen import (
-    FAMILIES,
-    LOOKS,
-    MAP_FILE,
-    GeneratedWorld,
-    WorldDraft,
-    furnish,
-    generate,
-)
+from navfw.worldgen import FAMILIES, LOOKS, MAP_FILE, GeneratedWorld, WorldDraft, furnish, generate
 
 Case = tuple[str, int, float]
 Point = tuple[float, float]
@@ -152,9 +144,7 @@ def test_passages_of_the_map_are_free(case: Case) -> None:
 
 @settings(max_examples=8)
 @given(
-    st.sampled_from(sorted(FAMILIES)),
-    st.integers(0, 2**63 - 1),
-    st.floats(0, 1, allow_nan=False),
+    st.sampled_from(sorted(FAMILIES)), st.integers(0, 2**63 - 1), st.floats(0, 1, allow_nan=False)
 )
 def test_any_seed_gives_a_traversable_world(family: str, seed: int, difficulty: float) -> None:
     world = generate(family, seed, difficulty)
