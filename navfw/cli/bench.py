@@ -266,6 +266,6 @@ def real(
     if split not in _SPLITS:
         raise InputError(f"must be one of {', '.join(_SPLITS)}, got {split!r}", key="--split")
     names = flow or [PerceiverOptions().flow, "dis", "lucas_kanade", "farneback"]
-    options = {"data": "DIR", "split": split}
+    options = {"data": "DIR", "split": split, "flow": flow or []}
     measure = partial(bench_real, data, split, names, registry)
     _bench("real", options, measure, tables, json=json, quiet=quiet)

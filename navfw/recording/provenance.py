@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
@@ -75,10 +75,11 @@ def git_revision(folder: Path) -> str | None:
 def provenance(command: str, options: Mapping[str, object]) -> dict[str, Any]:
     """Command line with ``options`` spelt out, seed, revision and kind of machine; plain data.
 
-    >>> provenance("navfw bench loop", {"world": "office", "seed": 0})["command"]
-    'navfw bench loop --world office --seed 0'
+    >>> provenance("navfw bench loop", {"world": "office", "seed": [0, 1]})["command"]
+    'navfw bench loop --world office --seed 0 --seed 1'
     """
-    words = (word for name, value in options.items() for word in (f"--{name}", str(value)))
+    items = {name: v if isinstance(v, list) else [v] for name, v in options.items()}
+    words = (word for name in items for item in items[name] for word in (f"--{name}", str(item)))
     return {
         "command": f"{command} {shlex.join(words)}".rstrip(),
         "seeds": str(options.get("seed", "")),
@@ -89,9 +90,8 @@ def provenance(command: str, options: Mapping[str, object]) -> dict[str, Any]:
 
 def machine_kind() -> dict[str, Any]:
     """Processor model, usable cores, Python version and operating system; no host name."""
-    lines: list[str] = []
-    with suppress(OSError):
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    about = Path("/proc/cpuinfo")
+    lines = about.read_text(encoding="utf-8").splitlines() if about.is_file() else []
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return {
         "processor": (models or [platform.processor()])[0] or platform.machine(),
