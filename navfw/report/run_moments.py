@@ -165,8 +165,10 @@ def _moment(
     if topics.CELLS in content:
         groups = content[topics.CELLS].points
         moment.cells = [(_css(g.outline_color), _points(g, _MAX_POINTS)) for g in groups]
-    if topics.PERCEPT in content:
-        moment.sentence = str(content[topics.PERCEPT]["sentence"])
+    said = [newest[topic] for topic in (topics.PERCEPT, topics.RULES) if topic in newest]
+    if said:  # percepts are recorded more seldom than they decide
+        latest = max(said, key=lambda message: message.time).content
+        moment.sentence = str(latest.get("perception", latest).get("sentence", ""))
     if topics.COMMAND in content:
         moment.command = dict(content[topics.COMMAND])
     if content.get(topics.RULES):
@@ -176,9 +178,8 @@ def _moment(
     if topics.POSE in content:
         moment.estimate = planar_pose(content[topics.POSE])
     if topics.TRANSFORMS in content:
-        _surround(
-            moment, newest, planar_pose(content[topics.TRANSFORMS].transforms[0].transform), maps
-        )
+        odom = planar_pose(content[topics.TRANSFORMS].transforms[0].transform)
+        _surround(moment, newest, odom, maps)
     if topics.PATH in content:
         moment.way = [(p.position.x, p.position.y) for p in content[topics.PATH].poses]
     if topics.PROPOSALS in content:

@@ -18,12 +18,7 @@ from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of,
 from navfw.recording.run_folder import read_result
 from navfw.recording.video_output import VideoOutput
 from navfw.report import run_timeline
-from navfw.report.run_moments import (
-    SHOWN,
-    local_map_picture,
-    moving_obstacles,
-    newest_at_images,
-)
+from navfw.report.run_moments import SHOWN, local_map_picture, moving_obstacles, newest_at_images
 from navfw.signals import Pose
 
 _KEY_HEIGHT = 70
