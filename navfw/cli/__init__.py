@@ -28,12 +28,7 @@ __all__ = ["PANELS", "app", "main"]
 
 PANELS = {
     "Drive": {"run": "run", "replay": "recordings", "perceive": "perceive", "ros": "ros"},
-    "Look": {
-        "list": "listings",
-        "explain": "recordings",
-        "report": "recordings",
-        "export": "bags",
-    },
+    "Look": {"list": "listings", "explain": "recordings", "report": "recordings", "export": "bags"},
     "Make": {"world": "world", "map": "map"},
     "Measure": {"suite": "suite", "tune": "tune"},
     "Project": {
@@ -108,8 +103,7 @@ def _version(wanted: bool) -> None:
 def _root(
     ctx: typer.Context,
     version: Annotated[
-        bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Show the version."),
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
     trust: TrustOnce = False,
 ) -> None:

@@ -125,21 +125,14 @@ _Comparisons = Annotated[
     int, typer.Option(min=10, help="Random inputs for each rule base, also by scikit-fuzzy.")
 ]
 _ViewSeed = Annotated[
-    int | None,
-    typer.Option(min=0, help="Seed of the random views; by default the held-out one."),
+    int | None, typer.Option(min=0, help="Seed of the random views; by default the held-out one.")
 ]
 Workers = Annotated[
     int | None,
     typer.Option(min=1, help="Processes for the parts not timed; by default one per core."),
 ]
-_RecordedData = Annotated[
-    Path | None,
-    typer.Option(help="Folder with the data set approach."),
-]
-_PageFolder = Annotated[
-    Path | None,
-    typer.Option(help="Folder to write a page of tables to."),
-]
+_RecordedData = Annotated[Path | None, typer.Option(help="Folder with the data set approach.")]
+_PageFolder = Annotated[Path | None, typer.Option(help="Folder to write a page of tables to.")]
 
 
 def perception(
@@ -195,8 +188,7 @@ def planning(
 
 def flow(
     data: Annotated[
-        Path | None,
-        typer.Option(help="Folder with the data sets hololens_office and tum_fr1."),
+        Path | None, typer.Option(help="Folder with the data sets hololens_office and tum_fr1.")
     ] = None,
     places: Annotated[
         int,

@@ -33,14 +33,13 @@ if TYPE_CHECKING:
 
 
 _Source = Annotated[
-    list[Path],
-    typer.Argument(help="A folder of images, a video, image files, or a bag."),
+    list[Path], typer.Argument(help="A folder of images, a video, image files, or a bag.")
 ]
 _Hfov = Annotated[
     float | None,
     typer.Option(
         help="Horizontal field of view [degrees]; by default estimated from turns of the camera, or"
-        " 65 along the longer side of the images, as of a phone.",
+        " 65 along the longer side of the images, as of a phone."
     ),
 ]
 _Calibration = Annotated[
@@ -55,7 +54,7 @@ _Speed = Annotated[
     float | None,
     typer.Option(
         help="Forward speed [m/s]. Unknown or 0: times to contact only, unless --height is given"
-        " and the floor is visible.",
+        " and the floor is visible."
     ),
 ]
 _Fps = Annotated[
@@ -71,9 +70,7 @@ _Times = Annotated[
 ]
 _Height = Annotated[
     float | None,
-    typer.Option(
-        help="Height of the camera above the floor [m]; by default from floor and speed.",
-    ),
+    typer.Option(help="Height of the camera above the floor [m]; by default from floor and speed."),
 ]
 _Pitch = Annotated[
     float | None,
@@ -106,7 +103,7 @@ _Grid = Annotated[
 _Stride = Annotated[
     int | None,
     typer.Option(
-        help="Distance between the images of a pair [images]; by default chosen by the flow.",
+        help="Distance between the images of a pair [images]; by default chosen by the flow."
     ),
 ]
 _Overlay = Annotated[
@@ -269,10 +266,7 @@ def _with_lens(
 
 
 def _results(
-    options: PerceiverOptions,
-    images: ImageSource,
-    overlay: Path | None,
-    page: PerceivePage | None,
+    options: PerceiverOptions, images: ImageSource, overlay: Path | None, page: PerceivePage | None
 ) -> Generator[Assessed]:
     """The result of each pair of images and what it assumes; drawn to ``overlay``, ``page``."""
     from navfw.perceive.overlay import draw, open_output

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -11,10 +12,16 @@ from navfw.errors import SimulationError
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import Plugin
 from navfw.mofis.navground import Navground, Surroundings
-from navfw.signals import CameraMotion, Frame, FramePair
+from navfw.numerics.products import product
+from navfw.signals import CameraMotion, Frame, FramePair, MovingObject, Odometry, Pose
 from navfw.sim.shapes import Circle, Shape
 from navfw.sim.simulation import Simulation
 from navfw.stack import Stack
+
+_SEEN = (0.3, 0.9, 1.3, 1.8, 2.3, 2.8, 3.3), (0.6, 0.8, 0.75, 0.6, 0.4, 0.12, 0.0)
+"""Distances [m], and the share of frames in which someone who walks in view there is detected."""
+_ERRORS = 0.05, 0.12, 0.15, 0.15
+"""Standard deviations of a detection's bearing [rad], distance (relative), velocity [m/s]."""
 
 
 class SimulatorTruth:
@@ -43,24 +50,50 @@ class SimulatorTruth:
         """The true camera motion between the frames of ``pair``."""
         return self._simulation.true_motion(pair.past, pair.now)
 
+    def moving_objects(self, frame: Frame, _: Odometry) -> tuple[MovingObject, ...]:
+        """Who walks in view, with misses and errors as measured of drawn images (decision 154)."""
+        simulation, model = self._simulation, self._simulation.robot
+        view = 0.5 * sum(camera.hfov for camera in (model.camera, *model.side_cameras))
+        robot, noise = simulation.true_pose(), simulation.flow_noise
+        in_sight = partial(simulation.plan.straight_path_free, radius=0.01)
+        eye = Pose(*robot.to_parent(model.camera.mount_forward, 0.0), robot.yaw)
+        detections: list[MovingObject] = []
+        for x, y, radius, *velocity in self._walkers(eye):
+            away, bearing = max(math.hypot(x, y) - radius, 0.1), math.atan2(y, x)
+            is_noticed = any(velocity) and noise.random() < np.interp(away, *_SEEN)
+            ends = np.array([[eye.x, eye.y], eye.to_parent(x, y)])
+            if is_noticed and abs(bearing) <= view and in_sight(*ends):
+                *errors, along, across = noise.standard_normal(4) * _ERRORS
+                information = np.eye(2) / _ERRORS[-1] ** 2
+                place = bearing + errors[0], math.atan2(radius, away), away * (1.0 + errors[1])
+                evidence = product(information, np.add(velocity, (along, across)))
+                detections.append(MovingObject(frame.time, *place, information, evidence))
+        return tuple(detections)
+
+    def _walkers(self, frame: Pose) -> list[tuple[float, ...]]:
+        """x, y, radius [m] and velocity [m/s] of each walker, in ``frame``."""
+        walkers: list[tuple[float, ...]] = []
+        for walker in self._simulation.walkers:
+            speed = 0.0 if walker.waiting else walker.spec.speed
+            heading = walker.heading - frame.yaw
+            velocity = speed * math.cos(heading), speed * math.sin(heading)
+            walkers.append((*frame.to_local(walker.x, walker.y), walker.spec.radius, *velocity))
+        return walkers
+
     def surroundings(self, reach: float) -> Surroundings:
         """Solids and moving bodies within ``reach`` [m] of the robot, in base_link."""
         robot = self._simulation.true_pose()
         position = np.array([[robot.x, robot.y]])
         near = [shape for shape in self._present() if float(shape.distance(position)[0]) <= reach]
-        edges, circles, moving = [], [], []
+        edges, circles = [], []
         for shape in near:
             if isinstance(shape, Circle):
                 circles.append([*robot.to_local(shape.x, shape.y), shape.radius])
             else:
                 corners = [robot.to_local(x, y) for x, y in shape.corners]
                 edges += [[corners[i - 1], corners[i]] for i in range(4)]
-        for mover in self._simulation.walkers:
-            if math.hypot(mover.x - robot.x, mover.y - robot.y) - mover.spec.radius <= reach:
-                speed = 0.0 if mover.waiting else mover.spec.speed
-                heading = mover.heading - robot.yaw
-                velocity = (speed * math.cos(heading), speed * math.sin(heading))
-                moving.append([*robot.to_local(mover.x, mover.y), mover.spec.radius, *velocity])
+        walkers = self._walkers(robot)
+        moving = [walker for walker in walkers if math.hypot(*walker[:2]) - walker[2] <= reach]
         return Surroundings(
             np.array(edges, np.float64).reshape(-1, 2, 2),
             np.array(circles, np.float64).reshape(-1, 3),
@@ -83,6 +116,8 @@ def reveal(simulation: Simulation, stack: Stack) -> None:
     truth = SimulatorTruth(simulation)
     if isinstance(stack.vision.flow.plugin, Ideal):
         stack.vision.flow.plugin.set_truth(truth, simulation.flow_noise)
+        if stack.vision.flow.plugin.params.noisy:
+            stack.vision.detect = truth.moving_objects
     for behavior in stack.mofis.behaviors.values():
         if isinstance(behavior, Navground):
             behavior.set_truth(truth)

@@ -14,13 +14,7 @@ from navfw.config.document import KeyPath, key_text
 from navfw.errors import WorldError, did_you_mean
 from navfw.features.landmark_appearance import identity_of, landmark_kind
 from navfw.sim.shapes import OVERLAP_TOLERANCE, Circle, Rectangle, Shape, overlap_depth
-from navfw.sim.solids import (
-    Solid,
-    drop_rectangle,
-    opening_segment,
-    solids_of,
-    wall_segments,
-)
+from navfw.sim.solids import Solid, drop_rectangle, opening_segment, solids_of, wall_segments
 from navfw.sim.surface_patches import plate_axes
 from navfw.sim.textures import STOCK
 from navfw.sim.worldspec import LandmarkPlateSpec, Point, WalkerSpec, WorldSpec

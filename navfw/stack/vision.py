@@ -6,6 +6,7 @@ floor, of heights and of bearings supposes a level camera of fixed pitch.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from navfw import signals
@@ -88,8 +89,15 @@ class View:
         object.__setattr__(self, "percept", next(seen, None))
 
 
+MoverDetection = Callable[[signals.Frame, signals.Odometry], tuple[signals.MovingObject, ...]]
+"""Moving objects in a frame, seen from (about) there."""
+
+
 class Vision:
-    """The stages flow and perception, and what comes before and between them."""
+    """The stages flow and perception, and what comes before and between them.
+
+    ``detect`` finds moving objects; without drawing the simulator's truth takes its place.
+    """
 
     def __init__(
         self,
@@ -113,6 +121,8 @@ class Vision:
             moving_objects=settings.movers.detect,
             stixels=settings.stixels and settings.floor_model and settings.derotate,
         )
+
+        self.detect: MoverDetection = self._detector.detect
 
     def reset(self) -> None:
         """Drop all frames."""
@@ -143,7 +153,7 @@ class Vision:
             if correction is not None:
                 corrections.append(correction)
         with timed(self.timings, "movers"):
-            moving_objects = self._detector.detect(frame, odometry)
+            moving_objects = self.detect(frame, odometry)
             stixels = self._detector.stixels(self._frames.pairs(), odometry)
         return View(tuple(flows), tuple(percepts), moving_objects, stixels, tuple(corrections))
 

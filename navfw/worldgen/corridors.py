@@ -17,15 +17,7 @@ from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.worldspec import DoorSpec, OpeningSpec, RoomSpec
 from navfw.topomap import PlaceKind
 from navfw.worldgen.region_layout import FloorArea, Roadmap, WallLine, boundary_lines, walls_along
-from navfw.worldgen.world_draft import (
-    ROBOT,
-    WALL,
-    Point,
-    Unsuitable,
-    WorldDraft,
-    blend,
-    rounded,
-)
+from navfw.worldgen.world_draft import ROBOT, WALL, Point, Unsuitable, WorldDraft, blend, rounded
 
 Node = tuple[int, int]
 

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from navfw.errors import WorldError
 from navfw.flow import above_horizon
 from navfw.missions import MissionResult, SimulatorTruth, load_mission, prepare
 from navfw.robot import RobotModel
-from navfw.signals import Pose
+from navfw.signals import Odometry, Pose, Twist
 from navfw.sim import SceneGeometry, Simulation, WorldSpec
 from navfw.testing.behavior_scenes import wall_flow
 
@@ -87,6 +88,32 @@ def test_true_surroundings_are_in_base_link() -> None:
     walker = around.walkers[0]
     assert walker[:3] == pytest.approx([-3.0, 1.5, 0.25], abs=0.05)
     assert walker[3:] == pytest.approx([0.4, 0.0], abs=0.01), "it walks the way the robot looks"
+
+
+SCREEN = {"boxes": [{"name": "screen", "at": [-0.8, -2.8], "size": [0.1, 1.5, 1.0]}]}
+
+
+@pytest.mark.parametrize(
+    ("changed", "yaw", "share"), [({}, math.pi, 0.75), ({}, 0.0, 0.0), (SCREEN, math.pi, 0.0)]
+)
+def test_who_walks_in_view_is_noticed_at_times(
+    changed: dict[str, Any], yaw: float, share: float
+) -> None:
+    world = WorldSpec.model_validate(WORLD | changed)
+    with Simulation(world, RobotModel(), Pose(0.0, -2.6, yaw), seed=0) as simulation:
+        truth, frame = SimulatorTruth(simulation), simulation.read().frame
+        assert frame is not None
+        still = Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), 0.0, still=True)
+        seen = [truth.moving_objects(frame, still) for _ in range(400)]
+    found = [one for at_once in seen for one in at_once]
+    assert len(found) / 400 == pytest.approx(share, abs=0.07)
+    if found:
+        ahead = 1.5 - RobotModel().camera.mount_forward
+        assert np.mean([one.bearing for one in found]) == pytest.approx(
+            math.atan2(0.4, ahead), 0.03
+        )
+        speeds = np.mean([one.velocity(usual=10.0) for one in found], axis=0)
+        assert speeds == pytest.approx([0.0, -0.4], abs=0.03)
 
 
 def test_without_a_floor_model_flow_below_the_horizon_is_unknown() -> None:

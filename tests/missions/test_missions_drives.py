@@ -101,10 +101,7 @@ def test_a_mission_s_drop_is_in_its_world_and_on_no_path(tmp_path: Path) -> None
     [
         (DROP.replace("0.8", "0"), r"mission.yaml:5: drops\[0\].depth: expected a number >= 0.05"),
         (DROP.replace("[3, 4]", "[3, 9]"), r"mission.yaml:5: drops\[0\].x: 'shaft' extends beyond"),
-        (
-            DROP.replace("[3, 4]", "[0, 1.5]"),
-            r"mission.yaml:5: drops\[0\].x: 'wall' would have no",
-        ),
+        (DROP.replace("[3, 4]", "[0, 1.5]"), r"mission.yaml:5: drops\[0\].x: 'wall' would have no"),
         (DROP.replace("[3, 4]", "[0.5, 1.5]"), r"mission.yaml:1: start: .*'shaft'"),
     ],
 )

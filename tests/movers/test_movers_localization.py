@@ -9,12 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.egomotion import camera_motion
-from navfw.movers import (
-    direction_sigma,
-    find_stixels,
-    locate_moving_objects,
-    segment_motion,
-)
+from navfw.movers import direction_sigma, find_stixels, locate_moving_objects, segment_motion
 from navfw.movers.motion_segmentation import _floor_ratio
 from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel, SideViews

@@ -86,10 +86,7 @@ def test_more_than_the_interface_is_allowed(thing: Any) -> None:
             build("class Thing: pass"),
             "not derived from a base class of plugins; derive it from one of",
         ),
-        (
-            build("class Thing(Behavior, Planner): pass"),
-            "derived from both Behavior and Planner",
-        ),
+        (build("class Thing(Behavior, Planner): pass"), "derived from both Behavior and Planner"),
         (Behavior, "this is the base class itself"),
         (body(OK, name="pass"), 'no name; write: name: ClassVar[str] = "thing"'),
         (body(OK, name="name = 3"), "name must be text, got int"),

@@ -12,10 +12,7 @@ from navfw.recording import deserialize_cdr, ros_message
 
 STRAIGHT = "empty", "straight"
 POSE = "geometry_msgs/msg/PoseStamped"
-GOAL = ros_message(
-    POSE,
-    {"header": {"frame_id": "map"}, "pose": {"position": {"x": 2.0}}},
-)
+GOAL = ros_message(POSE, {"header": {"frame_id": "map"}, "pose": {"position": {"x": 2.0}}})
 
 
 def between(begin: float, end: float, graph: Graph, topic: str) -> None:

@@ -8,16 +8,7 @@ import numpy as np
 import pytest
 from architecture_sources import ROOT, imports, tree_of
 from flow_scene import rotational_flow
-from stack_samples import (
-    GOAL,
-    OFFIS,
-    ROBOT,
-    START,
-    context_of,
-    drive,
-    sample_stack,
-    wall_view,
-)
+from stack_samples import GOAL, OFFIS, ROBOT, START, context_of, drive, sample_stack, wall_view
 
 from navfw.egomotion import FloorOdometry, Odometer
 from navfw.guard import GuardedFlow, GuardedPerception, PluginGuard

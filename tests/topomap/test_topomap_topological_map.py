@@ -165,11 +165,7 @@ PROBLEMS: Mapping[str, tuple[TopoMap, float | None, set[str]]] = {
     ),
     "places at one point": (row(A, B, Place("twin", 4.01, 0.0)), None, {"duplicate twin"}),
     "a wall across a passage": (row(A, B, C), 2.0, {"blocked a - b"}),
-    "a wall near a place": (
-        row(A, B, C),
-        4.1,
-        {"in-wall b", "blocked a - b", "blocked b - c"},
-    ),
+    "a wall near a place": (row(A, B, C), 4.1, {"in-wall b", "blocked a - b", "blocked b - c"}),
     "a curved passage, of unknown way": (TopoMap("m", [A, B], [joined(A, B, 9.0)]), 2.0, set()),
     "a width above the free width": (WIDE, 2.0, {"width low - down"}),
     "the free width": (FAIR, 2.0, set()),
