@@ -19,7 +19,7 @@ from navfw.sim.simulation import Simulation
 from navfw.stack import Stack
 
 _SEEN = (0.3, 0.9, 1.3, 1.8, 2.3, 2.8, 3.3), (0.6, 0.8, 0.75, 0.6, 0.4, 0.12, 0.0)
-"""Distances [m], and the share of frames in which someone who walks in view there is detected."""
+"""Distances [m], and the share of frames in which who walks in view so far away is detected."""
 _ERRORS = 0.05, 0.12, 0.15, 0.15
 """Standard deviations of a detection's bearing [rad], distance (relative), velocity [m/s]."""
 
@@ -70,14 +70,14 @@ class SimulatorTruth:
                 detections.append(MovingObject(frame.time, *place, information, evidence))
         return tuple(detections)
 
-    def _walkers(self, frame: Pose) -> list[tuple[float, ...]]:
-        """x, y, radius [m] and velocity [m/s] of each walker, in ``frame``."""
+    def _walkers(self, axes: Pose) -> list[tuple[float, ...]]:
+        """x, y, radius [m] and velocity [m/s] of each walker, in the frame of ``axes``."""
         walkers: list[tuple[float, ...]] = []
         for walker in self._simulation.walkers:
             speed = 0.0 if walker.waiting else walker.spec.speed
-            heading = walker.heading - frame.yaw
+            heading = walker.heading - axes.yaw
             velocity = speed * math.cos(heading), speed * math.sin(heading)
-            walkers.append((*frame.to_local(walker.x, walker.y), walker.spec.radius, *velocity))
+            walkers.append((*axes.to_local(walker.x, walker.y), walker.spec.radius, *velocity))
         return walkers
 
     def surroundings(self, reach: float) -> Surroundings:
