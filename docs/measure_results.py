@@ -10,7 +10,6 @@ in a command stands for the folder of recordings, or of BARN's worlds in it::
 from __future__ import annotations
 
 import argparse
-import re
 import shlex
 import subprocess
 import sys
@@ -22,6 +21,7 @@ from navfw.recording import code_revision
 from navfw.results import StoredResult, collect, load_results, save_result
 
 RESULTS = Path(__file__).parent / "results"
+_VARIANT = " --variant "
 _OPTIONS = {
     "suite": ["--workers", "2", "--quiet", "--out", "out"],
     "run": ["--quiet", "--out", "out"],
@@ -31,7 +31,8 @@ _OPTIONS = {
 
 def measured(command: str, results: Sequence[StoredResult], data: Path) -> Iterator[StoredResult]:
     """What ``command`` gives, in the place of ``results``: those of one suite, run or benchmark."""
-    kind, alone = results[0].kind, results[0].name if len(results) == 1 else None
+    kind = results[0].kind
+    alone = None if _VARIANT in results[0].command else results[0].name
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder, "out")
         Path(folder, "DIR").symlink_to(data.resolve() / ("barn" if kind == "suite" else ""))
@@ -51,8 +52,7 @@ def main() -> int:
     asked = parser.parse_args()
     by_command: dict[str, list[StoredResult]] = {}
     for result in load_results(asked.results):
-        command = re.sub(r" --variant \S+$", "", result.command)
-        by_command.setdefault(command, []).append(result)
+        by_command.setdefault(result.command.split(_VARIANT)[0], []).append(result)
     by_hand = 0
     for command, results in by_command.items():
         new = all(result.revision == code_revision() for result in results)

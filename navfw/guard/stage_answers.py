@@ -212,8 +212,9 @@ def _quadrants(value: Any, what: str) -> Mapping[str, Mapping[str, float]]:
     """Degrees of near, middle and far for each quadrant, the four of the image among them."""
     quadrants = _of_mappings(value, what, answers.numbers)
     for name in QUADRANTS:
+        degrees_by_term = quadrants.get(name, {})
         for term in _TERMS:
-            if term not in quadrants.get(name, {}):
+            if term not in degrees_by_term:
                 raise answers.AnswerError(f"quadrants has no {name}.{term}")
     return quadrants
 
@@ -266,13 +267,9 @@ _CHECKS: Mapping[str, Callable[[Any, str], Any]] = {
 
 def _checked(answer: Any, cls: type[T], **checked: Any) -> T:
     """``answer`` as a ``cls``; fields that are not ``checked`` before are by ``_CHECKS``."""
-    is_same = type(answer) is cls
-    for name in _names_of(cls):  # type: ignore[arg-type]
-        value = getattr(answer, name)
-        if name not in checked:
-            checked[name] = _CHECKS[name](value, name)
-        is_same = is_same and checked[name] is value
-    return answer if is_same else cls(**checked)
+    names = (name for name in _names_of(cls) if name not in checked)  # type: ignore[arg-type]
+    values = {name: _CHECKS[name](getattr(answer, name), name) for name in names}
+    return answers.rebuilt(answer, cls, **values, **checked)
 
 
 @lru_cache

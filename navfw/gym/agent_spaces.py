@@ -220,7 +220,8 @@ class LocalMapObservation:
         if odometry is None or not grid.located:
             return {}
         at = _cells_of(odometry.pose, grid.origin, grid.params.cell, grid.size)
-        nearest, cells = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP, grid.log_odds.astype(np.float32)
+        nearest = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+        cells = grid.log_odds.astype(np.float32)
         return {"local_map": cv2.warpAffine(cells, at, cells.shape, flags=nearest)}
 
 

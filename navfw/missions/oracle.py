@@ -109,15 +109,15 @@ class SimulatorTruth:
         return permanent + [p.shape for p in changes.presences if p.begin <= now < p.end]
 
 
-def reveal(simulation: Simulation, stack: Stack) -> None:
-    """Give ``stack`` the truth of ``simulation``, if its stack file has ``oracle: true``."""
+def reveal(simulation: Simulation, stack: Stack, *, drawn: bool = True) -> None:
+    """Give ``stack`` the truth, if its file has ``oracle: true``; not ``drawn``, of walkers too."""
     if not stack.resolved.settings.oracle:
         return
     truth = SimulatorTruth(simulation)
     if isinstance(stack.vision.flow.plugin, Ideal):
         stack.vision.flow.plugin.set_truth(truth, simulation.flow_noise)
-        if stack.vision.flow.plugin.params.noisy:
-            stack.vision.detect = truth.moving_objects
+    if not drawn:
+        stack.vision.detect = truth.moving_objects
     for behavior in stack.mofis.behaviors.values():
         if isinstance(behavior, Navground):
             behavior.set_truth(truth)

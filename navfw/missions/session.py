@@ -107,7 +107,7 @@ class Session:
             drawn=self.drawn,
             coarse=self.coarse,
         )
-        reveal(simulation, self.stack)
+        reveal(simulation, self.stack, drawn=self.drawn)
         return simulation
 
     def run(
@@ -194,13 +194,13 @@ class SteppedSession:
         if simulator is None:
             return
         spent, stack = simulator.timings, self.session.stack
-        landmarks = {"landmark_frames": spent.landmarks}
+        larger = stack.features.plugin.landmark_frames
         self._of_simulator = {
             "timings": {
                 "render": spent.render,
                 "physics": spent.physics,
                 "sensors": spent.sensors,
-                **(landmarks if stack.features.plugin.landmark_frames else {}),
+                **({"landmark_frames": spent.landmarks} if larger else {}),
                 **stack.timings,
             },
             "collision_cause": simulator.collision_cause,
