@@ -74,6 +74,14 @@ _DISC_RADIUS = 0.6
 """Radius of a missing spot as an obstacle, in sides of the spot: nearly up to its corners."""
 
 
+_MIN_SPEED, _MAX_TURN = 0.15, 0.4
+"""Speed [m/s] and rate of turn [rad/s] between which the robot drives straight on."""
+
+
+_COVERED = 1.5
+"""Distance [m] up to which the map says that something stands on the end of a leg."""
+
+
 class DropMap:
     """Votes for and against missing floor, by spots of floor in the odom frame (METHOD 2.8).
 
@@ -242,8 +250,11 @@ class LocalMap:
         if not self.params.memory:
             self.occupancy.reset()
         self.occupancy.update(odometry.pose, odometry.time)
+        is_straight = odometry.twist.v > _MIN_SPEED and abs(odometry.twist.w) < _MAX_TURN
         for percept in percepts:
             self.sight.observe(percept)
+            if is_straight and self.sight.appeared:
+                self.occupancy.doubt_view(seen_from)
             if percept.sees_depth:
                 self.occupancy.integrate(percept, seen_from, weak=self.sight.weak)
                 self.drops.integrate(percept, seen_from)
@@ -298,6 +309,18 @@ class LocalMap:
         pose, time = odometry.pose, odometry.time
         if not (self.occupancy.located and self.traversability.due(time)):
             return None
-        passages = self.traversability.check(self.occupancy, queries(), pose, belief, time)
+        asked = queries()
+        passages = self.traversability.check(self.occupancy, asked, pose, belief, time)
         drops = (pose.to_local(*point) for point in self.drops.points())
-        return PassageReport(time, passages, tuple(belief.pose.to_parent(*drop) for drop in drops))
+        covered = (query.end for query in asked if self._covers(query.end, pose, belief))
+        in_map = tuple(belief.pose.to_parent(*drop) for drop in drops)
+        return PassageReport(time, passages, in_map, tuple(covered))
+
+    def _covers(self, end: tuple[float, float], pose: Pose, belief: Belief) -> bool:
+        """Whether something near stands on ``end`` [m, map], so that the body has no room there."""
+        local, occupancy = belief.pose.to_local(*end), self.occupancy
+        if math.hypot(*local) > _COVERED or belief.sigma > self.params.traversability.max_sigma:
+            return False
+        return bool(
+            occupancy.clearance[occupancy.index(*pose.to_parent(*local))] < occupancy.robot.radius
+        )

@@ -46,6 +46,8 @@ _LOW_PASS = 0.15
 """Height [m] below which a passing ray is full evidence for a free cell."""
 _WALL_DEPTH = 0.15
 """Depth [m] behind what is seen of a wall that may be wall as well, unless it is observed free."""
+_DOUBT = 1.6
+"""Distance [m] from the camera up to which the floor is in doubt when something has appeared."""
 _SHIFT = 0.4
 """Distance [m] from the grid's centre at which the grid is shifted; shifting costs a copy."""
 
@@ -133,6 +135,7 @@ class OccupancyGrid:
         self._weak_sight = False
         self._obstacles: tuple[OccupiedDisc, ...] = ()
         self._walls: Array = np.empty((0, 2))
+        self._doubted: Array = np.zeros(self.log_odds.shape)
         self._clearance: Array | None = None
         self._blind_clearance: Array | None = None
         self._observed: npt.NDArray[np.uint8] | None = None
@@ -152,6 +155,7 @@ class OccupancyGrid:
             shift = [round((new - old) / cell) for new, old in ends]
             if max(abs(s) for s in shift) > round(_SHIFT / cell):
                 self.log_odds = shifted(self.log_odds, *shift)
+                self._doubted = shifted(self._doubted, *shift)
                 self._origin = corner
         if self._time is not None and time > self._time:
             self.log_odds *= math.exp((self._time - time) / self.params.decay)
@@ -199,11 +203,24 @@ class OccupancyGrid:
         # to either side, keep distant walls from falling apart into dots.
         third = (points[0, -1, 0] - points[0, 0, 0]) / max(points.shape[1] - 1, 1) / 3.0
         rays = rays_of(points.reshape(-1, 2), third, camera.focal, self._base_from_camera, pose.yaw)
-        at = self._camera_position(pose)
-        self._decay_view(at, pose.yaw, percept.time)
+        since = 0.0 if self._last_view is None else max(0.0, percept.time - self._last_view)
+        self._last_view = percept.time
+        self._scale_view(self.log_odds, pose, 0.0, p.range, math.exp(-since / p.view_decay))
         hit = confidence * self._hit_weights[label]
         free = confidence * (_WEAK_SIGHT if weak else _FREE_WEIGHTS)[label]
-        self._cast(at, rays, nearness, sigma, hit, free)
+        self._cast(self._camera_position(pose), rays, nearness, sigma, hit, free)
+
+    def doubt_view(self, pose: Pose) -> None:
+        """From now on the floor in view from odom ``pose`` is occupied unless it is observed free.
+
+        What has appeared there hides most of the floor that it stands on, and a robot that stops
+        before it has no parallax to see its near side either.
+        """
+        view = np.full(self.log_odds.shape, -1.0)
+        for grid in (view, self.log_odds):
+            self._scale_view(grid, pose, self._limits[-1], _DOUBT, 0.0)
+        self._doubted[view == 0.0] = 1.0
+        self._forget_derived()
 
     def integrate_stixels(self, stixels: Stixels, pose: Pose) -> None:
         """Add the evidence of ``stixels``, observed from odom ``pose``: hits, no free space."""
@@ -231,34 +248,19 @@ class OccupancyGrid:
     ) -> None:
         """Cast and merge ``evidence``: rays, their nearness, sigma, weights of hit and free."""
         p = self.params
-        cast_evidence(
-            self._hit,
-            self._free,
-            self.log_odds,
-            self.origin[0],
-            self.origin[1],
-            p.cell,
-            *at,
-            self.robot.camera.mount_height,
-            *evidence,
-            self._limits,
-        )
+        grids, height = (self._hit, self._free, self.log_odds), self.robot.camera.mount_height
+        cast_evidence(*grids, *self.origin, p.cell, *at, height, *evidence, self._limits)
         clamps = p.clamp_min, p.clamp_max
         merge_evidence(self.log_odds, self._hit, self._free, p.hit, p.miss, *clamps)
         self._forget_derived()
 
-    def _decay_view(self, at: tuple[float, float], yaw: float, time: float) -> None:
-        since = 0.0 if self._last_view is None else max(0.0, time - self._last_view)
-        self._last_view = time
-        decay_view(
-            self.log_odds,
-            (at[1] - self.origin[1]) / self.params.cell,
-            (at[0] - self.origin[0]) / self.params.cell,
-            yaw,
-            math.tan(0.5 * self.robot.camera.hfov),
-            self.params.range / self.params.cell,
-            math.exp(-since / self.params.view_decay),
-        )
+    def _scale_view(self, grid: Array, pose: Pose, near: float, far: float, keep: float) -> None:
+        """Scale what is negative in the view, from ``near`` to ``far`` [m], of odom ``pose``."""
+        x, y = self._camera_position(pose)
+        cell = self.params.cell
+        at = (y - self.origin[1]) / cell, (x - self.origin[0]) / cell
+        slope = math.tan(0.5 * self.robot.camera.hfov)
+        decay_view(grid, *at, pose.yaw, slope, near / cell, far / cell, keep)
 
     def set_obstacles(self, discs: tuple[OccupiedDisc, ...]) -> None:
         """Count ``discs`` as occupied until the next call, whatever the log-odds."""
@@ -307,9 +309,12 @@ class OccupancyGrid:
 
     @property
     def occupied(self) -> Mask:
-        """(n, n) True where a cell is occupied, by its log-odds or by an obstacle that was set."""
+        """(n, n) True where a cell is occupied, by log-odds, in doubt, or by a set obstacle."""
         least = min(self.params.occupied, _WEAK_OCCUPIED if self._weak_sight else math.inf)
-        return self._painted(self.log_odds >= least, self._obstacles)
+        occupied = self.log_odds >= least
+        if self._doubted.any():
+            occupied |= (self._doubted > 0.0) & (cv2.dilate(self.observed, _GAP) == 0)
+        return self._painted(occupied, self._obstacles)
 
     def _painted(self, occupied: Mask, discs: tuple[OccupiedDisc, ...]) -> Mask:
         """``occupied`` (n, n) and all cells within ``discs``."""

@@ -41,6 +41,8 @@ _STRIDE = 4
 _SUDDEN = 0.5
 """Ratio of the newest percept's share of cells to the mean below which the path has changed: pairs
 of frames from before and after something appeared there do not match."""
+_APPEARED = 0.6
+"""The same below which something has appeared: driving straight on, static paths stay above 0.7."""
 SHARE = 0.15
 """Weight of the newest percept in the mean over the percepts so far: single ones vary."""
 
@@ -85,6 +87,14 @@ class PathSight:
     def changed(self) -> bool:
         """Whether the newest percept has suddenly matched far less of the path than before."""
         return self._newest < _SUDDEN * self.texture
+
+    @property
+    def appeared(self) -> bool:
+        """Whether something has appeared on the path, which was well seen.
+
+        It holds while driving straight on: a turn brings other things into view.
+        """
+        return self.texture >= _WEAK and self._newest < _APPEARED * self.texture
 
     @property
     def none(self) -> bool:

@@ -144,13 +144,20 @@ def merge_evidence(
 
 @numba.njit(cache=True)
 def decay_view(
-    log_odds: Array, row: float, column: float, yaw: float, slope: float, reach: float, keep: float
+    log_odds: Array,
+    row: float,
+    column: float,
+    yaw: float,
+    slope: float,
+    near: float,
+    reach: float,
+    keep: float,
 ) -> None:
     """Scale the free evidence within the view by ``keep``, in place.
 
     The view is a wedge from the camera at (row, column) [cells] along ``yaw`` [rad], ``slope``
-    (tangent) to either side and ``reach`` [cells] deep. Free floor in view is confirmed by every
-    frame; where it is not, a moving object may have entered it.
+    (tangent) to either side, from ``near`` to ``reach`` [cells] ahead. Free floor in view is
+    confirmed by every frame; where it is not, a moving object may have entered it.
     """
     size = log_odds.shape[0]
     c, s = math.cos(yaw), math.sin(yaw)
@@ -162,5 +169,5 @@ def decay_view(
             if log_odds[i, j] < 0.0:
                 ahead = (j - column) * c + (i - row) * s
                 aside = (i - row) * c - (j - column) * s
-                if 0.0 < ahead < reach and abs(aside) <= slope * ahead:
+                if near < ahead < reach and abs(aside) <= slope * ahead:
                     log_odds[i, j] *= keep

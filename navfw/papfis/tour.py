@@ -165,6 +165,8 @@ def _unit(x: float, y: float) -> Point | None:
     return None if length < 1e-9 else (x / length, y / length)
 
 
+_MAX_COVERED = 2
+"""Reports in a row by which something stands on a waypoint, until it is passed over."""
 _QUERY_RANGE = 2.5
 """Distance along the path up to which passages are queried [m] (METHOD 4.3)."""
 
@@ -199,6 +201,7 @@ class Tour:
         self._goals = list(goals)
         self._ahead: list[Waypoint] = []
         self._came_from: Point = (0.0, 0.0)
+        self._covered = 0
         self.route: Route | None = None
         self.replans = 0
         self.no_route_reason: str | None = None
@@ -236,6 +239,21 @@ class Tour:
         ahead = {frozenset(w.passage) for w in self._ahead if w.passage is not None}
         if self.route is not None and changed and (self.no_route_reason or ahead & changed):
             self._replan(at)
+
+    def pass_over(self, covered: Sequence[Point], at: Point) -> None:
+        """Pass the next waypoint over from ``at`` if it stays ``covered``, but no goal and no door.
+
+        The way round what stands on it leads to the waypoint after it.
+        """
+        ahead = next(iter(self._ahead), None)
+        if ahead is None or ahead.final or ahead.kind == "door":
+            self._covered = 0
+            return
+        self._covered = self._covered + 1 if (ahead.x, ahead.y) in covered else 0
+        if self._covered == _MAX_COVERED:
+            self._covered = 0
+            self._advance(1, at)
+            self._came_from = at
 
     def next_waypoint(self, at: Point, *, sure: bool = True) -> Waypoint | None:
         """The waypoint to drive to from ``at`` (x, y) [m]; None when the last goal is reached.

@@ -110,12 +110,14 @@ class PassageReport:
 
     ``passages`` are the queries that could be judged, in their order: "open" if a path through the
     leg was observed free, "closed" if observed obstacles leave none, "unknown" otherwise. ``drops``
-    are points (x, y) [m] in ``map`` where the floor is missing.
+    are points (x, y) [m] in ``map`` where the floor is missing, ``covered`` ends of legs on which
+    something stands.
     """
 
     time: float
     passages: tuple[tuple[PassageQuery, PassageStatus], ...] = ()
     drops: tuple[tuple[float, float], ...] = ()
+    covered: tuple[tuple[float, float], ...] = ()
 
 
 Explain = Callable[[int, int], Sequence[Mapping[str, Any]]]

@@ -110,13 +110,13 @@ def test_a_frame_is_merged_by_the_formula_and_leaves_empty_layers(seed: int) -> 
 def test_only_free_cells_in_view_decay(seed: int, yaw: float, row: float, column: float) -> None:
     rng = np.random.default_rng(seed)
     log_odds = rng.uniform(-1.5, 3.0, (31, 31))
-    slope, reach = rng.uniform(0.2, 2.0), rng.uniform(2.0, 30.0)
+    slope, near, reach = rng.uniform(0.2, 2.0), rng.uniform(0.0, 3.0), rng.uniform(2.0, 30.0)
     i, j = np.mgrid[:31, :31]
     ahead = (j - column) * math.cos(yaw) + (i - row) * math.sin(yaw)
     aside = (i - row) * math.cos(yaw) - (j - column) * math.sin(yaw)
-    inside = (ahead > 0.0) & (ahead < reach) & (np.abs(aside) <= slope * ahead)
+    inside = (ahead > near) & (ahead < reach) & (np.abs(aside) <= slope * ahead)
     expected = np.where(inside & (log_odds < 0.0), 0.5 * log_odds, log_odds)
-    decay_view(log_odds, row, column, yaw, slope, reach, 0.5)
+    decay_view(log_odds, row, column, yaw, slope, near, reach, 0.5)
     np.testing.assert_array_equal(log_odds, expected)
 
 
@@ -262,5 +262,5 @@ def test_the_larger_evidence_of_two_rays_counts() -> None:
 
 def test_the_view_ends_before_its_reach() -> None:
     log_odds = np.full((9, 9), -1.0)
-    decay_view(log_odds, 2.0, 1.0, 0.0, 0.5, 4.0, 0.5)
+    decay_view(log_odds, 2.0, 1.0, 0.0, 0.5, 0.0, 4.0, 0.5)
     assert log_odds[2].tolist() == [-1.0, -1.0, -0.5, -0.5, -0.5, -1.0, -1.0, -1.0, -1.0]

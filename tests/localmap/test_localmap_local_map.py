@@ -24,7 +24,17 @@ from navfw.localmap import (
 )
 from navfw.offis import Offis
 from navfw.robot import RobotModel
-from navfw.signals import Belief, Label, Odometry, PassageReport, Percept, Pose, Twist
+from navfw.signals import (
+    Belief,
+    Label,
+    OccupiedDisc,
+    Odometry,
+    PassageQuery,
+    PassageReport,
+    Percept,
+    Pose,
+    Twist,
+)
 from navfw.testing.behavior_scenes import wall_flow
 
 TARGET = (3.0, 1.0)
@@ -115,6 +125,26 @@ def test_there_is_no_room_outside_the_grid(side: tuple[float, float]) -> None:
     for cells, inside in ((size // 2, True), (size // 2 + 1, False)):
         pose = Pose(side[0] * cells * cell, side[1] * cells * cell, inward)
         assert chosen.free_distance(pose, AHEAD).contact == (1.0 if inside else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("x", "sigma", "covered"),
+    [(1.0, 0.1, True), (1.0, 0.5, False), (0.5, 0.1, False), (1.8, 0.1, False)],
+)
+def test_a_report_names_near_ends_of_legs_on_which_something_stands(
+    x: float, sigma: float, covered: bool
+) -> None:
+    chosen = all_free()
+    for ahead in (1.0, 1.8):
+        chosen.occupancy.log_odds[chosen.occupancy.index(ahead, 0.1)] = 3.0
+    chosen.occupancy.set_obstacles((OccupiedDisc(3.0, 0.0, 0.1),))
+    at, end = Pose(5.0, 2.0, math.pi / 2), (5.0, 2.0 + x)  # the robot in the map
+    query = PassageQuery(("a", "b"), (at.x, at.y), end, 1.0)
+    belief = Belief(0.0, at, np.diag([sigma**2, sigma**2, 0.01]))
+    odometry = Odometry(0.0, ORIGIN, AHEAD, 0.0, still=False)
+    report = chosen.passage_report(lambda: [query], odometry, belief)
+    assert report is not None
+    assert report.covered == ((end,) if covered else ())
 
 
 # --- drops ----------------------------------------------------------------------------------------

@@ -241,6 +241,31 @@ def test_free_floor_within_view_has_to_be_observed_again() -> None:
     assert occupancy.log_odds[aside] < -0.8
 
 
+@pytest.mark.parametrize("pose", [ORIGIN, Pose(0.3, -0.2, 2.0)])
+def test_the_floor_in_view_is_in_doubt_until_it_is_observed_again(pose: Pose) -> None:
+    occupancy = grid_with()
+    occupancy.update(pose, 0.0)
+    near, middle, far, aside, back = (
+        occupancy.index(*pose.to_parent(x, y))
+        for x, y in ((0.2, 0.0), (1.0, 0.0), (1.9, 0.0), (1.0, 1.4), (-1.0, 0.0))
+    )
+    occupancy.doubt_view(pose)
+    seen = [bool(occupancy.occupied[at]) for at in (near, middle, far, aside, back)]
+    assert seen == [False, True, False, False, False]
+    assert occupancy.clearance[middle] == 0.0
+    assert not occupancy.observed[middle]
+    for k in range(4):  # rays that pass
+        occupancy.integrate(percept_of(0.1 * k, 2.5, Label.OBSTACLE), pose)
+    assert not occupancy.occupied[middle]
+    occupancy.doubt_view(pose)
+    later = Pose(pose.x + 0.6, pose.y, pose.yaw)
+    occupancy.update(later, 1.0)
+    assert occupancy.occupied[occupancy.index(*pose.to_parent(1.0, 0.0))], "it moves with the grid"
+    occupancy.reset()
+    occupancy.update(pose, 0.0)
+    assert not occupancy.occupied.any()
+
+
 def test_the_footprint_is_observed_where_the_floor_beside_it_is() -> None:
     occupancy = grid_with(observed=False)
     occupancy.log_odds[:] = 0.0

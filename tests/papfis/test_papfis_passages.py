@@ -35,12 +35,13 @@ class Drive:
         times: int = 1,
         ends: tuple[str, str] = NEAR_FAR,
         drops: tuple[Point, ...] = (),
+        covered: tuple[Point, ...] = (),
     ) -> Waypoint:
         for _ in range(times):
             self.time += 1.0
             queries = [q for q in self.papfis.queries if frozenset(q.passage) == frozenset(ends)]
             passages = tuple((query, status) for query in queries)
-            self.papfis.observe(PassageReport(self.time, passages, drops))
+            self.papfis.observe(PassageReport(self.time, passages, drops, covered))
             self._update()
         return self._update()
 
@@ -223,3 +224,23 @@ def test_an_empty_report_changes_nothing(start: tuple[float, float]) -> None:
     drive.papfis.observe(PassageReport(1.0))
     drive.wait(1.0)
     assert drive.ahead == before
+
+
+def test_a_waypoint_on_which_something_stands_is_passed_over_after_two_reports() -> None:
+    drive = on_the_way(STRAIGHT)
+    drive.report("unknown", covered=(AT["far"],))
+    drive.report("unknown")
+    drive.report("unknown", covered=(AT["far"],))
+    assert drive.ahead == ["far", "end"], "two reports, but not in a row"
+    drive.report("unknown", covered=(AT["far"], AT["end"]))
+    assert drive.ahead == ["end"]
+    drive.report("unknown", 4, covered=(AT["end"],))
+    assert drive.ahead == ["end"], "a goal is not passed over"
+
+
+def test_a_door_on_which_something_stands_is_not_passed_over() -> None:
+    drive = Drive(row(START, NEAR, replace(FAR, kind="door"), END, width=1.5))
+    drive.go(0, 0)
+    drive.go(2.9, 0)
+    drive.report("unknown", 4, covered=(AT["far"],))
+    assert drive.ahead == ["far", "end"]

@@ -8,7 +8,7 @@ import pytest
 from behavior_samples import scene
 from safety_samples import ROBOT, monitor_with, odometry, picture, reading
 
-from navfw.localmap import PathSight
+from navfw.localmap import LocalMap, PathSight
 from navfw.numerics import Array, Image
 from navfw.safety import MOVED, MOVED_SLIGHTLY, SafetyMonitor, Senses
 from navfw.signals import Percept, Twist
@@ -126,6 +126,33 @@ def test_single_percepts_do_not_change_the_judgement() -> None:
     for _ in range(20):
         sight.observe(percept(0.0))
     assert sight.none
+
+
+@pytest.mark.parametrize(
+    ("before", "share", "appeared"),
+    [(1.0, 0.4, True), (1.0, 0.7, False), (0.5, 0.0, False), (0.8, 0.2, True)],
+)
+def test_where_the_path_was_well_seen_a_sudden_loss_is_something_that_has_appeared(
+    before: float, share: float, appeared: bool
+) -> None:
+    sight = seen_by(*(percept(before) for _ in range(30)))
+    assert not sight.appeared
+    sight.observe(percept(share))
+    assert sight.appeared is appeared
+
+
+@pytest.mark.parametrize(
+    ("twist", "doubted"), [(Twist(0.3, 0.1), True), (Twist(0.3, 0.6), False), (AHEAD, False)]
+)
+def test_what_appears_before_a_robot_that_drives_straight_on_bars_its_way(
+    twist: Twist, doubted: bool
+) -> None:
+    chosen = LocalMap(ROBOT)
+    for k in range(31):
+        measured = replace(odometry(0.1 * k, 0.0), twist=twist)
+        shown = replace(percept(1.0 if k < 30 else 0.2), time=0.1 * k)
+        chosen.update(measured, [shown], None, measured.pose)
+    assert (chosen.free_distance(measured.pose, Twist(0.3, 0.0)).contact < 1.0) is doubted
 
 
 def textured(contrast: float, seed: int = 0, blur: float = 1.0) -> Image:
