@@ -318,9 +318,9 @@ class LocalMap:
 
     def _covers(self, end: tuple[float, float], pose: Pose, belief: Belief) -> bool:
         """Whether something near stands on ``end`` [m, map], so that the body has no room there."""
-        local, occupancy = belief.pose.to_local(*end), self.occupancy
-        if math.hypot(*local) > _COVERED or belief.sigma > self.params.traversability.max_sigma:
+        grid, local = self.occupancy, belief.pose.to_local(*end)
+        at = pose.to_parent(*local)
+        if math.hypot(*local) > _COVERED or not grid.contains(*at):
             return False
-        return bool(
-            occupancy.clearance[occupancy.index(*pose.to_parent(*local))] < occupancy.robot.radius
-        )
+        sure = belief.sigma <= self.params.traversability.max_sigma
+        return sure and bool(grid.clearance[grid.index(*at)] < grid.robot.radius)

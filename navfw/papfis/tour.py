@@ -251,7 +251,6 @@ class Tour:
             return
         self._covered = self._covered + 1 if (ahead.x, ahead.y) in covered else 0
         if self._covered == _MAX_COVERED:
-            self._covered = 0
             self._advance(1, at)
             self._came_from = at
 
@@ -298,6 +297,7 @@ class Tour:
         last = self._ahead[count - 1]
         del self._ahead[:count]
         self._came_from = (last.x, last.y)
+        self._covered = 0
         if last.final:
             self._goals.pop(0)
             if self._goals:

@@ -1,6 +1,7 @@
 """The local map as a whole: memory, planning, drops; no room where nothing is known."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,7 +28,6 @@ from navfw.robot import RobotModel
 from navfw.signals import (
     Belief,
     Label,
-    OccupiedDisc,
     Odometry,
     PassageQuery,
     PassageReport,
@@ -98,10 +98,17 @@ def all_free() -> LocalMap:
     return chosen
 
 
-def passage_report(chosen: LocalMap, at: Pose = ORIGIN, time: float = 0.0) -> PassageReport | None:
-    """The report without queries of a robot at the origin of odom, and at ``at`` in the map."""
-    belief = Belief(0.0, at, np.diag([0.01, 0.01, 0.01]))
-    return chosen.passage_report(tuple, Odometry(time, ORIGIN, AHEAD, 0.0, still=False), belief)
+def passage_report(
+    chosen: LocalMap,
+    at: Pose = ORIGIN,
+    time: float = 0.0,
+    queries: Sequence[PassageQuery] = (),
+    sigma: float = 0.1,
+) -> PassageReport | None:
+    """The report on ``queries`` of a robot at the origin of odom, and at ``at`` in the map."""
+    belief = Belief(0.0, at, np.diag([sigma**2, sigma**2, 0.01]))
+    odometry = Odometry(time, ORIGIN, AHEAD, 0.0, still=False)
+    return chosen.passage_report(lambda: queries, odometry, belief)
 
 
 @pytest.mark.parametrize("twist", [AHEAD, Twist(-0.1, 0.2), Twist(0.0, 1.0)])
@@ -137,14 +144,19 @@ def test_a_report_names_near_ends_of_legs_on_which_something_stands(
     chosen = all_free()
     for ahead in (1.0, 1.8):
         chosen.occupancy.log_odds[chosen.occupancy.index(ahead, 0.1)] = 3.0
-    chosen.occupancy.set_obstacles((OccupiedDisc(3.0, 0.0, 0.1),))
     at, end = Pose(5.0, 2.0, math.pi / 2), (5.0, 2.0 + x)  # the robot in the map
     query = PassageQuery(("a", "b"), (at.x, at.y), end, 1.0)
-    belief = Belief(0.0, at, np.diag([sigma**2, sigma**2, 0.01]))
-    odometry = Odometry(0.0, ORIGIN, AHEAD, 0.0, still=False)
-    report = chosen.passage_report(lambda: [query], odometry, belief)
+    report = passage_report(chosen, at, queries=[query], sigma=sigma)
     assert report is not None
     assert report.covered == ((end,) if covered else ())
+
+
+def test_a_report_names_no_end_of_a_leg_off_the_grid() -> None:
+    chosen = update(local_map(occupancy={"extent": 1.6}), 0.0, None)
+    query = PassageQuery(("a", "b"), (0.0, 0.0), (1.4, 0.0), 1.0)
+    report = passage_report(chosen, queries=[query])
+    assert report is not None
+    assert report.covered == ()
 
 
 # --- drops ----------------------------------------------------------------------------------------
