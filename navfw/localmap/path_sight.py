@@ -94,7 +94,7 @@ class PathSight:
 
         It holds while driving straight on: a turn brings other things into view.
         """
-        return self.texture >= _WEAK and self._newest < _APPEARED * self.texture
+        return self._newest < _APPEARED * self.texture and not self.weak and self.texture >= _WEAK
 
     @property
     def none(self) -> bool:

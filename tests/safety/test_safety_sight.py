@@ -109,8 +109,7 @@ def test_the_cells_of_the_path_decide(known: float, low: bool, weak: bool, none:
     sight = PathSight(ROBOT)
     assert not sight.weak, "no judgement before the first percept"
     sight.observe(percept(known, low))
-    assert (sight.weak, sight.none) == (weak, none)
-    assert bool(sight.judgement.trouble) is weak
+    assert (sight.weak, sight.none, bool(sight.judgement.trouble)) == (weak, none, weak)
 
 
 def seen_by(*percepts: Percept) -> PathSight:
@@ -129,13 +128,14 @@ def test_single_percepts_do_not_change_the_judgement() -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "share", "appeared"),
-    [(1.0, 0.4, True), (1.0, 0.7, False), (0.5, 0.0, False), (0.8, 0.2, True)],
+    ("before", "share", "contrast", "appeared"),
+    [(1.0, 0.4, 8, True), (1.0, 0.7, 8, False), (0.5, 0.0, 8, False), (1.0, 0.4, 6, False)],
 )
 def test_where_the_path_was_well_seen_a_sudden_loss_is_something_that_has_appeared(
-    before: float, share: float, appeared: bool
+    before: float, share: float, contrast: float, appeared: bool
 ) -> None:
     sight = seen_by(*(percept(before) for _ in range(30)))
+    sight.contrast = contrast
     assert not sight.appeared
     sight.observe(percept(share))
     assert sight.appeared is appeared
