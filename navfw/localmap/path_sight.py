@@ -41,8 +41,9 @@ _STRIDE = 4
 _SUDDEN = 0.5
 """Ratio of the newest percept's share of cells to the mean below which the path has changed: pairs
 of frames from before and after something appeared there do not match."""
-_APPEARED = 0.6
-"""The same below which something has appeared: driving straight on, static paths stay above 0.7."""
+_APPEARED, _STEADY = 0.6, 0.87
+"""The same of two percepts in a row to the two before, below which something has appeared if the
+mean was steady: at least the second value. Turning, or over coarse texture, shares fall slowly."""
 SHARE = 0.15
 """Weight of the newest percept in the mean over the percepts so far: single ones vary."""
 
@@ -74,9 +75,8 @@ class PathSight:
 
     def reset(self) -> None:
         """Back to the start of a run: before the first percept there is no judgement."""
-        self.texture = self._newest = 1.0
-        self.contrast = self.covariance = math.inf
-        self._first = True
+        self.texture, self.contrast, self.covariance = 1.0, math.inf, math.inf
+        self._shares, self._means = [1.0] * 4, [-1.0] * 2
 
     @property
     def weak(self) -> bool:
@@ -86,15 +86,13 @@ class PathSight:
     @property
     def changed(self) -> bool:
         """Whether the newest percept has suddenly matched far less of the path than before."""
-        return self._newest < _SUDDEN * self.texture
+        return self._shares[-1] < _SUDDEN * self.texture
 
     @property
     def appeared(self) -> bool:
-        """Whether something has appeared on the path, which was well seen.
-
-        It holds while driving straight on: a turn brings other things into view.
-        """
-        return self._newest < _APPEARED * self.texture and not self.weak and self.texture >= _WEAK
+        """Whether something has appeared on the path, which was well seen driving straight on."""
+        steady = not self.weak and self._means[0] >= _STEADY
+        return steady and max(self._shares[2:]) < _APPEARED * min(self._shares[:2])
 
     @property
     def none(self) -> bool:
@@ -120,9 +118,10 @@ class PathSight:
         confidence = percept.confidence[self._path]
         if not confidence.size:
             return  # a camera that sees no floor gives no judgement
-        share = self._newest = float(np.count_nonzero(confidence >= CONFIDENCE) / confidence.size)
-        self.texture = share if self._first else self.texture + SHARE * (share - self.texture)
-        self._first = False
+        share = float(np.count_nonzero(confidence >= CONFIDENCE) / confidence.size)
+        self._shares, self._means = [*self._shares[1:], share], [self._means[1], self.texture]
+        first = self._means[0] < 0.0
+        self.texture = share if first else self.texture + SHARE * (share - self.texture)
 
     def observe_image(self, image: Image) -> None:
         """Take in the newest valid image."""

@@ -120,24 +120,28 @@ def seen_by(*percepts: Percept) -> PathSight:
 
 
 def test_single_percepts_do_not_change_the_judgement() -> None:
-    sight = seen_by(percept(), percept(0.0))
-    assert not sight.weak
-    for _ in range(20):
-        sight.observe(percept(0.0))
-    assert sight.none
+    assert not seen_by(percept(), percept(0.0)).weak
+    assert seen_by(percept(), *[percept(0.0)] * 21).none
 
 
 @pytest.mark.parametrize(
-    ("before", "share", "contrast", "appeared"),
-    [(1.0, 0.4, 8, True), (1.0, 0.7, 8, False), (0.5, 0.0, 8, False), (1.0, 0.4, 6, False)],
+    ("before", "then", "contrast", "appeared"),
+    [
+        (1.0, (0.4, 0.5), 8, True),
+        (1.0, (0.4, 1.0), 8, False),
+        (1.0, (0.7, 0.5, 0.4), 8, False),
+        (0.8, (0.1, 0.1), 8, False),
+        (1.0, (0.4, 0.4), 6, False),
+    ],
 )
 def test_where_the_path_was_well_seen_a_sudden_loss_is_something_that_has_appeared(
-    before: float, share: float, contrast: float, appeared: bool
+    before: float, then: tuple[float, ...], contrast: float, appeared: bool
 ) -> None:
-    sight = seen_by(*(percept(before) for _ in range(30)))
+    sight = seen_by(*[percept(before)] * 30)
     sight.contrast = contrast
-    assert not sight.appeared
-    sight.observe(percept(share))
+    for share in then:
+        assert not sight.appeared
+        sight.observe(percept(share))
     assert sight.appeared is appeared
 
 
@@ -148,7 +152,7 @@ def test_what_appears_before_a_robot_that_drives_straight_on_bars_its_way(
     twist: Twist, doubted: bool
 ) -> None:
     chosen = LocalMap(ROBOT)
-    for k in range(31):
+    for k in range(32):
         measured = replace(odometry(0.1 * k, 0.0), twist=twist)
         shown = replace(percept(1.0 if k < 30 else 0.2), time=0.1 * k)
         chosen.update(measured, [shown], None, measured.pose)
@@ -156,10 +160,7 @@ def test_what_appears_before_a_robot_that_drives_straight_on_bars_its_way(
 
 
 def textured(contrast: float, seed: int = 0, blur: float = 1.0) -> Image:
-    """An image of the floor with that contrast, and sharp things above the horizon.
-
-    ``blur`` [px] is that of the lens; without it neighbouring pixels are as independent as noise.
-    """
+    """Floor of that contrast behind a lens of ``blur`` [px], and sharp things above the horizon."""
     rng = np.random.default_rng(seed)
     height, width = ROBOT.camera.height, ROBOT.camera.width
     grain: Array = rng.normal(size=(height, width))
@@ -175,8 +176,7 @@ def test_floor_of_little_contrast_is_seen_weakly(contrast: float, weak: bool) ->
     sight = seen_by(percept())
     sight.observe_image(textured(contrast))
     assert sight.contrast == pytest.approx(contrast, rel=0.1)
-    assert sight.weak is weak
-    assert not sight.none
+    assert (sight.weak, sight.none) == (weak, False)
 
 
 @pytest.mark.parametrize("level", [1.0, 2.0, 4.0])
