@@ -73,10 +73,8 @@ _MIN_FALL = 1e-3
 _DISC_RADIUS = 0.6
 """Radius of a missing spot as an obstacle, in sides of the spot: nearly up to its corners."""
 
-
 _MIN_SPEED, _MAX_TURN = 0.15, 0.4
 """Speed [m/s] and rate of turn [rad/s] between which the robot drives straight on."""
-
 
 _COVERED = 1.5
 """Distance [m] up to which the map says that something stands on the end of a leg."""
