@@ -17,7 +17,7 @@ from typing import Annotated, Any
 import typer
 
 from navfw.cli.options import SuggestingGroup
-from navfw.cli.output import printable_output, show_result, standard_streams
+from navfw.cli.output import echo, show_result, standard_streams
 from navfw.cli.supervisor import supervise
 from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
 from navfw.config.project_code import asking, trusting
@@ -46,8 +46,6 @@ PANELS = {
 class _Navfw(SuggestingGroup):
     """Prints a ``NavfwError`` as one message on stderr and exits with its code.
 
-    All that is printed is made printable.
-
     Before a project's plugins are executed for the first time it asks, where there is a terminal.
     """
 
@@ -66,17 +64,13 @@ class _Navfw(SuggestingGroup):
                     ]
                 )
 
-    def main(self, *args: Any, **options: Any) -> Any:
-        with printable_output():
-            return super().main(*args, **options)
-
     def invoke(self, ctx: Any) -> Any:
         try:
             # SIGTERM ends a command as Ctrl-C does: nothing is left behind
             with interruptible(), asking(ask_on_terminal):
                 return super().invoke(ctx)
         except NavfwError as error:
-            typer.echo(f"navfw: {error}", err=True)
+            echo(f"navfw: {error}", err=True)
             raise typer.Exit(2 if isinstance(error, InputError) else 1) from None
 
 
@@ -95,7 +89,7 @@ def _version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
 
-        typer.echo(f"navfw {version('navfw')}")
+        echo(f"navfw {version('navfw')}")
         raise typer.Exit
 
 
@@ -129,8 +123,7 @@ def main() -> None:
         try:
             if command != "run":
                 app()
-            with printable_output():
-                sys.exit(supervise(_run, show_result))
+            sys.exit(supervise(_run, show_result))
         except KeyboardInterrupt:  # after the command's own end
             sys.exit(1)
         finally:

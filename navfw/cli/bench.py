@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from navfw.cli.options import Json, NoiseSeed, Robot, Stack, of_robot
-from navfw.cli.output import print_json, print_tables, quiet_stdout
+from navfw.cli.output import echo, print_json, print_tables, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
 
@@ -84,7 +84,7 @@ def loop(
 
 
 def _print_loop(result: dict[str, Any]) -> None:
-    typer.echo(
+    echo(
         f"loop {result['loop_wall_s']:.2f} s for {result['sim_time_s']:.1f} s simulated:"
         f" {result['real_time_factor']:.1f} x real time"
     )
@@ -93,15 +93,15 @@ def _print_loop(result: dict[str, Any]) -> None:
         ("navfw's raster", "own_render_physics_wall_s", "loop_over_own_render"),
     ):
         low, high = result["spread"][ratio]
-        typer.echo(
+        echo(
             f"rendering by {raster} and physics alone {result[wall]:.2f} s:"
             f" the loop takes {result[ratio]:.2f} times that ({low:.2f} to {high:.2f})"
         )
-    typer.echo(f"rendering by PyBullet {result['pybullet_render_ms']:.2f} ms per frame")
-    typer.echo("computing time per camera frame:")
+    echo(f"rendering by PyBullet {result['pybullet_render_ms']:.2f} ms per frame")
+    echo("computing time per camera frame:")
     for stage, milliseconds in result["stage_ms"].items():
-        typer.echo(f"  {stage:<12} {milliseconds:7.2f} ms")
-    typer.echo(f"peak memory {result['peak_memory_mb']:.0f} MB")
+        echo(f"  {stage:<12} {milliseconds:7.2f} ms")
+    echo(f"peak memory {result['peak_memory_mb']:.0f} MB")
 
 
 def gym(
@@ -165,7 +165,7 @@ def perception(
         with quiet_stdout(), folder:
             bench.write_page(result, folder.path)
         if not json:
-            typer.echo(f"page {folder.target / 'index.md'}")
+            echo(f"page {folder.target / 'index.md'}")
 
 
 def planning(

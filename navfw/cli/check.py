@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from navfw.cli.options import JsonList
-from navfw.cli.output import print_json, quiet_stdout
+from navfw.cli.output import echo, print_json, quiet_stdout
 from navfw.config.file_kinds import FILE_KINDS, FileKind
 from navfw.config.input_file import no_such_file, shown_path
 from navfw.config.lookup import project_folder
@@ -47,17 +47,17 @@ def check(
     else:
         for row in checked:
             for note in row["notes"]:
-                typer.echo(f"note: {note}")
+                echo(f"note: {note}")
         causes: dict[str, list[str]] = {}  # several files may use one that is wrong
         for row in checked:
             if row["error"] is not None:
                 causes.setdefault(row["error"], []).append(row["source"])
         for cause, sources in causes.items():
-            typer.echo(cause)
+            echo(cause)
             if others := [source for source in sources if not cause.startswith(source)]:
                 using = "1 file that uses" if len(others) == 1 else f"{len(others)} files that use"
-                typer.echo(f"    also: {using} it: {', '.join(others)}")
-        typer.echo(f"{len(checked)} checked, {wrong} wrong")
+                echo(f"    also: {using} it: {', '.join(others)}")
+        echo(f"{len(checked)} checked, {wrong} wrong")
     if wrong:
         raise typer.Exit(2)
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from navfw.cli.options import Json, numbers_of
-from navfw.cli.output import print_json, quiet_stdout
+from navfw.cli.output import echo, print_json, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
 from navfw.process.atomic import output_place
@@ -90,7 +90,7 @@ def import_(
         made, failed = _import_files(folders, options, bar)
     _print(made, single=len(folders) == 1, json=json)
     for what in failed:
-        typer.echo(f"navfw: {what}", err=True)
+        echo(f"navfw: {what}", err=True)
     if failed:
         raise typer.Exit(2)
 
@@ -254,11 +254,11 @@ def _print(made: Sequence[_Imported], *, single: bool, json: bool) -> None:
     for one in made:
         for what in one.left_out:
             where = "" if single else f"{one.data['folder']}: "
-            typer.echo(f"{where}left out: {what}", err=True)
+            echo(f"{where}left out: {what}", err=True)
     if json:
         print_json(made[0].data if single else [one.data for one in made])
     else:
-        typer.echo("".join(f"{line}\n" for one in made for line in one.lines), nl=False)
+        echo("".join(f"{line}\n" for one in made for line in one.lines), nl=False)
 
 
 def _named(texts: Sequence[str]) -> dict[str, tuple[float, float]]:

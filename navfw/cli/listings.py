@@ -14,6 +14,7 @@ from navfw.config.file_kinds import FILE_KINDS, FileKind
 from navfw.config.input_file import shown_path
 from navfw.config.project_code import require_trust
 from navfw.errors import InputError
+from navfw.process.printable_text import printable_data
 
 Row = dict[str, Any]
 
@@ -158,14 +159,14 @@ def _show(
         broken = row["error"] is not None
         return Text(f"broken: {row['error']}", style="red") if broken else Text(row["description"])
 
-    described = any(about(row) for row in rows)
+    described = any(row["description"] or row["error"] for row in rows)
     cells = [
         [
             Text(row["name"], style="bold"),
             *([about(row)] if described else []),
             *(_cell(row.get(column)) for column in columns),
         ]
-        for row in rows
+        for row in printable_data(rows)
     ]
     print_table(["name", *(["description"] if described else []), *columns], cells, nothing)
 
@@ -186,7 +187,7 @@ def _print_plugins(rows: list[Row]) -> None:
 
     out = console()
     kind = None
-    for row in rows:
+    for row in printable_data(rows):
         if row["kind"] != kind:
             kind = row["kind"]
             out.print(Text(f"\n{kind}", style="bold underline"))

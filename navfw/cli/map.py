@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from navfw.cli.options import Json, Map, Mission, NoiseSeed, Stack, World, command_group
-from navfw.cli.output import print_json, print_result, print_table, print_tables, quiet_stdout
+from navfw.cli.output import echo, print_json, print_result, print_table, print_tables, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.config.lookup import find, list_files
 from navfw.process.atomic import output_file, write_text
@@ -85,7 +85,7 @@ def check(map_: Map, world: _OverWorld = None, json: Json = False) -> None:
         print_json({**summary, "ok": not problems, "problems": rows})
     else:
         if plan is None:
-            typer.echo("No world has the map's name: walls are not checked.", err=True)
+            echo("No world has the map's name: walls are not checked.", err=True)
         cells = [(row["kind"], row["where"], row["message"]) for row in rows]
         print_table(["problem", "where", ""], cells, f"{topo_map.name}: no problems")
     if problems:
@@ -207,7 +207,7 @@ def plan(
 
 
 def _print_route(route: dict[str, Any], start: str, goal: str) -> None:
-    typer.echo(
+    echo(
         f"{start} to {goal}: {route['length']:.1f} m, cost {route['cost']:.1f},"
         f" {len(route['places'])} places"
     )
@@ -223,10 +223,10 @@ def _print_route(route: dict[str, Any], start: str, goal: str) -> None:
         for i, passage in enumerate(route["passages"])
     ]
     if names:
-        typer.echo(f"first {names[0]}, then")
+        echo(f"first {names[0]}, then")
     print_table(["to", "m", "cost", "penalty", "because"], rows, "no passages")
     if "plot" in route:
-        typer.echo(f"plot {route['plot']}")
+        echo(f"plot {route['plot']}")
 
 
 def learn_landmarks(
@@ -272,7 +272,7 @@ def learn_landmarks(
     print_table(
         ["landmark", "x", "y", "observations", "sigma [m]", "error [m]"], cells, "no landmarks"
     )
-    typer.echo(f"{result['reason']}; {path}: {result['learnt']} landmarks learnt")
+    echo(f"{result['reason']}; {path}: {result['learnt']} landmarks learnt")
 
 
 def learn_situations(
@@ -302,7 +302,7 @@ def learn_situations(
         print_json({"file": str(out), **learnt.as_data()})
     else:
         print_tables(tables(learnt))
-        typer.echo(f"table: {out}; use it with --set topological.discrete.situations={out}")
+        echo(f"table: {out}; use it with --set topological.discrete.situations={out}")
 
 
 def _find_map(name: str, both_ways: bool = False) -> TopoMap:

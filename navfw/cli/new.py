@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from navfw.cli.options import command_group
+from navfw.cli.output import echo
 from navfw.scaffold.part_kinds import PARTS
 
 _Name = Annotated[
@@ -43,8 +44,8 @@ def project(
 
     written = write_project(folder)
     TrustFile().add(folder.resolve(), os.geteuid())  # not what another owner changes later
-    typer.echo("\n  ".join([f"wrote {folder}, and trusts it:", *written]))
-    typer.echo(f"next: cd {folder}, then navfw check && navfw run den next-room")
+    echo("\n  ".join([f"wrote {folder}, and trusts it:", *written]))
+    echo(f"next: cd {folder}, then navfw check && navfw run den next-room")
 
 
 def _writer(kind: str) -> Callable[..., None]:
@@ -52,8 +53,8 @@ def _writer(kind: str) -> Callable[..., None]:
         from navfw.scaffold.new_files import write_part
 
         written, then = write_part(kind, name, start)
-        typer.echo("\n  ".join(["wrote:", *written]))
-        typer.echo(f"next: navfw check && {then}")
+        echo("\n  ".join(["wrote:", *written]))
+        echo(f"next: navfw check && {then}")
 
     def write_only(name: _Name) -> None:
         write(name)

@@ -27,42 +27,14 @@ if TYPE_CHECKING:
 ItemT = TypeVar("ItemT")
 
 
-class _PrintableStream:
-    """A text stream that makes what is written ``printable``; ``unfiltered`` is the stream.
-
-    Its ``encoding`` lets click write to it, not to the bytes below it.
-    """
-
-    encoding = "utf-8"
-
-    def __init__(self, unfiltered: Any) -> None:
-        self.unfiltered = unfiltered
-
-    def write(self, text: str) -> int:
-        self.unfiltered.write(printable(text, cut=True))
-        return len(text)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.unfiltered, name)
-
-
-@contextlib.contextmanager
-def printable_output() -> Iterator[None]:
-    """Make all text printable that is written to stdout and stderr inside the block."""
-    with (
-        contextlib.redirect_stdout(_PrintableStream(sys.stdout)),
-        contextlib.redirect_stderr(_PrintableStream(sys.stderr)),
-    ):
-        yield
-
-
-def _unfiltered(stream: Any) -> Any:
-    return getattr(stream, "unfiltered", stream)
+def echo(text: str, *, err: bool = False, nl: bool = True) -> None:
+    """Print a text, made ``printable``, on stdout or stderr; with a line feed if ``nl``."""
+    typer.echo(printable(text, cut=True), err=err, nl=nl)
 
 
 def print_json(data: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> None:
     """Print one object, or a list of objects, on stdout: in ASCII, in lines of any length."""
-    typer.echo(json.dumps(data, indent=2, allow_nan=False), file=_unfiltered(sys.stdout))
+    typer.echo(json.dumps(data, indent=2, allow_nan=False))
 
 
 def print_result(data: Mapping[str, Any], lines: Iterable[str], *, json: bool) -> None:
@@ -70,7 +42,7 @@ def print_result(data: Mapping[str, Any], lines: Iterable[str], *, json: bool) -
     if json:
         print_json(data)
     else:
-        typer.echo("\n".join(lines))
+        echo("\n".join(lines))
 
 
 def print_json_list(items: Iterable[Mapping[str, Any]]) -> None:
@@ -82,7 +54,7 @@ def print_json_list(items: Iterable[Mapping[str, Any]]) -> None:
     try:
         for item in items:
             line = opening + json.dumps(item, allow_nan=False)
-            typer.echo(line, file=_unfiltered(sys.stdout))
+            typer.echo(line)
             opening = ","
     finally:
         if opening == ",":
@@ -121,29 +93,12 @@ def quiet_stdout() -> Iterator[None]:
 
 
 def console(*, stderr: bool = False) -> Any:
-    """A rich console on stdout, 160 columns wide where that is no terminal, or on stderr.
-
-    Text is made ``printable``; only the styles of rich become escapes.
-    """
-    from rich.console import Console, ConsoleOptions, RenderHook
-    from rich.segment import Segment
-
-    class Printable(RenderHook):
-        def __init__(self, inner: Any = None) -> None:
-            self.inner = inner
-
-        def process_renderables(self, renderables: list[Any]) -> list[Any]:
-            return [Printable(renderable) for renderable in renderables]
-
-        def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
-            for text, style, control in console.render(self.inner, options):
-                yield Segment(text if control else printable(text), style, control)
+    """A rich console on stdout, 160 columns wide where that is no terminal, or on stderr."""
+    from rich.console import Console
 
     stream = sys.stderr if stderr else sys.stdout
     width = None if stderr or stream.isatty() else 160
-    made = Console(file=_unfiltered(stream), highlight=False, width=width)
-    made.push_render_hook(Printable())
-    return made
+    return Console(file=stream, highlight=False, width=width)
 
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[object]], nothing: str) -> None:
@@ -153,21 +108,23 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[object]], nothin
     from rich.text import Text
 
     if not rows:
-        typer.echo(nothing)
+        echo(nothing)
         return
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     # as Text: rich would read a unit such as [m] as markup
     for title in columns:
-        table.add_column(Text(title))
+        table.add_column(Text(printable(title)))
     for row in rows:
-        table.add_row(*(cell if isinstance(cell, Text) else Text(str(cell)) for cell in row))
+        table.add_row(
+            *(cell if isinstance(cell, Text) else Text(printable(str(cell))) for cell in row)
+        )
     console().print(table)
 
 
 def print_tables(tables: Iterable[ResultTable]) -> None:
     """Print tables with their titles on stdout."""
     for table in tables:
-        typer.echo(f"\n{table.title}")
+        echo(f"\n{table.title}")
         print_table(table.head, table.rows, "nothing")
 
 
@@ -246,15 +203,15 @@ def show_result(summary: Mapping[str, Any], missing: Sequence[str], as_json: boo
     elif "command_hash" in summary:
         _print_result(summary)
     else:
-        typer.echo(f"{summary['outcome']}: {summary['reason']}")
+        echo(f"{summary['outcome']}: {summary['reason']}")
     if not missing:
         return
     for what in missing:
-        typer.echo(f"navfw: {what}", err=True)
+        echo(f"navfw: {what}", err=True)
     folder = summary["run_folder"]
     names = [] if folder is None else sorted(file.name for file in Path(folder).iterdir())
     saved = f"{', '.join(names)} in {folder}" if names else "nothing; the result is on stdout"
-    typer.echo(f"navfw: saved: {saved}", err=True)
+    echo(f"navfw: saved: {saved}", err=True)
 
 
 def _print_result(summary: Mapping[str, Any]) -> None:
@@ -268,8 +225,8 @@ def _print_result(summary: Mapping[str, Any]) -> None:
         end=", but " if objections else ": ",
     )
     if objections:
-        screen.print("; ".join(objections), markup=False, soft_wrap=True, end=": ")
-    screen.print(f"{summary['reason']}{leader}", markup=False)
+        screen.print(printable("; ".join(objections)), markup=False, soft_wrap=True, end=": ")
+    screen.print(printable(f"{summary['reason']}{leader}"), markup=False)
     count = summary["collisions"]
     collisions = f"{count or 'no'} collision{'' if count == 1 else 's'}"
     nearest = summary["min_clearance_m"]
@@ -284,7 +241,6 @@ def _print_result(summary: Mapping[str, Any]) -> None:
         "commands": summary["command_hash"][:16],
         "run folder": summary["run_folder"] or "none, the result could not be written",
     }
-    for name, text in rows.items():
-        screen.print(f"  {name:<11} {text}", markup=False, soft_wrap=True)
-    for fault in summary["faults"]:
-        screen.print(f"  fault       {fault}", markup=False, soft_wrap=True)
+    faults = (("fault", fault) for fault in summary["faults"])
+    for name, text in (*rows.items(), *faults):
+        screen.print(printable(f"  {name:<11} {text}"), markup=False, soft_wrap=True)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 import typer
 
 from navfw.cli.options import Topic
-from navfw.cli.output import print_json_list, quiet_stdout, quietly
+from navfw.cli.output import echo, print_json_list, quiet_stdout, quietly
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError, locating
 from navfw.process.atomic import write_text
@@ -151,7 +151,7 @@ def _or_bag(command: Callable[..., None]) -> Callable[..., None]:
             with locating(file=bag.file):
                 command(source=images, topic=None, **options | tables)
         for note in bag.notes:
-            typer.echo(f"note: {note}", err=True)
+            echo(f"note: {note}", err=True)
 
     return perceive_source
 
@@ -227,7 +227,7 @@ def _new_page(source: Path) -> PerceivePage:
 def _end(notes: list[str], page: Path | None, drawn: PerceivePage | None) -> None:
     """Tell the notes, and write the page."""
     for note in notes:
-        typer.echo(f"note: {note}", err=True)
+        echo(f"note: {note}", err=True)
     if page is not None and drawn is not None:
         write_text(page, drawn.render(notes))
 
@@ -240,14 +240,14 @@ def _print(results: Iterable[Assessed], lens: LensEstimate | None, overlay: Path
     header = True
     for result, assumed in results:
         if header:
-            typer.echo(assumptions_line(assumed))
+            echo(assumptions_line(assumed))
             if lens is not None:
-                typer.echo(estimate_line(lens))
-            typer.echo("    time    sure  contact  perceived")
+                echo(estimate_line(lens))
+            echo("    time    sure  contact  perceived")
         header = False
-        typer.echo(as_line(result))
+        echo(as_line(result))
     if overlay is not None:
-        typer.echo(f"drawn to {overlay}")
+        echo(f"drawn to {overlay}")
 
 
 def _with_lens(

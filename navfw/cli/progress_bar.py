@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navfw.cli.output import console
+from navfw.cli.output import console, echo
 from navfw.process.printable_text import printable_data
 
 LINE_PERIOD = 10.0
@@ -98,7 +98,7 @@ class ProgressBar(contextlib.ExitStack):
     def note(self, text: str) -> None:
         """Print a line that stays."""
         if self._bar is None:
-            typer.echo(text, err=True)
+            echo(text, err=True)
         else:
             self._bar.console.print(text, markup=False)
 
@@ -114,7 +114,7 @@ class ProgressBar(contextlib.ExitStack):
                 self._bar.refresh()
         elif clock >= self._next_line or last:
             self._next_line = clock + self._period
-            typer.echo(line, err=True)
+            echo(line, err=True)
 
     def _start(self) -> None:
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn

@@ -15,7 +15,7 @@ import typer
 
 from navfw.cli.bags import replay_bag
 from navfw.cli.options import Json, Recorded, Robot, Stack, Topic, VariantA, VariantB, Video
-from navfw.cli.output import print_json, print_result, quiet_stdout
+from navfw.cli.output import echo, print_json, print_result, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.config.input_file import is_file
 from navfw.errors import InputError, locating
@@ -126,7 +126,7 @@ def explain(
     else:
         from navfw.mofis.mofis import explanation_lines
 
-        typer.echo("\n".join(explanation_lines(explanation)))
+        echo("\n".join(explanation_lines(explanation)))
 
 
 def write_video(folder: Path, target: Path, *, quiet: bool) -> None:
@@ -141,7 +141,7 @@ def write_video(folder: Path, target: Path, *, quiet: bool) -> None:
     with ProgressBar("video", "pictures", quiet=quiet) as bar:
         write_run_video(folder, target, VIDEO, bar.update)
     if not quiet:
-        typer.echo(f"video: {target}", err=True)
+        echo(f"video: {target}", err=True)
 
 
 Variants = tuple[str | None, str | None]
@@ -207,11 +207,11 @@ def report(
             target, notes = _write(folder, variants, out, bar)
             comparison = _compare(folder, variants) if len(folder) == 2 else None
         for what in notes:
-            typer.echo(f"navfw: left out: {what}", err=True)
+            echo(f"navfw: left out: {what}", err=True)
     if comparison is not None:
         (print_json if json else _print_comparison)(comparison)
     if not (text or json):
-        typer.echo(f"report: {target}")
+        echo(f"report: {target}")
     if comparison is not None and margin is not None:
         _exit_if_worse(comparison, margin)
 
@@ -306,7 +306,7 @@ def _exit_if_worse(comparison: Mapping[str, Any], margin: float) -> None:
     fallen = (len(comparison["lost"]) - len(comparison["gained"])) / comparison["pairs"]
     if fallen > margin + 1e-9:
         fell, allowed = shown(fallen, ".1%"), shown(margin, ".1%")
-        typer.echo(f"navfw: success fell by {fell}, more than {allowed}", err=True)
+        echo(f"navfw: success fell by {fell}, more than {allowed}", err=True)
         raise typer.Exit(1)
 
 
@@ -326,11 +326,11 @@ def _margin(text: str) -> float:
 def _print_comparison(comparison: dict[str, Any]) -> None:
     from navfw.suite.paired_comparison import comparison_rows
 
-    typer.echo(f"{comparison['pairs']} pairs, {comparison['unpaired']} unpaired runs")
+    echo(f"{comparison['pairs']} pairs, {comparison['unpaired']} unpaired runs")
     rows = comparison_rows(comparison)
     width = max(10, *(len(name) for name, *_ in rows))
     for name, a, b, difference in rows:
-        typer.echo(f"{name:<{width}} {a} -> {b}" + (f"  ({difference})" if difference else ""))
+        echo(f"{name:<{width}} {a} -> {b}" + (f"  ({difference})" if difference else ""))
     for word in ("lost", "worse", "gained", "better"):
         for run in comparison[word][:MAX_SHOWN]:
             where = f"{run['entry']} / {run['world']} / {run['mission']}, seed {run['seed']}"
@@ -338,7 +338,7 @@ def _print_comparison(comparison: dict[str, Any]) -> None:
                 where += f", {run['variant'] or run['stack']}"
             reached = word in {"worse", "better"}
             why = f"SPL {run['spl']:.2f}" if reached else f"{run['outcome']}: {run['cause']}"
-            typer.echo(f"  {word}: {where} ({why}) {run['picture']}".rstrip())
+            echo(f"  {word}: {where} ({why}) {run['picture']}".rstrip())
         if len(comparison[word]) > MAX_SHOWN:
-            typer.echo(f"  {word}: and {len(comparison[word]) - MAX_SHOWN} more")
-    typer.echo(f"reports    {', '.join(comparison['reports'])}")
+            echo(f"  {word}: and {len(comparison[word]) - MAX_SHOWN} more")
+    echo(f"reports    {', '.join(comparison['reports'])}")

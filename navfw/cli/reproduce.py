@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from navfw.cli.options import Json
-from navfw.cli.output import print_json, print_table, quiet_stdout
+from navfw.cli.output import echo, print_json, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 
 
@@ -57,15 +57,15 @@ def _print(result: Mapping[str, Any], out: Path) -> None:
     print_table(["waypoint", "the robot", *columns], rows, "no waypoints")
     for title, sentences in result["summary"].items():
         for sentence in sentences:
-            typer.echo(f"{title}: {sentence}")
+            echo(f"{title}: {sentence}")
     for name, good in result["checks"].items():
-        typer.echo(f"{'yes' if good else 'NO '}  {name}")
+        echo(f"{'yes' if good else 'NO '}  {name}")
     times = result["timings"]
-    typer.echo(
+    echo(
         f"OFFIS takes {times['offis_12x16_ms']:.2f} ms (the paper: 160 ms obstacles, 580 to"
         " 620 ms situation)"
     )
-    typer.echo(f"digest {result['digest'][:16]}, page {out / 'index.html'}")
+    echo(f"digest {result['digest'][:16]}, page {out / 'index.html'}")
 
 
 _COLUMNS = (

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from navfw.cli.options import command_group
+from navfw.cli.output import echo
 from navfw.config.input_file import is_file, is_folder, max_bytes, read_input_text
 from navfw.errors import InputError
 from navfw.process.atomic import write_text
@@ -47,10 +48,10 @@ def add(
 
     _check(folder)
     for result in collect(source, name, total=total):
-        typer.echo(f"{save_result(folder, result)}: {result.command}")
+        echo(f"{save_result(folder, result)}: {result.command}")
         if result.dirty:
             what = f"the code had uncommitted changes ({result.revision})"
-            typer.echo(f"navfw: {result.name}: {what}", err=True)
+            echo(f"navfw: {result.name}: {what}", err=True)
 
 
 def write(
@@ -72,9 +73,9 @@ def write(
     for page in old:
         if not check:
             write_text(page, pages[page])
-        typer.echo(f"{page}: {'out of date; run navfw results write' if check else 'written'}")
+        echo(f"{page}: {'out of date; run navfw results write' if check else 'written'}")
     if not old:
-        typer.echo("up to date")
+        echo("up to date")
     raise typer.Exit(1 if check and old else 0)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from navfw.cli import options
-from navfw.cli.output import NOT_SAVED, quiet_stdout, show_result
+from navfw.cli.output import NOT_SAVED, echo, quiet_stdout, show_result
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.recordings import VIDEO, write_video
 from navfw.cli.warm import compile_with_progress
@@ -195,7 +195,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
         )
         check_interrupted()
         for note in () if request.quiet else robot_notes(session.mission.spec.robot):
-            typer.echo(f"note: {note}", err=True)
+            echo(f"note: {note}", err=True)
         compile_with_progress(loaded=True, quiet=request.quiet)
         server = None if request.live is None else _live(session, request.live)
     target = RunFolder(request.out or default_folder(session), numbered=request.out is None)
@@ -216,7 +216,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
         if server is not None and request.live is not None:
             if request.live.stay:
                 send({"stays": True})  # all is written: nothing is late any more
-                typer.echo("live: the run has ended; Ctrl-C ends the server", err=True)
+                echo("live: the run has ended; Ctrl-C ends the server", err=True)
             server.end(f"{result.outcome}: {result.reason}", stay=request.live.stay)
     except InputError as error:
         if result is None:
@@ -275,10 +275,10 @@ def _live(session: Session, request: _LiveRequest) -> LiveServer:
     )
     # printed with --quiet as well: without its token the address is of no use
     waits = " (the run begins with the first viewer)" if request.wait else ""
-    typer.echo(f"live: {server.url}{waits}", err=True)
+    echo(f"live: {server.url}{waits}", err=True)
     if request.origins:
         address = server.url.replace("http", "ws", 1)
-        typer.echo(f"live: {address} for Foxglove and Lichtblick", err=True)
+        echo(f"live: {address} for Foxglove and Lichtblick", err=True)
     return server
 
 

@@ -13,7 +13,7 @@ import typer
 
 from navfw.cli import options
 from navfw.cli.options import complete_setting, completer_of
-from navfw.cli.output import print_json, print_table, quiet_stdout
+from navfw.cli.output import echo, print_json, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.warm import compile_with_progress
 from navfw.process.interruption import deferred, interruptible
@@ -170,20 +170,20 @@ def _print_power(file: str, text: str, out: Path | None) -> None:
         per_seed = sum(len(list(case_templates(loaded, n, entry, None))) for n, entry in entries)
     rate = sum(row.succeeded for row in rows) / len(rows) if rows else 0.9
     source = f"of {len(rows)} runs in {out}" if rows else "assumed; --out FOLDER takes that of runs"
-    typer.echo(f"success {100.0 * rate:.1f} % ({source}), difference {100.0 * difference:g} %")
+    echo(f"success {100.0 * rate:.1f} % ({source}), difference {100.0 * difference:g} %")
     other = max(rate - difference, 0.0)
     apart = rate * (1.0 - other) + other * (1.0 - rate)
     for share, what in ((apart, "runs of a seed independent"), (0.5 * apart, "half of that")):
         pairs = mcnemar_pairs(difference, share)
         seeds = -(-pairs // per_seed)
-        typer.echo(
+        echo(
             f"{seeds} seeds: {pairs} pairs, {100.0 * share:.1f} % with one success ({what});"
             " McNemar, 5 %, power 80 %"
         )
 
 
 def _print_note(text: str) -> None:
-    typer.echo(f"navfw: {text}", err=True)
+    echo(f"navfw: {text}", err=True)
 
 
 def _checked_plan(
@@ -225,7 +225,7 @@ def _print_result(done: SuiteResult, table: Path, *, json: bool) -> None:
         if done.unsaved:
             csv.writer(sys.stdout, lineterminator="\n").writerows(table_cells(done.rows))
         else:
-            typer.echo(f"table: {table}")
+            echo(f"table: {table}")
     if done.unsaved:
         _print_note(f"{done.unsaved}; all runs are on stdout")
 
@@ -238,19 +238,19 @@ def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
     for cause, count in summary["causes"].items():
         seeds = [row.seed for row in rows if row.failure == cause]
         some = ", ".join(map(str, seeds[:8])) + (", ..." if len(seeds) > 8 else "")
-        typer.echo(f"{count:5d} x {cause:<28} seeds {some}")
+        echo(f"{count:5d} x {cause:<28} seeds {some}")
     failed = [row for row in rows if not row.succeeded]
     for row in failed[:MAX_SHOWN]:
         run = f"{row.entry} / {row.world} / {row.mission}, seed {row.seed}, {row.configuration}"
-        typer.echo(f"  {run}: {row.outcome} ({row.cause}): {row.reason}")
+        echo(f"  {run}: {row.outcome} ({row.cause}): {row.reason}")
     if len(failed) > MAX_SHOWN:
-        typer.echo(f"  and {len(failed) - MAX_SHOWN} more")
+        echo(f"  and {len(failed) - MAX_SHOWN} more")
     if not summary["complete"]:
-        typer.echo("interrupted; --resume runs the rest")
+        echo("interrupted; --resume runs the rest")
     if died := summary["died"]:
-        typer.echo(f"{died} {'run' if died == 1 else 'runs'} died; --resume runs them again")
+        echo(f"{died} {'run' if died == 1 else 'runs'} died; --resume runs them again")
     if faults := summary["plugin_faults"]:
-        typer.echo(f"plugins failed often, or changed the process ({faults}); see plugin_faults")
+        echo(f"plugins failed often, or changed the process ({faults}); see plugin_faults")
 
 
 class _RunCount:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from navfw.cli.output import echo
 from navfw.config.project_code import ProjectCode, require_trust_in_settings, trusting
 from navfw.errors import InputError
 
@@ -40,15 +41,15 @@ def trust(
         raise typer.BadParameter("expected DIR, --remove DIR, or --list alone")
     if folder is None:
         folders = trusted.folders()
-        typer.echo("\n".join(map(_listed, folders)) if folders else "No project is trusted.")
+        echo("\n".join(map(_listed, folders)) if folders else "No project is trusted.")
     elif remove:
         trusted.remove(folder.resolve())
-        typer.echo(f"no longer trusted: {folder.resolve()}")
+        echo(f"no longer trusted: {folder.resolve()}")
     else:
         code = _code_of(folder)
         trusted.add(code.folder, code.owner)
-        typer.echo(f"trusted: {code.folder}, of {_user(code.owner)}")
-        typer.echo("".join(f"  {name}\n" for name in code.names() or ["no plugins yet"]), nl=False)
+        echo(f"trusted: {code.folder}, of {_user(code.owner)}")
+        echo("".join(f"  {name}\n" for name in code.names() or ["no plugins yet"]), nl=False)
 
 
 def accept_trust(app: typer.Typer) -> None:
@@ -67,7 +68,7 @@ def ask_on_terminal(code: ProjectCode) -> bool:
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         return False
     files = "".join(f"  {name}\n" for name in code.names())
-    typer.echo(
+    echo(
         f"The project in {str(code.folder)!r}, of {_user(code.owner)}, has code that this"
         f" command would execute:\n{files}"
         "They may do whatever you may do. Trust this project from now on? [y/N] ",

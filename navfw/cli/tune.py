@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from navfw.cli import options
-from navfw.cli.output import print_json, quiet_stdout
+from navfw.cli.output import echo, print_json, quiet_stdout
 from navfw.config.extras import require_extra
 from navfw.process.target_lock import TargetLock
 
@@ -114,19 +114,19 @@ def tune(
 def _show(trial: FrozenTrial) -> None:
     runs = trial.user_attrs.get("runs", 0)
     score = "" if trial.value is None else f", score {trial.value:.3f}"
-    typer.echo(f"trial {trial.number}: {trial.state.name.lower()} {runs} runs{score}", err=True)
+    echo(f"trial {trial.number}: {trial.state.name.lower()} {runs} runs{score}", err=True)
 
 
 def _print_validation(result: dict[str, Any]) -> None:
     low, high = result["interval"]
     for name in result["before"]:
-        typer.echo(f"{name:<10} {result['before'][name]:.3f} -> {result['after'][name]:.3f}")
-    typer.echo(
+        echo(f"{name:<10} {result['before'][name]:.3f} -> {result['after'][name]:.3f}")
+    echo(
         f"score      {result['score_before']:.3f} -> {result['score_after']:.3f}  (difference"
         f" {result['difference']:+.3f}, 95 % [{low:+.3f}, {high:+.3f}], {result['runs']} runs)"
     )
     verdict = "better" if result["better"] else "not shown to be better"
     if result["importance"]:
         picture = Path(result["stack"]).with_name("importance.png")
-        typer.echo(f"what mattered: {picture}")
-    typer.echo(f"the best trial, {result['trial']}, is {verdict}; its stack: {result['stack']}")
+        echo(f"what mattered: {picture}")
+    echo(f"the best trial, {result['trial']}, is {verdict}; its stack: {result['stack']}")

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import typer
-
+from navfw.cli.output import echo
 from navfw.cli.progress_bar import ProgressBar, Quiet
 
 
 def warm(quiet: Quiet = False) -> None:
     """Compile all kernels that are not compiled yet, on all cores."""
     compiled = compile_with_progress(quiet=quiet)
-    typer.echo(f"{compiled} kernels compiled" if compiled else "all kernels are compiled")
+    echo(f"{compiled} kernels compiled" if compiled else "all kernels are compiled")
 
 
 def compile_with_progress(*, loaded: bool = False, quiet: bool = False) -> int:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import builtins
 import os
-import random
 import sys
 import threading
 import warnings
@@ -105,23 +104,17 @@ def _set_environment(variables: Mapping[str, str]) -> None:
     os.environ.update(variables)
 
 
-def _set_streams(streams: tuple[Any, Any]) -> None:
-    sys.stdout, sys.stderr = streams
-
-
 _PARTS: tuple[tuple[str, Callable[[], Any], Callable[[Any], object]], ...] = (
     ("the working folder was changed", os.getcwd, os.chdir),
     ("the environment was changed", lambda: dict(os.environ), _set_environment),
-    ("random's global generator was used", random.getstate, random.setstate),
     ("numpy's global generator was used", _numpy_random, np.random.set_state),
     ("the filters of warnings were changed", _filters, _set_filters),
-    ("the standard streams were replaced", lambda: (sys.stdout, sys.stderr), _set_streams),
 )
 """What is said of a part that has changed, how it is read, and how it is set back."""
 
 
 class ProcessState:
-    """Working folder, environment, random generators, warnings, streams, threads, code: as now."""
+    """Working folder, environment, numpy's generator, warnings, threads, code: as now."""
 
     def __init__(self) -> None:
         self._values = [read() for _, read, _ in _PARTS]
@@ -137,7 +130,7 @@ class ProcessState:
         return changed
 
     def restore(self) -> None:
-        """Set back the working folder, the environment, generators, warnings and streams."""
+        """Set back the working folder, the environment, numpy's generator and warnings."""
         for (_, _, write), value in zip(_PARTS, self._values, strict=True):
             write(value)
 

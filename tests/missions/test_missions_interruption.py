@@ -3,7 +3,6 @@
 import builtins
 import math
 import os
-import random
 import signal
 import threading
 import warnings
@@ -134,7 +133,6 @@ def _set_back() -> Iterator[None]:
 CHANGES: dict[str, Callable[[Path], object]] = {
     "the working folder was changed": os.chdir,
     "the environment was changed": lambda folder: os.environ.update({"NAVFW_X": str(folder)}),
-    "random's global generator was used": lambda folder: random.random(),  # noqa: S311
     "numpy's global generator was used": lambda folder: np.random.rand(3),  # noqa: NPY002
     "the filters of warnings were changed": lambda folder: warnings.simplefilter("ignore"),
 }
