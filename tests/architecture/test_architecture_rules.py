@@ -1,4 +1,4 @@
-"""Rules of the source that are checked on its syntax trees; unique names; budgets of lines."""
+"""Rules of the source that are checked on its syntax trees; unique names; limits of lines."""
 
 import ast
 import importlib
@@ -6,6 +6,7 @@ import re
 import sys
 from collections import defaultdict
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from architecture_sources import (
@@ -21,7 +22,7 @@ from architecture_sources import (
     stack_modules,
     tree_of,
 )
-from line_budget import exceeded, sizes
+from line_budget import LIMITS, counts, exceeded
 from processes import run
 
 import navfw
@@ -245,19 +246,25 @@ def test_no_local_name_tells_nothing() -> None:
     assert vague == []
 
 
-def test_a_folder_above_its_budget_and_one_without_are_named() -> None:
-    counts = {"navfw/flow": 101, "navfw/new": 1, "navfw, files": 3, "tests": 7}
-    budgets = {"navfw/flow": 100, "navfw, files": 3}
-    assert exceeded(counts, budgets) == [
-        "navfw/flow: 101, budget 100",
-        "navfw/new: 1, budget missing",
+def test_a_folder_above_its_limit_is_named() -> None:
+    assert exceeded({"docs/, words": 101, "tests/": 7}, {"docs/, words": 100, "tests/": 7}) == [
+        "docs/, words: 101, limit 100"
     ]
 
 
-def test_every_measure_counts_something() -> None:
-    counts = sizes()
-    assert min(counts.values()) > 0
-    assert counts["navfw, all lines"] == sum(
-        lines for name, lines in counts.items() if name == "navfw" or name.startswith("navfw/")
-    )
-    assert {"docs, words", "README.md, words", "navfw/flow", "navfw, entries"} < set(counts)
+def test_scripts_stubs_and_words_are_counted_beside_python(tmp_path: Path) -> None:
+    for name in ("navfw/a.py", "navfw/b/c.pyi", "navfw/b/d.html", "navfw/e.css", "docs/f.md"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("one\n\ntwo words\n")
+    for name in ("README.md", "pyproject.toml"):
+        (tmp_path / name).write_text("one\n")
+    counted = counts(tmp_path)
+    assert counted["navfw/, lines of Python"] == counted["navfw/, lines of stubs"] == 3
+    assert counted["navfw/, lines of scripts, pages, styles and templates"] == 6
+    assert counted["docs/, words"] == 3
+
+
+def test_every_limit_limits_something() -> None:
+    counted = counts()
+    assert counted.keys() == LIMITS.keys()
+    assert min(counted.values()) > 0
