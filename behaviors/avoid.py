@@ -9,6 +9,9 @@ from pydantic import Field
 
 from navfw import Array, Context, Proposal, RuledBehavior
 
+BRAKING = 0.8
+"""Deceleration assumed [m/s^2]."""
+
 
 class Avoid(RuledBehavior):
     """Prohibits commands without room to stop; desires those with clearance and observed space."""
@@ -21,9 +24,6 @@ class Avoid(RuledBehavior):
         latency: Annotated[float, Field(ge=0.0, le=2.0, description="delay until braking [s]")] = (
             0.3
         )
-        braking: Annotated[
-            float, Field(gt=0.0, le=5.0, description="deceleration assumed [m/s^2]")
-        ] = 0.8
         spare: Annotated[
             float, Field(ge=0.0, le=1.0, description="free distance kept at any speed [m]")
         ] = 0.06
@@ -37,7 +37,7 @@ class Avoid(RuledBehavior):
         """Rate every arc by its reserve, its observed length and its clearance."""
         p, commands, arcs = self.params, context.commands, context.arcs
         v = np.abs(commands.v)
-        needed = self._to_stop(v, p.braking) + p.spare
+        needed = self._to_stop(v, BRAKING) + p.spare
         needed[v == 0.0] = 1e-3  # a turn on the spot needs no way, but an angle
         reserve = arcs.free / needed[:, None]
         angles = self._to_stop(np.abs(commands.w), self.robot.max_turn_accel)

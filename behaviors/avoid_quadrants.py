@@ -10,6 +10,13 @@ from pydantic import Field
 
 from navfw import Array, Context, Proposal, RuledBehavior
 
+MAX_AGE = 0.6
+"""Age from which a percept is void [s]."""
+GOAL_PULL = 0.25
+"""Weight of the waypoint's side."""
+PASSING_TURN = 1.0
+"""Turn that brings it into view again [rad]."""
+
 NEAR = 0.2
 """Fuzzy distance below which a side is near."""
 STRAIGHT = 0.15
@@ -32,21 +39,11 @@ class AvoidQuadrants(RuledBehavior):
         weight: Annotated[
             float, Field(gt=0.0, le=1.0, description="applicability beside an obstacle")
         ] = 0.9
-        max_age: Annotated[
-            float, Field(gt=0.0, le=10.0, description="age from which a percept is void [s]")
-        ] = 0.6
-        goal_pull: Annotated[
-            float,
-            Field(ge=0.0, le=1.0, description="weight of the waypoint's side"),
-        ] = 0.25
 
         passing: Annotated[
             float,
             Field(ge=0.0, le=5.0, description="way past what was near and left the view [m]"),
         ] = 0.5
-        passing_turn: Annotated[
-            float, Field(gt=0.0, le=3.2, description="turn that brings it into view again [rad]")
-        ] = 1.0
 
     params: Params
 
@@ -57,11 +54,11 @@ class AvoidQuadrants(RuledBehavior):
     def propose(self, context: Context) -> Proposal:
         """Desire the turn and prohibit the speeds that the rules give for the quadrants."""
         distances, commands = context.quadrant_distances, context.commands
-        if distances is None or distances.age > self.params.max_age:
+        if distances is None or distances.age > MAX_AGE:
             return Proposal(0.0, commands.zeros(), self._beside(context), "no recent percept")
         self._see(context, {1.0: distances.left, -1.0: distances.right})
         toward = math.sin(0.5 * context.waypoint_bearing)
-        freer = distances.left - distances.right + self.params.goal_pull * toward
+        freer = distances.left - distances.right + GOAL_PULL * toward
         verdict = self.rules.evaluate(
             left=distances.left,
             right=distances.right,
@@ -93,7 +90,7 @@ class AvoidQuadrants(RuledBehavior):
         layer = commands.zeros()
         for side, (x, y, yaw) in tuple(self._near.items()):
             passed = math.hypot(pose.x - x, pose.y - y) > params.passing
-            if passed or abs(context.turn_to(yaw)) > params.passing_turn:
+            if passed or abs(context.turn_to(yaw)) > PASSING_TURN:
                 del self._near[side]
             else:
                 layer[commands.forward_rows, side * commands.relative_w > STRAIGHT] = 0.6

@@ -10,6 +10,11 @@ from pydantic import Field
 
 from navfw import Context, Proposal, RuledBehavior
 
+HOLD = 0.6
+"""Hold time [s]."""
+MAX_TIME = 4.0
+"""Longest duration of an alarm [s]."""
+
 
 class Emergency(RuledBehavior):
     """Prohibits every forward command during an alarm, and reverses a little (METHOD 3.7).
@@ -25,11 +30,7 @@ class Emergency(RuledBehavior):
         threshold: Annotated[
             float, Field(gt=0.0, lt=1.0, description="degree from which there is an alarm")
         ] = 0.5
-        hold: Annotated[float, Field(ge=0.0, le=10.0, description="hold time [s]")] = 0.6
         reverse: Annotated[float, Field(ge=0.0, le=1.0, description="distance [m]")] = 0.12
-        max_time: Annotated[
-            float, Field(gt=0.0, le=20.0, description="longest duration of an alarm [s]")
-        ] = 4.0
 
     params: Params
 
@@ -74,9 +75,9 @@ class Emergency(RuledBehavior):
             if self._began is None:
                 self._began = context.time
                 self._origin = (context.pose.x, context.pose.y)
-            self._until = context.time + self.params.hold
+            self._until = context.time + HOLD
         if self._began is None:
             return
-        too_long = context.time - self._began > self.params.max_time
+        too_long = context.time - self._began > MAX_TIME
         if context.time > self._until or too_long:
             self._began = None

@@ -9,6 +9,13 @@ from pydantic import Field
 
 from navfw import Context, Proposal, RuledBehavior
 
+MAX_TIME = 4.0
+"""Longest duration of an alarm [s]."""
+MAX_AGE = 0.6
+"""Age from which a percept is void [s]."""
+REPEAT_TIME = 8.0
+"""Time for which the side of a turn is kept [s]."""
+
 
 class EmergencyQuadrants(RuledBehavior):
     """Prohibits forward commands during an alarm, and turns on the spot to the freer side.
@@ -25,16 +32,6 @@ class EmergencyQuadrants(RuledBehavior):
             float, Field(gt=0.0, lt=1.0, description="degree from which there is an alarm")
         ] = 0.5
         turn: Annotated[float, Field(gt=0.0, le=3.2, description="turn after an alarm [rad]")] = 1.0
-        max_time: Annotated[
-            float, Field(gt=0.0, le=20.0, description="longest duration of an alarm [s]")
-        ] = 4.0
-        max_age: Annotated[
-            float, Field(gt=0.0, le=10.0, description="age from which a percept is void [s]")
-        ] = 0.6
-        repeat_time: Annotated[
-            float,
-            Field(ge=0.0, le=60.0, description="time for which the side of a turn is kept [s]"),
-        ] = 8.0
 
     params: Params
 
@@ -48,7 +45,7 @@ class EmergencyQuadrants(RuledBehavior):
     def propose(self, context: Context) -> Proposal:
         """Prohibit all forward commands until the turn is complete, otherwise none."""
         distances, commands = context.quadrant_distances, context.commands
-        fresh = distances is not None and distances.age <= self.params.max_age
+        fresh = distances is not None and distances.age <= MAX_AGE
         verdict = self.rules.evaluate(
             ahead=distances.ahead if distances is not None and fresh else 1.0,
             floor=distances.floor if distances is not None and fresh else 1.0,
@@ -70,7 +67,7 @@ class EmergencyQuadrants(RuledBehavior):
 
     def _begin(self, context: Context) -> None:
         """Choose the side: that of a recent turn, else the freer one, else the waypoint's."""
-        if context.time - self._ended > self.params.repeat_time:
+        if context.time - self._ended > REPEAT_TIME:
             distances = context.quadrant_distances
             freer = 0.0 if distances is None else distances.left - distances.right
             side = freer if abs(freer) > 0.1 else context.waypoint_bearing
@@ -83,7 +80,7 @@ class EmergencyQuadrants(RuledBehavior):
         if self._target is None:
             return None
         left = context.turn_to(self._target)
-        too_long = context.time - self._began > self.params.max_time
+        too_long = context.time - self._began > MAX_TIME
         if left * self._way < 0.1 or too_long:
             self._target, self._ended = None, context.time
             return None

@@ -10,6 +10,11 @@ from pydantic import Field
 
 from navfw import Context, Explain, Proposal, RuledBehavior
 
+MAX_TIME = 7.0
+"""Longest duration of one escape [s]."""
+REPEAT_TIME = 15.0
+"""Time within which the next one repeats it [s]."""
+
 
 class Escape(RuledBehavior):
     """Frees a trapped robot: reverses over observed floor, then turns to the freest direction.
@@ -26,13 +31,6 @@ class Escape(RuledBehavior):
         threshold: Annotated[float, Field(gt=0.0, lt=1.0, description="need that starts it")] = 0.5
         reverse: Annotated[float, Field(ge=0.0, le=2.0, description="distance [m]")] = 0.25
         turn: Annotated[float, Field(ge=0.0, le=3.2, description="least turn [rad]")] = 0.5
-        max_time: Annotated[
-            float, Field(gt=0.0, le=30.0, description="longest duration of one escape [s]")
-        ] = 7.0
-        repeat_time: Annotated[
-            float,
-            Field(gt=0.0, le=120.0, description="time within which the next one repeats it [s]"),
-        ] = 15.0
 
     params: Params
 
@@ -76,7 +74,7 @@ class Escape(RuledBehavior):
             self._barred_since = context.time
 
     def _begin(self, context: Context) -> None:
-        soon = context.time - self._ended < self.params.repeat_time
+        soon = context.time - self._ended < REPEAT_TIME
         self._tries = self._tries + 1 if soon else 1
         self._phase = "back"
         self._since = context.time
@@ -92,7 +90,7 @@ class Escape(RuledBehavior):
                 self._phase = "turn"
                 self._target = pose.yaw + self._freest(context)
         turned = self._phase == "turn" and abs(context.turn_to(self._target)) < 0.12
-        too_long = context.time - self._since > self.params.max_time
+        too_long = context.time - self._since > MAX_TIME
         if self._phase != "watch" and (turned or too_long):
             self._phase = "watch"
             self._ended = context.time

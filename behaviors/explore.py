@@ -10,6 +10,11 @@ from pydantic import Field
 
 from navfw import Array, Context, Proposal, RuledBehavior
 
+NOVELTY = 1.0
+"""Worth of an unobserved metre."""
+PERSISTENCE = 0.6
+"""Bonus of the previous direction [m]."""
+
 
 class Explore(RuledBehavior):
     """Turns to the direction with the most free and unobserved distance, and drives there.
@@ -23,15 +28,9 @@ class Explore(RuledBehavior):
         """Worth of a direction."""
 
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.8
-        novelty: Annotated[
-            float, Field(ge=0.0, le=10.0, description="worth of an unobserved metre")
-        ] = 1.0
         turning: Annotated[
             float, Field(ge=0.0, le=5.0, description="price of the turn [m/rad]")
         ] = 0.5
-        persistence: Annotated[
-            float, Field(ge=0.0, le=5.0, description="bonus of the previous direction [m]")
-        ] = 0.6
 
     params: Params
 
@@ -66,8 +65,8 @@ class Explore(RuledBehavior):
         around = [np.roll(ranges.free, shift) for shift in (-1, 0, 1)]
         free = np.min(around, axis=0)
         unobserved = np.maximum(free - ranges.observed, 0.0)
-        worth = free + p.novelty * unobserved - p.turning * np.abs(ranges.bearings)
+        worth = free + NOVELTY * unobserved - p.turning * np.abs(ranges.bearings)
         if self._heading is not None:
             off = ranges.bearings - (self._heading - context.pose.yaw)
-            worth += p.persistence * np.maximum(0.0, np.cos(off)) ** 4
+            worth += PERSISTENCE * np.maximum(0.0, np.cos(off)) ** 4
         return np.asarray(worth)

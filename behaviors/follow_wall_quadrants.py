@@ -8,6 +8,11 @@ from pydantic import Field
 
 from navfw import Context, Proposal, RuledBehavior
 
+MAX_AGE = 0.6
+"""Age from which a percept is void [s]."""
+SEARCH_TURN = 1.2
+"""Largest turn toward a lost wall [rad]."""
+
 FAR = 0.45
 """Fuzzy distance from which no wall is in view beside the robot; unknown is 0.5."""
 
@@ -25,13 +30,6 @@ class FollowWallQuadrants(RuledBehavior):
         """Weight, and the age limit of percepts."""
 
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.9
-        max_age: Annotated[
-            float, Field(gt=0.0, le=10.0, description="age from which a percept is void [s]")
-        ] = 0.6
-
-        search_turn: Annotated[
-            float, Field(gt=0.0, le=6.3, description="largest turn toward a lost wall [rad]")
-        ] = 1.2
 
     params: Params
 
@@ -45,7 +43,7 @@ class FollowWallQuadrants(RuledBehavior):
         """Desire to turn toward or away from the wall, by the fuzzy distances beside and ahead."""
         distances, commands = context.quadrant_distances, context.commands
         nothing = commands.zeros()
-        if context.waypoint is None or distances is None or distances.age > self.params.max_age:
+        if context.waypoint is None or distances is None or distances.age > MAX_AGE:
             return Proposal(0.0, nothing, nothing, "no wall to follow")
         if self._side is None or context.idle < 1.0:
             self._side = "left" if distances.left <= distances.right else "right"
@@ -71,4 +69,4 @@ class FollowWallQuadrants(RuledBehavior):
         self._yaw = context.pose.yaw
         self._turned = 0.0 if beside < FAR else self._turned - context.turn_to(before)
         toward = self._turned if self._side == "left" else -self._turned
-        return toward > self.params.search_turn
+        return toward > SEARCH_TURN

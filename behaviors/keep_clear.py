@@ -11,6 +11,13 @@ from pydantic import Field
 
 from navfw import Array, Context, Label, Percept, Pose, Proposal, RuledBehavior
 
+MAX_AGE = 15.0
+"""Age at which it is forgotten [s]."""
+MIN_ROOM = 0.2
+"""Way ahead below which it turns [m]."""
+MAX_TIME = 12.0
+"""Longest time of turn and way [s]."""
+
 Mask = npt.NDArray[np.bool_]
 
 VIEW_RIM = 0.05
@@ -66,21 +73,12 @@ class KeepClear(RuledBehavior):
         passing: Annotated[
             float, Field(gt=0.0, le=3.0, description="distance at which it is forgotten [m]")
         ] = 0.9
-        max_age: Annotated[
-            float, Field(gt=0.0, le=60.0, description="age at which it is forgotten [s]")
-        ] = 15.0
         margin: Annotated[
             float, Field(ge=0.0, le=0.5, description="clearance from the body's rim [m]")
         ] = 0.05
-        least_room: Annotated[
-            float, Field(gt=0.0, le=0.5, description="way ahead below which it turns [m]")
-        ] = 0.2
         onward: Annotated[
             float, Field(ge=0.0, le=2.0, description="way driven before it may turn back [m]")
         ] = 0.25
-        max_time: Annotated[
-            float, Field(gt=0.0, le=60.0, description="longest time of turn and way [s]")
-        ] = 12.0
 
     params: Params
 
@@ -138,7 +136,7 @@ class KeepClear(RuledBehavior):
             self._points = points[first]
         nearby = self._local(pose)
         close = np.hypot(nearby[:, 0], nearby[:, 1]) < self.params.passing
-        young = self._points[:, 4] > context.time - self.params.max_age
+        young = self._points[:, 4] > context.time - MAX_AGE
         self._points = self._points[close & young]
 
     def _local(self, pose: Pose) -> Array:
@@ -181,7 +179,7 @@ class KeepClear(RuledBehavior):
     def _follow(self, context: Context, nearby: Array, room: float) -> None:
         """Begin a turn where the way ahead is barred; end it once the object is passed."""
         params, pose = self.params, context.pose
-        if room < params.least_room:
+        if room < MIN_ROOM:
             self._free_at = None
             if self._way is None:
                 self._way, self._began = self._freer_way(context, nearby), context.time
@@ -191,7 +189,7 @@ class KeepClear(RuledBehavior):
             driven = math.hypot(pose.x - self._free_at.x, pose.y - self._free_at.y)
             if driven > params.onward:
                 self._way = None
-        if context.time - self._began > params.max_time:
+        if context.time - self._began > MAX_TIME:
             self._way = None
 
     def _freer_way(self, context: Context, nearby: Array) -> float:

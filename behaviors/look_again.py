@@ -9,6 +9,9 @@ from pydantic import Field
 
 from navfw import Context, Proposal, RuledBehavior
 
+MAX_AGE = 0.6
+"""Age from which a percept is void [s]."""
+
 
 class LookAgain(RuledBehavior):
     """Turns away from what the old percept had near ahead, then creeps on until there is a new one.
@@ -25,9 +28,6 @@ class LookAgain(RuledBehavior):
         """Weight, and the age limit of percepts."""
 
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.9
-        max_age: Annotated[
-            float, Field(gt=0.0, le=10.0, description="age from which a percept is void [s]")
-        ] = 0.6
         straight: Annotated[
             float,
             Field(ge=0.0, le=1.0, description="turn of a straight command [of the top rate]"),
@@ -48,7 +48,7 @@ class LookAgain(RuledBehavior):
     def propose(self, context: Context) -> Proposal:
         """Desire the turn and the speed that the rules give for the old percept."""
         distances, commands = context.quadrant_distances, context.commands
-        if distances is not None and distances.age <= self.params.max_age:
+        if distances is not None and distances.age <= MAX_AGE:
             self._looked, self._way = context.pose.yaw, 0.0
             return Proposal(0.0, commands.zeros(), commands.zeros(), "the view is fresh")
         if self._looked is None:

@@ -10,6 +10,9 @@ from pydantic import Field
 
 from navfw import Context, Proposal, RuledBehavior
 
+WEAVE = 0.12
+"""Amplitude, share of the top turning rate."""
+
 
 class Peek(RuledBehavior):
     """Creeps toward an unobserved local goal with a slight weave: depth needs a moving camera."""
@@ -20,9 +23,6 @@ class Peek(RuledBehavior):
         """Weight and weave."""
 
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.5
-        weave: Annotated[
-            float, Field(ge=0.0, le=1.0, description="amplitude, share of the top turning rate")
-        ] = 0.12
         period: Annotated[float, Field(gt=0.2, le=10.0, description="period [s]")] = 1.6
 
     params: Params
@@ -42,7 +42,7 @@ class Peek(RuledBehavior):
         reason = f"{observed:.2f} m observed toward the local goal"
         if applicability == 0.0:
             return Proposal(0.0, nothing, nothing, reason, verdict.explain)
-        weave = self.params.weave * math.sin(2.0 * math.pi * context.time / self.params.period)
+        weave = WEAVE * math.sin(2.0 * math.pi * context.time / self.params.period)
         turn = verdict.over("turn", context.commands.relative_w - weave)
         speed = verdict.over("speed", context.commands.relative_v)
         return Proposal(

@@ -10,6 +10,9 @@ from pydantic import Field
 
 from navfw import Context, RuledComposite
 
+MAX_TIME = 60.0
+"""Longest duration of a search [s]."""
+
 
 class Search(RuledComposite):
     """Travels while the position is certain; else looks around for landmarks, then explores.
@@ -30,9 +33,6 @@ class Search(RuledComposite):
         stretch: Annotated[
             float, Field(gt=0.0, le=50.0, description="distance explored between two turns [m]")
         ] = 2.0
-        max_time: Annotated[
-            float, Field(gt=0.0, le=3600.0, description="longest duration of a search [s]")
-        ] = 60.0
         pause: Annotated[
             float, Field(ge=0.0, le=3600.0, description="time until the next search after that [s]")
         ] = 60.0
@@ -55,7 +55,7 @@ class Search(RuledComposite):
             "doubt": doubt,
             "looked": self._turned >= 2.0 * math.pi,
             # while lost there is no waypoint to travel to
-            "searched": 0.0 if lost else searched / self.params.max_time,
+            "searched": 0.0 if lost else searched / MAX_TIME,
             "idle": context.idle,
             "barred": context.barred,
             "corridor": context.ranges.corridor,
@@ -70,9 +70,7 @@ class Search(RuledComposite):
             self._since = None
             self._turned = self._driven = 0.0
             return 0.0
-        if self._since is None or context.time - self._since > self.params.max_time + (
-            self.params.pause
-        ):
+        if self._since is None or context.time - self._since > MAX_TIME + (self.params.pause):
             self._since, elapsed = context.time, 0.0
             self._turned = self._driven = 0.0
         round_once = self._turned >= 2.0 * math.pi

@@ -23,6 +23,9 @@ from navfw.signals.immutability import Sealed, read_only
 if TYPE_CHECKING:
     from navfw.localmap import Arcs, LocalGoal, Ranges
 
+TURN_RATE = 1.2
+"""Top turning rate used [rad/s]."""
+
 _SPEED_STEP = 0.0625
 """Largest step [m/s] between forward speeds: from standstill the robot begins with one step."""
 
@@ -49,9 +52,6 @@ class CommandGridParams(StrictModel):
         float,
         Field(gt=0.0, le=2.0, description="top speed used, below the robot's own limit [m/s]"),
     ] = 0.5
-    turn_rate: Annotated[
-        float, Field(gt=0.0, le=4.0, description="top turning rate used [rad/s]")
-    ] = 1.2
 
 
 class CommandGrid(Sealed):
@@ -72,7 +72,7 @@ class CommandGrid(Sealed):
     ) -> None:
         params = params or CommandGridParams()
         self.max_v = min(params.cruise, robot.max_v, seeing_speed)
-        self.max_w = min(params.turn_rate, robot.max_w)
+        self.max_w = min(TURN_RATE, robot.max_w)
         turns = params.turns | 1  # an odd count contains zero
         backward = np.linspace(-robot.max_reverse, 0.0, params.reverse + 1)[:-1]
         forward = np.linspace(0.0, self.max_v, params.forward or _forward_speeds(self.max_v))

@@ -20,6 +20,13 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Odometry, Pose, wrap_angle
 
+MIN_BASELINE = 0.02
+"""Smallest baseline of a pair [m]."""
+MAX_AGE = 2.0
+"""Largest time between the frames [s]."""
+MIN_STEP = 0.002
+"""Least distance driven since the last pair [m]."""
+
 #: Standard deviation of the gyro's error once its bias is removed, a constant rate [rad/s].
 YAW_RATE_SIGMA = 0.003
 #: Standard deviation of the wheels' slip, relative to the distance driven.
@@ -119,7 +126,6 @@ class PairingParams(Params):
     baseline: Annotated[
         Length, Field(description="desired baseline of a pair, less for a low camera [m]")
     ] = 0.08
-    min_baseline: Annotated[Length, Field(description="smallest baseline of a pair [m]")] = 0.02
     max_baseline: Annotated[Length, Field(description="largest baseline of a pair [m]")] = 0.16
     short: Annotated[
         bool, Field(description="also form a pair over the short baseline, for very near surfaces")
@@ -130,13 +136,6 @@ class PairingParams(Params):
     max_rotation: Annotated[
         float, Field(gt=0.0, le=0.5, description="largest rotation between the frames [rad]")
     ] = math.radians(4.0)
-    max_age: Annotated[
-        float, Field(gt=0.0, le=10.0, description="largest time between the frames [s]")
-    ] = 2.0
-    min_step: Annotated[
-        float,
-        Field(ge=0.0, le=0.1, description="least distance driven since the last pair [m]"),
-    ] = 0.002
     yaw_rate_sigma: Annotated[
         float, Field(ge=0.0, le=0.5, description="gyro error once its bias is removed [rad/s]")
     ] = YAW_RATE_SIGMA
@@ -146,15 +145,15 @@ class PairingParams(Params):
 
     @model_validator(mode="after")
     def _ordered(self) -> PairingParams:
-        if not self.min_baseline <= self.baseline <= self.max_baseline:
+        if not MIN_BASELINE <= self.baseline <= self.max_baseline:
             raise ValueError(
-                f"baseline {self.baseline} m is not between min_baseline {self.min_baseline} m "
+                f"baseline {self.baseline} m is not between min_baseline {MIN_BASELINE} m "
                 f"and max_baseline {self.max_baseline} m"
             )
-        if self.short and not self.min_baseline <= self.short_baseline < self.baseline:
+        if self.short and not MIN_BASELINE <= self.short_baseline < self.baseline:
             raise ValueError(
                 f"short_baseline {self.short_baseline} m is not between min_baseline "
-                f"{self.min_baseline} m and baseline {self.baseline} m"
+                f"{MIN_BASELINE} m and baseline {self.baseline} m"
             )
         return self
 
@@ -219,7 +218,7 @@ class FrameBuffer:
         self.params = PairingParams() if params is None else params
         self._robot = robot
         low = _MAX_HEIGHTS * robot.camera.mount_height
-        self._desired = max(min(self.params.baseline, low), self.params.min_baseline)
+        self._desired = max(min(self.params.baseline, low), MIN_BASELINE)
         self.reset()
 
     def reset(self) -> None:
@@ -231,7 +230,7 @@ class FrameBuffer:
     def add(self, frame: Frame, odometry: Odometry) -> None:
         """Append the newest ``frame``; ``odometry`` is that of about the same time."""
         posed = PosedFrame.from_odometry(frame, odometry, self._robot)
-        while self._frames and posed.age(self._frames[0]) > self.params.max_age:
+        while self._frames and posed.age(self._frames[0]) > MAX_AGE:
             self._frames.popleft()
         self._pairs = tuple(self._make_pairs(posed))
         if self._pairs:
@@ -265,11 +264,11 @@ class FrameBuffer:
     def _nearly_same_pose(self, last: Pose, now: Pose) -> bool:
         step = math.hypot(now.x - last.x, now.y - last.y)
         turn = abs(wrap_angle(now.yaw - last.yaw))
-        return step < self.params.min_step and turn < 0.1 * self.params.max_rotation
+        return step < MIN_STEP and turn < 0.1 * self.params.max_rotation
 
     def _allowed(self, now: PosedFrame) -> Iterator[tuple[float, PosedFrame]]:
         """The past frames that form an allowed pair with ``now``, each with its baseline [m]."""
-        least, most = self.params.min_baseline, self.params.max_baseline
+        least, most = MIN_BASELINE, self.params.max_baseline
         for past in self._frames:
             way = now.baseline(past)
             if least <= way <= most and now.turn(past) <= self.params.max_rotation:

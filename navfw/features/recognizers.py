@@ -29,6 +29,11 @@ from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Frame, LandmarkDetection
 from navfw.topomap import TopoMap
 
+CORNER_SIGMA = 0.4
+"""Standard deviation of a corner [px]."""
+MIN_SIDE = 10.0
+"""Least height of a marker [px]."""
+
 _STEP = 0.25
 """Step of the numerical derivative [px]."""
 _MAX_LEAN = 0.25
@@ -200,7 +205,7 @@ class Posters(FeatureRecognizer):
                 continue
             pixels = (corners + 0.5) / _ENLARGED - 0.5
             side = self._sizes.get(template.number, self.params.size)
-            sigma = self.params.corner_sigma
+            sigma = CORNER_SIGMA
             detections.append(
                 square_detection(frame.time, "poster", template.number, pixels, side, camera, sigma)
             )
@@ -280,12 +285,6 @@ class Aruco(FeatureRecognizer):
         size: Annotated[
             float, Field(gt=0.0, le=3.0, description="side of markers that are not in the map [m]")
         ] = 0.25
-        corner_sigma: Annotated[
-            float, Field(gt=0.0, le=5.0, description="standard deviation of a corner [px]")
-        ] = 0.4
-        smallest: Annotated[
-            float, Field(ge=4.0, le=200.0, description="least height of a marker [px]")
-        ] = 10.0
 
     params: Params
 
@@ -316,16 +315,14 @@ class Aruco(FeatureRecognizer):
         for quad, number in zip(quads, map(int, np.ravel(ids)), strict=True):
             pixels = np.asarray(quad, np.float64).reshape(4, 2)
             tall = float(min(pixels[3, 1] - pixels[0, 1], pixels[2, 1] - pixels[1, 1]))
-            if tall < self.params.smallest or not is_upright(pixels):
+            if tall < MIN_SIDE or not is_upright(pixels):
                 continue
             if number in largest and largest[number][0] >= tall:
                 continue
             side = self._sizes.get(number, self.params.size)
             largest[number] = (
                 tall,
-                square_detection(
-                    frame.time, "aruco", number, pixels, side, camera, self.params.corner_sigma
-                ),
+                square_detection(frame.time, "aruco", number, pixels, side, camera, CORNER_SIGMA),
             )
         return tuple(largest[number][1] for number in sorted(largest))
 

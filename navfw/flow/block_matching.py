@@ -19,6 +19,19 @@ from navfw.robot import RobotModel
 from navfw.signals import FramePair
 from navfw.signals.immutability import read_only
 
+TEXTURE_LOW = 2.0
+"""Grey deviation: no texture [grey levels]."""
+TEXTURE_HIGH = 6.0
+"""Grey deviation: ample texture [grey levels]."""
+PEAK_LOW = 0.7
+"""Peak correlation: no match."""
+PEAK_HIGH = 0.9
+"""Peak correlation: certain match."""
+REGISTERED_LOW = 0.85
+"""Registered correlation: no match."""
+REGISTERED_HIGH = 0.97
+"""Registered correlation: certain match."""
+
 #: Correlation of a peak: confidence rises from 0 at the first to 1 at the second value. Below the
 #: first there is no registration: an affine motion can also be fitted to an accidental similarity.
 _PEAK_CORRELATION = (0.4, 0.6)
@@ -144,26 +157,6 @@ class BlockMatching(MatchedFlow):
         margin: Annotated[
             int, Field(ge=0, le=16, description="least distance of a window from the border [px]")
         ] = 2
-        texture_low: Annotated[
-            float, Field(ge=0.5, le=128.0, description="grey deviation: no texture [grey levels]")
-        ] = 2.0
-        texture_high: Annotated[
-            float,
-            Field(gt=0.5, le=128.0, description="grey deviation: ample texture [grey levels]"),
-        ] = 6.0
-        peak_low: Annotated[
-            float, Field(ge=0.0, lt=1.0, description="peak correlation: no match")
-        ] = 0.7
-        peak_high: Annotated[
-            float, Field(gt=0.0, le=1.0, description="peak correlation: certain match")
-        ] = 0.9
-        registered_low: Annotated[
-            float, Field(ge=0.0, lt=1.0, description="registered correlation: no match")
-        ] = 0.85
-        registered_high: Annotated[
-            float,
-            Field(gt=0.0, le=1.0, description="registered correlation: certain match"),
-        ] = 0.97
         subpixel: Annotated[
             Literal["affine", "peak"],
             Field(description="refinement by affine registration or by the peak's quadratic"),
@@ -197,7 +190,7 @@ class BlockMatching(MatchedFlow):
         p = self.params
         now, past = np.ascontiguousarray(now), np.ascontiguousarray(past)
         windows = (self._x_windows, self._y_windows)
-        low, high = p.texture_low, p.texture_high
+        low, high = TEXTURE_LOW, TEXTURE_HIGH
         scores, deviation = correlate(now, past, *windows, p.search, visible)
         lower = deviation[len(deviation) // 2 :]
         if np.count_nonzero(lower < high) > _WEAK_SHARE * lower.size:
@@ -262,15 +255,14 @@ class BlockMatching(MatchedFlow):
             registration.vectors - start,
             height,
             uniqueness(height, second, inner),
-            (p.registered_low, p.registered_high),
+            (REGISTERED_LOW, REGISTERED_HIGH),
         )
         return registration.vectors, confidence, sigma
 
     def _peaks(self, scores: Floats) -> tuple[Array, Array, Array]:
         """Vectors, confidence and sigma by quadratic interpolation of the correlation peaks."""
-        p = self.params
         _, fine, height, second, curvature, inner = find_peaks(scores)
-        confidence = np.where(inner & (curvature > 0.0), ramp(height, p.peak_low, p.peak_high), 0.0)
+        confidence = np.where(inner & (curvature > 0.0), ramp(height, PEAK_LOW, PEAK_HIGH), 0.0)
         confidence *= uniqueness(height, second, inner)
         noise = _PEAK_SCALE * match_sigma(height, curvature, self._pixels)
         spread = _PEAK_SPREAD * local_spread(fine, confidence)

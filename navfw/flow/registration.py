@@ -22,6 +22,13 @@ from navfw.numerics.functions import exp
 from navfw.robot import RobotModel
 from navfw.signals.immutability import read_only
 
+START_LEVEL = 2
+"""Finest level of the search, in halvings."""
+REGISTERED_LOW = 0.85
+"""Registered correlation: no match."""
+REGISTERED_HIGH = 0.95
+"""Registered correlation: certain match."""
+
 #: Standard deviation of the smoothing before registration [px]: without it interpolation is wrong
 #: at edges.
 _SMOOTHING = 0.8
@@ -158,9 +165,6 @@ class Registered(MatchedFlow):
     class Params(MatchedFlow.Params):
         """Grid, windows, and limits of the confidence (METHOD 2.9)."""
 
-        finest_scale: Annotated[
-            int, Field(ge=0, le=3, description="finest level of the search, in halvings")
-        ] = 2
         window: Annotated[int, Field(ge=6, le=128, description="side of a window [px]")] = 20
         stride: Annotated[
             int, Field(ge=1, le=8, description="sampling interval of registration [px]")
@@ -169,12 +173,6 @@ class Registered(MatchedFlow):
             float,
             Field(ge=0.2, le=10.0, description="sigma of registration's weights [half windows]"),
         ] = 0.8
-        registered_low: Annotated[
-            float, Field(ge=0.8, lt=1.0, description="registered correlation: no match")
-        ] = 0.85
-        registered_high: Annotated[
-            float, Field(gt=0.0, le=1.0, description="registered correlation: certain match")
-        ] = 0.95
         sigma_full: Annotated[
             float, Field(gt=0.0, le=10.0, description="largest sigma of full confidence [px]")
         ] = 0.154
@@ -197,7 +195,7 @@ class Registered(MatchedFlow):
         self._row = (rows - 0.5).astype(np.float32)
         self._all = read_only(np.ones(self._points.shape[:2], np.bool_))
         self._dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-        self._dis.setFinestScale(p.finest_scale)
+        self._dis.setFinestScale(START_LEVEL)
 
     def _match(
         self, now: Image, past: Image, visible: tuple[int, int, int, int]
@@ -218,7 +216,7 @@ class Registered(MatchedFlow):
         likely = (windows.score > _LIKELY_CELL[0]) & (windows.share > _LIKELY_CELL[1])
         shown = (windows.sigma, windows.sensitivity, windows.score, windows.mixture)
         sigma = vector_sigma(windows.vectors, *shown, likely, _SIGMA_SHARES)
-        confidence = ramp(windows.score, p.registered_low, p.registered_high)
+        confidence = ramp(windows.score, REGISTERED_LOW, REGISTERED_HIGH)
         confidence *= ramp(windows.share, 0.6, 0.9)
         confidence *= np.minimum((p.sigma_full / sigma) ** 2, 1.0) * (sigma <= p.sigma_max)
         return windows.vectors, confidence, sigma

@@ -21,6 +21,7 @@ from gymnasium import spaces
 from navfw.context import Context
 from navfw.errors import ConfigError
 from navfw.interfaces import Composite, Fusion
+from navfw.localmap import CLAMP_MAX, CLAMP_MIN
 from navfw.missions.pilot import TickView
 from navfw.numerics import Array
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
@@ -211,7 +212,7 @@ class LocalMapObservation:
 
     def __init__(self, stack: Stack) -> None:
         grid = stack.local_map.occupancy
-        low, high = grid.params.clamp_min, grid.params.clamp_max
+        low, high = CLAMP_MIN, CLAMP_MAX
         self.spaces = {"local_map": _box(low, high, grid.size, grid.size)}
 
     def read(self, tick: TickView, stack: Stack) -> dict[str, Any]:

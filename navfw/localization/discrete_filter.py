@@ -27,6 +27,15 @@ from navfw.numerics.products import product
 from navfw.signals import Odometry, Pose
 from navfw.topomap import TopoMap
 
+HEADINGS = 24
+"""Number of heading bins."""
+LEAK = 1e-4
+"""Probability spread over the whole map, per cell driven."""
+SITUATION_EVERY = 1.0
+"""Distance between two uses of OFFIS' situations [m]."""
+SITUATION_WEIGHT = 0.5
+"""Exponent on their likelihood: uses are not independent."""
+
 _FACING = math.radians(80.0)
 """A landmark is visible from its front only, up to this angle off its normal [rad]."""
 
@@ -49,25 +58,12 @@ class DiscreteParams(Params):
     """Resolution of the lattice, process noise, and use of OFFIS' situations."""
 
     cell: Annotated[float, Field(ge=0.1, le=2.0, description="length of a cell [m]")] = 0.25
-    headings: Annotated[int, Field(ge=4, le=72, description="number of heading bins")] = 24
     turning: Annotated[
         float,
         Field(
             ge=0.0, le=0.3, description="probability passed to each next heading, per cell driven"
         ),
     ] = 0.002
-    leak: Annotated[
-        float,
-        Field(ge=0.0, le=0.1, description="probability spread over the whole map, per cell driven"),
-    ] = 1e-4
-    situation_every: Annotated[
-        float,
-        Field(ge=0.1, le=50.0, description="distance between two uses of OFFIS' situations [m]"),
-    ] = 1.0
-    situation_weight: Annotated[
-        float,
-        Field(ge=0.0, le=1.0, description="exponent on their likelihood: uses are not independent"),
-    ] = 0.5
     situations: Annotated[
         str,
         Field(
@@ -114,7 +110,7 @@ class DiscreteFilter:
         self.table = table
         self.prior = prior
         self.existence = existence
-        self.lattice = Lattice(topo_map, params.cell, params.headings)
+        self.lattice = Lattice(topo_map, params.cell, HEADINGS)
         self._map = topo_map
         self._names = list(topo_map.places)
         self._observed: dict[str, tuple[LandmarkObservation, float]] = {}
@@ -157,12 +153,12 @@ class DiscreteFilter:
 
         None (no percept, or one without depth) changes nothing.
         """
-        due = self._driven - self._situations_used_at >= self.params.situation_every
+        due = self._driven - self._situations_used_at >= SITUATION_EVERY
         if situations is not None and due and self.table is not None:
             self._situations_used_at = self._driven
             likelihoods = self.table.likelihoods(self._map, situations)
             if likelihoods is not None:
-                likelihoods **= self.params.situation_weight
+                likelihoods **= SITUATION_WEIGHT
                 self.belief *= likelihoods[self.lattice.place].astype(np.float32)[None]
                 self._normalise()
 
@@ -232,9 +228,8 @@ class DiscreteFilter:
             self.belief = (1.0 - 2.0 * p.turning) * self.belief + p.turning * beside
         self.belief *= lattice.keep[None]
         self._normalise()
-        if p.leak > 0.0:
-            self.belief *= np.float32(1.0 - p.leak)
-            self.belief += np.float32(p.leak / lattice.states) * lattice.domain[None]
+        self.belief *= np.float32(1.0 - LEAK)
+        self.belief += np.float32(LEAK / lattice.states) * lattice.domain[None]
 
     def _correct(self, observation: LandmarkObservation, existence: float) -> None:
         """Multiply by the likelihood ratio: landmark in its place, over landmark elsewhere."""

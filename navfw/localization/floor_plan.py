@@ -21,6 +21,11 @@ from navfw.numerics.products import product
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, Twist, wrap_angle
 from navfw.topomap import TopoMap
 
+CONTRADICTED_BELOW = -0.1
+"""Mean fit of the scans: contradicted below."""
+LOST_BELOW = 0.4
+"""Confidence below which the belief is lost."""
+
 MIN_POINTS = 8
 """Least number of points of a scan that is matched."""
 
@@ -90,13 +95,6 @@ class FloorPlanLocalizer(place_probabilities.PlaceLocalizer):
             float,
             Field(ge=0.0, lt=1.0, description="mean fit of the scans: in doubt below"),
         ] = 0.42
-        contradicted_below: Annotated[
-            float,
-            Field(ge=-2.0, lt=1.0, description="mean fit of the scans: contradicted below"),
-        ] = -0.1
-        lost_below: Annotated[
-            float, Field(ge=0.0, lt=1.0, description="confidence below which the belief is lost")
-        ] = 0.4
 
     params: Params
 
@@ -200,7 +198,7 @@ class FloorPlanLocalizer(place_probabilities.PlaceLocalizer):
     @property
     def _contradicted(self) -> bool:
         """Whether the plan contradicts the tracked pose."""
-        return self.fit < self.params.contradicted_below
+        return self.fit < CONTRADICTED_BELOW
 
     def _find(self, odometry: Odometry, seconds: float) -> None:
         """Go on with the search; track the pose that it finds, unless it is tracked already."""
@@ -211,7 +209,7 @@ class FloorPlanLocalizer(place_probabilities.PlaceLocalizer):
         if self.tracking:
             tracked = self.filter.pose
             within = place_probabilities.probability_within(self.filter.pose_covariance)
-            needed = 0.0 if within < self.params.lost_below else _CLEARLY_BETTER
+            needed = 0.0 if within < LOST_BELOW else _CLEARLY_BETTER
             if (
                 are_close(pose, tracked)
                 or self._search.advantage(pose, tracked, odometry.pose) < needed
@@ -243,7 +241,7 @@ class FloorPlanLocalizer(place_probabilities.PlaceLocalizer):
             covariance,
             posterior.at(pose, covariance),
             within * max(self._trust(self.fit), _MIN_TRUST),
-            within < self.params.lost_below,
+            within < LOST_BELOW,
             updates=self.filter.updates,
             hypotheses=self._search.hypotheses,
         )

@@ -33,6 +33,9 @@ _MIN_LOG_ODDS, _MAX_LOG_ODDS = -5.0, 4.0
 
 _TINY = 1e-30
 
+MAP_SIGMA = 0.03
+"""Standard deviation of the landmarks' mapped positions [m]."""
+
 
 class LandmarkExistence:
     """Log-odds of each landmark by identity; all start at the ``prior`` probability, in (0, 1)."""
@@ -179,14 +182,10 @@ class LandmarkObservation:
 
 
 class LandmarkObserver:
-    """Turns detections into observations of mapped landmarks.
+    """Turns detections into observations of mapped landmarks."""
 
-    ``map_sigma`` [m] is the standard deviation of the landmarks' mapped positions.
-    """
-
-    def __init__(self, topo_map: TopoMap, map_sigma: float) -> None:
+    def __init__(self, topo_map: TopoMap) -> None:
         self._marks = topo_map.landmarks_by_identity
-        self._map_sigma = map_sigma
         self._trail: deque[tuple[float, Pose]] = deque()
         self._last: dict[str, float] = {}
 
@@ -213,9 +212,7 @@ class LandmarkObserver:
             if distance < 0.1:
                 continue  # the bearing is undefined so near
             measured = np.array((math.atan2(local[1], local[0]), distance))
-            noise = detection.covariance + np.diag(
-                ((self._map_sigma / distance) ** 2, self._map_sigma**2)
-            )
+            noise = detection.covariance + np.diag(((MAP_SIGMA / distance) ** 2, MAP_SIGMA**2))
             since = detection.time - self._last.get(detection.identity, -math.inf)
             if since <= 0.0:
                 continue

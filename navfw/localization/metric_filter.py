@@ -55,9 +55,6 @@ class MetricFilterParams(MotionParams):
 
     start_xy: Annotated[NonNegative, Field(description="of the start x and y [m]")] = 0.03
     start_yaw: Annotated[NonNegative, Field(description="of the start yaw [rad]")] = 0.02
-    map_sigma: Annotated[
-        NonNegative, Field(description="of the landmarks' mapped positions [m]")
-    ] = 0.03
     prior: Annotated[
         float,
         Field(gt=0.0, lt=1.0, description="prior probability that a landmark is where mapped"),
@@ -265,7 +262,7 @@ class Ekf(place_probabilities.PlaceLocalizer):
         p = self.params
         self._posterior = place_probabilities.PlacePosterior(topo_map)
         self.existence = LandmarkExistence(p.prior)
-        self._observer = LandmarkObserver(topo_map, p.map_sigma)
+        self._observer = LandmarkObserver(topo_map)
         self.filter = MetricFilter(p, self.existence, self.robot)
         covariance = np.diag((p.start_xy**2, p.start_xy**2, p.start_yaw**2))
         self.filter.initialize(pose, covariance, odometry)

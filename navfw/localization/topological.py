@@ -29,6 +29,11 @@ from navfw.robot import RobotModel
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap
 
+ADOPT_ABOVE = 0.9
+"""Probability from which its pose is adopted."""
+LOST_BELOW = 0.4
+"""Confidence below which the belief is lost."""
+
 
 class Bayes(Localizer):
     """Probability of every cell and heading of the map, by odometry, landmarks and OFFIS.
@@ -42,10 +47,6 @@ class Bayes(Localizer):
     class Params(DiscreteParams, Localizer.Params):
         """The lattice, and the landmarks' accuracy and prior existence probability."""
 
-        map_sigma: Annotated[
-            float,
-            Field(ge=0.0, le=10.0, description="sigma of the landmarks' mapped positions [m]"),
-        ] = 0.03
         prior: Annotated[
             float,
             Field(gt=0.0, lt=1.0, description="prior probability that a landmark is where mapped"),
@@ -65,7 +66,7 @@ class Bayes(Localizer):
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
         """Start at ``pose`` (map frame), or anywhere when None."""
         self._map = topo_map
-        self._observer = LandmarkObserver(topo_map, self.params.map_sigma)
+        self._observer = LandmarkObserver(topo_map)
         existence = LandmarkExistence(self.params.prior)
         table = situation_table(self.params.situations)
         self.filter = DiscreteFilter(topo_map, self.params, self.params.prior, existence, table)
@@ -216,13 +217,6 @@ class Topological(place_probabilities.PlaceLocalizer):
             bool,
             Field(description="heading and lateral position by the walls beside the map's edges"),
         ] = True
-        adopt_above: Annotated[
-            float,
-            Field(gt=0.5, lt=1.0, description="probability from which its pose is adopted"),
-        ] = 0.9
-        lost_below: Annotated[
-            float, Field(ge=0.0, lt=1.0, description="confidence below which the belief is lost")
-        ] = 0.4
 
     params: Params
 
@@ -230,7 +224,7 @@ class Topological(place_probabilities.PlaceLocalizer):
         """Start at ``pose`` (map frame), or anywhere when None."""
         p = self.params
         self._posterior = place_probabilities.PlacePosterior(topo_map)
-        self._observer = LandmarkObserver(topo_map, p.metric.map_sigma)
+        self._observer = LandmarkObserver(topo_map)
         self.existence = LandmarkExistence(p.metric.prior)
         table = place_probabilities.situation_table(p.discrete.situations)
         self.discrete = DiscreteFilter(topo_map, p.discrete, p.metric.prior, self.existence, table)
@@ -288,7 +282,7 @@ class Topological(place_probabilities.PlaceLocalizer):
             if support <= needed:
                 self._disagreement *= 0.5  # the tracked pose is as well supported: equal weight
                 return
-        if self._disagreement >= self.params.adopt_above and observations:
+        if self._disagreement >= ADOPT_ABOVE and observations:
             self._adopt(cluster, odometry, observations)
 
     def _adopt(
@@ -304,7 +298,7 @@ class Topological(place_probabilities.PlaceLocalizer):
         self.metric.observe(observations)
 
     def _belief(self, posterior: place_probabilities.PlacePosterior, odometry: Odometry) -> Belief:
-        lost_below = self.params.lost_below
+        lost_below = LOST_BELOW
         if self.tracking:
             pose, covariance = self.metric.pose, self.metric.pose_covariance
             places = posterior.at(pose, covariance)

@@ -15,6 +15,8 @@ from .local_map import LocalMapParams as LocalMapParams
 from .local_planner import LocalGoal as LocalGoal
 from .local_planner import LocalPlanner as LocalPlanner
 from .local_planner import LocalPlannerParams as LocalPlannerParams
+from .occupancy_grid import CLAMP_MAX as CLAMP_MAX
+from .occupancy_grid import CLAMP_MIN as CLAMP_MIN
 from .occupancy_grid import OccupancyGrid as OccupancyGrid
 from .occupancy_grid import OccupancyParams as OccupancyParams
 from .path_sight import PathSight as PathSight

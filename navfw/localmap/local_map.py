@@ -16,7 +16,7 @@ from navfw.localmap import free_distances
 from navfw.localmap.local_planner import LocalGoal, LocalPlanner, LocalPlannerParams
 from navfw.localmap.occupancy_grid import OccupancyGrid, OccupancyParams
 from navfw.localmap.path_sight import PathSight
-from navfw.localmap.traversability import TraversabilityCheck, TraversabilityParams
+from navfw.localmap.traversability import MAX_SIGMA, TraversabilityCheck, TraversabilityParams
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import (
@@ -320,5 +320,5 @@ class LocalMap:
         at = pose.to_parent(*local)
         if math.hypot(*local) > _COVERED or not grid.contains(*at):
             return False
-        sure = belief.sigma <= self.params.traversability.max_sigma
+        sure = belief.sigma <= MAX_SIGMA
         return sure and bool(grid.clearance[grid.index(*at)] < grid.robot.radius)

@@ -26,6 +26,13 @@ from navfw.localmap.ray_kernels import SLACK, Ground, body_room
 from navfw.numerics import Array, Mask
 from navfw.signals import OccupiedDisc, Pose, wrap_angle
 
+NARROW_PRICE = 4.0
+"""Extra price of a cell that just fits."""
+TURN_PRICE = 0.25
+"""Extra price of the first turn [m/rad]."""
+LEAVE_PRICE = 0.15
+"""Extra price of a cell off the last plan's way."""
+
 _GAPS = np.ones((3, 3), np.uint8)
 _NO_WAY: Array = np.empty((0, 4))
 _PROGRESS = 2.0
@@ -169,21 +176,12 @@ class LocalPlannerParams(StrictModel):
     clear: Annotated[
         float, Field(ge=0.0, le=1.0, description="clearance from which a cell costs no more [m]")
     ] = 0.25
-    narrow_price: Annotated[
-        float, Field(ge=0.0, le=50.0, description="extra price of a cell that just fits")
-    ] = 4.0
     unobserved_price: Annotated[
         float, Field(ge=0.0, le=20.0, description="extra price of an unobserved cell")
     ] = 0.2
-    turn_price: Annotated[
-        float, Field(ge=0.0, le=2.0, description="extra price of the first turn [m/rad]")
-    ] = 0.25
     margin: Annotated[
         float, Field(ge=0.0, le=0.3, description="least clearance of a passable cell [m]")
     ] = 0.04
-    leave_price: Annotated[
-        float, Field(ge=0.0, le=2.0, description="extra price of a cell off the last plan's way")
-    ] = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,7 +243,7 @@ class LocalPlanner:
         cell = 2.0 * occupancy.params.cell
         cost = self._prices(occupancy, moving_obstacles)
         if len(self._way):
-            cost[~self._beside_way(occupancy, cost.shape)] += self.params.leave_price
+            cost[~self._beside_way(occupancy, cost.shape)] += LEAVE_PRICE
         value = _sources(cost.shape[0], occupancy.origin, cell, x, y)
         # an obstacle on the waypoint itself must not hide it: its direction still counts
         cost_to_go(cost, value, 24)
@@ -297,9 +295,7 @@ class LocalPlanner:
         if count == 0 or steps * 0.5 * cell < 1.5 * _LEG:
             return path, count
         leg = _LEG / cell
-        r, c, bearing = first_leg(
-            value, cost, row, column, yaw, _BEARINGS, leg, self.params.turn_price / cell
-        )
+        r, c, bearing = first_leg(value, cost, row, column, yaw, _BEARINGS, leg, TURN_PRICE / cell)
         ahead = path[min(count, round(2.0 * leg)) - 1]
         cheapest = math.atan2(ahead[0] - row, ahead[1] - column)
         if r < 0.0 or abs(wrap_angle(yaw + bearing - cheapest)) <= _OTHER_WAY:
@@ -335,7 +331,7 @@ class LocalPlanner:
         observed = cv2.dilate(occupancy.observed, _AROUND).astype(np.uint8, copy=False)
         clearance = occupancy.clearance_with(moving_obstacles)
         return price_cells(
-            clearance, observed, radius, p.clear, p.margin, p.narrow_price, p.unobserved_price
+            clearance, observed, radius, p.clear, p.margin, NARROW_PRICE, p.unobserved_price
         )
 
 

@@ -22,6 +22,25 @@ from navfw.numerics import Array, Mask
 from navfw.robot import CameraModel, Footprint, RobotModel
 from navfw.signals import OccupiedDisc, Percept, Pose, Stixels
 
+CLAMP_MIN = -1.5
+"""Lower bound of the log-odds."""
+CLAMP_MAX = 3.0
+"""Upper bound of the log-odds."""
+OBSERVED_FREE = -0.25
+"""Log-odds up to which a cell is observed free."""
+HIT_WIDTH = 0.7
+"""Depth interval that a hit covers, each side [sigma]."""
+VIEW_DECAY = 1.0
+"""Time constant of free evidence within the view [s]."""
+MIN_CONFIDENCE = 0.15
+"""Least confidence integrated."""
+OVER_WEIGHT = 0.2
+"""Weight of free evidence of a ray at camera height."""
+DROP_WEIGHT = 0.2
+"""Weight as a hit of a point below the floor."""
+MAX_HEIGHT = 1.5
+"""Height above which points are ignored [m]."""
+
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]
 """Log-odds, lengths [m] and times [s]: beyond 100 nothing changes any more."""
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -59,19 +78,8 @@ class OccupancyParams(StrictModel):
     cell: Annotated[float, Field(ge=0.02, le=0.2, description="cell size [m]")] = 0.05
     hit: Annotated[Positive, Field(description="log-odds added by one certain hit")] = 0.6
     miss: Annotated[Positive, Field(description="log-odds removed by one ray that passes")] = 0.33
-    clamp_min: Annotated[
-        float, Field(lt=0.0, ge=-100.0, description="lower bound of the log-odds")
-    ] = -1.5
-    clamp_max: Annotated[Positive, Field(description="upper bound of the log-odds")] = 3.0
     occupied: Annotated[Positive, Field(description="log-odds from which a cell is occupied")] = 0.7
-    observed_free: Annotated[
-        float, Field(lt=0.0, ge=-100.0, description="log-odds up to which a cell is observed free")
-    ] = -0.25
     range: Annotated[Positive, Field(description="largest range of a hit [m]")] = 3.0
-    hit_width: Annotated[
-        float,
-        Field(gt=0.0, le=3.0, description="depth interval that a hit covers, each side [sigma]"),
-    ] = 0.7
     cell_share: Annotated[
         tuple[Share, Share],
         Field(description="probability within one cell that gives no hit, and a full hit"),
@@ -79,19 +87,6 @@ class OccupancyParams(StrictModel):
     decay: Annotated[Positive, Field(description="time constant of the decay of evidence [s]")] = (
         30.0
     )
-    view_decay: Annotated[
-        Positive, Field(description="time constant of free evidence within the view [s]")
-    ] = 1.0
-    min_confidence: Annotated[Share, Field(description="least confidence integrated")] = 0.15
-    over_weight: Annotated[
-        Share, Field(description="weight of free evidence of a ray at camera height")
-    ] = 0.2
-    drop_weight: Annotated[
-        Share, Field(description="weight as a hit of a point below the floor")
-    ] = 0.2
-    max_height: Annotated[
-        Positive, Field(description="height above which points are ignored [m]")
-    ] = 1.5
 
     @model_validator(mode="after")
     def _shares_rise(self) -> OccupancyParams:
@@ -118,9 +113,9 @@ class OccupancyGrid:
         self._margin = np.ones((2 * round(_SIDE_MARGIN / p.cell) + len(_GAP),) * 2, np.uint8)
         self._body = cell_disc(round(robot.radius / p.cell) + len(_GAP) // 2).view(np.uint8)
         blind = _floor_in_view_from(robot.camera)
-        shares = *p.cell_share, _LOW_PASS, p.over_weight
-        self._limits = np.array([p.range, p.hit_width, *shares, blind])
-        self._hit_weights = np.array([0.0, 0.0, 1.0, p.drop_weight, 1.0])  # in the order of Label
+        shares = *p.cell_share, _LOW_PASS, OVER_WEIGHT
+        self._limits = np.array([p.range, HIT_WIDTH, *shares, blind])
+        self._hit_weights = np.array([0.0, 0.0, 1.0, DROP_WEIGHT, 1.0])  # in the order of Label
         self._footprint = cell_disc(round(robot.radius / p.cell))
         # the evidence of one frame; zero between frames
         self._hit, self._free = np.zeros((2, self.size, self.size))
@@ -170,7 +165,7 @@ class OccupancyGrid:
         row, column = self.index(pose.x, pose.y)
         reach = len(self._footprint) // 2
         window = np.s_[row - reach : row + reach + 1, column - reach : column + reach + 1]
-        self.log_odds[window][self._footprint] = self.params.clamp_min
+        self.log_odds[window][self._footprint] = CLAMP_MIN
 
     def _mark_rectangle(self, footprint: Footprint, pose: Pose) -> None:
         half = 0.5 * footprint.width
@@ -179,7 +174,7 @@ class OccupancyGrid:
         cells = [self.index(*pose.to_parent(*corner))[::-1] for corner in corners]
         under = np.zeros(self.log_odds.shape, np.uint8)
         cv2.fillConvexPoly(under, np.array(cells), 1)
-        self.log_odds[under > 0] = self.params.clamp_min
+        self.log_odds[under > 0] = CLAMP_MIN
 
     def integrate(self, percept: Percept, pose: Pose, *, weak: bool = False) -> None:
         """Add the evidence of ``percept``, observed from odom ``pose`` (call ``update`` first).
@@ -192,8 +187,8 @@ class OccupancyGrid:
         confidence = percept.confidence.ravel()
         nearness = percept.nearness.ravel()
         label = percept.label.ravel()
-        kept = (confidence >= p.min_confidence) & (nearness > 1e-3)
-        kept &= percept.height.ravel() < p.max_height
+        kept = (confidence >= MIN_CONFIDENCE) & (nearness > 1e-3)
+        kept &= percept.height.ravel() < MAX_HEIGHT
         if not kept.any():
             return
         confidence = np.where(kept, confidence, 0.0)  # zero weight: no evidence
@@ -205,7 +200,7 @@ class OccupancyGrid:
         rays = rays_of(points.reshape(-1, 2), third, camera.focal, self._base_from_camera, pose.yaw)
         since = 0.0 if self._last_view is None else max(0.0, percept.time - self._last_view)
         self._last_view = percept.time
-        self._scale_view(self.log_odds, pose, 0.0, p.range, math.exp(-since / p.view_decay))
+        self._scale_view(self.log_odds, pose, 0.0, p.range, math.exp(-since / VIEW_DECAY))
         hit = confidence * self._hit_weights[label]
         free = confidence * (_WEAK_SIGHT if weak else _FREE_WEIGHTS)[label]
         self._cast(self._camera_position(pose), rays, nearness, sigma, hit, free)
@@ -250,7 +245,7 @@ class OccupancyGrid:
         p = self.params
         grids, height = (self._hit, self._free, self.log_odds), self.robot.camera.mount_height
         cast_evidence(*grids, *self.origin, p.cell, *at, height, *evidence, self._limits)
-        clamps = p.clamp_min, p.clamp_max
+        clamps = CLAMP_MIN, CLAMP_MAX
         merge_evidence(self.log_odds, self._hit, self._free, p.hit, p.miss, *clamps)
         self._forget_derived()
 
@@ -330,7 +325,7 @@ class OccupancyGrid:
     def observed(self) -> npt.NDArray[np.uint8]:
         """(n, n) 1 where the cell has been observed free, else 0."""
         if self._observed is None:
-            self._observed = (self.log_odds <= self.params.observed_free).view(np.uint8)
+            self._observed = (self.log_odds <= OBSERVED_FREE).view(np.uint8)
         return self._observed
 
     @property

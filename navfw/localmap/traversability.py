@@ -22,6 +22,11 @@ from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.numerics.arrays import Array, Bytes, Indices
 from navfw.signals import Belief, PassageQuery, PassageStatus, Pose
 
+MAX_SIGMA = 0.4
+"""Sigma of the position above which nothing is checked [m]."""
+MAX_HALF_WIDTH = 1.0
+"""Largest half width of the strip, before slack [m]."""
+
 Metres = Annotated[float, Field(ge=0.0, le=5.0)]
 
 _MIN_LENGTH = 0.3
@@ -47,12 +52,6 @@ class TraversabilityParams(StrictModel):
     slack: Annotated[
         Metres, Field(description="added to the strip at each side, beside one sigma [m]")
     ] = 0.2
-    max_sigma: Annotated[
-        Metres, Field(description="sigma of the position above which nothing is checked [m]")
-    ] = 0.4
-    max_half_width: Annotated[
-        Metres, Field(description="largest half width of the strip, before slack [m]")
-    ] = 1.0
     interval: Annotated[
         float, Field(ge=0.0, le=60.0, description="time between two checks [s]")
     ] = 0.5
@@ -89,13 +88,13 @@ class TraversabilityCheck:
         """
         self._last = time
         sigma = belief.sigma
-        if sigma > self.params.max_sigma:
+        if sigma > MAX_SIGMA:
             return ()
 
         def to_odom(x: float, y: float) -> tuple[float, float]:
             return pose.to_parent(*belief.pose.to_local(x, y))
 
-        widest = self.params.max_half_width
+        widest = MAX_HALF_WIDTH
         legs = [
             (to_odom(*query.start), to_odom(*query.end), min(0.5 * query.width, widest))
             for query in queries

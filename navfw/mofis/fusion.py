@@ -17,6 +17,11 @@ from navfw.numerics.functions import power
 from navfw.numerics.products import product, sum_in_order
 from navfw.signals import Command, Proposal, Twist
 
+CUT = 0.5
+"""Prohibition from which a command is excluded."""
+LOYALTY = 0.3
+"""Bonus of the region with the previous command."""
+
 Proposals = Mapping[str, Proposal]
 
 
@@ -112,26 +117,19 @@ class FuzzyFusion(Fusion):
         blend: Annotated[
             Literal["sum", "max"], Field(description="sum: weighted mean; max: fuzzy union")
         ] = "sum"
-        cut: Annotated[
-            float, Field(gt=0.0, le=1.0, description="prohibition from which a command is excluded")
-        ] = 0.5
         level: Annotated[
             float,
             Field(
                 gt=0.0, lt=1.0, description="share of the maximum from which commands form regions"
             ),
         ] = 0.8
-        loyalty: Annotated[
-            float,
-            Field(ge=0.0, le=2.0, description="bonus of the region with the previous command"),
-        ] = 0.3
 
     params: Params
 
     def fuse(self, context: Context, proposals: Proposals) -> Command:
         """The centroid of the allowed region with the largest desire."""
         prohibition = _joint_prohibition(context, proposals)
-        forbidden = prohibition > self.params.cut
+        forbidden = prohibition > CUT
         desire = self._desire(context, proposals)
         support = np.where(forbidden, 0.0, desire * (1.0 - prohibition))
         best = float(support.max())
@@ -165,7 +163,7 @@ class FuzzyFusion(Fusion):
         if context.previous is not None:
             before = regions[context.commands.nearest(context.previous.twist)]
             if before > 0:
-                mass[before - 1] *= 1.0 + self.params.loyalty
+                mass[before - 1] *= 1.0 + LOYALTY
         chosen = regions == 1 + int(mass.argmax())
         inside = np.where(chosen, support, 0.0)
         weight = inside.sum()

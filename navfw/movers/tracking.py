@@ -22,6 +22,17 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import MovingObject, OccupiedDisc, Pose
 
+MAX_AGE_OUT_OF_VIEW = 4.0
+"""Life of a track that has left the view [s]."""
+BEARING_SIGMA = 0.06
+"""Error of a detected bearing [rad]."""
+SPEED_SIGMA = 0.4
+"""Prior of the speed, one sigma per axis [m/s]."""
+ACCELERATION_SIGMA = 0.5
+"""Process noise: acceleration, one sigma [m/s^2]."""
+PATH_TIME = 0.6
+"""Time over which a track's path is occupied [s]."""
+
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]
 """Sigmas and speeds [m/s]: beyond 100 nothing changes any more."""
 
@@ -52,33 +63,18 @@ class TrackerParams(BaseModel):
     max_age_in_view: Annotated[
         Positive, Field(le=30.0, description="life of a track not detected again in view [s]")
     ] = 1.0
-    max_age_out_of_view: Annotated[
-        Positive, Field(le=30.0, description="life of a track that has left the view [s]")
-    ] = 4.0
     gate: Annotated[
         Positive, Field(description="largest distance of a detection from its track [sigma]")
     ] = 3.0
-    bearing_sigma: Annotated[Positive, Field(description="error of a detected bearing [rad]")] = (
-        0.06
-    )
     distance_sigma: Annotated[
         Positive, Field(description="error of a detected distance, relative [1]")
     ] = 0.2
-    speed_sigma: Annotated[
-        Positive, Field(description="prior of the speed, one sigma per axis [m/s]")
-    ] = 0.4
-    acceleration_sigma: Annotated[
-        Positive, Field(description="process noise: acceleration, one sigma [m/s^2]")
-    ] = 0.5
     min_hits: Annotated[
         int, Field(ge=1, le=50, description="detections from which a track is confirmed")
     ] = 2
     max_speed: Annotated[Positive, Field(description="speed to which tracks are clipped [m/s]")] = (
         1.0
     )
-    path_time: Annotated[
-        float, Field(ge=0.0, le=5.0, description="time over which a track's path is occupied [s]")
-    ] = 0.6
     radius: Annotated[
         tuple[Positive, Positive], Field(description="least and largest radius of an object [m]")
     ] = (0.22, 0.35)
@@ -196,7 +192,7 @@ class Tracker:
             track
             for track in self.tracks
             if time - track.time
-            <= (p.max_age_in_view if self._in_view(track, time, pose) else p.max_age_out_of_view)
+            <= (p.max_age_in_view if self._in_view(track, time, pose) else MAX_AGE_OUT_OF_VIEW)
             and self._plausible(track, time, pose)
         ]
 
@@ -234,7 +230,7 @@ class Tracker:
         turn = np.array([[c, -s], [s, c]])
         ray = product(turn, np.array([[ahead, -aside], [aside, ahead]]))
         spread = np.hypot(
-            [p.distance_sigma * detection.distance, p.bearing_sigma * away], _SHAPE_SIGMA
+            [p.distance_sigma * detection.distance, BEARING_SIGMA * away], _SHAPE_SIGMA
         )
         return _Measurement(
             detection.time,
@@ -242,14 +238,14 @@ class Tracker:
             product(ray, np.diag(1.0 / spread**2), ray.T),
             product(turn, detection.information, turn.T),
             product(turn, detection.evidence),
-            product(turn, np.array(detection.velocity(p.speed_sigma))),
+            product(turn, np.array(detection.velocity(SPEED_SIGMA))),
             radius,
         )
 
     def _begin(self, measurement: _Measurement) -> Track:
         """A new track; the prior of its velocity is that of the speed alone."""
         prior = np.zeros((4, 4))
-        prior[2:, 2:] = np.eye(2) / self.params.speed_sigma**2
+        prior[2:, 2:] = np.eye(2) / SPEED_SIGMA**2
         state, covariance = _joined(prior, np.zeros(4), measurement)
         return Track(state, covariance, measurement.radius, measurement.time)
 
@@ -260,7 +256,7 @@ class Tracker:
         step[0, 2] = step[1, 3] = dt
         push = np.vstack([0.5 * dt * dt * np.eye(2), dt * np.eye(2)])
         covariance = product(step, track.covariance, step.T)
-        covariance += product(self.params.acceleration_sigma**2 * push, push.T) + 1e-9 * np.eye(4)
+        covariance += product(ACCELERATION_SIGMA**2 * push, push.T) + 1e-9 * np.eye(4)
         return product(step, track.state), covariance
 
     def _association_cost(self, track: Track, measurement: _Measurement) -> float:
@@ -295,10 +291,10 @@ class Tracker:
 
     def _path(self, track: Track, time: float) -> Iterable[OccupiedDisc]:
         """Discs along the track's predicted path, from ``time`` over the path time."""
-        length = math.hypot(*track.velocity) * self.params.path_time
+        length = math.hypot(*track.velocity) * PATH_TIME
         steps = max(1, math.ceil(length / max(track.radius, 0.05)))
         for k in range(steps + 1):
-            x, y = track.predict(time + self.params.path_time * k / steps)
+            x, y = track.predict(time + PATH_TIME * k / steps)
             yield OccupiedDisc(x, y, track.radius)
 
 

@@ -27,6 +27,15 @@ from navfw.offis.walls import SIDES, find_walls, slopes_of_means, slopes_of_wall
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Percept, Twist
 
+MINIMUM_CONFIDENCE = 0.15
+"""Least confidence of a known cell [1]."""
+MINIMUM_BASELINE = 0.005
+"""Least translation for depth to be known [m]."""
+REJECTION = 3.0
+"""Largest residual of a consistent vector [sigma]."""
+HEADROOM = 0.05
+"""Clearance above the robot [m]."""
+
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]
 """Lengths [m], of vectors [px], and multiples of sigma: beyond 100 nothing changes any more."""
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -56,20 +65,8 @@ class Offis(Perception):
                 "nearness), its mean (auto in mode paper), or mean plus standard deviation"
             ),
         ] = "auto"
-        minimum_confidence: Annotated[
-            Share, Field(description="least confidence of a known cell [1]")
-        ] = 0.15
-        minimum_baseline: Annotated[
-            Positive, Field(description="least translation for depth to be known [m]")
-        ] = 0.005
-        rejection: Annotated[
-            Positive, Field(description="largest residual of a consistent vector [sigma]")
-        ] = 3.0
         obstacle_height: Annotated[
             Positive, Field(description="least height of an obstacle [m]")
-        ] = 0.05
-        headroom: Annotated[
-            float, Field(ge=0.0, le=100.0, description="clearance above the robot [m]")
         ] = 0.05
         drop_depth: Annotated[
             Positive, Field(description="least depth of a drop below the floor [m]")
@@ -107,8 +104,8 @@ class Offis(Perception):
         super().__init__(robot, params)
         self._floor = FloorModel(
             robot.camera,
-            top=robot.height + self.params.headroom,
-            minimum_confidence=self.params.minimum_confidence,
+            top=robot.height + HEADROOM,
+            minimum_confidence=MINIMUM_CONFIDENCE,
             obstacle_height=self.params.obstacle_height,
             drop_depth=self.params.drop_depth,
         )
@@ -167,8 +164,8 @@ class Offis(Perception):
         seen = nearness.triangulate(
             flow,
             self.robot.camera.focal,
-            minimum_baseline=self.params.minimum_baseline,
-            rejection=self.params.rejection,
+            minimum_baseline=MINIMUM_BASELINE,
+            rejection=REJECTION,
         )
         return (seen, *self._floor.classify(flow.points, seen, geometry.fall))
 
@@ -205,12 +202,12 @@ class Offis(Perception):
         """The fuzzy part: from nearness and labels to objects, planes, slopes and situations."""
         camera, params = self.robot.camera, self.params
         pyramid = geometry.pyramid
-        objects = find_objects(geometry, seen, label, params.minimum_confidence)
+        objects = find_objects(geometry, seen, label, MINIMUM_CONFIDENCE)
         walls = find_walls(geometry, seen, objects.wall_weight)
         borders = find_blind_borders(flow, geometry, camera.focal, params.longest_flow)
         paper = params.mode == "paper"
         if paper:
-            channels = raw_channels(flow, camera.focal, params.minimum_baseline)
+            channels = raw_channels(flow, camera.focal, MINIMUM_BASELINE)
         else:
             channels = object_channels(
                 geometry,
@@ -218,7 +215,7 @@ class Offis(Perception):
                 objects,
                 walls,
                 borders,
-                params.minimum_confidence,
+                MINIMUM_CONFIDENCE,
             )
         regions = pyramid.statistics(channels)
         size = self._size(regions)

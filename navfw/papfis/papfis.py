@@ -17,6 +17,13 @@ from navfw.papfis.tour import PassingTolerances, Tour
 from navfw.signals import Belief, PassageQuery, PassageReport, PassageStatus, Waypoint
 from navfw.topomap import Passage, TopoMap
 
+DOOR_PASSING = 0.25
+"""Tolerance in doors [m]."""
+PASSING_REACH = 1.0
+"""A waypoint left behind within this counts as passed [m]."""
+CLOSING_VOTES = 3.0
+"""Net votes that close a passage."""
+
 _BARRIER_AHEAD = 0.4
 """Assumed distance [m] from the robot to what blocks a passage that is reported closed."""
 
@@ -186,13 +193,9 @@ class Papfis(Planner):
             Field(ge=0.0, le=1e6, description="cost of high danger, in lengths of the passage"),
         ] = 1000.0
         passing: Annotated[Metres, Field(description="tolerance at places in the open [m]")] = 0.6
-        door_passing: Annotated[Metres, Field(description="tolerance in doors [m]")] = 0.25
         beside_door_passing: Annotated[
             Metres, Field(description="tolerance just before and after roomy doors [m]")
         ] = 0.35
-        passing_reach: Annotated[
-            Metres, Field(description="a waypoint left behind within this counts as passed [m]")
-        ] = 1.0
         replan_distance: Annotated[
             Metres, Field(description="distance to the planned leg from which it replans [m]")
         ] = 1.5
@@ -214,9 +217,6 @@ class Papfis(Planner):
                 "reached [m]; none: any",
             ),
         ] = None
-        closing_votes: Annotated[
-            float, Field(ge=1.0, le=100.0, description="net votes that close a passage")
-        ] = 3.0
         vote_interval: Annotated[
             float,
             Field(ge=0.0, le=60.0, description="least time between two votes on a passage [s]"),
@@ -250,10 +250,10 @@ class Papfis(Planner):
         p = self.params
         router = Router(topo_map, self.robot, CostParams(p.aversion, p.avoidance))
         passing = PassingTolerances(
-            p.passing, p.door_passing, p.beside_door_passing, p.passing_reach, self.robot.reach
+            p.passing, DOOR_PASSING, p.beside_door_passing, PASSING_REACH, self.robot.reach
         )
         self._tour = Tour(router, goals, passing, p.replan_distance, p.max_off_map)
-        self._blockages = Blockages(router, p.closing_votes, p.vote_interval, p.closed_for)
+        self._blockages = Blockages(router, CLOSING_VOTES, p.vote_interval, p.closed_for)
 
     def update(self, belief: Belief) -> Waypoint | None:
         """The waypoint to drive to; None when the last goal is reached.

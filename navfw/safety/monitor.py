@@ -23,6 +23,15 @@ from navfw.numerics import Image
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Odometry, Pose, SensorReading, Twist, wrap_angle
 
+BLIND_ADVANCE = 0.3
+"""Longest advance with nothing of the path seen [m]."""
+WEAK_SIGHT = 0.25
+"""Speed while little is seen of the path [m/s]."""
+STALL = 0.8
+"""Time of wheels not following: stop [s]."""
+STALL_REST = 1.0
+"""Standstill after a stall [s]."""
+
 _DARK, BRIGHT = 8.0, 247.0
 """Mean grey levels below and above which an image is invalid."""
 _FLAT = 2.5
@@ -154,20 +163,10 @@ class SafetyParams(StrictModel):
     blind_reverse: Annotated[
         float, Field(ge=0.0, le=2.0, description="longest reverse without a valid frame [m]")
     ] = 0.3
-    blind_advance: Annotated[
-        float,
-        Field(ge=0.0, le=2.0, description="longest advance with nothing of the path seen [m]"),
-    ] = 0.3
-    weak_sight: Annotated[
-        float,
-        Field(gt=0.0, le=1.0, description="speed while little is seen of the path [m/s]"),
-    ] = 0.25
     gyro_slow: Annotated[Seconds, Field(description="age of the last gyro reading: slow [s]")] = 0.2
     encoder_stop: Annotated[
         Seconds, Field(description="age of the last encoder reading: stop [s]")
     ] = 0.5
-    stall: Annotated[Seconds, Field(description="time of wheels not following: stop [s]")] = 0.8
-    stall_rest: Annotated[Seconds, Field(description="standstill after a stall [s]")] = 1.0
     probe: Annotated[
         float, Field(gt=0.0, le=0.5, description="speed of a probe of silent encoders [m/s]")
     ] = 0.05
@@ -349,12 +348,12 @@ class SafetyMonitor:
             return 0.0, trouble
         if sight.changed:
             return self.params.slow, "something has changed on the path"
-        return (self.params.weak_sight if sight.weak else math.inf), trouble
+        return (WEAK_SIGHT if sight.weak else math.inf), trouble
 
     def _stall_cap(self, time: float) -> tuple[float, str]:
         """Standstill for a moment after the wheels did not follow."""
-        if self._stalled_since is not None and time - self._stalled_since > self.params.stall:
-            self._rest_until = time + self.params.stall_rest
+        if self._stalled_since is not None and time - self._stalled_since > STALL:
+            self._rest_until = time + STALL_REST
             self._stalled_since = None
         return (0.0, "the wheels do not follow") if time < self._rest_until else (math.inf, "")
 
@@ -382,7 +381,7 @@ class SafetyMonitor:
             return
         if self._last_time is not None:
             self._blind_advance += max(odometry.twist.v, 0.0) * (odometry.time - self._last_time)
-        too_far = self._blind_advance >= self.params.blind_advance
+        too_far = self._blind_advance >= BLIND_ADVANCE
         if too_far and self._sightless_since is None:
             self._sightless_since = odometry.time
 

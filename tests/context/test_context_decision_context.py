@@ -64,7 +64,7 @@ def test_forward_is_all_that_drives_forward() -> None:
 
 
 def test_parameters_are_within_their_ranges() -> None:
-    ranges = "reverse [0, 10], turns [5, 81], cruise (0, 2], turn_rate (0, 4]"
+    ranges = "reverse [0, 10], turns [5, 81], cruise (0, 2]"
     check_ranges(CommandGridParams, ranges)
 
 

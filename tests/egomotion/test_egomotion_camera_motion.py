@@ -27,6 +27,7 @@ from navfw.egomotion import (
     yaw_rotation,
 )
 from navfw.egomotion.flow_egomotion import _DIRECTIONS, _hemisphere
+from navfw.egomotion.pairing import MAX_AGE, MIN_BASELINE
 from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Frame, FramePair, Odometry, Pose, Twist
@@ -60,9 +61,9 @@ def test_every_pair_keeps_the_limits(v: float, w: float) -> None:
         assert len(pairs) <= 2
         for pair in pairs:
             turn = math.acos(min(1.0, (np.trace(pair.motion.rotation) - 1.0) / 2.0))
-            assert params.min_baseline <= pair.motion.baseline <= params.max_baseline
+            assert MIN_BASELINE <= pair.motion.baseline <= params.max_baseline
             assert turn <= params.max_rotation + 1e-6
-            assert 0.0 < pair.now.time - pair.past.time <= params.max_age + 1e-9
+            assert 0.0 < pair.now.time - pair.past.time <= MAX_AGE + 1e-9
             assert pair.motion.dt == pytest.approx(pair.now.time - pair.past.time)
         if len(pairs) == 2:
             assert pairs[1].motion.baseline < 0.7 * pairs[0].motion.baseline
@@ -145,8 +146,8 @@ def test_a_frame_older_than_its_odometry_is_placed_by_the_twist() -> None:
 def test_parameters_are_bounded_and_a_short_baseline_is_below_the_desired_one() -> None:
     check_ranges(
         PairingParams,
-        "baseline [0.02, 0.16], min_baseline (0, 0.08], max_baseline [0.08, 1], max_age (0, 10], "
-        "short_baseline (0, 1], max_rotation (0, 0.5], min_step [0, 0.1], slip [0, 0.5], "
+        "baseline [0.02, 0.16], max_baseline [0.08, 1], short_baseline (0, 1], "
+        "max_rotation (0, 0.5], slip [0, 0.5], "
         "yaw_rate_sigma [0, 0.5]",
     )
     for wrong in (0.08, 0.019):

@@ -201,11 +201,9 @@ def test_a_grid_that_does_not_divide_the_image_is_refused(
         processor(ROBOT, processor.Params.model_validate(params))
 
 
-@pytest.mark.parametrize("processor", [Dis, BlockMatching])
-def test_thresholds_in_the_wrong_order_are_refused(processor: type[FlowProcessor]) -> None:
-    low = next(key for key in processor.Params.model_fields if key.endswith("_low"))
-    with pytest.raises(ValidationError, match=f"{low} 0.99 is not below"):
-        processor.Params.model_validate({low: 0.99, low.replace("low", "high"): 0.95})
+def test_thresholds_in_the_wrong_order_are_refused() -> None:
+    with pytest.raises(ValidationError, match=r"match_low 0[.]99 is not below"):
+        Dis.Params.model_validate({"match_low": 0.99, "match_high": 0.95})
 
 
 def test_aligned_past_repeats_the_past_when_nothing_turned() -> None:

@@ -129,7 +129,7 @@ def mass_near(found: DiscreteFilter, pose: Pose, radius: float) -> float:
 
 def test_two_landmarks_determine_the_pose_and_one_does_not() -> None:
     truth, at = Pose(6.0, 0.0, 0.3), Pose(1.0, 1.0, -2.0)
-    found, observer = initialized(None, at), LandmarkObserver(MAP, 0.03)
+    found, observer = initialized(None, at), LandmarkObserver(MAP)
     assert found.cluster.mass < 0.1
     found.observe(observer.observe(odometry(at, 1.0), [detection(MARKS[1], truth, 1.0)]))
     assert found.support_probability(found.cluster.pose) < 0.9
@@ -160,7 +160,7 @@ def test_two_landmarks_determine_the_pose_and_one_does_not() -> None:
 def test_landmarks_support_a_pose_only_if_consistent() -> None:
     """The second landmark is displaced by 0.7 m: a pose halfway would fit both."""
     truth, at = Pose(6.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0)
-    found, observer = initialized(truth, at), LandmarkObserver(MAP, 0.03)
+    found, observer = initialized(truth, at), LandmarkObserver(MAP)
     moved = Landmark("b", "aruco", 2, 9.7, -1.0, math.pi / 2)
     seen = [detection(MARKS[2], truth, 1.0), detection(moved, truth, 1.0)]
     found.observe(observer.observe(odometry(at, 1.0), seen))
@@ -168,7 +168,7 @@ def test_landmarks_support_a_pose_only_if_consistent() -> None:
 
 
 def test_a_landmark_is_visible_from_its_front_only() -> None:
-    found, observer = initialized(None), LandmarkObserver(MAP, 0.03)
+    found, observer = initialized(None), LandmarkObserver(MAP)
     truth = Pose(3.0, -0.5, math.pi / 2)
     found.observe(observer.observe(odometry(ORIGIN, 1.0), [detection(MARKS[0], truth, 1.0)]))
     behind = np.abs(found.lattice.x - 3.0) < 1.5, found.lattice.y > MARKS[0].y + 0.3

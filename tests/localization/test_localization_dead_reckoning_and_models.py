@@ -24,7 +24,6 @@ from navfw.localization import (
     LandmarkExistence,
     MotionParams,
     PlacePosterior,
-    Topological,
     associate,
     expected_measurement,
     joseph,
@@ -193,16 +192,13 @@ def test_evidence_for_a_landmark_is_bounded_and_weighted() -> None:
     [
         (
             Bayes.Params,
-            "cell [0.1, 2], headings [4, 72], turning [0, 0.3], leak [0, 0.1], prior (0, 1), "
-            "situation_every [0.1, 50], situation_weight [0, 1], map_sigma [0, 10], "
-            "lost_below [0, 1)",
+            "cell [0.1, 2], turning [0, 0.3], prior (0, 1), lost_below [0, 1)",
         ),
         (
             FloorPlanLocalizer.Params,
             "aside [0, 10], yaw_by_turning [0, 10], margin [1, 10], start_xy [0, 10], "
-            "start_yaw [0, 10], map_sigma [0, 10], prior (0, 1), least_xy [0, 10], "
-            "least_yaw [0, 10], every [0.02, 2], memory [1, 100], doubt_below [0, 1), "
-            "contradicted_below [-2, 1), lost_below [0, 1)",
+            "start_yaw [0, 10], prior (0, 1), least_xy [0, 10], "
+            "least_yaw [0, 10], every [0.02, 2], memory [1, 100], doubt_below [0, 1)",
         ),
         (
             DeadReckoning.Params,
@@ -210,7 +206,6 @@ def test_evidence_for_a_landmark_is_bounded_and_weighted() -> None:
             "yaw_by_distance [0, 10], yaw_by_turning [0, 10], place_radius (0, 20], "
             "places [1, 1000], refresh [0, 10]",
         ),
-        (Topological.Params, "adopt_above (0.5, 1), lost_below [0, 1)"),
     ],
 )
 def test_parameters_are_bounded(model: type[Params], ranges: str) -> None:

@@ -328,19 +328,16 @@ def test_parameters_are_within_their_ranges() -> None:
     check_ranges(LocalMapParams, "margin [0, 0.3]")
     check_ranges(
         OccupancyParams,
-        "extent (0, 30], cell [0.02, 0.2], hit (0, 100], miss (0, 100], clamp_min [-100, 0), "
-        "clamp_max (0, 100], occupied (0, 100], observed_free [-100, 0), range (0, 100], "
-        "hit_width (0, 3], decay (0, 100], view_decay (0, 100], min_confidence [0, 1], "
-        "over_weight [0, 1], drop_weight [0, 1], max_height (0, 100]",
+        "extent (0, 30], cell [0.02, 0.2], hit (0, 100], miss (0, 100], "
+        "occupied (0, 100], range (0, 100], decay (0, 100]",
     )
     check_ranges(
         LocalPlannerParams,
-        "distance (0.1, 3], clear [0, 1], narrow_price [0, 50], unobserved_price [0, 20], "
-        "turn_price [0, 2], margin [0, 0.3], leave_price [0, 2]",
+        "distance (0.1, 3], clear [0, 1], unobserved_price [0, 20], margin [0, 0.3]",
     )
     check_ranges(
         TraversabilityParams,
-        "range (0.3, 10], slack [0, 5], max_sigma [0, 5], max_half_width [0, 5], interval [0, 60]",
+        "range (0.3, 10], slack [0, 5], interval [0, 60]",
     )
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from localmap_samples import ORIGIN, ROBOT, grid_with, metric_percept
 
 from navfw.localmap import OccupancyGrid, OccupancyParams
+from navfw.localmap.occupancy_grid import CLAMP_MIN, OBSERVED_FREE
 from navfw.signals import Label, OccupiedDisc, Percept, Pose, Stixels
 
 CAMERA_AHEAD = ROBOT.camera.mount_forward
@@ -122,7 +123,7 @@ def test_with_weak_sight_the_floor_is_observed_under_the_whole_body(aside: float
 
 def test_points_of_low_confidence_are_no_evidence() -> None:
     occupancy = integrated([dataclasses.replace(HIT, confidence=np.full((1, 1), 0.05))] * 5)
-    body = occupancy.log_odds == occupancy.params.clamp_min
+    body = occupancy.log_odds == CLAMP_MIN
     assert np.all(occupancy.log_odds[~body] == 0.0)
 
 
@@ -168,7 +169,7 @@ def test_all_evidence_keeps_its_place_when_the_grid_follows_the_robot(dx: float,
     for row in range(max(0, -rows), min(n, n - rows)):
         for column in range(max(0, -columns), min(n, n - columns)):
             kept[row, column] = evidence[row + rows, column + columns]
-    away = occupancy.log_odds != occupancy.params.clamp_min  # but for the robot's footprint
+    away = occupancy.log_odds != CLAMP_MIN  # but for the robot's footprint
     assert np.array_equal(occupancy.log_odds[away], kept[away])
     assert 0.9 * n * n < np.count_nonzero(away) < n * n
 
@@ -232,7 +233,7 @@ def test_free_floor_within_view_has_to_be_observed_again() -> None:
     ahead, aside = occupancy.index(1.5, 0.0), occupancy.index(0.0, 1.5)
     occupancy.log_odds[aside] = -1.0  # observed before, out of view now
     was = float(occupancy.log_odds[ahead])
-    assert was < occupancy.params.observed_free
+    assert was < OBSERVED_FREE
     elsewhere = percept_of(70.0, 2.5, Label.OBSTACLE)
     for k in range(1, 31):  # observations elsewhere in the view show nothing ahead
         occupancy.update(ORIGIN, 0.8 + 0.1 * k)

@@ -24,6 +24,7 @@ from navfw.mofis import (
     explain_command,
     pareto_front,
 )
+from navfw.mofis.fusion import CUT
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Command, Odometry, Pose, Proposal, Twist, Waypoint
@@ -64,7 +65,7 @@ def test_a_prohibited_command_is_never_chosen(
     command = fusion.fuse(context(), proposals)
     if command.leader != "none":
         row, column = GRID.nearest(command.twist)
-        assert prohibit[row, column] <= fusion.params.cut
+        assert prohibit[row, column] <= CUT
 
 
 def test_if_forward_commands_are_prohibited_it_is_an_emergency_with_a_way_out() -> None:

@@ -11,6 +11,13 @@ from movers_detections import AHEAD, ROBOT, START, cross, detection
 from param_ranges import check_ranges
 
 from navfw.movers import Track, Tracker, TrackerParams
+from navfw.movers.tracking import (
+    ACCELERATION_SIGMA,
+    BEARING_SIGMA,
+    MAX_AGE_OUT_OF_VIEW,
+    PATH_TIME,
+    SPEED_SIGMA,
+)
 from navfw.signals import Pose
 
 POSES = st.builds(Pose, st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.1, 3.1))
@@ -45,9 +52,7 @@ def test_moving_objects_occupy_the_floor_ahead_of_them_and_standing_ones_do_not(
     assert vy == pytest.approx(0.5, abs=0.1)
     assert abs(vx) < 0.15
     farthest = max(disc.y for disc in moving.occupied_discs(time))
-    assert farthest == pytest.approx(
-        track.predict(time)[1] + vy * moving.params.path_time, abs=0.05
-    )
+    assert farthest == pytest.approx(track.predict(time)[1] + vy * PATH_TIME, abs=0.05)
     spread = [disc.y for disc in standing.occupied_discs(time)]
     assert max(spread) - min(spread) < 0.05
 
@@ -88,7 +93,7 @@ def test_tracks_out_of_view_live_longer_than_tracks_in_view() -> None:
     tracker.prune(0.4 + tracker.params.max_age_in_view + 0.5, START)
     assert tracker.tracks == []
     cross(tracker, 0.0, 0.5)
-    tracker.prune(0.4 + tracker.params.max_age_out_of_view + 0.1, away)
+    tracker.prune(0.4 + MAX_AGE_OUT_OF_VIEW + 0.1, away)
     assert tracker.tracks == []
 
 
@@ -117,14 +122,14 @@ def test_the_covariance_of_tracks_is_that_of_their_errors() -> None:
     for _ in range(150):
         away, aside = rng.uniform(1.2, 1.8), rng.uniform(-0.4, 0.4)
         place = camera + away * np.array([math.cos(pose.yaw + aside), math.sin(pose.yaw + aside)])
-        velocity = rng.normal(0.0, p.speed_sigma, 2)
+        velocity = rng.normal(0.0, SPEED_SIGMA, 2)
         tracker = Tracker(ROBOT, p)
         for k in range(8):
             off = place - camera
             away, bearing = math.hypot(*off), math.atan2(off[1], off[0]) - pose.yaw
             front = away - p.radius[0]
             noise = rng.normal(0.0, [math.hypot(p.distance_sigma * front, 0.06), 1.0, 1.0, 1.0])
-            bearing += math.hypot(p.bearing_sigma * away, 0.06) / away * noise[1]
+            bearing += math.hypot(BEARING_SIGMA * away, 0.06) / away * noise[1]
             c, s = math.cos(pose.yaw), math.sin(pose.yaw)
             ahead, left = np.array([[c, s], [-s, c]]) @ velocity + 0.15 * noise[2:]
             seen = detection(
@@ -134,7 +139,7 @@ def test_the_covariance_of_tracks_is_that_of_their_errors() -> None:
             (track,) = tracker.tracks
             error = track.state - np.concatenate([place, velocity])
             squares.append(error @ np.linalg.solve(track.covariance, error))
-            push = rng.normal(0.0, p.acceleration_sigma, 2)
+            push = rng.normal(0.0, ACCELERATION_SIGMA, 2)
             place = place + velocity * dt + 0.5 * push * dt * dt
             velocity = velocity + push * dt
     assert np.mean(squares) == pytest.approx(4.0, rel=0.12)
@@ -148,10 +153,10 @@ def test_the_first_estimate_joins_detection_and_prior() -> None:
     (track,) = tracker.tracks
     # ahead of the robot is +y in odom
     assert track.state[:2] == pytest.approx([0.2, 0.1 + AHEAD + 1.0 + 0.22])
-    weight = 100.0 / (100.0 + tracker.params.speed_sigma**-2)
+    weight = 100.0 / (100.0 + SPEED_SIGMA**-2)
     assert track.state[2:] == pytest.approx([0.0, 0.4 * weight], abs=1e-9)
     along, across = math.hypot(0.2 * 1.0, 0.06), math.hypot(0.06 * 1.22, 0.06)
-    speed = 1.0 / (100.0 + tracker.params.speed_sigma**-2)
+    speed = 1.0 / (100.0 + SPEED_SIGMA**-2)
     assert np.allclose(track.covariance, np.diag([across**2, along**2, speed, speed]))
     assert (track.hits, track.time, track.radius) == (1, 3.0, 0.22)
 
@@ -241,7 +246,6 @@ def test_reset_drops_all_tracks() -> None:
 def test_parameters_are_within_their_ranges() -> None:
     check_ranges(
         TrackerParams,
-        "max_age_in_view (0, 30], max_age_out_of_view (0, 30], gate (0, 100], "
-        "bearing_sigma (0, 100], distance_sigma (0, 100], speed_sigma (0, 100], "
-        "acceleration_sigma (0, 100], min_hits [1, 50], max_speed (0, 100], path_time [0, 5]",
+        "max_age_in_view (0, 30], gate (0, 100], distance_sigma (0, 100], "
+        "min_hits [1, 50], max_speed (0, 100]",
     )

@@ -149,7 +149,6 @@ def test_parameters_are_within_their_ranges() -> None:
         SafetyParams,
         "latency [0, 1], gap [0, 0.3], slow (0, 1], creep (0, 0.5], "
         "start_creep [0, 1], camera_slow (0, 60], camera_stop (0, 60], blind_reverse [0, 2], "
-        "blind_advance [0, 2], weak_sight (0, 1], "
-        "gyro_slow (0, 60], encoder_stop (0, 60], stall (0, 60], stall_rest (0, 60], "
+        "gyro_slow (0, 60], encoder_stop (0, 60], "
         "probe (0, 0.5], give_up [1, 60]",
     )

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from navfw.localmap import CLAMP_MAX
 from navfw.missions import (
     FaultKind,
     MissionResult,
@@ -169,7 +170,7 @@ def result_of(
     for x, y in occupied:
         row, column = occupancy.index(*OFFSET.to_parent(x, y))
         near = np.hypot(rows - row, columns - column) <= 2
-        occupancy.log_odds[near] = occupancy.params.clamp_max
+        occupancy.log_odds[near] = CLAMP_MAX
     belief = Belief(odometry.time, now, np.zeros((3, 3)))
     stack.mofis.decide(DecisionInputs(odometry, belief, session.mission.goals[-1]))
     stack.state = replace(stack.state, time=odometry.time, odometry=odometry, belief=belief)
