@@ -1,7 +1,7 @@
 """Write the tables of keys in the pages beside this file anew, from the models themselves.
 
 A table stands between ``<!-- keys: module:Class -->`` and ``<!-- end -->``; the kinds of plugins
-between ``<!-- kinds -->`` and ``<!-- end -->``, channels of a recording, topics and bounds of files
+between ``<!-- kinds -->`` and ``<!-- end -->``, channels of a recording, and topics
 likewise. Run it after a change of a model's fields::
 
     uv run python docs/update_tables.py
@@ -20,7 +20,6 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from navfw.config.error_location import describe, is_model, parameters_of
-from navfw.config.input_file import INPUT_BOUNDS
 from navfw.interfaces import KINDS
 from navfw.recording.channel_list import CHANNELS
 
@@ -44,7 +43,6 @@ _SHORTER = (
 """How a table shortens the words of error messages, in this order."""
 _CHANNELS = re.compile(r"(<!-- channels -->\n).*?(<!-- end -->)", re.DOTALL)
 _TOPICS = re.compile(r"(<!-- topics: ([\w.]+) -->\n).*?(<!-- end -->)", re.DOTALL)
-_BOUNDS = re.compile(r"(<!-- bounds -->\n).*?(<!-- end -->)", re.DOTALL)
 _KINDS = re.compile(r"(<!-- kinds -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -53,19 +51,7 @@ def renewed(text: str) -> str:
     text = _KEYS.sub(lambda m: f"{m[1]}{keys_table(_model(m[2], m[3]))}{m[4]}", text)
     text = _CHANNELS.sub(lambda m: f"{m[1]}{channels_table()}{m[2]}", text)
     text = _TOPICS.sub(lambda m: f"{m[1]}{topics_table(m[2])}{m[3]}", text)
-    text = _BOUNDS.sub(lambda m: f"{m[1]}{bounds_table()}{m[2]}", text)
     return _KINDS.sub(lambda m: f"{m[1]}{kinds_table()}{m[2]}", text)
-
-
-def bounds_table() -> str:
-    """A Markdown table of what each kind of file may hold, from ``INPUT_BOUNDS``."""
-    rows = ["| file | at most |", "|---|---|"]
-    for kind, bounds in INPUT_BOUNDS.items():
-        size = f"{round(bounds.max_bytes / 1e6, 1):g} MB"
-        items = f"{bounds.items:,} {bounds.unit}" * (bounds.items > 0)
-        time = f"{bounds.seconds:g} s" * (bounds.seconds > 0)
-        rows.append(f"| {kind} | {', '.join(filter(None, (size, items, time)))} |")
-    return "\n".join(rows) + "\n"
 
 
 def keys_table(model: type[BaseModel]) -> str:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from navfw.bench.recorded_pairs import PosedImage, hololens_images, tum_images
-from navfw.config.input_file import is_file, max_bytes, read_input_text
+from navfw.config.input_file import is_file, read_input_text
 from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.offis.percept_explanation import front_in
@@ -86,7 +86,7 @@ class Judgement:
 def load_labels() -> list[FrameLabel]:
     """All labels, in the order of the file."""
     file = Path(__file__).with_name("real_frames.csv")
-    text = read_input_text(file, max_bytes("benchmark"))
+    text = read_input_text(file)
     return [
         FrameLabel(
             **row

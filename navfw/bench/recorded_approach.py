@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from navfw.config.image_file import read_image
-from navfw.config.input_file import is_file, max_bytes, open_input
+from navfw.config.input_file import is_file, open_input
 from navfw.errors import ConfigError
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.divergence import ContactFilter, Expansion, fit_expansion
@@ -202,7 +202,7 @@ def _recorded_times(file: Path) -> Array:
     """The times to impact (n,) [s] in a file of MATLAB."""
     from scipy.io import loadmat
 
-    with open_input(file, max_bytes("benchmark")) as stream:
+    with open_input(file) as stream:
         try:
             return np.asarray(loadmat(stream)["TTI"], dtype=np.float64).ravel()
         except Exception as error:  # a damaged file makes scipy raise errors of many kinds

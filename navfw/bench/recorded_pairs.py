@@ -23,7 +23,7 @@ import numpy as np
 from navfw.bench.recorded_approach import read_grey
 from navfw.bench.true_pairs import TruePair
 from navfw.config.image_file import read_image
-from navfw.config.input_file import is_file, max_bytes, read_input_text
+from navfw.config.input_file import is_file, read_input_text
 from navfw.errors import ConfigError
 from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats
@@ -167,7 +167,7 @@ def hololens_frames(folder: Path, rows: int, cols: int) -> tuple[CameraModel, li
 
 
 def _numbers(file: Path, columns: int) -> Array:
-    lines = read_input_text(file, max_bytes("benchmark")).splitlines()
+    lines = read_input_text(file).splitlines()
     try:
         rows = np.loadtxt(lines, ndmin=2, dtype=np.float64)
         if rows.shape[1] != columns or not np.isfinite(rows).all():
@@ -233,7 +233,7 @@ def tum_frames(folder: Path, size: tuple[int, int]) -> tuple[CameraModel, list[R
 
 
 def _listing(folder: Path, name: str) -> list[tuple[float, Path]]:
-    lines = read_input_text(folder / name, max_bytes("benchmark")).splitlines()
+    lines = read_input_text(folder / name).splitlines()
     pairs = [line.split() for line in lines if line and not line.startswith("#")]
     try:
         return [(float(t), folder / f) for t, f in pairs if is_file(folder / f)]

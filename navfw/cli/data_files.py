@@ -126,7 +126,7 @@ def mission_summary(path: Path) -> dict[str, Any]:
 
 def map_summary(path: Path) -> dict[str, Any]:
     """The description in a map file, and the numbers of its places and edges."""
-    return _counted(validate(load_yaml(path, "map"), _MapSummary))
+    return _counted(validate(load_yaml(path), _MapSummary))
 
 
 def stack_summary(path: Path) -> dict[str, Any]:

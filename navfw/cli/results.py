@@ -9,7 +9,7 @@ import typer
 
 from navfw.cli.options import command_group
 from navfw.cli.output import echo
-from navfw.config.input_file import is_file, is_folder, max_bytes, read_input_text
+from navfw.config.input_file import is_file, is_folder, read_input_text
 from navfw.errors import InputError
 from navfw.process.atomic import write_text
 
@@ -66,9 +66,7 @@ def write(
     _check(folder)
     pages = current_pages(folder)
     old = [
-        page
-        for page, text in pages.items()
-        if not is_file(page) or read_input_text(page, max_bytes("template or page")) != text
+        page for page, text in pages.items() if not is_file(page) or read_input_text(page) != text
     ]
     for page in old:
         if not check:

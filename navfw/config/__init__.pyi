@@ -1,5 +1,3 @@
-from .document import KeyPath as KeyPath
-from .document import key_text as key_text
 from .document import load_yaml as load_yaml
 from .document import parse_yaml as parse_yaml
 from .error_location import parameters_of as parameters_of
@@ -8,11 +6,8 @@ from .extras import require_extra as require_extra
 from .file_kinds import FILE_KINDS as FILE_KINDS
 from .file_kinds import FileKind as FileKind
 from .image_file import read_image as read_image
-from .input_file import INPUT_BOUNDS as INPUT_BOUNDS
-from .input_file import MAX_DEPTH as MAX_DEPTH
 from .input_file import is_file as is_file
 from .input_file import is_folder as is_folder
-from .input_file import max_bytes as max_bytes
 from .input_file import read_input as read_input
 from .input_file import read_input_text as read_input_text
 from .input_file import read_json_object as read_json_object
@@ -34,8 +29,10 @@ from .project_code import require_trust as require_trust
 from .project_code import trusting as trusting
 from .strict_model import StrictModel as StrictModel
 from .trust_file import TrustFile as TrustFile
-from .yaml_compose import MAX_NESTING as MAX_NESTING
-from .yaml_compose import compose_quickly as compose_quickly
+from .yaml_text import MAX_DEPTH as MAX_DEPTH
+from .yaml_text import KeyPath as KeyPath
+from .yaml_text import key_text as key_text
+from .yaml_text import write_yaml_text as write_yaml_text
 from .yamlfile import MAX_LISTED as MAX_LISTED
 from .yamlfile import check as check
 from .yamlfile import load_model as load_model

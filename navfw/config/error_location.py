@@ -18,7 +18,7 @@ from pydantic import BaseModel, Discriminator, RootModel, Tag
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticSerializationError, PydanticUndefined, to_jsonable_python
 
-from navfw.config.document import KeyPath
+from navfw.config.yaml_text import KeyPath
 
 _PLAIN: Mapping[Any, str] = {
     bool: "true or false",

@@ -1,7 +1,6 @@
-"""Files in XML and SQLite from elsewhere: nothing in them names, includes or computes anything.
+"""Files in XML and SQLite from elsewhere: nothing in them includes or executes anything.
 
-XML has neither document type nor entities, and bounded size and depth; a database has plain tables
-and indexes alone.
+XML has neither document type nor entities, and a bounded depth; a query has a bounded time.
 """
 
 from __future__ import annotations
@@ -16,24 +15,25 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
-from navfw.config.input_file import INPUT_BOUNDS, MAX_DEPTH, open_input, read_input, shown_path
+from navfw.config.input_file import MAX_TEXT, open_input, read_input, shown_path
+from navfw.config.yaml_text import MAX_DEPTH
 from navfw.errors import ConfigError
 
 _LINE = "navfw-line"
 """Attribute with the line of an element."""
 
 
-def read_xml(path: Path, max_bytes: int, what: str, *, doctype: bool = False) -> Element:
+def read_xml(path: Path, what: str, *, doctype: bool = False) -> Element:
     """The root element of the file; ``line_of`` gives the line of each element.
 
     A document type, with ``doctype``, may be named, but declares no entities and is not read.
 
     Raises:
-        ConfigError: the file cannot be read, is larger than ``max_bytes``, nested too deep, or not
-            XML; the message says that ``what`` was expected, as in "an SDF world".
+        ConfigError: the file cannot be read, is too large, nested too deep, or not XML; the message
+            says that ``what`` was expected, as in "an SDF world".
 
     """
-    return parse_xml(read_input(path, max_bytes), shown_path(path), what, doctype=doctype)
+    return parse_xml(read_input(path, MAX_TEXT), shown_path(path), what, doctype=doctype)
 
 
 def parse_xml(content: bytes, name: str, what: str, *, doctype: bool = False) -> Element:
@@ -86,19 +86,20 @@ def line_of(element: Element) -> int:
 
 _WAIT = 10.0
 """Longest time [s] to wait for another process that reads or writes the file."""
-_STEPS = 10_000
-"""Instructions of SQLite between two looks at the time."""
+_STEPS, _SECONDS = 10_000, 10.0
+"""Instructions of SQLite between two looks at the time, and the longest time of all queries [s]."""
 _MAX_VALUE = 1_000_000
 """Largest text or blob that is read [byte]; a message of a bag is read by rosbags."""
+
 _COMPUTED = re.compile(r"\b(as|virtual)\b", re.IGNORECASE)
 """Words of generated columns and virtual tables; no table of navfw, optuna or ROS has them."""
 
 
 @contextmanager
-def open_database(path: Path, kind: str) -> Iterator[sqlite3.Connection]:
-    """The database of a ``kind`` of ``INPUT_BOUNDS``, for reading and, if possible, writing.
+def open_database(path: Path) -> Iterator[sqlite3.Connection]:
+    """The database in a file, for reading and, if possible, writing.
 
-    A query that takes longer than the bound of the kind ends with ``sqlite3.OperationalError``.
+    A query that ends later than ``_SECONDS`` from now raises ``sqlite3.OperationalError``.
 
     Raises:
         ConfigError: the file is none that may be read, or its schema has views, triggers or tables
@@ -106,10 +107,9 @@ def open_database(path: Path, kind: str) -> Iterator[sqlite3.Connection]:
         sqlite3.Error: it is no database, or is damaged.
 
     """
-    bounds = INPUT_BOUNDS[kind]
-    with open_input(path, bounds.max_bytes):
+    with open_input(path):
         pass
-    end = time.monotonic() + bounds.seconds
+    end = time.monotonic() + _SECONDS
     # the first reading after a kill rolls back what that left unfinished, so it may write
     mode = "rw" if os.access(path, os.W_OK) else "ro"
     place = f"{path.absolute().as_uri()}?mode={mode}"
@@ -125,9 +125,9 @@ def open_database(path: Path, kind: str) -> Iterator[sqlite3.Connection]:
 
 
 def check_database(path: Path, kind: str) -> None:
-    """Check a database that a library will open; raises ConfigError as ``open_database``."""
+    """Check a database, a ``kind`` of file, that a library will open; raises ConfigError."""
     try:
-        with open_database(path, kind):
+        with open_database(path):
             pass
     except (sqlite3.Error, UnicodeDecodeError) as error:
         raise ConfigError(f"not a readable {kind}: {error}", file=shown_path(path)) from None

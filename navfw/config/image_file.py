@@ -15,9 +15,12 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image as PillowImage
 
-from navfw.config.input_file import INPUT_BOUNDS, max_bytes, read_input, shown_path
+from navfw.config.input_file import read_input, shown_path
 from navfw.errors import ConfigError
 from navfw.process.process_resources import redirected
+
+MAX_PIXELS = 64_000_000
+"""Largest number of pixels of an image: telephones take 12 to 50 megapixels."""
 
 _DAMAGED = re.compile(
     rb"bad Huffman code|premature end of data|([3-9][0-9]|[0-9]{3,}) extraneous bytes"
@@ -30,7 +33,7 @@ _HEIC = {b"ftyp" + kind for kind in (b"heic", b"heix", b"hevc", b"heim", b"heis"
 def read_image(
     path: str | Path,
     flags: int = cv2.IMREAD_COLOR,
-    kind: str = "image",
+    max_pixels: int = MAX_PIXELS,
 ) -> npt.NDArray[np.uint8 | np.uint16]:
     """The image in a file, decoded by OpenCV with ``flags`` (default: BGR, 8 bits).
 
@@ -38,11 +41,11 @@ def read_image(
         ConfigError: the file cannot be read, is no image, is damaged or too large.
 
     """
-    return decode_image(read_input(path, max_bytes(kind)), shown_path(Path(path)), flags, kind)
+    return decode_image(read_input(path), shown_path(Path(path)), flags, max_pixels)
 
 
 def decode_image(
-    data: bytes, name: str, flags: int = cv2.IMREAD_COLOR, kind: str = "image"
+    data: bytes, name: str, flags: int = cv2.IMREAD_COLOR, max_pixels: int = MAX_PIXELS
 ) -> npt.NDArray[np.uint8 | np.uint16]:
     """The image in the content ``data`` of a file called ``name``; see ``read_image``.
 
@@ -51,7 +54,6 @@ def decode_image(
 
     """
     width, height = _declared_size(data, name)
-    max_pixels = INPUT_BOUNDS[kind].items
     if width * height > max_pixels:
         raise ConfigError(
             f"the image is too large: {width} x {height} pixels, at most {max_pixels};"

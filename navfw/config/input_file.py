@@ -3,83 +3,26 @@
 A device, pipe or socket has no end and may block, so the kind and size of the file are checked on
 the opened descriptor, before anything is read. ``tests/config/test_config_input_file.py`` asserts
 that no other module opens an input by itself.
-
-This is also the only place of the bounds, from which the table in ``docs/robustness.md`` is
-written: bytes are checked here, items, depth and seconds by the parser of a kind, while, or before,
-it builds anything.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import re
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 from navfw.errors import ConfigError, did_you_mean
 
-MAX_DEPTH = 60
-"""Largest nesting of lists, mappings, elements and dotted keys, in files of all kinds."""
+MAX_TEXT = 50_000_000
+"""Largest text that is read [byte]: an hour of poses at 100 Hz, or any map, world and result."""
 
-
-class InputBounds(NamedTuple):
-    """Largest size of a file [byte], and number of ``items`` in it, which ``unit`` names.
-
-    ``seconds`` is the longest time of a parser that is not bounded by these.
-    """
-
-    max_bytes: int
-    items: int = 0
-    unit: str = ""
-    seconds: float = 0.0
-
-
-_NODES = "keys and values"
-INPUT_BOUNDS = {
-    "YAML": InputBounds(1_000_000, 40_000, _NODES),  # 2 to 4 s
-    "map": InputBounds(8_000_000, 300_000, _NODES),  # ten thousand places, half a minute
-    "exchanged map": InputBounds(32_000_000, 2_000_000, _NODES),
-    "JSON": InputBounds(16_000_000, 2_000_000, _NODES),  # 2 h with 1000 events: 1 MB
-    "pyproject.toml": InputBounds(500_000, 100_000, _NODES),
-    "recording": InputBounds(1 << 30),  # an hour of 160x120 images at 10 Hz: 0.6 GB
-    "chunk of a recording": InputBounds(1 << 26),  # navfw writes 1 MB
-    "bag": InputBounds(20_000_000_000, seconds=10.0),
-    "chunk of a bag": InputBounds(1 << 28),
-    "metadata of a bag": InputBounds(10_000_000, 40_000, _NODES),
-    "journal of a suite": InputBounds(400_000_000, 200_000, "runs", 10.0),  # 1 kB a run
-    "study": InputBounds(2_000_000_000, seconds=10.0),
-    "image": InputBounds(100_000_000, 64_000_000, "pixels"),  # telephones: 12 to 50 megapixels
-    "picture of a texture": InputBounds(20_000_000, 4_000_000, "pixels"),  # 4 mm over 8 x 8 m
-    "picture of a poster": InputBounds(20_000_000, 64_000_000, "pixels"),
-    "picture of a report": InputBounds(5_000_000),
-    "video": InputBounds(20_000_000_000, 64_000_000, "pixels a frame"),
-    "timed table": InputBounds(50_000_000),  # an hour of poses at 100 Hz
-    "mesh of furniture": InputBounds(10_000_000, 20_000, "triangles"),  # each image draws them
-    "mesh of a Gazebo world": InputBounds(50_000_000, 500_000, "triangles"),
-    "mesh of a URDF": InputBounds(200_000_000),
-    "Gazebo world": InputBounds(20_000_000),  # the largest of BARN: 0.7 MB
-    "path of BARN": InputBounds(1_000_000, 100_000, "numbers"),
-    "URDF": InputBounds(5_000_000),  # that of Husky: 11 kB
-    "file that xacro includes": InputBounds(10_000_000, seconds=20.0),
-    "benchmark": InputBounds(50_000_000),
-    "template or page": InputBounds(2_000_000),
-    "files of a job": InputBounds(200_000_000),
-    "fingerprinted file": InputBounds(1 << 28),
-    "refs of git": InputBounds(64_000_000),  # some hundred thousand
-    "stored run of a test": InputBounds(64_000_000),  # 2 h: 45 MB
-}
-"""The bounds by the kind of file."""
-
-
-def max_bytes(kind: str) -> int:
-    """The largest size of a file of that kind [byte]."""
-    return INPUT_BOUNDS[kind].max_bytes
-
+MAX_BYTES = 1 << 28
+"""Largest file of another kind that is read as a whole [byte]: images, meshes, jobs, scripts."""
 
 _FLAGS = os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY  # a pipe must not wait for a writer
 
@@ -99,8 +42,10 @@ def traced_inputs() -> Iterator[set[Path]]:
 
 
 @contextmanager
-def open_input(path: str | Path, max_bytes: int) -> Iterator[BinaryIO]:
+def open_input(path: str | Path, max_bytes: int | None = None) -> Iterator[BinaryIO]:
     """The regular file at ``path`` (or behind a link there), opened for reading bytes.
+
+    Without ``max_bytes`` it may have any size: for files that are read in pieces.
 
     Raises:
         ConfigError: there is no such file, it is a folder, device, pipe or socket, cannot be read,
@@ -120,7 +65,7 @@ def open_input(path: str | Path, max_bytes: int) -> Iterator[BinaryIO]:
         yield stream
 
 
-def read_input(path: str | Path, max_bytes: int) -> bytes:
+def read_input(path: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
     """The content of the regular file at ``path``; raises like ``open_input``."""
     with open_input(path, max_bytes) as stream:
         try:
@@ -132,7 +77,7 @@ def read_input(path: str | Path, max_bytes: int) -> bytes:
     return content
 
 
-def read_input_text(path: str | Path, max_bytes: int) -> str:
+def read_input_text(path: str | Path, max_bytes: int = MAX_TEXT) -> str:
     """The UTF-8 text in the regular file at ``path``, without a byte order mark.
 
     Raises:
@@ -190,13 +135,14 @@ def no_such_file(path: Path) -> ConfigError:
     return ConfigError(f"there is no such file{hint}", file=name)
 
 
-def _checked(descriptor: int, path: Path, max_bytes: int) -> int:
+def _checked(descriptor: int, path: Path, max_bytes: int | None) -> int:
     """``descriptor``, of a regular file of at most ``max_bytes``; any other is closed."""
     about = os.fstat(descriptor)
-    if stat.S_ISREG(about.st_mode) and about.st_size <= max_bytes:
+    too_large = max_bytes is not None and about.st_size > max_bytes
+    if stat.S_ISREG(about.st_mode) and not too_large:
         return descriptor
     os.close(descriptor)
-    if stat.S_ISREG(about.st_mode):
+    if stat.S_ISREG(about.st_mode) and max_bytes is not None:
         raise _too_large(path, max_bytes)
     raise no_such_file(path)
 
@@ -222,40 +168,6 @@ def _too_large(path: Path, max_bytes: int) -> ConfigError:
     )
 
 
-# --- JSON and TOML ----------------------------------------------------------------------------
-
-_BESIDE_STRUCTURE = re.compile(
-    r"""\"{3}[^"\\]*(?:(?:\\.|"(?!""))[^"\\]*)*(?:\"{3}|\Z)|"[^"\\\n]*(?:\\.[^"\\\n]*)*"?"""
-    r"""|'{3}.*?(?:'{3}|\Z)|'[^'\n]*'?|#[^\n]*""",
-    re.DOTALL,
-)
-"""Texts and comments, also without their end."""
-_MAX_PARTS = 20
-"""Largest number of parts of a dotted key, which costs their square."""
-_CHAIN = re.compile(rf"(?<![\w-])(?:[\w-]+[ \t]*\.[ \t]*){{{_MAX_PARTS}}}")
-
-
-def check_structure(text: str, file: str, kind: str) -> None:
-    """Check depth and number of items of a JSON or TOML ``text`` without parsing it.
-
-    A parser's memory grows with every item, and more than linearly with depth.
-
-    Raises:
-        ConfigError: ``text``, the content of ``file``, has more than a file of ``kind`` may have.
-
-    """
-    bare = _BESIDE_STRUCTURE.sub("x", text)
-    bounds, depth = INPUT_BOUNDS[kind], 0
-    for character in re.findall(r"[][{}]", bare):
-        depth += 1 if character in "[{" else -1
-        if depth > MAX_DEPTH:
-            raise ConfigError(f"nested too deeply: more than {MAX_DEPTH} levels", file=file)
-    if _CHAIN.search(bare):
-        raise ConfigError(f"nested too deeply: a key of more than {_MAX_PARTS} parts", file=file)
-    if bare.count(",") > bounds.items:
-        raise ConfigError(f"too much content: more than {bounds.items} {bounds.unit}", file=file)
-
-
 def read_json_object(path: str | Path) -> dict[str, Any]:
     """The JSON object in the file at ``path``.
 
@@ -264,25 +176,26 @@ def read_json_object(path: str | Path) -> dict[str, Any]:
 
     """
     name = shown_path(Path(path))
-    data = parse_json(read_input_text(path, INPUT_BOUNDS["JSON"].max_bytes), name)
+    data = parse_json(read_input_text(path), name)
     if not isinstance(data, dict):
         raise ConfigError("expected one JSON object", file=name)
     return data
 
 
-def parse_json(text: str, file: str, kind: str = "JSON") -> Any:
+def parse_json(text: str, file: str) -> Any:
     """The JSON value in ``text``; NaN and Infinity, which are not JSON, are refused.
 
     Raises:
-        ConfigError: ``text``, the content of ``file``, is not JSON, with the line; or has more than
-            a file of ``kind`` may have.
+        ConfigError: ``text``, the content of ``file``, is not JSON, with the line, or nested too
+            deeply.
 
     """
-    check_structure(text, file, kind)
     try:
         return json.loads(text, parse_constant=_refuse_constant)
     except json.JSONDecodeError as error:
         raise ConfigError(f"not valid JSON: {error.msg}", file=file, line=error.lineno) from None
+    except RecursionError:
+        raise ConfigError("nested too deeply", file=file) from None
     except ValueError as error:  # a constant, or an integer of thousands of digits
         raise ConfigError(f"not valid JSON: {error}", file=file) from None
 

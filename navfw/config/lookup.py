@@ -98,12 +98,12 @@ def _is_project(folder: Path) -> bool:
     try:
         if input_file.is_file(folder / "navfw.toml"):
             return True
-        text = input_file.read_input_text(file, input_file.max_bytes("pyproject.toml"))
+        text = input_file.read_input_text(file)
     except ConfigError:
         return False
     try:
         return "navfw" in text and _has_section(text)
-    except (ValueError, ConfigError) as error:  # also an integer of thousands of digits
+    except (ValueError, RecursionError) as error:  # also an integer of thousands of digits
         if "tool.navfw" not in text:
             return False
         raise ConfigError(f"not valid TOML: {error}", file=file) from None
@@ -111,7 +111,6 @@ def _is_project(folder: Path) -> bool:
 
 @lru_cache(maxsize=8)
 def _has_section(text: str) -> bool:
-    input_file.check_structure(text, "", "pyproject.toml")
     tool = tomllib.loads(text).get("tool", {})
     return isinstance(tool, dict) and "navfw" in tool
 

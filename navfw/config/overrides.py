@@ -10,16 +10,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
 
-from navfw.config.document import (
-    Data,
-    KeyPath,
-    Origin,
-    YamlDocument,
-    key_text,
-    load_yaml,
-    parse_yaml,
-)
+from navfw.config.document import Origin, YamlDocument, load_yaml, parse_yaml
 from navfw.config.lookup import find
+from navfw.config.yaml_text import Data, KeyPath, key_text
 from navfw.errors import ConfigError, did_you_mean
 
 Settings: TypeAlias = str | Sequence[str] | Mapping[str, object]

@@ -19,9 +19,10 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from navfw.config.document import KeyPath, Origin, YamlDocument, key_text, load_yaml
+from navfw.config.document import Origin, YamlDocument, load_yaml
 from navfw.config.error_location import ErrorLocation, ExpectedType, choices_of, locate, members_of
 from navfw.config.overrides import Override, apply_overrides
+from navfw.config.yaml_text import KeyPath, key_text
 from navfw.errors import ConfigError, did_you_mean
 
 MAX_LISTED = 50

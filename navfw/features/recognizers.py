@@ -123,7 +123,6 @@ _TEMPLATE_FEATURES = 250
 """Number of features extracted from a frame, and from a template at each size."""
 _INLIER_DISTANCE = 3.0
 """Largest reprojection error [px, enlarged] of an inlier of the homography."""
-_PICTURE = "picture of a poster"
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +171,7 @@ class Posters(FeatureRecognizer):
         )
         self._matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
         self._own = {
-            number: read_image(file, cv2.IMREAD_GRAYSCALE, _PICTURE).astype(np.uint8, copy=False)
+            number: read_image(file, cv2.IMREAD_GRAYSCALE).astype(np.uint8, copy=False)
             for number, file in self.params.images.items()
         }
         self._templates: dict[int, _PosterTemplate] = {}

@@ -8,9 +8,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from navfw.config.document import KeyPath, YamlDocument, parse_mapping, parse_yaml
-from navfw.config.input_file import max_bytes, read_input_text, shown_path
+from navfw.config.document import YamlDocument, parse_mapping, parse_yaml
+from navfw.config.input_file import read_input_text, shown_path
 from navfw.config.overrides import Override, apply_overrides
+from navfw.config.yaml_text import KeyPath
 from navfw.config.yamlfile import FileProblem, check, config_error
 from navfw.errors import ConfigError, RuleBaseError, did_you_mean
 from navfw.fuzzy.coverage import check_coverage
@@ -35,7 +36,7 @@ def load_rule_base(path: str | Path, terms: TermCorners | None = None) -> RuleBa
 
     """
     try:
-        text, name = read_input_text(path, max_bytes("YAML")), shown_path(Path(path))
+        text, name = read_input_text(path), shown_path(Path(path))
         if not terms:
             return _of_file(text, name)
         document = parse_mapping(text, name)

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from navfw.config.document import KeyPath, YamlDocument, key_text, parse_yaml
-from navfw.config.input_file import max_bytes, read_input_text, shown_path
+from navfw.config.document import YamlDocument, parse_yaml
+from navfw.config.input_file import read_input_text, shown_path
+from navfw.config.yaml_text import KeyPath, key_text
 from navfw.errors import InputError, did_you_mean
 from navfw.lenses.lens_models import ARCTAN, FISHEYE, CameraCalibration
 from navfw.numerics import Array
@@ -59,7 +60,7 @@ def load_calibration(path: Path) -> CameraCalibration:
 
     """
     file = shown_path(path)
-    text = read_input_text(path, max_bytes("YAML"))
+    text = read_input_text(path)
     if text.lstrip().startswith("<"):
         raise InputError("is XML; save the calibration as .yaml or .yml", file=file)
     document = parse_yaml(_plain_yaml(text), file)

@@ -14,8 +14,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from navfw.config.foreign_files import line_of, read_xml
-from navfw.config.input_file import INPUT_BOUNDS, read_input, shown_path
+from navfw.config.foreign_files import line_of, parse_xml
+from navfw.config.input_file import read_input, shown_path
 from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.numerics.arrays import Indices
@@ -172,7 +172,7 @@ class MeshLimits(NamedTuple):
     closed: bool = False
 
 
-FURNITURE_LIMITS = MeshLimits(*INPUT_BOUNDS["mesh of furniture"][:2], closed=True)
+FURNITURE_LIMITS = MeshLimits(10_000_000, 20_000, closed=True)
 """Bounds of meshes that are drawn: each image that shows one draws all of its triangles."""
 
 
@@ -264,7 +264,7 @@ def _by_trimesh(path: Path, content: bytes, limits: MeshLimits) -> Array:
 
 def _collada(path: Path, content: bytes, limits: MeshLimits) -> Array:
     # neither document type nor entities
-    root = read_xml(path, limits.file_size, "a COLLADA mesh")
+    root = parse_xml(content, shown_path(path), "a COLLADA mesh")
     if _drawn_corners(path, root) > 3 * limits.triangles:
         raise _too_many(path, limits)
     return _by_trimesh(path, content, limits)

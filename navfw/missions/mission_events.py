@@ -12,7 +12,7 @@ from typing import Any, NoReturn, Protocol, cast
 
 from pydantic import ValidationError
 
-from navfw.config.document import KeyPath, key_text
+from navfw.config.yaml_text import KeyPath, key_text
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, PluginError, UnknownNameError
 from navfw.interfaces import MissionEvent

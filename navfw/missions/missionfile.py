@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from navfw.config.document import KeyPath, Origin, YamlDocument, load_yaml
+from navfw.config.document import Origin, YamlDocument, load_yaml
 from navfw.config.lookup import find, list_missions
 from navfw.config.overrides import Override, apply_overrides
+from navfw.config.yaml_text import KeyPath
 from navfw.errors import ConfigError, UnknownNameError, WorldError
 from navfw.features.landmark_appearance import check_landmark_kind
 from navfw.missions.missionspec import (

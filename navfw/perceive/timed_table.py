@@ -18,7 +18,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from navfw.config.input_file import max_bytes, read_input_text, shown_path
+from navfw.config.input_file import read_input_text, shown_path
 from navfw.errors import InputError, did_you_mean
 from navfw.numerics import Array
 
@@ -103,7 +103,7 @@ class TimedTable:
         self.texts: dict[str, list[str]] = {}
         self._kind = kind
         self._columns: list[_TimedColumn | None] = []
-        rows = list(self._split(read_input_text(path, max_bytes("timed table"))))
+        rows = list(self._split(read_input_text(path)))
         if not rows:
             return
         line, cells = rows[0]

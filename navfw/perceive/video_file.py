@@ -11,7 +11,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from navfw.config.input_file import INPUT_BOUNDS, open_input, shown_path
+from navfw.config.image_file import MAX_PIXELS
+from navfw.config.input_file import open_input, shown_path
 from navfw.errors import InputError
 from navfw.numerics import Image
 from navfw.process.process_resources import redirected
@@ -20,7 +21,6 @@ FRAME_RATE = 10.0
 """Frame rate assumed if none is known [1/s]."""
 FRAME_RATES = (0.01, 10_000.0)
 """Least and largest frame rate [1/s]."""
-_FILM = INPUT_BOUNDS["video"]
 _ONE_THREAD = (cv2.CAP_PROP_N_THREADS, 1)
 """Others write messages when nobody listens."""
 _FRAME_SIZE = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
@@ -47,7 +47,7 @@ class VideoFile:
         self._fps = fps
         self.notes: list[str] = []
         with (
-            open_input(path, _FILM.max_bytes),
+            open_input(path),
             tempfile.TemporaryFile() as said,
             redirected(said.fileno(), 2),
         ):
@@ -59,9 +59,9 @@ class VideoFile:
                 "missing: copy it again, or save it as .mp4 with another program",
                 file=shown_path(path),
             )
-        if width * height > _FILM.items:
+        if width * height > MAX_PIXELS:
             what = f"the video's frames are too large: {width:.0f} x {height:.0f} pixels"
-            raise InputError(f"{what}, at most {_FILM.items}", file=shown_path(path))
+            raise InputError(f"{what}, at most {MAX_PIXELS}", file=shown_path(path))
         self._capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
         turned = int(self._capture.get(cv2.CAP_PROP_ORIENTATION_META)) % 360
         if turned:

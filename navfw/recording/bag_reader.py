@@ -20,8 +20,8 @@ import numpy as np
 from navfw.config.document import load_yaml
 from navfw.config.extras import extra_imports
 from navfw.config.foreign_files import check_database
-from navfw.config.image_file import decode_image
-from navfw.config.input_file import INPUT_BOUNDS, is_folder, max_bytes, open_input, shown_path
+from navfw.config.image_file import MAX_PIXELS, decode_image
+from navfw.config.input_file import is_folder, open_input, shown_path
 from navfw.errors import ConfigError, NavfwError, UnknownNameError, did_you_mean
 from navfw.numerics import Array, Image
 from navfw.recording.ros_messages import message_types
@@ -39,7 +39,7 @@ with extra_imports("bags"):
     else:
         from backports import zstd
 
-_MAX_CHUNK = max_bytes("chunk of a bag")
+_MAX_CHUNK = 1 << 28
 """Largest size of an unpacked chunk or message [byte]."""
 _CLOCKS = 1.0
 """Difference of a topic's clock from the bag's [s] from which its stamps are not used."""
@@ -88,7 +88,7 @@ def ros_image(message: Any, name: str) -> Image:
     channels, conversion = _ENCODINGS[message.encoding]
     height, width, step = message.height, message.width, message.step
     row, data = channels * width, np.asarray(message.data, dtype=np.uint8)
-    fits = 0 < width * height <= INPUT_BOUNDS["image"].items
+    fits = 0 < width * height <= MAX_PIXELS
     if not (fits and row <= step and step * height <= data.size):
         what = f"has {data.size} bytes in rows of {step} for {width} x {height} pixels"
         raise ConfigError(f"the image {what} of {message.encoding}", file=name)
@@ -279,7 +279,7 @@ class Bag:
         """Raise ConfigError unless all files are regular, of bounded size, and not packed."""
         files = [self.path]
         if is_folder(self.path):
-            listed = load_yaml(self.path / BAG_METADATA, "metadata of a bag").data
+            listed = load_yaml(self.path / BAG_METADATA).data
             about = listed.get("rosbag2_bagfile_information") if isinstance(listed, dict) else None
             names = about.get("relative_file_paths") if isinstance(about, dict) else None
             if not isinstance(about, dict) or not isinstance(names, list):
@@ -292,7 +292,7 @@ class Bag:
         for file in files:
             if file.suffix == ".db3":
                 check_database(file, "bag")
-            with open_input(file, max_bytes("bag")):
+            with open_input(file):
                 pass
 
 

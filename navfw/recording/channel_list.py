@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from enum import IntFlag
 from typing import TYPE_CHECKING
 
-from navfw.config.input_file import max_bytes
-
 if TYPE_CHECKING:
     from navfw.recording.top_view import WorldOutline
     from navfw.stack import Stack
@@ -40,8 +38,8 @@ class ImageFlags(IntFlag):
     SIDES = 4
 
 
-MAX_BYTES = max_bytes("recording")
-"""Largest size of a recording [byte]."""
+MAX_BYTES = 1 << 30
+"""Largest size of a recording [byte]: an hour of 160x120 images at 10 Hz has 0.6 GB."""
 
 FORMAT_VERSION = 2
 """Version of the channels; raised when a replay reads them differently."""

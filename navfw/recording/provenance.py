@@ -19,7 +19,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Self
 
-from navfw.config.input_file import max_bytes, read_input
+from navfw.config.input_file import read_input
 from navfw.config.lookup import own_folders, owned_by_user, project_folder, shipped_folder
 from navfw.errors import ConfigError
 from navfw.process.process_resources import usable_cores
@@ -113,10 +113,7 @@ def files_fingerprint(files: Iterable[tuple[str, Path]]) -> str:
         ConfigError: one of them cannot be read.
 
     """
-    limit = max_bytes("fingerprinted file")
-    return fingerprint(
-        {name: hashlib.sha256(read_input(file, limit)).hexdigest() for name, file in files}
-    )
+    return fingerprint({name: hashlib.sha256(read_input(file)).hexdigest() for name, file in files})
 
 
 def files_in(folder: Path) -> Iterator[tuple[Path, Path]]:
@@ -274,6 +271,6 @@ def _linked(file: Path, prefix: str = "") -> Path | None:
 def _read(file: Path) -> str:
     """The text of a regular file of bounded size; empty for anything else."""
     try:
-        return read_input(file, max_bytes("refs of git")).decode("utf-8", "replace")
+        return read_input(file).decode("utf-8", "replace")
     except ConfigError:
         return ""

@@ -28,7 +28,7 @@ import numpy as np
 
 from navfw.config.extras import extra_imports
 from navfw.config.image_file import decode_image
-from navfw.config.input_file import is_file, max_bytes, open_input, shown_path
+from navfw.config.input_file import is_file, open_input, shown_path
 from navfw.errors import ConfigError
 from navfw.numerics import Image
 from navfw.process.atomic import AtomicFolder
@@ -47,8 +47,8 @@ with extra_imports("record"):
 
 _EXPANSION = 8
 """Largest size of all unpacked chunks, in units of the largest file."""
-_MAX_CHUNK = max_bytes("chunk of a recording")
-"""Largest size of one record, and of one unpacked chunk [byte]."""
+_MAX_CHUNK = 1 << 26
+"""Largest size of one record, and of one unpacked chunk [byte]; navfw writes 1 MB."""
 
 _HEAD = struct.Struct("<BQH")  # of a record, with the channel of a message
 _MAGIC = b"\x89MCAP0\r\n"

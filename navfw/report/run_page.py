@@ -124,7 +124,7 @@ def _places(path: Path) -> list[tuple[str, float, float]]:
     if not is_file(path):
         return []
     try:
-        places = load_yaml(path, "map").data["places"]
+        places = load_yaml(path).data["places"]
         ordered = sorted(places.items(), key=lambda item: item[1].get("kind", "room") != "room")
         return [(str(name), float(place["x"]), float(place["y"])) for name, place in ordered]
     except (AttributeError, LookupError, TypeError, ValueError) as error:

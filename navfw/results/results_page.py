@@ -29,7 +29,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from navfw.config.input_file import is_file, max_bytes, read_input_text
+from navfw.config.input_file import is_file, read_input_text
 from navfw.config.lookup import list_files
 from navfw.errors import ConfigError, UnknownNameError, locating
 from navfw.process.result_table import Column, ResultTable, markdown_table, shown
@@ -109,11 +109,11 @@ def current_pages(folder: Path) -> dict[Path, str]:
     template = folder / TEMPLATE
     results = result_file.load_results(folder)
     header = _HEADER.format(folder=f"{folder.parent.name}/{folder.name}")
-    page = fill(read_input_text(template, max_bytes("template or page")), results, template)
+    page = fill(read_input_text(template), results, template)
     pages = {folder.with_suffix(".md"): header + page}
     readme, sentences = folder.parent.parent / "README.md", folder / SENTENCES
     if is_file(sentences):
-        text = read_input_text(sentences, max_bytes("template or page"))
+        text = read_input_text(sentences)
         filled = dict(_MARKED.findall(fill(text, results, sentences)))
 
         def renewed(match: re.Match[str]) -> str:
@@ -121,7 +121,7 @@ def current_pages(folder: Path) -> dict[Path, str]:
             text = _NOT_MEASURED if _NOT_MEASURED in text else text
             return f"<!-- result: {match[1]} -->{text}<!-- end -->"
 
-        pages[readme] = _MARKED.sub(renewed, read_input_text(readme, max_bytes("template or page")))
+        pages[readme] = _MARKED.sub(renewed, read_input_text(readme))
     return pages
 
 

@@ -17,10 +17,11 @@ from typing import Annotated
 
 from pydantic import Field
 
-from navfw.config.document import Data, KeyPath, YamlDocument, key_text, load_yaml
+from navfw.config.document import YamlDocument, load_yaml
 from navfw.config.input_file import shown_path
 from navfw.config.lookup import URDF_SUFFIXES, find
 from navfw.config.overrides import layered, on_its_base
+from navfw.config.yaml_text import Data, KeyPath, key_text
 from navfw.config.yamlfile import validate
 from navfw.robot import LensCalibration, RobotModel
 from navfw.robot.urdf import read_urdf, urdf_path

@@ -19,7 +19,7 @@ import numpy as np
 
 from navfw.config.extras import require_extra
 from navfw.config.foreign_files import line_of, parse_xml
-from navfw.config.input_file import is_file, max_bytes, read_input, shown_path
+from navfw.config.input_file import is_file, read_input, shown_path
 from navfw.config.lookup import package_folders, package_roots
 from navfw.errors import ConfigError
 from navfw.numerics import Array
@@ -127,9 +127,9 @@ def read_urdf(path: Path, packages: tuple[str, ...] = ()) -> UrdfModel:
     if path.suffix == ".xacro":
         from navfw.robot.xacro_expansion import expand_xacro
 
-        text = expand_xacro(path, tuple(map(str, package_roots(path, packages))), max_bytes("URDF"))
+        text = expand_xacro(path, tuple(map(str, package_roots(path, packages))))
     else:
-        text = read_input(path, max_bytes("URDF"))
+        text = read_input(path)
     model = _parsed(path, packages, text)
     _check_meshes(model)
     return model
@@ -229,7 +229,7 @@ def _check_meshes(model: UrdfModel) -> None:
 
 def _is_empty(file: Path) -> bool:
     """Whether a mesh file has no byte or, of a kind in which they are easily found, no triangle."""
-    content = read_input(file, max_bytes("mesh of a URDF"))
+    content = read_input(file)
     kind = file.suffix.lower()
     if kind == ".stl":
         # a binary header may begin with "solid" as well, but only there the size fits the number

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from navfw.config.document import KeyPath, YamlDocument, key_text
+from navfw.config.document import YamlDocument
+from navfw.config.yaml_text import KeyPath, key_text
 from navfw.errors import ConfigError, UnknownNameError
 from navfw.numerics import Array
 from navfw.numerics.products import product

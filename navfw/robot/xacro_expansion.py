@@ -22,12 +22,11 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from navfw.config.extras import require_extra
-from navfw.config.input_file import INPUT_BOUNDS, read_input, read_input_text, shown_path
+from navfw.config.input_file import MAX_TEXT, read_input, read_input_text, shown_path
 from navfw.config.lookup import package_folders
 from navfw.errors import ConfigError
 
-_INCLUDED = INPUT_BOUNDS["file that xacro includes"]
-_SECONDS = int(_INCLUDED.seconds)
+_SECONDS = 20
 """Longest time that an expansion takes [s]; that of a big robot takes 2 s."""
 _MEMORY = 2_000_000_000
 """Most memory that it takes [bytes]."""
@@ -43,7 +42,7 @@ Stamp = tuple[int, int]
 _kept: dict[tuple[Path, tuple[str, ...]], tuple[bytes, dict[str, Stamp]]] = {}
 
 
-def expand_xacro(path: Path, packages: tuple[str, ...], max_bytes: int) -> bytes:
+def expand_xacro(path: Path, packages: tuple[str, ...]) -> bytes:
     """The URDF of the xacro file at ``path``; ``packages`` are folders with packages of ROS.
 
     Expanded again only when one of its files has changed.
@@ -53,7 +52,7 @@ def expand_xacro(path: Path, packages: tuple[str, ...], max_bytes: int) -> bytes
         MissingExtraError: xacrodoc is not installed.
 
     """
-    read_input(path, max_bytes)
+    read_input(path)
     require_extra("xacro", "xacrodoc", key=path.name)
     text, stamps = _kept.get((path, packages), (b"", {}))
     if stamps and all(_stamp(file) == stamp for file, stamp in stamps.items()):
@@ -66,7 +65,7 @@ def expand_xacro(path: Path, packages: tuple[str, ...], max_bytes: int) -> bytes
         answer = json.loads(done.stdout or b"{}")
     except (OSError, subprocess.SubprocessError, ValueError):
         answer = {}
-    if "text" not in answer or len(answer["text"]) > max_bytes:
+    if "text" not in answer or len(answer["text"]) > MAX_TEXT:
         reason = answer.get("error", f"takes more than {_SECONDS} s, or too much memory")
         raise ConfigError(f"xacro: {reason}", file=shown_path(path))
     text = str(answer["text"]).encode()
@@ -128,7 +127,7 @@ def _expanded(path: str, packages: list[str]) -> dict[str, Any]:
         file = Path(posixpath.normpath(Path(name).absolute()))  # no "..", links stay
         if not any(file.is_relative_to(folder) for folder in readable):
             raise ValueError(f"{name} lies in no package: name its folder in urdf.packages")
-        return StringIO(read_input_text(file, _INCLUDED.max_bytes))
+        return StringIO(read_input_text(file))
 
     def hidden(name: str) -> NoReturn:
         raise ValueError(f"$(env {name}) is not allowed: use an argument or $(optenv ...)")

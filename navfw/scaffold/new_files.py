@@ -20,7 +20,7 @@ from typing import Any
 from navfw.config import lookup
 from navfw.config.document import load_yaml
 from navfw.config.file_kinds import FILE_KINDS
-from navfw.config.input_file import max_bytes, read_input_text, shown_path
+from navfw.config.input_file import read_input_text, shown_path
 from navfw.errors import ConfigError, UnknownNameError
 from navfw.plugins.built_in import BUILT_IN
 from navfw.process.atomic import AtomicFolder, write_text
@@ -168,7 +168,7 @@ def _model(world: str) -> lookup.NamedFile:
 
 def _rendered(template: str, words: Mapping[str, str]) -> str:
     """The text of a template, or of the file at an absolute path, with ``words`` replaced."""
-    text = read_input_text(TEMPLATES / template, max_bytes("template or page"))
+    text = read_input_text(TEMPLATES / template)
     for word, by in words.items():
         text = re.sub(word, by, text)
     return text

@@ -255,6 +255,8 @@ _STYLES: Mapping[str, Callable[[np.random.Generator, int], Array]] = MappingProx
 )
 
 
+_MAX_PIXELS = 4_000_000
+"""Largest number of pixels of a picture: 4 mm over 8 x 8 m."""
 _MAX_ASPECT = 20.0
 """Largest ratio of a picture's sides."""
 _MAX_TEXELS = 2048
@@ -267,10 +269,10 @@ def read_picture(path: str) -> Image:
 
     Raises:
         ConfigError: the file cannot be read, is no PNG or JPEG image, is damaged, has more than
-            ``INPUT_BOUNDS``, or is a narrow strip.
+            4,000,000 pixels, or is a narrow strip.
 
     """
-    image = read_image(path, kind="picture of a texture")
+    image = read_image(path, max_pixels=_MAX_PIXELS)
     height, width = image.shape[:2]
     if max(height, width) > _MAX_ASPECT * min(height, width):
         what = f"the picture is {width} x {height} pixels; its sides may differ by a factor of"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from navfw.config.document import KeyPath, key_text
+from navfw.config.yaml_text import KeyPath, key_text
 from navfw.errors import WorldError, did_you_mean
 from navfw.features.landmark_appearance import identity_of, landmark_kind
 from navfw.sim.shapes import OVERLAP_TOLERANCE, Circle, Rectangle, Shape, overlap_depth

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from navfw.config.document import YamlDocument, key_text, load_yaml
+from navfw.config.document import YamlDocument, load_yaml
+from navfw.config.yaml_text import key_text
 from navfw.config.yamlfile import validate
 from navfw.errors import WorldError
 from navfw.meshes.furniture_meshes import furniture_mesh

@@ -13,9 +13,10 @@ from typing import Annotated, Any, Protocol
 
 from pydantic import BeforeValidator, Field
 
-from navfw.config.document import KeyPath, YamlDocument
+from navfw.config.document import YamlDocument
 from navfw.config.overrides import Override, apply_overrides, parse_override
 from navfw.config.strict_model import StrictModel
+from navfw.config.yaml_text import KeyPath
 from navfw.config.yamlfile import validate
 from navfw.context import CommandGridParams
 from navfw.egomotion.pairing import PairingParams

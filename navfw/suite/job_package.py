@@ -18,14 +18,14 @@ from pathlib import Path
 from typing import Self
 
 from navfw.config.extras import pybullet_version
-from navfw.config.input_file import max_bytes, read_input
+from navfw.config.input_file import read_input
 from navfw.config.lookup import project_folder, shipped_folder
 from navfw.errors import InputError
 from navfw.plugins.built_in import GROUPS
 from navfw.recording.provenance import code_fingerprint, files_of
 from navfw.suite.case import Case, Job
 
-_MAX_PACKAGE = max_bytes("files of a job")
+_MAX_PACKAGE = 200_000_000
 """Largest size of all files that travel [byte]."""
 
 _PROJECT_PARTS = ("worlds", "maps", "stacks", "robots", "behaviors", "plugins")

@@ -26,7 +26,7 @@ from typing import NamedTuple
 from pydantic import TypeAdapter
 
 from navfw.config.foreign_files import open_database
-from navfw.config.input_file import INPUT_BOUNDS, is_file
+from navfw.config.input_file import is_file
 from navfw.errors import ConfigError, InputError
 from navfw.missions.outcome import Outcome
 from navfw.process.atomic import atomic_file, write_text
@@ -196,7 +196,6 @@ def _cell(value: object) -> str:
 _VERSION = 1
 """Version of the tables, kept as SQLite's ``user_version``."""
 
-_KIND = "journal of a suite"
 """The kind of file, by which it is bounded."""
 
 _TABLES = f"""
@@ -327,17 +326,17 @@ class RunJournal:
         self, database: sqlite3.Connection, table: str, order: str
     ) -> Iterator[tuple[object, ...]]:
         """All records of a table; no more than the journal has room for, as pages may be shared."""
-        room, left = self.file.stat().st_size, INPUT_BOUNDS[_KIND].items
+        room = self.file.stat().st_size
         for record in database.execute(f"SELECT * FROM {table} ORDER BY rowid {order}"):  # noqa: S608 - words of this module
-            room, left = room - sum(len(str(value)) for value in record), left - 1
-            if min(room, left) < 0:
+            room -= sum(len(str(value)) for value in record)
+            if room < 0:
                 raise JournalDamagedError("is damaged: more rows than it can have", file=self.file)
             yield record
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[sqlite3.Connection]:
         try:
-            with open_database(self.file, _KIND) as database:
+            with open_database(self.file) as database:
                 yield database
         except (sqlite3.Error, UnicodeDecodeError) as error:  # names of a damaged schema
             code = getattr(error, "sqlite_errorcode", 0) & 0xFF

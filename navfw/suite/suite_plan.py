@@ -13,7 +13,6 @@ import numpy as np
 from navfw.config.input_file import (
     is_file,
     is_folder,
-    max_bytes,
     read_input,
     read_input_text,
     shown_path,
@@ -109,7 +108,7 @@ def plan_runs(
         content,
         expect={e.title: e.expect for e in suite.spec.entries if e.expect is not None},
         skipped=skipped,
-        suite_hash=hashlib.sha256(read_input(suite.file, max_bytes("YAML"))).hexdigest(),
+        suite_hash=hashlib.sha256(read_input(suite.file)).hexdigest(),
         options=_options(stacks, overrides, worlds),
     )
 
@@ -170,9 +169,7 @@ def _check_case(
         f"robot of {title}": [session.mission.spec.robot.model_dump(mode="json")],
     }
     if not case.family:
-        world, mission = (
-            read_input_text(Path(file), max_bytes("YAML")) for file in (case.world, case.mission)
-        )
+        world, mission = (read_input_text(Path(file)) for file in (case.world, case.mission))
         contents[f"world {case.world_name} of {title}"] = world
         name = f"mission {case.mission_name} of {case.world_name} of {title}"
         contents[name] = [mission, map_data(session.mission.topo_map)]

@@ -32,9 +32,10 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from navfw.config.document import KeyPath, YamlDocument, load_yaml
+from navfw.config.document import YamlDocument, load_yaml
 from navfw.config.lookup import find
 from navfw.config.strict_model import StrictModel
+from navfw.config.yaml_text import KeyPath
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, InputError
 from navfw.missions.missionspec import EventSpec

@@ -24,7 +24,7 @@ from typing import Any, Self, get_type_hints
 import numpy as np
 from pydantic import ConfigDict, create_model
 
-from navfw.config.input_file import max_bytes, open_input, read_input_text, traced_inputs
+from navfw.config.input_file import open_input, read_input_text, traced_inputs
 from navfw.config.lookup import find, find_mission, project_folder
 from navfw.errors import InputError
 from navfw.missions.mission_events import EventRecord
@@ -177,10 +177,9 @@ def store_run(run: DrivenRun, folder: Path) -> None:
 
 def read_run(folder: Path) -> DrivenRun | None:
     """The run stored in ``folder``; None if there is none, or it is damaged."""
-    limit = max_bytes("stored run of a test")
     try:
-        values = vars(_PLAIN.model_validate_json(read_input_text(folder / _RUN_FILE, limit)))
-        with open_input(folder / _LOG_FILE, limit) as stream:
+        values = vars(_PLAIN.model_validate_json(read_input_text(folder / _RUN_FILE)))
+        with open_input(folder / _LOG_FILE) as stream:
             columns = np.load(stream, allow_pickle=False)
             of_log = {name: columns[name] for name in _COLUMNS}
         of_log |= {f.name: values.pop(f.name) for f in fields(RunLog) if f.name in values}

@@ -144,7 +144,7 @@ def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
             unknown, an edge is one-way, or the map is invalid.
 
     """
-    parse_json(text, file, "exchanged map")
+    parse_json(text, file)
     decoder = _LocatingDecoder()
     data = decoder.decode(text)
     if not isinstance(data, dict) or data.get("type") != "FeatureCollection":

@@ -20,7 +20,7 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from navfw.config.foreign_files import line_of, read_xml
-from navfw.config.input_file import max_bytes, parse_json, read_input_text, shown_path
+from navfw.config.input_file import parse_json, read_input_text, shown_path
 from navfw.errors import ConfigError, MapError
 from navfw.process.atomic import write_text
 from navfw.topomap import mapfile
@@ -76,7 +76,7 @@ class _GraphmlReader:
         self._keys: dict[str, tuple[str, str]] = {}  # id: attr.name, attr.type
 
     def read(self) -> TopoMap:
-        root = read_xml(self._path, max_bytes("exchanged map"), "GraphML", doctype=True)
+        root = read_xml(self._path, "GraphML", doctype=True)
         elements = [(element.tag.rpartition(":")[2], element) for element in root.iter()]
         graphs = [element for tag, element in elements if tag == "graph"]
         if not graphs:
@@ -180,7 +180,7 @@ def load_any_map(
         return mapfile.load_map(path) if check_kind is None else mapfile.load_map(path, check_kind)
     if _WRITERS[suffix] is graphml_text:
         return _GraphmlReader(path, both_ways).read()
-    text = read_input_text(path, max_bytes("exchanged map"))
+    text = read_input_text(path)
     return read_geojson(text, shown_path(path), both_ways)
 
 

@@ -23,8 +23,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from navfw.config.document import KeyPath, Origin, YamlDocument, key_text, load_yaml
+from navfw.config.document import Origin, YamlDocument, load_yaml
 from navfw.config.lookup import find
+from navfw.config.yaml_text import KeyPath, key_text
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, MapError, did_you_mean
 from navfw.topomap.elements import Landmark, MapViolation, Passage, Place, map_violations
@@ -66,7 +67,7 @@ def load_map(name: str | Path, check_kind: KindCheck = _shipped_kind) -> TopoMap
             impossible, a passage is given twice. The message lists every error, one a line.
 
     """
-    return read_map(load_yaml(find("map", name), "map"), check_kind)
+    return read_map(load_yaml(find("map", name)), check_kind)
 
 
 def read_map(document: YamlDocument, check_kind: KindCheck = _shipped_kind) -> TopoMap:

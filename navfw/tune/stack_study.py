@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import warnings
@@ -16,12 +15,12 @@ import numpy as np
 import optuna
 from optuna.exceptions import StorageInternalError
 from optuna.trial import FrozenTrial
-from ruamel.yaml import YAML
 from sqlalchemy.exc import SQLAlchemyError
 
 from navfw.config.foreign_files import check_database
 from navfw.config.input_file import is_file
 from navfw.config.lookup import find
+from navfw.config.yaml_text import write_yaml_text
 from navfw.errors import ConfigError, InputError
 from navfw.plugins import Registry
 from navfw.process.atomic import atomic_file, write_text, writing
@@ -140,12 +139,7 @@ class StudyFolder:
 
     def write_stack(self, config: StackConfig, description: str) -> None:
         """A stack file with all values of ``config``."""
-        text = io.StringIO()
-        yaml = YAML()
-        yaml.default_flow_style = None
-        yaml.width = 100
-        yaml.dump({"description": description, **config.as_data()}, text)
-        write_text(self.stack, text.getvalue())
+        write_text(self.stack, write_yaml_text({"description": description, **config.as_data()}))
 
     def write_importance(self, study: optuna.Study) -> bool:
         """A bar for each coordinate's importance; False with too few trials to tell."""

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.lib.format import read_array
 
-from navfw.config.input_file import is_file, max_bytes, read_input
+from navfw.config.input_file import is_file, read_input
 from navfw.config.yamlfile import rewording
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.missions.missionspec import MissionSpec
@@ -74,7 +74,7 @@ def reference_length(world_file: Path) -> float | None:
 def _cells(path: Path) -> Array:
     """(n, 2) cells of a reference path."""
     try:
-        content = io.BytesIO(read_input(path, max_bytes("path of BARN")))
+        content = io.BytesIO(read_input(path))
         cells = read_array(content, allow_pickle=False)
     except (ValueError, EOFError, OSError) as error:
         raise ConfigError(f"is no NumPy array: {error}", file=path) from None

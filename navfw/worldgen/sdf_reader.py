@@ -17,7 +17,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from navfw.config.foreign_files import line_of, read_xml
-from navfw.config.input_file import INPUT_BOUNDS, is_file, max_bytes, shown_path
+from navfw.config.input_file import is_file, shown_path
 from navfw.errors import ConfigError, WorldError
 from navfw.meshes import MeshLimits, read_triangles
 from navfw.numerics import Array
@@ -26,7 +26,7 @@ from navfw.robot.urdf import rigid_transform
 from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.worldgen.upright_parts import mesh_solids
 
-_MESH_LIMITS = MeshLimits(*INPUT_BOUNDS["mesh of a Gazebo world"][:2])
+_MESH_LIMITS = MeshLimits(50_000_000, 500_000)
 """1 million triangles of binary STL; collision meshes of rooms have hundreds."""
 
 _UPRIGHT = 1e-3
@@ -79,7 +79,7 @@ def read_sdf(path: str | Path, models: Path | None = None) -> SdfWorld:
 
     """
     path = Path(path)
-    root = read_xml(path, max_bytes("Gazebo world"), "an SDF world")
+    root = read_xml(path, "an SDF world")
     if root.tag != "sdf":
         raise ConfigError(f"expected an SDF world, got <{root.tag}>", file=path, line=line_of(root))
     worlds = root.findall("world")

@@ -6,7 +6,6 @@ and map.
 
 from __future__ import annotations
 
-import io
 import math
 import re
 import shutil
@@ -17,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from navfw.config.input_file import is_file, is_folder, max_bytes, open_input
+from navfw.config.input_file import is_file, is_folder, open_input
+from navfw.config.yaml_text import write_yaml_text
 from navfw.errors import ConfigError, InputError
 from navfw.missions.missionspec import MissionSpec
 from navfw.process.atomic import AtomicFolder
@@ -259,7 +259,7 @@ def _check_target(folder: Path) -> None:
     if not any(folder.iterdir()):
         return
     try:
-        with open_input(folder / "world.yaml", max_bytes("YAML")) as stream:
+        with open_input(folder / "world.yaml") as stream:
             made_here = stream.readline(len(_HEADER)) == _HEADER.encode()
     except ConfigError:
         made_here = False
@@ -293,12 +293,4 @@ def _plain(spec: WorldSpec | MissionSpec) -> dict[str, Any]:
 
 def _write_yaml(path: Path, data: Mapping[str, Any]) -> None:
     """Write YAML with one line for each entry of a list."""
-    from ruamel.yaml import YAML
-
-    yaml = YAML(typ="safe", pure=True)
-    yaml.default_flow_style = None  # innermost collections inline, the others as blocks
-    yaml.width = 100
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
-    stream = io.StringIO()
-    yaml.dump(dict(data), stream)
-    path.write_text(_NOTICE + stream.getvalue(), encoding="utf-8")
+    path.write_text(_NOTICE + write_yaml_text(dict(data)), encoding="utf-8")

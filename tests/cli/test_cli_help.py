@@ -65,7 +65,7 @@ def test_nothing_is_proposed_for_a_word_that_no_command_has() -> None:
 
 
 LARGE = {"cv2", "matplotlib", "networkx", "numba", "numpy", "pybullet", "scipy", "skfuzzy"}
-MODELS = {"pydantic", "ruamel"}
+MODELS = {"pydantic", "yaml"}
 
 COMMAND = """
 import contextlib, io, json, sys

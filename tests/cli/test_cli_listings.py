@@ -235,7 +235,7 @@ def test_the_schema_knows_every_key_of_the_shipped_files(kind: str) -> None:
     assert schema["$schema"].endswith("2020-12/schema")
     assert schema["additionalProperties"] is False
     for file in list_files(kind):
-        keys = load_yaml(file.path, "map").data
+        keys = load_yaml(file.path).data
         assert isinstance(keys, dict)
         assert set(keys) - set(schema["properties"]) == set(), file.path
 

@@ -57,7 +57,7 @@ ALLOWED = {
     "navfw/cli/suite.py": {"folder.open": "the folder of results"},
     "navfw/plugins/built_in.py": {"ast.parse": "of a source already read"},
     "navfw/plugins/simulator_access.py": {"ast.parse": "of a source already read"},
-    "navfw/config/yaml_compose.py": {"yaml.parse": "of a text already read"},
+    "navfw/config/yaml_text.py": {"yaml.parse": "of a text already read"},
     "navfw/process/atomic.py": {"unfinished.open": "a file to write"},
     "navfw/process/target_lock.py": {"os.open": "the lock of an output"},
     "navfw/recording/provenance.py": {"about.read_text": "/proc/cpuinfo"},

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
+import yaml
 from suite_plans import planned
 
 from navfw.config import shipped_folder
@@ -26,7 +26,7 @@ WORLDS = (
 def entries_of(runs: int, seed: int) -> list[dict[str, Any]]:
     """Entries of a suite, each with three events that disturb different things."""
     text = (shipped_folder() / "worlds/suites/faults.yaml").read_text(encoding="utf-8")
-    single = YAML(typ="safe").load(text)["entries"]
+    single = yaml.safe_load(text)["entries"]
     timed = [event for entry in single for event in entry.get("events", ()) if "at" in event]
     rng, drawn = np.random.default_rng(seed), []
     for number in range(runs):

@@ -1,0 +1,285 @@
+"""YAML 1.2 text from and to plain data: libyaml scans it, and each value keeps its line.
+
+Where libyaml refuses a text, PyYAML's own scanner words the error, which says more of its cause.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import re
+from collections.abc import Callable, Iterator
+from typing import Any, TypeAlias
+
+import yaml
+
+from navfw.errors import ConfigError
+
+KeyPath: TypeAlias = tuple[str | int, ...]
+"""The path of a value in a document: mapping keys and list indices, outermost first."""
+
+Data: TypeAlias = Any
+"""Data of a YAML file: None, bool, int, float, str, lists of these and dicts with str keys."""
+
+MAX_VALUES = 300_000
+"""Largest number of keys and values in a text: a map of ten thousand places.
+
+A value counts again for each alias that repeats it: with nested aliases, a file of a megabyte can
+describe billions of values ("billion laughs").
+"""
+
+MAX_DEPTH = 60
+"""Largest nesting of lists, mappings and elements, in files of all kinds."""
+
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""PyYAML's own where it has been built without libyaml."""
+
+_REFUSED = (yaml.YAMLError, UnicodeEncodeError, OverflowError)
+"""What the scanners raise: the latter two for characters that do not exist."""
+
+_TAG = "tag:yaml.org,2002:"
+_NULL = dict.fromkeys(("", "~", "null", "Null", "NULL"))
+_BOOL = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
+_INT = re.compile(r"[-+]?(?:0b[01_]+|0o[0-7_]+|0x[0-9a-fA-F_]+|[0-9][0-9_]*)\Z")
+_FLOAT = re.compile(
+    r"(?:[-+]?(?:[0-9][0-9_]*(?:\.[0-9_]*)?|\.[0-9][0-9_]*)(?:[eE][-+]?[0-9]+)?"
+    r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z"
+)
+_FIRST_OF_NUMBERS = frozenset("+-.0123456789")
+
+
+def read_yaml_text(text: str, file: str | None = None) -> tuple[Data, dict[KeyPath, int]]:
+    """The data in ``text``, None if it is empty, and the 1-based line of each of its parts.
+
+    Mapping keys are text as written, so a room called ``101`` stays ``"101"``.
+
+    Raises:
+        ConfigError: it is not YAML, repeats a key, has tags other than those of YAML's own scalars,
+            merge keys, an alias inside its anchor, more than ``MAX_VALUES`` or ``MAX_DEPTH``.
+
+    """
+    reader = _TextReader(file)
+    try:
+        data = reader.document(yaml.parse(text, Loader=_LOADER))
+    except _REFUSED as error:
+        raise _syntax_error(text, file, error) from None
+    return data, dict(reader.lines)
+
+
+def write_yaml_text(data: Data, width: int = 100) -> str:
+    """``data`` as YAML: the innermost collections inline, all others as blocks."""
+    text: str = yaml.dump(
+        data,
+        Dumper=_Dumper,
+        default_flow_style=None,
+        sort_keys=False,
+        allow_unicode=True,
+        width=width,
+    )
+    return text
+
+
+class _TextReader:
+    """Builds plain data from the events of a scanner; refuses what is unsafe or ambiguous."""
+
+    def __init__(self, file: str | None) -> None:
+        self._file = file
+        self._events: Iterator[Any] = iter(())
+        self._anchors: dict[str, tuple[Data, int, int] | None] = {}
+        """The data of an anchor, and the range of its ``lines``; None until it is complete."""
+        self.lines: list[tuple[KeyPath, int]] = []
+
+    def document(self, events: Iterator[Any]) -> Data:
+        """The data of the only document."""
+        self._events = events
+        next(events)  # the beginning of the stream
+        if isinstance(next(events), yaml.StreamEndEvent):
+            return None
+        data = self._value(next(events), ())
+        next(events)  # the end of the document
+        further = next(events)
+        if not isinstance(further, yaml.StreamEndEvent):
+            raise self._error("expected one document, got a second one ('---')", further, ())
+        return data
+
+    def _value(self, event: Any, path: KeyPath, line: int | None = None) -> Data:
+        if len(path) > MAX_DEPTH:
+            raise self._too_deep(event)
+        if len(self.lines) >= MAX_VALUES:
+            raise self._too_much(event, path)
+        first = len(self.lines)
+        self.lines.append((path, line or event.start_mark.line + 1))
+        kind = type(event)
+        if kind is yaml.AliasEvent:
+            return self._repeated(event, path)
+        if event.anchor is not None:
+            self._anchors[event.anchor] = None
+        if kind is yaml.ScalarEvent:
+            data = self._scalar(event, path)
+        elif event.tag is not None:
+            raise self._unsupported(event, path)
+        elif kind is yaml.SequenceStartEvent:
+            data = []
+            while type(item := next(self._events)) is not yaml.SequenceEndEvent:
+                data.append(self._value(item, (*path, len(data))))
+        else:
+            data = self._mapping(path)
+        if event.anchor is not None:
+            self._anchors[event.anchor] = data, first, len(self.lines)
+        return data
+
+    def _mapping(self, path: KeyPath) -> dict[str, Data]:
+        data: dict[str, Data] = {}
+        while type(event := next(self._events)) is not yaml.MappingEndEvent:
+            if type(event) is not yaml.ScalarEvent:
+                raise self._error("expected text as a key, got a list or mapping", event, path)
+            key = self._text(event, path)
+            if key == "<<" and event.implicit[0]:
+                raise self._error("merge keys (<<) are not supported", event, path)
+            inner = (*path, key)
+            if key in data:
+                first = next(line for known, line in self.lines if known == inner)
+                raise self._error(f"duplicate key; first given in line {first}", event, inner)
+            data[key] = self._value(next(self._events), inner, event.start_mark.line + 1)
+        return data
+
+    def _repeated(self, event: Any, path: KeyPath) -> Data:
+        """The data of an alias; its inner parts have the lines where they are written."""
+        if event.anchor not in self._anchors:
+            raise self._error(f"not valid YAML: found undefined alias {event.anchor!r}", event, ())
+        anchor = self._anchors[event.anchor]
+        if anchor is None:
+            raise self._error("an alias (*) inside its own anchor (&)", event, path)
+        data, first, end = anchor
+        if len(self.lines) + end - first > MAX_VALUES:
+            raise self._too_much(event, path)
+        above = len(self.lines[first][0])
+        inner = [((*path, *at[above:]), line) for at, line in self.lines[first + 1 : end]]
+        if any(len(at) > MAX_DEPTH for at, _ in inner):
+            raise self._too_deep(event)
+        self.lines += inner
+        return copy.deepcopy(data)
+
+    def _scalar(self, event: Any, path: KeyPath) -> Data:
+        text = self._text(event, path)
+        if event.tag is not None:
+            kind = event.tag.removeprefix(_TAG)
+        else:
+            kind = _kind_of(text) if event.implicit[0] else "str"  # quoted
+        read = _READERS.get(kind)
+        if read is None:
+            raise self._unsupported(event, path)
+        try:
+            return read(text)
+        except (ValueError, KeyError):
+            shown = text if len(text) <= 40 else text[:37] + "..."
+            raise self._error(f"expected a readable {kind}, got {shown!r}", event, path) from None
+
+    def _text(self, event: Any, path: KeyPath) -> str:
+        text = str(event.value)
+        try:
+            text.encode()
+        except UnicodeEncodeError:
+            raise self._error("an unpaired surrogate is not valid text", event, path) from None
+        return text
+
+    def _unsupported(self, event: Any, path: KeyPath) -> ConfigError:
+        tag = event.tag
+        shown = tag.replace(_TAG, "!!") if tag.startswith(_TAG) else tag
+        return self._error(f"the tag {shown} is not supported", event, path)
+
+    def _too_deep(self, event: Any) -> ConfigError:
+        return self._error(f"nested too deeply: more than {MAX_DEPTH} levels", event, ())
+
+    def _too_much(self, event: Any, path: KeyPath) -> ConfigError:
+        message = f"too much content: more than {MAX_VALUES} keys and values"
+        return self._error(message, event, path)
+
+    def _error(self, message: str, event: Any, path: KeyPath) -> ConfigError:
+        line = event.start_mark.line + 1
+        return ConfigError(message, file=self._file, line=line, key=key_text(path) or None)
+
+
+def key_text(path: KeyPath) -> str:
+    """``path`` as error messages show it: ``rooms[3].name``."""
+    text = ""
+    for step in path:
+        text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
+    return text
+
+
+def _kind_of(text: str) -> str:
+    """What a plain scalar is by YAML 1.2: the name of its tag."""
+    if text[:1] in _FIRST_OF_NUMBERS:
+        if _INT.match(text):
+            return "int"
+        if _FLOAT.match(text):
+            return "float"
+    elif text in _BOOL:
+        return "bool"
+    elif text in _NULL:
+        return "null"
+    return "str"
+
+
+def _integer(text: str) -> int:
+    with_prefix = text.lstrip("+-")[1:2].isalpha()
+    return int(text.replace("_", ""), 0 if with_prefix else 10)
+
+
+def _number(text: str) -> float:
+    words = text.lower()
+    number = float(words.replace("_", "").replace(".inf", "inf").replace(".nan", "nan"))
+    if math.isinf(number) and "inf" not in words:
+        raise ValueError
+    return number
+
+
+_READERS: dict[str, Callable[[str], Data]] = {
+    "str": str,
+    "int": _integer,
+    "float": _number,
+    "bool": _BOOL.__getitem__,
+    "null": _NULL.__getitem__,
+}
+
+
+def _syntax_error(text: str, file: str | None, error: Exception) -> ConfigError:
+    """The error for a text that libyaml refuses for ``error``."""
+    try:
+        for _ in yaml.parse(text, Loader=yaml.SafeLoader):
+            pass
+    except _REFUSED as worded:
+        error = worded
+    if isinstance(error, yaml.reader.ReaderError):
+        line = text.count("\n", 0, error.position) + 1
+        what = f"the character U+{int(error.character):04X} is not allowed"
+        return ConfigError(what, file=file, line=line)
+    if not isinstance(error, yaml.MarkedYAMLError):
+        return ConfigError(f"not valid YAML: {error}", file=file)
+    # for an unclosed bracket or quote, the line where it was opened
+    unclosed = "stream" in str(error.problem) and error.context_mark is not None
+    mark = error.context_mark if unclosed else error.problem_mark or error.context_mark
+    at = None if mark is None else mark.line + 1
+    return ConfigError(_syntax_message(error), file=file, line=at)
+
+
+def _syntax_message(error: yaml.MarkedYAMLError) -> str:
+    problem = str(error.problem or error.context)
+    if "'\\t'" in problem or " tab " in problem:
+        return "a tab; indent and separate with spaces in YAML"
+    if problem.startswith("expected '<document start>'"):
+        return "expected one document, got a second one ('---')"
+    if problem.startswith("mapping values are not allowed"):
+        return "not valid YAML: a second ':' in this place; quote texts that contain ': '"
+    if error.context and str(error.context) != problem:
+        problem = f"{problem} ({error.context})"
+    return f"not valid YAML: {problem}"
+
+
+class _Dumper(yaml.SafeDumper):  # type: ignore[misc]  # PyYAML has no types
+    """Quotes what YAML 1.2 or 1.1 would read as anything but text."""
+
+
+_Dumper.add_implicit_resolver(_TAG + "int", _INT, [*_FIRST_OF_NUMBERS])
+_Dumper.add_implicit_resolver(_TAG + "float", _FLOAT, [*_FIRST_OF_NUMBERS])
