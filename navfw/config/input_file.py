@@ -10,13 +10,17 @@ from __future__ import annotations
 import json
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from functools import wraps
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, ParamSpec, TypeAlias, TypeVar
 
 from navfw.errors import ConfigError, did_you_mean
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
 
 MAX_TEXT = 50_000_000
 """Largest text that is read [byte]: an hour of poses at 100 Hz, or any map, world and result."""
@@ -39,6 +43,50 @@ def traced_inputs() -> Iterator[set[Path]]:
         yield files
     finally:
         _traced.reset(token)
+        trace_input(*files)
+
+
+def trace_input(*files: str | Path) -> None:
+    """Count ``files``, which something else has opened, among the traced ones."""
+    if (traced := _traced.get()) is not None:
+        traced.update(Path(file).absolute() for file in files)
+
+
+def cached_by_files(maxsize: int) -> Callable[[Callable[_P, _T]], Callable[_P, _T]]:
+    """Keep results, as ``lru_cache`` does, until a file that was opened for one of them changes."""
+
+    def decorated(function: Callable[_P, _T]) -> Callable[_P, _T]:
+        kept: dict[object, tuple[_T, dict[Path, _Stamp]]] = {}
+
+        @wraps(function)
+        def cached(*args: _P.args, **kwargs: _P.kwargs) -> _T:
+            key = args, tuple(kwargs.items())
+            entry = kept.pop(key, None)
+            if entry is None or any(_stamp(file) != stamp for file, stamp in entry[1].items()):
+                with traced_inputs() as files:
+                    result = function(*args, **kwargs)
+                entry = result, {file: _stamp(file) for file in files}
+            kept[key] = entry
+            if len(kept) > maxsize:
+                del kept[next(iter(kept))]
+            trace_input(*entry[1])
+            return entry[0]
+
+        return cached
+
+    return decorated
+
+
+_Stamp: TypeAlias = tuple[int, int]
+"""Time of the last change [ns] and size [byte] of a file; zeros where there is none."""
+
+
+def _stamp(file: Path) -> _Stamp:
+    try:
+        status = file.stat()
+    except OSError:
+        return 0, 0
+    return status.st_mtime_ns, status.st_size
 
 
 @contextmanager
@@ -53,8 +101,7 @@ def open_input(path: str | Path, max_bytes: int | None = None) -> Iterator[Binar
 
     """
     path = Path(path)
-    if (traced := _traced.get()) is not None:
-        traced.add(path.absolute())
+    trace_input(path)
     try:
         descriptor = os.open(path, _FLAGS)
     except FileNotFoundError:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import lru_cache
 from pathlib import Path
 from typing import Literal, NamedTuple
 from xml.etree.ElementTree import Element
@@ -18,7 +17,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.config.input_file import shown_path
+from navfw.config.input_file import cached_by_files, shown_path
 from navfw.errors import ConfigError
 from navfw.meshes.mesh_file import FURNITURE_LIMITS, TriangleMesh, joined, read_mesh, windings
 from navfw.numerics import Array, Mask
@@ -47,7 +46,7 @@ _SUBPIXEL = 8
 """Fractional bits of OpenCV's coordinates."""
 
 
-@lru_cache(maxsize=64)
+@cached_by_files(64)
 def furniture_mesh(file: str, scale: float, up: Up) -> TriangleMesh:
     """The mesh in a file, or a URDF's collision shapes with all joints at zero, in metres, z up.
 
@@ -75,7 +74,7 @@ def furniture_mesh(file: str, scale: float, up: Up) -> TriangleMesh:
     return mesh
 
 
-@lru_cache(maxsize=64)
+@cached_by_files(64)
 def furniture_outline(file: str, scale: float, up: Up) -> tuple[OutlineBox, ...]:
     """The boxes around the mesh in a file; raises like ``furniture_mesh``."""
     return boxes_around(furniture_mesh(file, scale, up))

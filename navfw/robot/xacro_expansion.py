@@ -22,7 +22,14 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from navfw.config.extras import require_extra
-from navfw.config.input_file import MAX_TEXT, read_input, read_input_text, shown_path
+from navfw.config.input_file import (
+    MAX_TEXT,
+    cached_by_files,
+    read_input,
+    read_input_text,
+    shown_path,
+    trace_input,
+)
 from navfw.config.lookup import package_folders
 from navfw.errors import ConfigError
 
@@ -38,10 +45,8 @@ _ALLOWED = (
 _REFUSED = {"format", "format_map"}
 """Methods that reach any attribute by its name."""
 
-Stamp = tuple[int, int]
-_kept: dict[tuple[Path, tuple[str, ...]], tuple[bytes, dict[str, Stamp]]] = {}
 
-
+@cached_by_files(16)
 def expand_xacro(path: Path, packages: tuple[str, ...]) -> bytes:
     """The URDF of the xacro file at ``path``; ``packages`` are folders with packages of ROS.
 
@@ -54,9 +59,6 @@ def expand_xacro(path: Path, packages: tuple[str, ...]) -> bytes:
     """
     read_input(path)
     require_extra("xacro", "xacrodoc", key=path.name)
-    text, stamps = _kept.get((path, packages), (b"", {}))
-    if stamps and all(_stamp(file) == stamp for file, stamp in stamps.items()):
-        return text
     # -P: no module of the working folder
     words = [sys.executable, "-P", "-m", __name__, str(path.absolute()), *packages]
     try:
@@ -68,17 +70,8 @@ def expand_xacro(path: Path, packages: tuple[str, ...]) -> bytes:
     if "text" not in answer or len(answer["text"]) > MAX_TEXT:
         reason = answer.get("error", f"takes more than {_SECONDS} s, or too much memory")
         raise ConfigError(f"xacro: {reason}", file=shown_path(path))
-    text = str(answer["text"]).encode()
-    _kept[path, packages] = text, {file: _stamp(file) for file in (str(path), *answer["files"])}
-    return text
-
-
-def _stamp(file: str) -> Stamp:
-    try:
-        status = Path(file).stat()
-    except OSError:
-        return 0, 0
-    return status.st_mtime_ns, status.st_size
+    trace_input(*answer["files"])
+    return str(answer["text"]).encode()
 
 
 def _check_expression(text: str) -> None:

@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 
 from navfw.config.image_file import read_image
+from navfw.config.input_file import cached_by_files
 from navfw.errors import ConfigError
 from navfw.numerics import Array, Image
 from navfw.numerics.functions import power
@@ -263,7 +264,7 @@ _MAX_TEXELS = 2048
 """Largest number of texels along an edge; a wider picture has texels of more than 4 mm."""
 
 
-@lru_cache(maxsize=16)
+@cached_by_files(16)
 def read_picture(path: str) -> Image:
     """The picture in a file, read-only (height, width, 3) uint8, RGB.
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
+import json
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,18 +17,25 @@ from navfw.config.input_file import (
     is_file,
     is_folder,
     read_input,
-    read_input_text,
     shown_path,
+    traced_inputs,
 )
-from navfw.config.lookup import find, find_mission, list_missions
+from navfw.config.lookup import (
+    find,
+    find_mission,
+    list_missions,
+    plugin_files,
+    project_folder,
+    project_plugin_folders,
+    shipped_folder,
+)
 from navfw.config.overrides import Settings, override_texts
 from navfw.errors import ConfigError, InputError, MissingExtraError, UnknownNameError
 from navfw.missions.session import MissionResult
 from navfw.plugins import Registry, default_registry
-from navfw.recording.provenance import fingerprint
+from navfw.recording.provenance import files_fingerprint, files_in, fingerprint, navfw_files
 from navfw.suite.case import Case
 from navfw.suite.suitefile import EntrySpec, Expect, Suite, VariantSpec
-from navfw.topomap.mapfile import map_data
 
 _MAX_RUNS = 200_000
 """Largest number of runs of a suite, against mistyped ranges of seeds."""
@@ -137,9 +147,9 @@ def _check_case(
     """Build the session of ``case``, a case of the suite's entry ``index``, to find errors early.
 
     Returns the case with its stack, which may be the mission's, and the fingerprints of entry,
-    stack, overrides, robot, world and mission by name; ``Case.content`` is that of them all. Of a
-    family only the first seed is checked; the world of another seed may still be impossible, which
-    gives a row with the outcome fault.
+    stack, overrides, robot, and of each file that was read, by name; ``Case.content`` is that of
+    them all. Of a family only the first seed is checked; the world of another seed may still be
+    impossible, which gives a row with the outcome fault.
 
     Raises:
         MissingExtraError: a plugin needs a package that is not installed.
@@ -149,7 +159,8 @@ def _check_case(
     entry = suite.spec.entries[index]
     case = with_seed(case, entry, case.seed)
     try:
-        session = case.session(registry)
+        with traced_inputs() as files:
+            session = case.session(registry)
     except MissingExtraError:
         raise
     except InputError as error:
@@ -163,18 +174,46 @@ def _check_case(
     case = replace(case, stack=str(file), stack_name=file.stem)
     title = f"entry {case.entry}" + (f", variant {case.variant}" if case.variant else "")
     contents: dict[str, Any] = {
-        title: [entry.model_dump(mode="json", exclude={"name", "worlds", "expect"})],
-        f"stack {case.stack_name} of {title}": [session.stack.config],
-        f"overrides of {title}": list(case.overrides),
-        f"robot of {title}": [session.mission.spec.robot.model_dump(mode="json")],
+        title: entry.model_dump(mode="json", exclude={"name", "worlds", "expect"}),
+        f"stack {case.stack_name} of {title}": session.stack.config,
+        f"overrides of {title}": case.overrides,
+        f"robot of {title}": session.mission.spec.robot.model_dump(mode="json"),
     }
-    if not case.family:
-        world, mission = (read_input_text(Path(file)) for file in (case.world, case.mission))
-        contents[f"world {case.world_name} of {title}"] = world
-        name = f"mission {case.mission_name} of {case.world_name} of {title}"
-        contents[name] = [mission, map_data(session.mission.topo_map)]
-    fingerprints = {name: fingerprint(content)[:16] for name, content in contents.items()}
+    files |= {file for plugin in session.stack.resolved.plugins for file in _code_of(plugin)}
+    named: dict[str, list[tuple[str, Path]]] = {}
+    for file in sorted(file for file in files if file.name != "pyproject.toml"):
+        same = named.setdefault(_lasting_name(file, case), [])
+        same.append((str(len(same)), file))
+    folder = f"{project_folder() or suite.file.parent}{os.sep}"
+    fingerprints = {
+        **{name: fingerprint(json.dumps(p).replace(folder, "")) for name, p in contents.items()},
+        **{name: files_fingerprint(same) for name, same in named.items()},
+    }
+    fingerprints = {name: text[:16] for name, text in fingerprints.items()}
     return replace(case, content=fingerprint(fingerprints)[:16]), fingerprints
+
+
+def _code_of(plugin: type) -> Iterator[Path]:
+    """The file of ``plugin``, and what it may import or read beside it; none of navfw's own.
+
+    For navfw's code the revision stands.
+    """
+    file = Path(inspect.getfile(plugin))
+    if any(map(file.is_relative_to, navfw_files().values())):
+        return
+    yield file
+    if file.parent in project_plugin_folders():
+        others = {other.stem for other in plugin_files(file.parent)}
+        yield from (f for f, inside in files_in(file.parent) if inside.stem not in others)
+
+
+def _lasting_name(file: Path, case: Case) -> str:
+    """A name of ``file`` that stays when the project, its worlds or navfw are moved."""
+    places = [project_folder(), shipped_folder(), Path(__file__).parents[2]]
+    inside = [file.relative_to(at).as_posix() for at in places if at and file.is_relative_to(at)]
+    world = Path(case.world).parent
+    own = f"{world.name}/{file.relative_to(world)}" if file.is_relative_to(world) else file.name
+    return min(inside, key=len, default=own)
 
 
 def _valid_without_variant(suite: Suite, index: int, case: Case, registry: Registry) -> bool:
