@@ -12,7 +12,7 @@ import typer
 from navfw.cli.options import JsonList
 from navfw.cli.output import echo, print_json, quiet_stdout
 from navfw.config.file_kinds import FILE_KINDS, FileKind
-from navfw.config.input_file import no_such_file, shown_path
+from navfw.config.input_file import no_such_file, real_path, shown_path
 from navfw.config.lookup import project_folder
 from navfw.errors import ConfigError, InputError, PluginError, UnknownNameError, did_you_mean
 
@@ -94,9 +94,9 @@ def _checked(paths: list[Path]) -> Iterator[Checked]:
         raise no_such_file(missing[0])
     folders = [path for path in paths if path.is_dir()]
     files = [path for path in paths if not path.is_dir()]
-    plugins = {file.resolve() for file in files if file.suffix == ".py"}
+    plugins = {real_path(file) for file in files if file.suffix == ".py"}
     plugins |= {
-        file.resolve()
+        real_path(file)
         for folder in folders
         for with_plugins in (folder, *(folder / name for name in PLUGIN_FOLDERS))
         for file in with_plugins.glob("*.py")
@@ -106,7 +106,7 @@ def _checked(paths: list[Path]) -> Iterator[Checked]:
     for folder in sorted({file.parent for file in plugins}):
         registry.discover_folder(folder)
     for row in registry.listing():
-        if Path(row["source"]).resolve() in plugins:
+        if real_path(row["source"]) in plugins:
             error = row["error"] or _tried(row, registry)
             yield {key: row[key] for key in ("name", "kind", "source", "notes")} | {"error": error}
     for file in (*files, *(file for folder in folders for file in data_files(folder))):
@@ -156,7 +156,7 @@ def data_files(folder: Path) -> list[Path]:
         for pattern in kind.patterns
         for file in folder.glob(pattern)
     }
-    if any(folder.resolve().name in kind.folders for kind in FILE_KINDS.values()):
+    if any(real_path(folder).name in kind.folders for kind in FILE_KINDS.values()):
         files.update(folder.glob("*"))
     named = [f for f in files if f.suffix in _SUFFIXES and not f.name.startswith((".", "_"))]
     of_plugins = {f for f in named if f.parent.name in PLUGIN_FOLDERS}

@@ -11,6 +11,7 @@ import typer
 
 from navfw.cli.options import command_group
 from navfw.cli.output import echo
+from navfw.config.input_file import real_path
 from navfw.scaffold.part_kinds import PARTS
 
 _Name = Annotated[
@@ -43,7 +44,7 @@ def project(
     from navfw.scaffold.new_files import write_project
 
     written = write_project(folder)
-    TrustFile().add(folder.resolve(), os.geteuid())  # not what another owner changes later
+    TrustFile().add(real_path(folder), os.geteuid())  # not what another owner changes later
     echo("\n  ".join([f"wrote {folder}, and trusts it:", *written]))
     echo(f"next: cd {folder}, then navfw check && navfw run den next-room")
 

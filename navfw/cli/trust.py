@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from navfw.cli.output import echo
+from navfw.config.input_file import real_path
 from navfw.config.project_code import ProjectCode, require_trust_in_settings, trusting
 from navfw.errors import InputError
 
@@ -43,8 +44,8 @@ def trust(
         folders = trusted.folders()
         echo("\n".join(map(_listed, folders)) if folders else "No project is trusted.")
     elif remove:
-        trusted.remove(folder.resolve())
-        echo(f"no longer trusted: {folder.resolve()}")
+        trusted.remove(real_path(folder))
+        echo(f"no longer trusted: {real_path(folder)}")
     else:
         code = _code_of(folder)
         trusted.add(code.folder, code.owner)

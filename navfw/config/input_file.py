@@ -155,6 +155,11 @@ def is_folder(path: str | Path) -> bool:
     return stat.S_ISDIR(_mode(path))
 
 
+def real_path(path: str | Path) -> Path:
+    """The absolute path behind all links; unlike ``Path.resolve`` it lets loops of links stand."""
+    return Path(os.path.realpath(path))
+
+
 def shown_path(path: Path) -> str:
     """``path`` as error messages show it: relative to the working folder when it is inside."""
     try:

@@ -28,7 +28,7 @@ from navfw.errors import ConfigError, UnknownNameError
 _SUFFIXES = {".yaml", ".yml"}
 URDF_SUFFIXES = {".urdf", ".xacro"}
 """Of files that are robots by themselves, given by their path."""
-_PACKAGE = Path(__file__).parents[1]
+_PACKAGE = input_file.real_path(__file__).parents[1]
 
 _Source: TypeAlias = Literal["project", "shipped"]
 
@@ -127,8 +127,8 @@ def shipped_folder() -> Path:
 def _own_project(start: Path | None = None) -> Path | None:
     """The project around ``start``; None in a checkout of navfw, whose files are the shipped."""
     project = project_folder(start)
-    shipped = shipped_folder().resolve()
-    return None if project is None or project.resolve() == shipped else project
+    shipped = shipped_folder()
+    return None if project is None or input_file.real_path(project) == shipped else project
 
 
 def _roots(room: str = "") -> list[tuple[_Source, Path]]:
@@ -194,7 +194,7 @@ def list_missions(world: str | Path) -> list[NamedFile]:
     """
     folder = find("world", world).parent
     by_name = [(source, root / "worlds" / folder.name) for source, root in _roots()]
-    if not any(folder.resolve() == other.resolve() for _, other in by_name):
+    if not any(input_file.real_path(folder) == input_file.real_path(other) for _, other in by_name):
         by_name = [("project", folder)]
     return _first_of_each_name(
         file for source, other in by_name for file in _matching(other, "missions/*.yaml", source)

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import TypeAlias
 
 from navfw.config.document import Origin, YamlDocument, load_yaml, parse_yaml
+from navfw.config.input_file import real_path
 from navfw.config.lookup import find
 from navfw.config.yaml_text import Data, KeyPath, key_text
 from navfw.errors import ConfigError, did_you_mean
@@ -210,10 +211,10 @@ def on_its_base(
     name = document.data.get("base")
     if not isinstance(name, str):
         return document
-    seen = (*above, path.resolve())
+    seen = (*above, real_path(path))
     with document.locating(("base",)):
         file = find(kind, name, base=path.parent)
-        if file.resolve() in seen:
+        if real_path(file) in seen:
             raise ConfigError(f"the {kind} is based on itself; name another one")
     base = on_its_base(load(file), file, kind, replaced, load, seen)
     return layered(base, document, replaced)

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Self, TypeAlias
 
 from navfw.config import lookup
+from navfw.config.input_file import real_path
 from navfw.errors import UntrustedCodeError
 
 TRUST_VARIABLE = "NAVFW_TRUST"
@@ -56,8 +57,8 @@ class ProjectCode:
         if project is None:
             return None
         folders = lookup.project_plugin_folders(start)
-        files = tuple(file.resolve() for folder in folders for file in _files_of(folder))
-        return cls(project.resolve(), project.stat().st_uid, files)
+        files = tuple(real_path(file) for folder in folders for file in _files_of(folder))
+        return cls(real_path(project), project.stat().st_uid, files)
 
     @classmethod
     def settings_in(cls, start: Path) -> Self | None:
@@ -65,7 +66,7 @@ class ProjectCode:
         files = tuple(start / name for name in LIBRARY_SETTINGS if os.path.lexists(start / name))
         if not files:
             return None
-        folder = (lookup.project_folder(start) or start).resolve()
+        folder = real_path(lookup.project_folder(start) or start)
         return cls(folder, folder.stat().st_uid, files)
 
     def unsafe_part(self) -> Path | None:
@@ -107,7 +108,7 @@ def trusting(folder: Path | None = None) -> Iterator[None]:
     before = os.environ.get(TRUST_VARIABLE)
     also = [before] if before else []
     if before != "1":
-        trusted = "1" if folder is None else os.pathsep.join([*also, str(folder.resolve())])
+        trusted = "1" if folder is None else os.pathsep.join([*also, str(real_path(folder))])
         os.environ[TRUST_VARIABLE] = trusted
     try:
         yield

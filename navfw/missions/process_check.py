@@ -5,8 +5,8 @@ from __future__ import annotations
 import inspect
 from collections.abc import Iterable
 from dataclasses import replace
-from pathlib import Path
 
+from navfw.config.input_file import real_path
 from navfw.config.lookup import shipped_folder
 from navfw.interfaces import Plugin
 from navfw.missions.outcome import FaultKind, Outcome
@@ -46,7 +46,7 @@ def _ships(cls: type[Plugin]) -> bool:
     if cls.__module__.startswith("navfw."):
         return True
     try:
-        file = Path(inspect.getfile(cls)).resolve()
+        file = real_path(inspect.getfile(cls))
     except (TypeError, OSError):
         return False
-    return file.is_relative_to((shipped_folder() / "behaviors").resolve())
+    return file.is_relative_to(shipped_folder() / "behaviors")

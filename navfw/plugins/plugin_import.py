@@ -15,7 +15,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
 
-from navfw.config.input_file import shown_path
+from navfw.config.input_file import real_path, shown_path
 from navfw.errors import PluginError, described, did_you_mean, is_a
 from navfw.interfaces import Plugin
 from navfw.plugins.verification import find_problems, kind_of, verify
@@ -154,7 +154,7 @@ def nothing_found(module: ModuleType, file: Path) -> PluginError:
 
 def _package_of(folder: Path) -> str:
     """Make ``folder`` importable as a package; returns the package's name."""
-    folder = folder.resolve()
+    folder = real_path(folder)
     digest = hashlib.sha256(str(folder).encode()).hexdigest()[:12]
     name = f"navfw_folder_{digest}"
     if name not in sys.modules:

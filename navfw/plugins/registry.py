@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from navfw.config.error_location import parameters_of
-from navfw.config.input_file import shown_path
+from navfw.config.input_file import real_path, shown_path
 from navfw.config.lookup import plugin_files, plugin_folders, shipped_folder
 from navfw.config.project_code import require_trust
 from navfw.errors import InputError, PluginError, UnknownNameError
@@ -87,11 +87,11 @@ class Registry:
             raise PluginError(
                 f"expected a folder of plugins: {error.strerror}", file=shown_path(folder)
             ) from None
-        shipped = (shipped_folder() / "behaviors").resolve()
-        code = None if folder.resolve() == shipped else CodeState()
+        shipped = shipped_folder() / "behaviors"
+        code = None if real_path(folder) == shipped else CodeState()
         for file in files:
-            if file.resolve() not in self._files:
-                self._files.add(file.resolve())
+            if real_path(file) not in self._files:
+                self._files.add(real_path(file))
                 self._discover_file(file, code)
 
     def discover_entry_points(self, points: Iterable[EntryPoint] | None = None) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import FrameType, ModuleType
 from typing import Any, ClassVar
 
-from navfw.config.input_file import read_input, shown_path
+from navfw.config.input_file import read_input, real_path, shown_path
 from navfw.errors import ConfigError
 from navfw.interfaces import Plugin
 from navfw.plugins.verification import source_file
@@ -182,7 +182,7 @@ class SimulatorWatch:
         for name, plugin in self._plugins.items():
             file = source_file(type(plugin))
             if file is not None:
-                self._files.setdefault(file.resolve(), []).append(name)
+                self._files.setdefault(real_path(file), []).append(name)
         self._folders = {file.parent for file in self._files}
         self._asking: set[str] = set()
 

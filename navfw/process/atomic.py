@@ -50,7 +50,7 @@ def output_place(target: Path, option: str, *, replaced: bool = True) -> Path:
         if not place.exists():
             what = f"is a link to {place.readlink()}, which does not exist"
             raise InputError(f"{what}; choose another {option}", file=target)
-        place = place.resolve()
+        place = Path(os.path.realpath(place))  # a loop of links stays
     if replaced and place.is_mount():
         raise InputError(f"is a mount point; choose a folder in it as {option}", file=target)
     nearest = next(folder for folder in (place, *place.parents) if folder.exists())

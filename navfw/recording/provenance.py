@@ -19,7 +19,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Self
 
-from navfw.config.input_file import read_input
+from navfw.config.input_file import read_input, real_path
 from navfw.config.lookup import own_folders, owned_by_user, project_folder, shipped_folder
 from navfw.errors import ConfigError
 from navfw.process.process_resources import usable_cores
@@ -135,8 +135,8 @@ def files_of(places: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
 
 def navfw_files() -> dict[str, Path]:
     """The folders of navfw's own code and files that results depend on, by name."""
-    shipped = {name: shipped_folder().resolve() / name for name in _SHIPPED}
-    return {"navfw": Path(__file__).resolve().parents[1], **shipped}
+    shipped = {name: shipped_folder() / name for name in _SHIPPED}
+    return {"navfw": real_path(__file__).parents[1], **shipped}
 
 
 @cache
@@ -166,7 +166,7 @@ class GitCheckout:
     @classmethod
     def around(cls, folder: Path) -> Self | None:
         """The checkout that ``folder`` lies in; None if there is none that is this user's alone."""
-        for top in own_folders(folder.resolve()):
+        for top in own_folders(real_path(folder)):
             link = top / ".git"
             if os.path.lexists(link):
                 private = link if link.is_dir() else _linked(link, "gitdir: ")
@@ -201,7 +201,7 @@ class GitCheckout:
 
     def tracks(self, file: Path) -> bool:
         """Whether ``file`` is one of the tracked files."""
-        return self._git("ls-files", "--error-unmatch", "--", str(file.resolve())) is not None
+        return self._git("ls-files", "--error-unmatch", "--", str(real_path(file))) is not None
 
     def _ref(self, name: str) -> str:
         for folder in (self.private, self.common):

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Self
 
 from navfw.config.extras import pybullet_version
-from navfw.config.input_file import read_input
+from navfw.config.input_file import read_input, real_path
 from navfw.config.lookup import project_folder, shipped_folder
 from navfw.errors import InputError
 from navfw.plugins.built_in import GROUPS
@@ -55,7 +55,7 @@ class JobPackage:
 
         """
         project = project_folder()
-        if project is not None and project.resolve() == shipped_folder().resolve():
+        if project is not None and real_path(project) == shipped_folder():
             project = None
         roots = {"shipped": shipped_folder(), "package": _PACKAGE}
         if project is not None:

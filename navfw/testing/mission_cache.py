@@ -24,7 +24,7 @@ from typing import Any, Self, get_type_hints
 import numpy as np
 from pydantic import ConfigDict, create_model
 
-from navfw.config.input_file import open_input, read_input_text, traced_inputs
+from navfw.config.input_file import open_input, read_input_text, real_path, traced_inputs
 from navfw.config.lookup import find, find_mission, project_folder
 from navfw.errors import InputError
 from navfw.missions.mission_events import EventRecord
@@ -217,10 +217,10 @@ class RunInputs:
             InputError: there is no such world or mission, or a file of the project cannot be read.
 
         """
-        world = find("world", case.world).parent.resolve()
-        mission = find_mission(case.world, case.mission).resolve()
+        world = real_path(find("world", case.world).parent)
+        mission = real_path(find_mission(case.world, case.mission))
         project = project_folder()
-        folders = [] if project is None else [project.resolve() / name for name in _OF_PROJECT]
+        folders = [] if project is None else [real_path(project) / name for name in _OF_PROJECT]
         of_world = [file for file, inside in files_in(world) if "missions" not in inside.parts]
         of_project = [file for folder in folders for file, _ in files_in(folder)]
         files = (mission, *of_world, *of_project)
@@ -239,7 +239,7 @@ class RunInputs:
         installed = (Path(sysconfig.get_path(name)) for name in ("purelib", "platlib"))
         covered = (*self.covered, *installed)
         return all(
-            any(file.resolve().is_relative_to(place) for place in covered)
+            any(real_path(file).is_relative_to(place) for place in covered)
             for file in (*files, *code)
         )
 

@@ -17,7 +17,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from navfw.config.foreign_files import line_of, read_xml
-from navfw.config.input_file import is_file, shown_path
+from navfw.config.input_file import is_file, real_path, shown_path
 from navfw.errors import ConfigError, WorldError
 from navfw.meshes import MeshLimits, read_triangles
 from navfw.numerics import Array
@@ -229,8 +229,8 @@ class _SdfReader:
         if not name or "://" in name or "\0" in name:
             return
         for folder in self._folders:
-            path = (folder / name).resolve()
-            if any(path.is_relative_to(allowed.resolve()) for allowed in self._folders):
+            path = real_path(folder / name)
+            if any(path.is_relative_to(real_path(allowed)) for allowed in self._folders):
                 yield path
 
     def _add(self, model: str, shape: Shape, bottom: float, top: float, mesh: int = 0) -> None:

@@ -118,6 +118,17 @@ def test_tests_import_from_rooms() -> None:
     assert leaves == []
 
 
+def test_loops_of_links_raise_nowhere() -> None:
+    calls = (
+        (path, node)
+        for path in SOURCES
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.Call) and not node.args and isinstance(node.func, ast.Attribute)
+    )
+    found = [shown(path) for path, node in calls if node.func.attr == "resolve"]
+    assert found == [], "Path.resolve raises RuntimeError; use navfw.config.input_file.real_path"
+
+
 def test_import_contracts_have_no_exceptions() -> None:
     assert import_settings()["exclude_type_checking_imports"] is False
     for contract in import_settings()["contracts"]:

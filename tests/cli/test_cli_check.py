@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from cli_calls import invoke, output, put_file, put_files, refusal
+from cli_calls import invoke, output, put_file, put_files, refusal, sole_refusal
 from docs_pages import ROOT
 from processes import run
 
@@ -154,3 +154,18 @@ def test_outside_a_project_files_must_be_named() -> None:
     assert "no project here" in refusal("check")
     missing = invoke("check", "nothing.yaml")
     assert (missing.exit_code, "there is no such file" in missing.output) == (2, True)
+
+
+def test_loops_of_links_are_named_and_end_no_command(sound: Path) -> None:
+    for name in ("behaviors/a.py", "loop", "worlds/w/world.yaml"):
+        file = put_file(sound, name, "")
+        file.unlink()
+        file.symlink_to(file.name)
+    said = invoke("check").stdout
+    assert "behaviors/a.py: cannot be imported: " in said
+    assert "Too many levels of symbolic links" in said
+    assert "sound" in invoke("list", "plugins").output
+    for words in (("trust", "loop"), ("trust", "--remove", "loop"), ("world", "import", "loop")):
+        sole_refusal(*words, *(("--out", "new") if "world" in words else ()))
+    sole_refusal("run", "w", "own")
+    assert "loop" in sole_refusal("run", "empty", "own", "--out", "loop")
