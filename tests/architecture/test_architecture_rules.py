@@ -119,13 +119,13 @@ def test_tests_import_from_rooms() -> None:
 
 
 def test_loops_of_links_raise_nowhere() -> None:
-    calls = (
-        (path, node)
+    found = [
+        shown(path)
         for path in SOURCES
         for node in ast.walk(tree_of(path))
-        if isinstance(node, ast.Call) and not node.args and isinstance(node.func, ast.Attribute)
-    )
-    found = [shown(path) for path, node in calls if node.func.attr == "resolve"]
+        if isinstance(node, ast.Call) and not node.args
+        if isinstance(node.func, ast.Attribute) and node.func.attr == "resolve"
+    ]
     assert found == [], "Path.resolve raises RuntimeError; use navfw.config.input_file.real_path"
 
 

@@ -24,7 +24,6 @@ from navfw.sim import (
     load_world,
     luminance_pattern,
     picture_texture,
-    read_picture,
     side_count,
     solids_of,
     synthesize,
@@ -163,7 +162,6 @@ def test_pictures_that_cannot_be_used(
         picture.unlink()
     elif isinstance(content, bytes):
         picture.write_bytes(content)
-    read_picture.cache_clear()
     with pytest.raises(ConfigError, match=f"stripes.png.*{message}") as caught:
         load_world(path)
     assert caught.value.line == 7
