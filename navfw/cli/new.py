@@ -1,8 +1,11 @@
-"""``navfw new project``, and ``navfw new KIND NAME``: files of one's own, all of which pass."""
+"""``navfw new project``, and ``navfw new KIND NAME``: templates that pass ``navfw check``."""
 
 from __future__ import annotations
 
 import os
+import shlex
+import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -41,12 +44,24 @@ def project(
     those just written.
     """
     from navfw.config.trust_file import TrustFile
-    from navfw.scaffold.new_files import write_project
+    from navfw.scaffold.new_files import activation, write_project
 
     written = write_project(folder)
     TrustFile().add(real_path(folder), os.geteuid())  # not what another owner changes later
     echo("\n  ".join([f"wrote {folder}, and trusts it:", *written]))
-    echo(f"next: cd {folder}, then navfw check && navfw run den next-room")
+    first = [] if _is_found() or not activation() else [activation()]
+    echo("\n  ".join(["next, type:", *first, f"cd {shlex.quote(str(folder))}", *_FIRST]))
+
+
+_FIRST = ("navfw run den next-room", "navfw check", "pytest tests")
+"""What to type first in a new project."""
+
+
+def _is_found() -> bool:
+    """Whether the user's shell finds this ``navfw``; ``uv run`` puts it on the path by itself."""
+    found = shutil.which("navfw")
+    here = Path(sys.prefix, "bin").resolve()
+    return found is not None and Path(found).resolve().parent == here and "UV" not in os.environ
 
 
 def _writer(kind: str) -> Callable[..., None]:

@@ -11,11 +11,15 @@ from __future__ import annotations
 import json
 import keyword
 import re
+import shlex
+import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 from navfw.config import lookup
 from navfw.config.document import load_yaml
@@ -47,7 +51,9 @@ def write_project(folder: Path) -> list[str]:
         what = f"is within the project {shown_path(around)}; choose a folder outside of it"
         raise ConfigError(what, file=folder)
     name = re.sub(r"[^a-z0-9]+", "-", folder.name.lower()).strip("-") or "robot"
-    words = {r"\bPROJECT\b": name, r"\bNAVFW\b": _requirement()}
+    dependency, source = _requirement()
+    words = {r"\bPROJECT\b": name, r"\bNAVFW\b": dependency, r"# SOURCE\n": source}
+    words[r" \(ACTIVATE\)"] = f" (`{activation()}`)" if activation() else ""
     texts = _editor_settings()
     templates = TEMPLATES / "project"
     for file in (path for path in templates.rglob("*") if path.is_file()):
@@ -60,18 +66,34 @@ def write_project(folder: Path) -> list[str]:
     return sorted(texts)
 
 
-def _requirement() -> str:
-    """How an installer gets this navfw: from where it came, or else from its repository."""
+def _requirement() -> tuple[str, str]:
+    """How an installer gets this navfw: the dependency, and its source in ``pyproject.toml``."""
     installed = distribution("navfw")
+    needed = "navfw[sim,report]"
     source = json.loads(installed.read_text("direct_url.json") or "{}")
-    if not source:
-        return f"navfw[sim]=={installed.version}"
     if control := source.get("vcs_info"):
-        return f"navfw[sim] @ {control['vcs']}+{source['url']}@{control['commit_id']}"
-    if "dir_info" not in source:
-        return f"navfw[sim] @ {source['url']}"
-    urls = dict(url.split(", ") for url in installed.metadata.get_all("Project-URL", []))
-    return f"navfw[sim] @ git+{urls['Homepage']}"  # a folder of this machine: no other has it
+        return f"{needed} @ {control['vcs']}+{source['url']}@{control['commit_id']}", ""
+    if source and "dir_info" not in source:
+        return f"{needed} @ {source['url']}", ""
+    clone = url2pathname(urlsplit(source["url"]).path) if source else ""
+    if not (Path(clone) / "pyproject.toml").is_file():
+        return f"{needed}=={installed.version}", ""
+    editable = str(source["dir_info"].get("editable", False)).lower()
+    return needed, _CLONE.format(path=json.dumps(clone, ensure_ascii=False), editable=editable)
+
+
+_CLONE = """
+# the clone that wrote this project; another machine needs its own path, or a repository's address
+[tool.uv.sources]
+navfw = {{ path = {path}, editable = {editable} }}
+"""
+"""The source of a navfw that was installed from a clone."""
+
+
+def activation() -> str:
+    """What a shell's user types to find the ``navfw`` and ``pytest`` of this environment."""
+    script = Path(sys.prefix, "bin", "activate")
+    return f"source {shlex.quote(str(script))}" if script.is_file() else ""
 
 
 def _editor_settings() -> dict[str, str]:
@@ -170,7 +192,7 @@ def _rendered(template: str, words: Mapping[str, str]) -> str:
     """The text of a template, or of the file at an absolute path, with ``words`` replaced."""
     text = read_input_text(TEMPLATES / template)
     for word, by in words.items():
-        text = re.sub(word, by, text)
+        text = re.sub(word, by.replace("\\", r"\\"), text)
     return text
 
 

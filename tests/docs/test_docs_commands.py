@@ -146,7 +146,7 @@ def test_the_readme_shows_a_mistake_with_its_message() -> None:
 
 NOT_TYPED = {
     r"make (run|test|coverage)": "drives and tests what other tests do",
-    r"uv run pytest|pytest tests/|uv run --project": "these tests themselves",
+    r"uv run pytest|pytest tests": "these tests themselves",
     r"uv run --group mutation": "tests/mutation",
     r"uv run pre-commit": "changes the hooks of the clone",
     r"pip install": "tests/packaging",
