@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import shlex
-import shutil
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -49,19 +47,9 @@ def project(
     written = write_project(folder)
     TrustFile().add(real_path(folder), os.geteuid())  # not what another owner changes later
     echo("\n  ".join([f"wrote {folder}, and trusts it:", *written]))
-    first = [] if _is_found() or not activation() else [activation()]
-    echo("\n  ".join(["next, type:", *first, f"cd {shlex.quote(str(folder))}", *_FIRST]))
-
-
-_FIRST = ("navfw run den next-room", "navfw check", "pytest tests")
-"""What to type first in a new project."""
-
-
-def _is_found() -> bool:
-    """Whether the user's shell finds this ``navfw``; ``uv run`` puts it on the path by itself."""
-    found = shutil.which("navfw")
-    here = Path(sys.prefix, "bin").resolve()
-    return found is not None and Path(found).resolve().parent == here and "UV" not in os.environ
+    first = filter(None, (activation(), f"cd {shlex.quote(str(folder))}"))
+    then = "navfw run den next-room", "navfw check", "pytest tests"
+    echo("\n  ".join(["next, type:", *first, *then]))
 
 
 def _writer(kind: str) -> Callable[..., None]:

@@ -7,7 +7,7 @@ run by run, in text as well.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,6 +18,7 @@ from navfw.cli.options import Json, Recorded, Robot, Stack, Topic, VariantA, Var
 from navfw.cli.output import echo, print_json, print_result, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.config.input_file import is_file
+from navfw.config.lookup import plugin_files, shipped_folder
 from navfw.errors import InputError, locating
 from navfw.process.atomic import output_file, write_text
 from navfw.process.result_table import shown
@@ -126,7 +127,20 @@ def explain(
     else:
         from navfw.mofis.mofis import explanation_lines
 
-        echo("\n".join(explanation_lines(explanation)))
+        echo("\n".join([*explanation_lines(explanation), *_not_heard(explanation)]))
+
+
+def _not_heard(explanation: Mapping[str, Any]) -> Iterator[str]:
+    """A line for each behaviour of the user's that desired another command and was outvoted."""
+    shipped = {file.stem for file in plugin_files(shipped_folder() / "behaviors")}
+    for name, rating in explanation["behaviors"].items():
+        outvoted = rating["weight"] > _NO_SAY and rating["desirability"] < 0.5 * rating["best"]
+        if outvoted and name not in shipped:
+            yield f"{name} desired another command and was outvoted: see docs/not-heard.md"
+
+
+_NO_SAY = 0.01
+"""Weight up to which a behaviour as good as does not apply."""
 
 
 def write_video(folder: Path, target: Path, *, quiet: bool) -> None:

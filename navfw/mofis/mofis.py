@@ -262,8 +262,8 @@ def explain_command(
 ) -> dict[str, Any]:
     """The command as plain data, with the rating of it by every behaviour.
 
-    For each behaviour: applicability, desirability and prohibition of this command, the reason, and
-    the rules that fired for it, strongest first. With a composite: the weights of the primitives,
+    For each behaviour: applicability, desirability and prohibition of this command, its largest
+    desirability of any, the reason, and the rules that fired for it, strongest first. With a composite: the weights of the primitives,
     and the rules that fired for them. A plugin that fails to explain gives no rules; the
     fault is noted by ``guard``, given none by that of ``mofis``.
     """
@@ -281,6 +281,7 @@ def explain_command(
                 "applicability": float(proposal.applicability),
                 "weight": float(command.weights.get(name, 0.0)),
                 "desirability": float(proposal.desirability[row, column]),
+                "best": float(proposal.desirability.max()),
                 "prohibition": float(proposal.prohibition[row, column]),
                 "reason": proposal.reason,
                 "rules": _rules(guard, f"behavior {name}", proposal.explain, row, column),

@@ -1,4 +1,3 @@
-from .new_files import activation as activation
 from .new_files import write_part as write_part
 from .new_files import write_project as write_project
 from .part_kinds import PARTS as PARTS

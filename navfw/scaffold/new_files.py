@@ -69,17 +69,15 @@ def write_project(folder: Path) -> list[str]:
 def _requirement() -> tuple[str, str]:
     """How an installer gets this navfw: the dependency, and its source in ``pyproject.toml``."""
     installed = distribution("navfw")
-    needed = "navfw[sim,report]"
-    source = json.loads(installed.read_text("direct_url.json") or "{}")
-    if control := source.get("vcs_info"):
-        return f"{needed} @ {control['vcs']}+{source['url']}@{control['commit_id']}", ""
-    if source and "dir_info" not in source:
-        return f"{needed} @ {source['url']}", ""
-    clone = url2pathname(urlsplit(source["url"]).path) if source else ""
-    if not (Path(clone) / "pyproject.toml").is_file():
-        return f"{needed}=={installed.version}", ""
-    editable = str(source["dir_info"].get("editable", False)).lower()
-    return needed, _CLONE.format(path=json.dumps(clone, ensure_ascii=False), editable=editable)
+    origin = json.loads(installed.read_text("direct_url.json") or "{}")
+    needed, url = "navfw[sim,report]", origin.get("url", "")
+    clone = url2pathname(urlsplit(url).path)
+    if "dir_info" in origin and Path(clone, "pyproject.toml").is_file():
+        editable = str(origin["dir_info"].get("editable", False)).lower()
+        return needed, _CLONE.format(path=json.dumps(clone, ensure_ascii=False), editable=editable)
+    if control := origin.get("vcs_info"):
+        return f"{needed} @ {control['vcs']}+{url}@{control['commit_id']}", ""
+    return f"{needed} @ {url}" if "archive_info" in origin else f"{needed}=={installed.version}", ""
 
 
 _CLONE = """
@@ -87,7 +85,6 @@ _CLONE = """
 [tool.uv.sources]
 navfw = {{ path = {path}, editable = {editable} }}
 """
-"""The source of a navfw that was installed from a clone."""
 
 
 def activation() -> str:

@@ -2,22 +2,23 @@
 
 import json
 import os
-import re
 import shlex
+import shutil
 import sys
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import yaml
 from cli_calls import invoke, output, put_file, refusal
-from docs_pages import ROOT, blocks_of, load_module
+from docs_pages import ROOT, load_module
 from packaging.requirements import Requirement
 from processes import run
 
 import navfw
 from navfw.plugins import default_registry
-from navfw.scaffold import PARTS
+from navfw.scaffold import PARTS, new_files
 from navfw.suite import load_suite, plan_runs
 
 NAMES = {
@@ -34,7 +35,7 @@ STAGES = ("flow", "fusion", "localizer", "planner")
 
 
 def test_a_new_project_is_sound(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    listed = output("new", "project", "mine").splitlines()[1:-1]
+    listed = output("new", "project", "mine").splitlines()[1:-6]
     written = {str(p.relative_to("mine")) for p in Path("mine").rglob("*") if p.is_file()}
     assert {line.strip() for line in listed} == written
     assert {"navfw.toml", ".gitignore", "behaviors/cautious.py", "README.md"} <= written
@@ -43,7 +44,7 @@ def test_a_new_project_is_sound(folder: Path, monkeypatch: pytest.MonkeyPatch) -
     assert output("check") == "5 checked, 0 wrong\n", "its plugins are trusted"
     needs = tomllib.loads(Path("pyproject.toml").read_text())["project"]
     assert needs["name"] == "mine"
-    assert Requirement(needs["dependencies"][0]).extras == {"sim"}
+    assert Requirement(needs["dependencies"][0]).extras == {"sim", "report"}
 
 
 def test_every_file_of_a_new_project_has_its_schema_in_the_editor(folder: Path) -> None:
@@ -86,20 +87,48 @@ def test_a_place_that_cannot_be_written(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_five_commands_lead_to_an_edited_behaviour_that_passes(folder: Path) -> None:
-    """Those of the README, typed in a shell by a user with a home of his own."""
-    (block,) = (b for b in blocks_of(ROOT / "README.md") if "navfw new project" in b.text)
-    lines = re.findall(r"^\$ (.*)$", block.text, re.MULTILINE)
-    assert len(lines) == 5
-    environment = {
-        "NAVFW_TRUST": None,
-        "HOME": str(folder),
-        "XDG_CONFIG_HOME": str(folder / "config"),
-        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
-    }
-    done = run(["/bin/sh", "-ec", "\n".join(lines)], env=environment, check=True)
-    assert "IF ahead IS very little" in (folder / "my-robot/behaviors/cautious.yaml").read_text()
-    assert "2 passed" in done.stdout
+def test_a_new_project_has_an_environment_of_its_own_by_uv(folder: Path) -> None:
+    """The clone is the source of navfw: no repository is asked."""
+    uv = os.environ.get("UV") or shutil.which("uv") or pytest.skip("needs uv")
+    output("new", "project", "mine")
+    for words in ("navfw check", "navfw run den next-room", "pytest tests"):
+        run([uv, "run", *words.split()], cwd=folder / "mine", env={"VIRTUAL_ENV": None}, check=True)
+    assert (folder / "mine/.venv/bin/navfw").is_file()
+
+
+ORIGINS = {
+    "clone": ({"url": ROOT.as_uri(), "dir_info": {"editable": True}}, ROOT, "navfw[sim,report]"),
+    "lost clone": ({"url": "file:///gone", "dir_info": {}}, None, "navfw[sim,report]=="),
+    "wheel": ({"url": "file:///a.whl", "archive_info": {}}, None, "navfw[sim,report] @ file:///a"),
+    "index": (None, None, "navfw[sim,report]=="),
+}
+
+
+@pytest.mark.parametrize(("url", "clone", "needed"), ORIGINS.values(), ids=ORIGINS)
+def test_a_new_project_gets_navfw_from_where_it_came(
+    url: object, clone: Path | None, needed: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = None if url is None else json.dumps(url)
+    installed = SimpleNamespace(version="0.1.0", read_text=lambda _: text)
+    monkeypatch.setattr(new_files, "distribution", lambda _: installed)
+    output("new", "project", "mine")
+    project = tomllib.loads((folder / "mine/pyproject.toml").read_text())
+    assert project["project"]["dependencies"][0].startswith(needed)
+    sources = project.get("tool", {}).get("uv", {}).get("sources", {})
+    assert [Path(source["path"]) for source in sources.values()] == ([clone] if clone else [])
+
+
+def test_what_to_type_next_begins_with_the_environment(folder: Path) -> None:
+    *_, first, then, drive, check, tests = output("new", "project", "my robot").splitlines()
+    assert first.strip() == f"source {shlex.quote(str(Path(sys.prefix) / 'bin/activate'))}"
+    script = f"{first}\n{then}\ncommand -v navfw pytest\npwd"
+    done = run(["/bin/bash", "-ec", script], cwd=folder, env={"PATH": "/usr/bin:/bin"}, check=True)
+    bin_ = Path(sys.prefix, "bin")
+    assert done.stdout.split("\n") == [f"{bin_}/navfw", f"{bin_}/pytest", f"{folder}/my robot", ""]
+    typed = [line.strip() for line in (drive, check, tests)]
+    readme = (folder / "my robot/README.md").read_text()
+    assert [line for line in typed if f"$ {line}" not in readme] == []
+    assert f"`{first.strip()}`" in readme
 
 
 def test_the_parts_of_all_kinds_are_sound_together(

@@ -37,7 +37,9 @@ BLOCKS = [block for page in PAGES for block in blocks_of(page)]
 
 ELSEWHERE = {
     "behaviors.md": "tests/docs/test_docs_examples.py",
+    "README.md": "tests/docs/test_docs_readme.py",
     "gym.md": "tests/gym/test_gym_env.py",
+    "not-heard.md": "tests/docs/test_docs_examples.py",
     "real-robot.md": "tests/docs/test_docs_real_robot.py",
     "recordings.md": "tests/docs/test_docs_commands.py",
 }

@@ -70,7 +70,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     path = tmp_path_factory.mktemp("commands")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(path)
-        output(*words_of("run empty straight --record --out /tmp/straight", path))
+        write_files(path)
+        for options in ("--out /tmp/straight", '--set "behaviors.gentle={}" --out /tmp/gentle'):
+            output(*words_of(f"run empty straight --record {options}", path))
         yield path
 
 

@@ -168,6 +168,16 @@ def test_the_code_that_asks_why_runs(capsys: pytest.CaptureFixture[str]) -> None
     assert re.search(r"^go_to_xy 0\.\d+ .*'rule': 'IF ", capsys.readouterr().out, re.MULTILINE)
 
 
+@pytest.mark.usefixtures("project")
+def test_the_ways_to_be_heard_have_the_effects_of_the_table(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    page = ROOT / "docs" / "not-heard.md"
+    (code,) = (b.text for b in blocks_of(page) if b.language == "python" and b.file is None)
+    execute(code, page.name)
+    assert "\n| --- | --- | --- |\n" + capsys.readouterr().out in page.read_text(encoding="utf-8")
+
+
 @pytest.mark.thorough
 @pytest.mark.usefixtures("project")
 @pytest.mark.parametrize("page", WITH_RUNS, ids=lambda page: page.name)
