@@ -263,9 +263,9 @@ def explain_command(
     """The command as plain data, with the rating of it by every behaviour.
 
     For each behaviour: applicability, desirability and prohibition of this command, its largest
-    desirability of any, the reason, and the rules that fired for it, strongest first. With a composite: the weights of the primitives,
-    and the rules that fired for them. A plugin that fails to explain gives no rules; the
-    fault is noted by ``guard``, given none by that of ``mofis``.
+    desirability of any, the reason, and the rules that fired for it, strongest first. With a
+    composite: the weights of the primitives, and the rules that fired for them. A plugin that fails
+    to explain gives no rules; the fault is noted by ``guard``, given none by that of ``mofis``.
     """
     guard = mofis.guard if guard is None else guard
     row, column = mofis.commands.nearest(command.twist)

@@ -101,6 +101,28 @@ def test_a_quick_command_succeeds_and_prints_what_is_shown(
     assert [row for row in shown if row not in printed] == []
 
 
+OUTVOTED = {"weight": 0.2, "desirability": 0.1, "best": 1.0, "prohibition": 0.0}
+"""The rating of a command by a behaviour that desired another one."""
+
+
+def test_only_an_outvoted_behavior_of_the_user_is_sent_to_the_page(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ratings = {
+        "peek": OUTVOTED,
+        "mine": OUTVOTED,
+        "heard": OUTVOTED | {"desirability": 0.9},
+        "idle": OUTVOTED | {"weight": 0.0},
+        "only_forbids": OUTVOTED | {"desirability": 0.0, "best": 0.0},
+    }
+    behaviors = {name: rating | {"reason": "", "rules": []} for name, rating in ratings.items()}
+    why = {"time": 1.0, "v": 0.0, "w": 0.0, "leader": "peek", "behaviors": behaviors}
+    monkeypatch.setattr("navfw.recording.run_replay.explain_at", lambda *_: why)
+    lines = output(*words_of("explain /tmp/straight --at 1", folder)).splitlines()
+    page = "desired another command and was outvoted: see docs/not-heard.md"
+    assert [line for line in lines if "docs/" in line] == [f"mine {page}"]
+
+
 def test_the_picture_of_a_run_shows_camera_and_path(folder: Path) -> None:
     drawing = load_module(ROOT / "docs" / "draw_run.py")
     view, path = drawing.draw_view(folder / "straight", 3.0), drawing.draw_path(folder / "straight")
