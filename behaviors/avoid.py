@@ -38,7 +38,7 @@ class Avoid(RuledBehavior):
         p, commands, arcs = self.params, context.commands, context.arcs
         v = np.abs(commands.v)
         needed = self._to_stop(v, BRAKING) + p.spare
-        needed[v == 0.0] = 1e-3  # a turn on the spot needs no way, but an angle
+        needed[v == 0.0] = 1e-3  # a turn on the spot needs no distance, but an angle
         reserve = arcs.free / needed[:, None]
         angles = self._to_stop(np.abs(commands.w), self.robot.max_turn_accel)
         reserve[v == 0.0] = np.minimum(arcs.turn / np.maximum(angles, 1e-3), 1e3)
@@ -59,5 +59,5 @@ class Avoid(RuledBehavior):
 
     def _to_stop(self, speed: Array, deceleration: float) -> Array:
         """Ways [m] or angles [rad] until the robot stands, from ``speed`` on, after the latency."""
-        way: Array = speed**2 / (2.0 * deceleration) + speed * self.params.latency
-        return way
+        distance: Array = speed**2 / (2.0 * deceleration) + speed * self.params.latency
+        return distance

@@ -1,4 +1,4 @@
-"""Avoid quadrants: obstacle avoidance from OFFIS' near, middle and far alone."""
+"""Avoid quadrants: obstacle avoidance from OFFIS' near, middle and far only."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class AvoidQuadrants(RuledBehavior):
 
         passing: Annotated[
             float,
-            Field(ge=0.0, le=5.0, description="way past what was near and left the view [m]"),
+            Field(ge=0.0, le=5.0, description="distance past what was near and left the view [m]"),
         ] = 0.5
 
     params: Params

@@ -48,8 +48,8 @@ class Emergency(RuledBehavior):
         if self._began is None:
             nothing = commands.zeros()
             return Proposal(0.0, nothing, nothing, "no alarm", explain=verdict.explain)
-        way = math.hypot(context.pose.x - self._origin[0], context.pose.y - self._origin[1])
-        backwards = commands.v < 0.0 if way < self.params.reverse else commands.v == 0.0
+        distance = math.hypot(context.pose.x - self._origin[0], context.pose.y - self._origin[1])
+        backwards = commands.v < 0.0 if distance < self.params.reverse else commands.v == 0.0
         standing = 0.3 * (commands.v == 0.0)  # if reversing is not possible
         speed = np.maximum(backwards * 1.0, standing)
         return Proposal(

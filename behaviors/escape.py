@@ -46,7 +46,7 @@ class Escape(RuledBehavior):
         self._barred_since: float | None = None
 
     def propose(self, context: Context) -> Proposal:
-        """Watch for being trapped; then lead the way out."""
+        """Watch for being trapped; then lead out."""
         self._watch(context)
         verdict = self.rules.evaluate(
             standing=_since(self._still_since, context.time),
@@ -62,7 +62,7 @@ class Escape(RuledBehavior):
         return self._lead(context, verdict.explain)
 
     def _watch(self, context: Context) -> None:
-        """Update the times since the robot stands still, and since every way is barred."""
+        """Update the times since the robot stands still, and since every path is barred."""
         still = abs(context.twist.v) < 0.02 and abs(context.twist.w) < 0.15
         if not still or context.waypoint is None or context.previous is None:
             self._still_since = None
@@ -84,9 +84,9 @@ class Escape(RuledBehavior):
         """Advance the phases: reverse, turn, done."""
         if self._phase == "back":
             pose = context.pose
-            way = math.hypot(pose.x - self._origin[0], pose.y - self._origin[1])
+            distance = math.hypot(pose.x - self._origin[0], pose.y - self._origin[1])
             behind = float(context.arcs.free[0, context.commands.w.size // 2])
-            if way >= self.params.reverse * min(self._tries, 4) or behind < 0.05:
+            if distance >= self.params.reverse * min(self._tries, 4) or behind < 0.05:
                 self._phase = "turn"
                 self._target = pose.yaw + self._freest(context)
         turned = self._phase == "turn" and abs(context.turn_to(self._target)) < 0.12

@@ -1,4 +1,4 @@
-"""Follow wall: along an obstacle that bars the way to the waypoint."""
+"""Follow wall: along an obstacle that bars the path to the waypoint."""
 
 from __future__ import annotations
 

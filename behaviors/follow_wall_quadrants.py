@@ -1,4 +1,4 @@
-"""Follow wall by quadrants: along a wall, from near, middle and far alone."""
+"""Follow wall by quadrants: along a wall, from near, middle and far only."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class GiveWay(RuledBehavior):
         approach = conflicts.approach
         if unavoidable > self.params.approach:
             approach = approach - unavoidable
-        # driving toward a close obstacle is no way out
+        # driving toward a close obstacle is no escape
         best = float(conflicts.distance[approach <= self.params.approach].max())
         verdict = self.rules.evaluate_all(
             distance=conflicts.distance,

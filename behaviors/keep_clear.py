@@ -16,7 +16,7 @@ MAX_AGE = 15.0
 MIN_ROOM = 0.2
 """Way ahead below which it turns [m]."""
 MAX_TIME = 12.0
-"""Longest time of turn and way [s]."""
+"""Longest time of turn and drive [s]."""
 
 Mask = npt.NDArray[np.bool_]
 
@@ -30,18 +30,18 @@ NEAR_SHARE = 0.125
 """Share of a column's object cells in its nearest part, as in OFFIS' regions."""
 MIN_CONFIDENCE = 0.15
 """Least confidence of a cell that counts."""
-MAX_WAY = 0.5
-"""Way [m] straight ahead up to which room is judged: the range of the rules' input."""
+MAX_DISTANCE = 0.5
+"""Distance [m] straight ahead up to which room is judged: the range of the rules' input."""
 FREE = 0.35
-"""Way [m] ahead from which a heading is free; the rules turn on until about there."""
+"""Distance [m] ahead from which a heading is free; the rules turn on until about there."""
 HEADINGS = 12
 """Turns of either sense that are compared, evenly up to half a turn."""
 GOAL_SHARE = 0.3
 """Price of an angle [rad] off the waypoint, in angles to turn."""
 AHEAD, DELAY = 0.15, 0.2
-"""Way [m] and time [s] for which a command is driven before the robot brakes."""
+"""Distance [m] and time [s] for which a command is driven before the robot brakes."""
 MIN_APPROACH = 0.2
-"""Share of the way driven by which a command must come nearer to be barred: others lead past."""
+"""Share of the distance driven that a command must come nearer to be barred: others lead past."""
 SPACING = 0.04
 """Distance [m] within which two points count as one."""
 STRAIGHT = 0.15
@@ -54,14 +54,14 @@ class KeepClear(RuledBehavior):
     The camera does not see beside the body, and nearer than ``blind`` flow exceeds its search
     range: what a body touches has left the percept before. So the nearest object of each image
     column is remembered as a point until a percept shows the place again, or the robot has passed
-    it. If one is in the way straight ahead, the robot turns on the spot away from it, drives on
+    it. If one is straight ahead, the robot turns on the spot away from it, drives on
     past it, and does not turn back before.
     """
 
     name: ClassVar[str] = "keep_clear"
 
     class Params(RuledBehavior.Params):
-        """What is remembered, and the way kept free of it."""
+        """What is remembered, and the path kept free of it."""
 
         near: Annotated[
             float, Field(gt=0.0, le=3.0, description="largest distance of what is remembered [m]")
@@ -77,7 +77,7 @@ class KeepClear(RuledBehavior):
             float, Field(ge=0.0, le=0.5, description="clearance from the body's rim [m]")
         ] = 0.05
         onward: Annotated[
-            float, Field(ge=0.0, le=2.0, description="way driven before it may turn back [m]")
+            float, Field(ge=0.0, le=2.0, description="distance driven before it may turn back [m]")
         ] = 0.25
 
     params: Params
@@ -91,7 +91,7 @@ class KeepClear(RuledBehavior):
         self._free_at: Pose | None = None
 
     def propose(self, context: Context) -> Proposal:
-        """Prohibit the ways into remembered objects; turn and drive on while one is ahead."""
+        """Prohibit the paths into remembered objects; turn and drive on while one is ahead."""
         commands, pose = context.commands, context.pose
         self._observe(context)
         nearby = self._objects(pose)
@@ -113,7 +113,7 @@ class KeepClear(RuledBehavior):
             applicability=1.0,
             desirability=desire,
             prohibition=prohibited,
-            reason=f"{side} of what was near, {room:.2f} m of way",
+            reason=f"{side} of what was near, {room:.2f} m of path",
             explain=verdict.explain,
         )
 
@@ -174,10 +174,10 @@ class KeepClear(RuledBehavior):
                 positions.append((camera.mount_forward + depth, slope * depth))
         return positions
 
-    # --- the way past it ----------------------------------------------------------------------
+    # --- the path past it ----------------------------------------------------------------------
 
     def _follow(self, context: Context, nearby: Array, room: float) -> None:
-        """Begin a turn where the way ahead is barred; end it once the object is passed."""
+        """Begin a turn where the path ahead is barred; end it once the object is passed."""
         params, pose = self.params, context.pose
         if room < MIN_ROOM:
             self._free_at = None
@@ -193,24 +193,24 @@ class KeepClear(RuledBehavior):
             self._way = None
 
     def _freer_way(self, context: Context, nearby: Array) -> float:
-        """The sense of the smaller turn to a free way, 1 left and -1 right; less the waypoint's."""
+        """The sense of the smaller turn to a free path: 1 left, -1 right; less the waypoint's."""
         prices = {}
-        for way in (1.0, -1.0):
-            turns = way * math.pi * np.arange(1, HEADINGS + 1) / HEADINGS
+        for sense in (1.0, -1.0):
+            turns = sense * math.pi * np.arange(1, HEADINGS + 1) / HEADINGS
             free = [
                 t for t in turns if self._room(Pose(0.0, 0.0, t).points_to_local(nearby)) >= FREE
             ]
             turn = free[0] if free else turns[-1]
             off = abs(math.remainder(context.waypoint_bearing - turn, 2.0 * math.pi))
-            prices[way] = abs(turn) + GOAL_SHARE * off
+            prices[sense] = abs(turn) + GOAL_SHARE * off
         return min(prices, key=prices.__getitem__)
 
     def _room(self, points: Array) -> float:
         """Way [m] straight ahead until the body is at one of ``points`` (n, 2) in base_link."""
         radius = self.robot.radius + self.params.margin
         ahead = points[(np.abs(points[:, 1]) < radius) & (points[:, 0] > 0.0)]
-        ways = ahead[:, 0] - np.sqrt(radius**2 - ahead[:, 1] ** 2)
-        return float(np.clip(ways.min(initial=MAX_WAY), 0.0, MAX_WAY))
+        distances = ahead[:, 0] - np.sqrt(radius**2 - ahead[:, 1] ** 2)
+        return float(np.clip(distances.min(initial=MAX_DISTANCE), 0.0, MAX_DISTANCE))
 
     def _barred(self, context: Context, nearby: Array) -> Array:
         """(n_v, n_w) 1 for forward commands that come too near to one of ``nearby``, and nearer."""
@@ -227,7 +227,7 @@ class KeepClear(RuledBehavior):
 
 
 def _places(context: Context) -> tuple[Array, Array]:
-    """Positions (n_v, n_w, 4, 2) [m] in base_link along forward arcs, and the way (n_v, 4) there.
+    """Positions (n_v, n_w, 4, 2) [m] in base_link along forward arcs, and distances (n_v, 4).
 
     The last one is where the robot stands if it brakes after ``AHEAD`` and one more decision.
     """

@@ -1,4 +1,4 @@
-"""Peek: creep and weave where the way ahead is unobserved (METHOD 2.10, 2.12)."""
+"""Peek: creep and weave where the path ahead is unobserved (METHOD 2.10, 2.12)."""
 
 from __future__ import annotations
 

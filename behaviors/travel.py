@@ -9,7 +9,7 @@ from navfw import Context, RuledComposite
 
 
 class Travel(RuledComposite):
-    """Weighs the primitives by progress, barred ways, corridors and doors."""
+    """Weighs the primitives by progress, barred paths, corridors and doors."""
 
     name: ClassVar[str] = "travel"
 

@@ -199,9 +199,9 @@ class Context:
     than ``time``, as a turn on the spot shows no depth. ``flow`` is the derotated flow field it was
     made from. ``arcs`` and ``ranges`` are free distances by the local map; ``conflicts`` are those
     of all commands with moving obstacles (None without any). ``local_goal`` is the next point on
-    the cheapest way through the local map to ``waypoint`` (None without a waypoint). ``pose`` is in
-    odom, ``belief`` in the map. ``stalled`` [s] is how long the wheels have not followed commands,
-    ``idle`` [s] how long no progress toward the waypoint has been made.
+    the cheapest path through the local map to ``waypoint`` (None without a waypoint). ``pose`` is
+    in odom, ``belief`` in the map. ``stalled`` [s] is how long the wheels have not followed
+    commands, ``idle`` [s] how long no progress toward the waypoint has been made.
     """
 
     time: float
@@ -256,5 +256,5 @@ class Context:
 
     @property
     def barred(self) -> bool:
-        """Whether occupied cells of the local map bar every way to the waypoint."""
+        """Whether occupied cells of the local map bar every path to the waypoint."""
         return self.local_goal is not None and not self.local_goal.reachable

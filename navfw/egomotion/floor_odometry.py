@@ -50,10 +50,10 @@ _CLEAR_SHARE, _CLEAR_EXPLAINED = 0.85, 0.985
 floor so clearly that it is believed against the wheels."""
 
 _SURPRISE = 16.0
-"""Squared ratio of a yaw correction to its standard deviation from which on the bias has jumped."""
+"""Squared ratio of a yaw correction to its standard deviation above which the bias has jumped."""
 
 _CONVINCED = 3
-"""Number of such frames in a row from which on the wheels count as slipping."""
+"""Number of such frames in a row after which the wheels count as slipping."""
 
 _FLOW_SHARE = 0.5
 """Error of the yaw by the whole flow field, as a part of the standard deviation that comes with it,
@@ -63,7 +63,7 @@ _DOUBT_MEMORY = 15.0
 """Number of frames over which contradictions are averaged."""
 
 _DOUBTED, _TRUSTED = 0.4, 0.15
-"""Mean share of contradictions, slip apart, from which on the floor is not believed, and below
+"""Mean share of contradictions, slip apart, above which the floor is not believed, and below
 which it is believed again."""
 
 _CALIBRATION = 0.02
@@ -209,16 +209,16 @@ class FloorOdometry:
         jacobian[0, 3], jacobian[1, 3] = -dx / covered, -dy / covered
         jacobian[2, 4] = -dt
         self._covariance = product(jacobian, self._covariance, jacobian.T)
-        way = math.hypot(dx, dy)
-        along = self._slip * max(abs(now.twist.v), 0.1) * way
+        distance = math.hypot(dx, dy)
+        along = self._slip * max(abs(now.twist.v), 0.1) * distance
         if now.silent:
-            along += (_SLIPPED * way) ** 2
-        ux, uy = (dx / way, dy / way) if way > 0.0 else (c, s)
+            along += (_SLIPPED * distance) ** 2
+        ux, uy = (dx / distance, dy / distance) if distance > 0.0 else (c, s)
         self._covariance[:2, :2] += along * np.outer((ux, uy), (ux, uy)) + 1e-9 * np.eye(2)
         aside = self._skid * abs(moved.yaw)
         self._covariance[:2, :2] += aside * np.outer((-s, c), (-s, c))
         self._covariance[2, 2] += self._gyro * dt + (1e-3 * moved.yaw) ** 2
-        self._covariance[3, 3] += _CALIBRATION_WALK**2 * way
+        self._covariance[3, 3] += _CALIBRATION_WALK**2 * distance
         self._covariance[4, 4] += self._walk * dt
 
     def _measure(self, past: FloorImage, now: FloorImage) -> bool:
@@ -233,10 +233,10 @@ class FloorOdometry:
             if not self._doubting:
                 self._update(step)
             return not self._doubting
-        # either this is no floor, or the wheels slip: then only the way along the heading is wrong
+        # either this is no floor, or the wheels slip: then only the distance ahead is wrong
         c, s = math.cos(self._state[2]), math.sin(self._state[2])
-        way = _SLIPPED * math.hypot(*self._state[:2])
-        slip = way**2 * np.outer((c, s, 0.0), (c, s, 0.0))
+        sigma = _SLIPPED * math.hypot(*self._state[:2])
+        slip = sigma**2 * np.outer((c, s, 0.0), (c, s, 0.0))
         step = self._registered(past, now, search_covariance + slip)
         clear = step and step.share >= _CLEAR_SHARE and step.explained >= _CLEAR_EXPLAINED
         # a body that rocks moves the camera otherwise than its wheels

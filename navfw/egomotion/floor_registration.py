@@ -64,7 +64,7 @@ _ITERATIONS = 10
 """Largest number of Gauss-Newton steps."""
 
 _SCALE_SIGMA = 1.5e-3
-"""Error of height and pitch of the camera, as a part of the way: it does not average out."""
+"""Error of height and pitch of the camera, as a share of the distance; it does not average out."""
 
 _ROCKING_SHARE = 2.5
 """The same of a body that rocks, per amplitude of rocking [1/rad]: what a wrong pitch makes of
@@ -93,7 +93,7 @@ class FloorStep:
     """The robot's motion over the floor: ``pose`` in its past base_link, ``covariance`` (3, 3).
 
     ``share`` in [0, 1] is the share of the pixels that agree, ``explained`` that of the variance of
-    the grey levels that this motion explains. ``rocking`` tells whether the body rocks, so that an
+    the grey levels that this motion explains. ``rocking`` says whether the body rocks, so that an
     error of the scale is common to many steps.
     """
 
@@ -187,7 +187,7 @@ class FloorRegistration:
         spread = inverse(information)
         if float(product(spread[SLANT], pull)) > _MAX_SLANT:
             return None
-        # the answer of the images alone: where they and the prior pull equally hard
+        # the answer of the images without the prior: where they and the prior pull equally hard
         at = at + solve(information[:SLANT, :SLANT], pull[:SLANT])
         spread = spread[:3, :3].copy()
         spread[np.diag_indices(3)] += _MIN_SIGMA**2

@@ -38,7 +38,7 @@ FREE_TURN = 0.15
 """Standard deviation [rad] of a rotation about which nothing is known."""
 
 _BOUND = 3.5
-"""Residual [sigma] from which on a point counts as an outlier when minima are compared."""
+"""Residual [sigma] above which a point counts as an outlier when minima are compared."""
 
 _DECISIVE = 3.0
 """Least difference of log likelihoods between two directions for the better one to be known."""
@@ -53,7 +53,7 @@ MIN_VECTORS = 12
 """Least number of vectors with confidence."""
 
 _BLOCKS = 4, 2
-"""Columns and rows of the blocks of an image of which each is left out once: the errors of points
+"""Columns and rows of the blocks of an image; each is left out once: the errors of points
 that are near to each other are alike (rolling shutter, distortion, things that move)."""
 
 _FEW_BLOCKS = 1.16
@@ -152,7 +152,7 @@ class Egomotion:
     heading_sigma: float
 
     def deviations(self, sigmas: float) -> Iterator[tuple[Array, Array]]:
-        """Motions that are ``sigmas`` standard deviations off, both ways along each principal axis.
+        """Motions that are ``sigmas`` standard deviations off, both signs of each principal axis.
 
         Each is a small rotation (3, 3), to be done after ``rotation``, and the unit vector (3,) of
         the translation. Nothing if the direction is unknown.
@@ -162,8 +162,8 @@ class Egomotion:
         variances, axes = np.linalg.eigh(self.covariance)
         basis = tangents(self.direction)
         for variance, axis in zip(variances.tolist(), axes.T, strict=True):
-            for way in (-sigmas, sigmas):
-                off = way * math.sqrt(max(variance, 0.0)) * axis
+            for signed in (-sigmas, sigmas):
+                off = signed * math.sqrt(max(variance, 0.0)) * axis
                 direction = self.direction + product(off[3:], basis)
                 yield (
                     rotation_matrix(np.ascontiguousarray(off[:3])),
@@ -196,7 +196,7 @@ def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Eg
     if math.isfinite(prior.direction_sigma):
         pull = np.eye(3) / prior.direction_sigma**2
     arrays = (motion.points, motion.past, motion.sigma, motion.weight, focal)
-    if prior.direction[2] < 0.0:  # residuals do not tell a direction from its opposite
+    if prior.direction[2] < 0.0:  # residuals do not distinguish a direction from its opposite
         prior = replace(prior, direction=-prior.direction)
     starts = _starts(motion, focal, prior, information, pull)
     fits = [
@@ -273,7 +273,7 @@ def _bounded_cost(motion: PointMotion, residual: Array, scale: float) -> float:
     """Negative log likelihood of a fit with outliers: none costs more than _BOUND^2 / 2.
 
     Which of several minima is right is decided by the points that it explains, however far off the
-    others are. ``scale`` is the factor by which residuals exceed their standard deviations.
+    others are. ``scale`` is the ratio of residuals to their standard deviations.
     """
     use = motion.used & np.isfinite(residual)
     off = (residual[use] / (scale * motion.sigma[use])) ** 2

@@ -65,7 +65,7 @@ class RockingFilter:
     def update(self, inertial: Inertial, turning: float, dt: float, still: bool) -> None:
         """Take in the mean rates of the last ``dt`` [s].
 
-        ``turning`` [rad/s] is the yaw rate; ``still`` tells whether the wheels rest. Rates that are
+        ``turning`` [rad/s] is the yaw rate; ``still`` says whether the wheels rest. Rates that are
         not finite, of a gyro with one axis, leave the pitch as it is.
         """
         rates = (inertial.roll_rate, inertial.pitch_rate)
@@ -133,9 +133,9 @@ class OdometryHistory:
 
 #: Least commanded rim speed [m/s] that counts as evidence: friction may stop a slower wheel.
 _MIN_SPEED = 0.03
-#: Commanded travel of the rim [m] without a tick from which on an encoder counts as silent.
+#: Commanded travel of the rim [m] without a tick after which an encoder counts as silent.
 _SILENT = 0.03
-#: Commanded travel of the rim [m] without a tick from which on a constant count no longer proves
+#: Commanded travel of the rim [m] without a tick after which a constant count no longer proves
 #: that the wheel is at rest.
 _DOUBT = 0.01
 
@@ -144,7 +144,7 @@ class EncoderFaultDetector:
     """Compares the commanded motion of each wheel with the ticks of its encoder.
 
     A count that does not change while the wheel is commanded to turn means a failed encoder or a
-    blocked wheel; the gyro can tell the two apart. A single tick clears the fault.
+    blocked wheel; the gyro can distinguish the two. A single tick clears the fault.
     """
 
     def __init__(self, robot: RobotModel) -> None:
@@ -164,11 +164,11 @@ class EncoderFaultDetector:
         dt = encoders.time - last.time
         counted = (encoders.left - last.left, encoders.right - last.right)
         for index, speed in enumerate(self._robot.wheel_speeds(commanded)):
-            way = abs(speed) * self._robot.wheel_radius
+            distance = abs(speed) * self._robot.wheel_radius
             if counted[index] != 0:
                 self._unanswered[index] = 0.0
-            elif way >= _MIN_SPEED and math.isfinite(way):
-                self._unanswered[index] += way * dt
+            elif distance >= _MIN_SPEED and math.isfinite(distance):
+                self._unanswered[index] += distance * dt
 
     @property
     def silent(self) -> tuple[bool, bool]:
@@ -196,7 +196,7 @@ _SPEED_SMOOTHING = 0.05
 _STALE = 0.1
 #: Time constant of the mean gyro residual [s].
 _RESIDUAL_MEMORY = 1.5
-#: Spread of turning rates [rad/s] below which bias and scale error cannot be told apart.
+#: Spread of turning rates [rad/s] below which bias and scale error cannot be distinguished.
 _RATE_FLOOR = 0.02
 #: Mean gyro residual [rad/s] from which it is significant: the bias has changed.
 _SIGNIFICANT = 0.003
@@ -204,9 +204,9 @@ _SIGNIFICANT = 0.003
 _SETTLED = 0.0005
 #: Largest turn per distance [rad/m] of wheels that seem to roll straight: 2 % unequal radii.
 _MAX_SKEW = 0.08
-#: Least distance [m] by which a correction of the skew is divided.
+#: Smallest divisor [m] of a correction of the skew.
 _MIN_DISTANCE = 0.04
-#: Share of the mean gyro residual by which the bias is corrected at every pair of frames.
+#: Share of the mean gyro residual that corrects the bias at every pair of frames.
 _GAIN = 0.1
 
 
@@ -219,7 +219,8 @@ class Odometer:
     since the last one (rate gyros filter and sum over their sampling time); one that is not finite
     or stale is replaced by the turn of the wheels. A wheel whose encoder is silent is replaced by
     the other wheel and the gyro; without these, by the commanded speed, and the odometry is marked
-    ``silent``. Yaw corrections by the flow (``correct``) follow a bias that changes on the way.
+    ``silent``. Yaw corrections by the flow (``correct``) follow a bias that changes during the
+    drive.
     """
 
     def __init__(self, robot: RobotModel) -> None:
@@ -277,8 +278,8 @@ class Odometer:
         if not self._stale:
             still = self._resting(encoders.time)
             self._rocking.update(inertial, rate - self._bias, dt, still)
-        way = 0.5 * (left + right)
-        self._speed += (way / dt - self._speed) * -math.expm1(-dt / _SPEED_SMOOTHING)
+        distance = 0.5 * (left + right)
+        self._speed += (distance / dt - self._speed) * -math.expm1(-dt / _SPEED_SMOOTHING)
         if self._resting(encoders.time) and abs(rate) <= _MAX_BIAS:
             # its mean over the time at rest, with a fading memory as the bias drifts
             self._bias_time = min(self._bias_time + dt, _BIAS_MEMORY)
@@ -286,7 +287,7 @@ class Odometer:
             turn = 0.0
         else:
             turn = (rate - self._bias) * dt
-        self._advance(way, turn)
+        self._advance(distance, turn)
         return self._odometry(encoders.time, rate - self._bias)
 
     def correct(self, correction: YawCorrection) -> None:
@@ -348,13 +349,13 @@ class Odometer:
             rocking=self._rocking.rocking,
         )
 
-    def _advance(self, way: float, turn: float) -> None:
-        """Move the pose along an arc of length ``way`` [m] that turns by ``turn`` [rad]."""
+    def _advance(self, distance: float, turn: float) -> None:
+        """Move the pose along an arc of length ``distance`` [m] that turns by ``turn`` [rad]."""
         pose = self._pose
         heading = pose.yaw + 0.5 * turn
         self._pose = Pose(
-            pose.x + way * math.cos(heading),
-            pose.y + way * math.sin(heading),
+            pose.x + distance * math.cos(heading),
+            pose.y + distance * math.sin(heading),
             wrap_angle(pose.yaw + turn),
         )
 

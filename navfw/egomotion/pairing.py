@@ -90,14 +90,14 @@ def camera_motion(
     displacement = np.array([-x, -y, 0.0]) + lever - product(now_from_past, lever_past)
     base_from_camera = robot.camera.base_from_camera
     translation = product(base_from_camera.T, displacement)
-    way = math.sqrt(product(translation, translation))
+    distance = math.sqrt(product(translation, translation))
     skid = robot.skid * abs(turn)
     return CameraMotion(
         rotation=product(base_from_camera.T, now_from_past, base_from_camera),
         translation=translation,
         dt=dt,
         yaw_sigma=yaw_rate_sigma * abs(dt),
-        translation_sigma=math.hypot(_TRANSLATION_FLOOR, slip * way, skid),
+        translation_sigma=math.hypot(_TRANSLATION_FLOOR, slip * distance, skid),
         skid_sigma=skid,
     )
 
@@ -270,9 +270,9 @@ class FrameBuffer:
         """The past frames that form an allowed pair with ``now``, each with its baseline [m]."""
         least, most = MIN_BASELINE, self.params.max_baseline
         for past in self._frames:
-            way = now.baseline(past)
-            if least <= way <= most and now.turn(past) <= self.params.max_rotation:
-                yield way, past
+            baseline = now.baseline(past)
+            if least <= baseline <= most and now.turn(past) <= self.params.max_rotation:
+                yield baseline, past
 
 
 def seeing_speed(robot: RobotModel, params: PairingParams) -> float:
@@ -287,6 +287,6 @@ def _pose_at(time: float, odometry: Odometry) -> Pose:
     dt = time - odometry.time
     if dt == 0.0:
         return odometry.pose
-    way, turn = odometry.twist.v * dt, odometry.twist.w * dt
-    step = Pose(way * math.cos(0.5 * turn), way * math.sin(0.5 * turn), turn)
+    distance, turn = odometry.twist.v * dt, odometry.twist.w * dt
+    step = Pose(distance * math.cos(0.5 * turn), distance * math.sin(0.5 * turn), turn)
     return odometry.pose.compose(step)

@@ -1,4 +1,4 @@
-"""The motion towards a plane across the optical axis, which explains flow whatever the heading."""
+"""The motion towards a plane across the optical axis, whatever the heading."""
 
 from __future__ import annotations
 
@@ -28,16 +28,17 @@ _MAX_SLANT = 0.35
 """Slant [rad] that an unexpected turn may stand for: turn over expansion."""
 
 _MIN_EXPANSION = 0.02
-"""Least share by which the image of a plane grows that is approached."""
+"""Smallest relative growth of the image of a plane that is approached."""
 
 
 def towards_plane(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Egomotion | None:
     """The motion towards one plane across the optical axis; None unless it explains the points.
 
-    Such a plane expands alike everywhere, whatever turn and heading, which it hardly tells apart:
-    a point ``x`` comes from ``x - (q_z x - f q_xy)``, ``q`` being the way in distances of the plane
-    in the past image. The heading stays unknown. To second order a slanted plane looks like one
-    across and a turn, so no turn that was not expected is believed.
+    Such a plane expands alike everywhere, regardless of turn and heading, which it hardly
+    distinguishes: a point ``x`` comes from ``x - (q_z x - f q_xy)``, ``q`` being the displacement
+    in units of the distance to the plane in the past image. The heading stays unknown. To second
+    order a slanted plane looks like one across and a turn, so no turn that was not expected is
+    believed.
     """
     if int(motion.used.sum()) < MIN_VECTORS:
         return None

@@ -113,7 +113,7 @@ def check_landmark_kind(name: str) -> str:
 def poster_image(number: int) -> Image:
     """Luminance (256, 256), read-only, of a poster: discs, bars and polygons over smooth noise.
 
-    Seeded by ``number`` alone. Shapes from a thirtieth to a third of the side give features at
+    Seeded only by ``number``. Shapes from a thirtieth to a third of the side give features at
     every distance; the noise makes the surroundings of every feature different.
     """
     rng = np.random.default_rng([number, 20090213])

@@ -116,7 +116,7 @@ def square_detection(
 _SIDES = (160, 64)
 """Sides [px] of the templates: one for near, one for distant posters."""
 _ENLARGED = 2
-"""Factor by which frames are enlarged: ORB's patches are 31 px wide, like distant posters. At this
+"""Enlargement of frames: ORB's patches are 31 px wide, like distant posters. At this
 factor OpenCV's cubic interpolation is exact on every processor; at others it is not."""
 _FRAME_FEATURES = 800
 _TEMPLATE_FEATURES = 250

@@ -48,7 +48,7 @@ class FloorAlignedFlow:
     """Flow on a grid of small cells from ``_CELLS_ABOVE`` above the horizon to the lower border.
 
     It is made for the detection of moving objects, not for depth: for frames a short fixed time
-    apart, whatever the baseline.
+    apart, regardless of the baseline.
     """
 
     def __init__(self, robot: RobotModel) -> None:

@@ -24,7 +24,7 @@ from navfw.numerics import Array, Image
 FISHEYE = "equidistant"
 """Model of lenses of any field of view (Kannala and Brandt): OpenCV's module ``fisheye``."""
 ARCTAN = "arctan"
-"""Model with one coefficient, the curvature, which images alone determine."""
+"""Model with one coefficient, the curvature, which can be estimated from images."""
 CURVATURES = (-0.6, 1.6)
 """Least and largest curvature."""
 

@@ -1,6 +1,6 @@
 """Localisers (METHOD 4.4): the robot's pose in the map and the place posterior.
 
-``dead_reckoning`` uses odometry alone. ``ekf`` tracks a known start by a metric filter
+``dead_reckoning`` uses odometry only. ``ekf`` tracks a known start by a metric filter
 (``metric_filter``), ``bayes`` finds an unknown start by a discrete one (``discrete_filter`` over a
 ``lattice``), ``topological`` combines both. Landmark detections become observations, weighted by
 each landmark's existence probability (``landmark_model``); OFFIS' situations enter by

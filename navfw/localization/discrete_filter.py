@@ -149,7 +149,7 @@ class DiscreteFilter:
             self._shifted_at = odometry.pose
 
     def observe_situations(self, situations: Mapping[str, float] | None) -> None:
-        """Correct the belief by OFFIS' ``situations`` (degrees by name), every so many metres.
+        """Correct the belief by OFFIS' ``situations``, degrees by name, every ``SITUATION_EVERY``.
 
         None (no percept, or one without depth) changes nothing.
         """

@@ -30,25 +30,25 @@ MIN_POINTS = 8
 """Least number of points of a scan that is matched."""
 
 GATE = 16.0
-"""Squared Mahalanobis distance of a fit from the prediction from which on it is not used."""
+"""Squared Mahalanobis distance of a fit from the prediction above which it is not used."""
 
 _BLOCKED_COST = 2.0
 """How much more a ray that a wall would have blocked speaks against a pose than a point that does
 not belong to the plan: furniture explains the point, nothing explains the ray."""
 
 MIN_SHARE = 0.25
-"""Share of the points that belong to the plan below which a scan shows furniture, and tells nothing
+"""Share of the points that belong to the plan below which a scan shows furniture, and says nothing
 of the pose."""
 
 _MAX_SKID = 0.1
-"""Sigma of the camera's way aside, as a part of its way, up to which a scan is matched: a camera
-that has gone another way distorts the whole scan."""
+"""Sigma of the camera's lateral displacement, as a share of its displacement, up to which a scan is
+matched: a camera that has moved in another direction distorts the whole scan."""
 
 INFLATION = 2.0
 """Factor on the covariance after a fit that was not used: the pose may be wrong."""
 
 _CLEARLY_BETTER = 0.5
-"""Mean log likelihood of the points by which another pose has to fit better than the tracked one
+"""Mean log likelihood of the points that another pose has to fit better than the tracked one
 to take its place. Things that the plan does not show cost the tracked pose less; a wrong pose fits
 worse by 1 and more."""
 
@@ -70,14 +70,14 @@ _SEARCH_XY, _SEARCH_YAW = 0.15, 0.05
 class FloorPlanLocalizer(place_probabilities.PlaceLocalizer):
     """Tracks the pose by an EKF on odometry, corrected by the walls of the map's floor plan.
 
-    Scans are taken some way apart, since neighbouring ones share their errors. The running mean of
-    their ``fit`` to the plan tells whether the robot is where it believes: the share of points that
-    belong to the plan, less the share of rays that a wall would have blocked. Below ``doubt_below``
-    the whole plan is searched for a clearly better pose, which takes the place of the tracked one.
-    Below ``contradicted_below`` the plan contradicts the tracked pose: either may be wrong, so the
-    pose goes on by odometry with growing covariance, and only scans that fit correct it. The robot
-    is lost once its confidence is below ``lost_below``. A wall that the camera sees through from a
-    well known pose is taken out of the plan. Landmarks are not used.
+    Scans are taken some distance apart, since neighbouring ones share their errors. The running
+    mean of their ``fit`` to the plan says whether the robot is where it believes: the share of
+    points that belong to the plan, less the share of rays that a wall would have blocked. Below
+    ``doubt_below`` the whole plan is searched for a clearly better pose, which takes the place of
+    the tracked one. Below ``contradicted_below`` the plan contradicts the tracked pose: either may
+    be wrong, so the pose goes on by odometry with growing covariance, and only scans that fit
+    correct it. The robot is lost once its confidence is below ``lost_below``. A wall that the
+    camera sees through from a well known pose is taken out of the plan. Landmarks are not used.
     """
 
     name: ClassVar[str] = "floor_plan"
@@ -156,9 +156,9 @@ class FloorPlanLocalizer(place_probabilities.PlaceLocalizer):
         return scan
 
     def _skidding(self, twist: Twist) -> bool:
-        """Whether wheels that skid in a turn leave open which way the camera has gone."""
-        way = math.hypot(twist.v, twist.w * self.robot.camera.mount_forward)
-        return self.robot.skid * abs(twist.w) > _MAX_SKID * way
+        """Whether wheels that skid in a turn leave open in which direction the camera has moved."""
+        speed = math.hypot(twist.v, twist.w * self.robot.camera.mount_forward)
+        return self.robot.skid * abs(twist.w) > _MAX_SKID * speed
 
     def _correct(self, scan: PlanScan) -> None:
         covariance, pose = self.filter.pose_covariance, self.filter.pose

@@ -141,7 +141,7 @@ class MetricFilter:
         """Take in a fit of the pose that began from this filter's own.
 
         ``pose`` is the most probable one, given the filter and the observation; ``information``
-        (3, 3) is that of the observation alone, and may be singular.
+        (3, 3) is that of the observation by itself, and may be singular.
         """
         prior, columns = self.covariance[:3, :3], self.covariance[:, :3]
         off = np.array((pose.x, pose.y, pose.yaw)) - self.state[:3]

@@ -10,7 +10,7 @@ covered up to the distance ``_BETWEEN`` by ``m sqrt(_BETWEEN)``. Unequal wheels 
 heading, which comes from the gyro. A gyro with noise g at the rate r gives ``g / sqrt(r)`` [rad]
 per root of a second, and a bias uncertainty of ``g / sqrt(r REST)`` after a rest.
 
-The localiser ``dead_reckoning`` is this alone: odometry from a known start, without landmarks.
+The localiser ``dead_reckoning`` is nothing else: odometry from a known start, without landmarks.
 """
 
 from __future__ import annotations

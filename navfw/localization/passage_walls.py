@@ -76,7 +76,7 @@ class PassageAxis:
         return Pose(*self.origin, self.yaw).relative(pose)
 
     def heading_off(self, pose: Pose) -> float:
-        """Smallest angle [rad] between the heading of ``pose`` and the axis, either way."""
+        """Smallest angle [rad] between the heading of ``pose`` and the axis, in either sense."""
         off = abs(wrap_angle(pose.yaw - self.yaw))
         return min(off, math.pi - off)
 

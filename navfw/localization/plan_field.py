@@ -69,7 +69,7 @@ def scan_of(percept: Percept, robot: RobotModel) -> PlanScan:
 
 
 class ScanMemory:
-    """Scans with their poses in ``odom``, over the last ``length`` [m] of the way."""
+    """Scans with their poses in ``odom``, over the last ``length`` [m] driven."""
 
     def __init__(self, length: float) -> None:
         self._length = length
@@ -84,7 +84,7 @@ class ScanMemory:
         self.forget(driven - self._length)
 
     def forget(self, before: float) -> None:
-        """Drop the scans from before that way [m]; the newest one is kept."""
+        """Drop the scans from before that distance [m]; the newest one is kept."""
         while len(self._scans) > 1 and self._scans[0][0] < before:
             self._scans.popleft()
 
@@ -131,7 +131,7 @@ NEAR = 0.1
 """Distance [m] up to which a point belongs to a wall; rays and points count so far around."""
 
 _SEEN_THROUGH = 12
-"""Number of rays through a wall, above that of points on it, by which it is not there."""
+"""Number of rays through a wall, above that of points on it, that shows that it is gone."""
 
 ITERATIONS = 8
 """Number of Gauss-Newton steps."""
@@ -141,7 +141,7 @@ ITERATIONS = 8
 class PlanMatch:
     """Where seen points fit the plan: ``pose`` in ``map`` with ``information`` (3, 3).
 
-    The information is that of the points alone. ``belonging`` in [0, 1] is the share of the points
+    The information is that of the points only. ``belonging`` in [0, 1] is the share of the points
     that belong to the plan.
     """
 

@@ -49,7 +49,7 @@ _CANDIDATES = 40
 """Number of coarse poses that are refined."""
 
 APART = 0.6, math.radians(25.0)
-"""Distance [m] and angle [rad] from which on two poses are different ones."""
+"""Distance [m] and angle [rad] beyond which two poses are different ones."""
 
 _LOOSE = np.diag([0.2**-2, 0.2**-2, 0.12**-2])
 """Information of a coarse pose."""
@@ -66,7 +66,7 @@ _BLOCKED = 4.0
 walls that are not there."""
 
 _THROUGH_WALLS = 0.5
-"""Log likelihood that it costs if the robot's way leads through walls of the plan."""
+"""Log likelihood that it costs if the robot's path leads through walls of the plan."""
 
 _MIN_CLEARANCE = 0.08
 """Clearance [m] below which the robot cannot have stood at a point of the plan."""
@@ -75,7 +75,7 @@ _AGREEING = 3
 """Number of searches in a row that must find the same pose."""
 
 CERTAIN = 0.98
-"""Probability from which on a pose is found."""
+"""Probability above which a pose is found."""
 
 _RATED_AT_ONCE, _FOLLOWED_AT_ONCE, _REFINED_AT_ONCE = 2000, 200, 2
 """Poses that one part of a search rates, whose rays it follows, and that it refines: some 5 ms."""
@@ -87,7 +87,7 @@ _PARTS, _MAX_PARTS = 60.0, 12
 class PlanSearch:
     """Collects scans with their poses in ``odom``, and searches the plan for where they fit.
 
-    ``hypotheses`` is the number of poses that the last search could not tell apart, the best one
+    ``hypotheses`` is the number of poses that the last search could not distinguish, the best one
     included; 0 before the first.
     """
 
@@ -162,7 +162,7 @@ class PlanSearch:
     def _best(self, odom: Pose) -> Generator[None, None, Pose | None]:
         """The one frame of ``odom`` that explains the scans, if all others are improbable."""
         coarse, cloud = (self._scans.cloud(odom, n) for n in (_COARSE_POINTS, _FINE_POINTS))
-        way = np.array([(at.x, at.y) for at in map(odom.relative, self._scans.poses)])
+        path = np.array([(at.x, at.y) for at in map(odom.relative, self._scans.poses)])
         evidence = min(_EVIDENCE * len(self._scans), _MAX_EVIDENCE)
         kept = yield from self._rated(coarse, self._grid, _COARSE_SIGMA)
         refined: list[Pose] = []
@@ -173,7 +173,7 @@ class PlanSearch:
                 yield
         poses = np.array([(pose.x, pose.y, pose.yaw) for pose in refined])
         rating = self._rating(cloud, poses)
-        impossible = self._impossible(poses, way)
+        impossible = self._impossible(poses, path)
         rating -= _THROUGH_WALLS * impossible
         needed = math.log(CERTAIN / (1.0 - CERTAIN)) / evidence
         fitting: list[Pose] = []
@@ -209,14 +209,14 @@ class PlanSearch:
                 break
         return kept
 
-    def _impossible(self, poses: Array, way: Array) -> Array:
+    def _impossible(self, poses: Array, path: Array) -> Array:
         """Which of ``poses`` (m, 3) would have led the robot through a wall, or off the plan.
 
-        ``way`` (n, 2) [m] is where it came from, in its own frame.
+        ``path`` (n, 2) [m] is where it came from, in its own frame.
         """
         blocked = []
         for pose in poses.tolist():
-            clearance = self._field.clearance(Pose(*pose).points_to_parent(way))
+            clearance = self._field.clearance(Pose(*pose).points_to_parent(path))
             blocked.append(not bool((clearance > _MIN_CLEARANCE).all()))
         return np.array(blocked)
 

@@ -108,7 +108,7 @@ def free_distance(
     v, w, robot = float(twist.v), float(twist.w), occupancy.robot
     seen = occupancy.footprint_observed
     if robot.footprint is None:
-        # an obstacle that is 0.2 m beside the body's way, or more, does not bar it
+        # an obstacle that is 0.2 m beside the body's path, or more, does not bar it
         near = occupancy.clearance_near(pose.x, pose.y, reach + robot.radius + 0.2)
         ground = ground_of(occupancy, seen, near)
         contact, unobserved, _ = follow_arc(ground, _start(pose), v, w, robot.radius, reach, 0.0)

@@ -1,7 +1,7 @@
-"""The local planner: a local goal on the cheapest way through the occupancy grid to the waypoint.
+"""The local planner: a local goal on the cheapest path through the occupancy grid to the waypoint.
 
-Arcs alone stick in local minima, with true depth as often as with flow (METHOD 0); the cost-to-go
-over the grid does not. Unobserved cells are passable at a price, small clearances cost.
+Arcs by themselves get stuck in local minima, with true depth as often as with flow (METHOD 0); the
+cost-to-go over the grid does not. Unobserved cells are passable at a price, small clearances cost.
 
 A long body cannot turn where it stands, and sweeps more than a round one: in a corridor narrower
 than its turning circle it must know before how it will turn, or back out.
@@ -31,45 +31,45 @@ NARROW_PRICE = 4.0
 TURN_PRICE = 0.25
 """Extra price of the first turn [m/rad]."""
 LEAVE_PRICE = 0.15
-"""Extra price of a cell off the last plan's way."""
+"""Extra price of a cell off the last plan's path."""
 
 _GAPS = np.ones((3, 3), np.uint8)
 _NO_WAY: Array = np.empty((0, 4))
 _PROGRESS = 2.0
-"""Distance [m] by which a way comes nearer to the waypoint."""
+"""Distance [m] by which a path comes nearer to the waypoint."""
 _OFF = 0.12
-"""Distance [m] off the way, a radian off its heading as _LEVER [m], at which it is left."""
+"""Distance [m] off the path, a radian off its heading as _LEVER [m], at which it is left."""
 _LEVER = 0.3
 _GOAL_MOVED = 0.4
-"""Distance [m] by which the waypoint moves before the way is planned anew."""
+"""Distance [m] by which the waypoint moves before the path is planned anew."""
 _RETRY = 30
-"""Plans between two searches when there was no way."""
+"""Plans between two searches when there was no path."""
 _LEAD = 0.25
-"""Distance [m] along the way of the point to head for."""
+"""Distance [m] along the path of the point to head for."""
 _WINDOW = 8
-"""Poses ahead on the way among which the robot looks for its own."""
+"""Poses ahead on the path among which the robot looks for its own."""
 _SPARE = (0.06, 0.0)
-"""Clearances [m] beyond the margin, of which the first with which there is a way is kept."""
+"""Clearances [m] beyond the margin, in order; the first with a path is kept."""
 _TOUCH = 0.02
 """Distance [m], with each radian of a turn as _LEVER [m], within which the body stands."""
 _STALLED = 90
-"""Plans that a body stands before its way is dropped, for as many plans."""
+"""Plans that a body stands before its path is dropped, for as many plans."""
 _AHEAD = 15
-"""Poses ahead on the way by which it is narrow."""
+"""Poses ahead on the path that decide whether it is narrow."""
 _FAR = 8
-"""Poses ahead on the way of the point to head for where there is room."""
+"""Poses ahead on the path of the point to head for where there is room."""
 _TIGHT = 0.15
-"""Clearance [m] beyond the margin below which the body keeps to the way at a manoeuvre's speed."""
+"""Clearance [m] beyond the margin below which the body keeps to the path at a manoeuvre's speed."""
 
 
 class Manoeuvres:
-    """The way of one long body to the waypoint; it is kept until it is driven, barred or left."""
+    """The path of one long body to the waypoint; it is kept until it is driven, barred or left."""
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Back to no way."""
+        """Back to no path."""
         self._way: Array = _NO_WAY
         self._goal = (math.inf, math.inf)
         self._wait = 0
@@ -87,7 +87,7 @@ class Manoeuvres:
         """The odom point (x, y) [m] to head for from odom ``pose``, and the gear to it.
 
         The gear is 1 ahead, -1 back and 0 for a turn on the spot toward the point; None where there
-        is room, and the body may drive as it likes. No point: there is no way to ``goal`` (odom).
+        is room, and the body may drive as it likes. No point: there is no path to ``goal`` (odom).
         ``value`` is the local planner's cost-to-go; the body keeps ``margin`` [m].
         """
         seen = cv2.dilate(occupancy.observed, _GAPS).astype(np.uint8, copy=False)
@@ -118,7 +118,7 @@ class Manoeuvres:
         return self._lead(pose)
 
     def _holds(self, ground: Ground, discs: Array, margin: float, pose: Pose) -> bool:
-        """Whether the robot is on the way, with a rest of it, and the rest is free."""
+        """Whether the robot is on the path, with a rest of it, and the rest is free."""
         if len(self._way) < 2:
             return False
         away = np.hypot(self._way[:, 0] - pose.x, self._way[:, 1] - pose.y)
@@ -144,9 +144,9 @@ class Manoeuvres:
         """The point of the first run of one gear that is _LEAD ahead, or its end."""
         gear = int(self._way[1, 3])
         run = 1
-        way = 0.0
-        while run + 1 < len(self._way) and self._way[run + 1, 3] == gear and way < _LEAD:
-            way += math.dist(self._way[run, :2], self._way[run - 1, :2])
+        length = 0.0
+        while run + 1 < len(self._way) and self._way[run + 1, 3] == gear and length < _LEAD:
+            length += math.dist(self._way[run, :2], self._way[run - 1, :2])
             run += 1
         x, y, yaw = self._way[run, :3]
         if gear == 0:
@@ -158,11 +158,11 @@ class Manoeuvres:
 
 
 _LEG = 0.4
-"""Length [m] of the first leg, by which one of several ways of similar cost is chosen."""
+"""Length [m] of the first leg, which decides among several paths of similar cost."""
 _OTHER_WAY = math.radians(40.0)
-"""Angle [rad] between a first leg and the cheapest way beyond which the leg is another way."""
+"""Angle [rad] between a first leg and the cheapest path beyond which it is another path."""
 _BESIDE = 0.35
-"""Distance [m] from the last plan's way within which a cell belongs to it."""
+"""Distance [m] from the last plan's path within which a cell belongs to it."""
 _BEARINGS = np.linspace(-math.pi, math.pi, 49)[:-1]
 _AROUND = np.ones((3, 3), np.uint8)
 
@@ -188,9 +188,9 @@ class LocalPlannerParams(StrictModel):
 class LocalGoal:
     """The point to head for now, in base_link: x, y [m]; ``cost`` [m, priced] to the waypoint.
 
-    ``reachable`` is false when occupied cells bar every way; the goal then lies straight toward the
-    waypoint. ``detour`` is the way's cost over the straight distance, at least 1. ``gear`` is of a
-    manoeuvre: 1 ahead, -1 back, 0 a turn on the spot; None while there is none.
+    ``reachable`` is false when occupied cells bar every path; the goal then lies straight toward
+    the waypoint. ``detour`` is the path's cost over the straight distance, at least 1. ``gear`` is
+    of a manoeuvre: 1 ahead, -1 back, 0 a turn on the spot; None while there is none.
     """
 
     x: float
@@ -214,8 +214,8 @@ class LocalGoal:
 class LocalPlanner:
     """Finds the local goal for a waypoint in the odom frame.
 
-    It is committed to the way of its last plan: cells off it cost more, so it is left when it is
-    barred, or when another one is cheaper by a margin, the way back to it included.
+    It is committed to the path of its last plan: cells off it cost more, so it is left when it is
+    barred, or when another one is cheaper by a margin, the path back to it included.
     """
 
     def __init__(self, params: LocalPlannerParams | None = None) -> None:
@@ -224,7 +224,7 @@ class LocalPlanner:
         self.reset()
 
     def reset(self) -> None:
-        """Back to no way."""
+        """Back to no path."""
         self._way: Array = np.empty((0, 2))
         self._manoeuvres.reset()
 
@@ -285,9 +285,9 @@ class LocalPlanner:
         steps: int,
         cell: float,
     ) -> tuple[Array, int]:
-        """The way ahead (steps, 2) [cells], and the number of its valid rows.
+        """The path ahead (steps, 2) [cells], and the number of its valid rows.
 
-        The cheapest way, unless another one is cheaper once the first turn is priced: of two ways
+        The cheapest path, unless another one is cheaper once the first turn is priced: of two paths
         round an obstacle at about equal cost the robot keeps to the one it faces.
         """
         path = np.empty((steps, 2))
@@ -307,7 +307,7 @@ class LocalPlanner:
         return path, count
 
     def _beside_way(self, occupancy: OccupancyGrid, shape: tuple[int, int]) -> Mask:
-        """(m, m) cells within _BESIDE of the way of the last plan."""
+        """(m, m) cells within _BESIDE of the path of the last plan."""
         cell = 2.0 * occupancy.params.cell
         beside = np.zeros(shape, np.uint8)
         points = np.rint((self._way - occupancy.origin) / cell).astype(np.int32)
@@ -315,7 +315,7 @@ class LocalPlanner:
         return beside.astype(bool)
 
     def _keep_way(self, occupancy: OccupancyGrid, value: Array, path: Array) -> None:
-        """Remember the way (k, 2) [cells] and its continuation down to the waypoint."""
+        """Remember the path (k, 2) [cells] and its continuation down to the waypoint."""
         rest = np.empty((4 * len(value), 2))
         count = descend(value, path[-1, 0], path[-1, 1], len(rest), rest)
         way = np.concatenate([path, rest[:count]])[::4, ::-1]

@@ -1,8 +1,8 @@
 """The rolling occupancy grid around the robot (METHOD 2.11, 2.14).
 
 A square grid of log-odds in the odom frame that moves along with the robot. Each observed point is
-evidence for an obstacle within its uncertainty, and for free space on the way there. Evidence
-decays with time. The grid is built from flow and odometry alone.
+evidence for an obstacle within its uncertainty, and for free space in front of it. Evidence
+decays with time. The grid is built from flow and odometry only.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _MIN_SIGMA = 0.02
 """Lower bound of the sigma of nearness [1/m]: no measurement is taken to be more exact."""
 _FREE_WEIGHTS = np.array([1.0, 1.0, 1.0, 1.0, 0.5])
 """Weight of the free evidence along a ray, by ``Label`` of its end point. The ray is free up to the
-point whatever its height, so UNKNOWN counts in full; ABOVE passes over much of the floor."""
+point regardless of its height, so UNKNOWN counts in full; ABOVE passes over much of the floor."""
 _WEAK_SIGHT = np.array([0.0, 1.0, 1.0, 0.0, 0.0])
 """The same where there is little texture: a window then takes the motion of the strongest edge in
 it, often of something far behind, and its ray would pass through the nearer surface."""
@@ -258,7 +258,7 @@ class OccupancyGrid:
         decay_view(grid, *at, pose.yaw, slope, near / cell, far / cell, keep)
 
     def set_obstacles(self, discs: tuple[OccupiedDisc, ...]) -> None:
-        """Count ``discs`` as occupied until the next call, whatever the log-odds."""
+        """Count ``discs`` as occupied until the next call, regardless of the log-odds."""
         if discs or self._obstacles:
             self._clearance = self._blind_clearance = None
         self._obstacles = discs

@@ -52,7 +52,7 @@ class ProgressMonitor:
     ) -> tuple[float, float]:
         """(stalled, idle) [s]: since when wheels do not follow, and no progress was made.
 
-        ``driven`` is what the wheels were last told to do: wheels that are not to turn are not
+        ``driven`` is the last command to the wheels: wheels that are not to turn are not
         blocked.
         """
         time, wanted = odometry.time, 0.0 if driven is None else driven.v
@@ -77,7 +77,7 @@ class DecisionInputs:
 
     ``percept`` and ``flow`` are the newest with any depth, None before the robot has moved.
     ``conflicts`` are those of all commands with moving obstacles, None without any;
-    ``moving_obstacles`` the discs that bar the way to the local goal. ``driven`` is the last twist
+    ``moving_obstacles`` the discs that bar the path to the local goal. ``driven`` is the last twist
     that the safety monitor let through, None if that was the last command.
     """
 

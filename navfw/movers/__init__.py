@@ -1,6 +1,6 @@
 """Moving objects: detection and tracking (DATMO), and prediction of conflicts with commands.
 
-The data flow one way, from image cells to predicted conflicts:
+The data flow in one direction, from image cells to predicted conflicts:
 
 1. ``RecentFrames`` pairs the newest frame with one 0.2 s older (0.1 s for near objects), and
    ``navfw.flow.floor_aligned`` gives dense flow of the image below the horizon.

@@ -29,7 +29,7 @@ _FLAT, _FLAT_GATE = 3, 60.0
 """Height of an object [cells] below which its vectors must be this far from rest, as a sum of
 squares [sigma^2]: mismatches along edges on the floor are flat."""
 _FITTED = 0.75
-"""Share of the cells, those that agree best, by which the velocity is estimated: at outlines
+"""Share of the cells, those that agree best, which give the velocity: at outlines
 vectors are mixed with those of the background."""
 _MAX_UNEXPLAINED, _FIT_ERROR = 0.03, 0.4
 """Largest share of these cells' squares against rest that one velocity leaves, and the error [px]

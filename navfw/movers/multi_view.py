@@ -1,7 +1,7 @@
 """Detection of moving objects and stixels in all views of the robot's lens.
 
-Frames are paired over a fixed time, in which moving objects show (``FrameBuffer``: over a way). The
-search is the most expensive stage, so it runs on a schedule.
+Frames are paired over a fixed time, in which moving objects show (``FrameBuffer``: over a
+distance). The search is the most expensive stage, so it runs on a schedule.
 """
 
 from __future__ import annotations

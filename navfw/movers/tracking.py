@@ -43,7 +43,7 @@ _MAX_AGE, _OVERLAP = 0.25, 0.03
 second [m] is dropped: the object has gone elsewhere."""
 _GATE_DISTANCE = 0.8
 """Largest distance [m] between a detection and the predicted place of its track. The covariance of
-an old track alone would admit detections from anywhere."""
+an old track by itself would admit detections from anywhere."""
 _VELOCITY_SIGMA = 0.2
 """Change of velocity [m/s] that costs as much in association as one sigma of position."""
 _MAX_CHANGE = 0.45
@@ -243,7 +243,7 @@ class Tracker:
         )
 
     def _begin(self, measurement: _Measurement) -> Track:
-        """A new track; the prior of its velocity is that of the speed alone."""
+        """A new track; the prior of its velocity is that of the speed only."""
         prior = np.zeros((4, 4))
         prior[2:, 2:] = np.eye(2) / SPEED_SIGMA**2
         state, covariance = _joined(prior, np.zeros(4), measurement)
@@ -263,7 +263,7 @@ class Tracker:
         """Cost [sigma] of associating ``measurement`` with ``track``; inf outside the gates.
 
         The Mahalanobis distance of the positions, plus the change of velocity in units of
-        _VELOCITY_SIGMA. The latter tells objects apart that pass each other; it is bounded by the
+        _VELOCITY_SIGMA. The latter distinguishes objects that pass each other; it is bounded by the
         gate, so an object that turns round keeps its track.
         """
         state, covariance = self._predicted(track, measurement.time)

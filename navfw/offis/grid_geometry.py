@@ -1,4 +1,4 @@
-"""The floor, and what depends on the grid and the camera alone: computed once for all frames.
+"""The floor, and what depends only on the grid and the camera: computed once for all frames.
 
 Height above the floor, and labels (METHOD 2.8): a ray through image point (x, y) of a camera
 pitched down by ``a`` at height ``h`` descends by ``g = (y cos a + f sin a) / f`` per metre of

@@ -88,7 +88,7 @@ class Offis(Perception):
                 gt=0.0,
                 le=1e6,
                 description="greatest distance of an object [m]: beyond it, sparse flow cannot "
-                "tell objects from noise",
+                "distinguish objects from noise",
             ),
         ] = 10.0
 
@@ -257,7 +257,7 @@ class Offis(Perception):
         return geometry
 
     def _size(self, regions: RegionStatistics) -> Array:
-        """Size (n_regions,) of the regions, by which the biggest is chosen."""
+        """Size (n_regions,) of the regions; the largest is chosen."""
         if self.params.mode == "paper":
             mean = np.hypot(regions.mu_u, regions.mu_v)
             variance = regions.var_u + regions.var_v

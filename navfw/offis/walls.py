@@ -35,7 +35,7 @@ from navfw.offis.pyramid import RegionStatistics
 from navfw.offis.wall_kernels import find_wall_planes
 
 _ENOUGH = 0.06
-"""Share of the cells of a half in its plane from which on the plane has full support."""
+"""Share of the cells of a half in its plane above which the plane has full support."""
 
 _MAX_WALL_OFFSET, _SURE_WALL = 0.05, 0.10
 """Nearness [1/m] of a plane: its support rises from 0 at the first to full at the second value."""

@@ -29,7 +29,7 @@ _POINT = re.compile(_NUMBER + "," + _NUMBER)
 
 @dataclass(frozen=True, slots=True)
 class RoutePlan:
-    """A route, and the costs by which it was chosen."""
+    """A route, and the costs that decided for it."""
 
     route: Route
     router: Router

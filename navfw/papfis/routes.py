@@ -242,7 +242,7 @@ class Router:
     def _route(self, start: Endpoint, goal: Endpoint, entry: Access, leave: Access) -> Route:
         path = self._graph.cheapest_path(entry.costs, leave.costs, goal.point)
         direct = self._direct_cost(entry, leave)
-        # at equal cost the route by way of places: it is more informative
+        # at equal cost the route through places: it is more informative
         if direct is not None and (path is None or direct[0] < path.cost - 1e-9):
             cost, passage = direct
             straight = math.hypot(goal.x - start.x, goal.y - start.y)

@@ -19,8 +19,8 @@ Point = tuple[float, float]
 _MAX_TURN = math.radians(120.0)
 """Largest turn at a waypoint for which its bisector decides whether it is passed [rad]."""
 
-_ROOMY = 0.27
-"""Free width [m] between the body and each post of a door from which on the tolerance beside it is
+_FULL_TOLERANCE_CLEARANCE = 0.27
+"""Free width [m] between the body and each post of a door above which the tolerance beside it is
 the whole one: a wide robot that comes from aside does not fit through."""
 
 MIN_SHARE = 0.3
@@ -58,7 +58,7 @@ class PassingTolerances:
         free = 0.5 * min(doors) - self.body
         if free <= 0.0:
             return self.beside_door
-        return self.beside_door * min(max(free / _ROOMY, MIN_SHARE), 1.0)
+        return self.beside_door * min(max(free / _FULL_TOLERANCE_CLEARANCE, MIN_SHARE), 1.0)
 
 
 def _is_door(kinds: Sequence[str], index: int) -> bool:
@@ -166,7 +166,7 @@ def _unit(x: float, y: float) -> Point | None:
 
 
 _MAX_COVERED = 2
-"""Reports in a row by which something stands on a waypoint, until it is passed over."""
+"""Reports in a row of something on a waypoint, before it is passed over."""
 _QUERY_RANGE = 2.5
 """Distance along the path up to which passages are queried [m] (METHOD 4.3)."""
 
@@ -243,7 +243,7 @@ class Tour:
     def pass_over(self, covered: Sequence[Point], at: Point) -> None:
         """Pass the next waypoint over from ``at`` if it stays ``covered``, but no goal and no door.
 
-        The way round what stands on it leads to the waypoint after it.
+        The path around what stands on it leads to the waypoint after it.
         """
         ahead = next(iter(self._ahead), None)
         if ahead is None or ahead.final or ahead.kind == "door":
@@ -278,7 +278,7 @@ class Tour:
         """Number of waypoints passed: all up to the last one within its tolerance.
 
         A robot that avoids an obstacle may reach a later waypoint first. Doors are never skipped
-        that way.
+        that direction.
         """
         count = 0
         for index, waypoint in enumerate(self._ahead):

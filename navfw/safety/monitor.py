@@ -1,4 +1,4 @@
-"""The safety monitor: limits every twist, whatever the plugins decided.
+"""The safety monitor: limits every twist that the plugins decide on.
 
 Like Nav2's collision monitor it comes last, after fusion and control. It stops on stale sensors,
 keeps the stopping distance within the free distance of the local map, and still lets the robot
@@ -27,15 +27,13 @@ BLIND_ADVANCE = 0.3
 """Longest advance with nothing of the path seen [m]."""
 WEAK_SIGHT = 0.25
 """Speed while little is seen of the path [m/s]."""
-STALL = 0.8
-"""Time of wheels not following: stop [s]."""
-STALL_REST = 1.0
-"""Standstill after a stall [s]."""
+STALL, STALL_REST = 0.8, 1.0
+"""Time of wheels not following: stop [s]; standstill after a stall [s]."""
 
 _DARK, BRIGHT = 8.0, 247.0
 """Mean grey levels below and above which an image is invalid."""
 _FLAT = 2.5
-"""Standard deviation [grey levels] below which an image has no contrast (noise alone has some)."""
+"""Standard deviation [grey levels] below which an image has no contrast (noise has some)."""
 MOVED = (0.02, 0.035)
 """Displacement [m] and turn [rad] after which an unchanged image is frozen."""
 MOVED_SLIGHTLY = 0.002
@@ -49,7 +47,7 @@ class Senses:
     before although the robot has moved. A gyro or encoder reading with an old time stamp is
     invalid. A frame's age counts from its own time stamp, however late it arrives.
 
-    ``seeing`` tells whether the newest frame may be used for flow: the slightest motion must change
+    ``seeing`` says whether the newest frame may be used for flow: the slightest motion must change
     an image, although only a clear one counts as ``trouble``.
     """
 
@@ -150,7 +148,11 @@ class SafetyParams(StrictModel):
     ] = 0.15
     start_creep: Annotated[
         float,
-        Field(ge=0.0, le=1.0, description="way from the start on which it creeps all the same [m]"),
+        Field(
+            ge=0.0,
+            le=1.0,
+            description="distance from the start over which it creeps [m]",
+        ),
     ] = 0.3
     camera_slow: Annotated[
         Seconds,
@@ -314,7 +316,7 @@ class SafetyMonitor:
         return 0.0 if since is None or self._last_time is None else self._last_time - since
 
     def _silence_cap(self) -> float:
-        """Top speed either way [m/s] while encoders are silent: zero but for short probes.
+        """Top speed in either direction [m/s] while encoders are silent: zero but for short probes.
 
         Only a turning wheel can show that its encoder counts again, so the robot moves by a few
         millimetres now and then.
@@ -366,7 +368,7 @@ class SafetyMonitor:
             self._stalled_since = None
 
     def _watch_way(self, odometry: Odometry) -> None:
-        """Add up the way driven, and the reverse since the last valid frame."""
+        """Add up the distance driven, and the reverse since the last valid frame."""
         since = 0.0 if self._last_time is None else odometry.time - self._last_time
         self._last_time = odometry.time
         self._driven += abs(odometry.twist.v) * since

@@ -37,7 +37,7 @@ class Belief:
     ``confidence`` in [0, 1] is the probability that the true position is within 1 m of ``pose``.
     While ``lost``, ``pose`` is not valid and must not be used for planning. ``updates`` counts the
     landmark detections used so far, ``hypotheses`` the poses that the last search for an unknown
-    pose could not tell apart (0: there was none).
+    pose could not distinguish (0: there was none).
     """
 
     time: float

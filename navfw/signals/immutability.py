@@ -10,7 +10,7 @@ import numpy as np
 
 _LEAVES = frozenset((float, str, int, bool, type(None)))
 _MAPPINGS = (MutableMapping, MappingProxyType)
-"""Mappings of which a copy is made; any other type of mapping has to be read only itself."""
+"""Mappings that are copied; a mapping of any other type has to be immutable itself."""
 _REPLACED = (dict, tuple, *_MAPPINGS)
 _ARRAY: Any = np.ndarray
 _set_field = object.__setattr__
@@ -20,8 +20,8 @@ ArrayT = TypeVar("ArrayT", bound=np.ndarray[Any, Any])
 def read_only(array: ArrayT) -> ArrayT:
     """A copy of ``array`` that cannot be made writable; ``array`` itself if it is one already.
 
-    A flag alone is no protection: whoever gets an array, or a view of it, can set ``writeable``
-    again. The memory of the copy is a bytes object, for which numpy refuses that.
+    The flag by itself is no protection: whoever gets an array, or a view of it, can set
+    ``writeable`` again. The memory of the copy is a bytes object, for which numpy refuses that.
     """
     owner: object = array.base
     if type(owner) is bytes:

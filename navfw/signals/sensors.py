@@ -146,7 +146,7 @@ class FlowField:
     current image; ``vectors`` (rows, cols, 2) [px] say how far each imaged point came since the
     past frame (``now - past``: forward motion makes vectors point away from the focus of
     expansion). ``confidence`` (rows, cols) in [0, 1]; 0 means the vector says nothing. ``sigma``
-    (rows, cols) [px] is one standard deviation of a vector's components. ``derotated`` tells
+    (rows, cols) [px] is one standard deviation of a vector's components. ``derotated`` says
     whether the part due to camera rotation has been removed. ``inconsistency`` (rows, cols) in
     [0, 1], if known: the confidence of a vector whose epipolar residual no static point explains,
     0 elsewhere.

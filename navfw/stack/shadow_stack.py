@@ -11,7 +11,7 @@ _STAND = Twist(0.0, 0.0)
 
 
 def halt(stack: Stack) -> None:
-    """Tell ``stack`` that the robot was told to stand, in place of its last command.
+    """Report to ``stack`` that the robot was commanded to stand, in place of its last command.
 
     That its wheels do not turn is then no fault.
     """

@@ -1,4 +1,4 @@
-"""The stack: one plugin of each kind, stepped once per control tick from sensor readings alone."""
+"""The stack: one plugin of each kind, stepped once per control tick from sensor readings only."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ TIMED = (
 
 
 class Stack:
-    """Composes the stages, every ``period`` [s], from sensor readings and the map file alone."""
+    """Composes the stages, every ``period`` [s], from sensor readings and the map file only."""
 
     def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
         self.guard = PluginGuard()
@@ -334,7 +334,7 @@ class Stack:
     def _map(
         self, frame: Frame, view: View, odometry: Odometry, seen_from: Pose, belief: Belief
     ) -> tuple[OccupiedDisc, ...]:
-        """Update local map and tracks; the discs that bar only the way to the local goal.
+        """Update local map and tracks; the discs that bar only the path to the local goal.
 
         While no behaviour handles moving obstacles, the local map counts them as occupied.
         """

@@ -54,7 +54,7 @@ NO_ROUTE_AFTER = 20.0
 """Time without a route [s] after which the stack gives up; a passage may have been misjudged."""
 
 _DETOUR = 1.5
-"""Distance [m] beyond which the robot is on a way round what closes its route, and goes on."""
+"""Distance [m] beyond which the robot is on a detour around what closes its route, and goes on."""
 
 
 class ProgressWatch:

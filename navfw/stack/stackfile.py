@@ -73,8 +73,8 @@ class StackSettings(StrictModel):
     floor_model: Annotated[
         bool,
         Field(
-            description="tell floor from obstacles by height (METHOD 2.8); false: flow below the "
-            "horizon counts as unknown"
+            description="distinguish floor from obstacles by height (METHOD 2.8); false: flow "
+            "below the horizon counts as unknown"
         ),
     ] = True
     warmup: Annotated[
@@ -204,7 +204,7 @@ def _choose(
 def _placed(override: Override, document: YamlDocument) -> Override:
     """``override`` completed: plugins and parts of settings may be named directly.
 
-    A stage may be given the name of a plugin alone, which then has its defaults.
+    A stage may be given only the name of a plugin, which then has its defaults.
     """
     head = str(override.path[0])
     if override.path in [(stage,) for stage in STAGES] and isinstance(override.value, str):

@@ -111,7 +111,7 @@ class Vision:
         self.perception = perception
         self.timings = timings
         self._camera = robot.camera
-        # those of the simulated camera's effects alone stay as they were measured
+        # only those of the simulated camera's effects stay as they were measured
         self._shutter = robot.camera_effects if robot.camera.calibration else CameraEffects()
         self._settings = settings
         self._frames = FrameBuffer(robot, settings.pairing)
@@ -160,7 +160,7 @@ class Vision:
     def _derotated(
         self, flow: signals.FlowField, odometry: signals.Odometry
     ) -> tuple[signals.FlowField, signals.YawCorrection | None]:
-        """``flow`` without its rotational part, and the yaw by which the gyro was refined.
+        """``flow`` without its rotational part, and the correction of the gyro's yaw.
 
         With ``derotate: false`` all flow counts as translational, as for a robot without a gyro;
         with ``floor_model: false`` only the flow above the horizon is kept.
