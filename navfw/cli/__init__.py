@@ -5,7 +5,7 @@ function ``add_to(app)`` of its module. All modules are imported for every ``nav
 expensive imports are therefore inside the commands.
 
 Exit codes: 0 success, 1 the command ran and failed, 2 an argument, option or file is wrong, 3 it
-ran, but its results could not be written completely.
+ran, but its results could not be written completely, 130 interrupted by Ctrl-C or SIGTERM.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from navfw.cli.supervisor import supervise
 from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
 from navfw.config.project_code import asking, trusting
 from navfw.errors import InputError, NavfwError
-from navfw.process.interruption import ignore_signals, interruptible
+from navfw.process.interruption import INTERRUPTED, ignore_signals, interruptible
 
 __all__ = ["PANELS", "app", "main"]
 
@@ -49,20 +49,9 @@ class _Navfw(SuggestingGroup):
     Before a project's plugins are executed for the first time it asks, where there is a terminal.
     """
 
-    def format_commands(self, _: Any, formatter: Any) -> None:
-        """Write a line for each command, under the headings of ``PANELS``."""
-        width = max(len(name) for name in self.commands)
-        for panel, names in PANELS.items():
-            with formatter.section(panel):
-                formatter.write_dl(
-                    [
-                        (
-                            name.ljust(width),
-                            self.commands[name].get_short_help_str(formatter.width - 6 - width),
-                        )
-                        for name in names
-                    ]
-                )
+    @property
+    def panels(self) -> dict[str, Any]:
+        return PANELS
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -72,6 +61,9 @@ class _Navfw(SuggestingGroup):
         except NavfwError as error:
             echo(f"navfw: {error}", err=True)
             raise typer.Exit(2 if isinstance(error, InputError) else 1) from None
+        except KeyboardInterrupt:
+            echo("navfw: interrupted", err=True)
+            raise typer.Exit(INTERRUPTED) from None
 
 
 app = typer.Typer(
@@ -125,7 +117,7 @@ def main() -> None:
                 app()
             sys.exit(supervise(_run, show_result))
         except KeyboardInterrupt:  # after the command's own end
-            sys.exit(1)
+            sys.exit(INTERRUPTED)
         finally:
             ignore_signals()  # the interpreter's end would take them for a failure
 

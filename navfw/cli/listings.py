@@ -182,8 +182,12 @@ def _cell(value: object) -> str:
 
 
 def _print_plugins(rows: list[Row]) -> None:
+    from rich.padding import Padding
     from rich.table import Table
     from rich.text import Text
+
+    def line(text: str, style: str = "") -> Padding:
+        return Padding(Text(text, style), (0, 0, 0, 4))
 
     out = console()
     kind = None
@@ -193,9 +197,9 @@ def _print_plugins(rows: list[Row]) -> None:
             out.print(Text(f"\n{kind}", style="bold underline"))
         out.print(Text.assemble("  ", (row["name"], "bold"), "  ", (row["source"], "dim")))
         if row["error"] is not None:
-            out.print(Text(f"    broken: {row['error']}", style="red"))
+            out.print(line(f"broken: {row['error']}", "red"))
             continue
-        out.print(Text(f"    {row['summary']}"))
+        out.print(line(row["summary"]))
         table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
         for parameter in row.get("parameters", ()):
             default = "required" if parameter["required"] else f"= {_cell(parameter['default'])}"
@@ -205,4 +209,4 @@ def _print_plugins(rows: list[Row]) -> None:
         if table.rows:
             out.print(table)
         for note in row.get("notes", ()):
-            out.print(Text(f"    note: {note}", style="yellow"))
+            out.print(line(f"note: {note}", "yellow"))

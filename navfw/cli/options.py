@@ -242,8 +242,25 @@ def command_group(help_: str, **settings: Any) -> typer.Typer:
     return typer.Typer(cls=SuggestingGroup, help=help_, no_args_is_help=True, **settings)
 
 
+_WHOLE = 1000
+"""Longest short help [characters]: it is wrapped, not cut."""
+
+
 class SuggestingGroup(TyperGroup):
     """Proposes commands in place of an unknown one: its own, and those of groups within it."""
+
+    @property
+    def panels(self) -> dict[str, Any]:
+        """The names of commands by their heading in the help."""
+        return {"Commands": self.commands}
+
+    def format_commands(self, _: Any, formatter: Any) -> None:
+        """Write the first sentence on each command, under the headings of ``panels``."""
+        width = max(map(len, self.commands))
+        for panel, names in self.panels.items():
+            with formatter.section(panel):
+                commands = ((name.ljust(width), self.commands[name]) for name in names)
+                formatter.write_dl([(name, c.get_short_help_str(_WHOLE)) for name, c in commands])
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that ``args`` begin with; a usage error, with proposals, if there is none."""

@@ -11,7 +11,10 @@ import ctypes
 import io
 import json
 import os
+import re
+import shutil
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -28,8 +31,36 @@ ItemT = TypeVar("ItemT")
 
 
 def echo(text: str, *, err: bool = False, nl: bool = True) -> None:
-    """Print a text, made ``printable``, on stdout or stderr; with a line feed if ``nl``."""
-    typer.echo(printable(text, cut=True), err=err, nl=nl)
+    """Print a text, made ``printable``, on stdout or stderr; with a line feed if ``nl``.
+
+    On a terminal, lines that are too long for it continue below their text.
+    """
+    text = printable(text, cut=True)
+    if (sys.stderr if err else sys.stdout).isatty():
+        width = shutil.get_terminal_size().columns
+        text = "\n".join(wrapped(line, width) for line in text.split("\n"))
+    typer.echo(text, err=err, nl=nl)
+
+
+def wrapped(line: str, width: int) -> str:
+    """The line in lines of at most ``width`` characters, indented as its text; words stay whole.
+
+    >>> print(wrapped("  speed      12.0 x real time", 24))
+      speed      12.0 x real
+                 time
+    """
+    if len(line) <= width:
+        return line
+    begin = re.match(r" *(?:\S+(?: \S+)? {2,})?", line)
+    hanging = len(begin[0]) if begin else 0
+    indent = len(line) - len(line.lstrip())
+    return textwrap.fill(
+        line,
+        width,
+        subsequent_indent=" " * (hanging if indent < hanging <= width // 3 else indent + 2),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 def print_json(data: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> None:
@@ -102,23 +133,60 @@ def console(*, stderr: bool = False) -> Any:
 
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[object]], nothing: str) -> None:
-    """Print a table on stdout, or the text ``nothing`` when there are no rows."""
+    """Print a table on stdout, or the text ``nothing`` when there are no rows.
+
+    Words stay whole. Where they leave no room for all columns, each row is a paragraph.
+    """
     from rich.box import SIMPLE_HEAD
+    from rich.measure import Measurement
     from rich.table import Table
     from rich.text import Text
 
     if not rows:
         echo(nothing)
         return
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
     # as Text: rich would read a unit such as [m] as markup
-    for title in columns:
-        table.add_column(Text(printable(title)))
-    for row in rows:
-        table.add_row(
-            *(cell if isinstance(cell, Text) else Text(printable(str(cell))) for cell in row)
+    titles, *cells = (
+        [cell if isinstance(cell, Text) else Text(printable(str(cell))) for cell in row]
+        for row in (columns, *rows)
+    )
+    screen, gap = console(), 2
+    sizes = [
+        Measurement(*(max(sizes) for sizes in zip(*column, strict=True)))
+        for column in zip(
+            *(
+                [Measurement.get(screen, screen.options, cell) for cell in row]
+                for row in (titles, *cells)
+            ),
+            strict=True,
         )
-    console().print(table)
+    ]
+    room = screen.width - sum(size.minimum + gap for size in sizes)
+    if room < 0:
+        _print_paragraphs([title.plain for title in titles], cells)
+        return
+    widths = [size.minimum for size in sizes]
+    order = sorted(range(len(sizes)), key=lambda n: sizes[n].span)
+    for others, n in enumerate(order):  # the narrow ones first: what they leave is for the others
+        more = min(sizes[n].span, room // (len(order) - others))
+        widths[n] += more
+        room -= more
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, gap - 1, 0, 0))
+    for title, width in zip(titles, widths, strict=True):
+        table.add_column(title, width=width)
+    for row in cells:
+        table.add_row(*row)
+    screen.print(table)
+
+
+def _print_paragraphs(titles: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    """Print each row as its first cell, and below it the others with their titles."""
+    width = max(map(len, titles[1:]))
+    for first, *others in rows:
+        echo(first.plain)
+        for title, cell in zip(titles[1:], others, strict=True):
+            if cell.plain:
+                echo(f"  {title:<{width}}  {cell.plain}")
 
 
 def print_tables(tables: Iterable[ResultTable]) -> None:
@@ -215,18 +283,17 @@ def show_result(summary: Mapping[str, Any], missing: Sequence[str], as_json: boo
 
 
 def _print_result(summary: Mapping[str, Any]) -> None:
+    from rich.text import Text
+
     objections = summary["objections"]
     good = summary["outcome"] == "reached" and not objections
     leader = f" (leading behaviour {summary['behavior']})" if summary["behavior"] else ""
+    but = f", but {'; '.join(objections)}" if objections else ""
+    about = f" after {summary['sim_time_s']:.1f} s{but}: {summary['reason']}{leader}"
+    outcome = Text(summary["outcome"], f"bold {'green' if good else 'red'}")
     screen = console()
-    screen.print(
-        f"[bold {'green' if good else 'red'}]{summary['outcome']}[/] after"
-        f" {summary['sim_time_s']:.1f} s",
-        end=", but " if objections else ": ",
-    )
-    if objections:
-        screen.print(printable("; ".join(objections)), markup=False, soft_wrap=True, end=": ")
-    screen.print(printable(f"{summary['reason']}{leader}"), markup=False)
+    outcome.append(printable(about), "not bold default")
+    screen.print(outcome, soft_wrap=not screen.is_terminal)
     count = summary["collisions"]
     collisions = f"{count or 'no'} collision{'' if count == 1 else 's'}"
     nearest = summary["min_clearance_m"]
@@ -243,4 +310,4 @@ def _print_result(summary: Mapping[str, Any]) -> None:
     }
     faults = (("fault", fault) for fault in summary["faults"])
     for name, text in (*rows.items(), *faults):
-        screen.print(printable(f"  {name:<11} {text}"), markup=False, soft_wrap=True)
+        echo(f"  {name:<11} {text}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 import sys
 import time
 from dataclasses import dataclass, replace
@@ -90,10 +91,23 @@ class ProgressBar(contextlib.ExitStack):
             self._part, self._count, self._next_line, self._next_picture = part, None, 0.0, 0.0
         self.update(done, total)
 
+    def show_share(self, share: float, text: str) -> None:
+        """Show that a ``share`` of the work is done, and a text that says more."""
+        if not self._quiet:
+            shown = {"count": text, "completed": share, "total": 1.0}
+            self._show(time.monotonic(), f"{self._work}: {text}", shown, last=share == 1.0)
+
     def show_line(self, text: str) -> None:
         """Show a line of text instead of a bar; it is cut where there is no terminal."""
         if not self._quiet:
             self._show(time.monotonic(), text[:LINE_WIDTH], {"now": text}, last=False)
+
+    @property
+    def width(self) -> int:
+        """Largest length of a line [characters]."""
+        if not sys.stderr.isatty():
+            return LINE_WIDTH
+        return shutil.get_terminal_size().columns
 
     def note(self, text: str) -> None:
         """Print a line that stays."""
@@ -105,7 +119,7 @@ class ProgressBar(contextlib.ExitStack):
     def _show(self, clock: float, line: str, shown: dict[str, Any], *, last: bool) -> None:
         """Show on a terminal the fields ``shown``, elsewhere the ``line``, unless too soon."""
         if self._bar is None and sys.stderr.isatty():
-            self._start()
+            self._start(counting="completed" in shown)
         if self._bar is not None:
             texts = {key: printable_data(value) for key, value in shown.items()}
             self._bar.update(self._task, **texts)
@@ -116,11 +130,11 @@ class ProgressBar(contextlib.ExitStack):
             self._next_line = clock + self._period
             echo(line, err=True)
 
-    def _start(self) -> None:
+    def _start(self, *, counting: bool) -> None:
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
         from rich.table import Column
 
-        counting = [
+        columns = [
             TextColumn("{task.description}", markup=False),
             BarColumn(20),
             *([TimeElapsedColumn()] if self._moving else []),
@@ -128,7 +142,7 @@ class ProgressBar(contextlib.ExitStack):
         ]
         now = Column(no_wrap=True, overflow="ellipsis")
         self._bar = Progress(
-            *(counting if self._count is not None else []),
+            *(columns if counting else []),
             TextColumn("{task.fields[now]}", markup=False, table_column=now),
             console=console(stderr=True),
             auto_refresh=self._moving,

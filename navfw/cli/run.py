@@ -34,7 +34,7 @@ LINE_PERIOD = 5.0
 COMPILING_NOTICE_AFTER = 3.0
 """Time without progress after which ``COMPILING`` is printed, if a kernel is compiled [s]."""
 
-COMPILING = "compiling a kernel for types that it has not been called with before"
+COMPILING = "compiling a routine that a plugin calls for the first time"
 
 Goal = Annotated[
     str | None,
@@ -296,7 +296,7 @@ class _RunProgress(ProgressBar):
     def show(self, progress: Progress) -> None:
         """Show the state of the run."""
         self._shown = time.monotonic()
-        self.show_line(_line(progress))
+        self.show_line(_line(progress, self.width))
 
     def _explain_delay(self, over: threading.Event) -> None:
         """Print ``COMPILING`` once if there is no progress for a while because of a kernel."""
@@ -306,13 +306,17 @@ class _RunProgress(ProgressBar):
                 return
 
 
-def _line(progress: Progress) -> str:
-    towards = f" > {progress.waypoint}" if progress.waypoint else ""
-    leader = f"{progress.behavior or 'no behaviour'}{towards}"
-    # what is ahead first: the objects of all layers are longer than a line
-    clauses = [" ".join(clause.split()) for clause in progress.sentence.split(";")]
-    sentence = "; ".join(sorted(clauses, key=lambda clause: clause.startswith("Layer")))
-    return (
-        f"{progress.time:6.1f} s  {progress.distance:5.1f} m to go"
-        f"  {progress.real_time_factor:4.1f}x  {leader:<22}  {sentence}"
-    ).rstrip()
+def _line(progress: Progress, width: int) -> str:
+    """Where the run is; who leads, to where, and what is ahead as far as the ``width`` allows."""
+    line = f"{progress.time:5.1f} s, {progress.distance:4.1f} m to go"
+    speed, towards = progress.real_time_factor, progress.waypoint and f" to {progress.waypoint}"
+    clauses = [f", {speed:.1f} x real time"] if speed >= 0.1 else []
+    clauses += [f": {progress.behavior}{towards}"] if progress.behavior else []
+    # the objects of all layers are longer than a line
+    seen = (" ".join(clause.split()) for clause in progress.sentence.split(";"))
+    clauses += [f"; {clause}" for clause in seen if clause and not clause.startswith("Layer")]
+    for clause in clauses:
+        if len(line) + len(clause) > width:
+            break
+        line += clause
+    return line

@@ -28,7 +28,7 @@ from navfw.cli.output import NOT_SAVED
 from navfw.errors import InputError
 from navfw.process import supervised
 from navfw.process.atomic import write_text
-from navfw.process.interruption import ignore_signals
+from navfw.process.interruption import INTERRUPTED, ignore_signals
 from navfw.process.supervised import SupervisedRun, TextToSupervisor, send
 from navfw.process.watchdog import HEARTBEAT_SIZE, HeartbeatMonitor
 from navfw.recording.run_folder import RESULT, RunFolder, read_result
@@ -304,7 +304,7 @@ class _Supervisor:
             missing.append(str(error))
         where = None if folder.final is None else str(folder.final)
         self._show({**summary, "run_folder": where}, missing, run.as_json)
-        return 1
+        return INTERRUPTED if self._stopped else 1
 
     def _faults(self) -> list[str]:
         who = (self._run and self._run.plugins) or "a plugin"
@@ -330,9 +330,8 @@ class _Supervisor:
         self._show(summary, missing, self._run.as_json)
         if missing:
             return NOT_SAVED
-        if summary["outcome"] != "reached" or summary["objections"] or self._code is None:
-            return 1
-        return self._code
+        failed = summary["outcome"] != "reached" or summary["objections"] or self._code is None
+        return self._code or int(failed)
 
 
 def _correct(folder: str | None, changes: Mapping[str, Any]) -> None:

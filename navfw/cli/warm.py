@@ -7,9 +7,9 @@ from navfw.cli.progress_bar import ProgressBar, Quiet
 
 
 def warm(quiet: Quiet = False) -> None:
-    """Compile all kernels that are not compiled yet, on all cores."""
+    """Compile what the first runs would compile, on all cores."""
     compiled = compile_with_progress(quiet=quiet)
-    echo(f"{compiled} kernels compiled" if compiled else "all kernels are compiled")
+    echo(f"{compiled} routines compiled" if compiled else "all routines are compiled")
 
 
 def compile_with_progress(*, loaded: bool = False, quiet: bool = False) -> int:
@@ -17,7 +17,16 @@ def compile_with_progress(*, loaded: bool = False, quiet: bool = False) -> int:
 
     The bar appears only when something is compiled.
     """
-    from navfw.process import compile_kernels
+    from navfw.process.kernel_compilation import COMPILING, Compiled, compile_kernels
 
-    with ProgressBar("compiling", "kernels", quiet=quiet, moving=True) as bar:
-        return compile_kernels(bar.update, loaded=loaded)
+    with ProgressBar("compiling", quiet=quiet) as bar:
+
+        def show(state: Compiled) -> None:
+            nonlocal notice
+            if notice and not quiet:
+                bar.note(notice)
+                notice = ""
+            bar.show_share(state.share, str(state))
+
+        notice = COMPILING
+        return compile_kernels(show, loaded=loaded)

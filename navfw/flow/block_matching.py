@@ -188,7 +188,8 @@ class BlockMatching(MatchedFlow):
         self, now: Image, past: Image, visible: tuple[int, int, int, int]
     ) -> tuple[Array, Array, Array]:
         p = self.params
-        now, past = np.ascontiguousarray(now), np.ascontiguousarray(past)
+        # all read only: for arrays that are not, the kernels would be compiled once more
+        now, past = read_only(np.ascontiguousarray(now)), read_only(np.ascontiguousarray(past))
         windows = (self._x_windows, self._y_windows)
         low, high = TEXTURE_LOW, TEXTURE_HIGH
         scores, deviation = correlate(now, past, *windows, p.search, visible)
@@ -270,4 +271,4 @@ class BlockMatching(MatchedFlow):
 
 
 def _smoothed(image: Image) -> Image:
-    return np.asarray(cv2.GaussianBlur(image, (0, 0), _SMOOTHING))
+    return read_only(np.asarray(cv2.GaussianBlur(image, (0, 0), _SMOOTHING)))

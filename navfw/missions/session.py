@@ -26,6 +26,7 @@ from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
 from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import SimulatorWatch
 from navfw.process import ProcessState, compile_kernels
+from navfw.process.interruption import INTERRUPTED
 from navfw.recording.channel_list import SeenRun
 from navfw.recording.run_folder import plain_json
 from navfw.recording.run_observers import RunObserver, RunRecorder
@@ -333,7 +334,12 @@ class MissionResult:
 
     @property
     def exit_code(self) -> int:
-        """That of ``navfw run``: 0 for an accomplished mission without objections, else 1."""
+        """That of ``navfw run``: 0 for an accomplished mission without objections, else 1.
+
+        130 for a run that was stopped by the user.
+        """
+        if self.outcome is Outcome.CANCELLED:
+            return INTERRUPTED
         return 0 if self.outcome.succeeded and not self.objections else 1
 
     @property

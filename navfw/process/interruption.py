@@ -18,6 +18,9 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
+INTERRUPTED = 130
+"""Exit code of a command that Ctrl-C or SIGTERM has ended: that of shells for SIGINT."""
+
 _REPEAT = 1.0
 """Wall time [s] after a signal within which another one counts as the same: a terminal sends Ctrl-C
 to the waiting and to the driving process of a run, and the former forwards it."""

@@ -15,11 +15,11 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -129,8 +129,61 @@ def groups_of(kernels: Sequence[Kernel]) -> list[list[Kernel]]:
 # --- compilation ----------------------------------------------------------------------------------
 
 
-Report = Callable[[int, int, str], object]
-"""Takes how many kernels are compiled, of how many, and what is being compiled."""
+COMPILING = "compiling navfw's routines for this machine; this happens only once"
+"""What is said when the first kernels are compiled."""
+
+
+@dataclass(frozen=True, slots=True)
+class Compiled:
+    """How many kernels are compiled, the ``share`` of the work, and the time ``left`` [s].
+
+    ``left`` is None until enough is compiled to give it within a factor of two.
+    """
+
+    done: int
+    total: int
+    share: float
+    left: float | None
+
+    def __str__(self) -> str:
+        about = "" if self.left is None else f", about {max(self.left, 1.0):.0f} s left"
+        return f"{self.done} of {self.total}{about}"
+
+
+Report = Callable[[Compiled], object]
+"""Called with the state of the compilation."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Outlook:
+    """What is done and left of ``groups``, compiled in their order, as many at a time as cores.
+
+    The time of a kernel grows with its size. One that is being compiled counts as half done.
+    """
+
+    groups: Sequence[Sequence[Kernel]]
+    began: float
+
+    def state(self) -> Compiled:
+        """The state now, by what is in numba's cache."""
+        left = [[k.size for k in group if k.missing] for group in self.groups]
+        left = [sizes for sizes in left if sizes]
+        running = left[: usable_cores()]
+        total = sum(kernel.size for group in self.groups for kernel in group)
+        missing = sum(map(sum, left))
+        count = sum(map(len, self.groups))
+        half = 0.5 * sum(sizes[0] for sizes in running)
+        spent = (time.monotonic() - self.began) / max(total - missing + half, 1.0)
+        # beside each other, but a group one after the other
+        longest = max((sum(sizes) - 0.5 * sizes[0] for sizes in running), default=0.0)
+        rest = spent * max(missing - half, longest * len(running))
+        share = 1.0 - missing / total
+        done = count - sum(map(len, left))
+        return Compiled(done, count, share, rest if share > _TRUSTED else None)
+
+
+_TRUSTED = 0.25
+"""Share of the work from which on the rest's time is known within a factor of two."""
 
 
 def compile_kernels(report: Report | None = None, *, loaded: bool = False) -> int:
@@ -144,7 +197,7 @@ def compile_kernels(report: Report | None = None, *, loaded: bool = False) -> in
         KeyboardInterrupt: a signal has arrived; what was compiled by then is kept.
 
     """
-    show = report or (lambda *state: None)
+    show = report or (lambda state: None)
     missing = [kernel for kernel in listed_kernels(loaded) if kernel.missing]
     if not missing:
         return 0
@@ -165,13 +218,13 @@ def compile_kernels(report: Report | None = None, *, loaded: bool = False) -> in
 
 def _wait_for(lock: TargetLock, missing: Sequence[Kernel], show: Report) -> None:
     """Take the lock; meanwhile show what its holder has compiled."""
+    outlook = _Outlook(groups_of(missing), time.monotonic())
     while True:
         try:
             lock.acquire(PERIOD)
         except TargetInUseError:
             check_interrupted()
-            done = sum(not kernel.missing for kernel in missing)
-            show(done, len(missing), "by another process")
+            show(outlook.state())
         else:
             return
 
@@ -181,27 +234,22 @@ def _compile_groups(groups: Sequence[Sequence[Kernel]], show: Report) -> None:
 
     If one of the processes dies, the rest is compiled when it is called.
     """
-    workers, total, done = min(usable_cores(), len(groups)), sum(map(len, groups)), 0
+    workers, outlook = min(usable_cores(), len(groups)), _Outlook(groups, time.monotonic())
     context = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(workers, context, _begin_worker, (groups,)) as pool:
-        futures = {}
+        unfinished = set()
         try:
             with contextlib.suppress(BrokenProcessPool):
-                futures = {pool.submit(_compile, n): group for n, group in enumerate(groups)}
-            unfinished = set(futures)
+                unfinished = {pool.submit(_compile, n) for n in range(len(groups))}
             while unfinished:
-                running = (group for future, group in futures.items() if future.running())
-                names = (group[0].name for group in islice(running, workers))
-                now = ", ".join(name.removeprefix("navfw.") for name in names)
-                show(done, total, now)
-                finished, unfinished = wait(unfinished, PERIOD, return_when=FIRST_COMPLETED)
-                done += sum(len(futures[f]) for f in finished if f.exception() is None)
+                show(outlook.state())
+                unfinished = wait(unfinished, PERIOD).not_done
                 check_interrupted()
         except BaseException:
             for process in (pool._processes or {}).values():
                 process.terminate()
             raise
-    show(done, total, "")
+    show(outlook.state())
 
 
 # --- in a worker process --------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from navfw.errors import InputError
 from navfw.missions.outcome import Outcome
-from navfw.process.interruption import deferred
+from navfw.process.interruption import INTERRUPTED, deferred
 from navfw.suite.case import Case, Job, KeptRuns
 from navfw.suite.case_worker import run_job
 from navfw.suite.run_journal import RunKey, RunRow
@@ -67,6 +67,7 @@ _EXPORT_SHARE = 0.02
 class SuiteResult:
     """The rows of a suite in the plan's order, their summary, and whether no run is missing.
 
+    ``interrupted``: Ctrl-C or SIGTERM has ended it.
     ``unsaved`` is why table and summary could not be written at the end; "" if they were.
     """
 
@@ -74,12 +75,18 @@ class SuiteResult:
     summary: dict[str, Any]
     complete: bool
     unsaved: str = ""
+    interrupted: bool = False
 
     @property
     def exit_code(self) -> int:
-        """0: success; 1: runs have no result, or a plugin failed; 3: the table is not written."""
+        """0: success; 1: runs have no result, or a plugin failed; 3: the table is not written.
+
+        130: interrupted.
+        """
         if self.unsaved:
             return 3
+        if self.interrupted:
+            return INTERRUPTED
         failed = self.summary["died"] or self.summary["plugin_faults"]
         return 0 if self.complete and not failed else 1
 
@@ -120,19 +127,19 @@ def run_suite(
         if case.key not in table.rows
     ]
     drives = engine_or_processes(engine, workers, limit=limit, memory=memory, work=work)
-    unsaved = ""
+    unsaved, interrupted = "", False
     with deferred():  # the engine alone is interrupted, while it waits for runs
         try:
             with drives as runner:
                 while jobs:
                     jobs = _drive(runner.run(jobs), table, on_row)
         except KeyboardInterrupt:
-            pass  # the suite is incomplete
+            interrupted = True
         except InputError as error:  # of the journal, or of the exported files
             unsaved = str(error)
         finally:
             done = table.finish()
-    return replace(done, unsaved=done.unsaved or unsaved)
+    return replace(done, unsaved=done.unsaved or unsaved, interrupted=interrupted)
 
 
 def _drive(

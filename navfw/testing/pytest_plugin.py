@@ -212,15 +212,16 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     drives = any(_MISSION in getattr(item, "fixturenames", (_MISSION,)) for item in session.items)
     if not (drives or scenes) or config.option.collectonly:
         return
-    from navfw.process import compile_kernels
+    from navfw.process.kernel_compilation import COMPILING, Compiled, compile_kernels
 
     capture: Any = config.pluginmanager.getplugin("capturemanager")
     reports = itertools.count()
 
-    def show(done: int, total: int, _: str) -> None:
-        if next(reports) % 20 == 0:  # every 10 s
+    def show(state: Compiled) -> None:
+        if (report := next(reports)) % 20 == 0:  # every 10 s
             with capture.global_and_fixture_disabled() if capture else contextlib.nullcontext():
-                sys.stderr.write(f"compiling: {done} of {total} kernels\n")
+                sys.stderr.write("" if report else f"\n{COMPILING}\n")
+                sys.stderr.write(f"compiling: {state}\n")
 
     compile_kernels(show, loaded=True)
 

@@ -40,8 +40,8 @@ def test_without_a_terminal_there_is_a_line_every_few_seconds(
         line.show(progress(3.0))
     out, err = capfd.readouterr()
     assert out == ""
-    assert [text.split(" s ")[0].strip() for text in err.splitlines()] == ["1.0", "3.0"]
-    assert "3.0 m to go   0.5x  avoid > hall" in err
+    assert [text.split(" s,")[0].strip() for text in err.splitlines()] == ["1.0", "3.0"]
+    assert "3.0 s,  3.0 m to go, 0.5 x real time: avoid to hall; Front is a door; Floor" in err
     assert "Front is a door; Floor" in err
 
 
@@ -54,7 +54,7 @@ def test_on_a_terminal_the_line_is_replaced_and_gone_at_the_end(
         line.show(progress(1.0))
         line.note(run.COMPILING)
         line.show(progress(2.0))
-    assert "1.0 s    3.0 m to go   0.5x  avoid > hall" in screen.getvalue()
+    assert "1.0 s,  3.0 m to go, 0.5 x real time: avoid to hall\r" in screen.getvalue()
     assert "2.0 s" in screen.getvalue()
     assert run.COMPILING.split()[-1] in screen.getvalue()
     assert screen.getvalue().endswith("\x1b[2K") or "\x1b[2K" in screen.getvalue()[-20:]

@@ -183,7 +183,7 @@ def on_terminal(answer: str) -> tuple[int, str, str]:
 def test_any_answer_but_yes_on_a_terminal_is_a_no(answer: str, project: Path) -> None:
     code, stdout, shown = on_terminal(answer)
     assert (code, stdout) == (2, "")
-    assert f"The project in '{project}', of user " in shown
+    assert f"The project in '{project}', of user " in " ".join(shown.split())
     assert "\n  behaviors/hover.py\n" in shown
     assert shown.count("[y/N]") == 1
     assert "navfw trust" in shown

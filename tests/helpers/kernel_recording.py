@@ -7,15 +7,20 @@ addition to what it lists.
 import importlib
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from numba import types
 from numba.extending import is_jitted
 
 from navfw.config import list_files
-from navfw.missions import prepare
+from navfw.missions import Session, prepare
+from navfw.plugins import default_registry
 from navfw.process import KERNEL_FILE
+from navfw.suite import load_suite, plan_runs
+
+STACKS = [stack.name for stack in list_files("stack") if stack.name != "navground"]
+"""The stacks that ship; navground needs its library."""
 
 Calls = dict[str, dict[str, list[str]]]
 """Module: function: its signatures."""
@@ -33,11 +38,27 @@ def expression(kind: Any) -> str:
     return "boolean" if kind == types.boolean else str(kind)
 
 
-def calls_of_drives(stacks: Sequence[str], seconds: float) -> Calls:
-    """What this process has called once it has driven with each of ``stacks`` for some time."""
-    for stack in stacks:
-        override = f"mission.timeout={seconds}"
-        prepare("office", "lobby-to-lab", stack=stack, overrides=(override,)).run()
+NOT_DRIVEN = ("ablations", "barn", "bodies", "faults")
+"""Suites whose worlds are those of others, or elsewhere."""
+
+
+def drives(seconds: float, suites: Sequence[str] | None = None) -> Iterator[Session]:
+    """Drives with all stacks, with all robots, and of one seed of the ``suites`` that ship."""
+    shorter, registry = f"mission.timeout={seconds}", default_registry()
+    for stack in STACKS:
+        yield prepare("office", "lobby-to-lab", stack=stack, overrides=(shorter,))
+    for robot in list_files("robot"):
+        yield prepare("office", "lobby-to-lab", overrides=(shorter, f"robot={robot.name}"))
+    for suite in suites or [file.name for file in list_files("suite")]:
+        if suite not in NOT_DRIVEN:
+            plan = plan_runs(load_suite(suite), range(1), registry, overrides=(shorter,))
+            yield from (case.session(registry) for case in plan.cases)
+
+
+def calls_of_drives(sessions: Iterable[Session]) -> Calls:
+    """What this process has called once it has driven each of the ``sessions``."""
+    for session in sessions:
+        session.run()
     found: Calls = {}
     for module in sorted(name for name in sys.modules if name.startswith("navfw.")):
         for name, function in sorted(vars(sys.modules[module]).items()):
@@ -62,10 +83,9 @@ def listed_calls() -> Calls:
 
 
 def main() -> None:
-    """Add what drives of four simulated seconds call, with every stack that ships."""
+    """Add what ``drives`` of some simulated seconds call, some hundred of them."""
     total = listed_calls()
-    stacks = [stack.name for stack in list_files("stack") if stack.name != "navground"]
-    for module, functions in calls_of_drives(stacks, 4.0).items():
+    for module, functions in calls_of_drives(drives(8.0)).items():
         for name, signatures in functions.items():
             known = total.setdefault(module, {}).get(name, [])
             total[module][name] = sorted({*known, *signatures})

@@ -95,7 +95,7 @@ def test_ctrl_c_ends_as_cancelled_with_the_folder_intact(tmp_path: Path) -> None
         assert started.after(0.02), "it ended before it began"
     started.send(signal.SIGINT, group=False)
     ended = started.ended()
-    assert (ended.code, json.loads(ended.stdout)["outcome"]) == (1, "cancelled")
+    assert (ended.code, json.loads(ended.stdout)["outcome"]) == (130, "cancelled")
     assert read_result(tmp_path / "new" / "mine")["outcome"] == "cancelled"
     assert [entry.name for entry in (tmp_path / "new").iterdir()] == ["mine"]
 

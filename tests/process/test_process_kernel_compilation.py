@@ -23,9 +23,9 @@ one, two = (parse_types(f"Array(float64, 1, 'C', readonly={word})") for word in 
 kernels = [Kernel(str(f), f, (one, two)) for f in (are_degrees, are_finite)]
 kernel_compilation.listed_kernels = lambda loaded: kernels
 shown = []
-compiled = kernel_compilation.compile_kernels(lambda *state: shown.append(state))
+compiled = kernel_compilation.compile_kernels(shown.append)
 print(compiled, any(k.missing for k in kernels))
-print(*(f"{done}/{total}" for done, total, _ in shown))
+print(*(f"{state.done}/{state.total}" for state in shown))
 compiled = [s for k in kernels for s in k.function.stats.cache_misses.values()]
 print("compiled here:", sum(compiled))
 """

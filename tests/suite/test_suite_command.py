@@ -55,7 +55,7 @@ def test_ctrl_c_leaves_a_valid_table_and_no_process(folder: Path) -> None:
         assert started.after(0.1), "it ended before it began"
     started.send(signal.SIGINT)
     ended = started.ended()
-    assert ended.code == 1
+    assert ended.code == 130
     told = json.loads(ended.stdout)
     assert told["summary"]["complete"] is False
     rows = SuiteFolder(folder / "o").rows()

@@ -160,7 +160,7 @@ def test_ctrl_c_while_workers_start_prints_no_traceback(tmp_path: Path) -> None:
         time.sleep(0.005)
     started.send(signal.SIGINT)
     ended = started.ended()
-    assert (ended.code, ended.stderr) == (1, "")
+    assert (ended.code, ended.stderr) == (130, "")
 
 
 @pytest.mark.slow
