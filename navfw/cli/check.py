@@ -11,6 +11,7 @@ import typer
 
 from navfw.cli.options import JsonList
 from navfw.cli.output import echo, print_json, quiet_stdout
+from navfw.cli.warm import compile_with_progress
 from navfw.config.file_kinds import FILE_KINDS, FileKind
 from navfw.config.input_file import no_such_file, real_path, shown_path
 from navfw.config.lookup import project_folder
@@ -119,6 +120,7 @@ def _tried(row: Checked, registry: Registry) -> str | None:
     from navfw.interfaces import Behavior, Composite
     from navfw.testing import check_behavior, check_composite
 
+    compile_with_progress(loaded=True)
     cls = registry.get(row["kind"], row["name"])
     if any(info.is_required() for info in cls.Params.model_fields.values()):
         return None  # a stack has to give its parameters

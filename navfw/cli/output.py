@@ -39,7 +39,27 @@ def echo(text: str, *, err: bool = False, nl: bool = True) -> None:
     if (sys.stderr if err else sys.stdout).isatty():
         width = shutil.get_terminal_size().columns
         text = "\n".join(wrapped(line, width) for line in text.split("\n"))
-    typer.echo(text, err=err, nl=nl)
+    _write(text, err=err, nl=nl)
+
+
+@contextlib.contextmanager
+def above(screen: Any) -> Iterator[None]:
+    """Print what is written to the terminal inside the block above what ``screen`` shows live."""
+    _live.append(screen)
+    try:
+        yield
+    finally:
+        _live.remove(screen)
+
+
+_live: list[Any] = []
+
+
+def _write(text: str, *, err: bool = False, nl: bool = True) -> None:
+    if _live and (sys.stderr if err else sys.stdout).isatty():
+        _live[-1].print(text, markup=False, soft_wrap=True, end="\n" if nl else "")
+    else:
+        typer.echo(text, err=err, nl=nl)
 
 
 def wrapped(line: str, width: int) -> str:
@@ -85,7 +105,7 @@ def print_json_list(items: Iterable[Mapping[str, Any]]) -> None:
     try:
         for item in items:
             line = opening + json.dumps(item, allow_nan=False)
-            typer.echo(line)
+            _write(line)
             opening = ","
     finally:
         if opening == ",":

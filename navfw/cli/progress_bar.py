@@ -6,12 +6,12 @@ import contextlib
 import shutil
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import typer
 
-from navfw.cli.output import console, echo
+from navfw.cli.output import above, console, echo
 from navfw.process.printable_text import printable_data
 
 LINE_PERIOD = 10.0
@@ -38,7 +38,7 @@ class ProgressBar(contextlib.ExitStack):
     terminal, what is printed there while the bar is shown appears above it. Elsewhere there is a
     line every ``period`` [s].
 
-    A ``moving`` bar goes on between updates: a thread draws time elapsed and time left. It is for
+    A ``moving`` bar shows the time elapsed between updates as well, drawn by a thread. It is for
     work of other processes, which the drawing does not disturb.
     """
 
@@ -74,11 +74,11 @@ class ProgressBar(contextlib.ExitStack):
         clock = time.monotonic()
         if self._count is None:
             unit = "" if self._part else f" {self._unit}"
-            self._count = _Count(unit, done, total, done, clock, clock)
-        self._count = replace(self._count, done=done, total=total, updated=clock)
-        parts = (part for part in (self._part, self._count.text(clock), now) if part)
-        line = f"{self._work}: {': '.join(parts)}"
-        shown = {"count": self._count, "now": now or self._part}
+            self._count = _Count(unit, done, clock)
+        count = self._count.text(done, total, clock)
+        line = f"{self._work}: {': '.join(part for part in (self._part, count, now) if part)}"
+        work = f"{self._work}: {self._part}" if self._part else self._work
+        shown: dict[str, Any] = {"description": work, "count": count, "now": now}
         shown |= {"completed": done, "total": total or None}
         self._show(clock, line, shown, last=done == total > 0)
 
@@ -111,10 +111,7 @@ class ProgressBar(contextlib.ExitStack):
 
     def note(self, text: str) -> None:
         """Print a line that stays."""
-        if self._bar is None:
-            echo(text, err=True)
-        else:
-            self._bar.console.print(text, markup=False)
+        echo(text, err=True)
 
     def _show(self, clock: float, line: str, shown: dict[str, Any], *, last: bool) -> None:
         """Show on a terminal the fields ``shown``, elsewhere the ``line``, unless too soon."""
@@ -148,46 +145,33 @@ class ProgressBar(contextlib.ExitStack):
             auto_refresh=self._moving,
             refresh_per_second=MOVES_PER_SECOND,
             transient=True,
-            redirect_stdout=sys.stdout.isatty(),  # a file gets its lines, not the terminal
+            redirect_stdout=False,  # a file gets its lines, and ``echo`` prints above the bar
         )
         self._task = self._bar.add_task(self._work, count="", now="")
         self._bar.start()
         self.callback(self._bar.stop)
+        self.enter_context(above(self._bar.console))
 
 
 @dataclass(frozen=True)
 class _Count:
-    """What was done at the last update, ``updated`` [s], of work that began with ``first`` done."""
+    """How much was done at the first update, and its time [s]: for rate and time left."""
 
     unit: str
-    done: int
-    total: int
     first: int
     began: float
-    updated: float
 
-    def __str__(self) -> str:
-        """The text now: a moving bar draws it between updates."""
-        return self.text(time.monotonic())
-
-    def text(self, clock: float) -> str:
-        """What is done, with rate and time left at ``clock`` [s] as far as known.
-
-        Between updates the time left goes down until the next one is due by the mean interval; an
-        interval that lasts longer counts in the mean.
-        """
-        done, total = self.done, self.total
+    def text(self, done: int, total: int, clock: float) -> str:
+        """What is done, with rate and time left at ``clock`` [s] as far as known."""
         if not total and not done:
             return ""
         text = f"{done} of {total}{self.unit}" if total else f"{done}{self.unit}"
-        new = done - self.first
-        if new <= 0 or self.updated <= self.began:
+        new, spent = done - self.first, clock - self.began
+        if new <= 0 or spent <= 0.0:
             return text
-        interval = max((self.updated - self.began) / new, (clock - self.began) / (new + 1))
-        rate = 1.0 / interval
+        rate = new / spent
         text += f", {rate:.1f}/s" if rate >= 0.1 else f", {60.0 * rate:.2g}/min"
-        left = (total - done) * interval - min(clock - self.updated, interval)
-        return f"{text}, {_duration(left)} left" if done < total else text
+        return f"{text}, {_duration((total - done) / rate)} left" if done < total else text
 
 
 def _duration(seconds: float) -> str:

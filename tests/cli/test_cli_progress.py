@@ -165,7 +165,7 @@ def _wait_for(screen: io.StringIO, text: str) -> None:
         time.sleep(0.01)
 
 
-def test_a_moving_bar_shows_elapsed_time_and_time_left_between_updates(
+def test_a_moving_bar_shows_the_time_elapsed_between_updates(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     screen = terminal_in(monkeypatch)
@@ -180,11 +180,6 @@ def test_a_moving_bar_shows_elapsed_time_and_time_left_between_updates(
         clock[0] = 110.0
         bar.update(1, 5)
         _wait_for(screen, "1 of 5 runs, 0.1/s, 40 s left")
-        clock[0] = 114.0
-        _wait_for(screen, "1 of 5 runs, 0.1/s, 36 s left")
-        # a run that takes three times as long as the first one counts in the rate
-        clock[0] = 140.0
-        _wait_for(screen, "1 of 5 runs, 3/min, 60 s left")
     end = time.monotonic() + 10.0
     while threading.active_count() > threads:
         assert time.monotonic() < end, "the thread that draws has not ended"

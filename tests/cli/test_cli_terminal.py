@@ -2,14 +2,17 @@
 
 import os
 import re
+import shutil
 import sys
 from pathlib import Path
 
 import pytest
 from cli_calls import commands, put_file
+from perceive_calls import APPROACH
+from perceive_images import save
 from terminals import Terminal
 
-from navfw.config import shipped_folder
+from navfw.process import compile_kernels
 from navfw.recording.run_folder import read_result
 
 NAVFW = (
@@ -33,8 +36,7 @@ for line in sys.argv[1:]:
 
 SUITE = "entries: [{world: empty, missions: [straight], set: {mission.timeout: 1}}]\n"
 
-IMAGES = Path(__file__).parents[2] / "docs/images"
-
+ROOT = Path(__file__).parents[2]
 SCREENS = Path(__file__).with_name("screens")
 
 VOLATILE = [
@@ -56,6 +58,7 @@ def place(tmp_path: Path, recorded: Path) -> Path:
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a recorded run, driven on a terminal."""
+    compile_kernels()
     folder = tmp_path_factory.mktemp("recorded") / "drive"
     words = ("run", "empty", "straight", "--record", "--out", folder.name)
     with Terminal([*NAVFW, *words], cwd=folder.parent) as terminal:
@@ -154,11 +157,15 @@ def test_screens(name: str, words: str, place: Path) -> None:
 
 
 @pytest.mark.thorough
-def test_the_screens_of_perceive_and_suite(place: Path) -> None:
+def test_the_screen_of_a_suite(place: Path) -> None:
     assert_screen("suite", shown(place, *["suite", "tiny.yaml", "--seeds", "0:2", "--out", "s"]))
-    frames = shipped_folder().parent / "docs/images"
-    assert frames
-    assert_screen("replay", shown(place, "replay", "drive"))
+
+
+@pytest.mark.thorough
+def test_the_screen_of_perceived_images(place: Path) -> None:
+    save(place, APPROACH)
+    images = sorted(file.name for file in place.glob("image_*.png"))
+    assert_screen("perceive", shown(place, "perceive", *images, "--hfov", "60"))
 
 
 @pytest.mark.parametrize("setting", [{"NO_COLOR": "1"}, {"TERM": "dumb"}], ids=str)
@@ -224,3 +231,15 @@ def test_ctrl_c_says_one_line(words: str, text: str, place: Path) -> None:
     else:
         assert said[-1] == "navfw: interrupted"
         assert len(said) == 1
+
+
+@pytest.mark.slow
+def test_make_run() -> None:
+    if shutil.which("make") is None:
+        pytest.skip("make is not installed")
+    with Terminal(["make", "run"], cwd=ROOT, env={"UV_OFFLINE": "1"}) as terminal:
+        code = terminal.ended()
+        if code == 2 and "network" in terminal.text():
+            pytest.skip("make run needs the network")
+        assert (code, terminal.faults()) == (0, []), terminal.text()
+        assert "reached after" in terminal.text()

@@ -14,7 +14,7 @@ LIMITS = {
     "navfw/, lines of scripts, pages, styles and templates": 2043,
     "behaviors/, lines of Python": 1806,
     "examples/, lines of Python": 647,
-    "tests/, lines of Python": 47242,
+    "tests/, lines of Python": 47620,
     "docs/, words": 55851,
     "README.md, words": 900,
     "pyproject.toml, lines": 566,
