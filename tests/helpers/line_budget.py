@@ -14,10 +14,10 @@ LIMITS = {
     "navfw/, lines of scripts, pages, styles and templates": 2043,
     "behaviors/, lines of Python": 1806,
     "examples/, lines of Python": 647,
-    "tests/, lines of Python": 47620,
+    "tests/, lines of Python": 47652,
     "docs/, words": 55851,
     "README.md, words": 900,
-    "pyproject.toml, lines": 566,
+    "pyproject.toml, lines": 567,
 }
 """What each folder may have."""
 
