@@ -238,8 +238,11 @@ class LiveServer:
             if key.data is None:
                 self._accept()
             elif key.data in self._clients:
-                for event in key.data.receive():
-                    self._answer(key.data, event)
+                try:
+                    for event in key.data.receive():
+                        self._answer(key.data, event)
+                except Exception:  # whatever it has sent costs its own connection only
+                    self._drop(key.data)
         self._flush()
 
     def _hold(self) -> None:
@@ -254,13 +257,17 @@ class LiveServer:
         return self._open.setdefault(info.topic, _LiveChannel(len(self._open), info))
 
     def _accept(self) -> None:
+        """Take in whoever has come."""
         with suppress(OSError):
-            client = _Client(self._socket.accept()[0])
-            idle = [other for other in self._clients if not other.viewing]
-            if len(self._clients) >= _MAX_CLIENTS:
-                self._drop(idle[0] if idle else self._clients[0])
-            self._clients.append(client)
-            self._selector.register(client.connection, EVENT_READ, client)
+            for _ in range(_MAX_CLIENTS):
+                self._take_in(_Client(self._socket.accept()[0]))
+
+    def _take_in(self, client: _Client) -> None:
+        idle = [other for other in self._clients if not other.viewing]
+        if len(self._clients) >= _MAX_CLIENTS:
+            self._drop(idle[0] if idle else self._clients[0])
+        self._clients.append(client)
+        self._selector.register(client.connection, EVENT_READ, client)
 
     def _flush(self) -> None:
         for client in [*self._clients]:
