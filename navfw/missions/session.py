@@ -32,7 +32,7 @@ from navfw.recording.run_folder import plain_json
 from navfw.recording.run_observers import RunObserver, RunRecorder
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.simulation import Simulation
-from navfw.sim.world_changes import ChangeTrack, WalkerTrack
+from navfw.sim.world_changes import ChangeTrack, Walker, WalkerTrack
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
 
@@ -58,6 +58,8 @@ class Session:
     events: tuple[Event, ...] = ()
     drawn: bool = True
     coarse: bool = False
+    _walkers: list[Walker] = field(default_factory=list, init=False, repr=False, compare=False)
+    """Those of the newest simulation: truth, for recordings and viewers only."""
 
     @property
     def task(self) -> Task:
@@ -77,7 +79,12 @@ class Session:
     @property
     def seen(self) -> SeenRun:
         """What recordings and viewers show of a run."""
-        return SeenRun(self.stack, outline_of(self.plan))
+        walkers = self._walkers
+
+        def movers() -> list[tuple[float, float, float]]:
+            return [(walker.x, walker.y, walker.spec.radius) for walker in walkers]
+
+        return SeenRun(self.stack, outline_of(self.plan), movers)
 
     @property
     def config(self) -> dict[str, Any]:
@@ -108,6 +115,7 @@ class Session:
             drawn=self.drawn,
             coarse=self.coarse,
         )
+        self._walkers[:] = simulation.walkers
         reveal(simulation, self.stack, drawn=self.drawn)
         return simulation
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntFlag
 from typing import TYPE_CHECKING
@@ -64,6 +65,7 @@ PERCEPT = "/percept"
 LOCAL_MAP = "/local_map"
 LOCAL_GOAL = "/local_goal"
 OBSTACLES = "/moving_obstacles"
+TRUE_OBSTACLES = "/moving_obstacles/true"
 TRANSFORMS = "/tf"
 POSE = "/pose"
 TRUE_POSE = "/pose/true"
@@ -110,6 +112,7 @@ VIEWER_CHANNELS = (
     ChannelInfo(LOCAL_MAP, "foxglove.Grid", "2 Hz", "`occupancy` in percent, in `odom`"),
     ChannelInfo(LOCAL_GOAL, "foxglove.PoseInFrame", "10 Hz", "local goal, in `base_link`"),
     ChannelInfo(OBSTACLES, "foxglove.SceneUpdate", "10 Hz", "moving obstacles, with velocity"),
+    ChannelInfo(TRUE_OBSTACLES, "foxglove.SceneUpdate", "10 Hz", "those of the simulator, if any"),
     ChannelInfo(
         TRANSFORMS,
         "tf2_msgs/msg/TFMessage",
@@ -122,7 +125,7 @@ VIEWER_CHANNELS = (
     ChannelInfo(WORLD, "foxglove.SceneUpdate", "0.2 Hz", "walls and furniture"),
     ChannelInfo(PROPOSALS, "foxglove.Grid", "5 Hz", "each behaviour's rating of all commands"),
     ChannelInfo(COMMAND, "navfw.Command", "10 Hz", "the command, its leader, weights and reasons"),
-    ChannelInfo(RULES, "navfw.FiredRules", "2 Hz", "rules that fired, as `navfw explain --json`"),
+    ChannelInfo(RULES, "navfw.FiredRules", "5 Hz", "rules that fired, as `navfw explain --json`"),
     ChannelInfo(IMU, "sensor_msgs/msg/Imu", "60 Hz", "gyro"),
     ChannelInfo(JOINTS, "sensor_msgs/msg/JointState", "60 Hz", "wheels"),
     ChannelInfo(ODOMETRY, "nav_msgs/msg/Odometry", "10 Hz", "dead reckoning"),
@@ -142,10 +145,14 @@ CHANNELS = SENSOR_CHANNELS + VIEWER_CHANNELS
 
 @dataclass(frozen=True, slots=True)
 class SeenRun:
-    """What the channels show besides the readings: the stack at work, and the world around it."""
+    """What the channels show besides the readings: the stack at work, and the world around it.
+
+    ``movers`` gives the true discs x, y, radius [m, map frame] of what moves by itself.
+    """
 
     stack: Stack
     outline: WorldOutline
+    movers: Callable[[], Sequence[tuple[float, float, float]]] = tuple
 
 
 def nanoseconds(time: float) -> int:

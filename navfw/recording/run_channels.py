@@ -191,6 +191,8 @@ def _views(
             goal = Pose(context.local_goal.x, context.local_goal.y, 0.0)
             yield topics.LOCAL_GOAL, partial(messages.pose_in_message, "base_link", goal, stamp)
     yield topics.OBSTACLES, partial(messages.obstacles_message, tracks, now, stamp)
+    if movers := seen.movers():
+        yield topics.TRUE_OBSTACLES, partial(messages.movers_message, movers, stamp)
     yield topics.LOG, partial(_line, state, log_time)
     yield topics.WORLD, partial(messages.world_message, seen.outline, stamp)
     if grid.located:

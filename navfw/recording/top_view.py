@@ -83,7 +83,7 @@ _WAY = Style(palette.GOAL, width=0.8, label="way")
 _WAYPOINT = Style(edge=palette.GOAL, width=1.1, marker="diamond", size=5.5, label="waypoint")
 _LOCAL_GOAL = Style(palette.LOCAL_GOAL, width=1.6, label="local goal")
 _LOCAL_GOAL_RADIUS = 0.08
-_MOVER = Style(palette.MOVING, width=1.6, height=1.0, label="moving obstacle")
+MOVER = Style(palette.MOVING, width=1.6, height=1.0, label="moving obstacle")
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,8 +155,8 @@ def way_shapes(robot: Point, waypoints: Sequence[Point], local_goal: Point | Non
 def mover_shapes(line: Array, at: Point, radius: float, opacity: float = 1.0) -> list[Shape]:
     """A moving obstacle of ``radius`` at a point, and the ``line`` (n, 2) of its motion."""
     return [
-        Line(line, replace(_MOVER, opacity=min(2.0 * opacity, 1.0))),
-        Disc(*at, radius, replace(_MOVER, opacity=opacity, label="")),
+        Line(line, replace(MOVER, opacity=min(2.0 * opacity, 1.0))),
+        Disc(*at, radius, replace(MOVER, opacity=opacity, label="")),
     ]
 
 

@@ -17,7 +17,7 @@ from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.movers.tracking import Track
 from navfw.numerics import Array
 from navfw.recording import palette
-from navfw.recording.top_view import Area, Disc, Line, Shape, WorldOutline, mover_shapes
+from navfw.recording.top_view import MOVER, Area, Disc, Line, Shape, WorldOutline, mover_shapes
 from navfw.robot import CameraModel
 from navfw.signals import Belief, FlowField, Label, Percept, Pose, Proposal, Twist, Waypoint
 
@@ -140,6 +140,13 @@ def obstacles_message(tracks: Sequence[Track], time: float, stamp: Timestamp) ->
         ends = np.array([at, at + track.velocity])
         shapes += mover_shapes(ends, (at[0], at[1]), track.radius, opacity=0.8)
     return _scene(shapes, "odom", "moving", stamp)
+
+
+def movers_message(
+    discs: Sequence[tuple[float, float, float]], stamp: Timestamp
+) -> fox.SceneUpdate:
+    """What moves by itself, in ``map``: ``discs`` (x, y, radius) [m]."""
+    return _scene([Disc(*disc, MOVER) for disc in discs], "map", "movers", stamp)
 
 
 def world_message(outline: WorldOutline, stamp: Timestamp) -> fox.SceneUpdate:

@@ -82,6 +82,12 @@
       });
       newest.courses = (entity[11] || []).map((line) => fields(line)[5].map((p) => placed(odom, point(p))));
     },
+    "/moving_obstacles/true"(bytes) {
+      newest.walkers = (one(fields(bytes), 2)[10] || []).map((cylinder) => {
+        const body = fields(cylinder), at = pose(one(body, 1));
+        return [at.x, at.y, number(one(body, 2), 1) / 2];
+      });
+    },
     "/command"(bytes) {
       const command = newest.command = JSON.parse(text(bytes));
       if (command.leader === undefined) return;

@@ -125,6 +125,7 @@ function makePlan(canvas, data, redraw) {
     }
     for (const course of moment.courses || []) shape({line: course, edge: data.moving, width: 2});
     shape({discs: moment.movers || [], fill: data.moving});
+    shape({discs: moment.walkers || [], edge: data.moving, width: 2});
     if (moment.way) shape({line: moment.way, edge: data.goal, width: 2, dash: [2, 4]});
     const bodies = (at) => data.discs.map(([x, y, r]) => [...placed(at, [x, y]), r]);
     if (moment.robot) {

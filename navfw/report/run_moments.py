@@ -37,6 +37,7 @@ SHOWN = (
     topics.COMMAND,
     topics.LOCAL_MAP,
     topics.OBSTACLES,
+    topics.TRUE_OBSTACLES,
     topics.TRANSFORMS,
     topics.POSE,
     topics.TRUE_POSE,
@@ -81,7 +82,8 @@ class RunMoment:
     (x0, y0, x1, y1), ``cells`` groups of points (x, y) with their CSS colour, both in sixteenths of
     a pixel from the upper left corner. ``robot`` is its true pose, ``estimate`` the believed one,
     ``way`` the points of the way ahead, x, y [m]. ``movers`` are discs (x, y, radius), ``courses``
-    where each goes in a second; ``map`` is the local map, with its lowest corner, yaw and size.
+    where each goes in a second, ``walkers`` the true discs; ``map`` is the local map, with its
+    lowest corner, yaw and size.
     """
 
     time: float
@@ -97,6 +99,7 @@ class RunMoment:
     way: list[tuple[float, float]] = field(default_factory=list)
     movers: list[tuple[float, float, float]] = field(default_factory=list)
     courses: list[Any] = field(default_factory=list)
+    walkers: list[tuple[float, float, float]] = field(default_factory=list)
     map: tuple[str, Pose, tuple[float, float]] | None = None
     rating: Rating | None = None
 
@@ -177,6 +180,9 @@ def _moment(
         moment.robot = planar_pose(content[topics.TRUE_POSE])
     if topics.POSE in content:
         moment.estimate = planar_pose(content[topics.POSE])
+    if topics.TRUE_OBSTACLES in content:
+        bodies = [body for e in content[topics.TRUE_OBSTACLES].entities for body in e.cylinders]
+        moment.walkers = [(b.pose.position.x, b.pose.position.y, 0.5 * b.size.x) for b in bodies]
     if topics.TRANSFORMS in content:
         odom = planar_pose(content[topics.TRANSFORMS].transforms[0].transform)
         _surround(moment, newest, odom, maps)

@@ -52,7 +52,7 @@ def test_all_channels_have_their_schema_rate_and_simulated_time(driven: Driven) 
     times: dict[str, list[float]] = {}
     for message in run.messages():
         times.setdefault(message.topic, []).append(message.time)
-    unused = {topics.LANDMARK_IMAGE, topics.LEFT_IMAGE, topics.RIGHT_IMAGE}
+    unused = {topics.LANDMARK_IMAGE, *topics.SIDE_IMAGES, topics.TRUE_OBSTACLES}
     used = [info for info in topics.CHANNELS if info.topic not in unused]
     assert set(times) == {info.topic for info in used}
     for info in used:
