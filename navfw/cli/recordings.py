@@ -122,6 +122,8 @@ def explain(
         from navfw.recording.run_replay import explain_at
 
         explanation = explain_at(folder, at)
+    if not explanation.get("complete", True):
+        echo("note: the recording ends before its run did", err=True)
     if json:
         print_json(explanation)
     else:

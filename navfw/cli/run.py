@@ -175,7 +175,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
 
     Returns the result, the folder with it, None if it could not be written, and what is missing.
     """
-    from navfw.missions.run_report import default_folder, write_run
+    from navfw.missions.run_report import RecordedFolder, default_folder, write_run
     from navfw.missions.session_setup import prepare
     from navfw.recording.video_output import check_video
     from navfw.robot.urdf_measures import robot_notes
@@ -202,12 +202,14 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
     result = None
     try:
         with target:
+            recorded = RecordedFolder(session, target) if request.record else None
             _announce(session, target, request)
             with _RunProgress(quiet=request.quiet) as line:
                 result = session.run(
                     line.show,
                     gui=request.gui,
-                    record=request.record,
+                    record=False if recorded is None else recorded.recorder,
+                    told=(lambda _: None) if recorded is None else recorded.told,
                     observers=() if server is None else (server,),
                     limit=request.limit,
                 )
@@ -222,7 +224,8 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
         if result is None:
             raise
         missing = (str(error),)
-    return result, target.final, (*missing, *_write_video(request, target.final))
+    folder = target.path if target.final is None and target.kept else target.final
+    return result, folder, (*missing, *_write_video(request, target.final))
 
 
 def _announce(session: Session, target: RunFolder, request: _Request) -> None:
@@ -236,7 +239,6 @@ def _announce(session: Session, target: RunFolder, request: _Request) -> None:
             "seed": session.seed,
         },
         folder=str(target.target.absolute()),
-        numbered=request.out is None,
         as_json=request.json,
         limit=request.limit,
         goals=[(goal.x, goal.y, goal.place) for goal in session.mission.goals],

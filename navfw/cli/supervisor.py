@@ -295,11 +295,12 @@ class _Supervisor:
         faults = self._faults() + ([reason] if ": " in reason else [])
         outcome = "cancelled" if self._stopped else "fault"
         summary = {**run.summary, "outcome": outcome, "reason": reason, "faults": faults}
-        folder = RunFolder(run.folder, numbered=run.numbered)
+        # the process that has died has claimed the folder
+        folder = RunFolder(run.folder)
         missing = []
         try:
             with folder:
-                folder.write_json(RESULT, summary)
+                folder.write_json(RESULT, {**folder.adopt_unfinished(), **summary})
         except InputError as error:
             missing.append(str(error))
         where = None if folder.final is None else str(folder.final)

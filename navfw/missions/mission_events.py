@@ -6,7 +6,7 @@ They are checked against the mission's map, its world and the behaviours of the 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn, Protocol, cast
 
@@ -77,9 +77,17 @@ class EventTarget(Protocol):
 
 
 class EventClock:
-    """Begins and ends the events of one run, and records their times."""
+    """Begins and ends the events of one run, and records their times.
 
-    def __init__(self, events: Iterable[tuple[Event, EventTarget]]) -> None:
+    ``told`` is called with all events so far when one has begun or ended.
+    """
+
+    def __init__(
+        self,
+        events: Iterable[tuple[Event, EventTarget]],
+        told: Callable[[Sequence[EventRecord]], object] = lambda _: None,
+    ) -> None:
+        self._told = told
         self._waiting = list(events)
         self._running: list[tuple[Event, EventTarget, EventRecord]] = []
         self._log: list[EventRecord] = []
@@ -93,6 +101,7 @@ class EventClock:
         """End and begin the events due at ``time`` [s]; ``robot`` is the robot's true pose."""
         if not (self._running or self._waiting):
             return
+        running = len(self._running)
         for event, target, record in self._running:
             if time - record.began >= event.lasting - 1e-9:
                 target.end(event.action)
@@ -104,6 +113,8 @@ class EventClock:
             target.begin(event.action)
             self._log.append(EventRecord(event.spec, time))
             self._running.append((event, target, self._log[-1]))
+        if due or len(self._running) < running:
+            self._told(self._log)
 
 
 def resolve_events(

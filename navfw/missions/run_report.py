@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable
-from contextlib import nullcontext
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext, suppress
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from navfw.config.extras import pybullet_version
+from navfw.missions.mission_events import EventRecord
 from navfw.missions.run_drawing import outline_of
 from navfw.missions.session import MissionResult, Session
 from navfw.process.atomic import writing
@@ -27,6 +28,49 @@ def default_folder(session: Session) -> Path:
     return Path("runs") / f"{session.world_name}-{session.mission_name}-{session.seed}"
 
 
+UNFINISHED = "unfinished"
+"""Outcome of a run that goes on, or whose process was killed."""
+
+
+class RecordedFolder:
+    """The files that a recorded run has from its start, in the folder of ``target``.
+
+    With them and the recording so far a run can be looked at and replayed while it goes on, and
+    after its process was killed.
+
+    Raises:
+        InputError: they cannot be written.
+
+    """
+
+    def __init__(self, session: Session, target: RunFolder) -> None:
+        self._target = target
+        self._result = {
+            "outcome": UNFINISHED,
+            "reason": "the run goes on, or its process was killed",
+            **{name: session.description[name] for name in ("world", "mission", "seed")},
+            **_origin(session),
+        }
+        with writing(target.target):
+            self._write(())
+            for name, write in _inputs(session, target).items():
+                write(target.path / name)
+            target.show_unfinished()
+            self.recorder = session.recorder(target.path / RECORDING)
+
+    def told(self, events: Sequence[EventRecord]) -> None:
+        """Keep the mission's ``events`` so far: a replay repeats those of behaviours."""
+        with suppress(OSError):  # of a full disk, which costs no run
+            self._write(events)
+
+    def _write(self, events: Sequence[EventRecord]) -> None:
+        self._target.write_json(RESULT, {**self._result, "events": [e.as_data() for e in events]})
+
+
+def _inputs(session: Session, target: RunFolder) -> dict[str, Callable[[Path], object]]:
+    return target.input_writers(session.stack.config, session.mission.topo_map)
+
+
 def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
     """Write all files of the run into the (temporary) folder of ``target``, the result first.
 
@@ -41,23 +85,30 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
         target.write_json(RESULT, _content(result))
     writers: dict[str, Callable[[Path], object]] = {}
     if result.recorder is not None:
-        session = result.session
-        writers |= target.input_writers(session.stack.config, session.mission.topo_map)
+        inputs = _inputs(result.session, target)
+        writers |= {name: w for name, w in inputs.items() if not (target.path / name).exists()}
         writers[RECORDING] = result.recorder.save
     writers[PICTURE] = lambda path: draw(result, path)
     with deferred():  # a recording without its inputs could not be replayed
         missing = [
             (name, _why_missing(target.path / name, write)) for name, write in writers.items()
         ]
-    return tuple(f"{name} is missing: {why}" for name, why in missing if why)
+    said = [f"{name} is missing: {why}" for name, why in missing if why]
+    error = None if result.recorder is None else result.recorder.error
+    if error is not None and (target.path / RECORDING).exists():
+        said.append(f"{RECORDING} ends before the run: {error.strerror or error}")
+    return tuple(said)
 
 
 def _content(result: MissionResult) -> dict[str, Any]:
     """The content of ``result.json``."""
-    session = result.session
+    trace = result.run.verdict.trace
+    return {**result.summary(), "trace": trace, **_origin(result.session)}
+
+
+def _origin(session: Session) -> dict[str, Any]:
+    """What a run was made of, and where."""
     return {
-        **result.summary(),
-        "trace": result.run.verdict.trace,
         "config": session.config,
         "overrides": session.overrides,
         "versions": versions(),

@@ -15,7 +15,7 @@ from typing import Any, Self
 
 from navfw.errors import InputError
 from navfw.missions import run_metrics
-from navfw.missions.mission_events import Event, EventClock
+from navfw.missions.mission_events import Event, EventClock, EventRecord
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import Outcome
@@ -119,31 +119,50 @@ class Session:
         reveal(simulation, self.stack, drawn=self.drawn)
         return simulation
 
+    def recorder(self, path: Path | None = None) -> RunRecorder:
+        """What records a run: into ``path``, or a temporary file.
+
+        Raises:
+            OSError: the file cannot be created.
+
+        """
+        return RunRecorder(self.description, self.seen, path=path)
+
     def run(
         self,
         progress: Callable[[Progress], None] | None = None,
         *,
         gui: bool = False,
-        record: bool = False,
+        record: bool | RunRecorder = False,
         observers: Sequence[RunObserver] = (),
         limit: float = math.inf,
+        told: Callable[[Sequence[EventRecord]], object] = lambda _: None,
     ) -> MissionResult:
         """Drive the mission once; with ``record`` it is recorded, for a replay and for viewers.
 
-        ``observers`` take in every tick. A run that takes longer than ``limit`` [s] of wall-clock
-        time ends as a fault.
+        The recording is in a temporary file, or that of a ``recorder``. ``observers`` take in every
+        tick, ``told`` the events so far when one has begun or ended. A run that takes longer than
+        ``limit`` [s] of wall-clock time ends as a fault.
 
         Raises:
             InputError: the stack refuses the mission before the robot has moved.
 
         """
-        recorder = RunRecorder(self.description, self.seen) if record else None
+        recorder = self.recorder() if record is True else record or None
         observers = (*observers, *((recorder,) if recorder else ()))
         before = ProcessState()
-        with SteppedSession(self, progress, gui=gui, observers=observers, limit=limit) as stepped:
-            run, replaced = stepped.run(before)
-            for observer in observers:
-                observer.close()
+        stepped = SteppedSession(
+            self, progress, gui=gui, observers=observers, limit=limit, told=told
+        )
+        try:
+            with stepped:
+                run, replaced = stepped.run(before)
+                for observer in observers:
+                    observer.close()
+        except BaseException:
+            if recorder is not None:
+                recorder.discard()
+            raise
         run = check_process(run, before, self.stack.resolved.plugins, replaced)
         return stepped.result_of(run, recorder)
 
@@ -164,12 +183,14 @@ class SteppedSession:
         gui: bool = False,
         observers: Sequence[RunObserver] = (),
         limit: float = math.inf,
+        told: Callable[[Sequence[EventRecord]], object] = lambda _: None,
         compiled: bool = False,
     ) -> None:
         self.session = session
         self._compiled = compiled
         self._gui = gui
         self._loop_options = (progress, observers, limit)
+        self._told = told
         self._watch = SimulatorWatch(plugins_of(session.stack))
         self._simulator: Simulation | None = None
         self._loop: MissionLoop | None = None
@@ -189,7 +210,7 @@ class SteppedSession:
                 inject_faults(behaviors, event.behavior) if event.behavior else simulator
                 for event in session.events
             )
-            events = EventClock(zip(session.events, targets, strict=True))
+            events = EventClock(zip(session.events, targets, strict=True), self._told)
             loop = MissionLoop(session.task, stack, simulator, progress, observers, events, limit)
             self._loop = loop
         except BaseException:

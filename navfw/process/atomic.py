@@ -127,10 +127,16 @@ class AtomicTarget(ABC):
                 if kind is None:
                     self._move_into_place()
             finally:
-                shutil.rmtree(self.path, ignore_errors=True)
+                if not self.kept:
+                    shutil.rmtree(self.path, ignore_errors=True)
                 self._lock.release()
             if isinstance(error, OSError) and error.errno in _OF_THE_DISK:
                 raise error
+
+    @property
+    def kept(self) -> bool:
+        """Whether unfinished content stays after an exception."""
+        return False
 
     def _claim(self) -> None:
         """Lock the target and create the folder beside it."""

@@ -92,14 +92,13 @@ class SupervisedRun:
     """What the supervisor needs to judge a run, and to write its result if the process dies.
 
     ``summary`` are the keys of the result known at the start. ``folder``, absolute, is where the
-    result goes, with a number if it is taken and ``numbered``; ``limit`` [s] is the wall-clock
+    result goes; ``limit`` [s] is the wall-clock
     limit. ``goals`` (x, y [m], place) are to be visited in order, within ``radius`` [m].
     ``plugins`` names those that are not navfw's own.
     """
 
     summary: dict[str, Any]
     folder: str
-    numbered: bool
     as_json: bool
     limit: float
     goals: Sequence[tuple[float, float, str]]

@@ -34,7 +34,8 @@ class TargetLock:
     """The lock on ``target``, an absolute path; a context manager.
 
     ``file`` is the lock file, ``part`` the file or folder for unfinished content, ``old`` the
-    content that is being replaced.
+    content that is being replaced. ``unfinished`` is where content is that stays when its process
+    dies: a recording.
 
     Raises:
         TargetInUseError: another process, or another lock of this one, holds it.
@@ -47,6 +48,7 @@ class TargetLock:
         self.file, self.part, self.old = (
             target.with_name(f".{target.name}.navfw-{word}") for word in ("lock", "part", "old")
         )
+        self.unfinished = target.with_name(f"{target.name}-unfinished")
         self._handle: int | None = None
 
     def __enter__(self) -> Self:
@@ -120,9 +122,9 @@ def lock_first_free(target: Path) -> TargetLock:
     """The lock on the first of ``NAME``, ``NAME-2``, ... that neither exists nor is locked."""
     for number in itertools.count(1):
         place = target if number == 1 else target.with_name(f"{target.name}-{number}")
-        if os.path.lexists(place):
-            continue
         lock = TargetLock(place)
+        if os.path.lexists(place) or os.path.lexists(lock.unfinished):
+            continue
         try:
             lock.acquire()
         except TargetInUseError:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from navfw.config.input_file import is_file, read_json_object
 from navfw.errors import ConfigError, InputError
 from navfw.process.atomic import AtomicTarget
-from navfw.process.target_lock import lock_first_free
+from navfw.process.target_lock import TargetLock, lock_first_free
 
 if TYPE_CHECKING:
     from navfw.topomap import TopoMap
@@ -40,7 +40,7 @@ MAP, PLAN = "map.yaml", "plan.yaml"
 
 FILES = frozenset(
     {RESULT, PICTURE, RECORDING, OLD_RECORDING, REPORT, LAYOUT}
-    | {MAP, "stack.yaml", PLAN, "plan.png"},
+    | {MAP, "stack.yaml", PLAN, "plan.png", f".{RESULT}"},
 )
 """The files of a run folder; a folder with any other file in it is never replaced."""
 
@@ -86,13 +86,46 @@ class RunFolder(AtomicTarget):
     def __init__(self, target: str | Path, *, numbered: bool = False) -> None:
         super().__init__(Path(target), numbered=numbered)
         self.final: Path | None = None
-        if not numbered and (why := self._foreign()):
+        if not numbered and (why := self._foreign(self.place)):
             raise InputError(why, file=self.target)
 
     def write_json(self, name: str, value: Any) -> None:
         """Write ``value`` as indented JSON (see ``plain_json``), which is YAML as well."""
         text = json.dumps(plain_json(value), indent=2, allow_nan=False)
-        (self.path / name).write_text(text + "\n", encoding="utf-8")
+        part = self.path / f".{name}"
+        try:
+            part.write_text(text + "\n", encoding="utf-8")
+            part.replace(self.path / name)
+        finally:
+            part.unlink(missing_ok=True)
+
+    def show_unfinished(self) -> None:
+        """Let people find the folder from here on, as ``NAME-unfinished``.
+
+        It stays when the process dies, if it has a recording. An earlier one is replaced.
+
+        Raises:
+            InputError: there are other files.
+
+        """
+        visible = self._lock.unfinished
+        if why := self._foreign(visible):
+            raise InputError(why, file=visible)
+        shutil.rmtree(visible, ignore_errors=True)
+        self.path = self.path.rename(visible)
+
+    def adopt_unfinished(self) -> dict[str, Any]:
+        """Go on with the folder of a process that has died; its result so far, {} without one."""
+        if not is_file(self._lock.unfinished / RESULT):
+            return {}
+        self.path.rmdir()
+        self.path = self._lock.unfinished
+        return read_result(self.path)
+
+    @property
+    def kept(self) -> bool:
+        """Whether unfinished content stays after an exception: a recording does."""
+        return self.path == self._lock.unfinished and is_file(self.path / RECORDING)
 
     def input_writers(
         self, stack: Mapping[str, Any], topo_map: TopoMap
@@ -113,7 +146,7 @@ class RunFolder(AtomicTarget):
         return writers
 
     def _move_into_place(self) -> None:
-        why = self._foreign()
+        why = self._foreign(self.place)
         if not why:
             self._replace()
             self.final = self.target
@@ -126,13 +159,13 @@ class RunFolder(AtomicTarget):
         self.final = self.target.with_name(beside.target.name)
         raise InputError(f"{why}; the run is in {self.final}", file=self.target)
 
-    def _foreign(self) -> str:
-        """Why what is at the target must not be replaced; "" if there is nothing, or a run."""
-        if not self.place.exists():
+    def _foreign(self, place: Path) -> str:
+        """Why what is at ``place`` must not be replaced; "" if there is nothing, or a run."""
+        if not place.exists():
             return ""
-        if not self.place.is_dir():
+        if not place.is_dir():
             return "is a file; the run needs a folder"
-        names = {entry.name for entry in self.place.iterdir()}
+        names = {entry.name for entry in place.iterdir()}
         foreign = sorted(names - FILES)
         if not names or (RESULT in names and not foreign):
             return ""
@@ -150,5 +183,8 @@ def read_result(folder: str | Path) -> dict[str, Any]:
     """
     path = Path(folder) / RESULT
     if not is_file(path):
-        raise ConfigError(f"is not a run folder: it has no {RESULT}", file=folder)
+        what = f"is not a run folder: it has no {RESULT}"
+        unfinished = TargetLock(path.parent).unfinished
+        what += f"; a run that has not ended is in {unfinished}" if unfinished.exists() else ""
+        raise ConfigError(what, file=folder)
     return read_json_object(path)

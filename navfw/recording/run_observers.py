@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
-import io
+import os
+import shutil
+import tempfile
+import weakref
 from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,6 +19,7 @@ import numpy.typing as npt
 
 from navfw.config.extras import extra_imports
 from navfw.numerics import Array
+from navfw.process.interruption import deferred
 from navfw.recording import channel_list as topics
 from navfw.recording.channel_list import SeenRun
 from navfw.signals import Belief, Pose, SensorReading, Sight, Twist, Waypoint
@@ -22,8 +27,8 @@ from navfw.signals import Belief, Pose, SensorReading, Sight, Twist, Waypoint
 if TYPE_CHECKING:
     import pandas
 
-_COLUMNS = 14
-"""Columns of the rows that ``RunLogger`` collects."""
+_COLUMNS, _MARKS = 10, 4
+"""Columns of the rows that ``RunLogger`` collects: numbers, and marks."""
 
 
 def hash_commands(commands: Array) -> str:
@@ -131,6 +136,7 @@ class RunLogger:
 
     contacts: list[Contact] = field(default_factory=list)
     _rows: array[float] = field(init=False, default_factory=lambda: array("d"))
+    _marks: array[int] = field(init=False, default_factory=lambda: array("h"))
     _leaders: dict[str, int] = field(init=False, default_factory=dict)
     _updates: int = field(init=False, default=0)
     _ahead: tuple[str, ...] = field(init=False, default=())
@@ -160,8 +166,8 @@ class RunLogger:
         self._updates = self._updates if belief is None else belief.updates
         number = self._leaders.setdefault(leader, len(self._leaders))
         poses = true.x, true.y, true.yaw, estimate.x, estimate.y, estimate.yaw
-        marks = number, emergency, sight, confidence, vetoed
-        self._rows.extend((time, *poses, twist.v, twist.w, *marks))
+        self._rows.extend((time, *poses, twist.v, twist.w, confidence))
+        self._marks.extend((number, emergency, sight, vetoed))
 
     def add_waypoints(self, waypoints: tuple[Waypoint, ...]) -> None:
         """Add the planner's waypoints ahead; waypoints already in the log are not repeated."""
@@ -175,19 +181,20 @@ class RunLogger:
     def log(self) -> RunLog:
         """The log of all ticks added so far."""
         rows = np.array(self._rows, dtype=np.float64).reshape(-1, _COLUMNS)
+        marks = np.array(self._marks, dtype=np.int16).reshape(-1, _MARKS)
         return RunLog(
             time=rows[:, 0],
             true=rows[:, 1:4],
             estimate=rows[:, 4:7],
             commands=rows[:, 7:9],
-            leader=rows[:, 9].astype(np.int16),
-            emergency=rows[:, 10].astype(np.bool_),
-            sight=rows[:, 11].astype(np.int8),
+            leader=marks[:, 0],
+            emergency=marks[:, 1].astype(np.bool_),
+            sight=marks[:, 2].astype(np.int8),
             leaders=tuple(self._leaders),
             contacts=tuple(self.contacts),
             waypoints=tuple(self._waypoints.values()),
-            confidence=rows[:, 12],
-            vetoed=rows[:, 13].astype(np.bool_),
+            confidence=rows[:, 9],
+            vetoed=marks[:, 3].astype(np.bool_),
             updates=self._updates,
             route_changes=self._route_changes,
         )
@@ -195,6 +202,8 @@ class RunLogger:
 
 _CHUNK = 1 << 18
 """Size of a chunk before compression [byte]: a second or two, which a cut file loses at most."""
+_ROOM = 1 << 20
+"""What a recording gives back to a full disk [byte], for the result and the picture."""
 
 
 class RunObserver(Protocol):
@@ -209,11 +218,64 @@ class RunObserver(Protocol):
         ...
 
 
-class RunRecorder:
-    """Collects a run in memory until ``save``: its readings, and what is ``seen`` of it.
+class _RecordingFile:
+    """A file that is written while the robot drives: a full disk ends the file, not the run.
 
-    At most ``max_bytes`` of images, and of the file: ``complete`` is false once that limit has been
-    reached, and what follows is left out.
+    ``kept`` [byte] is its size, ``size`` that with all that was to be written, ``error`` is why the
+    rest is left out.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        if path is None:
+            self._descriptor, name = tempfile.mkstemp()
+            Path(name).unlink()
+        else:
+            self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+        self.close = weakref.finalize(self, os.close, self._descriptor)
+        self.kept = self.size = 0
+        self.error: OSError | None = None
+
+    def write(self, data: bytes | bytearray) -> int:
+        """Append a record or chunk, all of it or nothing."""
+        try:
+            rest = memoryview(data)
+            while rest and self.error is None:
+                rest = rest[os.write(self._descriptor, rest) :]
+        except OSError as error:
+            full = error.errno in {errno.ENOSPC, errno.EDQUOT}
+            self.kept = max(0, self.kept - _ROOM) if full else self.kept
+            os.ftruncate(self._descriptor, self.kept)
+            self.error = error
+        self.size += len(data)
+        self.kept += len(data) if self.error is None else 0
+        return len(data)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Where the file ends: the writer asks for nothing else."""
+        del offset, whence
+        return self.size
+
+    def flush(self) -> None:
+        """Nothing: nothing waits."""
+
+    def copy_to(self, path: Path) -> None:
+        """Write a temporary file to ``path``."""
+        os.lseek(self._descriptor, 0, os.SEEK_SET)
+        with open(self._descriptor, "rb", closefd=False) as own, path.open("wb") as copy:
+            shutil.copyfileobj(own, copy)
+
+
+class RunRecorder:
+    """Records a run into the file ``path``: its readings, and what is ``seen`` of it.
+
+    Chunks are written as the robot drives: a process that is killed leaves all but the last second
+    or two. Without ``path`` they go to a temporary file, until ``save``. At most ``max_bytes`` of
+    images, and of the file: ``complete`` is false once that limit has been reached, or the disk is
+    full (``error``), and what follows is left out.
+
+    Raises:
+        OSError: the file cannot be created.
+
     """
 
     def __init__(
@@ -221,6 +283,7 @@ class RunRecorder:
         metadata: Mapping[str, str] | None = None,
         seen: SeenRun | None = None,
         max_bytes: int = topics.MAX_BYTES,
+        path: Path | None = None,
     ) -> None:
         with extra_imports("record"):
             from foxglove import Context, open_mcap
@@ -232,12 +295,14 @@ class RunRecorder:
         self.complete = True
         self._max_bytes = max_bytes
         self._unpacked = 0
-        self._file = io.BytesIO()
+        self.path = path
+        self._file = _RecordingFile(path)
         options = MCAPWriteOptions(
             profile=f"{topics.PROFILE}{topics.FORMAT_VERSION}",
             chunk_size=_CHUNK,
             compression_level=1,
             compression_threads=0,
+            disable_seeking=True,  # whole chunks, one after the other
         )
         self._writer = open_mcap(self._file, context=context, writer_options=options)
         self._writer.write_metadata(topics.RUN, dict(metadata or {}))
@@ -249,28 +314,55 @@ class RunRecorder:
         frames = [frame for frame in (reading.frame, reading.landmark_frame) if frame is not None]
         images = [image for frame in frames for image in (frame.image, *frame.sides)]
         self._unpacked += 96 + sum(image.nbytes for image in images)
-        if max(self._unpacked, self._file.tell()) > self._max_bytes:
+        if max(self._unpacked, self._file.size) > self._max_bytes:
             self.complete = False
         if self.complete:
-            self._channels.observe(reading, twist, pose)
+            with deferred():  # the writer would take an interruption for a failure of its file
+                self._channels.observe(reading, twist, pose)
+                self.complete = self.error is None
 
     def log_driven(self, twist: Twist, time: float) -> None:
         """Add what another commanded the robot at ``time`` [s], in the stack's stead."""
         if self.complete:
-            self._channels.log_driven(twist, time)
+            with deferred():
+                self._channels.log_driven(twist, time)
 
     def close(self) -> None:
         """End the recording: nothing can be added afterwards."""
         if self._closed:
             return
         self._closed = True
-        self._channels.close()
-        if self.complete:
-            # metadata without an entry are not written
-            self._writer.write_metadata(topics.END, {"complete": "yes"})
-        self._writer.close()
+        with deferred():
+            self._channels.close()
+            if self.complete:
+                # metadata without an entry are not written
+                self._writer.write_metadata(topics.END, {"complete": "yes"})
+            self._writer.close()
+            self.complete = self.complete and self.error is None
+            if self.path is not None:
+                self._file.close()
+
+    @property
+    def error(self) -> OSError | None:
+        """Why the recording ends before its run, if it could not be written."""
+        return self._file.error
 
     def save(self, path: Path) -> None:
-        """Write the recording to ``path``, ended if it was not."""
+        """Have the recording at ``path``, ended if it was not.
+
+        Raises:
+            OSError: it cannot be written, or nothing of it could.
+
+        """
         self.close()
-        path.write_bytes(self._file.getbuffer())
+        if self.error is not None and not self._file.kept:
+            raise self.error
+        if path != self.path:
+            self._file.copy_to(path)
+
+    def discard(self) -> None:
+        """Remove the recording of a run that has not begun."""
+        self._file.error = self._file.error or OSError("discarded")
+        self.close()
+        if self.path is not None:
+            self.path.unlink(missing_ok=True)

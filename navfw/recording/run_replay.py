@@ -228,7 +228,8 @@ def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
     """Why the command in force at ``time`` [s] of a recorded run was given, as plain data.
 
     The proposal of each behaviour for it, the rules that fired with their strengths, and the inputs
-    and results of OFFIS (``Stack.explain``).
+    and results of OFFIS (``Stack.explain``); ``complete`` is False if the recording ends before its
+    run did.
 
     Raises:
         InputError: the folder is not that of a run with ``--record``, or is damaged; or no command
@@ -250,7 +251,7 @@ def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
             file=folder,
             key="--at",
         )
-    return explanation
+    return explanation if recording.complete else {**explanation, "complete": False}
 
 
 def _started(folder: Path) -> tuple[Stack, SensorRecording, _FaultReplay]:

@@ -157,10 +157,6 @@ class BagReplay:
         self._goals = [goal_at(topo_map, name) for name in goals]
         self._stack = ShadowStack.load(stack_name, robot, topo_map, default_registry())
         self._config = {"mission": self._mission(), "stack": self._stack.config}
-        about = {"world": bag.path.name, "config": json.dumps(recording.plain_json(self._config))}
-        self._recorder = recording.RunRecorder(
-            about, SeenRun(self._stack, recording.WorldOutline())
-        )
         self._held: Counter[str] = Counter()
         if bag.info is not None:
             view = 2.0 * math.atan(0.5 * bag.info.width / max(float(bag.matrix[0]), 1e-9))
@@ -192,6 +188,12 @@ class BagReplay:
 
         """
         began, rows, stack = time.perf_counter(), [], self._stack
+        config = json.dumps(recording.plain_json(self._config))
+        recorder = recording.RunRecorder(
+            {"world": self._bag.path.name, "config": config},
+            SeenRun(stack, recording.WorldOutline()),
+            path=target.path / recording.RECORDING,
+        )
         contradiction = camera_contradiction(self._bag)
         self._bag.notes[:0] = [contradiction] if contradiction else []
         stack.start(self._start, self._goals)
@@ -201,8 +203,8 @@ class BagReplay:
                 check_interrupted()
                 twist, driven = stack.step(reading), self._driven(reading.time)
                 if reading.frame is not None and driven is not None:
-                    self._recorder.log_driven(driven, reading.time)
-                self._recorder.observe(reading, twist, None)
+                    recorder.log_driven(driven, reading.time)
+                recorder.observe(reading, twist, None)
                 self._held[self._reason()] += twist == Twist(0.0, 0.0)
                 was = (math.nan, math.nan) if driven is None else (driven.v, driven.w)
                 rows.append((reading.time, twist.v, twist.w, *was))
@@ -210,7 +212,7 @@ class BagReplay:
         result = self._result(np.array(rows), time.perf_counter() - began)
         target.write_json(recording.RESULT, result)
         writers = target.input_writers(stack.config, stack.topo_map)
-        for name, write in {**writers, recording.RECORDING: self._recorder.save}.items():
+        for name, write in {**writers, recording.RECORDING: recorder.save}.items():
             write(target.path / name)
         return result
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import time as wall
+from array import array
 from bisect import bisect_left
 from collections.abc import Iterable
 from typing import Literal
@@ -15,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from navfw.errors import SimulationError, WorldError
-from navfw.numerics import Array, Image
+from navfw.numerics import Image
 from navfw.process.supervised import send_position, supervised
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, Pose, SensorReading, wrap_angle
@@ -88,8 +89,9 @@ class Simulation(BulletConnection):
         self._cause: Literal["robot", "mover"] | None = None
         self._last_pose = start
         self._true_state: tuple[BodyState, Pose] | None = None
-        self._walker_times, self._walker_points = list[float](), list[Array]()
-        self._robot_points: list[tuple[float, float]] = []
+        # numbers in a row: a list of arrays takes ten times the memory of an hour
+        self._walker_times, self._walker_points = array("d"), array("d")
+        self._robot_points = array("d")
         self._reading: SensorReading | None = None
         # one generator for each component: draws of one do not change those of another
         generators = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(7))
@@ -250,9 +252,10 @@ class Simulation(BulletConnection):
     def _record_walkers(self) -> None:
         if self.walkers:
             self._walker_times.append(self.time)
-            self._walker_points.append(np.array([(walker.x, walker.y) for walker in self.walkers]))
+            for walker in self.walkers:
+                self._walker_points.extend((walker.x, walker.y))
             pose = self.true_pose()
-            self._robot_points.append((pose.x, pose.y))
+            self._robot_points.extend((pose.x, pose.y))
 
     def _record_contacts(self, points: Iterable[ContactPoint], pose: Pose, dt: float) -> None:
         """Record the names of the bodies in contact; at the first contact of the run, its cause."""
@@ -271,8 +274,10 @@ class Simulation(BulletConnection):
         Its speed is that of the previous control period: the contact changes it.
         """
         since = bisect_left(self._walker_times, self.time - world_changes.CLOSING_TIME)
-        robot = np.array(self._robot_points[since:])
-        walker = np.array(self._walker_points[since:])[:, index]
+        count = len(self.walkers)
+        robot = np.array(self._robot_points[2 * since :]).reshape(-1, 2)
+        walkers = np.array(self._walker_points[2 * count * since :]).reshape(-1, count, 2)
+        walker = walkers[:, index]
         return world_changes.closed_by_robot(robot, walker) or world_changes.caused_by_robot(
             self._last_pose, pose, dt, self.walkers[index]
         )

@@ -14,6 +14,7 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from navfw.numerics import Array
 from navfw.signals import Pose
@@ -130,8 +131,10 @@ class WalkerTrack:
     points: Array
 
     @classmethod
-    def of(cls, walkers: Sequence[Walker], time: list[float], points: list[Array]) -> WalkerTrack:
-        """The track of positions (M, 2) recorded at ascending times [s]."""
+    def of(
+        cls, walkers: Sequence[Walker], time: Sequence[float], points: npt.ArrayLike
+    ) -> WalkerTrack:
+        """The track of positions x, y of each walker, recorded at ascending times [s]."""
         return cls(
             names=tuple(walker.spec.name for walker in walkers),
             radii=np.array([walker.spec.radius for walker in walkers]),

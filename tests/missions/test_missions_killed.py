@@ -22,7 +22,7 @@ from killing import MANY, Ended, Started, moments
 
 from navfw.missions import MissionResult, Session
 from navfw.process import scratch_folder
-from navfw.recording import FILES, RunFolder, read_result
+from navfw.recording import FILES, RECORDING, RunFolder, load_recording, read_result, run_observers
 
 WORDS = ("run", "empty", "straight", "--set", "mission.timeout=1", "--record", "--quiet")
 
@@ -75,10 +75,11 @@ def check_interrupted(ended: Ended, folder: Path, hash_of_all: str) -> None:
 
 
 def check_killed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """There is nothing half-written, and the next start removes what lies beside."""
-    if (folder / "o").exists():
-        assert read_result(folder / "o")["outcome"] in {"timeout", "cancelled", "fault"}
-        assert {file.name for file in (folder / "o").iterdir()} <= FILES
+    """There is a result or what was recorded, and the next start removes what else lies beside."""
+    outcomes = {"o": {"timeout", "cancelled", "fault"}, "o-unfinished": {"unfinished", "timeout"}}
+    for left in filter(Path.exists, (folder / name for name in outcomes)):
+        assert read_result(left)["outcome"] in outcomes[left.name]
+        assert {file.name for file in left.iterdir()} <= FILES
     with monkeypatch.context() as patch, RunFolder(folder / "next"):
         patch.setattr(tempfile, "tempdir", str(folder / "tmp"))
         with scratch_folder("next"):
@@ -162,23 +163,25 @@ def test_a_result_that_cannot_be_written_is_printed(tmp_path: Path) -> None:
     ended = invoke(*WORDS, "--out", tmp_path / "o", "--json")
     assert ended.exit_code == 3, ended.output
     printed = json.loads(ended.stdout)
-    assert (printed["outcome"], printed["run_folder"]) == ("timeout", None)
+    recorded = tmp_path / "o-unfinished"
+    assert (printed["outcome"], printed["run_folder"]) == ("timeout", str(recorded))
     lines = ended.stderr.splitlines()
     assert lines[0].endswith("o/result.json: cannot be written: File too large")
-    assert lines[1] == "navfw: saved: nothing; the result is on stdout"
-    assert list(tmp_path.iterdir()) == []
+    assert lines[1].endswith(f"result.json, run.mcap, stack.yaml in {recorded}")
+    assert list(tmp_path.iterdir()) == [recorded]
+    assert read_result(recorded)["outcome"] == "unfinished"
+    assert load_recording(recorded / RECORDING).complete
 
 
 @pytest.mark.parametrize("limited", [20_000], indirect=True)
 @pytest.mark.usefixtures("limited")
-def test_a_file_size_limit_costs_picture_and_recording_only(tmp_path: Path) -> None:
+def test_a_file_size_limit_costs_the_picture_only(tmp_path: Path) -> None:
     ended = invoke(*WORDS, "--out", tmp_path / "o")
     assert ended.exit_code == 3, ended.output
     assert ended.stdout.startswith("timeout after")
     assert ended.stderr.splitlines() == [
-        "navfw: run.mcap is missing: File too large",
         "navfw: trajectory.png is missing: File too large",
-        "navfw: saved: foxglove_layout.json, map.yaml, result.json, stack.yaml in"
+        "navfw: saved: foxglove_layout.json, map.yaml, result.json, run.mcap, stack.yaml in"
         f" {tmp_path / 'o'}",
     ]
     assert read_result(tmp_path / "o")["outcome"] == "timeout"
@@ -187,33 +190,42 @@ def test_a_file_size_limit_costs_picture_and_recording_only(tmp_path: Path) -> N
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 64 KB in memory; skipped where this user must not mount one."""
+    """A file system of 640 KB in memory; skipped where this user must not mount one."""
     place = tmp_path / "small"
     place.mkdir()
     mount, unmount = shutil.which("mount"), shutil.which("umount")
     if mount is None or unmount is None:
         pytest.skip("there is no command mount")
-    words = [mount, "-t", "tmpfs", "-o", "size=64k", "navfw-small", str(place)]
+    words = [mount, "-t", "tmpfs", "-o", "size=640k", "navfw-small", str(place)]
     if subprocess.run(words, check=False, capture_output=True).returncode:  # noqa: S603 - our words
         pytest.skip("this user must not mount a tmpfs")
     yield place
     subprocess.run([unmount, str(place)], check=True)  # noqa: S603 - our words
 
 
-def test_a_full_disk_costs_picture_and_recording_first(small_disk: Path) -> None:
-    ended = invoke(*WORDS, "--out", small_disk / "o", "--json")
+def test_a_full_disk_costs_the_end_of_the_recording(
+    small_disk: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_observers, "_ROOM", 300_000)  # of the megabyte that it is
+    longer = (*WORDS, "--set", "mission.timeout=6", "--out", small_disk / "o", "--json")
+    ended = invoke(*longer)
     assert ended.exit_code == 3, ended.output
-    assert "run.mcap is missing: No space left on device" in ended.stderr
+    assert "run.mcap ends before the run: No space left on device" in ended.stderr
+    assert "trajectory.png is missing" not in ended.stderr
     printed = json.loads(ended.stdout)
     assert read_result(small_disk / "o")["command_hash"] == printed["command_hash"]
+    recording = load_recording(small_disk / "o" / RECORDING)
+    assert not recording.complete
+    assert 60 < len(recording) < printed["tick"]
+    replayed = invoke("replay", small_disk / "o")
+    assert "the recording ends before its run did" in replayed.stdout, replayed.output
 
     (small_disk / "filler").write_bytes(bytes(resource.getpagesize()))
     with pytest.raises(OSError, match="No space"), (small_disk / "filler").open("ab") as stream:
         while True:
             stream.write(bytes(resource.getpagesize()))
             stream.flush()
-    ended = invoke(*WORDS, "--out", small_disk / "full", "--json")
-    assert ended.exit_code == 3, ended.output
-    assert json.loads(ended.stdout)["command_hash"] == printed["command_hash"]
-    assert "result.json: cannot be written: No space left on device" in ended.stderr
+    ended = invoke(*WORDS, "--out", small_disk / "full", "--json")  # told before the drive
+    assert (ended.exit_code, ended.stdout) == (2, ""), ended.output
+    assert "full: cannot be written: No space left on device" in ended.stderr
     assert sorted(file.name for file in small_disk.iterdir()) == ["filler", "o"]

@@ -1,4 +1,4 @@
-"""Whatever is sent to the live server, the run goes on: 2,000 seeded requests, well formed or not."""
+"""Whatever is sent to the live server, a run goes on: 2,000 seeded requests, most malformed."""
 
 import json
 import logging
@@ -106,7 +106,7 @@ class Attacker:
     """Sends ``PER_TICK`` requests before each control tick; some connections stay open."""
 
     def __init__(self, url: str, seed: int) -> None:
-        self._random = Random(seed)
+        self._random = Random(seed)  # noqa: S311 - no cryptography
         self._host, _, path = url.removeprefix("http://").partition("/")
         self._path = f"/{path}"
         self._kept: list[tuple[socket.socket, bytes]] = []
