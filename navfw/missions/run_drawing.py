@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from navfw.recording import palette
@@ -13,6 +14,7 @@ from navfw.sim.shapes import Circle
 
 if TYPE_CHECKING:
     from navfw.sim.engine import Point3, SimulatorWindow
+    from navfw.sim.world_changes import Walker
     from navfw.stack import Stack
 
 _LIFT = 0.03
@@ -31,6 +33,11 @@ def outline_of(plan: SceneGeometry) -> WorldOutline:
         furniture=[shape.corners for kind, shape in shapes if kind in {"box", "mesh", "drop"}],
         discs=[(s.x, s.y, s.radius) for _, s in shapes if isinstance(s, Circle)],
     )
+
+
+def discs_of(walkers: Iterable[Walker]) -> list[tuple[float, float, float]]:
+    """Where walkers are now: discs x, y, radius [m]."""
+    return [(walker.x, walker.y, walker.spec.radius) for walker in walkers]
 
 
 class WindowOverlay:

@@ -17,6 +17,7 @@ from navfw.process.atomic import writing
 from navfw.process.interruption import deferred, interruptible
 from navfw.recording.provenance import code_revision, machine_kind
 from navfw.recording.run_folder import PICTURE, RECORDING, RESULT, RunFolder
+from navfw.recording.run_observers import RunRecorder
 from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
 
 _LIBRARIES = ("numpy", "numba", "opencv-python-headless", "scikit-fuzzy", "networkx")
@@ -56,7 +57,9 @@ class RecordedFolder:
             for name, write in _inputs(session, target).items():
                 write(target.path / name)
             target.show_unfinished()
-            self.recorder = session.recorder(target.path / RECORDING)
+            self.recorder = RunRecorder(
+                session.description, session.seen, path=target.path / RECORDING
+            )
 
     def told(self, events: Sequence[EventRecord]) -> None:
         """Keep the mission's ``events`` so far: a replay repeats those of behaviours."""

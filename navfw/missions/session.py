@@ -8,8 +8,9 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -21,7 +22,7 @@ from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import Outcome
 from navfw.missions.pilot import TickView
 from navfw.missions.process_check import check_process
-from navfw.missions.run_drawing import WindowOverlay, outline_of
+from navfw.missions.run_drawing import WindowOverlay, discs_of, outline_of
 from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
 from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import SimulatorWatch
@@ -58,8 +59,8 @@ class Session:
     events: tuple[Event, ...] = ()
     drawn: bool = True
     coarse: bool = False
+    # those of the newest simulation: truth, for recordings and viewers only
     _walkers: list[Walker] = field(default_factory=list, init=False, repr=False, compare=False)
-    """Those of the newest simulation: truth, for recordings and viewers only."""
 
     @property
     def task(self) -> Task:
@@ -79,12 +80,7 @@ class Session:
     @property
     def seen(self) -> SeenRun:
         """What recordings and viewers show of a run."""
-        walkers = self._walkers
-
-        def movers() -> list[tuple[float, float, float]]:
-            return [(walker.x, walker.y, walker.spec.radius) for walker in walkers]
-
-        return SeenRun(self.stack, outline_of(self.plan), movers)
+        return SeenRun(self.stack, outline_of(self.plan), partial(discs_of, self._walkers))
 
     @property
     def config(self) -> dict[str, Any]:
@@ -119,15 +115,6 @@ class Session:
         reveal(simulation, self.stack, drawn=self.drawn)
         return simulation
 
-    def recorder(self, path: Path | None = None) -> RunRecorder:
-        """What records a run: into ``path``, or a temporary file.
-
-        Raises:
-            OSError: the file cannot be created.
-
-        """
-        return RunRecorder(self.description, self.seen, path=path)
-
     def run(
         self,
         progress: Callable[[Progress], None] | None = None,
@@ -148,21 +135,14 @@ class Session:
             InputError: the stack refuses the mission before the robot has moved.
 
         """
-        recorder = self.recorder() if record is True else record or None
+        recorder = RunRecorder(self.description, self.seen) if record is True else record or None
         observers = (*observers, *((recorder,) if recorder else ()))
         before = ProcessState()
-        stepped = SteppedSession(
-            self, progress, gui=gui, observers=observers, limit=limit, told=told
-        )
-        try:
-            with stepped:
-                run, replaced = stepped.run(before)
-                for observer in observers:
-                    observer.close()
-        except BaseException:
-            if recorder is not None:
-                recorder.discard()
-            raise
+        drive = SteppedSession(self, progress, gui=gui, observers=observers, limit=limit, told=told)
+        with nullcontext() if recorder is None else recorder, drive as stepped:
+            run, replaced = stepped.run(before)
+            for observer in observers:
+                observer.close()
         run = check_process(run, before, self.stack.resolved.plugins, replaced)
         return stepped.result_of(run, recorder)
 

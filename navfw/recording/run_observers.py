@@ -12,7 +12,7 @@ from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -360,9 +360,13 @@ class RunRecorder:
         if path != self.path:
             self._file.copy_to(path)
 
-    def discard(self) -> None:
-        """Remove the recording of a run that has not begun."""
-        self._file.error = self._file.error or OSError("discarded")
-        self.close()
-        if self.path is not None:
-            self.path.unlink(missing_ok=True)
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
+        """After an exception, which only a run has that did not begin, remove the recording."""
+        if kind is not None:
+            self._file.error = self._file.error or OSError("discarded")
+            self.close()
+            if self.path is not None:
+                self.path.unlink(missing_ok=True)

@@ -89,9 +89,8 @@ class Simulation(BulletConnection):
         self._cause: Literal["robot", "mover"] | None = None
         self._last_pose = start
         self._true_state: tuple[BodyState, Pose] | None = None
-        # numbers in a row: a list of arrays takes ten times the memory of an hour
-        self._walker_times, self._walker_points = array("d"), array("d")
-        self._robot_points = array("d")
+        # a list of arrays would take ten times the memory
+        self._walker_times, self._walker_points, self._robot_points = (array("d") for _ in range(3))
         self._reading: SensorReading | None = None
         # one generator for each component: draws of one do not change those of another
         generators = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(7))
