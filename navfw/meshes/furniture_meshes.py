@@ -11,7 +11,6 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal, NamedTuple
-from xml.etree.ElementTree import Element
 
 import cv2
 import numpy as np
@@ -22,7 +21,7 @@ from navfw.errors import ConfigError
 from navfw.meshes.mesh_file import FURNITURE_LIMITS, TriangleMesh, joined, read_mesh, windings
 from navfw.numerics import Array, Mask
 from navfw.numerics.products import product
-from navfw.robot.urdf import attribute_numbers, origin_frame, read_urdf, urdf_error
+from navfw.robot.urdf import UrdfCollision, attribute_numbers, read_urdf, urdf_error
 
 Up = Literal["y", "z"]
 
@@ -91,27 +90,30 @@ def _urdf_mesh(path: Path) -> TriangleMesh:
         raise ConfigError(what, file=shown_path(path))
     return joined(
         [
-            _shape_mesh(path, collision.shape).moved(
-                product(model.frame_of(collision.link), origin_frame(path, collision.origin))
+            _shape_mesh(path, collision).moved(
+                product(model.frame_of(collision.link), collision.frame)
             )
             for collision in model.collisions
         ]
     )
 
 
-def _shape_mesh(path: Path, shape: Element) -> TriangleMesh:
+def _shape_mesh(path: Path, collision: UrdfCollision) -> TriangleMesh:
     """The mesh of one <geometry>, around its own origin."""
-    if shape.tag == "box":
-        return _box(_sizes(path, shape, "size", 3))
-    if shape.tag == "cylinder":
-        radius, length = *_sizes(path, shape, "radius", 1), *_sizes(path, shape, "length", 1)
-        profile = np.array([[0.0, -0.5], [1.0, -0.5], [1.0, 0.5], [0.0, 0.5]])
-        return _revolved(profile * (radius, length))
-    if shape.tag == "sphere":
+    shape, size = collision.shape, collision.size
+    if size is not None:
+        if min(size) <= 0.0:
+            key = "size" if shape.tag == "box" else "length" if collision.radius > 0.0 else "radius"
+            raise urdf_error(path, shape, f"{key} of <{shape.tag}>: expected positive lengths [m]")
+        if shape.tag == "box":
+            return _box(size)
+        if shape.tag == "cylinder":
+            profile = np.array([[0.0, -0.5], [1.0, -0.5], [1.0, 0.5], [0.0, 0.5]])
+            return _revolved(profile * (collision.radius, size[2]))
         angles = np.linspace(-0.5 * math.pi, 0.5 * math.pi, _SIDES // 2 + 1)
         profile = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         profile[[0, -1], 0] = 0.0
-        return _revolved(profile * _sizes(path, shape, "radius", 1)[0])
+        return _revolved(profile * collision.radius)
     if shape.tag == "mesh":
         mesh = read_mesh(path.parent / shape.get("filename", ""))
         scale = attribute_numbers(path, shape, "scale", [1.0, 1.0, 1.0])
@@ -123,14 +125,7 @@ def _shape_mesh(path: Path, shape: Element) -> TriangleMesh:
     raise urdf_error(path, shape, what)
 
 
-def _sizes(path: Path, shape: Element, key: str, count: int) -> list[float]:
-    sizes = attribute_numbers(path, shape, key, [0.0] * count)
-    if min(sizes) <= 0.0:
-        raise urdf_error(path, shape, f"{key} of <{shape.tag}>: expected positive lengths [m]")
-    return sizes
-
-
-def _box(size: list[float]) -> TriangleMesh:
+def _box(size: Array) -> TriangleMesh:
     """A box around the origin."""
     corners = np.array([[x, y, z] for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)])
     quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]

@@ -34,23 +34,14 @@ _RATE_UNITS = {
     "mdeg/s": math.pi / 180e3,
 }
 """Units of rates [rad/s]."""
-_SPELLINGS = {
-    "sec": "s",
-    "seconds": "s",
-    "msec": "ms",
-    "µs": "us",
-    "usec": "us",
-    "nsec": "ns",
-    "rads": "rad/s",
-    "rps": "rad/s",
-    "dps": "deg/s",
-    "degs": "deg/s",
-    "degrees/s": "deg/s",
-    "°/s": "deg/s",
-    "mdps": "mdeg/s",
-    "mdegs": "mdeg/s",
-    "mrads": "mrad/s",
-}
+_SPELLINGS = (
+    ("µ", "u"),
+    ("sec(onds)?$", "s"),
+    ("°|degrees", "deg"),
+    ("(dps|degs)$", "deg/s"),
+    ("(rps|rads)$", "rad/s"),
+)
+"""Other spellings of units and of their parts, and how they are written here."""
 _MIN_LIKENESS = 0.75
 """Likeness from which an unknown name is taken for a misspelt one."""
 _MAX_NUMBER = 1e19
@@ -263,15 +254,21 @@ def name_and_unit(word: str) -> tuple[str, str | None]:
     """
     text = word.strip().lower()
     bracketed = re.fullmatch(r"(.*?)\s*[\[(]\s*(.*?)\s*[\])]", text)
+    name = re.sub(r"[ .\-]+", "_", text if bracketed is None else bracketed[1])
     if bracketed is not None:
-        unit = bracketed[2].replace("sec", "s") if "/" in bracketed[2] else bracketed[2]
-        return re.sub(r"[ .\-]+", "_", bracketed[1]), _SPELLINGS.get(unit, unit)
-    name = re.sub(r"[ .\-]+", "_", text)
-    for unit in sorted([*_TIME_UNITS, *_RATE_UNITS, *_SPELLINGS], key=len, reverse=True):
-        ending = "_" + unit.replace("/", "_")
-        if name.endswith(ending):
-            return name.removesuffix(ending), _SPELLINGS.get(unit, unit)
+        return name, _unit(bracketed[2])
+    for count in (2, 1):  # deg_s, and ms
+        stem, *parts = name.rsplit("_", count)
+        unit = _unit("/".join(parts))
+        if stem and unit in {**_TIME_UNITS, **_RATE_UNITS}:
+            return stem, unit
     return name, None
+
+
+def _unit(text: str) -> str:
+    for spelling, unit in _SPELLINGS:
+        text = re.sub(spelling, unit, text)
+    return text
 
 
 def _is_number(cell: str) -> bool:

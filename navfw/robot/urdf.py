@@ -32,10 +32,8 @@ _PACKAGE, _FILE = "package://", "file://"
 _MOVABLE = ("revolute", "continuous", "prismatic")
 """Types of joints that a motor moves or holds."""
 _KINDS = (*_MOVABLE, "fixed")
-_STL_HEAD = 84
-"""Length of a binary STL file's header [bytes], which ends with the number of triangles."""
-_STL_TRIANGLE = 50
-"""Length of one triangle in it [bytes]."""
+_ONE_TRIANGLE = 84 + 50
+"""Length of a binary STL file with one triangle [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -61,11 +59,17 @@ class UrdfJoint:
 
 @dataclass(frozen=True)
 class UrdfCollision:
-    """A collision shape of a link: the element in its <geometry>, and its <origin>, if any."""
+    """A collision shape of a link: the element in its <geometry>, at ``frame`` (4, 4) in the link.
+
+    ``size`` (3,) [m] is that of a box, cylinder or sphere along its own axes, None of a mesh;
+    ``radius`` [m] is 0 of what is not round.
+    """
 
     link: str
     shape: Element
-    origin: Element | None
+    frame: Array
+    size: Array | None
+    radius: float
 
 
 @dataclass(frozen=True)
@@ -153,13 +157,24 @@ def _parsed(path: Path, packages: tuple[str, ...], text: bytes) -> UrdfModel:
     inertials = _inertials(path, elements)
     massless = frozenset(links) - frozenset(inertials)
     collisions = tuple(
-        UrdfCollision(link.get("name", ""), shape, collision.find("origin"))
+        _collision(path, link.get("name", ""), shape, collision.find("origin"))
         for link in elements
         for collision in link.findall("collision")
         for shape in collision.findall("geometry/*")
     )
-    radii = _wheel_radii(path, collisions)
+    counts = Counter(collision.link for collision in collisions)
+    radii = {c.link: c.radius for c in collisions if counts[c.link] == 1 and c.radius}
     return UrdfModel(path, root, packages, links, joints, collisions, inertials, massless, radii)
+
+
+def _collision(path: Path, link: str, shape: Element, origin: Element | None) -> UrdfCollision:
+    size, radius = None, 0.0
+    if shape.tag in {"box", "cylinder", "sphere"}:
+        radius = attribute_numbers(path, shape, "radius", [0.0])[0]
+        length = attribute_numbers(path, shape, "length", [2.0 * radius])[0]
+        round_ = [2.0 * radius, 2.0 * radius, length]
+        size = np.array(attribute_numbers(path, shape, "size", round_))
+    return UrdfCollision(link, shape, origin_frame(path, origin), size, radius)
 
 
 def _inertials(path: Path, links: list[Element]) -> dict[str, tuple[float, Element]]:
@@ -228,15 +243,11 @@ def _check_meshes(model: UrdfModel) -> None:
 
 
 def _is_empty(file: Path) -> bool:
-    """Whether a mesh file has no byte or, of a kind in which they are easily found, no triangle."""
+    """Whether a mesh file has no triangle, where that is easily found, or no byte."""
     content = read_input(file)
-    kind = file.suffix.lower()
-    if kind == ".stl":
-        # a binary header may begin with "solid" as well, but only there the size fits the number
-        count = int.from_bytes(content[_STL_HEAD - 4 : _STL_HEAD], "little")
-        binary = len(content) >= _STL_HEAD + _STL_TRIANGLE * count and len(content) >= _STL_HEAD
-        return count == 0 if binary else b"facet" not in content
-    if kind == ".obj":
+    if file.suffix.lower() == ".stl":
+        return b"facet" not in content and len(content) < _ONE_TRIANGLE
+    if file.suffix.lower() == ".obj":
         return not any(line.split(maxsplit=1)[:1] == [b"f"] for line in content.splitlines())
     return not content.strip()
 
@@ -261,16 +272,6 @@ def loadable_urdf(model: UrdfModel, folder: Path) -> Path:
     written = folder / "robot.urdf"
     written.write_bytes(tostring(root))
     return written
-
-
-def _wheel_radii(path: Path, collisions: tuple[UrdfCollision, ...]) -> dict[str, float]:
-    """Radii [m] of the links that collide as one cylinder or sphere."""
-    counts = Counter(collision.link for collision in collisions)
-    return {
-        collision.link: attribute_numbers(path, collision.shape, "radius", [0.0])[0]
-        for collision in collisions
-        if counts[collision.link] == 1 and collision.shape.tag in {"cylinder", "sphere"}
-    }
 
 
 def origin_frame(path: Path, origin: Element | None) -> Array:

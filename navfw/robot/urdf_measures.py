@@ -13,7 +13,6 @@ import re
 from itertools import product as combinations
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -96,16 +95,12 @@ def impossible_inertias(
 
 def _corners(model: UrdfModel, link: str) -> Array:
     """Corners (n, 3) [m] of boxes around the shapes of a link; none if it has none, or a mesh."""
-    corners, path = [np.zeros((0, 3))], model.file
+    corners = [np.zeros((0, 3))]
     for collision in (c for c in model.collisions if c.link == link):
-        shape, frame = collision.shape, origin_frame(path, collision.origin)
-        if shape.tag == "mesh":
+        if collision.size is None:
             return corners[0]
-        radius = attribute_numbers(path, shape, "radius", [0.0])[0]
-        length = attribute_numbers(path, shape, "length", [2.0 * radius])[0]
-        size = attribute_numbers(path, shape, "size", [2.0 * radius, 2.0 * radius, length])
-        ways = 0.5 * np.array(size) * list(combinations((-1.0, 1.0), repeat=3))
-        corners.append(product(ways, frame[:3, :3].T) + frame[:3, 3])
+        own = 0.5 * collision.size * list(combinations((-1.0, 1.0), repeat=3))
+        corners.append(product(own, collision.frame[:3, :3].T) + collision.frame[:3, 3])
     return np.concatenate(corners)
 
 
@@ -214,29 +209,20 @@ def _extent(model: UrdfModel, origin: Array) -> tuple[Array, Array] | None:
     """Least and greatest (3,) [m] of the collision shapes, from ``origin``; None with meshes."""
     lows, highs = [], []
     for collision in model.collisions:
-        half = _half_size(model.file, collision.shape)
-        if half is None:
+        if collision.size is None:
             return None
-        local = origin_frame(model.file, collision.origin)
-        frame = product(model.frame_of(collision.link), local)
-        reach = product(np.abs(frame[:3, :3]), half[:3]) + half[3] * np.sqrt(
-            np.maximum(1.0 - np.square(frame[:3, 2]), 0.0) if half[2] else np.ones(3)
-        )
+        frame = product(model.frame_of(collision.link), collision.frame)
+        turn, half = frame[:3, :3], 0.5 * collision.size
+        if collision.shape.tag == "box":
+            reach = product(np.abs(turn), half)
+        elif collision.shape.tag == "cylinder":
+            across = np.sqrt(np.maximum(1.0 - np.square(turn[:, 2]), 0.0))
+            reach = half[2] * np.abs(turn[:, 2]) + collision.radius * across
+        else:
+            reach = np.full(3, collision.radius)
         lows.append(frame[:3, 3] - origin - reach)
         highs.append(frame[:3, 3] - origin + reach)
     return (np.min(lows, axis=0), np.max(highs, axis=0)) if lows else None
-
-
-def _half_size(path: Path, shape: Element) -> Array | None:
-    """Half the size (3,) [m] of a box, and the radius about it (1,): about z of a cylinder."""
-    if shape.tag == "box":
-        size = attribute_numbers(path, shape, "size", [0.0, 0.0, 0.0])
-        return np.array([*(0.5 * side for side in size), 0.0])
-    radius = attribute_numbers(path, shape, "radius", [0.0])[0]
-    if shape.tag == "cylinder":
-        half = 0.5 * attribute_numbers(path, shape, "length", [0.0])[0]
-        return np.array([0.0, 0.0, half, radius])
-    return np.array([0.0, 0.0, 0.0, radius]) if shape.tag == "sphere" else None
 
 
 def _camera(model: UrdfModel) -> tuple[dict[str, Any], str | None]:
