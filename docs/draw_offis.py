@@ -17,12 +17,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from navfw_benchmarks.reproduce.paper_tables import SENSORS, RenderedPair, rendered_view
 
 from navfw.config.lookup import find
 from navfw.egomotion.refinement import refine
 from navfw.interfaces import FlowProcessor, Perception
 from navfw.plugins import default_registry
-from navfw.reproduce.paper_tables import SENSORS, RenderedPair, rendered_view
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Label, Percept, Pose
 from navfw.sim.simulation import Simulation

@@ -17,8 +17,10 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from navfw_benchmarks.results.collection import collect
+from navfw_benchmarks.results.result_file import StoredResult, load_results, save_result
+
 from navfw.recording import code_revision
-from navfw.results import StoredResult, collect, load_results, save_result
 
 RESULTS = Path(__file__).parent / "results"
 _VARIANT = " --variant "

@@ -16,6 +16,7 @@ from typing import Annotated, Any
 
 import typer
 
+from navfw.cli.installed_commands import installed_commands, load_command, summary_of
 from navfw.cli.options import SuggestingGroup
 from navfw.cli.output import echo, show_result, standard_streams
 from navfw.cli.supervisor import supervise
@@ -38,9 +39,11 @@ PANELS = {
         "trust": "trust",
         "warm": "warm",
     },
-    "Develop navfw": {"bench": "bench", "results": "results", "reproduce": "reproduce"},
 }
 """The commands by their heading in ``navfw --help``, each with its module."""
+
+_OF_PACKAGES = "Of installed packages"
+"""The heading of commands that other packages add."""
 
 
 class _Navfw(SuggestingGroup):
@@ -51,7 +54,27 @@ class _Navfw(SuggestingGroup):
 
     @property
     def panels(self) -> dict[str, Any]:
-        return PANELS
+        """Those of ``PANELS``, and the commands of installed packages."""
+        return PANELS | ({_OF_PACKAGES: self._others} if self._others else {})
+
+    @property
+    def _others(self) -> dict[str, Any]:
+        own = {name for names in PANELS.values() for name in names}
+        return {name: point for name, point in installed_commands().items() if name not in own}
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The names of all commands, those of installed packages last."""
+        return [*super().list_commands(ctx), *(self._others.keys() - self.commands.keys())]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command of that name; one of an installed package is imported."""
+        if cmd_name not in self.commands and cmd_name in self._others:
+            self.commands[cmd_name] = load_command(self._others[cmd_name])
+        return super().get_command(ctx, cmd_name)
+
+    def summary(self, name: str) -> str:
+        """The first sentence on a command; those of packages are not imported for it."""
+        return summary_of(self._others[name]) if name in self._others else super().summary(name)
 
     def invoke(self, ctx: Any) -> Any:
         try:

@@ -286,8 +286,8 @@ def learn_situations(
 ) -> None:
     """Learn the situations at places. The table says how often OFFIS infers each (METHOD 4.4)."""
     with quiet_stdout():
-        from navfw.bench.situation_learning import learn_situations, tables
         from navfw.plugins import default_registry
+        from navfw.suite.situation_learning import learn_situations, tables
         from navfw.suite.suite_plan import plan_runs
         from navfw.suite.suitefile import load_suite, parse_seeds
 

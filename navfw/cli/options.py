@@ -254,18 +254,23 @@ class SuggestingGroup(TyperGroup):
         """The names of commands by their heading in the help."""
         return {"Commands": self.commands}
 
-    def format_commands(self, _: Any, formatter: Any) -> None:
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the first sentence on each command, under the headings of ``panels``."""
-        width = max(map(len, self.commands))
+        width = max(map(len, self.list_commands(ctx)))
         for panel, names in self.panels.items():
             with formatter.section(panel):
-                commands = ((name.ljust(width), self.commands[name]) for name in names)
-                formatter.write_dl([(name, c.get_short_help_str(_WHOLE)) for name, c in commands])
+                formatter.write_dl([(name.ljust(width), self.summary(name)) for name in names])
+
+    def summary(self, name: str) -> str:
+        """The first sentence on a command."""
+        text: str = self.commands[name].get_short_help_str(_WHOLE)
+        return text
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that ``args`` begin with; a usage error, with proposals, if there is none."""
-        if args[0] not in self.commands and not args[0].startswith("-"):
-            meant = meant_by(args[0], dict(_commands(self)))
+        if args[0] not in self.list_commands(ctx) and not args[0].startswith("-"):
+            known = dict.fromkeys(self.list_commands(ctx), "") | dict(_commands(self))
+            meant = meant_by(args[0], known)
             hint = f" Did you mean {', '.join(map(repr, meant))}?" if meant else ""
             ctx.fail(f"No such command {args[0]!r}.{hint}")
         return super().resolve_command(ctx, args)

@@ -6,8 +6,8 @@ another user owns or that anyone may write to, as ``/tmp``: a project planted th
 The working folder itself is always looked at.
 
 A project has the same shape as navfw's repository, with plugins in ``behaviors/*.py``. A file of
-the project takes precedence over the shipped one of the same name. Packages of ROS are folders,
-whose roots the environment names.
+the project takes precedence over the shipped one of the same name, and that over the one of an
+installed package. Packages of ROS are folders, whose roots the environment names.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from typing import Literal, TypeAlias
 
 from navfw.config import input_file
 from navfw.config.file_kinds import FILE_KINDS
+from navfw.config.installed_packages import file_folders
 from navfw.errors import ConfigError, UnknownNameError
 
 _SUFFIXES = {".yaml", ".yml"}
@@ -30,12 +31,12 @@ URDF_SUFFIXES = {".urdf", ".xacro"}
 """Of files that are robots by themselves, given by their path."""
 _PACKAGE = input_file.real_path(__file__).parents[1]
 
-_Source: TypeAlias = Literal["project", "shipped"]
+_Source: TypeAlias = Literal["project", "shipped", "installed"]
 
 
 @dataclass(frozen=True)
 class NamedFile:
-    """A file of one of ``FILE_KINDS``: its name, and whether it is the project's or shipped."""
+    """A file of one of ``FILE_KINDS``: its name, and whose it is."""
 
     name: str
     path: Path
@@ -131,14 +132,17 @@ def _own_project(start: Path | None = None) -> Path | None:
     return None if project is None or input_file.real_path(project) == shipped else project
 
 
-def _roots(room: str = "") -> list[tuple[_Source, Path]]:
-    """The folders that the patterns of files begin in: the project, and the shipped one.
+def _roots(room: str = "") -> Iterator[tuple[_Source, Path]]:
+    """The folders that the patterns of files begin in: project, shipped, of installed packages.
 
     ``room`` is the folder of navfw's package that has the shipped files, if one has.
     """
     project = _own_project()
-    roots: list[tuple[_Source, Path]] = [] if project is None else [("project", project)]
-    return [*roots, ("shipped", _PACKAGE / room if room else shipped_folder())]
+    if project is not None:
+        yield "project", project
+    yield "shipped", _PACKAGE / room if room else shipped_folder()
+    for folder in file_folders():
+        yield "installed", folder
 
 
 def plugin_folders() -> list[Path]:
@@ -176,12 +180,14 @@ def list_files(kind: str) -> list[NamedFile]:
             for world in list_files("world")
             for mission in list_missions(world.name)
         ]
+    return _first_of_each_name(_files(kind))
+
+
+def _files(kind: str) -> Iterator[NamedFile]:
+    """All files of a kind but missions, those that take precedence first."""
     about = FILE_KINDS[kind]
-    return _first_of_each_name(
-        file
-        for source, root in _roots(about.room)
-        for file in _matching(root, about.pattern, source)
-    )
+    for source, root in _roots(about.room):
+        yield from _matching(root, about.pattern, source)
 
 
 def list_missions(world: str | Path) -> list[NamedFile]:
@@ -218,7 +224,7 @@ def find(kind: str, name: str | Path, base: Path | None = None) -> Path:
         world, _, mission = text.partition("/")
         return find_mission(world, mission)
     as_path = _as_path(kind, name, base)
-    return _pick(kind, text, list_files(kind)) if as_path is None else as_path
+    return _pick(kind, text, _files(kind)) if as_path is None else as_path
 
 
 def find_mission(world: str | Path, name: str | Path) -> Path:
@@ -250,11 +256,13 @@ def _as_path(kind: str, name: str | Path, base: Path | None) -> Path | None:
     return path
 
 
-def _pick(kind: str, name: str, files: list[NamedFile]) -> Path:
+def _pick(kind: str, name: str, files: Iterable[NamedFile]) -> Path:
+    others = set()
     for file in files:
         if file.name == name:
             return file.path
-    raise UnknownNameError(kind, name, (file.name for file in files))
+        others.add(file.name)
+    raise UnknownNameError(kind, name, sorted(others))
 
 
 def _matching(root: Path, pattern: str, source: _Source) -> Iterator[NamedFile]:

@@ -1,9 +1,8 @@
-"""Fuzzy inference: rule bases as data, a compiled evaluator, and scikit-fuzzy as its reference.
+"""Fuzzy inference: rule bases as data, and a compiled evaluator.
 
 ``rulebase`` is the plain data with its grammar, ``rulespec`` the schema of its file, ``coverage``
-the check that rules cover all inputs, and ``rulefile`` loads. ``compiled_fis`` evaluates in
-missions; ``fis_benchmark`` evaluates the same rule base through scikit-fuzzy, in tests and
-benchmarks. Names are imported on first access: to read and check a rule base neither is needed.
+the check that rules cover all inputs, and ``rulefile`` loads. ``compiled_fis`` evaluates. Names
+are imported on first access: reading and checking a rule base needs no evaluator.
 """
 
 import lazy_loader

@@ -1,9 +1,6 @@
 from .compiled_fis import CompiledFis as CompiledFis
 from .compiled_fis import Inference as Inference
 from .coverage import uncovered_region as uncovered_region
-from .fis_benchmark import ReferenceFis as ReferenceFis
-from .fis_benchmark import compare as compare
-from .fis_benchmark import random_inputs as random_inputs
 from .membership import SHAPES as SHAPES
 from .membership import hedged as hedged
 from .membership import make_shape as make_shape

@@ -1,8 +1,7 @@
 """The compiled evaluator: a rule base as arrays, evaluated for many samples by one kernel.
 
 A call costs some 10 microseconds plus about one per sample; scikit-fuzzy needs milliseconds per
-sample. Results equal those of scikit-fuzzy (``ReferenceFis``) to 1e-6, as
-``navfw.fuzzy.fis_benchmark`` and the tests show.
+sample. Results equal those of scikit-fuzzy to 1e-6, as tests and ``navfw bench perception`` show.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Rule bases as plain data: linguistic variables with their terms, rules, and the rule base itself.
 
 Spec of a rule base file: ``rulespec``. Check of its coverage: ``coverage``. Loading: ``rulefile``.
-``CompiledFis`` and ``ReferenceFis`` evaluate the same ``RuleBase``.
+``CompiledFis`` evaluates a ``RuleBase``.
 
 The grammar of rules: ``IF nearest IS very near AND NOT side IS left THEN turn IS left``.
 

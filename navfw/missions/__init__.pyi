@@ -1,8 +1,6 @@
 from .learning_drives import SituationDrive as SituationDrive
 from .learning_drives import learn_landmarks as learn_landmarks
 from .learning_drives import record_situations as record_situations
-from .loop_timing import Lap as Lap
-from .loop_timing import summarize as summarize
 from .mission_events import Event as Event
 from .mission_events import EventClock as EventClock
 from .missionfile import MissionFile as MissionFile

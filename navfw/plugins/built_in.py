@@ -8,11 +8,12 @@ from __future__ import annotations
 import ast
 import inspect
 from collections.abc import Iterator
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
 from navfw.config.input_file import read_input, shown_path
+from navfw.config.installed_packages import points_of
 from navfw.config.lookup import plugin_files, shipped_folder
 
 BUILT_IN: dict[str, dict[str, str]] = {
@@ -77,8 +78,7 @@ GROUPS: dict[str, str] = {f"navfw.{_PLURALS.get(kind, kind + 's')}": kind for ki
 
 def installed_points() -> list[EntryPoint]:
     """The entry points of installed packages in ``GROUPS``."""
-    installed = entry_points()  # reads the metadata of all packages, so once for all groups
-    return [point for group in GROUPS for point in installed.select(group=group)]
+    return [point for group in GROUPS for point in points_of(group)]
 
 
 def summary_of(docstring: str | None) -> str:

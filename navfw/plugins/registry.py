@@ -11,6 +11,7 @@ from typing import Any, cast
 
 from navfw.config.error_location import parameters_of
 from navfw.config.input_file import real_path, shown_path
+from navfw.config.installed_packages import package_of
 from navfw.config.lookup import plugin_files, plugin_folders, shipped_folder
 from navfw.config.project_code import require_trust
 from navfw.errors import InputError, PluginError, UnknownNameError
@@ -97,8 +98,9 @@ class Registry:
     def discover_entry_points(self, points: Iterable[EntryPoint] | None = None) -> None:
         """Add the plugins of installed packages; they are imported on first use."""
         for point in installed_points() if points is None else points:
-            package = "" if point.dist is None else f" of {point.dist.name} {point.dist.version}"
-            source, target = f"entry point {point.group}{package}", point.value.replace(" ", "")
+            package = package_of(point)
+            source = f"entry point {point.group}" + (package and f" of {package}")
+            target = point.value.replace(" ", "")
             entry = _RegistryEntry(GROUPS[point.group], point.name, source, target)
             self._attempt(entry, partial(self._add, entry))
 

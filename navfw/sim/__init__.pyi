@@ -20,7 +20,6 @@ from .event_actions import Textureless as Textureless
 from .event_actions import WeakWheel as WeakWheel
 from .raster import Raster as Raster
 from .raster import depth_buffer as depth_buffer
-from .reference_renderer import ReferenceRenderer as ReferenceRenderer
 from .robot_body import BodyState as BodyState
 from .scene_geometry import SceneGeometry as SceneGeometry
 from .scenery import Scenery as Scenery

@@ -152,9 +152,9 @@ def test_the_stack_uses_no_truth() -> None:
 
 
 def test_no_decision_reads_the_clock_or_the_environment() -> None:
-    # the stopwatch and the benchmark only measure; the watchdog ends calls that would never return,
+    # the stopwatch only measures; the watchdog ends calls that would never return,
     # which is recorded as a fault of the run
-    exempt = {"stopwatch.py", "fis_benchmark.py", "watchdog.py"}
+    exempt = {"stopwatch.py", "watchdog.py"}
     decided = [path for path in DECIDING if path.name not in exempt]
     used = {shown(path): OUTSIDE & {m for m, _ in imports(tree_of(path))} for path in decided}
     assert {name: what for name, what in used.items() if what} == {}

@@ -4,14 +4,8 @@ from unittest.mock import create_autospec
 
 import pytest
 from cli_calls import answer, output, put_file, refusal
-
-from navfw.bench import (
-    TARGETS,
-    Target,
-    perception_accuracy,
-    perception_benchmark,
-    recorded_approach,
-)
+from navfw_benchmarks.bench import perception_accuracy, perception_benchmark, recorded_approach
+from navfw_benchmarks.bench.perception_benchmark import TARGETS, Target
 
 BENCH = ("bench", "perception")
 HEADLINES = (

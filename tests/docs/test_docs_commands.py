@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import click
 import cv2
 import numpy as np
 import pytest
@@ -85,8 +86,8 @@ def test_the_commands_and_their_options_exist() -> None:
     for line, _ in (parameters.values for parameters in ALL):
         words = shlex.split(str(line).partition(" --ros-args")[0])
         command: Any = typer.main.get_command(app)
-        while hasattr(command, "commands"):
-            command = command.commands[words.pop(0)]
+        while isinstance(command, click.Group):
+            command = command.get_command(click.Context(command), words.pop(0))
         options = {option for parameter in command.params for option in parameter.opts}
         assert [word for word in words if word.startswith("--") and word not in options] == [], line
 

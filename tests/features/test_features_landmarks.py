@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from navfw_benchmarks.bench.landmark_recognition import view_of
 
-from navfw.bench import view_of
 from navfw.errors import ConfigError
 from navfw.features import (
     Aruco,

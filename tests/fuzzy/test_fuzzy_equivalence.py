@@ -7,16 +7,14 @@ import pytest
 from fuzzy_samples import BOUNDED, corner_values, rule_bases, samples, shapes, small, with_default
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from navfw_benchmarks.bench.fuzzy_reference import ReferenceFis, compare, random_inputs
 
 from navfw.fuzzy import (
     SHAPES,
     CompiledFis,
-    ReferenceFis,
     RuleBase,
-    compare,
     hedged,
     make_shape,
-    random_inputs,
     rule_base_from_mapping,
     sample_universe,
 )

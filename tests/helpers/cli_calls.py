@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import click
 from processes import Done, python
 from typer.main import get_command
 from typer.testing import CliRunner, Result
@@ -52,8 +53,9 @@ def commands(group: Any = None, words: tuple[str, ...] = ()) -> Iterator[tuple[A
     """Every command and group, after the words that call it."""
     group = group or get_command(app)
     yield words, group
-    for name, command in getattr(group, "commands", {}).items():
-        yield from commands(command, (*words, name))
+    if isinstance(group, click.Group):
+        for name in group.list_commands(click.Context(group)):
+            yield from commands(group.get_command(click.Context(group), name), (*words, name))
 
 
 def navfw(*words: str, **environment: str) -> Done:

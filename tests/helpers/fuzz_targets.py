@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from architecture_sources import ROOT
+from navfw_benchmarks.results.result_file import load_results
 from suite_samples import row
 from typer.testing import CliRunner
 
@@ -19,7 +20,6 @@ from navfw.meshes import FURNITURE_LIMITS, read_triangles
 from navfw.missions import prepare, write_run
 from navfw.plugins import default_registry
 from navfw.recording import RunFolder
-from navfw.results import load_results
 from navfw.robot import load_robot
 from navfw.stack import load_stack
 from navfw.suite import RunJournal, load_suite, plan_runs, ready_journal

@@ -6,8 +6,8 @@ from typing import Any
 
 import cv2
 import numpy as np
+from navfw_benchmarks.bench.real_labels import FrameLabel
 
-from navfw.bench import FrameLabel
 from navfw.numerics import Image
 
 HEIGHT, WIDTH = 240, 320

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from navfw_benchmarks.results.result_file import Figures, Machine, StoredSuiteResult, StoredValues
 from suite_samples import case, row
 
-from navfw.results import Figures, Machine, StoredSuiteResult, StoredValues
 from navfw.suite import Expect, RunRow, SuiteFolder, SuitePlan, summarize
 
 REVISION = "0123456789abcdef0123456789abcdef01234567"

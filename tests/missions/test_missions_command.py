@@ -19,11 +19,12 @@ import numpy.typing as npt
 import pytest
 from cli_calls import PROGRAM, answer, sole_refusal
 from killing import Started
+from navfw_benchmarks.bench.loop_timing import Lap, summarize
 from picture_colors import share_of
 from processes import python
 
 from navfw.errors import InputError
-from navfw.missions import Lap, WindowOverlay, prepare, summarize
+from navfw.missions import WindowOverlay, prepare
 from navfw.recording import palette, read_result
 from navfw.sim import Point3, SimulatorWindow, check_display
 

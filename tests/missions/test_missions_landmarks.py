@@ -10,7 +10,6 @@ from cli_calls import answer, refusal
 from sim_worlds import PERFECT, world_of
 from suite_plans import planned
 
-from navfw.bench import learn_situations, place_accuracy
 from navfw.config import find
 from navfw.errors import InputError, MapError
 from navfw.features import Aruco
@@ -29,6 +28,7 @@ from navfw.recording import RunFolder, load_recording, replay
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Pose
 from navfw.sim import Simulation
+from navfw.suite.situation_learning import learn_situations, place_accuracy
 from navfw.topomap import Place, TopoMap, load_map
 
 

@@ -208,15 +208,13 @@ def test_the_wheel_drives_in_an_empty_environment(
 
 OPTIONAL = """
     pybullet pybullet_data matplotlib jinja2 foxglove mcap mcap_protobuf trimesh collada
-    websockets gymnasium optuna distributed av pandas navground skfuzzy
+    websockets gymnasium optuna distributed av pandas navground
 """
 """The modules of all extras."""
 
 COMMANDS = {
     "run empty straight": "sim",
     "suite rooms --seeds 0:1": "sim",
-    "reproduce": "sim",
-    "bench loop": "sim",
     "tune rooms --stack default --trials 1": "tune",
     "replay RUN": "record",
     "explain RUN --at 1": "record",

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from navfw_benchmarks.bench.reference_renderer import ReferenceRenderer
 from sim_worlds import PERFECT, free_poses, world_of
 
 from navfw.numerics import Array, Image
@@ -18,7 +19,6 @@ from navfw.sim import (
     PartBounds,
     Raster,
     Rectangle,
-    ReferenceRenderer,
     Scenery,
     Simulation,
     Visibility,

@@ -1,0 +1,260 @@
+"""Measure accuracy and computing time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from navfw.cli.options import Json, NoiseSeed, Robot, Stack, command_group, of_robot
+from navfw.cli.output import echo, print_json, print_tables, quiet_stdout
+from navfw.cli.progress_bar import ProgressBar, Quiet
+from navfw.errors import InputError
+
+if TYPE_CHECKING:
+    from navfw.process.result_table import ResultTable
+    from navfw.process.work_progress import ProgressCallback
+
+_SPLITS = ("tuning", "test", "all")
+
+
+def _bench(
+    command: str,
+    options: Mapping[str, object],
+    measure: Callable[[ProgressCallback], dict[str, Any]],
+    tables: Callable[[dict[str, Any]], Iterable[ResultTable]] | None,
+    *,
+    json: bool,
+    quiet: bool,
+) -> dict[str, Any]:
+    """Measure with a progress bar, add the provenance, and print the result as JSON or ``tables``.
+
+    ``options`` are those that repeat the measurement.
+    """
+    with quiet_stdout():
+        from navfw.recording.provenance import provenance
+
+        with ProgressBar("bench", quiet=quiet) as bar:
+            result = measure(bar.show_part)
+        result["provenance"] = provenance(f"navfw bench {command}", options)
+    if json:
+        print_json(result)
+    elif tables is not None:
+        print_tables(tables(result))
+    return result
+
+
+def loop(
+    world: Annotated[str, typer.Option(help="Name or file of a world.")] = "office",
+    mission: Annotated[str, typer.Option(help="Name of a mission of that world.")] = "lobby-to-lab",
+    seed: NoiseSeed = 0,
+    stack: Stack = "default",
+    robot: Robot = None,
+    seconds: Annotated[
+        float, typer.Option(min=1.0, max=600.0, help="Simulated time of one lap [s].")
+    ] = 20.0,
+    repeats: Annotated[int, typer.Option(min=1, max=100, help="Number of laps.")] = 3,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Time the whole loop, and rendering with physics alone. Runs on one core."""
+    with quiet_stdout():
+        from navfw.missions.session_setup import prepare
+        from navfw_benchmarks.bench.loop_timing import bench_loop
+
+        session = prepare(world, mission, seed=seed, stack=stack, overrides=of_robot(robot))
+    options = {"world": world, "mission": mission, "seed": seed, "stack": stack}
+    options |= {} if robot is None else {"robot": robot}
+    options |= {"seconds": f"{seconds:g}", "repeats": repeats}
+    measure = partial(bench_loop, session, seconds, repeats)
+    result = _bench("loop", options, measure, None, json=json, quiet=quiet)
+    if not json:
+        _print_loop(result)
+
+
+def _print_loop(result: dict[str, Any]) -> None:
+    echo(
+        f"loop {result['loop_wall_s']:.2f} s for {result['sim_time_s']:.1f} s simulated:"
+        f" {result['real_time_factor']:.1f} x real time"
+    )
+    for raster, wall, ratio in (
+        ("PyBullet", "render_physics_wall_s", "loop_over_render"),
+        ("navfw's raster", "own_render_physics_wall_s", "loop_over_own_render"),
+    ):
+        low, high = result["spread"][ratio]
+        echo(
+            f"rendering by {raster} and physics alone {result[wall]:.2f} s:"
+            f" the loop takes {result[ratio]:.2f} times that ({low:.2f} to {high:.2f})"
+        )
+    echo(f"rendering by PyBullet {result['pybullet_render_ms']:.2f} ms per frame")
+    echo("computing time per camera frame:")
+    for stage, milliseconds in result["stage_ms"].items():
+        echo(f"  {stage:<12} {milliseconds:7.2f} ms")
+    echo(f"peak memory {result['peak_memory_mb']:.0f} MB")
+
+
+def gym(
+    family: Annotated[str, typer.Option(help="Family of the world.")] = "rooms",
+    steps: Annotated[int, typer.Option(min=1, max=10_000, help="Steps of one run.")] = 200,
+    repeats: Annotated[int, typer.Option(min=1, max=100, help="Number of runs.")] = 5,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Time steps and resets of Gymnasium environments. Needs the extra gym."""
+    with quiet_stdout():
+        from navfw_benchmarks.bench.step_timing import bench_gym, tables
+
+    options = {"family": family, "steps": steps, "repeats": repeats}
+    measure = partial(bench_gym, family, steps, repeats)
+    _bench("gym", options, measure, tables, json=json, quiet=quiet)
+
+
+_RandomViews = Annotated[int, typer.Option(min=12, help="Number of random views.")]
+_Comparisons = Annotated[
+    int, typer.Option(min=10, help="Random inputs for each rule base, also by scikit-fuzzy.")
+]
+_ViewSeed = Annotated[
+    int | None, typer.Option(min=0, help="Seed of the random views; by default the held-out one.")
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(min=1, help="Processes for the parts not timed; by default one per core."),
+]
+_RecordedData = Annotated[Path | None, typer.Option(help="Folder with the data set approach.")]
+_PageFolder = Annotated[Path | None, typer.Option(help="Folder to write a page of tables to.")]
+
+
+def perception(
+    poses: _RandomViews = 1000,
+    comparisons: _Comparisons = 10_000,
+    seed: _ViewSeed = None,
+    workers: Workers = None,
+    data: _RecordedData = None,
+    out: _PageFolder = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure accuracy and speed of perception. Covers situations and a recorded approach."""
+    with quiet_stdout():
+        from navfw.process.process_resources import usable_cores
+        from navfw_benchmarks.bench import perception_benchmark as run
+        from navfw_benchmarks.bench.perception_accuracy import HELD_OUT_SEED
+
+        recorded = None if data is None else data / "approach"
+        if recorded is not None and not recorded.is_dir():
+            raise InputError("holds no approach", file=data, key="--data")
+        folder = None if out is None else run.page_folder(out)
+        seed = HELD_OUT_SEED if seed is None else seed
+    options: dict[str, object] = {"poses": poses, "comparisons": comparisons}
+    options |= {"seed": seed} | ({"data": "DIR"} if data else {})
+    sizes = run.SampleSizes(poses=poses, comparisons=comparisons)
+    measure = partial(run.bench_perception, sizes, seed, workers or usable_cores(), recorded)
+    result = _bench("perception", options, measure, run.tables, json=json, quiet=quiet)
+    if folder is not None:
+        with quiet_stdout(), folder:
+            run.write_page(result, folder.path)
+        if not json:
+            echo(f"page {folder.target / 'index.md'}")
+
+
+def planning(
+    places: Annotated[
+        int, typer.Option(min=100, max=200_000, help="Number of places of the generated map.")
+    ] = 10_000,
+    repeats: Annotated[int, typer.Option(min=3, max=1000, help="Number of routes to plan.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the map and the routes.")] = 0,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Time planning on a large map. Compares PAPFIS with A* of networkx."""
+    with quiet_stdout():
+        from navfw_benchmarks.bench.planning_time import bench_planning, tables
+
+    options = {"places": places, "repeats": repeats, "seed": seed}
+    measure = partial(bench_planning, places, repeats, seed)
+    _bench("planning", options, measure, tables, json=json, quiet=quiet)
+
+
+def flow(
+    data: Annotated[
+        Path | None, typer.Option(help="Folder with the data sets hololens_office and tum_fr1.")
+    ] = None,
+    places: Annotated[
+        int,
+        typer.Option(min=0, max=1000, help="Poses in each rendered world; 0: recorded pairs only."),
+    ] = 6,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the rendered pairs.")] = 0,
+    part: Annotated[
+        str, typer.Option(help="Pairs of each sequence, by their number: all, odd or even.")
+    ] = "all",
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure cost, error and sigma of flow. Compares the processors with OpenCV's."""
+    with quiet_stdout():
+        from navfw_benchmarks.bench import flow_comparison
+
+    parts = flow_comparison.PARTS
+    if part not in parts:
+        raise InputError(f"must be one of {', '.join(parts)}, got {part!r}", key="--part")
+    if data is None and not places:
+        raise InputError("must be at least 1 without --data, got 0", key="--places")
+
+    def measure(report: ProgressCallback) -> dict[str, Any]:
+        report("reading and rendering pairs")
+        sets = [] if data is None else flow_comparison.recorded_sets(data, parts[part])
+        sets += [flow_comparison.rendered_set(places, seed, parts[part])] if places else []
+        return flow_comparison.bench_flow_sets(sets, report=report)
+
+    options = {"places": places, "seed": seed, "part": part} | ({"data": "DIR"} if data else {})
+    _bench("flow", options, measure, flow_comparison.tables, json=json, quiet=quiet)
+
+
+def landmarks(
+    views: Annotated[
+        int, typer.Option(min=1, max=1000, help="Views at each distance and angle.")
+    ] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the views and their noise.")] = 0,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure landmark recognition. Varies distance and angle, and measures the time per frame."""
+    with quiet_stdout():
+        from navfw_benchmarks.bench.landmark_recognition import bench_landmarks, tables
+
+    options = {"views": views, "seed": seed}
+    measure = partial(bench_landmarks, views, seed)
+    _bench("landmarks", options, measure, tables, json=json, quiet=quiet)
+
+
+def real(
+    data: Annotated[Path, typer.Option(help="Folder of the recordings.")],
+    split: Annotated[str, typer.Option(help="Labelled frames: tuning, test or all.")] = "test",
+    flow: Annotated[
+        list[str] | None,
+        typer.Option(help="Flow processor, repeatable. Default: perceive's and OpenCV's."),
+    ] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Judge perception on real frames by labels. Counts right, partly right, wrong and silent."""
+    with quiet_stdout():
+        from navfw.perceive.perceiver_options import PerceiverOptions
+        from navfw.plugins import default_registry
+        from navfw_benchmarks.bench.real_benchmark import bench_real, tables
+
+        registry = default_registry()
+    if split not in _SPLITS:
+        raise InputError(f"must be one of {', '.join(_SPLITS)}, got {split!r}", key="--split")
+    names = flow or [PerceiverOptions().flow, "dis", "lucas_kanade", "farneback"]
+    options = {"data": "DIR", "split": split, "flow": flow or []}
+    measure = partial(bench_real, data, split, names, registry)
+    _bench("real", options, measure, tables, json=json, quiet=quiet)
+
+
+bench = command_group("Measure accuracy and computing time.")
+for _command in (loop, perception, flow, real, planning, landmarks, gym):
+    bench.command()(_command)

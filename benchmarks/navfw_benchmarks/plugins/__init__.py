@@ -1,0 +1,1 @@
+"""Variants of navfw's parts that serve to compare, as plugins."""

@@ -1,0 +1,55 @@
+"""Commands of other installed packages: entry points of the group ``navfw.commands``.
+
+An entry point is named as the command, and leads to a function, as in ``typer``, or to a
+``typer.Typer``, which is a group of commands. Its module is imported when the command is used;
+``navfw --help`` shows the module's first line, which is its docstring's. Of two commands with one
+name, navfw's own is kept.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint
+from typing import Any
+
+import typer
+
+from navfw.cli.trust import accept_trust
+from navfw.config.installed_packages import file_of, package_of, points_of
+from navfw.errors import PluginError
+
+
+def installed_commands() -> dict[str, EntryPoint]:
+    """The entry points of commands, by name."""
+    return {point.name: point for point in points_of("navfw.commands")}
+
+
+def summary_of(point: EntryPoint) -> str:
+    """What a command does, as its module says, or why it cannot be used."""
+    file = file_of(point.module)
+    if file is None:
+        return f"Broken: there is no module {point.module}."
+    with file.open(encoding="utf-8", errors="replace") as source:
+        first_line = source.readline().strip()
+    return first_line.strip('"') or f"See navfw {point.name} --help."
+
+
+def load_command(point: EntryPoint) -> Any:
+    """The command of an entry point, imported.
+
+    Raises:
+        PluginError: it cannot be imported, or is no command.
+
+    """
+    app = typer.Typer(rich_markup_mode=None)
+    try:
+        target = point.load()
+        if isinstance(target, typer.Typer):
+            app.add_typer(target, name=point.name)
+        else:
+            app.command(point.name)(target)
+        accept_trust(app)
+        return typer.main.get_group(app).commands[point.name]
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        what = f"the command {point.name!r} of {package_of(point)} cannot be used: {reason}"
+        raise PluginError(what) from error

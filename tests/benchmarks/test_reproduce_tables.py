@@ -1,0 +1,307 @@
+"""The tables that are reproduced, and their summary."""
+
+import math
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from flow_scene import rotational_flow
+from navfw_benchmarks.bench.perception_accuracy import front_of
+from navfw_benchmarks.reproduce.metric_comparison import (
+    _claims,
+    _discriminate,
+    _features,
+    compare_metrics,
+)
+from navfw_benchmarks.reproduce.paper_scenes import FAST_TURN, SCENES, WAYPOINTS, drive, hand_held
+from navfw_benchmarks.reproduce.paper_tables import (
+    FAST,
+    SceneRow,
+    WaypointRow,
+    as_data,
+    checks,
+    table2,
+    table3,
+    true_flow,
+)
+from navfw_benchmarks.reproduce.reproduction import (
+    draw_map,
+    scene_picture,
+    summary,
+    waypoint_picture,
+)
+
+from navfw.config import find
+from navfw.missions import path_length
+from navfw.robot import RobotModel
+from navfw.sim import SceneGeometry, load_world
+from navfw.testing.behavior_scenes import wall_flow
+
+
+@pytest.fixture(scope="module")
+def waypoints() -> list[WaypointRow]:
+    return table2(seed=0)
+
+
+@pytest.fixture(scope="module")
+def scenes() -> list[SceneRow]:
+    return table3(seed=0)
+
+
+def test_the_way_is_free_and_smooth() -> None:
+    way = drive()
+    plan = SceneGeometry.from_world(load_world(find("world", "paper-room")), 0.4)
+    assert min(plan.clearance(m.pose.x, m.pose.y) for m in way) > RobotModel().radius + 0.1
+    assert 7.0 < path_length(np.array([(m.pose.x, m.pose.y) for m in way])) < 12.0
+    turns = [abs(point.twist.w) for point in way]
+    assert max(turns) == FAST_TURN
+
+
+def test_waypoint_3_is_the_fast_left_turn() -> None:
+    way = drive()
+    twists = {w.number: way[round(w.time * 60)].twist for w in WAYPOINTS}
+    assert [w.number for w in WAYPOINTS] == list(range(1, 11))
+    assert [w.time for w in WAYPOINTS] == sorted(w.time for w in WAYPOINTS)
+    assert twists.pop(FAST).w == FAST_TURN
+    assert max(abs(twist.w) for twist in twists.values()) < 0.02
+
+
+def test_before_is_where_the_robot_came_from() -> None:
+    way = drive()
+    for index in (200, 670, 700, 1000):
+        past, now = way[index - 3], way[index]
+        before = now.before(0.05)
+        # the twist hardly changes within 50 ms
+        assert math.dist((before.x, before.y), (past.pose.x, past.pose.y)) < 0.003
+
+
+def test_fast_turn_reads_wrong_without_derotation_and_right_with(
+    waypoints: list[WaypointRow],
+) -> None:
+    found = checks(waypoints)
+    assert all(found.values()), found
+    fast = next(row for row in waypoints if row.waypoint.number == FAST)
+    for kind in ("ideal", "block matching"):
+        right = fast.percepts[kind, "removed", "normalised"]
+        assert front_of(right.percept) != "unknown"
+        assert right.percept.floor_in_front > 0.5
+    # the paper's own way to read it: everything near, nothing recognised
+    false = fast.percepts["ideal", "left in", "raw means"].percept
+    assert set(false.obstacles["layer1"]) == {"P1", "P2", "P3", "P4"}
+    assert set(false.obstacles["layer1"].values()) == {"near"}
+
+
+def test_ideal_flow_is_translation_and_rotation(waypoints: list[WaypointRow]) -> None:
+    robot = RobotModel()
+    for row in waypoints:
+        whole = true_flow(row.view, robot)
+        rest = row.percepts["ideal", "removed", "normalised"].flow
+        turned = rotational_flow(whole.points, whole.motion.rotation, robot.camera.focal)
+        # exact derotation and the rotational flow differ in second order only
+        limit = 0.02 + 0.1 * np.abs(turned).max()
+        assert np.abs(whole.vectors - turned - rest.vectors).max() < limit
+        assert whole.shape == (12, 16)
+
+
+def test_the_same_seed_gives_the_same_readings(
+    waypoints: list[WaypointRow], scenes: list[SceneRow]
+) -> None:
+    again = as_data(table2(seed=0), table3(seed=0))
+    assert again == as_data(waypoints, scenes)
+    image = waypoints[0].view.pair.now.image
+    assert (table2(seed=1)[0].view.pair.now.image != image).any()
+
+
+def test_the_three_situations(scenes: list[SceneRow]) -> None:
+    assert [row.scene.number for row in scenes] == [1, 2, 3]
+    for row in scenes:
+        assert row.view.pair.now.image.shape == (100, 135)
+        for kind in ("ideal", "block matching"):
+            checked = row.percepts[kind, "normalised"]
+            assert checked.flow.shape == (10, 15)
+            assert checked.right, (row.scene.title, checked.percept.sentence)
+    corridor, chair, door = (row.percepts["ideal", "normalised"].percept for row in scenes)
+    # as the paper prints them
+    assert corridor.obstacles["layer1"] == {"P2": "middle"}
+    assert chair.obstacles["layer1"] == {"P3": "near"}
+    assert {"P1", "P2"} <= door.obstacles["layer1"].keys()
+    assert front_of(door) == "door"
+    for percept in (corridor, chair):
+        assert "door" in front_of(percept)
+        assert "Floor in front" in percept.sentence
+
+
+def test_scenes_have_the_paper_s_camera() -> None:
+    camera = hand_held().camera
+    whole = 2.0 * math.degrees(math.atan(72.0 / camera.focal))
+    assert whole == pytest.approx(65.0)
+    assert len(SCENES) == 3
+
+
+def test_every_place_has_a_verdict_and_a_reason_where_table_1_has_nothing(
+    waypoints: list[WaypointRow], scenes: list[SceneRow]
+) -> None:
+    found = as_data(waypoints, scenes)
+    assert [row["waypoint"] for row in found["table2"]] == list(range(1, 11))
+    for row in [*found["table2"], *found["table3"]]:
+        truth = row["truth"]
+        assert bool(truth["situations"]) != bool(truth["no_situation"])
+        for reading in row["readings"]:
+            assert reading["statements"].keys() == {"nearest", "distance", "front"}
+            right = sum(reading["statements"].values())
+            assert reading["verdict"] == ("wrong", "partly", "partly", "right")[right]
+    none = [row for row in found["table2"] if row["truth"]["no_situation"]]
+    assert none, "the room has views that Table 1 does not name"
+    assert all(re.search(r"\d+ ?%", row["truth"]["no_situation"]) for row in none)
+
+
+def test_pictures(waypoints: list[WaypointRow], scenes: list[SceneRow]) -> None:
+    picture = waypoint_picture(waypoints[0])
+    assert picture.shape == (2 * (480 + 30), 2 * 640 + 8, 3)
+    assert scene_picture(scenes[0]).shape == (430, 2 * 540 + 8, 3)
+    # arrows are drawn: the panels with flow are not the plain image
+    assert (picture[40:500, 660:1280] > 200).any()
+    world = load_world(find("world", "paper-room"))
+    plan = draw_map(world, drive(), waypoints).astype(int)
+    red, blue = plan[..., 2] - plan[..., 0], plan[..., 0] - plan[..., 2]
+    assert (red > 150).sum() > 500, "waypoints"
+    assert (blue > 100).sum() > 500, "the way"
+
+
+# --- the summary ---------------------------------------------------------------------------------
+
+
+def claim(what: str, two: int, one: int, differ: int, p: float) -> dict[str, Any]:
+    views = {"by": "the metrics alone", "flow": "ideal", "what": what, "views": 50}
+    right = {"two_layers_right": two, "one_layer_right": one, "confirmed": two >= one}
+    return {**views, **right, "differ": differ, "p": p}
+
+
+def reading(verdict: str, rotation: str) -> dict[str, str]:
+    return {"flow": "ideal", "mode": "normalised", "rotation": rotation, "verdict": verdict}
+
+
+def place(number: int, removed: str, left: str, why: str | None) -> dict[str, Any]:
+    readings = [reading(removed, "removed"), reading(left, "left in")]
+    return {"waypoint": number, "truth": {"no_situation": why}, "readings": readings}
+
+
+def summarised(**changed: Any) -> dict[str, list[str]]:
+    claims = [
+        claim("quadrant", 40, 48, 10, 0.022),
+        claim("situation", 30, 29, 9, 1.0),
+        claim("distance", 44, 44, 0, 1.0),
+        claim("quadrant", 40, 41, 3, 1.0),
+    ]
+    hidden = "furniture hides 50% of the walls in the left half"
+    places = [place(3, "right", "wrong", None), place(2, "partly", "right", hidden)]
+    result = {"table2": places, "table3": [], "real": None, "metrics": {"claims": claims}}
+    return summary({**result, **changed})
+
+
+def test_the_claim_of_section_4_3_is_told_with_its_figures() -> None:
+    whole, *missed = summarised()["Section 4.3"]
+    assert "is confirmed in 2 of 4 comparisons: better by more than chance (p < 0.05) in 0" in whole
+    denied = "alike on every view in 1. It is not confirmed in 2: worse by more than chance in 1"
+    assert denied in whole
+    assert missed == [
+        "Not confirmed: nearest quadrant by the metrics alone, ideal flow: 40 against 48 of 50"
+        " right (answers that differ: 10, p = 0.022).",
+        "Not confirmed: nearest quadrant by the metrics alone, ideal flow: 40 against 41 of 50"
+        " right (answers that differ: 3, p = 1).",
+    ]
+
+
+def test_a_claim_that_holds_everywhere_is_confirmed_everywhere() -> None:
+    held = {"claims": [claim("quadrant", 48, 40, 10, 0.02)]}
+    (whole,) = summarised(metrics=held)["Section 4.3"]
+    assert "is confirmed in 1 of 1 comparisons: better by more than chance (p < 0.05) in 1" in whole
+    assert "not confirmed in 0" in whole
+
+
+def test_places_are_counted_by_verdict() -> None:
+    found = summarised()["Table 2"]
+    assert found[0] == "All 2 places are judged."
+    assert (
+        "Ideal flow, normalised: 1 right, 1 partly with the rotation removed;"
+        " 1 right, 1 wrong with the rotation left in." in found
+    )
+    assert (
+        "Waypoint 3, where the paper's conclusion is false, normalised: ideal flow, rotation"
+        " removed: right; ideal flow, rotation left in: wrong." in found
+    )
+    assert "At 1 places (waypoints 2) the geometry forms none" in found[-1]
+
+
+def test_photographs_are_counted_or_said_to_be_missing() -> None:
+    assert "no recordings were given (--data DIR)" in summarised()["Table 3, photographs"][0]
+    total = {"right": 3, "partly": 2, "wrong": 1, "silent": 0}
+    single = {"single": True, "verdicts": {"right": 0, "silent": 7}}
+    real = {"total": total, "recordings": [{"single": False}, {"single": False}, single]}
+    assert summarised(real=real)["Table 3, photographs"] == [
+        "6 labelled frames of 2 recordings: 3 right, 2 partly, 1 wrong.",
+        "7 single photographs, about which nothing should be said: 7 silent.",
+    ]
+
+
+def test_discriminant_separates_separable_classes_only() -> None:
+    rng = np.random.default_rng(0)
+    labels = ["left", "right"] * 100
+    shift = np.array([[-1.0, 0.0], [1.0, 0.0]] * 100)
+    table = shift + 0.3 * rng.standard_normal((200, 2))
+    answers = _discriminate(table[:150], labels[:150], table[150:])
+    assert np.mean([a == b for a, b in zip(answers, labels[150:], strict=True)]) > 0.97
+    blind = _discriminate(rng.standard_normal((150, 2)), labels[:150], table[150:])
+    assert set(blind) <= {"left", "right"}
+
+
+def test_features_are_the_regions_metrics() -> None:
+    flow = wall_flow(RobotModel(), 0.0, ahead=1.0, left=20.0, right=20.0)
+    assert _features(flow, 2, False).shape == (32,)
+    assert _features(flow, 1, True).shape == (16,)
+    means = np.exp(_features(flow, 1, False)) - 0.05
+    part = np.abs(flow.vectors[:6, 8:, 0])  # P1: upper right
+    assert np.isclose(means[0], part.mean())
+
+
+@pytest.fixture(scope="module")
+def result() -> dict[str, Any]:
+    return compare_metrics(14, seed=3)
+
+
+def test_comparison_on_a_few_views(result: dict[str, Any]) -> None:
+    assert result["views"] == 14
+    for found in result["offis"].values():
+        for shares in found.values():
+            assert all(share is None or 0.0 <= share <= 1.0 for share in shares.values())
+    normalised = result["offis"]["normalised, L=2, nearest eighth"]["ideal"]
+    assert normalised["quadrant"] > 0.8
+    assert set(result["numbers"]) == {"L=2, means", "L=1, means and variances", "L=1, means"}
+
+
+SOURCES = {
+    "the metrics alone": ("numbers", "L=2, means"),
+    "OFFIS, raw means": ("offis", "L=2, means"),
+}
+
+
+def test_the_claim_is_judged_on_the_same_views(result: dict[str, Any]) -> None:
+    assert len(result["claims"]) == 16
+    for claim in result["claims"]:
+        two, one = claim["two_layers_right"], claim["one_layer_right"]
+        assert claim["confirmed"] == (two >= one)
+        assert abs(two - one) <= claim["differ"] <= claim["views"] <= 14
+        part, way = SOURCES.get(claim["by"], ("offis", "normalised, L=2, means"))
+        share = result[part][way][claim["flow"]][claim["what"]]
+        assert share == two / claim["views"]
+
+
+def test_a_claim_counts_views_on_which_the_answers_differ() -> None:
+    two = {"ideal": {"quadrant": [True, True, False, None, False]}}
+    one = {"ideal": {"quadrant": [False, True, True, None, True]}}
+    (claim,) = _claims("OFFIS", two, one)
+    assert (claim["views"], claim["two_layers_right"], claim["one_layer_right"]) == (4, 2, 3)
+    assert (claim["differ"], claim["confirmed"], claim["p"]) == (3, False, 1.0)
+    (turned,) = _claims("OFFIS", one, two)
+    assert turned["confirmed"]
