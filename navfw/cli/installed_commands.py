@@ -8,6 +8,7 @@ name, navfw's own is kept.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from importlib.metadata import EntryPoint
 from typing import Any
 
@@ -33,6 +34,7 @@ def summary_of(point: EntryPoint) -> str:
     return first_line.strip('"') or f"See navfw {point.name} --help."
 
 
+@lru_cache(maxsize=32)  # the options are added to its functions once
 def load_command(point: EntryPoint) -> Any:
     """The command of an entry point, imported.
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from functools import lru_cache
-from importlib.metadata import Distribution, EntryPoint, EntryPoints
+from importlib.metadata import Distribution, EntryPoint, EntryPoints, distributions
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -32,6 +32,11 @@ def points_of(group: str) -> EntryPoints:
 def package_of(point: EntryPoint) -> str:
     """Name and version of the package that has the entry point; empty if unknown."""
     return "" if point.dist is None else f"{point.dist.name} {point.dist.version}"
+
+
+def is_installed(package: str) -> bool:
+    """Whether the package of that name, as in ``pip install NAME``, is installed."""
+    return next(iter(distributions(name=package)), None) is not None
 
 
 def file_of(module: str) -> Path | None:

@@ -174,17 +174,16 @@ def plugin_files(folder: Path) -> list[Path]:
 
 def list_files(kind: str) -> list[NamedFile]:
     """All files of a kind of ``FILE_KINDS`` by name; those of missions are ``world/mission``."""
-    if kind == "mission":
-        return [
-            NamedFile(f"{world.name}/{mission.name}", mission.path, mission.source)
-            for world in list_files("world")
-            for mission in list_missions(world.name)
-        ]
     return _first_of_each_name(_files(kind))
 
 
 def _files(kind: str) -> Iterator[NamedFile]:
-    """All files of a kind but missions, those that take precedence first."""
+    """All files of a kind; of those with one name the first takes precedence."""
+    if kind == "mission":
+        for world in list_files("world"):
+            for mission in list_missions(world.name):
+                yield NamedFile(f"{world.name}/{mission.name}", mission.path, mission.source)
+        return
     about = FILE_KINDS[kind]
     for source, root in _roots(about.room):
         yield from _matching(root, about.pattern, source)

@@ -1,10 +1,7 @@
 from .landmark_appearance import landmark_kind as landmark_kind
 from .landmark_appearance import marker_dictionary as marker_dictionary
-from .landmark_appearance import poster_image as poster_image
 from .recognizers import Aruco as Aruco
-from .recognizers import Landmarks as Landmarks
 from .recognizers import NoFeatures as NoFeatures
-from .recognizers import Posters as Posters
 from .recognizers import is_upright as is_upright
 from .recognizers import locate as locate
 from .recognizers import locate_with_covariance as locate_with_covariance

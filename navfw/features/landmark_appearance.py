@@ -1,7 +1,7 @@
 """Kinds of landmark and their appearance: the plates that the simulator renders.
 
 A landmark is a flat upright square. ``aruco`` markers are on a white plate a third larger than the
-marker, as detection needs the contrast to a bright rim. Other kinds than the two here are plugins.
+marker, as detection needs the contrast to a bright rim. Other kinds are plugins.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from navfw.errors import InputError
 from navfw.interfaces import LandmarkKind
-from navfw.numerics import Array, Image
+from navfw.numerics import Image
 from navfw.robot import RobotModel
 
 _ARUCO_IDS = 1000
@@ -30,10 +30,6 @@ _MODULES = 6
 """Modules along a marker's side, with its black border."""
 _MODULE = 32
 """Texels along a module's side."""
-_POSTER = 256
-"""Texels along a poster's side."""
-_SHAPES = 70
-"""Number of shapes on a poster."""
 
 
 def identity_of(kind: str, number: int) -> str:
@@ -68,17 +64,7 @@ class ArucoMarker(LandmarkKind):
         return np.pad(marker, _MODULE, constant_values=255).astype(np.uint8, copy=False)
 
 
-class Poster(LandmarkKind):
-    """A picture generated from its id, without a rim; its size is the picture's side."""
-
-    name: ClassVar[str] = "poster"
-
-    def plate_image(self, number: int) -> Image:
-        """The picture (N, N), luminance."""
-        return poster_image(number)
-
-
-_SHIPPED: dict[str, type[LandmarkKind]] = {kind.name: kind for kind in (ArucoMarker, Poster)}
+_SHIPPED: dict[str, type[LandmarkKind]] = {ArucoMarker.name: ArucoMarker}
 
 
 def landmark_kind(name: str) -> LandmarkKind:
@@ -107,49 +93,3 @@ def check_landmark_kind(name: str) -> str:
     except InputError as error:
         raise ValueError(str(error)) from None
     return name
-
-
-@lru_cache(maxsize=256)
-def poster_image(number: int) -> Image:
-    """Luminance (256, 256), read-only, of a poster: discs, bars and polygons over smooth noise.
-
-    Seeded only by ``number``. Shapes from a thirtieth to a third of the side give features at
-    every distance; the noise makes the surroundings of every feature different.
-    """
-    rng = np.random.default_rng([number, 20090213])
-    canvas = _smooth_noise(rng)
-    for shape in range(_SHAPES):
-        span = 0.34 * (0.035 / 0.34) ** (shape / (_SHAPES - 1))
-        grey = float(rng.uniform(15.0, 240.0))
-        _shape(canvas, rng, 0.5 * span * _POSTER, grey)
-    canvas += 12.0 * cv2.resize(rng.standard_normal((64, 64)), (_POSTER, _POSTER))
-    image: Image = np.clip(np.rint(cv2.GaussianBlur(canvas, (0, 0), 1.0)), 0, 255).astype(np.uint8)
-    image.setflags(write=False)
-    return image
-
-
-def _smooth_noise(rng: np.random.Generator) -> Array:
-    canvas = np.full((_POSTER, _POSTER), 128.0)
-    for cells in (3, 6, 12):
-        waves = rng.standard_normal((cells, cells))
-        canvas += (
-            60.0 / cells**0.5 * cv2.resize(waves, (_POSTER, _POSTER), interpolation=cv2.INTER_CUBIC)
-        )
-    return canvas
-
-
-def _shape(canvas: Array, rng: np.random.Generator, radius: float, grey: float) -> None:
-    """Draw one disc, bar or polygon of ``radius`` [px] at a random position."""
-    middle = rng.uniform(0.0, _POSTER, 2)
-    style = int(rng.integers(4))
-    if style == 0:
-        cv2.circle(canvas, np.rint(middle).astype(int).tolist(), max(2, round(radius)), grey, -1)
-        return
-    corners = 4 if style == 1 else int(rng.integers(3, 7))
-    angles = np.sort(rng.uniform(0.0, 2.0 * np.pi, corners))
-    reach = radius * rng.uniform(0.6, 1.3, corners)
-    if style == 1:  # a bar
-        angles = rng.uniform(0.0, np.pi) + np.array([0.25, np.pi - 0.25, np.pi + 0.25, -0.25])
-        reach = np.full(4, 1.2 * radius)
-    points = middle + reach[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    cv2.fillPoly(canvas, [np.rint(points).astype(np.int32)], grey)

@@ -1,9 +1,6 @@
 from .block_matching import BlockMatching as BlockMatching
 from .block_matching import judge_registration as judge_registration
 from .block_matching import uniqueness as uniqueness
-from .divergence import ContactFilter as ContactFilter
-from .divergence import Expansion as Expansion
-from .divergence import fit_expansion as fit_expansion
 from .floor_aligned import FloorAlignedFlow as FloorAlignedFlow
 from .grid_flow import SIGMA_UNKNOWN as SIGMA_UNKNOWN
 from .grid_flow import MatchedFlow as MatchedFlow
@@ -17,8 +14,6 @@ from .ideal import Ideal as Ideal
 from .ideal import nearness_at as nearness_at
 from .ideal import true_vectors as true_vectors
 from .opencv_flow import Dis as Dis
-from .opencv_flow import Farneback as Farneback
-from .opencv_flow import LucasKanade as LucasKanade
 from .registration import Registered as Registered
 from .registration import Registration as Registration
 from .registration import grid_windows as grid_windows

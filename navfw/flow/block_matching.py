@@ -14,9 +14,8 @@ from navfw.flow.correlation_kernels import correlate, find_peaks
 from navfw.flow.grid_flow import MatchedFlow, local_spread, match_sigma, ramp
 from navfw.flow.registration import grid_windows, register_windows
 from navfw.numerics import Image
-from navfw.numerics.arrays import Array, Floats, Indices, Mask
+from navfw.numerics.arrays import Array, Floats, Mask
 from navfw.robot import RobotModel
-from navfw.signals import FramePair
 from navfw.signals.immutability import read_only
 
 TEXTURE_LOW = 2.0
@@ -205,26 +204,6 @@ class BlockMatching(MatchedFlow):
             vectors, confidence, sigma = self._peaks(scores)
         confidence *= ramp(deviation.astype(np.float64), low, high)
         return vectors, confidence, sigma
-
-    def whole_pixel_loop(self, pair: FramePair) -> Indices:
-        """Displacements (rows, cols, 2) [px], now - past, by OpenCV's matcher, window by window.
-
-        Finds the same peaks as the compiled correlation: its reference in tests and the baseline
-        of its speed. The search is centred on zero displacement.
-        """
-        now, past = np.asarray(pair.now.image), np.asarray(pair.past.image)
-        search, (height, width) = self.params.search, past.shape
-        peaks: Indices = np.zeros((len(self._y_windows), len(self._x_windows), 2), np.int64)
-        for r, (top, bottom) in enumerate(self._y_windows):
-            y0, y1 = max(0, top - search), min(height, bottom + search)
-            for c, (left, right) in enumerate(self._x_windows):
-                x0, x1 = max(0, left - search), min(width, right + search)
-                scores = cv2.matchTemplate(
-                    past[y0:y1, x0:x1], now[top:bottom, left:right], cv2.TM_CCOEFF_NORMED
-                )
-                _, _, _, (x, y) = cv2.minMaxLoc(scores)
-                peaks[r, c] = left - x0 - x, top - y0 - y
-        return peaks
 
     def _register(
         self,

@@ -11,7 +11,6 @@ from .landmark_model import expected_measurement as expected_measurement
 from .landmark_model import joseph as joseph
 from .lattice import MAX_STATES as MAX_STATES
 from .lattice import Lattice as Lattice
-from .metric_filter import Ekf as Ekf
 from .metric_filter import MetricFilter as MetricFilter
 from .metric_filter import MetricFilterParams as MetricFilterParams
 from .motion_model import BY_FLOOR as BY_FLOOR
@@ -39,6 +38,5 @@ from .place_probabilities import situation_table as situation_table
 from .plan_field import PlanField as PlanField
 from .plan_field import PlanScan as PlanScan
 from .plan_field import scan_of as scan_of
-from .topological import Bayes as Bayes
 from .topological import PassageObserver as PassageObserver
 from .topological import Topological as Topological

@@ -1,24 +1,19 @@
-"""The metric filter, an EKF over pose and gyro bias, robust to displaced landmarks (METHOD 4.4).
-
-The localiser ``ekf`` tracks a known start by it.
-"""
+"""The metric filter, an EKF over pose and gyro bias, robust to displaced landmarks (METHOD 4.4)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from navfw.localization import place_probabilities
 from navfw.localization.landmark_model import (
     GATE,
     Association,
     LandmarkExistence,
     LandmarkObservation,
-    LandmarkObserver,
     associate,
     consistent_observations,
 )
@@ -35,8 +30,7 @@ from navfw.numerics import Array
 from navfw.numerics.linear_systems import solve
 from navfw.numerics.products import product
 from navfw.robot import RobotModel
-from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
-from navfw.topomap import TopoMap
+from navfw.signals import Odometry, Pose, wrap_angle
 
 INFLATION = 4.0
 """Factor on the pose covariance, at each observation, while consistent landmarks contradict the
@@ -230,58 +224,3 @@ class MetricFilter:
         gain = self.covariance[:, 3] / spread
         step = gain * (odometry.yaw_bias - self.state[3])
         self._correct(step, np.outer(gain, self.covariance[3:4, :]))
-
-
-class Ekf(place_probabilities.PlaceLocalizer):
-    """Odometry and gyro predict (x, y, yaw, gyro bias); landmark detections correct them.
-
-    A detection passes a chi-square gate and is weighted by its landmark's existence probability, so
-    that a displaced landmark is soon ignored.
-    """
-
-    name: ClassVar[str] = "ekf"
-
-    class Params(MetricFilterParams, place_probabilities.PlaceLocalizer.Params):
-        """Noise, the landmarks' prior, and when the belief is lost."""
-
-        lost_below: Annotated[
-            float, Field(ge=0.0, lt=1.0, description="confidence below which the belief is lost")
-        ] = 0.2
-
-    params: Params
-
-    def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
-        """Start at ``pose`` (map frame).
-
-        Raises:
-            InputError: ``pose`` is None: an EKF cannot search the whole map.
-
-        """
-        instead = "the localizer 'topological' (see the stack 'landmarks')"
-        pose = place_probabilities.known_start(pose, self.name, instead)
-        p = self.params
-        self._posterior = place_probabilities.PlacePosterior(topo_map)
-        self.existence = LandmarkExistence(p.prior)
-        self._observer = LandmarkObserver(topo_map)
-        self.filter = MetricFilter(p, self.existence, self.robot)
-        covariance = np.diag((p.start_xy**2, p.start_xy**2, p.start_yaw**2))
-        self.filter.initialize(pose, covariance, odometry)
-
-    def update(
-        self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
-    ) -> Belief:
-        """The belief after the newest odometry and detections; percepts are not used."""
-        posterior = self.posterior
-        self.filter.predict(odometry)
-        self.filter.observe(self._observer.observe(odometry, detections))
-        pose, covariance = self.filter.pose, self.filter.pose_covariance
-        confidence = place_probabilities.probability_within(covariance)
-        return Belief(
-            odometry.time,
-            pose,
-            covariance,
-            posterior.at(pose, covariance),
-            confidence,
-            confidence < self.params.lost_below,
-            self.filter.updates,
-        )

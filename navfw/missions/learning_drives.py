@@ -11,7 +11,7 @@ import numpy as np
 
 from navfw.errors import MapError
 from navfw.features.landmark_appearance import landmark_kind
-from navfw.features.recognizers import Landmarks
+from navfw.features.recognizers import Aruco
 from navfw.localization.place_probabilities import observed_situations
 from navfw.missions.pilot import TickView
 from navfw.missions.runner import MissionLoop, Progress, RunResult
@@ -124,7 +124,7 @@ def learn_landmarks(
 ) -> LearningDrive:
     """Drive the session's mission; landmarks detected at least ``least`` times go into the map.
 
-    A stack whose feature recognition takes no landmark frames gets the recogniser ``landmarks``.
+    A stack whose feature recognition takes no landmark frames gets the recogniser ``aruco``.
 
     Raises:
         MapError: the start is unknown, or no landmark was detected often enough.
@@ -137,7 +137,7 @@ def learn_landmarks(
             file=session.mission.file,
         )
     if not stack.features.plugin.landmark_frames:
-        stack.features.plugin = Landmarks(stack.robot)
+        stack.features.plugin = Aruco(stack.robot)
     mapper = LandmarkMapper(session.mission.start)
     last = -math.inf
 

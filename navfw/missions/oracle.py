@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import partial
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +13,7 @@ import numpy.typing as npt
 from navfw.errors import SimulationError
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import Plugin
-from navfw.mofis.navground import Navground, Surroundings
+from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.signals import CameraMotion, Frame, FramePair, MovingObject, Odometry, Pose
 from navfw.sim.shapes import Circle, Shape
@@ -24,11 +26,39 @@ _ERRORS = 0.05, 0.12, 0.15, 0.15
 """Standard deviations of a detection's bearing [rad], distance (relative), velocity [m/s]."""
 
 
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """Obstacles at the robot's height, in base_link.
+
+    ``edges`` (n, 2, 2) [m] are both ends of the sides of walls and boxes, ``discs`` (m, 3) x, y and
+    radius [m] of cylinders, ``walkers`` (k, 5) x, y, radius [m] and velocity [m/s] of movers.
+    """
+
+    edges: Array
+    discs: Array
+    walkers: Array
+
+
+class SurroundingsSource(Protocol):
+    """A source of the true obstacles: the simulator, set by a mission."""
+
+    def surroundings(self, reach: float) -> Surroundings:
+        """The obstacles within ``reach`` [m] of the robot now."""
+        ...
+
+
+@runtime_checkable
+class NeedsSurroundings(Protocol):
+    """A behaviour that plans with the true obstacles."""
+
+    def set_truth(self, truth: SurroundingsSource) -> None:
+        """Take the surroundings from ``truth`` from now on."""
+
+
 class SimulatorTruth:
     """True depth, motion and surroundings from the simulator.
 
-    Implements ``navfw.flow.ideal.TruthSource`` and
-    ``navfw.mofis.navground.SurroundingsSource``.
+    Implements ``navfw.flow.ideal.TruthSource`` and ``SurroundingsSource``.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -119,7 +149,7 @@ def reveal(simulation: Simulation, stack: Stack, *, drawn: bool = True) -> None:
     if not drawn:
         stack.vision.detect = truth.moving_objects
     for behavior in stack.mofis.behaviors.values():
-        if isinstance(behavior, Navground):
+        if isinstance(behavior, NeedsSurroundings):
             behavior.set_truth(truth)
 
 

@@ -1,12 +1,5 @@
-from .fusion import BlendFusion as BlendFusion
-from .fusion import DamnFusion as DamnFusion
 from .fusion import FuzzyFusion as FuzzyFusion
-from .fusion import ParetoFusion as ParetoFusion
-from .fusion import PriorityFusion as PriorityFusion
-from .fusion import pareto_front as pareto_front
 from .mofis import DecisionInputs as DecisionInputs
 from .mofis import Mofis as Mofis
 from .mofis import explain_command as explain_command
-from .navground import Navground as Navground
-from .navground import Surroundings as Surroundings
 from .rules import BehaviorRules as BehaviorRules

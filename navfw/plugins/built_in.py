@@ -17,42 +17,31 @@ from navfw.config.installed_packages import points_of
 from navfw.config.lookup import plugin_files, shipped_folder
 
 BUILT_IN: dict[str, dict[str, str]] = {
-    "behavior": {"navground": "navfw.mofis.navground:Navground"},
+    "behavior": {},
     "composite": {},
     "flow": {
         "block_matching": "navfw.flow.block_matching:BlockMatching",
         "dis": "navfw.flow.opencv_flow:Dis",
-        "farneback": "navfw.flow.opencv_flow:Farneback",
         "ideal": "navfw.flow.ideal:Ideal",
-        "lucas_kanade": "navfw.flow.opencv_flow:LucasKanade",
         "registered": "navfw.flow.registration:Registered",
     },
     "perception": {"offis": "navfw.offis.offis:Offis"},
     "features": {
         "aruco": "navfw.features.recognizers:Aruco",
-        "landmarks": "navfw.features.recognizers:Landmarks",
         "none": "navfw.features.recognizers:NoFeatures",
-        "posters": "navfw.features.recognizers:Posters",
     },
     "localizer": {
-        "bayes": "navfw.localization.topological:Bayes",
         "dead_reckoning": "navfw.localization.motion_model:DeadReckoning",
-        "ekf": "navfw.localization.metric_filter:Ekf",
         "floor_plan": "navfw.localization.floor_plan:FloorPlanLocalizer",
         "topological": "navfw.localization.topological:Topological",
     },
     "planner": {"papfis": "navfw.papfis.papfis:Papfis"},
     "fusion": {
         "fuzzy": "navfw.mofis.fusion:FuzzyFusion",
-        "priority": "navfw.mofis.fusion:PriorityFusion",
-        "damn": "navfw.mofis.fusion:DamnFusion",
-        "blend": "navfw.mofis.fusion:BlendFusion",
-        "pareto": "navfw.mofis.fusion:ParetoFusion",
     },
     "controller": {"unicycle": "navfw.locom.unicycle:Unicycle"},
     "landmark": {
         "aruco": "navfw.features.landmark_appearance:ArucoMarker",
-        "poster": "navfw.features.landmark_appearance:Poster",
     },
     "event": {"blackout": "navfw.missions.missionspec:Blackout"},
     "family": {

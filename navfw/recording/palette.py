@@ -48,8 +48,6 @@ _SHIPPED = {
     "avoid_quadrants": "#C08497",
     "follow_wall_quadrants": "#5F7A3A",
     "emergency_quadrants": "#A44A3F",
-    "balance": "#264DE4",
-    "divergence": "#4D9221",
     "none": "#9A9A9A",
     "": "#9A9A9A",
 }

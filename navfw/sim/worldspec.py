@@ -257,7 +257,7 @@ class LandmarkPlateSpec(StrictModel):
     kind: Annotated[
         str,
         AfterValidator(check_landmark_kind),
-        Field(description="aruco: a marker on a white plate; poster: a picture; or a plugin's"),
+        Field(description="aruco: a marker on a white plate; or a plugin's"),
     ] = "aruco"
     id: Annotated[int, Field(ge=0, le=1_000_000, description="unique within its kind")]
     at: Annotated[Point, Field(description="centre [m]")]

@@ -28,6 +28,8 @@ from .run_journal import RunRow as RunRow
 from .run_journal import columns_of as columns_of
 from .run_journal import ready_journal as ready_journal
 from .run_journal import write_table as write_table
+from .situation_learning import learn_situations as learn_situations
+from .situation_learning import place_accuracy as place_accuracy
 from .suite_folder import StartMode as StartMode
 from .suite_folder import SuiteFolder as SuiteFolder
 from .suite_frame import SuiteFrame as SuiteFrame

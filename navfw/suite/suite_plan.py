@@ -20,6 +20,7 @@ from navfw.config.input_file import (
     shown_path,
     traced_inputs,
 )
+from navfw.config.installed_packages import is_installed
 from navfw.config.lookup import (
     find,
     find_mission,
@@ -88,7 +89,12 @@ def plan_runs(
     _check_worlds(suite, worlds)
     files = stack_files(stacks)
     chosen = _chosen_variants(suite, variants, stacks)
-    cases, content, skipped = list[Case](), dict[str, str](), dict[str, str]()
+    cases, content = list[Case](), dict[str, str]()
+    skipped = {
+        name: f"needs {variant.package}, which is not installed"
+        for name, variant in chosen.items()
+        if variant.package is not None and not is_installed(variant.package)
+    }
     templates = _templates(suite, worlds, chosen)
     for number, (index, template) in enumerate(templates):
         entry, name = suite.spec.entries[index], template.variant

@@ -153,6 +153,9 @@ class VariantSpec(StrictModel):
     set: Annotated[
         Mapping[str, Any], Field(description="changed values, applied after those of the entries")
     ] = Field(default_factory=dict)
+    package: Annotated[
+        str | None, Field(description="an installed package that it needs; without, it is skipped")
+    ] = None
 
     @property
     def overrides(self) -> tuple[str, ...]:

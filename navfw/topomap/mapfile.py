@@ -48,7 +48,7 @@ _LANDMARK_KEYS = tuple(MapLandmarkSpec.model_fields)
 KindCheck = Callable[[str], str]
 """Returns the name of a kind of landmark, or raises ValueError if there is none of that name."""
 
-_SHIPPED_KINDS = ("aruco", "poster")
+_SHIPPED_KINDS = ("aruco",)
 
 
 def _shipped_kind(name: str) -> str:

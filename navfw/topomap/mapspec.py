@@ -46,7 +46,7 @@ class MapLandmarkSpec(StrictModel):
 
     kind: Annotated[
         str,
-        Field(pattern=r"^[A-Za-z_]\w*$", description="aruco, poster, or the name of a plugin"),
+        Field(pattern=r"^[A-Za-z_]\w*$", description="aruco, or the name of a plugin"),
     ] = "aruco"
     id: Annotated[int, Field(ge=0, le=1_000_000, description="unique among those of its kind")]
     x: Annotated[Coordinate, Field(description="of the centre, in the map frame [m]")]

@@ -28,7 +28,6 @@ ALLOWED = {
     ("navfw/lenses/lens_models.py", "np.tan"): LENSES,
     ("navfw/egomotion/flow_egomotion.py", "np.linalg.eigh"): "of recorded images alone",
     ("navfw/egomotion/flow_egomotion.py", "np.linalg.eigvalsh"): "of recorded images alone",
-    ("navfw/flow/block_matching.py", "cv2.matchTemplate"): "reference of tests and benchmarks",
     ("navfw/robot/urdf_measures.py", "np.linalg.eigvalsh"): "compared with bounds alone",
     ("navfw/topomap/clearance_grid.py", "@"): "of integers",
     ("navfw/worldgen/plan_walls.py", "np.linalg.svd"): "of imported plans, once",

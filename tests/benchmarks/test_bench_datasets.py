@@ -15,7 +15,7 @@ from navfw_benchmarks.bench.flow_comparison import (
     recorded_sets,
     rendered_set,
 )
-from navfw_benchmarks.bench.perception_benchmark import match_template_ratio
+from navfw_benchmarks.bench.perception_benchmark import match_template_ratio, match_windows
 from navfw_benchmarks.bench.planning_time import bench_planning, large_map
 from navfw_benchmarks.bench.recorded_approach import bench_approach
 from navfw_benchmarks.bench.recorded_pairs import (
@@ -213,7 +213,7 @@ def test_the_reference_loop_finds_the_same_peaks() -> None:
     # the loop foresees no rotation
     pair = FramePair(drawn.past, drawn.now, CameraMotion(np.eye(3), np.zeros(3), 0.2))
     matcher = BlockMatching(ROBOT, BlockMatching.Params(subpixel="peak"))
-    peaks, flow = matcher.whole_pixel_loop(pair), matcher.compute(pair)
+    peaks, flow = match_windows(matcher, pair), matcher.compute(pair)
     sure = flow.confidence > 0.3
     assert np.abs(flow.vectors - peaks)[sure].max() <= 0.5
     keys = "match_template_ms block_matching_ms block_matching_peak_ms block_matching_ratio"

@@ -12,6 +12,7 @@ from cli_calls import commands, invoke, navfw, output, put_file, refusal
 from processes import Done, printed, run
 
 from navfw.cli import PANELS
+from navfw.cli.installed_commands import installed_commands
 from navfw.config import list_files
 
 
@@ -31,7 +32,9 @@ def test_help_is_whole(words: tuple[str, ...], command: Any) -> None:
 
 
 def test_every_command_is_in_one_panel() -> None:
-    listed = [command for panel in PANELS.values() for command in panel]
+    listed = [command for panel in PANELS.values() for command in panel] + list(
+        installed_commands()
+    )
     assert sorted(listed) == sorted(words[0] for words, _ in commands() if len(words) == 1)
     assert len(listed) <= 20
     shown = invoke("--help").stdout

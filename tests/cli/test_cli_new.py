@@ -218,7 +218,7 @@ WRONG = {
     ("fusion", "a/b"): "NAME: expected no '/'; got 'a/b'",
     ("behavior", "avoid"): "there is a plugin 'avoid' in",
     ("behavior", "cautious"): "there is a plugin 'cautious' in behaviors/cautious.py",
-    ("flow", "lucas_kanade"): "there is a plugin 'lucas_kanade' in navfw; choose another name",
+    ("flow", "dis"): "there is a plugin 'dis' in navfw; choose another name",
     ("localizer", "careful"): "there is a stack 'careful' in stacks/careful.yaml",
     ("behavior", "next_room"): "tests/test_next_room.py: exists, and is not replaced",
     ("world", "East Wing"): "NAME: expected small letters, digits and single hyphens",

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import click
 import cv2
 import numpy as np
 import pytest
@@ -86,8 +85,8 @@ def test_the_commands_and_their_options_exist() -> None:
     for line, _ in (parameters.values for parameters in ALL):
         words = shlex.split(str(line).partition(" --ros-args")[0])
         command: Any = typer.main.get_command(app)
-        while isinstance(command, click.Group):
-            command = command.get_command(click.Context(command), words.pop(0))
+        while hasattr(command, "commands"):
+            command = command.get_command(None, words.pop(0))
         options = {option for parameter in command.params for option in parameter.opts}
         assert [word for word in words if word.startswith("--") and word not in options] == [], line
 
@@ -178,12 +177,12 @@ NOT_TYPED = {
     r"navfw suite": "hours; tests/suite",
     r"navfw report runs/rooms": "reports what takes hours; tests/report",
     r"navfw report (--text )?runs/ablations": "compares what takes hours; tests/suite",
-    r"navfw results": "writes pages of this repository; tests/results",
+    r"navfw results": "writes pages of this repository; tests/benchmarks",
     r"navfw tune": "hours; tests/tune",
-    r"navfw bench": "minutes each; tests/bench",
+    r"navfw bench": "minutes each; tests/benchmarks",
     r"navfw run (office|hospital) (patrol|find-yourself)": "minutes each; tests/missions",
     r"navfw world import BARN": "needs worlds of others; tests/worldgen",
-    r"navfw reproduce .*--data": "needs recordings of others; tests/reproduce",
+    r"navfw reproduce .*--data": "needs recordings of others; tests/benchmarks",
     r".* examples/learn_weights": "an hour",
     r"navfw ros|ros2 |source /opt|python3 -m venv|~/navfw": "tests/ros; needs a distribution",
     r".* examples/(drive|simulated)_robot": "tests/docs/test_docs_real_robot.py",

@@ -10,18 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from navfw_benchmarks.bench.landmark_recognition import view_of
+from navfw_benchmarks.plugins.posters import Landmarks, Posters, poster_image
 
 from navfw.errors import ConfigError
 from navfw.features import (
     Aruco,
-    Landmarks,
-    Posters,
     is_upright,
     landmark_kind,
     locate,
     locate_with_covariance,
     marker_dictionary,
-    poster_image,
 )
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel

@@ -8,19 +8,11 @@ import pytest
 from flow_scene import STILL, blurred_noise, cell_truth, pair_of, room, turn_about, wall
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from navfw_benchmarks.bench.expansion import ContactFilter, Expansion, fit_expansion
 
 import navfw.flow.block_matching as module
 from navfw.errors import ConfigError
-from navfw.flow import (
-    BlockMatching,
-    ContactFilter,
-    Expansion,
-    fit_expansion,
-    grid_points,
-    judge_registration,
-    ramp,
-    uniqueness,
-)
+from navfw.flow import BlockMatching, grid_points, judge_registration, ramp, uniqueness
 from navfw.flow.correlation_kernels import correlate, find_peaks
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel

@@ -8,6 +8,7 @@ import pytest
 from flow_scene import STILL, Scene, cell_truth, pair_of, room, true_flow, turn_about, wall
 from hypothesis import given
 from hypothesis import strategies as st
+from navfw_benchmarks.plugins.opencv_flow import Farneback, LucasKanade
 from pydantic import ValidationError
 
 from navfw.camera_geometry import rotate_points
@@ -18,8 +19,6 @@ from navfw.flow import (
     SIGMA_UNKNOWN,
     BlockMatching,
     Dis,
-    Farneback,
-    LucasKanade,
     Registered,
     align_past,
     grid_points,

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import click
 from processes import Done, python
 from typer.main import get_command
 from typer.testing import CliRunner, Result
@@ -53,9 +52,9 @@ def commands(group: Any = None, words: tuple[str, ...] = ()) -> Iterator[tuple[A
     """Every command and group, after the words that call it."""
     group = group or get_command(app)
     yield words, group
-    if isinstance(group, click.Group):
-        for name in group.list_commands(click.Context(group)):
-            yield from commands(group.get_command(click.Context(group), name), (*words, name))
+    if hasattr(group, "commands"):
+        for name in group.list_commands(None):
+            yield from commands(group.get_command(None, name), (*words, name))
 
 
 def navfw(*words: str, **environment: str) -> Done:

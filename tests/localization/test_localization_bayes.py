@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from localization_drives import detection, odometry
+from navfw_benchmarks.plugins.localizers import Bayes
 
 from navfw.errors import ConfigError, InputError, UnknownNameError
 from navfw.localization import (
     FLOOR,
     MAX_STATES,
     SITUATIONS,
-    Bayes,
     DiscreteFilter,
     DiscreteParams,
     LandmarkExistence,

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from localization_drives import odometry
+from navfw_benchmarks.plugins.localizers import Bayes
 from param_ranges import check_ranges
 
 from navfw.errors import InputError
@@ -18,7 +19,6 @@ from navfw.localization import (
     BY_FLOOR,
     ELSEWHERE_DENSITY,
     GATE,
-    Bayes,
     DeadReckoning,
     FloorPlanLocalizer,
     LandmarkExistence,

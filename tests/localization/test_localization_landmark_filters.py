@@ -26,9 +26,10 @@ from localization_drives import (
     turn_round,
     with_landmarks,
 )
+from navfw_benchmarks.plugins.localizers import Ekf
 
 from navfw.errors import InputError
-from navfw.localization import Association, Ekf, MotionParams, Topological, associate, motion_noise
+from navfw.localization import Association, MotionParams, Topological, associate, motion_noise
 from navfw.robot import RobotModel
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose
 from navfw.sim import PRESETS, SensorParams

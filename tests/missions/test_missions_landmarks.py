@@ -28,7 +28,7 @@ from navfw.recording import RunFolder, load_recording, replay
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Pose
 from navfw.sim import Simulation
-from navfw.suite.situation_learning import learn_situations, place_accuracy
+from navfw.suite import learn_situations, place_accuracy
 from navfw.topomap import Place, TopoMap, load_map
 
 

@@ -9,21 +9,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from navfw_benchmarks.plugins.fusions import (
+    BlendFusion,
+    DamnFusion,
+    ParetoFusion,
+    PriorityFusion,
+    pareto_front,
+)
 
 from navfw.context import CommandGrid, Context
 from navfw.interfaces import Behavior, Composite, Fusion
 from navfw.localmap import LocalMap
-from navfw.mofis import (
-    BlendFusion,
-    DamnFusion,
-    DecisionInputs,
-    FuzzyFusion,
-    Mofis,
-    ParetoFusion,
-    PriorityFusion,
-    explain_command,
-    pareto_front,
-)
+from navfw.mofis import DecisionInputs, FuzzyFusion, Mofis, explain_command
 from navfw.mofis.fusion import CUT
 from navfw.numerics import Array
 from navfw.robot import RobotModel

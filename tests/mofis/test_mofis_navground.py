@@ -8,10 +8,11 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 from behavior_samples import desired_twist
+from navfw_benchmarks.plugins.navground import Navground
 
 from navfw.context import Context
 from navfw.errors import MissingExtraError, PluginError
-from navfw.mofis import Navground, Surroundings
+from navfw.missions import Surroundings
 from navfw.robot import RobotModel
 from navfw.signals import Twist
 from navfw.testing import contexts_of

@@ -141,8 +141,8 @@ class Environment:
         if found.returncode:
             pytest.skip(f"needs Python {version}")
         self.python = folder / "environment" / "bin" / "python"
-        with (ROOT / "pyproject.toml").open("rb") as file:
-            pins = tomllib.load(file)["tool"]["uv"]["constraint-dependencies"]
+        with (ROOT / "pins" / "pyproject.toml").open("rb") as file:
+            pins = tomllib.load(file)["dependency-groups"]["pins"]
         (folder / "pins.txt").write_text("\n".join(pins), encoding="utf-8")
         wanted = f"navfw[{extra}] @ {wheel.as_uri()}"
         install = ["pip", "install", "--python", str(self.python), "--only-binary", ":all:"]

@@ -9,12 +9,12 @@ from unittest.mock import Mock
 import pytest
 import suite_samples as samples
 from cli_calls import put_files
+from navfw_benchmarks.plugins import navground
 from suite_plans import planned
 from suite_samples import row
 
 from navfw.config import list_missions, shipped_folder
 from navfw.errors import InputError, MissingExtraError, UnknownNameError
-from navfw.mofis import navground
 from navfw.plugins import default_registry
 from navfw.suite import (
     Case,

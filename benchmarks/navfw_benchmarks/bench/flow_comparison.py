@@ -23,7 +23,7 @@ import numpy.typing as npt
 from navfw.errors import InputError
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.grid_flow import SIGMA_UNKNOWN, GridFlow, MatchedFlow
-from navfw.flow.opencv_flow import PRESETS, Dis, Farneback, LucasKanade
+from navfw.flow.opencv_flow import PRESETS, Dis
 from navfw.flow.registration import Registered
 from navfw.interfaces import FlowProcessor
 from navfw.numerics import Array, Image
@@ -40,6 +40,7 @@ from navfw_benchmarks.bench.recorded_pairs import (
     hololens_frames,
     tum_frames,
 )
+from navfw_benchmarks.plugins.opencv_flow import Farneback, LucasKanade
 
 ResultT = TypeVar("ResultT")
 

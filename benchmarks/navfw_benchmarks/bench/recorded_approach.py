@@ -20,12 +20,12 @@ from navfw.config.image_file import read_image
 from navfw.config.input_file import is_file, open_input
 from navfw.errors import ConfigError
 from navfw.flow.block_matching import BlockMatching
-from navfw.flow.divergence import ContactFilter, Expansion, fit_expansion
 from navfw.numerics import Array, Image
 from navfw.process.result_table import Column, ResultTable
 from navfw.recording.run_folder import plain_json
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, Frame, FramePair
+from navfw_benchmarks.bench.expansion import ContactFilter, Expansion, fit_expansion
 
 _ZOOM_FROM = 0.05
 """Expected relative growth of the image between two frames above which the past frame is magnified

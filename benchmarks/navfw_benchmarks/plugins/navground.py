@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
 
@@ -22,26 +21,8 @@ from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Proposal
 
-
-@dataclass(frozen=True, slots=True)
-class Surroundings:
-    """Obstacles at the robot's height, in base_link.
-
-    ``edges`` (n, 2, 2) [m] are both ends of the sides of walls and boxes, ``discs`` (m, 3) x, y and
-    radius [m] of cylinders, ``walkers`` (k, 5) x, y, radius [m] and velocity [m/s] of movers.
-    """
-
-    edges: Array
-    discs: Array
-    walkers: Array
-
-
-class SurroundingsSource(Protocol):
-    """A source of the true obstacles: the simulator, set by a mission."""
-
-    def surroundings(self, reach: float) -> Surroundings:
-        """The obstacles within ``reach`` [m] of the robot now."""
-        ...
+if TYPE_CHECKING:
+    from navfw.missions.oracle import Surroundings, SurroundingsSource
 
 
 Metres = Annotated[float, Field(ge=0.0, le=20.0)]
