@@ -176,7 +176,7 @@ NOT_TYPED = {
     r"uv run pre-commit": "changes the hooks of the clone",
     r"navfw suite": "hours; tests/suite",
     r"navfw report runs/rooms": "reports what takes hours; tests/report",
-    r"navfw report (--text )?runs/ablations": "compares what takes hours; tests/suite",
+    r"navfw report (--text )?runs/hard": "compares what takes hours; tests/suite",
     r"navfw results": "writes pages of this repository; tests/benchmarks",
     r"navfw tune": "hours; tests/tune",
     r"navfw bench": "minutes each; tests/benchmarks",

@@ -102,6 +102,22 @@ def test_the_wheel_contains_every_data_file(installed: Path) -> None:
 
 
 @pytest.mark.thorough
+def test_the_benchmarks_are_a_wheel_of_their_own(tmp_path: Path) -> None:
+    run(
+        [uv(), "build", "--quiet", "--wheel", "--out-dir", str(tmp_path), "benchmarks"],
+        ROOT,
+        check=True,
+    )
+    (wheel,) = tmp_path.glob("navfw_benchmarks-*.whl")
+    shutil.unpack_archive(wheel, tmp_path / "site", "zip")
+    package = ROOT / "benchmarks" / "navfw_benchmarks"
+    wanted = {path.relative_to(package) for path in package.rglob("*.*") if path.suffix != ".pyc"}
+    unpacked = tmp_path / "site" / "navfw_benchmarks"
+    assert {path.relative_to(unpacked) for path in unpacked.rglob("*.*")} == wanted
+    assert {Path("plugins/fusions.py"), Path("stacks/balance.yaml")} < wanted
+
+
+@pytest.mark.thorough
 def test_an_installed_navfw_lists_its_files_from_any_folder(
     installed: Path, tmp_path: Path
 ) -> None:
@@ -193,6 +209,9 @@ def test_the_wheel_drives_in_an_empty_environment(
 ) -> None:
     (wheel,) = dist.glob("*.whl")
     environment = Environment(tmp_path, version, wheel, "sim", "pytest")
+    assert "Of installed packages" not in environment.navfw(tmp_path, "--help").stdout
+    balance = environment.navfw(tmp_path, "suite", "hard", "--seeds", "0:1", "--variant", "balance")
+    assert "needs navfw-benchmarks, which is not installed" in balance.stderr
     done = environment.navfw(tmp_path, "run", "empty", "straight", "--json")
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)

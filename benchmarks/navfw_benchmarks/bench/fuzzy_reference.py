@@ -38,7 +38,6 @@ from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
-from navfw.config.extras import extra_imports
 from navfw.fuzzy.compiled_fis import CompiledFis
 from navfw.fuzzy.inference_kernels import FIRING_FLOOR
 from navfw.fuzzy.rulebase import And, Clause, Is, Not, Or, RuleBase, Variable, atoms
@@ -63,7 +62,7 @@ class ReferenceFis:
     """A rule base as a ``skfuzzy.control.ControlSystemSimulation``."""
 
     def __init__(self, rule_base: RuleBase) -> None:
-        with extra_imports("bench"), _without_warnings():
+        with _without_warnings():
             from skfuzzy import control, defuzz
             from skfuzzy.control.controlsystem import CrispValueCalculator
 

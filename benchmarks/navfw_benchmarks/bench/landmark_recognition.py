@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from navfw.features.recognizers import Aruco, Posters
+from navfw.features.recognizers import Aruco
 from navfw.interfaces import FeatureRecognizer
 from navfw.numerics import Image
 from navfw.process.result_table import Column, ResultTable
@@ -22,6 +22,7 @@ from navfw.sim.simulation import Simulation
 from navfw.sim.worldspec import LandmarkPlateSpec, WallSpec, WorldSpec
 from navfw.topomap import Landmark, Place, TopoMap
 from navfw_benchmarks.bench.true_pairs import exposed
+from navfw_benchmarks.plugins.posters import Posters
 
 DISTANCES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0)
 """Distances [m] from camera to landmark."""
