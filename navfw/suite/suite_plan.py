@@ -20,7 +20,6 @@ from navfw.config.input_file import (
     shown_path,
     traced_inputs,
 )
-from navfw.config.installed_packages import is_installed
 from navfw.config.lookup import (
     find,
     find_mission,
@@ -36,7 +35,7 @@ from navfw.missions.session import MissionResult
 from navfw.plugins import Registry, default_registry
 from navfw.recording.provenance import files_fingerprint, files_in, fingerprint, navfw_files
 from navfw.suite.case import Case
-from navfw.suite.suitefile import EntrySpec, Expect, Suite, VariantSpec
+from navfw.suite.suitefile import EntrySpec, Expect, Suite, VariantSpec, lacking_packages
 
 _MAX_RUNS = 200_000
 """Largest number of runs of a suite, against mistyped ranges of seeds."""
@@ -89,12 +88,7 @@ def plan_runs(
     _check_worlds(suite, worlds)
     files = stack_files(stacks)
     chosen = _chosen_variants(suite, variants, stacks)
-    cases, content = list[Case](), dict[str, str]()
-    skipped = {
-        name: f"needs {variant.package}, which is not installed"
-        for name, variant in chosen.items()
-        if variant.package is not None and not is_installed(variant.package)
-    }
+    cases, content, skipped = list[Case](), dict[str, str](), lacking_packages(chosen)
     templates = _templates(suite, worlds, chosen)
     for number, (index, template) in enumerate(templates):
         entry, name = suite.spec.entries[index], template.variant

@@ -33,6 +33,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from navfw.config.document import YamlDocument, load_yaml
+from navfw.config.installed_packages import is_installed
 from navfw.config.lookup import find
 from navfw.config.strict_model import StrictModel
 from navfw.config.yaml_text import KeyPath
@@ -161,6 +162,15 @@ class VariantSpec(StrictModel):
     def overrides(self) -> tuple[str, ...]:
         """Robot and ``set`` as arguments of ``--set``."""
         return _options(_changes(self))
+
+
+def lacking_packages(variants: Mapping[str, VariantSpec]) -> dict[str, str]:
+    """Why variants cannot be run, by name: the package that they need is not installed."""
+    return {
+        name: f"needs {variant.package}, which is not installed"
+        for name, variant in variants.items()
+        if variant.package is not None and not is_installed(variant.package)
+    }
 
 
 def _changes(spec: EntrySpec | VariantSpec) -> dict[str, Any]:

@@ -9,13 +9,13 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 69081,
+    "navfw/, lines of Python": 69085,
     "navfw/, lines of stubs": 850,
     "navfw/, lines of scripts, pages, styles and templates": 1739,
     "behaviors/, lines of Python": 1553,
     "examples/, lines of Python": 647,
     "benchmarks/, lines of Python, pages and stubs": 8083,
-    "tests/, lines of Python": 47172,
+    "tests/, lines of Python": 47181,
     "docs/, words": 50733,
     "README.md, words": 900,
     "pyproject.toml, lines": 299,

@@ -89,6 +89,14 @@ def test_a_variant_without_its_package_is_skipped_and_listed(
         planned(tmp_path, text, range(2), variants=["navground"])
 
 
+def test_a_variant_of_a_package_that_is_not_installed_is_skipped(tmp_path: Path) -> None:
+    plan = planned(tmp_path, SUITE + "  other: {package: no-such, stack: nowhere}\n", range(2))
+    assert plan.skipped == {"other": "needs no-such, which is not installed"}
+    text = SUITE + "  other: {package: navfw-benchmarks, stack: balance}\n"
+    plan = planned(tmp_path, text, range(2))
+    assert (plan.skipped, "other" in {case.variant for case in plan.cases}) == ({}, True)
+
+
 def rows() -> list[RunRow]:
     good = [row(seed, variant="default") for seed in range(8)]
     bad = [row(seed, "reached" if seed < 2 else "stuck", variant="paper") for seed in range(8)]
