@@ -64,7 +64,7 @@ class _Navfw(SuggestingGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """The names of all commands, those of installed packages last."""
-        return [*super().list_commands(ctx), *(self._others.keys() - self.commands.keys())]
+        return [*{**dict.fromkeys(super().list_commands(ctx)), **self._others}]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command of that name; one of an installed package is imported."""

@@ -9,16 +9,16 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 69085,
+    "navfw/, lines of Python": 69316,
     "navfw/, lines of stubs": 850,
     "navfw/, lines of scripts, pages, styles and templates": 1739,
     "behaviors/, lines of Python": 1553,
     "examples/, lines of Python": 647,
-    "benchmarks/, lines of Python, pages and stubs": 8083,
-    "tests/, lines of Python": 47181,
-    "docs/, words": 50733,
+    "benchmarks/, lines of Python, pages and stubs": 7991,
+    "tests/, lines of Python": 47756,
+    "docs/, words": 51418,
     "README.md, words": 900,
-    "pyproject.toml, lines": 299,
+    "pyproject.toml, lines": 303,
 }
 """What each folder may have."""
 

@@ -35,7 +35,7 @@ from navfw.robot import RobotModel
 from navfw.signals import FlowField, Percept, Twist
 from navfw_benchmarks.bench.perception_samples import drawn_samples
 from navfw_benchmarks.bench.real_labels import Judgement
-from navfw_benchmarks.bench.view_truth import DOMINANT, HIDDEN, ViewTruth, true_term
+from navfw_benchmarks.bench.view_truth import DOMINANT, HIDDEN, ViewTruth
 
 HELD_OUT_SEED = 101
 """Seed of the reported results; the rule bases were tuned on the seeds 1 to 3."""
@@ -43,17 +43,10 @@ HELD_OUT_SEED = 101
 NONE = "none"
 """The distance term of a percept without a named quadrant."""
 
-_BOUNDARY = 0.1
-"""A distance error is put down to a term's boundary if another term holds within this share of the
-true distance."""
-
-FAR = 1.7
-"""Distance [m] from which on the flow noise exceeds the difference between the quadrants."""
-
 
 @dataclass(frozen=True, slots=True)
 class PerceptScore:
-    """What OFFIS inferred of one view, which parts are correct, and the causes of its errors.
+    """What OFFIS inferred of one view, and which parts are correct.
 
     ``table`` is the most probable entry of Table 1, ``elementary`` the most probable elementary
     situation; ``right`` says of "quadrant", "distance" and, where the situation is clear, "table"
@@ -65,7 +58,6 @@ class PerceptScore:
     table: str
     elementary: str
     right: Mapping[str, bool]
-    causes: tuple[str, ...]
 
 
 def run(
@@ -78,7 +70,7 @@ def run(
     ``far_for_near`` and ``one_term_too_far`` (shares of all views), ``situation_contains_truth``,
     ``situation_top1``, ``situations`` (number of views with a clear situation; the two before are
     None when it is 0); ``confusion``: ``quadrant``, ``distance``, ``table`` and ``situation``
-    (truth -> inferred -> count); ``causes``: count of each cause of error. ``ideal`` has the same
+    (truth -> inferred -> count). ``ideal`` has the same
     values for ideal flow.
 
     The result does not depend on ``workers``, the number of processes. ``report`` is called with
@@ -112,49 +104,8 @@ def _score_percept(
     if truth.clear:
         right["table"] = any(name in truth.situations for name in table.split(" or "))
         right["elementary"] = elementary in truth.situations
-    causes = []
-    if not right["quadrant"]:
-        causes.append(f"quadrant: {_why_quadrant(truth, flow)}")
-    if not right["distance"]:
-        causes.append(f"distance: {_why_distance(truth, flow, twist)}")
-    if not (right.get("table", True) and right.get("elementary", True)):
-        causes.append(f"situation: {_why_situation(truth, elementary)}")
     quadrants = frozenset(percept.obstacles["layer1"])
-    return PerceptScore(quadrants, nearest_term(percept), table, elementary, right, tuple(causes))
-
-
-def _beyond_search(truth: ViewTruth, flow: FlowField) -> bool:
-    """Whether the nearest object's flow at the image border exceeds the search range."""
-    reach = float(np.abs(flow.points[..., 0]).max()) * flow.motion.baseline
-    return max(truth.nearness) * reach > Offis.Params().longest_flow
-
-
-def _why_quadrant(truth: ViewTruth, flow: FlowField) -> str:
-    upper, lower = max(truth.nearness[:2]), max(truth.nearness[2:])
-    if truth.certain <= {"P3", "P4"} and lower > 1.2 * upper:
-        return "low object on the floor"
-    if _beyond_search(truth, flow):
-        return "nearest object moves beyond the search range"
-    return "noise on far objects" if truth.distance > FAR else "other"
-
-
-def _why_distance(truth: ViewTruth, flow: FlowField, twist: Twist) -> str:
-    around = {true_term(truth.distance * f, twist.v) for f in (1.0 - _BOUNDARY, 1.0 + _BOUNDARY)}
-    if around != {truth.term}:
-        return "true distance at a term's boundary"
-    if _beyond_search(truth, flow):
-        return "nearest object moves beyond the search range"
-    return "nearest object missed or misplaced"
-
-
-def _why_situation(truth: ViewTruth, elementary: str) -> str:
-    if elementary == "unknown":
-        return "no situation inferred"
-    if "door" in truth.situations and elementary != "door":
-        return "door not recognised"
-    if elementary == "door":
-        return "door inferred, none there"
-    return "slope of a plane"
+    return PerceptScore(quadrants, nearest_term(percept), table, elementary, right)
 
 
 def _strongest(percept: Percept, names: Sequence[str]) -> str:
@@ -182,7 +133,6 @@ def score(truths: Sequence[ViewTruth], scores: Sequence[PerceptScore]) -> dict[s
             "table": _confusion((" + ".join(t.situations), a.table) for t, a in both),
             "situation": _confusion((" + ".join(t.situations), a.elementary) for t, a in both),
         },
-        "causes": dict(Counter(cause for a in scores for cause in a.causes).most_common()),
     }
 
 

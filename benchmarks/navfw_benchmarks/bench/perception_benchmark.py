@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import multiprocessing
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,7 +18,6 @@ from navfw.numerics.arrays import Indices
 from navfw.offis.fuzzy_systems import RULES, FuzzyEvaluation, infer
 from navfw.offis.offis import Offis
 from navfw.offis.percept_explanation import PerceptExplanation, evaluations_of
-from navfw.process.atomic import AtomicFolder
 from navfw.process.result_table import Column, ResultTable
 from navfw.process.work_progress import ProgressCallback, silent
 from navfw.recording.run_folder import plain_json
@@ -235,23 +232,6 @@ class SampleSizes:
     repeats: int = 1000
 
 
-def page_folder(out: Path) -> AtomicFolder:
-    """The folder of the page, as a context manager; an earlier page in it is replaced.
-
-    Raises:
-        InputError: the folder holds other files.
-
-    """
-    return AtomicFolder(out, re.compile(r"index\.md|result\.json"), "--out")
-
-
-def write_page(result: Mapping[str, Any], folder: Path) -> None:
-    """Write ``index.md`` and ``result.json``."""
-    (folder / "index.md").write_text(page(result), encoding="utf-8")
-    text = json.dumps(result, indent=2, allow_nan=False)
-    (folder / "result.json").write_text(text + "\n", encoding="utf-8")
-
-
 def bench_perception(
     extent: SampleSizes,
     seed: int | None = None,
@@ -309,22 +289,8 @@ def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
             rows = [{"": truth, **empty, **counts} for truth, counts in confusion.items()]
             title = f"{name.capitalize()}{flow}: truth (rows), inferred (columns)"
             yield ResultTable(title, [Column(term, term) for term in ("", *inferred)], rows)
+    if result["approach"] is not None:
+        yield from recorded_approach.tables(result["approach"])
 
 
 _MET = {None: "not measured", True: "yes", False: "no"}
-
-
-def page(result: Mapping[str, Any]) -> str:
-    """The whole result in Markdown."""
-    recorded: Iterable[ResultTable] = ()
-    if result["approach"] is not None:
-        recorded = recorded_approach.tables(result["approach"])
-    return "\n".join(
-        [
-            "# Benchmark of perception\n",
-            f"{result['accuracy']['poses']} random views of seed {result['accuracy']['seed']};"
-            f" {result['speed']['comparisons']} random inputs of every rule base; times are medians"
-            " of one thread.\n",
-            *(table.section() for table in (*tables(result), *recorded)),
-        ]
-    )

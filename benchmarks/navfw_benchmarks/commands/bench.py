@@ -124,7 +124,6 @@ Workers = Annotated[
     typer.Option(min=1, help="Processes for the parts not timed; by default one per core."),
 ]
 _RecordedData = Annotated[Path | None, typer.Option(help="Folder with the data set approach.")]
-_PageFolder = Annotated[Path | None, typer.Option(help="Folder to write a page of tables to.")]
 
 
 def perception(
@@ -133,7 +132,6 @@ def perception(
     seed: _ViewSeed = None,
     workers: Workers = None,
     data: _RecordedData = None,
-    out: _PageFolder = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -146,18 +144,12 @@ def perception(
         recorded = None if data is None else data / "approach"
         if recorded is not None and not recorded.is_dir():
             raise InputError("holds no approach", file=data, key="--data")
-        folder = None if out is None else run.page_folder(out)
         seed = HELD_OUT_SEED if seed is None else seed
     options: dict[str, object] = {"poses": poses, "comparisons": comparisons}
     options |= {"seed": seed} | ({"data": "DIR"} if data else {})
     sizes = run.SampleSizes(poses=poses, comparisons=comparisons)
     measure = partial(run.bench_perception, sizes, seed, workers or usable_cores(), recorded)
-    result = _bench("perception", options, measure, run.tables, json=json, quiet=quiet)
-    if folder is not None:
-        with quiet_stdout(), folder:
-            run.write_page(result, folder.path)
-        if not json:
-            echo(f"page {folder.target / 'index.md'}")
+    _bench("perception", options, measure, run.tables, json=json, quiet=quiet)
 
 
 def planning(
