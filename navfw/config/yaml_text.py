@@ -257,14 +257,16 @@ def _syntax_error(text: str, file: str | None, error: Exception) -> ConfigError:
         return ConfigError(what, file=file, line=line)
     if not isinstance(error, yaml.MarkedYAMLError):
         return ConfigError(f"not valid YAML: {error}", file=file)
+    begun, found = error.context_mark, error.problem_mark or error.context_mark
     # for an unclosed bracket or quote, the line where it was opened
-    unclosed = "stream" in str(error.problem) and error.context_mark is not None
-    mark = error.context_mark if unclosed else error.problem_mark or error.context_mark
-    at = None if mark is None else mark.line + 1
-    return ConfigError(_syntax_message(error), file=file, line=at)
+    place = begun if begun is not None and "stream" in str(error.problem) else found
+    since = begun.line + 1 if begun and place and begun.line < place.line else None
+    at = None if place is None else place.line + 1
+    return ConfigError(_syntax_message(error, since), file=file, line=at)
 
 
-def _syntax_message(error: yaml.MarkedYAMLError) -> str:
+def _syntax_message(error: yaml.MarkedYAMLError, since: int | None) -> str:
+    """The message of ``error``; what it is about began in the line ``since``."""
     problem = str(error.problem or error.context)
     if "'\\t'" in problem or " tab " in problem:
         return "a tab; indent and separate with spaces in YAML"
@@ -272,8 +274,10 @@ def _syntax_message(error: yaml.MarkedYAMLError) -> str:
         return "expected one document, got a second one ('---')"
     if problem.startswith("mapping values are not allowed"):
         return "not valid YAML: a second ':' in this place; quote texts that contain ': '"
+    if problem.startswith("expected <block end>, but found '<block "):
+        return "indented unlike the lines above; indent all entries of a list or mapping alike"
     if error.context and str(error.context) != problem:
-        problem = f"{problem} ({error.context})"
+        problem += f" ({error.context}{'' if since is None else f' from line {since} on'})"
     return f"not valid YAML: {problem}"
 
 

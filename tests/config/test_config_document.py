@@ -240,8 +240,9 @@ def test_any_text_that_is_written_is_read_again(text: str) -> None:
 @pytest.mark.parametrize(
     ("text", "line", "message"),
     [
-        ("a:\n  b: 1\n c: 2\n", 3, "expected <block end>"),
-        ("a: [1, 2\n", 1, "expected ',' or ']', but got '<stream end>'"),
+        ("a:\n  b: 1\n c: 2\n", 3, "indented unlike the lines above"),
+        ("a: [[1]\nb: 2\n", 2, "(while parsing a flow sequence from line 1 on)"),
+        ("a: [1, 2\n", 1, "but got '<stream end>' (while parsing a flow sequence)"),
         ('a: "x\\q"\n', 1, "unknown escape character 'q'"),
     ],
 )
