@@ -16,6 +16,7 @@ NavfwError
 from __future__ import annotations
 
 import difflib
+import operator
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -100,6 +101,24 @@ class InputError(NavfwError):
         if line is not None:
             where += f":{line}" if where else f"line {line}"
         self.args = (": ".join([*(part for part in (where, key) if part), str(self)]),)
+
+
+MAX_SEED = 2**63 - 1
+"""Largest seed."""
+
+
+def checked_seed(seed: object) -> int:
+    """``seed`` as an int.
+
+    Raises:
+        InputError: it is no whole number from 0 to ``MAX_SEED``; None would be another each time.
+
+    """
+    number = seed if not isinstance(seed, bool) and hasattr(seed, "__index__") else -1
+    if not 0 <= operator.index(number) <= MAX_SEED:
+        what = f"expected a whole number from 0 to {MAX_SEED}, got {seed!r:.40}"
+        raise InputError(what, key="seed")
+    return operator.index(number)
 
 
 class ConfigError(InputError):

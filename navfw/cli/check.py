@@ -19,10 +19,13 @@ from navfw.errors import ConfigError, InputError, PluginError, UnknownNameError,
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
+    from navfw.testing.behavior_check import Answers
 
 Checked = dict[str, Any]
 PLUGIN_FOLDERS = ("behaviors", "plugins")
 _SUFFIXES = {".yaml", ".yml"}
+_TRIED = ("behavior", "composite")
+"""Kinds of plugins that are tried in scenes."""
 
 
 def check(
@@ -103,32 +106,57 @@ def _checked(paths: list[Path]) -> Iterator[Checked]:
         for file in with_plugins.glob("*.py")
         if with_plugins != folder or folder.name in PLUGIN_FOLDERS
     }
-    registry = default_registry()
-    for folder in sorted({file.parent for file in plugins}):
+    registry, sources = default_registry(), sorted({file.parent for file in plugins})
+    for folder in sources:
         registry.discover_folder(folder)
-    for row in registry.listing():
-        if real_path(row["source"]) in plugins:
-            error = row["error"] or _tried(row, registry)
-            yield {key: row[key] for key in ("name", "kind", "source", "notes")} | {"error": error}
+    rows = [row for row in registry.listing() if real_path(row["source"]) in plugins]
+    elsewhere = _answers_elsewhere(sources, rows, registry)
+    for row in rows:
+        error = row["error"] or _tried(row, registry, elsewhere.get(row["name"]))
+        yield {key: row[key] for key in ("name", "kind", "source", "notes")} | {"error": error}
     for file in (*files, *(file for folder in folders for file in data_files(folder))):
         if file.suffix != ".py":
             yield _check_data_file(file, registry)
 
 
-def _tried(row: Checked, registry: Registry) -> str | None:
+def _needs_parameters(row: Checked, registry: Registry) -> bool:
+    """Whether a stack has to give parameters of a plugin, so that it cannot be tried alone."""
+    cls = registry.get(row["kind"], row["name"])
+    return any(info.is_required() for info in cls.Params.model_fields.values())
+
+
+def _answers_elsewhere(
+    folders: list[Path], rows: list[Checked], registry: Registry
+) -> dict[str, Answers]:
+    """What the sound behaviours and composites answer in another process, by name."""
+    from navfw.testing.other_process import answers_elsewhere
+
+    tried = [row for row in rows if row["error"] is None and row["kind"] in _TRIED]
+    tried = [row for row in tried if not _needs_parameters(row, registry)]
+    if tried:
+        compile_with_progress(loaded=True)
+    try:
+        plugins = [(row["kind"], row["name"]) for row in tried]
+        answers = answers_elsewhere(folders, plugins) if tried else []
+    except OSError as error:
+        for row in tried:
+            row["notes"].append(f"{row['name']} was not tried in another process: {error}")
+        return {}
+    return {row["name"]: part for row, part in zip(tried, answers, strict=True)}
+
+
+def _tried(row: Checked, registry: Registry, elsewhere: Answers | None) -> str | None:
     """What is wrong with the answers of a behaviour or composite; None for nothing."""
-    from navfw.interfaces import Behavior, Composite
     from navfw.testing import check_behavior, check_composite
 
-    compile_with_progress(loaded=True)
-    cls = registry.get(row["kind"], row["name"])
-    if any(info.is_required() for info in cls.Params.model_fields.values()):
-        return None  # a stack has to give its parameters
+    if row["kind"] not in _TRIED or _needs_parameters(row, registry):
+        return None
+    cls: Any = registry.get(row["kind"], row["name"])
     try:
-        if issubclass(cls, Behavior):
-            check_behavior(cls, budget=math.inf)
-        elif issubclass(cls, Composite):
-            check_composite(cls)
+        if row["kind"] == "behavior":
+            check_behavior(cls, budget=math.inf, elsewhere=elsewhere)
+        else:
+            check_composite(cls, elsewhere=elsewhere)
     except PluginError as error:
         return str(error)
     return None
@@ -156,7 +184,7 @@ def data_files(folder: Path) -> list[Path]:
         file
         for kind in FILE_KINDS.values()
         for pattern in kind.patterns
-        for file in folder.glob(pattern)
+        for file in (*folder.glob(pattern), *folder.glob(pattern.replace(".yaml", ".yml")))
     }
     if any(real_path(folder).name in kind.folders for kind in FILE_KINDS.values()):
         files.update(folder.glob("*"))
@@ -172,6 +200,9 @@ def _kind_of(path: Path) -> FileKind:
     for kind in FILE_KINDS.values():
         if path.name == kind.file_name or path.absolute().parent.name in kind.folders:
             return kind
+        if kind.file_name == f"{path.stem}.yaml":
+            what = f"is not found by this name: rename it to {kind.file_name}"
+            raise ConfigError(what, file=shown_path(path))
     data = load_yaml(path).data
     by_key = {kind.key: kind for kind in FILE_KINDS.values() if kind.key}
     for key, kind in by_key.items():

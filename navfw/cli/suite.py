@@ -110,7 +110,7 @@ def suite(
     Exit with 3 if the table could not be written; the runs are printed anyway.
     """
     if power is not None:
-        _print_power(file, power, out)
+        _print_power(file, power, out, json=json)
         return
     _check_engine(engine, scheduler, record)
     begin = _beginning(out, resume=resume, extend=extend, restart=restart)
@@ -150,7 +150,7 @@ def _check_engine(engine: options.EngineKind, scheduler: str | None, record: Kee
     options.check_engine(engine, scheduler)
 
 
-def _print_power(file: str, text: str, out: Path | None) -> None:
+def _print_power(file: str, text: str, out: Path | None, *, json: bool) -> None:
     """How many seeds a comparison of two stacks needs on a suite, for a difference of success."""
     try:
         difference = float(text.removesuffix("%")) / 100.0
@@ -169,16 +169,22 @@ def _print_power(file: str, text: str, out: Path | None) -> None:
         entries = enumerate(loaded.spec.entries)
         per_seed = sum(len(list(case_templates(loaded, n, entry, None))) for n, entry in entries)
     rate = sum(row.succeeded for row in rows) / len(rows) if rows else 0.9
-    source = f"of {len(rows)} runs in {out}" if rows else "assumed; --out FOLDER takes that of runs"
-    echo(f"success {100.0 * rate:.1f} % ({source}), difference {100.0 * difference:g} %")
     other = max(rate - difference, 0.0)
     apart = rate * (1.0 - other) + other * (1.0 - rate)
-    for share, what in ((apart, "runs of a seed independent"), (0.5 * apart, "half of that")):
-        pairs = mcnemar_pairs(difference, share)
-        seeds = -(-pairs // per_seed)
+    needed: list[dict[str, Any]] = [
+        {"what": what, "share": share, "pairs": pairs, "seeds": -(-pairs // per_seed)}
+        for share, what in ((apart, "runs of a seed independent"), (0.5 * apart, "half of that"))
+        if (pairs := mcnemar_pairs(difference, share))
+    ]
+    if json:
+        print_json({"success": rate, "runs": len(rows), "difference": difference, "needs": needed})
+        return
+    source = f"of {len(rows)} runs in {out}" if rows else "assumed; --out FOLDER takes that of runs"
+    echo(f"success {100.0 * rate:.1f} % ({source}), difference {100.0 * difference:g} %")
+    for need in needed:
         echo(
-            f"{seeds} seeds: {pairs} pairs, {100.0 * share:.1f} % with one success ({what});"
-            " McNemar, 5 %, power 80 %"
+            f"{need['seeds']} seeds: {need['pairs']} pairs, {100.0 * need['share']:.1f} % with one"
+            f" success ({need['what']}); McNemar, 5 %, power 80 %"
         )
 
 

@@ -222,7 +222,9 @@ class ExpectedType:
 
     def __str__(self) -> str:
         text = describe(self.annotation, self.metadata)
-        return f"{text} ({self.description})" if self.description else text
+        named = (getattr(item, "description", "") for item in peel(self.annotation)[1])
+        about = self.description or next(filter(None, named), "")
+        return f"{text} {about if about[:1] == '[' else f'({about})'}" if about else text
 
 
 @dataclass

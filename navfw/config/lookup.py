@@ -266,7 +266,7 @@ def _pick(kind: str, name: str, files: Iterable[NamedFile]) -> Path:
 
 def _matching(root: Path, pattern: str, source: _Source) -> Iterator[NamedFile]:
     """The files below ``root``; a file with a fixed name is called as its folder."""
-    for file in sorted(root.glob(pattern)):
+    for file in sorted((*root.glob(pattern), *root.glob(pattern.replace("*.yaml", "*.yml")))):
         name = file.stem if "*" in pattern.rsplit("/", maxsplit=1)[-1] else file.parent.name
         if input_file.is_file(file) and not name.startswith((".", "_")):
             yield NamedFile(name, file, source)

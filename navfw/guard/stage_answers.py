@@ -7,7 +7,7 @@ Each function takes the answer and, where needed, what it must agree with, and r
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import fields
 from functools import lru_cache, partial
 from operator import is_
@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from navfw.errors import did_you_mean
 from navfw.guard import answers
 from navfw.guard.answer_kernels import are_finite_where, is_symmetric
 from navfw.numerics import Array
@@ -52,9 +53,12 @@ def check_proposal(answer: Any, shape: tuple[int, int]) -> Proposal:
     return _checked(answer, Proposal, explain=answer.explain, **checked)
 
 
-def check_weights(answer: Any) -> dict[str, float]:
-    """A composite's weights of primitives."""
+def check_weights(answer: Any, known: Collection[str] = ()) -> dict[str, float]:
+    """A composite's weights of primitives; of ``known`` ones only, if there are any."""
     weights = answers.mapping(answer, "weigh's answer")
+    if known and (unknown := next((name for name in weights if name not in known), None)):
+        near = did_you_mean(str(unknown), known)
+        raise answers.AnswerError(f"weighs {unknown!r}, which is no behaviour: {near}")
     return {name: answers.degree(weight, f"weight of {name}") for name, weight in weights.items()}
 
 

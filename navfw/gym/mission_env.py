@@ -238,6 +238,9 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
     ) -> tuple[Seen, dict[str, Any]]:
         """Begin a run, and drive it up to the stack's first decision.
 
+        ``seed`` None goes on in the sequence of seeds, as in all environments of Gymnasium: the
+        same after ``reset(seed=N)``, another each time if no reset had a seed.
+
         Raises:
             InputError: the seed is out of range.
 
@@ -266,10 +269,14 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
 
         Raises:
             InputError: there is no run; ``reset`` begins one.
+            ValueError: the action has another shape, or is not made of finite real numbers.
 
         """
         if self._run is None:
             raise InputError("there is no run to step: call reset first")
+        given, shape = np.asarray(action), self.action_space.shape
+        if given.shape != shape or given.dtype.kind not in "fiub" or not np.isfinite(given).all():
+            raise ValueError(f"expected an action of {shape} finite real numbers, got {action!r}")
         self._agent.act(self._stack, action)
         before, began = self._remaining, self._last.time
         for _ in range(self._ticks):

@@ -79,7 +79,10 @@ class MissionFile:
                 overlap something, or there is no path for a robot of this radius.
 
         """
-        robot = self.spec.robot
+        robot, of_map = self.spec.robot, ""
+        if self.spec.map is not None:
+            of_map = f" of the map {self.topo_map.name!r}"
+            self._check_map(plan)
         total, last = 0.0, (self.start.x, self.start.y)
         legs: dict[tuple[_Point, _Point], float] = {}
         body = "the start" if robot.footprint is None else "part of the robot's body at the start"
@@ -89,7 +92,7 @@ class MissionFile:
         for index, goal in enumerate(self.goals):
             point = (goal.x, goal.y)
             if (last, point) not in legs:  # repeated in every round
-                what = f"the goal {goal.place!r}" if goal.place else "the goal"
+                what = f"the goal {goal.place!r}{of_map}" if goal.place else "the goal"
                 key = ("goals", index % len(self.spec.goals))
                 with self.document.locating(key, only=WorldError):
                     plan.check_free(*point, robot.radius, what)
@@ -97,6 +100,16 @@ class MissionFile:
             total += legs[last, point]
             last = point
         return total
+
+    def _check_map(self, plan: SceneGeometry) -> None:
+        """Check that at least half of the map's places lie within the world."""
+        (x0, y0, x1, y1), places = plan.bounds, list(self.topo_map.places.values())
+        off = [p.name for p in places if not (x0 <= p.x <= x1 and y0 <= p.y <= y1)]
+        if 2 * len(off) > len(places):
+            what = f"{len(off)} of {len(places)} places of the map {self.topo_map.name!r}"
+            what += f" lie off the world's floor, x {x0:g} to {x1:g} and y {y0:g} to {y1:g} m"
+            with self.document.locating(("map",), only=WorldError):
+                raise WorldError(f"{what}: it is the map of another world; name this world's")
 
     def resolved(self) -> dict[str, Any]:
         """The mission with all defaults, as plain data."""

@@ -159,7 +159,7 @@ class Blackout(MissionEvent):
         ]
 
 
-Yaw = Annotated[float, Field(ge=-2.0 * math.pi, le=2.0 * math.pi)]
+Yaw = Annotated[float, Field(ge=-2.0 * math.pi, le=2.0 * math.pi, description="[rad]")]
 Unknown = Literal["unknown"]
 """``start: unknown``: any place of the map (see ``navfw.missions.missionfile``)."""
 

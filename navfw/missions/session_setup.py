@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Override, Settings, override_texts, parse_override
-from navfw.errors import UnknownNameError
+from navfw.errors import UnknownNameError, checked_seed
 from navfw.missions.mission_events import resolve_events, with_doors_open
 from navfw.missions.missionfile import MissionFile, load_mission, mission_to
 from navfw.missions.session import MissionResult, Session, SteppedSession
@@ -61,7 +61,8 @@ def run(
     ``navfw.missions.run_report.write_run``.
 
     Raises:
-        InputError: world, mission, stack or ``set`` is wrong, or the stack refuses the mission.
+        InputError: world, mission, seed, stack or ``set`` is wrong, or the stack refuses the
+            mission.
         KeyboardInterrupt: the user has stopped the run.
 
     """
@@ -82,7 +83,7 @@ def open_session(
     """The same mission, to be stepped tick by tick: a context manager, and an iterator.
 
     Raises:
-        InputError: world, mission, stack or ``set`` is wrong.
+        InputError: world, mission, seed, stack or ``set`` is wrong.
 
     """
     return SteppedSession(prepare(world, mission, seed=seed, stack=stack, overrides=set))
@@ -95,7 +96,7 @@ def open_simulation(world: str | Path, mission: Mission, *, seed: int = 0) -> Si
     ``advance`` lets time pass.
 
     Raises:
-        InputError: world or mission is wrong.
+        InputError: world, mission or seed is wrong.
 
     """
     return prepare(world, mission, seed=seed).simulation()
@@ -142,6 +143,7 @@ def session_of(
         InputError: world, mission and stack contradict each other.
 
     """
+    seed = checked_seed(seed)
     world = with_drops(world, mission)
     spec = mission.spec
     plan = SceneGeometry.from_world(world, spec.robot.height)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
@@ -95,6 +95,7 @@ class Mofis:
     """Decides once per camera frame, by the behaviours' proposals and the local map.
 
     A behaviour that fails, in the sense of ``guard``, loses the tick; the others decide without it.
+    ``known`` are the names of all behaviours that a composite may weigh, these or others.
     """
 
     def __init__(
@@ -106,6 +107,7 @@ class Mofis:
         local_map: LocalMap,
         composite: Composite | None = None,
         guard: PluginGuard | None = None,
+        known: Collection[str] = (),
     ) -> None:
         self.robot = robot
         self.guard = guard or PluginGuard()
@@ -118,6 +120,7 @@ class Mofis:
         self._fusion_label = label_of(fusion)
         self._composite_label = "" if composite is None else label_of(composite)
         self._check_proposal = partial(check_proposal, shape=commands.shape)
+        self._check_weights = partial(check_weights, known=known)
         none, nowhere = commands.zeros(), np.zeros(1)
         self._no_room = Arcs(none, none, none, none[0], 0.0), Ranges(nowhere, nowhere, nowhere, 0.0)
         self.reset()
@@ -209,8 +212,8 @@ class Mofis:
         """The composite's weight of each primitive; none when it fails or there is none."""
         if self.composite is None:
             return {}
-        weigh = self.composite.weigh
-        return self._answer(self._composite_label, weigh, context, check=check_weights) or {}
+        weigh, check = self.composite.weigh, self._check_weights
+        return self._answer(self._composite_label, weigh, context, check=check) or {}
 
     def _answer(
         self,

@@ -46,6 +46,7 @@ class Registry:
     def __init__(self) -> None:
         self._entries: dict[tuple[str, str], _RegistryEntry] = {}
         self._duplicates: list[_RegistryEntry] = []
+        self._hidden: dict[tuple[str, str], InputError] = {}
         self._files: set[Path] = set()
         self._unread: list[PluginError] = []
 
@@ -109,8 +110,8 @@ class Registry:
 
         Raises:
             UnknownNameError: there is no such kind, or no such plugin of it.
-            PluginError: the plugin is broken, and the message lists the problems; or it is not
-                known, but a file could not be imported.
+            PluginError: the plugin is broken, and the message lists the problems; a file has
+                another one of its name; or it is not known, but a file could not be imported.
 
         """
         check_kind(kind)
@@ -121,6 +122,8 @@ class Registry:
                 raise unknown
             error = self._unread[0]
             raise PluginError(f"{unknown}; it may be in a file that fails: {error}")
+        if hidden := self._hidden.get((kind, name)):
+            raise hidden
         self._load(entry)
         if entry.cls is None:
             raise entry.error or PluginError("broken", key=name)
@@ -182,11 +185,15 @@ class Registry:
             self._record(replace(entry, error=error))
 
     def _record(self, entry: _RegistryEntry) -> None:
-        """Keep a broken entry; it does not replace another one of its name."""
-        if (entry.kind, entry.name) in self._entries:
+        """Keep a broken entry; it does not replace another one of its name.
+
+        Nor is the other one used in its place, unless it is the same file's or a package's.
+        """
+        other = self._entries.setdefault((entry.kind, entry.name), entry)
+        if other is not entry:
             self._duplicates.append(entry)
-        else:
-            self._entries[entry.kind, entry.name] = entry
+            if entry.error is not None and not entry.target and entry.source != other.source:
+                self._hidden.setdefault((entry.kind, entry.name), entry.error)
 
     def _add(self, entry: _RegistryEntry) -> None:
         """Add an entry; it replaces a broken one of its name.

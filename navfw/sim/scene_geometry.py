@@ -81,13 +81,20 @@ class DistanceField:
 
 
 class SceneGeometry:
-    """Outlines of solids at the robot's height and of drops, in the bounds (x0, y0, x1, y1) [m]."""
+    """Outlines of solids at the robot's height and of drops, in the bounds (x0, y0, x1, y1) [m].
+
+    ``doors`` are the names and widths [m] of the gaps in walls.
+    """
 
     def __init__(
-        self, bounds: tuple[float, float, float, float], solids: tuple[NamedShape, ...]
+        self,
+        bounds: tuple[float, float, float, float],
+        solids: tuple[NamedShape, ...],
+        doors: tuple[tuple[str, float], ...] = (),
     ) -> None:
         self.bounds = bounds
         self.solids = solids
+        self.doors = doors
         self._graphs: dict[float, tuple[ConfigurationSpaceGrid, Indices, object]] = {}
         self._fields: dict[tuple[float, float, float], DistanceField] = {}
 
@@ -103,7 +110,8 @@ class SceneGeometry:
             if solid.bottom < robot_height and solid.top > 0.0
         )
         drops = tuple(NamedShape(d.name, "drop", drop_rectangle(d)) for d in world.drops)
-        return cls((world.x[0], world.y[0], world.x[1], world.y[1]), (*solids, *drops))
+        doors = tuple((gap.name, gap.width) for wall in world.walls for gap in wall.openings)
+        return cls((world.x[0], world.y[0], world.x[1], world.y[1]), (*solids, *drops), doors)
 
     # --- clearance ----------------------------------------------------------------------------
 
@@ -231,10 +239,13 @@ class SceneGeometry:
         first, last = (_free_cell(grid, numbers, *end) for end in (start, goal))
         lengths, before = dijkstra(graph, directed=False, indices=first, return_predecessors=True)
         if not np.isfinite(lengths[last]):
+            need = 2.0 * radius
+            narrow = [f"{n!r} ({w:g} m)" for n, w in self.doors if w < need + CELL]
+            also = f"; too narrow: {', '.join(narrow)}" if narrow else ""
             raise WorldError(
                 f"the goal ({goal[0]:g}, {goal[1]:g}) cannot be reached from"
                 f" ({start[0]:g}, {start[1]:g}) by a robot of radius {radius:g} m:"
-                f" no way is {2.0 * radius:g} m wide; take a narrower robot, or open a wider way"
+                f" no path is {need:g} m wide{also}; take a narrower robot, or open a wider path"
             )
         way = [last]
         while way[-1] != first:

@@ -105,6 +105,7 @@ class Stack:
             self.local_map,
             build(stages["composite"]),
             self.guard,
+            config.known,
         )
         self.safety = SafetyMonitor(robot, self.local_map, settings.safety)
         self.trim = WheelTrim(robot)

@@ -111,6 +111,10 @@ class PluginSource(Protocol):
         """The plugin class; raises UnknownNameError or PluginError."""
         ...
 
+    def names(self, kind: str) -> list[str]:
+        """The names of all plugins of a kind."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class Choice:
@@ -127,11 +131,15 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class StackConfig:
-    """A stack file, resolved: all plugins found, all parameters validated."""
+    """A stack file, resolved: all plugins found, all parameters validated.
+
+    ``known`` are the names of all behaviours, those of other stacks included.
+    """
 
     stages: Mapping[str, Choice]
     behaviors: Mapping[str, Choice]
     settings: StackSettings
+    known: frozenset[str] = frozenset()
 
     @property
     def plugins(self) -> tuple[type[Plugin], ...]:
@@ -176,7 +184,8 @@ def load_stack(
     if not spec.oracle:
         _refuse_oracles(document, {**stages, **{f"behaviors.{n}": c for n, c in behaviors.items()}})
     settings = StackSettings(**{name: getattr(spec, name) for name in StackSettings.model_fields})
-    return StackConfig(stages, behaviors, settings)
+    known = frozenset((*behaviors, *plugins.names("behavior")))
+    return StackConfig(stages, behaviors, settings, known)
 
 
 def _refuse_oracles(document: YamlDocument, choices: Mapping[str, Choice]) -> None:

@@ -30,7 +30,13 @@ from navfw.config.lookup import (
     shipped_folder,
 )
 from navfw.config.overrides import Settings, override_texts
-from navfw.errors import ConfigError, InputError, MissingExtraError, UnknownNameError
+from navfw.errors import (
+    ConfigError,
+    InputError,
+    MissingExtraError,
+    UnknownNameError,
+    checked_seed,
+)
 from navfw.missions.session import MissionResult
 from navfw.plugins import Registry, default_registry
 from navfw.recording.provenance import files_fingerprint, files_in, fingerprint, navfw_files
@@ -369,9 +375,11 @@ def run_generated(
     Of a range the seed draws its ``difficulty``. ``stack`` and ``set`` are those of ``navfw.run``.
 
     Raises:
-        InputError: there is no such family or difficulty, or ``stack`` or ``set`` is wrong.
+        InputError: there is no such family or difficulty, or ``seed``, ``stack`` or ``set`` is
+            wrong.
 
     """
+    seed = checked_seed(seed)
     case = Case(
         index=0,
         entry=family,

@@ -5,11 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from statistics import median
-from typing import TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -18,8 +20,9 @@ from navfw.context import Context
 from navfw.errors import PluginError
 from navfw.guard import PluginCallError, PluginGuard
 from navfw.guard.answers import AnswerError
-from navfw.guard.stage_answers import check_proposal
+from navfw.guard.stage_answers import check_proposal, check_weights
 from navfw.interfaces import Behavior, Composite, Plugin
+from navfw.plugins import default_registry
 from navfw.plugins.verification import source_file, verify
 from navfw.recording.run_folder import plain_json
 from navfw.robot import RobotModel
@@ -27,6 +30,12 @@ from navfw.signals import Pose, Proposal
 from navfw.testing.behavior_scenes import SCENES, contexts_of
 
 PluginT = TypeVar("PluginT", bound=Plugin)
+Digests: TypeAlias = dict[str, str]
+"""A digest of each part of the answers in one scene."""
+Answers: TypeAlias = Mapping[str, Digests]
+"""The digests by scene."""
+Answered: TypeAlias = tuple[list[str], Digests]
+"""What is wrong in a scene, and the digests."""
 
 _BUDGET = 0.05
 """Largest median computing time [s] of a proposal: half of a camera period."""
@@ -35,6 +44,13 @@ _TIME = 60.0
 """Wall time limit of all scenes [s]."""
 
 _ELSEWHERE = Pose(5.0, -3.0, 2.0)
+_LAYERS = ("applicability", "desirability", "prohibition")
+_CHANCE = {
+    "in a new instance": "use no random numbers, clock or id, keep no state outside the instance",
+    "after reset()": "clear all state in reset(), use no random numbers or clock",
+    "in another process": "let nothing depend on the order of a set, hash(), id, clock or threads",
+}
+"""What to do where answers to the same contexts differ."""
 _TO_TURN = ("no waypoint", "goal on the left", "goal behind")
 """Scenes in which left and right are not alike."""
 
@@ -55,6 +71,7 @@ def check_behavior(
     *,
     robot: RobotModel | None = None,
     budget: float = _BUDGET,
+    elsewhere: Answers | None = None,
 ) -> None:
     """Run a behaviour in many scenes; return if it keeps the contract of behaviours.
 
@@ -63,7 +80,8 @@ def check_behavior(
     ``navfw.testing.behavior_scenes`` it returns a valid proposal, gives a reason of one line and an
     explanation in plain data; its proposals are the same in a new instance and after ``reset()``,
     and wherever robot and waypoint stand in the map, if they do not depend on the place; and its
-    median computing time is at most ``budget`` [s].
+    median computing time is at most ``budget`` [s]. ``elsewhere`` are its ``scene_answers`` in
+    another process, which must be the same as well.
 
     >>> def test_my_behavior():
     ...     check_behavior(MyBehavior)
@@ -73,7 +91,8 @@ def check_behavior(
 
     """
     durations: list[float] = []
-    problems = _problems(cls, params, robot, "proposals", partial(_propose, durations=durations))
+    propose = partial(_propose, durations=durations)
+    problems = _problems(cls, params, robot, propose, elsewhere)
     if not problems and _reads_map_as_robot(cls(robot or RobotModel(), params)):
         problems.append(_FRAMES)
     if durations and median(durations) > budget:
@@ -89,18 +108,26 @@ def check_composite(
     params: Composite.Params | None = None,
     *,
     robot: RobotModel | None = None,
+    elsewhere: Answers | None = None,
 ) -> None:
     """Run a composite in many scenes; return if it keeps the contract of composites.
 
     As in ``check_behavior``: in each scene its weights are numbers in [0, 1] by the names of
-    primitives, the same in a new instance and after ``reset()``, and ``explain()`` gives plain
-    data.
+    behaviours that exist, the same in a new instance and after ``reset()``, and ``explain()`` gives
+    plain data.
 
     Raises:
         PluginError: it breaks the contract; the message lists everything that was found.
 
     """
-    _raise_if_any(cls, "composite", _problems(cls, params, robot, "weights", _weigh))
+    _raise_if_any(cls, "composite", _problems(cls, params, robot, _weighing(), elsewhere))
+
+
+def scene_answers(cls: type[Plugin], robot: RobotModel | None = None) -> Answers:
+    """What a behaviour or composite answers in each scene: a digest of each part."""
+    plugin: Any = cls(robot or RobotModel())
+    run: Any = _weighing() if issubclass(cls, Composite) else partial(_propose, durations=[])
+    return {scene.name: run(plugin, contexts_of(scene, plugin.robot))[1] for scene in SCENES}
 
 
 def _raise_if_any(cls: type[Plugin], kind: str, problems: Sequence[str]) -> None:
@@ -121,15 +148,15 @@ def _problems(
     cls: type[PluginT],
     params: Plugin.Params | None,
     robot: RobotModel | None,
-    answers: str,
-    run: Callable[[PluginT, Sequence[Context]], tuple[list[str], object]],
+    run: Callable[[PluginT, Sequence[Context]], Answered],
+    elsewhere: Answers | None,
 ) -> list[str]:
-    """Problems of a plugin; ``run`` gives those in the contexts of a scene, and its ``answers``."""
+    """Problems of a plugin; ``run`` gives those in the contexts of a scene, and its answers."""
     verify(cls)
     guard = PluginGuard(_TIME, _TIME)
     try:
         with guard.watchdog.on_duty():
-            arguments = (cls, params, robot or RobotModel(), answers, run)
+            arguments = (cls, params, robot or RobotModel(), run, elsewhere)
             return guard.call(cls.__name__, _problems_in_scenes, *arguments, check=list)
     except PluginCallError as error:
         return [str(error)]
@@ -139,8 +166,8 @@ def _problems_in_scenes(
     cls: type[PluginT],
     params: Plugin.Params | None,
     robot: RobotModel,
-    answers: str,
-    run: Callable[[PluginT, Sequence[Context]], tuple[list[str], object]],
+    run: Callable[[PluginT, Sequence[Context]], Answered],
+    elsewhere: Answers | None,
 ) -> list[str]:
     problems = [
         f"Params.{name} has no description: Field(description=...), with its unit"
@@ -150,21 +177,24 @@ def _problems_in_scenes(
     try:
         plugin, other = cls(robot, params), cls(robot, params)
     except Exception as error:  # the class may do anything
-        return [*problems, f"{cls.__name__}(robot, params) raised {_message(error)}"]
+        return [*problems, f"{cls.__name__}(robot, params) raised {_raised(error, cls)}"]
     scenes: dict[str, list[str]] = {}
     for scene in SCENES:
         contexts = contexts_of(scene, robot)
         wrong, first = run(plugin, contexts)
         if not wrong:
-            wrong = [
-                f"its {answers} differ in {which}: use no random numbers, keep no state outside"
-                " the instance, and clear it in reset()"
-                for again, which in (
-                    (other, "a new instance"),
-                    (plugin, "the same one after reset()"),
-                )
-                if run(again, contexts)[1] != first
+            again = {
+                "in a new instance": run(other, contexts)[1],
+                "after reset()": run(plugin, contexts)[1],
+                "in another process": first if elsewhere is None else elsewhere.get(scene.name, {}),
+            }
+            differing = [
+                f"its {part} differs {where}: {_CHANCE[where]}"
+                for where, answers in again.items()
+                for part in first
+                if answers.get(part) != first[part]
             ]
+            wrong = differing[:1]
         for what in wrong:
             scenes.setdefault(what, []).append(scene.name)
     for what, names in scenes.items():
@@ -193,48 +223,47 @@ def _reads_map_as_robot(behavior: Behavior) -> bool:
     return changed[True] and not changed[False]
 
 
-def _weigh(
-    composite: Composite, contexts: Sequence[Context]
-) -> tuple[list[str], list[dict[str, float]]]:
-    """What is wrong in one scene, and the weights in every context, after a reset."""
-    weighed: list[dict[str, float]] = []
+def _weighing() -> Callable[[Composite, Sequence[Context]], Answered]:
+    return partial(_weigh, known=default_registry().names("behavior"))
+
+
+def _weigh(composite: Composite, contexts: Sequence[Context], known: list[str]) -> Answered:
+    """What is wrong in one scene, and a digest of the weights in all contexts, after a reset."""
+    digest = hashlib.sha256()
     try:
         composite.reset()
         for context in contexts:
-            weights = dict(composite.weigh(context))
-            wrong = {n: w for n, w in weights.items() if not (isinstance(n, str) and 0 <= w <= 1)}
-            if wrong:
-                return [f"weights {wrong} are not numbers in [0, 1] by name"], weighed
+            weights = check_weights(composite.weigh(context), known)
             json.dumps(plain_json([dict(rule) for rule in composite.explain()]), allow_nan=False)
-            weighed.append(weights)
+            digest.update(json.dumps(weights, sort_keys=True).encode())
+    except AnswerError as error:
+        return [str(error)], {}
     except Exception as error:  # a plugin may raise anything
-        return [f"it raised {_message(error)}"], weighed
-    return [], weighed
+        return [f"it raised {_raised(error, type(composite))}"], {}
+    return [], {"weight of a behaviour": digest.hexdigest()}
 
 
-def _propose(
-    behavior: Behavior, contexts: Sequence[Context], durations: list[float]
-) -> tuple[list[str], str]:
-    """Problems in one scene, and a digest of all proposals, after a reset."""
+def _propose(behavior: Behavior, contexts: Sequence[Context], durations: list[float]) -> Answered:
+    """Problems in one scene, and digests of all proposals by layer, after a reset."""
     problems: dict[str, None] = {}
-    digest = hashlib.sha256()
+    digests = {name: hashlib.sha256() for name in _LAYERS}
     try:
         behavior.reset()
     except Exception as error:  # a plugin may raise anything
-        return [f"reset() raised {_message(error)}"], ""
+        return [f"reset() raised {_raised(error, type(behavior))}"], {}
     for context in contexts:
         began = time.perf_counter()
         try:
             proposal: object = behavior.propose(context)
         except Exception as error:
-            problems[f"propose raised {_message(error)}"] = None
+            problems[f"propose raised {_raised(error, type(behavior))}"] = None
             continue
         durations.append(time.perf_counter() - began)
         problems.update(dict.fromkeys(_faults(proposal, context)))
         if isinstance(proposal, Proposal):
-            for layer in (proposal.desirability, proposal.prohibition, proposal.applicability):
-                digest.update(np.asarray(layer, dtype=np.float64).tobytes())
-    return list(problems), digest.hexdigest()
+            for name, digest in digests.items():
+                digest.update(np.asarray(getattr(proposal, name), dtype=np.float64).tobytes())
+    return list(problems), {name: digest.hexdigest() for name, digest in digests.items()}
 
 
 def _faults(proposal: object, context: Context) -> Iterator[str]:
@@ -259,3 +288,11 @@ def _faults(proposal: object, context: Context) -> Iterator[str]:
 def _message(error: Exception) -> str:
     first = (str(error).splitlines() or [""])[0]
     return f"{type(error).__name__}: {first}"
+
+
+def _raised(error: Exception, cls: type[Plugin]) -> str:
+    """The message of ``error``, and the line of the plugin's file that it comes from."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if frame.filename == str(source_file(cls))]
+    frame = (own or frames)[-1]
+    return f"{_message(error)} ({shown_path(Path(frame.filename))}:{frame.lineno}: {frame.line})"

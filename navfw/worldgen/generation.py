@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from navfw.errors import InputError, PluginError, UnknownNameError, WorldError
+from navfw.errors import InputError, PluginError, UnknownNameError, WorldError, checked_seed
 from navfw.interfaces import WorldFamily
 from navfw.missions.missionfile import goals_map
 from navfw.missions.missionspec import MissionSpec
@@ -35,9 +35,6 @@ _SHIPPED: dict[str, type[WorldFamily]] = {
 
 FAMILIES = tuple(_SHIPPED)
 """The names of the shipped families."""
-
-MAX_SEED = 2**63 - 1
-"""Largest seed."""
 
 _ATTEMPTS = 60
 """Largest number of sub-seeds tried; tested seeds need only a few."""
@@ -75,8 +72,7 @@ def generate(
             that of a texture, or a look is given together with a contrast.
 
     """
-    if not 0 <= seed <= MAX_SEED:
-        raise InputError(f"expected a seed from 0 to {MAX_SEED}, got {seed}", key="seed")
+    seed = checked_seed(seed)
     if not 0.0 <= difficulty <= 1.0:
         raise InputError(f"expected 0 to 1, got {difficulty:g}", key="difficulty")
     if contrast is not None and not 0.0 <= contrast <= MAX_CONTRAST:

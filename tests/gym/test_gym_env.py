@@ -207,3 +207,10 @@ def test_without_gymnasium_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     with pytest.raises(MissingExtraError, match="uv sync --extra gym"):
         __import__("navfw.gym")
+
+
+@pytest.mark.parametrize("action", [[np.nan, 0.0], [np.inf, 0.0], [1j, 0.0], [0.5], "go"])
+def test_an_action_that_is_no_finite_number_is_refused(env: MissionEnv, action: Any) -> None:
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"expected an action of \(2,\) finite real numbers"):
+        env.step(action)

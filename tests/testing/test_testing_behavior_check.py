@@ -88,10 +88,11 @@ def test_shipped_and_simple_plugins_keep_the_contract(cls: type[Behavior | Compo
 @pytest.mark.parametrize(
     ("cls", "message"),
     [
-        (weighing(lambda self, context: {"avoid": 1.5}), r"not numbers in \[0, 1\]"),
-        (weighing(lambda self, context: {"avoid": math.nan}), r"not numbers in \[0, 1\]"),
+        (weighing(lambda self, context: {"avoid": 1.5}), r"weight of avoid 1.5"),
+        (weighing(lambda self, context: {"avoid": math.nan}), r"weight of avoid"),
+        (weighing(lambda self, context: {"avodi": 0.5}), "no behaviour: did you mean 'avoid'"),
         (weighing(lambda self, context: 1 / 0), "raised ZeroDivisionError"),
-        (weighing(lambda self, context: {"avoid": next(COUNT) / 1e6}), "after reset"),
+        (weighing(lambda self, context: {"avoid": next(COUNT) / 1e6}), "a new instance"),
         (weighing(lambda self, context: spoil(context)), "read-only"),
         (weighing(Even.weigh, explain=lambda self: 3), "raised TypeError"),
         (
@@ -169,6 +170,13 @@ def propose_slowly(self: Any, context: Context) -> Any:
     return Stop.propose(self, context)
 
 
+def propose_and_fail(self: Any, context: Context) -> Any:
+    return 1 / 0
+
+
+FAILING = propose_and_fail.__code__.co_firstlineno + 1
+
+
 @pytest.mark.parametrize(
     ("propose", "message"),
     [
@@ -177,12 +185,13 @@ def propose_slowly(self: Any, context: Context) -> Any:
         (propose_without_reset, "after reset()"),
         (propose_in_the_context, "read-only"),
         (propose_slowly, "the limit is 1 ms"),
+        (propose_and_fail, "behavior_check.py:{line}: return 1 / 0)"),
     ],
 )
 def test_a_breach_of_the_contract_is_named(propose: Any, message: str) -> None:
     with pytest.raises(PluginError) as caught:
         check_behavior(variant(propose=propose), budget=0.001)
-    assert message in str(caught.value)
+    assert message.format(line=FAILING) in str(caught.value)
 
 
 class MapForRobot(Behavior):

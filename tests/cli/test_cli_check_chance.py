@@ -1,0 +1,89 @@
+"""Behaviours whose proposals depend on chance: ``navfw check`` names scene and part."""
+
+import json
+from pathlib import Path
+
+import pytest
+from cli_calls import invoke, put_file
+
+HEAD = """import itertools, os, random, tempfile, threading, time, uuid
+from typing import ClassVar
+import numpy as np
+from navfw import Behavior, Context, Proposal
+
+COUNT = itertools.count()
+NAMES = {f"name {number}" for number in range(40)}
+
+class Own(Behavior):
+    \"\"\"Own: a sample.\"\"\"
+
+    name: ClassVar[str] = "%s"
+    shared = 0
+
+    def __init__(self, robot, params=None):
+        super().__init__(robot, params)
+        self.state = 0.0
+
+    def propose(self, context: Context) -> Proposal:
+        commands = context.commands
+        wanted = commands.product(np.abs(commands.relative_v), np.ones(commands.w.size))
+        degree = float(self.degree(context))
+        return Proposal(degree, wanted, commands.zeros(), reason="as it happens")
+
+    def degree(self, context):
+        %s
+"""
+CHANCES = {
+    "generator": "return np.random.default_rng().random()",
+    "numpys_own": "return np.random.random()",
+    "pythons_own": "return random.random()",
+    "operating_system": "return os.urandom(1)[0] / 255",
+    "identifier": "return uuid.uuid4().int % 100 / 100",
+    "date": "return time.time() % 1.0",
+    "clock": "return time.perf_counter() % 1.0",
+    "address": "return id(self) // 16 % 997 / 997",
+    "hash": "return hash('word') % 997 / 997",
+    "order_of_a_set": "return int(next(iter(NAMES))[5:]) / 40",
+    "process": "return os.getpid() % 997 / 997",
+    "threads": """box = []
+        pause = lambda i: (time.sleep(random.random() * 1e-4), box.append(i))
+        threads = [threading.Thread(target=pause, args=(i,)) for i in range(9)]
+        for thread in threads: thread.start()
+        for thread in threads: thread.join()
+        return box[0] / 9""",
+    "kept_over_reset": "self.state += 0.001; return min(self.state, 1.0)",
+    "kept_by_the_class": "type(self).shared += 1; return type(self).shared % 997 / 997",
+    "kept_by_the_module": "return next(COUNT) % 997 / 997",
+}
+ELSEWHERE = {"hash", "order_of_a_set", "process"}
+"""Those that are the same in all instances of a process."""
+
+
+def errors_of_check() -> dict[str, str]:
+    """What ``navfw check`` finds in the current project, by the name of the part."""
+    result = invoke("check", "--json")
+    assert result.exit_code == 2
+    return {row["name"]: row["error"] for row in json.loads(result.stdout)}
+
+
+@pytest.mark.thorough
+def test_every_source_of_chance_is_named(folder: Path) -> None:
+    put_file(folder, "navfw.toml", "")
+    for name, body in {**CHANCES, "sound": "return 0.5"}.items():
+        put_file(folder, f"behaviors/{name}.py", HEAD % (name, body))
+    errors = errors_of_check()
+    assert errors.pop("sound") is None
+    assert errors.keys() == CHANCES.keys()
+    for name, error in errors.items():
+        assert "in the scene 'before the first percept'" in error, name
+        assert "its applicability differs" in error, name
+        assert ("in another process" in error) >= (name in ELSEWHERE), error
+
+
+def test_the_order_of_a_set_is_named_by_scene_and_part(folder: Path) -> None:
+    put_file(folder, "navfw.toml", "")
+    chance = HEAD % ("own", CHANCES["order_of_a_set"])
+    put_file(folder, "behaviors/own.py", chance + "\nprint('imported')\n")
+    error = errors_of_check()["own"]
+    assert "in the scene 'before the first percept'" in error
+    assert "its applicability differs in another process: let nothing depend on" in error
