@@ -261,9 +261,9 @@ def default_registry(folders: Iterable[str | Path] = ()) -> Registry:
 
     These are the shipped ones, the project's ``behaviors/`` and ``plugins/``, ``folders``, the
     entry points of installed packages, and classes decorated with ``plugin``. Of two plugins with
-    the same name, the one earlier in this order is kept. The project's are imported only if the
-    user trusts the project, see ``navfw.config.project_code``; ``folders`` are named by the caller,
-    so they need no trust.
+    the same name, the one earlier in this order is kept; where the other is in a file, ``get``
+    refuses both. The project's are imported only if the user trusts the project, see
+    ``navfw.config.project_code``; ``folders`` are named by the caller, so they need no trust.
 
     Raises:
         UntrustedCodeError: the project has plugins, and the user has not agreed to execute them.

@@ -78,12 +78,13 @@ def test_the_decorator_raises_for_an_invalid_class() -> None:
                 del context
 
 
-def test_of_two_plugins_of_one_name_the_later_is_broken(tmp_path: Path) -> None:
+def test_two_plugins_of_one_name_are_refused(tmp_path: Path) -> None:
     registry = Registry()
     for name in ("first", "second"):
         put(tmp_path / name, "turn", cls=name.capitalize())
         registry.discover_folder(tmp_path / name)
-    assert registry.get("behavior", "turn").__name__ == "First"
+    with pytest.raises(PluginError, match="second/turn.py: class Second: .* already taken"):
+        registry.get("behavior", "turn")  # neither is used in the place of the other
     (row,) = broken_rows(registry)
     assert row["name"] == "turn"
     for text in ("second/turn.py: class Second: ", "first/turn.py", "rename one of them"):
