@@ -45,6 +45,9 @@ PANELS = {
 _OF_PACKAGES = "Of installed packages"
 """The heading of commands that other packages add."""
 
+UsageError: Any = typer.BadParameter.__base__
+"""The error of a wrong command line; typer has no public name for it."""
+
 
 class _Navfw(SuggestingGroup):
     """Prints a ``NavfwError`` as one message on stderr and exits with its code.
@@ -84,6 +87,12 @@ class _Navfw(SuggestingGroup):
         except NavfwError as error:
             echo(f"navfw: {error}", err=True)
             raise typer.Exit(2 if isinstance(error, InputError) else 1) from None
+        except UsageError as error:
+            if error.ctx is None or error.message == error.ctx.get_help():  # a group's own help
+                raise
+            hint = f"Try '{error.ctx.command_path} -h' for help."
+            echo(f"{error.ctx.get_usage()}\n{hint}\n\nError: {error.format_message()}", err=True)
+            raise typer.Exit(error.exit_code) from None
         except KeyboardInterrupt:
             echo("navfw: interrupted", err=True)
             raise typer.Exit(INTERRUPTED) from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 import sys
 import time
@@ -115,7 +116,8 @@ class ProgressBar(contextlib.ExitStack):
 
     def _show(self, clock: float, line: str, shown: dict[str, Any], *, last: bool) -> None:
         """Show on a terminal the fields ``shown``, elsewhere the ``line``, unless too soon."""
-        if self._bar is None and sys.stderr.isatty():
+        # a terminal that cannot move its cursor gets lines, as a file does
+        if self._bar is None and sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
             self._start(counting="completed" in shown)
         if self._bar is not None:
             texts = {key: printable_data(value) for key, value in shown.items()}

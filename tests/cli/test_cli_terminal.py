@@ -4,6 +4,7 @@ import os
 import re
 import shutil
 import sys
+import types
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from perceive_calls import APPROACH
 from perceive_images import save
 from terminals import Terminal
 
+from navfw.__main__ import main
 from navfw.process import compile_kernels
 from navfw.recording.run_folder import read_result
 
@@ -230,6 +232,22 @@ def test_ctrl_c_says_one_line(words: str, text: str, place: Path) -> None:
     else:
         assert said[-1] == "navfw: interrupted"
         assert len(said) == 1
+
+
+class Interrupted(types.ModuleType):
+    """A module in whose import Ctrl-C is pressed."""
+
+    def __getattr__(self, name: str) -> object:
+        raise KeyboardInterrupt
+
+
+def test_ctrl_c_during_the_imports_leaves_no_traceback(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "navfw.cli", Interrupted("navfw.cli"))
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert (end.value.code, capsys.readouterr().err) == (130, "navfw: interrupted\n")
 
 
 @pytest.mark.slow
