@@ -83,7 +83,7 @@ def test_two_plugins_of_one_name_are_refused(tmp_path: Path) -> None:
     for name in ("first", "second"):
         put(tmp_path / name, "turn", cls=name.capitalize())
         registry.discover_folder(tmp_path / name)
-    with pytest.raises(PluginError, match="second/turn.py: class Second: .* already taken"):
+    with pytest.raises(PluginError, match=r"second/turn[.]py: class Second: .* already taken"):
         registry.get("behavior", "turn")  # neither is used in the place of the other
     (row,) = broken_rows(registry)
     assert row["name"] == "turn"
