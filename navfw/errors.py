@@ -20,14 +20,11 @@ import operator
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Self, TypeGuard, TypeVar
+from typing import Self
 
 _NEAR = 0.52
 """Least similarity of a name that is meant: "bride" and "bright" have 0.55, "latency" and
 "emergency" 0.5."""
-
-
-ErrorT = TypeVar("ErrorT", bound=BaseException)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
@@ -42,24 +39,12 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def described(error: BaseException) -> tuple[str, str]:
-    """The name of the class of ``error``, and its message on one line.
-
-    All that the class defines may raise, ``__str__`` and its metaclass included.
-    """
+    """The name of the class of ``error``, and its message on one line."""
     try:
         message = " ".join(str(error).split())
-    except BaseException as second:
-        message = f"its message raises {_class_name(type(second))}"
-    return _class_name(type(error)), message
-
-
-def is_a(error: BaseException, cls: type[ErrorT]) -> TypeGuard[ErrorT]:
-    """Whether ``error`` is of ``cls`` truly, whatever its ``__class__`` answers or raises."""
-    return issubclass(type(error), cls)
-
-
-def _class_name(cls: type) -> str:
-    return str(type.__dict__["__name__"].__get__(cls))
+    except Exception as second:
+        message = f"its message raises {type(second).__name__}"
+    return type(error).__name__, message
 
 
 class NavfwError(Exception):

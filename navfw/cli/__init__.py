@@ -21,7 +21,7 @@ from navfw.cli.options import SuggestingGroup
 from navfw.cli.output import echo, show_result, standard_streams
 from navfw.cli.supervisor import supervise
 from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
-from navfw.config.project_code import asking, trusting
+from navfw.config.project_trust import asking, trusting
 from navfw.errors import InputError, NavfwError
 from navfw.process.interruption import INTERRUPTED, ignore_signals, interruptible
 

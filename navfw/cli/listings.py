@@ -12,7 +12,7 @@ from navfw.cli.output import console, print_json, print_table, quiet_stdout
 from navfw.config import lookup
 from navfw.config.file_kinds import FILE_KINDS, FileKind
 from navfw.config.input_file import shown_path
-from navfw.config.project_code import require_trust
+from navfw.config.project_trust import require_trust
 from navfw.errors import InputError
 from navfw.process.printable_text import printable_data
 

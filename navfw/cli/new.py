@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +11,6 @@ import typer
 
 from navfw.cli.options import command_group
 from navfw.cli.output import echo
-from navfw.config.input_file import real_path
 from navfw.scaffold.part_kinds import PARTS
 
 _Name = Annotated[
@@ -41,11 +39,11 @@ def project(
     All of it passes. Nothing that exists is overwritten. The project is trusted: its plugins are
     those just written.
     """
-    from navfw.config.trust_file import TrustFile
+    from navfw.config.project_trust import trust
     from navfw.scaffold.new_files import activation, write_project
 
     written = write_project(folder)
-    TrustFile().add(real_path(folder), os.geteuid())  # not what another owner changes later
+    trust(folder)
     echo("\n  ".join([f"wrote {folder}, and trusts it:", *written]))
     first = filter(None, (activation(), f"cd {shlex.quote(str(folder))}"))
     then = "navfw run den next-room", "navfw check", "pytest tests"

@@ -15,12 +15,13 @@ from navfw.cli import options
 from navfw.cli.output import NOT_SAVED, echo, quiet_stdout, show_result
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.recordings import VIDEO, write_video
+from navfw.cli.supervisor import PATIENCE, announce
 from navfw.cli.warm import compile_with_progress
 from navfw.config.lookup import list_missions
 from navfw.errors import InputError
 from navfw.process import watchdog
 from navfw.process.interruption import check_interrupted, deferred, interruptible
-from navfw.process.supervised import SupervisedRun, send, send_result, supervised
+from navfw.process.last_trace import ended_after
 from navfw.recording.run_folder import RunFolder, plain_json
 
 if TYPE_CHECKING:
@@ -163,10 +164,7 @@ def _run(request: _Request) -> NoReturn:
             result, folder, missing = _drive(request)
             where = None if folder is None else str(folder)
             summary = plain_json({**result.summary(), "run_folder": where})
-        if supervised():
-            send_result(summary, missing)
-        else:
-            show_result(summary, missing, request.json)
+        show_result(summary, missing, request.json)
         raise typer.Exit(NOT_SAVED if missing else result.exit_code)
 
 
@@ -204,7 +202,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
         with target:
             recorded = RecordedFolder(session, target) if request.record else None
             _announce(session, target, request)
-            with _RunProgress(quiet=request.quiet) as line:
+            with _RunProgress(quiet=request.quiet) as line, ended_after(request.limit + PATIENCE):
                 result = session.run(
                     line.show,
                     gui=request.gui,
@@ -213,11 +211,10 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
                     observers=() if server is None else (server,),
                     limit=request.limit,
                 )
-            send({"driven": True})
+            announce(driven=True)
             missing = write_run(result, target)
         if server is not None and request.live is not None:
             if request.live.stay:
-                send({"stays": True})  # all is written: nothing is late any more
                 echo("live: the run has ended; Ctrl-C ends the server", err=True)
             server.end(f"{result.outcome}: {result.reason}", stay=request.live.stay)
     except InputError as error:
@@ -229,22 +226,18 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
 
 
 def _announce(session: Session, target: RunFolder, request: _Request) -> None:
-    """Tell the supervisor what run begins."""
-    from navfw.missions.process_check import own_plugins
-
-    SupervisedRun(
-        summary={
-            "world": session.world_name,
-            "mission": session.mission_name,
-            "seed": session.seed,
-        },
-        folder=str(target.target.absolute()),
-        as_json=request.json,
-        limit=request.limit,
-        goals=[(goal.x, goal.y, goal.place) for goal in session.mission.goals],
-        radius=session.mission.spec.success.within,
-        plugins=own_plugins(session.stack.resolved.plugins),
-    ).announce()
+    """Report to the supervisor what run begins."""
+    announce(
+        run={
+            "summary": {
+                "world": session.world_name,
+                "mission": session.mission_name,
+                "seed": session.seed,
+            },
+            "folder": str(target.target.absolute()),
+            "as_json": request.json,
+        }
+    )
 
 
 def _write_video(request: _Request, folder: Path | None) -> tuple[str, ...]:

@@ -256,7 +256,7 @@ def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
     if died := summary["died"]:
         echo(f"{died} {'run' if died == 1 else 'runs'} died; --resume runs them again")
     if faults := summary["plugin_faults"]:
-        echo(f"plugins failed often, or changed the process ({faults}); see plugin_faults")
+        echo(f"plugins failed often ({faults}); see plugin_faults")
 
 
 class _RunCount:

@@ -1,9 +1,7 @@
 """Find the files of a project, and navfw's own, by name or path; their kinds are ``FILE_KINDS``.
 
 A project is the nearest folder, from the working folder upwards, that has a ``navfw.toml`` or a
-``pyproject.toml`` with a ``[tool.navfw]`` table. The search ends below the first folder that
-another user owns or that anyone may write to, as ``/tmp``: a project planted there is never used.
-The working folder itself is always looked at.
+``pyproject.toml`` with a ``[tool.navfw]`` table.
 
 A project has the same shape as navfw's repository, with plugins in ``behaviors/*.py``. A file of
 the project takes precedence over the shipped one of the same name, and that over the one of an
@@ -13,7 +11,6 @@ installed package. Packages of ROS are folders, whose roots the environment name
 from __future__ import annotations
 
 import os
-import stat
 import tomllib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -43,42 +40,6 @@ class NamedFile:
     source: _Source
 
 
-def owned_by_user(path: Path) -> bool:
-    """Whether this user owns ``path``, and what it leads to if it is a link; False if it is gone.
-
-    The administrator counts as one user among others: for root, too, a folder must be root's own.
-    """
-    user = os.geteuid()
-    try:
-        return path.lstat().st_uid == user and path.stat().st_uid == user
-    except OSError:
-        return False
-
-
-def writable_by_anyone(path: Path) -> bool:
-    """Whether every user may write to ``path``, or add files to it; True if it is gone.
-
-    The sticky bit does not count: in ``/tmp``, too, everyone may add files. A group may write: with
-    the usual umask of 002 each user has a group of their own.
-    """
-    try:
-        return bool(path.stat().st_mode & stat.S_IWOTH)
-    except OSError:
-        return True
-
-
-def own_folders(start: Path) -> Iterator[Path]:
-    """``start`` and the folders around it, innermost first, as far as they are this user's alone.
-
-    The first folder that another user owns or that anyone may write to is left out, and with it
-    all folders around it. ``start`` is absolute.
-    """
-    for folder in (start, *start.parents):
-        if not owned_by_user(folder) or writable_by_anyone(folder):
-            return
-        yield folder
-
-
 def project_folder(start: Path | None = None) -> Path | None:
     """The user's project around ``start`` (default: the working folder), or None.
 
@@ -90,8 +51,7 @@ def project_folder(start: Path | None = None) -> Path | None:
         start = Path.cwd() if start is None else start.absolute()
     except FileNotFoundError:  # the working folder has been removed
         return None
-    around = (folder for folder in own_folders(start) if folder != start)
-    return next((folder for folder in (start, *around) if _is_project(folder)), None)
+    return next((folder for folder in (start, *start.parents) if _is_project(folder)), None)
 
 
 def _is_project(folder: Path) -> bool:

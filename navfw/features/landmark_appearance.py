@@ -13,7 +13,8 @@ from typing import ClassVar, cast
 import cv2
 import numpy as np
 
-from navfw.errors import InputError
+from navfw.errors import InputError, PluginError
+from navfw.guard import construct, contained, label_of, number
 from navfw.interfaces import LandmarkKind
 from navfw.numerics import Image
 from navfw.robot import RobotModel
@@ -75,7 +76,25 @@ def landmark_kind(name: str) -> LandmarkKind:
         PluginError: the plugin is broken.
 
     """
-    return (_SHIPPED.get(name) or _plugin_kind(name, Path.cwd()))(RobotModel())
+    return construct(_SHIPPED.get(name) or _plugin_kind(name, Path.cwd()), RobotModel())
+
+
+def plate_image(kind: str, id_: int) -> Image:
+    """The plate (N, N) of a landmark, luminance; raises as ``landmark_kind``."""
+    plugin = landmark_kind(kind)
+    with contained(label_of(plugin)):
+        image = np.asarray(plugin.plate_image(id_))
+    if image.ndim != 2 or image.shape[0] != image.shape[1] or image.dtype != np.uint8:
+        what = f"plate_image returned {image.dtype} of shape {image.shape}, expected uint8, (N, N)"
+        raise PluginError(what, key=label_of(plugin))
+    return image
+
+
+def plate_side(kind: str, size: float) -> float:
+    """The side [m] of the plate of a landmark of that ``size`` [m]; raises as ``landmark_kind``."""
+    plugin = landmark_kind(kind)
+    with contained(label_of(plugin)):
+        return number(plugin.plate_side(size), "plate_side's answer", 0.0)
 
 
 @lru_cache(maxsize=64)

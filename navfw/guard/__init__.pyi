@@ -8,6 +8,8 @@ from .plugin_guard import SUSPENSION as SUSPENSION
 from .plugin_guard import FailingStage as FailingStage
 from .plugin_guard import PluginCallError as PluginCallError
 from .plugin_guard import PluginGuard as PluginGuard
+from .plugin_guard import construct as construct
+from .plugin_guard import contained as contained
 from .plugin_guard import error_text as error_text
 from .plugin_guard import label_of as label_of
 from .stage_answers import check_proposal as check_proposal

@@ -7,9 +7,9 @@ already is returned as it is, any other is made anew. ``AnswerError`` says what 
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from operator import is_
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -19,12 +19,6 @@ from navfw.guard.answer_kernels import are_degrees, are_finite
 from navfw.numerics import Array
 from navfw.signals import Pose, Twist
 from navfw.signals.immutability import read_only
-
-_MAX_ITEMS = 10_000
-"""Largest number of items in an answer: landmarks in one image, waypoints, places."""
-
-_MAX_TEXT = 10_000
-"""Largest length of a text [characters]."""
 
 _ARRAY: Any = np.ndarray
 _FLOAT64 = np.dtype(np.float64)
@@ -80,12 +74,10 @@ def degree(value: Any, what: str) -> float:
 
 
 def text(value: Any, what: str) -> str:
-    """``value`` as a text of bounded length."""
-    if type(value) is str and len(value) <= _MAX_TEXT:
-        return value
+    """``value`` as a text."""
     if not isinstance(value, str):
         raise AnswerError(f"{what} is {_named(value)}, expected a text")
-    return str(value[:_MAX_TEXT])
+    return str(value)
 
 
 def real(value: Any, what: str, shape: tuple[int, ...]) -> Array:
@@ -138,49 +130,40 @@ def degrees(value: Any, what: str, shape: tuple[int, ...]) -> Array:
 
 
 def items(value: Any, what: str) -> Sequence[Any]:
-    """``value`` as a tuple of bounded length."""
-    if isinstance(value, str | bytes) or not isinstance(value, Iterable):
+    """``value`` as a tuple."""
+    if isinstance(value, str | bytes) or not isinstance(value, Sequence):
         raise AnswerError(f"{what} is {_named(value)}, expected a sequence")
-    sequence = tuple(itertools.islice(value, _MAX_ITEMS + 1))
-    if len(sequence) > _MAX_ITEMS:
-        raise AnswerError(f"{what} has more than {_MAX_ITEMS} items")
-    return sequence
+    return tuple(value)
 
 
 def mapping(value: Any, what: str) -> dict[str, Any]:
-    """``value`` as a new dictionary of bounded size with texts as keys."""
+    """``value`` as a new dictionary with texts as keys."""
     if type(value) is not MappingProxyType and not isinstance(value, Mapping):
         raise AnswerError(f"{what} is {_named(value)}, expected a mapping")
-    if len(value) > _MAX_ITEMS:
-        raise AnswerError(f"{what} has more than {_MAX_ITEMS} items")
-    if _are_texts(value):
-        return dict(value)
     return {text(key, f"a key of {what}"): item for key, item in value.items()}
 
 
 def numbers(
     value: Any, what: str, low: float = -math.inf, high: float = math.inf
 ) -> Mapping[str, float]:
-    """``value`` as a mapping of texts to finite numbers in [low, high].
-
-    A field of a signal: an immutable mapping stays, as the signal has made a copy of its own.
-    """
-    if _immutable_of(value, _FLOATS):
-        values = value.values()
-        # a sum is not finite if an item is not; NaN would hide in min and max
-        if math.isfinite(sum(values)) and low <= min(values) and max(values) <= high:
-            return value  # type: ignore[no-any-return]
-    return {
-        name: number(item, f"{what}.{name}", low, high)
-        for name, item in mapping(value, what).items()
-    }
+    """``value`` as a mapping of texts to finite numbers in [low, high]."""
+    result = mapping(value, what)
+    for name, item in result.items():
+        if type(item) is not float or not low <= item <= high or abs(item) == math.inf:
+            result[name] = number(item, f"{what}.{name}", low, high)
+    return unchanged(value, result)
 
 
 def texts(value: Any, what: str) -> Mapping[str, str]:
-    """``value`` as a mapping of texts to texts; see ``numbers``."""
-    if _immutable_of(value, _TEXTS) and max(map(len, value.values())) <= _MAX_TEXT:
-        return value  # type: ignore[no-any-return]
-    return {name: text(item, f"{what}.{name}") for name, item in mapping(value, what).items()}
+    """``value`` as a mapping of texts to texts."""
+    result = {name: text(item, what) for name, item in mapping(value, what).items()}
+    return unchanged(value, result)
+
+
+def unchanged(value: Any, result: Mapping[str, T]) -> Mapping[str, T]:
+    """``value`` itself, if it is immutable and has the items of ``result``; else ``result``."""
+    same = type(value) is MappingProxyType and all(map(is_, result.values(), value.values()))
+    return value if same else result
 
 
 def pose(value: Any, what: str) -> Pose:
@@ -197,28 +180,6 @@ def twist(value: Any, what: str) -> Twist:
     if type(value) is Twist and type(v) is type(w) is float and math.isfinite(v + w):
         return value  # the usual case, recognised quickly
     return rebuilt(value, Twist, v=number(v, "v"), w=number(w, "w"))
-
-
-_FLOATS: set[type[Any]] = {float}
-_TEXTS: set[type[Any]] = {str}
-
-
-def _immutable_of(value: Any, types: set[type[Any]]) -> bool:
-    """Whether ``value`` is an immutable, not empty mapping of bounded texts to items of ``types``.
-
-    Its length is bounded as well.
-    """
-    return (
-        type(value) is MappingProxyType
-        and 0 < len(value) <= _MAX_ITEMS
-        and set(map(type, value.values())) == types
-        and _are_texts(value)
-    )
-
-
-def _are_texts(keys: Mapping[Any, Any]) -> bool:
-    """Whether all ``keys`` of a mapping are texts of bounded length, and there are any."""
-    return set(map(type, keys)) == _TEXTS and max(map(len, keys)) <= _MAX_TEXT
 
 
 def _named(value: object) -> str:

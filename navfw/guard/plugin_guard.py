@@ -5,18 +5,17 @@ from __future__ import annotations
 import sysconfig
 import traceback
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 from navfw.config.input_file import shown_path
-from navfw.errors import InputError, PluginError, described, is_a
+from navfw.errors import InputError, NavfwError, PluginError, described
 from navfw.guard.answers import AnswerError, instance
 from navfw.interfaces import Plugin
 from navfw.process.interruption import check_interrupted, interrupted
-from navfw.process.supervised import end_copy, this_process
 from navfw.process.watchdog import PluginTimeout, Watchdog
 from navfw.robot import RobotModel
 
@@ -57,15 +56,12 @@ def _is_own(file: str) -> bool:
     return not file.startswith(_LIBRARIES) and not file.startswith("<")
 
 
-_FIRST_LIMIT = 60.0
+FIRST_LIMIT = 60.0
 """Wall time limit of a plugin's first call in a run [s], and of all up to the first decision: they
 may load kernels and libraries."""
 
 LIMIT = 10.0
 """Wall time limit of every other call [s]: some ten thousand times the usual run time."""
-
-_ERROR_LIMIT = 2.0
-"""Wall time limit of the message of an error [s]."""
 
 SUSPENSION, MAX_SUSPENSION = 0.5, 16.0
 """Simulated time [s] for which a plugin is not called after its first time-out, doubled each time,
@@ -81,6 +77,7 @@ _MAX_FAULTS = 1000
 """Number of kinds of faults kept: a plugin may give a new error at every call."""
 
 AnswerT = TypeVar("AnswerT")
+PluginT = TypeVar("PluginT", bound=Plugin)
 
 
 def label_of(plugin: Plugin) -> str:
@@ -88,7 +85,7 @@ def label_of(plugin: Plugin) -> str:
     return f"{plugin.kind} {plugin.name}"
 
 
-class PluginCallError(Exception):
+class PluginCallError(NavfwError):
     """A call of a plugin gave no usable answer. It is recorded in the guard's faults."""
 
 
@@ -125,7 +122,7 @@ class PluginGuard:
     plugin may refuse the mission by an InputError. ``watchdog`` enforces the limits.
     """
 
-    def __init__(self, limit: float = LIMIT, first_limit: float = _FIRST_LIMIT) -> None:
+    def __init__(self, limit: float = LIMIT, first_limit: float = FIRST_LIMIT) -> None:
         self._limit = limit
         self._first_limit = first_limit
         self.watchdog = Watchdog()
@@ -156,20 +153,6 @@ class PluginGuard:
             if self._failed[plugin] > MAX_FAILURE_RATE * count
         }
 
-    def construct(self, cls: type[Plugin], robot: RobotModel, params: Plugin.Params) -> Plugin:
-        """An object of a plugin class.
-
-        Raises:
-            PluginError: its constructor fails.
-
-        """
-        check = partial(instance, cls=cls, call="the class")
-        try:
-            with self.watchdog.on_duty():
-                return self.call(f"{cls.kind} {cls.name}", cls, robot, params, check=check)
-        except PluginCallError as error:
-            raise PluginError(f"cannot be constructed: {error}", key=cls.name) from None
-
     def call(
         self,
         plugin: str,
@@ -190,40 +173,28 @@ class PluginGuard:
         if suspended is not None and self.time < suspended[0]:
             self._failed[plugin] += 1
             raise PluginCallError("suspended after a time-out")
-        process = this_process()
         try:
             first = self.starting or not self._answered[plugin]
-            self.watchdog.begin(plugin, self._first_limit if first else self._limit)
+            self.watchdog.begin(self._first_limit if first else self._limit)
             try:
                 answer = check(function(*arguments))
             finally:
-                end_copy(process)
                 self.watchdog.end()
         except PluginTimeout as timeout:
             self._suspend(plugin)
-            raise self._failure(plugin, f"took too long: {timeout}", vital) from None
+            late = _with_origin(f"took too long: {timeout}", timeout)
+            raise self._failure(plugin, late, vital) from None
         except BaseException as error:  # SystemExit, too: a plugin must not end the run
             check_interrupted()  # compiled code may raise another error than the interruption
-            if is_a(error, KeyboardInterrupt) and interrupted():
+            if isinstance(error, KeyboardInterrupt) and interrupted():
                 raise
-            if is_a(error, InputError) and self.starting:
+            if isinstance(error, InputError) and self.starting:
                 raise  # the plugin refuses the mission
-            raise self._failure(plugin, self._text_of(plugin, error), vital) from None
+            raise self._failure(plugin, error_text(error), vital) from None
         self._answered[plugin] += 1
         if vital:
             self.failing.pop(plugin, None)
         return answer
-
-    def _text_of(self, plugin: str, error: BaseException) -> str:
-        """``error_text``, which calls code of ``plugin``, within a time limit."""
-        self.watchdog.begin(plugin, _ERROR_LIMIT)
-        try:
-            return error_text(error)
-        except PluginTimeout:
-            return "an error that takes too long to describe"
-        finally:
-            if self.watchdog.end():
-                self._suspend(plugin)
 
     def _suspend(self, plugin: str) -> None:
         """Do not call ``plugin`` for some simulated time, each time for twice as long."""
@@ -243,13 +214,57 @@ class PluginGuard:
         return PluginCallError(f"{plugin}: {error}")
 
 
-def error_text(error: BaseException) -> str:
-    """Type and message of ``error`` on one line, shortened, and where it was raised.
+@contextmanager
+def contained(plugin: str, *passed: type[Exception]) -> Iterator[None]:
+    """A call of ``plugin`` outside of a run, within its time limit.
 
-    The message, and all else that the class of the error defines, may itself raise.
+    Raises:
+        PluginError: it failed, for any reason but an InputError, or one of ``passed``.
+
     """
+    watchdog = Watchdog()
+    meant: tuple[type[Exception], ...] = (InputError, *passed)
+    with watchdog.on_duty():
+        watchdog.begin(FIRST_LIMIT)
+        try:
+            yield
+        except meant:
+            raise
+        except PluginTimeout as late:
+            what = _with_origin(f"took too long: {late}", late)
+        except BaseException as error:
+            check_interrupted()
+            if isinstance(error, KeyboardInterrupt) and interrupted():
+                raise
+            what = error_text(error)
+        else:
+            return
+        finally:
+            watchdog.end()
+    raise PluginError(what, key=plugin)
+
+
+def construct(
+    cls: type[PluginT], robot: RobotModel, params: Plugin.Params | None = None
+) -> PluginT:
+    """An object of a plugin class.
+
+    Raises:
+        PluginError: its constructor fails.
+
+    """
+    with contained(f"{cls.kind} {cls.name}"):
+        return instance(cls(robot, params), cls, "the class")
+
+
+def error_text(error: BaseException) -> str:
+    """Type and message of ``error`` on one line, shortened, and where it was raised."""
     kind, message = described(error)
     text = f"{kind}: {message}" if message else kind
     short = text if len(text) <= _MAX_ERROR else f"{text[:_MAX_ERROR]}..."
-    origin = "" if is_a(error, AnswerError) else fault_origin(error)
-    return f"{short} ({origin})" if origin else short
+    return short if isinstance(error, AnswerError) else _with_origin(short, error)
+
+
+def _with_origin(text: str, error: BaseException) -> str:
+    origin = fault_origin(error)
+    return f"{text} ({origin})" if origin else text

@@ -10,8 +10,6 @@ import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import fields
 from functools import lru_cache, partial
-from operator import is_
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -227,10 +225,8 @@ def _of_mappings(
     value: Any, what: str, check: Callable[[Any, str], Mapping[str, T]]
 ) -> Mapping[str, Mapping[str, T]]:
     """A mapping of texts to mappings, each checked; ``value`` itself if nothing has to change."""
-    original = answers.mapping(value, what)
-    checked = {name: check(item, name) for name, item in original.items()}
-    unchanged = all(map(is_, checked.values(), original.values()))
-    return value if unchanged and type(value) is MappingProxyType else checked
+    items = answers.mapping(value, what).items()
+    return answers.unchanged(value, {name: check(item, name) for name, item in items})
 
 
 def _width(value: Any, what: str) -> float:

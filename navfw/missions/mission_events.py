@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from navfw.config.yaml_text import KeyPath, key_text
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, PluginError, UnknownNameError
+from navfw.guard import construct, contained
 from navfw.interfaces import MissionEvent
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.missionspec import BehaviorFault, EventSpec, NearTrigger
@@ -177,19 +178,19 @@ class _Checker:
         document, shown = self.mission.document, key_text((*path, name))
         with document.locating(path, shown, only=UnknownNameError):
             plugin = cast(type[MissionEvent], plugins.get("event", name))
-        event = plugin(self.stack.robot, validate(document, plugin.Params, (*path, name)))
+        params = validate(document, plugin.Params, (*path, name))
         trigger = spec.model_dump(exclude_unset=True, exclude={"plugin"})
         with document.locating(path, shown):
             try:
                 contents = immutable(self.world.model_dump(mode="json"))
-                actions = [dict(action) for action in event.actions(contents)]
+                event = construct(plugin, self.stack.robot, params)
+                with contained(f"event {name}"):
+                    actions = [dict(action) for action in event.actions(contents)]
                 return [EventSpec.model_validate({**trigger, **action}) for action in actions]
             except ValidationError as error:
                 first = error.errors(include_url=False)[0]
                 what = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
                 raise PluginError(f"the event plugin gave an invalid action: {what}") from None
-            except Exception as error:
-                raise PluginError(f"actions raised {type(error).__name__}: {error}") from error
 
     def event(self, index: int, spec: EventSpec) -> Event:
         """Check the event with this index in the file."""

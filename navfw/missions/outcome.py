@@ -50,8 +50,6 @@ class FaultKind(StrEnum):
     """the stack stopped, because nothing could be seen of the path ahead"""
     BAD_COMMAND = "bad_command"
     """the stack commanded a value that is not finite"""
-    CODE_REPLACED = "code_replaced"
-    """functions of navfw were replaced during the run"""
     TOO_LONG = "too_long"
     """the run exceeded its wall-clock limit"""
 

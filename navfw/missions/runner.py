@@ -94,8 +94,8 @@ class Progress:
 class RunResult:
     """The result of a run.
 
-    ``faults`` are faults of plugins that the stack contained; ``process_faults`` those among them
-    that are changes of the process. ``events`` are the mission's events that happened.
+    ``faults`` are faults of plugins that the stack contained, ``events`` the mission's events that
+    happened.
     """
 
     verdict: MissionVerdict
@@ -104,7 +104,6 @@ class RunResult:
     wall_time: float
     faults: tuple[str, ...]
     events: tuple[EventRecord, ...] = ()
-    process_faults: tuple[str, ...] = ()
 
     @property
     def real_time_factor(self) -> float:
@@ -189,11 +188,6 @@ class MissionLoop:
             with self._contained():
                 self.verdict = self._drive_tick()
         return self._tick
-
-    def failed(self, reason: str) -> RunResult:
-        """End the run as a fault for this ``reason``; its result."""
-        self.verdict = self._fault(FaultKind.EXCEPTION, reason)
-        return self.result()
 
     def result(self) -> RunResult:
         """The result of the run, which has ended."""

@@ -21,13 +21,13 @@ from navfw.missions.missionfile import MissionFile
 from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import Outcome
 from navfw.missions.pilot import TickView
-from navfw.missions.process_check import check_process
 from navfw.missions.run_drawing import WindowOverlay, discs_of, outline_of
 from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
 from navfw.plugins.fault_injection import inject_faults
-from navfw.plugins.simulator_access import SimulatorWatch
-from navfw.process import ProcessState, compile_kernels
+from navfw.plugins.simulator_access import plugin_files, simulator_users
+from navfw.process import compile_kernels
 from navfw.process.interruption import INTERRUPTED
+from navfw.process.last_trace import name_plugins
 from navfw.recording.channel_list import SeenRun
 from navfw.recording.run_folder import plain_json
 from navfw.recording.run_observers import RunObserver, RunRecorder
@@ -137,13 +137,12 @@ class Session:
         """
         recorder = RunRecorder(self.description, self.seen) if record is True else record or None
         observers = (*observers, *((recorder,) if recorder else ()))
-        before = ProcessState()
+        name_plugins(plugin_files(plugins_of(self.stack)))
         drive = SteppedSession(self, progress, gui=gui, observers=observers, limit=limit, told=told)
         with nullcontext() if recorder is None else recorder, drive as stepped:
-            run, replaced = stepped.run(before)
+            run = stepped.run()
             for observer in observers:
                 observer.close()
-        run = check_process(run, before, self.stack.resolved.plugins, replaced)
         return stepped.result_of(run, recorder)
 
 
@@ -171,7 +170,6 @@ class SteppedSession:
         self._gui = gui
         self._loop_options = (progress, observers, limit)
         self._told = told
-        self._watch = SimulatorWatch(plugins_of(session.stack))
         self._simulator: Simulation | None = None
         self._loop: MissionLoop | None = None
         self._of_simulator: dict[str, Any] = {}
@@ -227,21 +225,10 @@ class SteppedSession:
         """Whether the mission has ended."""
         return self._loop is not None and self._loop.verdict is not None
 
-    def run(self, before: ProcessState) -> tuple[RunResult, str]:
-        """Drive to the end; also which functions this replaced since ``before``: they are set back.
-
-        With functions replaced even the handling of errors may have failed: the run is a fault.
-        """
-        loop = self._opened()
-        try:
-            with self.session.stack.guard.watchdog.on_duty(), self._watch:
-                run = loop.run()
-        except Exception:
-            replaced = before.code.restore()
-            if not replaced:
-                raise
-            return loop.failed(f"replaced {replaced}"), replaced
-        return run, before.code.restore()
+    def run(self) -> RunResult:
+        """Drive to the end."""
+        with self.session.stack.guard.watchdog.on_duty():
+            return self._opened().run()
 
     def step(self) -> TickView | None:
         """Drive one control tick; None once the mission has ended.
@@ -254,8 +241,7 @@ class SteppedSession:
         if self.ended:
             return None
         loop = self._opened()
-        with self._watch:
-            tick = loop.step()
+        tick = loop.step()
         if loop.verdict is not None:
             run = loop.result()
             self.__exit__()
@@ -282,12 +268,11 @@ class SteppedSession:
 
     def result_of(self, run: RunResult, recorder: RunRecorder | None = None) -> MissionResult:
         """The result of the whole ``run``, after the context has ended."""
-        oracles = self._watch.found()
         return MissionResult(
             self.session,
             run,
             recorder=recorder,
-            oracle_plugins=oracles,
+            oracle_plugins=simulator_users(plugins_of(self.session.stack)),
             unreliable=self.session.stack.guard.unreliable,
             **self._of_simulator,
         )
@@ -306,7 +291,7 @@ class MissionResult:
     ``collision_cause`` is "mover" when a mover ran into a robot that was not driving towards it,
     "robot" for any other collision, None without one. ``movers`` has the positions of the world's
     movers over time, ``changes`` the solids that existed for a part of the run only.
-    ``oracle_plugins`` names the plugins that used the simulator's truth, declared or found out.
+    ``oracle_plugins`` names the plugins that use the simulator, declared or by their source.
     ``unreliable`` are those that failed in more than a tenth of their calls (``PluginGuard``).
     """
 
@@ -337,9 +322,8 @@ class MissionResult:
 
     @property
     def objections(self) -> list[str]:
-        """Plugins that failed in over a tenth of their calls, and what they left changed."""
-        failed = [t for name, t in self.unreliable.items() if f"{name}: " not in self._injected]
-        return [*failed, *self.run.process_faults]
+        """The plugins that failed in more than a tenth of their calls, and in how many of them."""
+        return [t for name, t in self.unreliable.items() if f"{name}: " not in self._injected]
 
     @property
     def exit_code(self) -> int:

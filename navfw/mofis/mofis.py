@@ -14,7 +14,7 @@ import numpy as np
 from navfw import signals
 from navfw.context import CommandGrid, Context
 from navfw.guard import PluginCallError, PluginGuard, label_of
-from navfw.guard.answers import items, mapping, nothing
+from navfw.guard.answers import items, mapping, nothing, number, text
 from navfw.guard.stage_answers import check_command, check_proposal, check_weights
 from navfw.interfaces import Behavior, Composite, Fusion, Plugin
 from navfw.localmap import Arcs, LocalGoal, LocalMap, Ranges
@@ -123,7 +123,15 @@ class Mofis:
         self._check_weights = partial(check_weights, known=known)
         none, nowhere = commands.zeros(), np.zeros(1)
         self._no_room = Arcs(none, none, none, none[0], 0.0), Ranges(nowhere, nowhere, nowhere, 0.0)
-        self.reset()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Set what changes during a run to its initial value."""
+        self.progress.reset()
+        self.proposals: dict[str, signals.Proposal] = {}
+        self.weights: Mapping[str, float] = {}
+        self.context: Context | None = None
+        self._previous: signals.Command | None = None
 
     def reset(self) -> None:
         """Back to the start of a run, all plugins included.
@@ -138,11 +146,7 @@ class Mofis:
         plugins |= {f"behavior {name}": behavior for name, behavior in self.behaviors.items()}
         for label, plugin in plugins.items():
             self.guard.call(label, plugin.reset, check=nothing)
-        self.progress.reset()
-        self.proposals: dict[str, signals.Proposal] = {}
-        self.weights: Mapping[str, float] = {}
-        self.context: Context | None = None
-        self._previous: signals.Command | None = None
+        self._forget()
 
     @property
     def handles_moving_obstacles(self) -> bool:
@@ -304,12 +308,16 @@ def explain_command(
 def _rules(
     guard: PluginGuard, plugin: str, explain: Callable[..., object], *command: int
 ) -> list[dict[str, Any]]:
-    """The rules that a plugin says fired; none when it fails."""
+    """The rules that a plugin says fired; when it fails, how it failed in place of a rule."""
     try:
         return guard.call(plugin, explain, *command, check=_check_rules)
-    except PluginCallError:
-        return []
+    except PluginCallError as error:
+        return [{"rule": str(error), "strength": 0.0}]
 
 
 def _check_rules(answer: object) -> list[dict[str, Any]]:
-    return [mapping(rule, "a rule") for rule in items(answer, "explain's answer")]
+    rules = [mapping(rule, "a rule") for rule in items(answer, "explain's answer")]
+    for rule in rules:
+        text(rule.get("rule"), "rule")
+        number(rule.get("strength"), "strength")
+    return rules

@@ -16,19 +16,14 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from navfw.config.input_file import real_path, shown_path
-from navfw.errors import PluginError, described, did_you_mean, is_a
+from navfw.errors import PluginError, described, did_you_mean
 from navfw.interfaces import Plugin
 from navfw.plugins.verification import find_problems, kind_of, verify
 from navfw.process.interruption import interrupted
-from navfw.process.process_state import CodeState
-from navfw.process.supervised import end_copy, this_process
 from navfw.process.watchdog import Watchdog
 
 IMPORT_LIMIT = 60.0
 """Wall time limit of an import [s]: large libraries on a slow disk take some of it."""
-
-_ERROR_LIMIT = 5.0
-"""Wall time limit of the message of an import's error [s]."""
 
 ClassT = TypeVar("ClassT", bound=type[Any])
 
@@ -60,10 +55,8 @@ def decorated_plugins() -> list[type[Any]]:
     return list(_decorated.values())
 
 
-def import_file(file: Path, code: CodeState | None) -> tuple[ModuleType, list[type[Any]]]:
+def import_file(file: Path) -> tuple[ModuleType, list[type[Any]]]:
     """Import ``file``; returns the module and the classes decorated with ``plugin`` in it.
-
-    ``code`` is what the import must leave as it is; None for files that are navfw's own.
 
     The folder becomes a package with a unique name, so that files of the same name in two folders
     do not collide, ``from .other import x`` works, and ``sys.path`` remains unchanged.
@@ -82,7 +75,7 @@ def import_file(file: Path, code: CodeState | None) -> tuple[ModuleType, list[ty
             raise PluginError("expected a Python file", file=shown_path(file))
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
-        with _contained(code, file.name, file):
+        with _contained(file):
             spec.loader.exec_module(module)
     except BaseException:
         sys.modules.pop(name, None)
@@ -100,8 +93,7 @@ def import_object(target: str) -> Any:
 
     """
     module_name, _, attribute = target.partition(":")
-    code = None if module_name.startswith("navfw.") else CodeState()
-    with _contained(code, module_name, None, target):
+    with _contained(None, target):
         module = importlib.import_module(module_name)
     value: Any = module
     for part in attribute.split(".") if attribute else []:
@@ -165,50 +157,37 @@ def _package_of(folder: Path) -> str:
 
 
 @contextlib.contextmanager
-def _contained(
-    code: CodeState | None, name: str, file: Path | None, target: str | None = None
-) -> Iterator[None]:
-    """An import within its time limit, that prints on stderr and replaces no function.
+def _contained(file: Path | None, target: str | None = None) -> Iterator[None]:
+    """An import within its time limit, that prints on stderr.
 
     Raises:
-        PluginError: the import raised, SystemExit included, or replaced functions, which are set
-            back.
+        PluginError: the import raised, SystemExit included.
 
     """
-    if code is not None:
-        code.extend()
-    watchdog, process = Watchdog(), this_process()
+    watchdog = Watchdog()
     with contextlib.redirect_stdout(sys.stderr), watchdog.on_duty():
-        watchdog.begin(f"import of {name}", IMPORT_LIMIT)
+        watchdog.begin(IMPORT_LIMIT)
         try:
             yield
         except BaseException as error:
-            end_copy(process)
-            if is_a(error, KeyboardInterrupt) and interrupted():
+            if isinstance(error, KeyboardInterrupt) and interrupted():
                 raise  # by the user
-            if code is not None:
-                code.restore()
-            watchdog.begin(f"error of {name}", _ERROR_LIMIT)
             raise _import_error(error, file, target) from error
         finally:
             watchdog.end()
-    end_copy(process)
-    if code is not None and (replaced := code.restore()):
-        where = None if file is None else shown_path(file)
-        raise PluginError(f"cannot be imported: it replaced {replaced}", file=where, key=target)
 
 
 def _import_error(
     error: BaseException, file: Path | None, target: str | None = None
 ) -> PluginError:
-    if is_a(error, PluginError):
+    if isinstance(error, PluginError):
         return error
     where, line = _position(error, file)
     kind, text = described(error)
-    if is_a(error, SyntaxError):
+    if isinstance(error, SyntaxError):
         text = error.msg
     message = f"cannot be imported: {kind}: {text}" if text else f"cannot be imported: {kind}"
-    if is_a(error, ModuleNotFoundError) and file is not None and error.name:
+    if isinstance(error, ModuleNotFoundError) and file is not None and error.name:
         if (file.parent / f"{error.name}.py").is_file():
             message += f"; write: from .{error.name} import ..."
         else:
@@ -220,7 +199,7 @@ def _import_error(
 
 def _position(error: BaseException, file: Path | None) -> tuple[Path | None, int | None]:
     """File and line of ``error``: the innermost line of ``file`` in its traceback."""
-    if is_a(error, SyntaxError) and error.filename:
+    if isinstance(error, SyntaxError) and error.filename:
         bad = Path(error.filename)
         if file is None or bad == file:
             return bad, error.lineno

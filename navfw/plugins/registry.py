@@ -12,15 +12,14 @@ from typing import Any, cast
 from navfw.config.error_location import parameters_of
 from navfw.config.input_file import real_path, shown_path
 from navfw.config.installed_packages import package_of
-from navfw.config.lookup import plugin_files, plugin_folders, shipped_folder
-from navfw.config.project_code import require_trust
+from navfw.config.lookup import plugin_files, plugin_folders
+from navfw.config.project_trust import require_trust
 from navfw.errors import InputError, PluginError, UnknownNameError
 from navfw.interfaces import KINDS, Plugin
 from navfw.plugins import plugin_import
 from navfw.plugins.built_in import BUILT_IN, GROUPS, installed_points, summary_of
 from navfw.plugins.simulator_access import access_notes
 from navfw.plugins.verification import kind_of, source_file, verify
-from navfw.process.process_state import CodeState
 
 
 @dataclass
@@ -89,12 +88,10 @@ class Registry:
             raise PluginError(
                 f"expected a folder of plugins: {error.strerror}", file=shown_path(folder)
             ) from None
-        shipped = shipped_folder() / "behaviors"
-        code = None if real_path(folder) == shipped else CodeState()
         for file in files:
             if real_path(file) not in self._files:
                 self._files.add(real_path(file))
-                self._discover_file(file, code)
+                self._discover_file(file)
 
     def discover_entry_points(self, points: Iterable[EntryPoint] | None = None) -> None:
         """Add the plugins of installed packages; they are imported on first use."""
@@ -156,10 +153,10 @@ class Registry:
         rows = (outlined.get((entry.kind, entry.name, entry.source)) for entry in entries)
         return [row or self._checked(entry) for row, entry in zip(rows, entries, strict=True)]
 
-    def _discover_file(self, file: Path, code: CodeState | None) -> None:
+    def _discover_file(self, file: Path) -> None:
         source, kind = shown_path(file), "behavior"
         try:
-            module, decorated = plugin_import.import_file(file, code)
+            module, decorated = plugin_import.import_file(file)
         except PluginError as error:
             self._record(_RegistryEntry(kind, file.stem, source, error=error))
             self._unread.append(error)
@@ -263,7 +260,7 @@ def default_registry(folders: Iterable[str | Path] = ()) -> Registry:
     entry points of installed packages, and classes decorated with ``plugin``. Of two plugins with
     the same name, the one earlier in this order is kept; where the other is in a file, ``get``
     refuses both. The project's are imported only if the user trusts the project, see
-    ``navfw.config.project_code``; ``folders`` are named by the caller, so they need no trust.
+    ``navfw.config.project_trust``; ``folders`` are named by the caller, so they need no trust.
 
     Raises:
         UntrustedCodeError: the project has plugins, and the user has not agreed to execute them.

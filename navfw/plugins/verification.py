@@ -128,6 +128,8 @@ def _method_problems(cls: type[Any], base: type[Any]) -> Iterator[str]:
                 yield f"{name} must be a property; put @property above it"
         elif inspect.isfunction(wanted):
             yield from _signature_problems(name, wanted, actual)
+        elif isinstance(actual, property):
+            yield f"{name} must be a value, not a property; write: {name} = ..."
 
 
 def _signature_problems(name: str, wanted: Callable[..., Any], actual: object) -> Iterator[str]:

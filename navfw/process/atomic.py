@@ -10,7 +10,6 @@ import csv
 import errno
 import os
 import re
-import secrets
 import shutil
 import tempfile
 from abc import ABC, abstractmethod
@@ -23,15 +22,7 @@ from navfw.process.interruption import deferred
 from navfw.process.printable_text import printable, printable_data
 from navfw.process.target_lock import TargetInUseError, TargetLock, lock_first_free, sweep
 
-_OF_THE_DISK = {
-    errno.ENOSPC,
-    errno.EFBIG,
-    errno.EDQUOT,
-    errno.EROFS,
-    errno.EIO,
-    errno.EACCES,
-    errno.EPERM,
-}
+_OF_THE_DISK = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EACCES}
 """Errors while content is written that are those of the disk, not of the program."""
 _SHOWN = {".html", ".md"}
 """Suffixes of pages, which people look at."""
@@ -257,20 +248,15 @@ def write_text(
 
 @contextlib.contextmanager
 def scratch_folder(purpose: str) -> Iterator[Path]:
-    """A private folder in the system's temporary folder; those of dead processes are removed.
+    """A private folder in the system's temporary folder.
 
     Raises:
         SimulationError: it cannot be written; the simulator reads files from it.
 
     """
-    folder = Path(tempfile.gettempdir())
-    sweep(folder)
+    folder = tempfile.gettempdir()
     try:
-        with TargetLock(folder / f"navfw-{purpose}-{secrets.token_hex(8)}") as lock:
-            lock.part.mkdir(mode=0o700)
-            try:
-                yield lock.part
-            finally:
-                shutil.rmtree(lock.part, ignore_errors=True)
+        with tempfile.TemporaryDirectory(prefix=f"navfw-{purpose}-") as name:
+            yield Path(name)
     except OSError as error:
-        raise SimulationError(str(_unwritable(folder, error.strerror or error))) from error
+        raise SimulationError(str(_unwritable(Path(folder), error.strerror or error))) from error

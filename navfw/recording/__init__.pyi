@@ -20,7 +20,6 @@ from .palette import bgr as bgr
 from .palette import rgb as rgb
 from .plan_picture import PathLabels as PathLabels
 from .plan_picture import write_legend as write_legend
-from .provenance import GitCheckout as GitCheckout
 from .provenance import code_revision as code_revision
 from .provenance import git_revision as git_revision
 from .provenance import machine_kind as machine_kind

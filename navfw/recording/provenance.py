@@ -6,22 +6,17 @@ import hashlib
 import json
 import os
 import platform
-import re
 import shlex
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from navfw.config.input_file import read_input, real_path
-from navfw.config.lookup import own_folders, owned_by_user, project_folder, shipped_folder
-from navfw.errors import ConfigError
+from navfw.config.lookup import project_folder, shipped_folder
 from navfw.process.process_resources import usable_cores
 
 _SHIPPED = ("worlds", "maps", "behaviors")
@@ -32,12 +27,6 @@ DIRTY = "-dirty"
 
 _GIT_TIMEOUT = 5.0
 """Largest time [s] that git may take."""
-
-_MAX_SYMBOLIC_REFS = 5
-"""Largest number of refs that lead to each other, as in git."""
-
-_HASH = re.compile(r"[0-9a-f]{40}(?:[0-9a-f]{24})?")
-_SHA256_CONFIG = "[core]\n\trepositoryformatversion = 1\n[extensions]\n\tobjectformat = sha256\n"
 
 
 def code_revision() -> str:
@@ -51,25 +40,23 @@ def code_revision() -> str:
         revision = git_revision(project)
     else:
         # an installed copy may lie inside another repository, which does not track it
-        checkout = GitCheckout.around(source.parent)
-        tracked = checkout is not None and checkout.tracks(source)
+        tracked = _git(source.parent, "ls-files", "--error-unmatch", "--", source.name)
         revision = git_revision(source.parent) if tracked else None
     return revision or f"navfw {metadata.version('navfw')}"
 
 
 def git_revision(folder: Path) -> str | None:
-    """The commit checked out around ``folder``; None without git, or if another user owns a part.
+    """The commit checked out around ``folder``; None without git or a commit.
 
     ``-dirty`` is appended when tracked files have uncommitted changes, except those in ``docs`` at
     the top of the repository: no run reads them, and results are written there between runs.
     """
-    checkout = GitCheckout.around(folder)
-    if checkout is None:
+    revision = _git(folder, "rev-parse", "--verify", "HEAD")
+    words = ("status", "--porcelain", "--untracked-files=no", "--ignore-submodules=dirty")
+    changes = _git(folder, *words, "--", ":(top)", ":(top,exclude)docs")
+    if revision is None or changes is None:
         return None
-    revision, changed = checkout.head(), checkout.changed(":(top)", ":(top,exclude)docs")
-    if revision is None or changed is None:
-        return None
-    return revision + (DIRTY if changed else "")
+    return revision + (DIRTY if changes else "")
 
 
 def provenance(command: str, options: Mapping[str, object]) -> dict[str, Any]:
@@ -145,132 +132,23 @@ def code_fingerprint() -> str:
     return files_fingerprint(files_of(navfw_files()))
 
 
-@dataclass(frozen=True)
-class GitCheckout:
-    """A git checkout with its files in ``top``.
+def _git(folder: Path, *words: str) -> str | None:
+    """What git prints about the repository around ``folder``; None without git, or if it fails.
 
-    ``private`` holds its HEAD and index, ``common`` objects and refs. The two differ only in a
-    worktree.
-
-    A repository that somebody else has prepared can name programs in its configuration: a file
-    system monitor, filters, hooks, external diffs, aliases, the ssh command, further files to
-    include. Nothing of it is executed: HEAD and refs are read as files, and ``git`` compares the
-    files through a git folder of our own with an empty configuration, which borrows the
-    repository's objects and index. A checkout of which another user owns a part is not looked at.
+    No hook and no file system monitor of the repository is executed, and its index stays unchanged.
     """
-
-    top: Path
-    private: Path
-    common: Path
-
-    @classmethod
-    def around(cls, folder: Path) -> Self | None:
-        """The checkout that ``folder`` lies in; None if there is none that is this user's alone."""
-        for top in own_folders(real_path(folder)):
-            link = top / ".git"
-            if os.path.lexists(link):
-                private = link if link.is_dir() else _linked(link, "gitdir: ")
-                common = private and (_linked(private / "commondir") or private)
-                if private is None or common is None:
-                    return None
-                parts = (link, private, common, common / "objects")
-                return cls(top, private, common) if all(map(owned_by_user, parts)) else None
+    git = shutil.which("git")
+    if git is None:
         return None
-
-    def head(self) -> str | None:
-        """The hash of the commit that is checked out; None before the first commit."""
-        text = _read(self.private / "HEAD").strip()
-        for _ in range(_MAX_SYMBOLIC_REFS):
-            if _HASH.fullmatch(text):
-                return text
-            name = text.removeprefix("ref: ")
-            if not name.startswith("refs/") or ".." in name:
-                return None
-            text = self._ref(name)
-        return None
-
-    def changed(self, *paths: str) -> bool | None:
-        """Whether tracked files below ``paths`` (git's pathspecs) differ from the commit.
-
-        Changes inside a submodule do not count, another commit of it does. None if git is not
-        installed or cannot tell.
-        """
-        words = ("status", "--porcelain", "--untracked-files=no", "--ignore-submodules=dirty")
-        changes = self._git(*words, "--", *paths)
-        return None if changes is None else bool(changes)
-
-    def tracks(self, file: Path) -> bool:
-        """Whether ``file`` is one of the tracked files."""
-        return self._git("ls-files", "--error-unmatch", "--", str(real_path(file))) is not None
-
-    def _ref(self, name: str) -> str:
-        for folder in (self.private, self.common):
-            text = _read(folder / name).strip()
-            if text:
-                return text
-        packed = (line.partition(" ") for line in _read(self.common / "packed-refs").splitlines())
-        return next((commit for commit, _, packed_name in packed if packed_name == name), "")
-
-    def _git(self, *words: str) -> str | None:
-        """What git prints about the checkout, in a configuration that is empty."""
-        git, head = shutil.which("git"), self.head()
-        if git is None or not Path(git).is_absolute() or head is None:
-            return None
-        try:
-            with self._neutral_environment(head) as environment:
-                done = subprocess.run(  # noqa: S603 - fixed words, no shell
-                    [git, *words],
-                    cwd=self.top,
-                    env=environment,
-                    capture_output=True,
-                    timeout=_GIT_TIMEOUT,
-                    check=True,
-                )
-        except (OSError, subprocess.SubprocessError):
-            return None
-        return os.fsdecode(done.stdout).strip()
-
-    @contextmanager
-    def _neutral_environment(self, head: str) -> Iterator[dict[str, str]]:
-        """Environment variables that point git to a temporary git folder, its home as well.
-
-        That folder has no configuration, no hooks and no attributes. The index stays unchanged:
-        git takes no optional locks.
-        """
-        with tempfile.TemporaryDirectory(prefix="navfw-git-") as name:
-            folder = Path(name)
-            (folder / "refs").mkdir()
-            (folder / "HEAD").write_text(f"{head}\n", encoding="ascii")
-            if len(head) > 40:
-                (folder / "config").write_text(_SHA256_CONFIG, encoding="ascii")
-            for shared in self.private.glob("sharedindex.*"):  # the base of a split index
-                (folder / shared.name).symlink_to(shared)
-            kept = {key: value for key, value in os.environ.items() if not key.startswith("GIT_")}
-            yield kept | {
-                "HOME": name,
-                "XDG_CONFIG_HOME": name,
-                "GIT_CONFIG_NOSYSTEM": "1",
-                "GIT_ATTR_NOSYSTEM": "1",
-                "GIT_DIR": name,
-                "GIT_WORK_TREE": str(self.top),
-                "GIT_INDEX_FILE": str(self.private / "index"),
-                "GIT_OBJECT_DIRECTORY": str(self.common / "objects"),
-                "GIT_OPTIONAL_LOCKS": "0",
-                "GIT_NO_LAZY_FETCH": "1",
-                "GIT_TERMINAL_PROMPT": "0",
-            }
-
-
-def _linked(file: Path, prefix: str = "") -> Path | None:
-    """The folder that a file like ``.git`` of a worktree names, relative to the file's own."""
-    text = _read(file).strip()
-    name = text.removeprefix(prefix)
-    return file.parent / name if text.startswith(prefix) and name and "\0" not in name else None
-
-
-def _read(file: Path) -> str:
-    """The text of a regular file of bounded size; empty for anything else."""
+    quiet = ("-c", "core.fsmonitor=false", "-c", f"core.hooksPath={os.devnull}")
     try:
-        return read_input(file).decode("utf-8", "replace")
-    except ConfigError:
-        return ""
+        done = subprocess.run(  # noqa: S603 - fixed words, no shell
+            [git, "-C", folder, "--no-optional-locks", *quiet, *words],
+            env={key: value for key, value in os.environ.items() if not key.startswith("GIT_")},
+            capture_output=True,
+            timeout=_GIT_TIMEOUT,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return os.fsdecode(done.stdout).strip()

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from navfw.features.landmark_appearance import landmark_kind
+from navfw.features.landmark_appearance import plate_image
 from navfw.meshes.furniture_meshes import furniture_mesh
 from navfw.numerics import Array, Image
 from navfw.signals import Pose
@@ -65,7 +65,7 @@ class Scenery:
         bounds: list[PartBounds] = []
         # roughly front to back: surfaces drawn later are then seldom visible, and not shaded
         for mark in world.landmarks:
-            grey = landmark_kind(mark.kind).plate_image(mark.id)
+            grey = plate_image(mark.kind, mark.id)
             plate = self._load_image(np.repeat(grey[..., None], 3, axis=2))
             self._bodies.append(self._add(plate_mesh(mark), plate))
             bounds.append(plate_bounds(mark))

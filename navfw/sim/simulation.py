@@ -17,7 +17,6 @@ import numpy as np
 
 from navfw.errors import SimulationError, WorldError
 from navfw.numerics import Image
-from navfw.process.supervised import send_position, supervised
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, Pose, SensorReading, wrap_angle
 from navfw.sim import world_changes
@@ -234,9 +233,6 @@ class Simulation(BulletConnection):
         self._record_walkers()
         if not self._changes.settled:
             self._changes.update(self.time, self.true_pose(), self.robot.reach)
-        if supervised():
-            (x, y, _), _ = self._truth()[0]
-            send_position(self.time, x, y, len(self._contacts))
         self.timings.physics += wall.perf_counter() - begun
 
     def _place_walkers(self) -> None:

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from navfw.features.landmark_appearance import landmark_kind
+from navfw.features.landmark_appearance import plate_side
 from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.sim import solids, worldspec
@@ -39,7 +39,7 @@ _RIM = 1e-3
 def plate_mesh(mark: worldspec.LandmarkPlateSpec) -> TexturedMesh:
     """The plate as a mesh in the map frame, its image upright as seen from in front of it."""
     right, normal = plate_axes(mark)
-    half = 0.5 * landmark_kind(mark.kind).plate_side(mark.size)
+    half = 0.5 * plate_side(mark.kind, mark.size)
     middle = np.array([*mark.at, mark.z]) + _STAND_OFF * normal
     across, up = half * right, np.array([0.0, 0.0, half])
     corners = [middle + i * across + j * up for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]

@@ -12,7 +12,7 @@ import numpy as np
 
 from navfw.config.yaml_text import KeyPath, key_text
 from navfw.errors import WorldError, did_you_mean
-from navfw.features.landmark_appearance import identity_of, landmark_kind
+from navfw.features.landmark_appearance import identity_of, plate_side
 from navfw.sim.shapes import OVERLAP_TOLERANCE, Circle, Rectangle, Shape, overlap_depth
 from navfw.sim.solids import Solid, drop_rectangle, opening_segment, solids_of, wall_segments
 from navfw.sim.surface_patches import plate_axes
@@ -44,7 +44,7 @@ def _landmarks(world: WorldSpec) -> Iterator[Problem]:
                 " of a kind its own",
             )
         seen.setdefault(identity, i)
-        half = 0.5 * landmark_kind(mark.kind).plate_side(mark.size)
+        half = 0.5 * plate_side(mark.kind, mark.size)
         if mark.z - half < _MIN_HEIGHT:
             yield (
                 ("landmarks", i, "z"),

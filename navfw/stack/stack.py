@@ -15,7 +15,7 @@ from navfw.egomotion import seeing_speed
 from navfw.egomotion.floor_odometry import FloorOdometry
 from navfw.egomotion.odometer import Odometer, OdometryHistory
 from navfw.errors import ConfigError
-from navfw.guard import PluginGuard, guarded_stages
+from navfw.guard import PluginGuard, construct, guarded_stages
 from navfw.localization.passage_walls import KnownWalls
 from navfw.localmap import LocalMap
 from navfw.locom.unicycle import WheelTrim
@@ -64,7 +64,7 @@ class Stack:
         stages = config.stages
 
         def build(choice: Choice) -> Any:
-            return self.guard.construct(choice.plugin, robot, choice.params)
+            return construct(choice.plugin, robot, choice.params)
 
         self.features = guarded_stages.GuardedFeatures(
             self.guard, build(stages["features"])

@@ -18,7 +18,7 @@ from typing import Any
 
 from distributed import Worker, WorkerPlugin, get_worker
 
-from navfw.config.project_code import TRUST_VARIABLE
+from navfw.config.project_trust import TRUST_VARIABLE
 from navfw.errors import SimulationError
 from navfw.suite.case import Job
 from navfw.suite.job_package import JobPackage, worker_identity

@@ -72,8 +72,6 @@ class Cause(StrEnum):
     """fault: the stack stopped, because a sensor had failed for good"""
     PLUGIN_FAILED = "plugin_failed"
     """fault: a plugin failed at the start of the run, or a stage failed for too long"""
-    CODE_REPLACED = "code_replaced"
-    """fault: functions of navfw were replaced during the run"""
     BAD_COMMAND = "bad_command"
     """fault: the stack commanded a value that is not finite"""
     BAD_INPUT = "bad_input"

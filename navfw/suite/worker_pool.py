@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import faulthandler
 import math
 import multiprocessing
 import os
 import signal
+import tempfile
 import threading
 import time
 from collections import deque
@@ -26,15 +26,15 @@ from typing import Any, Generic, Self, TypeVar
 
 from navfw.errors import SimulationError
 from navfw.process.interruption import check_interrupted, interruptible
+from navfw.process.last_trace import dump_trace, ended_after, keep_trace, last_call
 from navfw.process.process_resources import peak_memory_mb
-from navfw.process.watchdog import HEARTBEAT_SIZE, HeartbeatMonitor, set_memory
 from navfw.suite.failure_causes import Cause
 
 _RECYCLE = 100
 """Number of jobs after which a process is replaced: the simulator's libraries leak memory."""
 
 PERIOD = 0.5
-"""Period [s] of looking for workers that hang in a plugin."""
+"""Period [s] of looking for a signal while workers are busy."""
 
 _LOOK_PERIOD = 0.25
 """Period [s] in which a worker looks at its memory, its parent, and for a request to stop."""
@@ -102,9 +102,10 @@ class WorkerPool(Generic[JobT, ResultT]):
             resource_tracker.ensure_running()
         self._cleanup.enter_context(_environment(_SINGLE_THREADED))
         self._cleanup.callback(setattr, stop, "value", 1)
-        self._slots = [
-            _WorkerSlot(context, stop, self.recycle, self.memory) for _ in range(self.workers)
-        ]
+        for _ in range(self.workers):
+            file = tempfile.NamedTemporaryFile("r", errors="replace", prefix="navfw-trace-")
+            trace = self._cleanup.enter_context(file)
+            self._slots.append(_WorkerSlot(context, stop, self.recycle, self.memory, trace))
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -143,8 +144,6 @@ class WorkerPool(Generic[JobT, ResultT]):
                 stopping = True
                 self._flag.value = 1  # the workers end within GRACE
                 continue
-            for slot, _ in busy.values():
-                slot.end_if_overdue()
             for future in finished:
                 slot, job = busy.pop(future)
                 idle.append(slot)
@@ -164,7 +163,9 @@ class WorkerPool(Generic[JobT, ResultT]):
 class _WorkerSlot:
     """One worker: its process, which is replaced after _RECYCLE jobs or when it dies."""
 
-    def __init__(self, context: SpawnContext, stop: _Flag, recycle: int, most: float) -> None:
+    def __init__(
+        self, context: SpawnContext, stop: _Flag, recycle: int, most: float, trace: Any
+    ) -> None:
         self._context = context
         self._stop = stop
         self._recycle = recycle
@@ -173,9 +174,7 @@ class _WorkerSlot:
         self._jobs = 0
         self._began = 0.0
         self._executor: ProcessPoolExecutor | None = None
-        self._memory = context.RawArray("b", HEARTBEAT_SIZE)
-        self._heartbeat = HeartbeatMonitor(self._memory)
-        self._pid = context.RawValue(ctypes.c_int, 0)
+        self._trace = trace
 
     def submit(self, work: Callable[[Any], Any], job: object, limit: float) -> Future[Any]:
         if self._jobs >= self._recycle:
@@ -187,7 +186,7 @@ class _WorkerSlot:
                 1,
                 mp_context=self._context,
                 initializer=_begin,
-                initargs=(self._stop, self._pid, self._memory, self._most, self._exceeded),
+                initargs=(self._stop, self._trace.name, self._most, self._exceeded),
             )
         self._jobs += 1
         self._began = time.monotonic()
@@ -201,20 +200,14 @@ class _WorkerSlot:
             what = f"no worker process can be started: {error.strerror or error}"
             raise SimulationError(f"{what}; take fewer --workers") from error
 
-    def end_if_overdue(self) -> None:
-        """Kill a process that hangs in a plugin, where no signal reaches it."""
-        if self._pid.value and self._heartbeat.overdue(time.monotonic()):
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self._pid.value, signal.SIGKILL)
-            self._pid.value = 0
-
     def result(self, future: Future[Any], limit: float) -> Any:
         try:
             return future.result()
         except BrokenProcessPool:
             self.close()
-            plugin = self._heartbeat.plugin
-            who = f"{plugin}: " if plugin else ""
+            self._trace.seek(0)
+            call = last_call(self._trace.read())
+            who = f"{call}: " if call else ""
             if self._exceeded.value:
                 what = f"{who}exceeded the limit of {self._most:g} MB of memory"
                 return WorkerFailure(what, Cause.TOO_MUCH_MEMORY)
@@ -257,15 +250,14 @@ def _environment(wanted: Mapping[str, str]) -> Iterator[None]:
 # --- in the worker -------------------------------------------------------------------------------
 
 
-def _begin(stop: _Flag, pid: ctypes.c_int, memory: Any, most: float, exceeded: _Flag) -> None:
+def _begin(stop: _Flag, trace: str, most: float, exceeded: _Flag) -> None:
     """Set up a worker process: it ignores Ctrl-C, and ends when its parent ends.
 
     Also, with ``exceeded`` set, when it has more than ``most`` [MB] of memory.
     """
     global _stop  # noqa: PLW0603 - the only state of a worker process
     _stop = stop
-    pid.value = os.getpid()
-    set_memory(memory)
+    keep_trace(open(trace, "w", encoding="utf-8"))  # noqa: SIM115, PTH123 - for all of its life
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_watch, args=(stop, most, exceeded), daemon=True).start()
@@ -282,6 +274,7 @@ def _watch(stop: _Flag, most: float, exceeded: _Flag) -> None:
         time.sleep(_LOOK_PERIOD)
         if peak_memory_mb() > most:
             exceeded.value = 1
+            dump_trace()
             break
         if stop.value:
             time.sleep(GRACE)
@@ -290,9 +283,5 @@ def _watch(stop: _Flag, most: float, exceeded: _Flag) -> None:
 
 
 def _limited(work: Callable[[Any], Any], job: object, limit: float) -> object:
-    # the watchdog is a thread of C: it ends even a process that hangs in native code
-    faulthandler.dump_traceback_later(limit, exit=True)
-    try:
+    with ended_after(limit):
         return work(job)
-    finally:
-        faulthandler.cancel_dump_traceback_later()

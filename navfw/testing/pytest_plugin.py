@@ -145,7 +145,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.stash[_SEEDS] = _more_seeds(config)
     config.stash[_WRONG] = {}
     from navfw.config.lookup import project_folder
-    from navfw.config.project_code import trusting
+    from navfw.config.project_trust import trusting
     from navfw.errors import InputError
 
     try:

@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 
 from navfw.errors import InputError, PluginError, UnknownNameError, WorldError, checked_seed
+from navfw.guard import construct, contained
 from navfw.interfaces import WorldFamily
 from navfw.missions.missionfile import goals_map
 from navfw.missions.missionspec import MissionSpec
@@ -47,7 +48,7 @@ def _family(name: str) -> WorldFamily:
         from navfw.plugins import default_registry
 
         kind = cast(type[WorldFamily], default_registry().get("family", name))
-    return kind(ROBOT)
+    return construct(kind, ROBOT)
 
 
 def generate(
@@ -86,10 +87,11 @@ def generate(
     for attempt in range(_ATTEMPTS):
         rng = np.random.default_rng([zlib.crc32(family.encode()), seed, attempt])
         try:
-            draft = build(rng, difficulty)
+            with contained(f"family {family}", Unsuitable):
+                draft = build(rng, difficulty)
             if not isinstance(draft, WorldDraft):
                 what = f"build returned {type(draft).__name__}, not a WorldDraft"
-                raise PluginError(what, key=family)
+                raise PluginError(what, key=f"family {family}")
             return _finish(draft, family, seed, difficulty, attempt, contrast, look)
         except Unsuitable:
             continue

@@ -162,8 +162,7 @@ def test_no_decision_reads_the_clock_or_the_environment() -> None:
 
 def test_all_random_numbers_come_from_a_generator_passed_in() -> None:
     drawn = []
-    # it compares the state of the global generators, and draws nothing
-    for path in (path for path in SOURCES if path.name != "process_state.py"):
+    for path in SOURCES:
         tree = tree_of(path)
         assert "random" not in {module for module, _ in imports(tree)}
         taken = {

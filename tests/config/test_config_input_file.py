@@ -51,7 +51,6 @@ ALLOWED = {
     "navfw/sim/engine.py": {"?.open": "the null device"},
     "navfw/recording/video_output.py": {"av.open": "a file to write"},
     "navfw/cli/output.py": {"os.open": "the null device"},
-    "navfw/cli/supervisor.py": {"?.read_text": "the system's lists of processes"},
     "navfw/cli/suite.py": {"folder.open": "the folder of results"},
     "navfw/cli/installed_commands.py": {"file.open": "a module of an installed package"},
     "navfw/config/installed_packages.py": {"file.read_text": "metadata of installed packages"},
@@ -64,6 +63,7 @@ ALLOWED = {
     "navfw/scaffold/new_files.py": {"installed.read_text": "what the installer wrote of navfw"},
     "navfw/process/process_resources.py": {"?.read_text": "/proc/self/status"},
     "navfw/process/kernel_compilation.py": {"KERNEL_FILE.read_text": "a file of the package"},
+    "navfw/suite/worker_pool.py": {"open": "the trace to write"},
     "navfw/suite/dask_worker.py": {"picture.read_bytes": "what this process has just written"},
     "navfw/suite/job_package.py": {"zipfile.ZipFile": "of bytes checked by their hash"},
     "navfw/tune/stack_study.py": {

@@ -158,46 +158,6 @@ def test_a_removed_working_folder_has_no_project(shipped: Path) -> None:
     assert lookup.project_folder() is None
 
 
-def test_the_search_ends_below_a_folder_that_anyone_may_write_to(project: Path) -> None:
-    assert lookup.project_folder() == project
-    for mode in (0o777, 0o1777):
-        project.chmod(mode)
-        assert lookup.project_folder() is None
-        assert lookup.project_folder(project) == project
-    project.chmod(0o755)
-    (project / "deep").chmod(0o777)
-    assert lookup.project_folder() is None
-
-
-def test_the_search_ends_below_a_folder_of_another_user(
-    project: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    theirs = project / "deep"
-    monkeypatch.setattr(lookup, "owned_by_user", lambda folder: folder != theirs)
-    assert lookup.project_folder() is None
-    assert lookup.project_folder(theirs) is None
-    write(theirs / "navfw.toml", "")
-    assert lookup.project_folder() is None
-    assert lookup.project_folder(theirs) == theirs
-    theirs = project
-    assert lookup.project_folder(project / "deep") == project / "deep"
-    (project / "deep" / "navfw.toml").unlink()
-    assert lookup.project_folder(project / "deep") is None
-
-
-def test_for_root_too_a_folder_of_another_user_is_foreign(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    owner = tmp_path.stat().st_uid
-    (tmp_path / "link").symlink_to("/")
-    assert lookup.owned_by_user(tmp_path)
-    assert not lookup.owned_by_user(tmp_path / "gone")
-    for user in {0, 1, 12345} - {owner}:
-        monkeypatch.setattr(os, "geteuid", lambda user=user: user)
-        assert not lookup.owned_by_user(tmp_path)
-        assert not lookup.owned_by_user(tmp_path / "link")
-
-
 def test_paths_are_used_unchanged(shipped: Path, tmp_path: Path) -> None:
     file = write(tmp_path / "elsewhere/hall/world.yaml")
     write(tmp_path / "elsewhere/hall/missions/cross.yaml")

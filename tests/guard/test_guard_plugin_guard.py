@@ -1,13 +1,12 @@
 """The guard around plugin calls: what is contained, recorded, suspended, let through, or ended."""
 
-import math
 import os
 import re
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NoReturn
 
@@ -21,24 +20,17 @@ from navfw.guard import (
     SUSPENSION,
     PluginCallError,
     PluginGuard,
+    construct,
     error_text,
     nothing,
     number,
 )
 from navfw.interfaces import Plugin
 from navfw.process import (
-    GRACE,
-    HEARTBEAT_SIZE,
-    MAX_GAP,
     PERIOD,
-    HeartbeatMonitor,
     PluginTimeout,
     Watchdog,
-    begin_call,
-    end_call,
     interruptible,
-    postpone,
-    set_memory,
 )
 from navfw.robot import RobotModel
 
@@ -51,7 +43,7 @@ class Unprintable(Exception):  # noqa: N818 - as a plugin might call it
     """Its message raises."""
 
     def __str__(self) -> str:
-        raise SystemExit(3)
+        raise TypeError("no text")
 
 
 def raiser(error: BaseException) -> Callable[[], NoReturn]:
@@ -77,7 +69,7 @@ def fail(guard: PluginGuard, plugin: str, error: BaseException, **options: Any) 
         (KeyboardInterrupt(), "KeyboardInterrupt"),
         (GeneratorExit(), "GeneratorExit"),
         (OwnBaseError("mine"), "OwnBaseError: mine"),
-        (Unprintable(), "Unprintable: its message raises SystemExit"),
+        (Unprintable(), "Unprintable: its message raises TypeError"),
         (MemoryError("x" * 10_000), "MemoryError: xxx"),
         (PluginTimeout("injected"), "took too long: injected"),
     ],
@@ -210,10 +202,9 @@ class Unsound(Idle):
 
 
 def test_a_constructor_that_fails_is_an_input_error() -> None:
-    guard = PluginGuard()
-    assert isinstance(guard.construct(Idle, ROBOT, Idle.Params()), Idle)
-    with pytest.raises(PluginError, match=r"unsound: cannot be constructed: .* SystemExit: 0"):
-        guard.construct(Unsound, ROBOT, Unsound.Params())
+    assert isinstance(construct(Idle, ROBOT, Idle.Params()), Idle)
+    with pytest.raises(PluginError, match=r"behavior unsound: SystemExit: 0 .*in __init__"):
+        construct(Unsound, ROBOT, Unsound.Params())
 
 
 def test_an_error_is_told_on_one_short_line() -> None:
@@ -237,7 +228,7 @@ def hang() -> None:
 def test_a_call_that_hangs_is_ended_even_if_it_catches_all_exceptions() -> None:
     watchdog, begun = Watchdog(), time.monotonic()
     with pytest.raises(PluginTimeout, match=r"no result within 0.2 s"), watchdog.on_duty():
-        watchdog.begin("behavior slow", 0.2)
+        watchdog.begin(0.2)
         hang()
     assert time.monotonic() - begun < 2.0
 
@@ -245,7 +236,7 @@ def test_a_call_that_hangs_is_ended_even_if_it_catches_all_exceptions() -> None:
 def test_between_two_calls_nothing_is_limited() -> None:
     watchdog = Watchdog()
     with watchdog.on_duty():
-        watchdog.begin("behavior correct", 0.1)
+        watchdog.begin(0.1)
         watchdog.end()
         time.sleep(0.6)
 
@@ -277,7 +268,7 @@ def test_in_other_threads_no_call_is_limited() -> None:
     def work() -> str:
         watchdog = Watchdog()
         with watchdog.on_duty():
-            watchdog.begin("behavior slow", 0.01)
+            watchdog.begin(0.01)
             time.sleep(0.4)
         return "done"
 
@@ -296,22 +287,23 @@ def test_compiling_a_kernel_does_not_count() -> None:
     began = time.monotonic()
     watchdog = Watchdog()
     with watchdog.on_duty():
-        watchdog.begin("behavior compiling", 0.2)
+        watchdog.begin(0.2)
         while time.monotonic() < began + 4 * PERIOD:  # the alarm rings meanwhile
             numba.njit(_kernel)(1.0)  # type: ignore[type-var]
         watchdog.end()
 
 
+@pytest.mark.thorough
 def test_while_the_process_is_stopped_no_time_passes_for_a_call() -> None:
     program = """
 import time
 from navfw.process.watchdog import PluginTimeout, Watchdog
 watchdog = Watchdog()
 with watchdog.on_duty():
-    watchdog.begin("behavior paused", 3.0)
+    watchdog.begin(4.0)
     print("begun", flush=True)
     began = time.process_time()
-    while time.process_time() < began + 0.5:
+    while time.process_time() < began + 0.1:
         pass
     watchdog.end()
     print("ended", flush=True)
@@ -321,58 +313,7 @@ with watchdog.on_duty():
         assert process.stdout is not None
         assert process.stdout.readline() == b"begun\n"
         process.send_signal(signal.SIGSTOP)
-        time.sleep(4.0)
+        time.sleep(6.0)
         process.send_signal(signal.SIGCONT)
         assert process.stdout.readline() == b"ended\n"
     assert process.returncode == 0
-
-
-@pytest.fixture
-def heartbeat() -> Iterator[HeartbeatMonitor]:
-    """The supervisor's side of this process' heartbeat."""
-    memory = bytearray(HEARTBEAT_SIZE)
-    set_memory(memory)
-    yield HeartbeatMonitor(memory)
-    set_memory(None)
-
-
-def test_the_supervisor_reads_the_call_in_progress_and_the_last_one(
-    heartbeat: HeartbeatMonitor,
-) -> None:
-    begin_call("flow mine", 17.0)
-    assert heartbeat.plugin == heartbeat.last_call == "flow mine"
-    begin_call("é" * 200, 17.0)
-    assert heartbeat.plugin.startswith("é" * 50)
-    begin_call("fusion short", 17.0)
-    end_call()
-    assert (heartbeat.plugin, heartbeat.last_call) == ("", "fusion short")
-    assert not any(heartbeat.overdue(1e6 + 0.2 * k) for k in range(100))
-
-
-def _first_overdue(heartbeat: HeartbeatMonitor, times: Iterable[float]) -> float:
-    return next((now for now in times if heartbeat.overdue(now)), math.inf)
-
-
-def test_a_call_is_overdue_when_it_has_been_late_for_the_grace_period(
-    heartbeat: HeartbeatMonitor,
-) -> None:
-    looks = [0.2 * k for k in range(200)]
-    begin_call("flow mine", 10.0)
-    assert _first_overdue(heartbeat, looks) == pytest.approx(10.0 + GRACE, abs=0.5)
-    begin_call("flow mine", 10.0)
-    postpone(7.0)
-    assert _first_overdue(heartbeat, looks) == pytest.approx(17.0 + GRACE, abs=0.5)
-
-
-def test_a_pause_of_the_supervisor_does_not_make_a_call_overdue(
-    heartbeat: HeartbeatMonitor,
-) -> None:
-    begin_call("flow mine", 10.0)
-    assert not heartbeat.overdue(9.9)
-    assert not heartbeat.overdue(1000.0), "both were stopped: the call had no time either"
-    begin_call("flow mine", 1000.4)
-    assert not heartbeat.overdue(1000.2)
-    assert not heartbeat.overdue(1003.0)
-    begin_call("flow mine", 1002.0)
-    looks = [1003.0 + 0.2 * k for k in range(1, 100)]
-    assert _first_overdue(heartbeat, looks) > 1003.0 + GRACE - MAX_GAP - 0.1

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from navfw.process import atomic_file, begin_call
+from navfw.process import atomic_file, name_plugins
 from navfw.suite import Case, Job, RunRow, stop_requested
 
 
@@ -163,9 +163,9 @@ def fake_run_with_plugin_faults(job: Job) -> RunRow:
 
 
 def hang_in_plugin_on_13(number: int) -> int:
-    """The number; on 13 a plugin's call that is long overdue, and that no signal ends."""
+    """The number; on 13 a plugin's call that no signal ends."""
     if number == 13:
-        begin_call("flow mine", time.monotonic() - 100.0)
+        name_plugins({"flow mine": Path(__file__)})
         time.sleep(1000.0)
     return number
 

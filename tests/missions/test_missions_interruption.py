@@ -1,20 +1,13 @@
-"""Interruption by signals; what plugins change in the process is told and set back."""
+"""Interruption by signals: raised, deferred, and never lost."""
 
-import builtins
-import math
 import os
 import signal
-import threading
-import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
-import numpy as np
 import pytest
 
-from navfw.process import ProcessState, check_interrupted, deferred, interrupted, interruptible
-from navfw.safety import SafetyMonitor
+from navfw.process import check_interrupted, deferred, interrupted, interruptible
 
 
 @pytest.fixture(autouse=True)
@@ -117,70 +110,3 @@ def test_a_signal_that_python_drops_in_a_finalizer_is_not_lost() -> None:
         Finalized()  # its KeyboardInterrupt is dropped
         with pytest.raises(KeyboardInterrupt):
             check_interrupted()
-
-
-# --- changes of the process ----------------------------------------------------------------------
-
-
-@pytest.fixture(autouse=True)
-def _set_back() -> Iterator[None]:
-    before = ProcessState()
-    with warnings.catch_warnings():
-        yield
-    before.restore()
-
-
-CHANGES: dict[str, Callable[[Path], object]] = {
-    "the working folder was changed": os.chdir,
-    "the environment was changed": lambda folder: os.environ.update({"NAVFW_X": str(folder)}),
-    "numpy's global generator was used": lambda folder: np.random.rand(3),  # noqa: NPY002
-    "the filters of warnings were changed": lambda folder: warnings.simplefilter("ignore"),
-}
-
-
-@pytest.mark.parametrize("what", CHANGES)
-def test_a_change_is_told_and_set_back(tmp_path: Path, what: str) -> None:
-    before = ProcessState()
-    assert before.changes() == []
-    CHANGES[what](tmp_path)
-    assert before.changes() == [what]
-    before.restore()
-    assert before.changes() == []
-    assert before.code.restore() == ""
-
-
-def test_threads_left_running_are_counted() -> None:
-    before = ProcessState()
-    over = threading.Event()
-    with ThreadPoolExecutor(2) as threads:
-        for _ in range(2):
-            threads.submit(over.wait, 9.0)
-        assert before.changes() == ["2 threads left running"]
-        over.set()
-    assert before.changes() == []
-
-
-def test_filters_for_a_library_s_own_category_or_text_are_no_change() -> None:
-    class OwnWarning(UserWarning):
-        """Of a library."""
-
-    before = ProcessState()
-    warnings.simplefilter("always", OwnWarning)
-    warnings.filterwarnings("ignore", message="its own text")
-    assert before.changes() == []
-
-
-def test_replaced_functions_are_named_and_set_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = ProcessState().code
-    limit, body = SafetyMonitor.limit, SafetyMonitor.update.__code__
-    monkeypatch.setattr(SafetyMonitor, "limit", lambda self, twist, time, pose: twist)
-    monkeypatch.setattr(SafetyMonitor.update, "__code__", SafetyMonitor.reset.__code__)
-    monkeypatch.setattr(math, "hypot", max)
-    monkeypatch.setattr(builtins, "sorted", None)
-    names = before.restore()
-    assert names.startswith("builtins.sorted, navfw.safety.monitor.SafetyMonitor.")
-    assert names.endswith(" and 1 more")
-    assert (SafetyMonitor.limit, SafetyMonitor.update.__code__) == (limit, body)
-    assert math.hypot(3.0, 4.0) == 5.0
-    assert sorted("ba") == ["a", "b"]
-    assert before.restore() == ""
