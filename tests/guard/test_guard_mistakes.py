@@ -381,7 +381,7 @@ def test_a_file_that_cannot_be_imported_is_named(name: str, project: Path) -> No
             "behavior",
             "def propose(self, context):\n    answer = " + NOTHING + "\n"
             "    return replace(answer, explain=lambda row=0, column=0: [{'why': 1}])",
-            "behavior wrong: rule is a NoneType, expected a text",
+            "behavior wrong: AnswerError: rule is a NoneType, expected a text",
         ),
         ("composite", "def explain(self):\n    1 / 0", "composite wrong: ZeroDivisionError"),
     ],
