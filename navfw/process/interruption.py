@@ -140,7 +140,7 @@ def _handlers() -> Iterator[bool]:
     try:
         yield True
     finally:
-        _state.handled, sys.unraisablehook = False, hook
+        _state.handled, _state.raised, sys.unraisablehook = False, -math.inf, hook
         for number, handler in handlers.items():
             signal.signal(number, handler)
 
@@ -148,17 +148,17 @@ def _handlers() -> Iterator[bool]:
 def _raise_pending() -> None:
     name, _state.pending = _state.pending, ""
     if name:
-        _state.interrupted = True
+        _state.interrupted, _state.raised = True, time.monotonic()
         raise KeyboardInterrupt(name)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
     del frame
+    if time.monotonic() < _state.raised + _REPEAT:
+        return
     name = signal.Signals(number).name
     if not _state.raising:
         _state.pending = name
-        return
-    if _state.interrupted and time.monotonic() < _state.raised + _REPEAT:
         return
     _state.interrupted, _state.raised = True, time.monotonic()
     raise KeyboardInterrupt(name)
