@@ -213,10 +213,8 @@ def dask_engine(
         yield None
         return
     from navfw.suite.dask_engine import DaskEngine
-    from navfw.suite.job_package import JobPackage
 
-    package = JobPackage.of(cases)
-    with DaskEngine(scheduler, package, limit=limit, memory=memory) as engine:
+    with DaskEngine(scheduler, cases, limit=limit, memory=memory) as engine:
         yield engine
 
 

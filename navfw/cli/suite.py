@@ -21,7 +21,7 @@ from navfw.recording.run_folder import plain_json
 
 if TYPE_CHECKING:
     from navfw.suite.case import Case
-    from navfw.suite.run_journal import RunRow
+    from navfw.suite.run_row import RunRow
     from navfw.suite.suite_folder import StartMode
     from navfw.suite.suite_plan import SuitePlan
     from navfw.suite.suite_run import SuiteResult
@@ -262,7 +262,7 @@ def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
 class _RunCount:
     def __init__(self, bar: ProgressBar, cases: tuple[Case, ...], have: list[RunRow]) -> None:
         keys = {case.key for case in cases}
-        finished = [row for row in have if row.key in keys]
+        finished = [row for row in have if row.key in keys and row.has_result]
         self._bar = bar
         self._total = len(keys)
         self._done = len(finished)

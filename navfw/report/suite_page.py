@@ -15,7 +15,7 @@ from navfw.errors import ConfigError, locating
 from navfw.recording.run_folder import RECORDING, REPORT
 from navfw.report.report_page import reduced_source, render_page
 from navfw.suite import paired_comparison
-from navfw.suite.run_journal import RunRow
+from navfw.suite.run_row import RunRow
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_summary import equal_configurations, summarize, summary_table
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from navfw.missions.outcome import Outcome
 from navfw.suite.failure_causes import Cause
-from navfw.suite.run_journal import RunKey, RunRow
+from navfw.suite.run_row import RunKey, RunRow
 
 if TYPE_CHECKING:
     from navfw.missions.missionfile import MissionFile

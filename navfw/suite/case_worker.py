@@ -19,11 +19,9 @@ from navfw.plugins import Registry, default_registry
 from navfw.process.atomic import atomic_file
 from navfw.process.process_resources import peak_memory_mb, return_freed_memory
 from navfw.recording.run_folder import RunFolder
-from navfw.suite.case import RECORDINGS, Case, Job, KeptRuns
-from navfw.suite.failure_causes import Cause, classify
-from navfw.suite.failure_symptoms import collect_symptoms
-from navfw.suite.paired_comparison import barn_score, sct
-from navfw.suite.run_journal import COLUMNS, RunRow
+from navfw.suite.case import RECORDINGS, Job, KeptRuns
+from navfw.suite.failure_causes import Cause
+from navfw.suite.run_row import RunRow
 from navfw.suite.worker_pool import stop_requested
 
 
@@ -40,7 +38,7 @@ def run_job(job: Job) -> RunRow:
         _one_thread()
         session = case.session(_registry())
         result = session.run(_stop_on_request, record=job.record != "none")
-        row = _keep(_row_of(case, result), job, result)
+        row = _keep(RunRow.of(case.columns, result), job, result)
         return dataclasses.replace(
             row,
             cpu_time_s=round(time.process_time() - began, 3),
@@ -57,40 +55,6 @@ def run_job(job: Job) -> RunRow:
         where = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{Path(where.filename).name}:{where.lineno}"
         return case.fault(f"{type(error).__name__}: {error} ({place})", Cause.EXCEPTION)
-
-
-def _row_of(case: Case, result: MissionResult) -> RunRow:
-    """The row of a run with a result."""
-    summary = result.summary()
-    spec = result.session.mission.spec
-    good = result.outcome.succeeded
-    time, shortest = summary["sim_time_s"], summary["shortest_path_m"]
-    columns = {
-        **{name: summary[name] for name in COLUMNS if name in summary},
-        **case.columns,
-        "collision_cause": summary["collision_cause"] or "",
-    }
-    return RunRow(
-        **columns,
-        hazards=", ".join(result.session.world.hazards),
-        plugin_faults=len(result.objections),
-        cause=_cause(result),
-        sct=sct(good, time, shortest, spec.robot.max_v),
-        barn_score=None
-        if spec.success.reference is None
-        else barn_score(good, result.metrics.traversal_s, spec.success.reference),
-    )
-
-
-def _cause(result: MissionResult) -> str:
-    """The cause of a failure; "" for a run that succeeded or was cancelled."""
-    if result.outcome.succeeded or result.outcome is Outcome.CANCELLED:
-        return ""
-    try:
-        return str(classify(collect_symptoms(result)) or "")
-    except Exception:  # a failed classification does not invalidate the result
-        traceback.print_exc(file=sys.stderr)
-        return str(Cause.UNKNOWN)
 
 
 def _keep(row: RunRow, job: Job, result: MissionResult) -> RunRow:

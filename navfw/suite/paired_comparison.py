@@ -1,4 +1,4 @@
-"""Statistics of an evaluation: intervals, tests, scores of runs, paired comparison of tables."""
+"""Statistics of an evaluation: intervals, tests, paired comparison of tables."""
 
 from __future__ import annotations
 
@@ -10,11 +10,7 @@ from typing import Any
 
 from navfw.errors import InputError, UnknownNameError
 from navfw.process.result_table import shown
-from navfw.suite.run_journal import RunKey, RunRow
-
-_BARN_SPEED = 2.0
-"""The BARN challenge's reference speed [m/s]: OT is the path's length divided by it."""
-
+from navfw.suite.run_row import RunKey, RunRow
 
 MIN_RUNS = 5
 """Number of runs, or pairs, below which an interval is no use, and none is given."""
@@ -97,37 +93,6 @@ def median_interval(values: Sequence[float]) -> tuple[float, float] | None:
     # the values below the interval, with its lower end, and as many above
     rank = int(binom.ppf(0.025, count, 0.5)) if count else 0
     return (ordered[rank - 1], ordered[count - rank]) if rank else None
-
-
-def sct(succeeded: bool, time: float, shortest: float, max_speed: float) -> float:
-    """Success weighted by completion time (Yokoyama, Ha, Batra 2021, arXiv 2103.08022).
-
-    S T / max(C, T) with C the ``time`` [s] taken and T the fastest time. T here is ``shortest``
-    [m] at ``max_speed`` [m/s], a bound that no robot reaches, as it has to accelerate, turn and
-    stop: the value is below the paper's, which plans T with the robot's dynamics.
-
-    >>> sct(True, time=40.0, shortest=10.0, max_speed=0.5)
-    0.5
-    """
-    fastest = shortest / max_speed
-    longest = max(time, fastest)
-    return fastest / longest if succeeded and longest > 0.0 else float(succeeded)
-
-
-def barn_score(succeeded: bool, time: float, path: float) -> float:
-    """The BARN challenge's score of a run: success x OT / clip(AT, 2 OT, 8 OT).
-
-    OT is the time for the length [m] of the reference ``path`` at 2 m/s, AT the ``time`` [s] from
-    the first 0.1 m to within 1 m of the goal (``run_metrics.traversal_time``). The best score is
-    0.5; a robot of 0.5 m/s reaches at most 0.25.
-
-    >>> barn_score(True, time=25.0, path=10.0)
-    0.2
-    """
-    if not succeeded:
-        return 0.0
-    best = path / _BARN_SPEED
-    return best / min(max(time, 2.0 * best), 8.0 * best) if best > 0.0 else 0.5
 
 
 _SPL_CHANGE = 0.1

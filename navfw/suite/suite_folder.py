@@ -10,7 +10,6 @@ with the same ones only.
 from __future__ import annotations
 
 import contextlib
-import itertools
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -25,8 +24,9 @@ from navfw.process.atomic import output_place, write_text, writing
 from navfw.process.target_lock import TargetInUseError, TargetLock, sweep
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import REPORT, plain_json
-from navfw.suite import run_journal
 from navfw.suite.case import RECORDINGS
+from navfw.suite.run_journal import RunJournal, write_table
+from navfw.suite.run_row import RunRow
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import brief_table
 
@@ -43,8 +43,8 @@ StartMode = Literal["new", "resume", "extend", "restart"]
 the suite has not touched; anew, with the earlier results moved aside."""
 
 _OWN = (TABLE, SUMMARY, _MARKDOWN, _ABOUT, _PICTURES, _JOURNAL, RECORDINGS, REPORT, COMPARISON)
-_BEFORE = re.compile(r"before-\d+|journal-damaged-\d+\.sqlite(-journal)?")
-"""Names of what is left of earlier suites."""
+_BEFORE = re.compile(r"before-\d+")
+"""Names of the folders of earlier results."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,9 @@ class SuiteFolder:
         return self.path / TABLE
 
     @property
-    def journal(self) -> run_journal.RunJournal:
+    def journal(self) -> RunJournal:
         """The journal of all runs that have ended."""
-        return run_journal.RunJournal(self.path / _JOURNAL)
+        return RunJournal(self.path / _JOURNAL)
 
     @cached_property
     def lock(self) -> TargetLock:
@@ -84,7 +84,7 @@ class SuiteFolder:
         """Whether a suite has written runs here."""
         return is_file(self.journal.file) or is_file(self.table)
 
-    def recording(self, row: run_journal.RunRow) -> Path:
+    def recording(self, row: RunRow) -> Path:
         """The run folder of a run that was recorded (``navfw suite --record``)."""
         name = row.key.file_name(generated=bool(row.family))
         return self.path / RECORDINGS / name
@@ -124,15 +124,15 @@ class SuiteFolder:
         *,
         begin: StartMode = "new",
         tell: Callable[[str], None] = lambda text: None,
-    ) -> list[run_journal.RunRow]:
-        """Create the folder, or continue what is in it; returns the rows of finished runs.
+    ) -> list[RunRow]:
+        """Create the folder, or continue what is in it; returns the rows of the plan's runs.
 
-        Runs that ended without a result are left out: they are driven again. ``tell`` is called
-        with what a person is to know: what was kept of a damaged journal or a changed suite.
+        ``run_suite`` drives those among them again that ended without a result. ``tell`` is called
+        with what a person is to know: what was kept of a changed suite.
 
         Raises:
             InputError: the folder cannot be written, is not empty (with ``new``), or belongs to
-                another suite or configuration (with ``resume``).
+                another suite or configuration (with ``resume``); or its journal is damaged.
 
         """
         if begin == "restart":
@@ -142,7 +142,7 @@ class SuiteFolder:
             self._check_journal()
             earlier = self.about()
             if begin == "resume":
-                self._compare(earlier.get("content", {}), plan.content)
+                self._compare(earlier["content"], plan.content)
         else:
             self._refuse_foreign()
         with writing(self.path):
@@ -158,32 +158,29 @@ class SuiteFolder:
             "machines": machines + [machine_kind()] * (machine_kind() not in machines),
         }
         self._write(_ABOUT, about)  # before the journal, which cannot be read without it
-        if note := run_journal.ready_journal(self.journal):
-            tell(note)
+        self.journal.create()
         rows = self.journal.rows(case.content for case in plan.cases)
+        finished = [row for row in rows if row.has_result]
         if earlier.get("content", plan.content) != plan.content:
-            kept = sum(row.has_result for row in rows)
-            tell(f"the suite was changed: {kept} finished runs are unchanged and kept")
-        rows = [row for row in rows if row.has_result]
-        run_journal.write_table(self.table, rows)
+            tell(f"the suite was changed: {len(finished)} finished runs are unchanged and kept")
+        write_table(self.table, finished)
         return rows
 
     def _set_aside(self, tell: Callable[[str], None]) -> None:
         """Move what an earlier suite left into the first free folder ``before-N``."""
-        names = [name for name in _OWN if (self.path / name).exists()]
-        if not self.has_runs or not names:
+        if not self.has_runs:
             return
-        numbers = itertools.count(1)
-        aside = next(
-            place for number in numbers if not (place := self.path / f"before-{number}").exists()
-        )
+        number = 1
+        while (aside := self.path / f"before-{number}").exists():
+            number += 1
         with writing(aside):
             aside.mkdir()
-            for name in names:
-                (self.path / name).rename(aside / name)
+            for file in [self.path / name for name in _OWN]:
+                if file.exists():
+                    file.rename(aside / file.name)
         tell(f"{self.path}: the earlier results are in {aside.name}")
 
-    def rows(self) -> list[run_journal.RunRow]:
+    def rows(self) -> list[RunRow]:
         """The rows of all runs that have ended, by entry, mission, variant and stack.
 
         Also while a suite runs, or after a kill.
@@ -193,11 +190,7 @@ class SuiteFolder:
 
         """
         self._check_journal()
-        try:
-            return self.journal.rows(self.about().get("current", []))
-        except run_journal.JournalDamagedError as error:
-            what = f"{error}; continue the suite with --resume, which keeps what is intact"
-            raise run_journal.JournalDamagedError(what) from None
+        return self.journal.rows(self.about().get("current", []))
 
     def summary(self) -> dict[str, Any]:
         """The summary that was written last, empty before the first.
@@ -209,9 +202,9 @@ class SuiteFolder:
         file = self.path / SUMMARY
         return read_json_object(file) if is_file(file) else {}
 
-    def save(self, rows: Sequence[run_journal.RunRow], summary: Mapping[str, Any]) -> None:
+    def save(self, rows: Sequence[RunRow], summary: Mapping[str, Any]) -> None:
         """Replace the table and the summary."""
-        run_journal.write_table(self.table, rows)
+        write_table(self.table, rows)
         self._write(SUMMARY, summary)
         write_text(self.path / _MARKDOWN, brief_table(summary).markdown())
 
@@ -288,12 +281,13 @@ def _created(chosen: Path | None, default: Path) -> Path:
             raise InputError("is a file; a suite needs a folder", file=chosen)
         place.mkdir(parents=True, exist_ok=True)
         return chosen
-    for number in itertools.count(1):
-        place = default if number == 1 else default.with_name(f"{default.name}-{number}")
+    place, number = default, 1
+    while True:
         with contextlib.suppress(FileExistsError):
             place.mkdir(parents=True)
             return place
-    raise AssertionError("numbers have no end")
+        number += 1
+        place = default.with_name(f"{default.name}-{number}")
 
 
 def load_suite(folder: str | Path) -> SuiteFrame:

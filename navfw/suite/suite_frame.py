@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from navfw.config.extras import extra_imports
 from navfw.suite.paired_comparison import compare_tables, comparison_rows, pair_up
-from navfw.suite.run_journal import RunRow
+from navfw.suite.run_row import RunRow
 from navfw.suite.suite_summary import brief_table, summarize
 
 with extra_imports("pandas", key="navfw.load_suite"):
@@ -22,7 +22,7 @@ _TYPES = {"str": "string", "int": "Int64", "float | None": "Float64", "int | Non
 
 
 class SuiteFrame(pandas.DataFrame):  # type: ignore[misc] # pandas has no types
-    """A row per run, with the columns of ``navfw.suite.run_journal.RunRow``, and ``succeeded``.
+    """A row per run, with the columns of ``navfw.suite.run_row.RunRow``, and ``succeeded``.
 
     What selects rows gives another one: ``runs[runs.family == "rooms"].compare(others)``.
     """

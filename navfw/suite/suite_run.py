@@ -13,7 +13,7 @@ from navfw.missions.outcome import Outcome
 from navfw.process.interruption import INTERRUPTED, deferred
 from navfw.suite.case import Case, Job, KeptRuns
 from navfw.suite.case_worker import run_job
-from navfw.suite.run_journal import RunKey, RunRow
+from navfw.suite.run_row import RunRow
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import summarize
@@ -105,7 +105,7 @@ def run_suite(
     on_row: Callable[[Case, RunRow], None] | None = None,
     engine: Engine | None = None,
 ) -> SuiteResult:
-    """Run all cases of ``plan`` that have no row in ``have`` yet.
+    """Run all cases of ``plan`` that have no row with a result in ``have`` yet.
 
     They run in ``workers`` processes of this machine, or by ``engine``, already entered.
     ``keep`` and ``record`` say of which runs pictures and recordings are kept.
@@ -120,7 +120,7 @@ def run_suite(
             started.
 
     """
-    table = _SuiteRows(plan, out, have)
+    table = _SuiteTable(plan, out, have)
     jobs = [
         Job(case, out.pictures.absolute(), keep, record)
         for case in plan.cases
@@ -144,51 +144,44 @@ def run_suite(
 
 def _drive(
     results: Iterable[tuple[Job, RunRow | WorkerFailure]],
-    table: _SuiteRows,
+    table: _SuiteTable,
     on_row: Callable[[Case, RunRow], None] | None,
 ) -> list[Job]:
     """Put the runs that have ended into the table; returns those to drive again."""
     again = []
     for job, result in results:
-        if table.is_first_death(job.case, result):
-            again.append(job)
-            continue
-        row = replace(answered_row(job.case, result), attempts=table.deaths[job.case.key] + 1)
+        attempts = 1 + (job.case.key in table.died)
+        row = replace(answered_row(job.case, result), attempts=attempts)
         if row.outcome == Outcome.CANCELLED:
             continue
         table.add(job.case, row)
-        if on_row is not None:
+        if row.repeatable:
+            again.append(job)
+        elif on_row is not None:
             on_row(job.case, row)
     return again
 
 
-class _SuiteRows:
+class _SuiteTable:
     """Holds the rows; each goes to the journal at once, table and summary are exported later.
 
-    ``deaths`` counts the processes that died with a run which has no row yet.
+    ``died`` are the runs that died with their process for the first time, and have no other row.
     """
 
     def __init__(self, plan: SuitePlan, out: SuiteFolder, have: Sequence[RunRow]) -> None:
         self.plan = plan
         self.out = out
+        self.rows = {row.key: row for row in have if row.has_result}
+        self.died = {row.key for row in have if row.repeatable}
         self._revisions = list(out.about().get("revisions", []))
-        self.rows: dict[RunKey, RunRow] = {row.key: row for row in have}
-        self.deaths = out.journal.deaths({case.content for case in plan.cases})
         self._next_export = time.monotonic() + _EXPORT_PERIOD
 
-    def is_first_death(self, case: Case, result: RunRow | WorkerFailure) -> bool:
-        """Whether the run died with its process for the first time; then it is noted."""
-        if not isinstance(result, WorkerFailure) or not result.repeatable:
-            return False
-        if self.deaths[case.key]:
-            return False
-        self.deaths[case.key] += 1
-        self.out.journal.add_death(case.content, case.key, result.reason)
-        return True
-
     def add(self, case: Case, row: RunRow) -> None:
-        self.rows[row.key] = row
         self.out.journal.add(case.content, row)
+        if row.repeatable:
+            self.died.add(row.key)
+            return
+        self.rows[row.key] = row
         began = time.monotonic()
         if began >= self._next_export:
             done = self._result()

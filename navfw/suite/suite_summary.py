@@ -12,7 +12,7 @@ from navfw.missions.outcome import Outcome
 from navfw.process.result_table import Column, ResultTable, named, shown
 from navfw.suite.failure_causes import Cause
 from navfw.suite.paired_comparison import MIN_RUNS, mcnemar_exact, wilson
-from navfw.suite.run_journal import RunRow
+from navfw.suite.run_row import RunRow
 from navfw.suite.suitefile import Expect
 
 ENOUGH = 0.9

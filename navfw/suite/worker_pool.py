@@ -1,7 +1,7 @@
 """Jobs in worker processes: single-threaded, replaceable, isolated from each other.
 
-Each worker is an executor with one process, so that the job of a dead process is known. Processes
-are spawned, not forked, so that no state of this process leaks into a run.
+Processes are spawned, not forked, so that no state of this process leaks into a run. Each has a
+pipe of its own, so that the job of a dead process is known (an executor would lose all of them).
 """
 
 from __future__ import annotations
@@ -12,16 +12,14 @@ import math
 import multiprocessing
 import os
 import signal
+import sys
 import tempfile
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from multiprocessing import resource_tracker
-from multiprocessing.context import SpawnContext
+from multiprocessing import connection, resource_tracker
 from typing import Any, Generic, Self, TypeVar
 
 from navfw.errors import SimulationError
@@ -34,13 +32,16 @@ _RECYCLE = 100
 """Number of jobs after which a process is replaced: the simulator's libraries leak memory."""
 
 PERIOD = 0.5
-"""Period [s] of looking for a signal while workers are busy."""
+"""Period [s] of looking for an interruption."""
 
 _LOOK_PERIOD = 0.25
-"""Period [s] in which a worker looks at its memory, its parent, and for a request to stop."""
+"""Period [s] in which a worker looks at its memory and its parent."""
 
 GRACE = 10.0
 """Time [s] for a worker to end its job after a request to stop."""
+
+_OVER_MEMORY = 86
+"""Exit code of a worker that has exceeded its limit of memory."""
 
 _LIBRARIES = ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "NUMEXPR_NUM", "NUMBA_NUM", "VECLIB_MAXIMUM")
 _SINGLE_THREADED = {f"{library}_THREADS": "1" for library in _LIBRARIES}
@@ -49,7 +50,6 @@ _SINGLE_THREADED["OPENCV_FOR_THREADS_NUM"] = "1"
 
 JobT = TypeVar("JobT")
 ResultT = TypeVar("ResultT")
-
 
 _Flag = ctypes.c_byte
 """Shared by all processes. An Event has a lock, which a dying process would keep."""
@@ -63,11 +63,6 @@ class WorkerFailure:
 
     reason: str
     cause: Cause = Cause.PROCESS_DIED
-
-    @property
-    def repeatable(self) -> bool:
-        """Whether another process may succeed: time does not get longer."""
-        return self.cause is not Cause.TOO_LONG
 
 
 def stop_requested() -> bool:
@@ -91,27 +86,22 @@ class WorkerPool(Generic[JobT, ResultT]):
     memory: float = math.inf
     _done: int = field(init=False, default=0)
     _flag: _Flag = field(init=False)
-    _slots: list[_WorkerSlot] = field(init=False, default_factory=list)
+    _all: list[_Worker] = field(init=False, default_factory=list)
     _cleanup: contextlib.ExitStack = field(init=False, default_factory=contextlib.ExitStack)
 
     def __enter__(self) -> Self:
-        context = multiprocessing.get_context("spawn")
-        self._flag = stop = context.RawValue(_Flag, 0)
+        self._flag = multiprocessing.get_context("spawn").RawValue(_Flag, 0)
         # else the first process starts it, and unblocks SIGINT; of a killed pool it would warn
         with _environment({"PYTHONWARNINGS": "ignore:resource_tracker"}):
             resource_tracker.ensure_running()
         self._cleanup.enter_context(_environment(_SINGLE_THREADED))
-        self._cleanup.callback(setattr, stop, "value", 1)
-        for _ in range(self.workers):
-            file = tempfile.NamedTemporaryFile("r", errors="replace", prefix="navfw-trace-")
-            trace = self._cleanup.enter_context(file)
-            self._slots.append(_WorkerSlot(context, stop, self.recycle, self.memory, trace))
         return self
 
     def __exit__(self, *exception: object) -> None:
         self._cleanup.close()
-        for slot in self._slots:
-            slot.close()
+        self._flag.value, end = 1, time.monotonic() + GRACE
+        for worker in self._all:
+            worker.close(end)
 
     @property
     def capacity(self) -> int:
@@ -128,110 +118,106 @@ class WorkerPool(Generic[JobT, ResultT]):
                 finished by then has been yielded.
 
         """
-        waiting = deque(jobs)
-        busy: dict[Future[ResultT], tuple[_WorkerSlot, JobT]] = {}
-        idle = list(self._slots)
-        failed, stopping = 0, False
-        while busy or (waiting and not stopping):
-            while not stopping and idle and waiting:
-                slot, job = idle.pop(), waiting.popleft()
-                busy[slot.submit(self.work, job, self.limit)] = (slot, job)
+        waiting, failed, end = deque(jobs), 0, math.inf  # the time by which all have to stop
+        busy: dict[connection.Connection, tuple[_Worker, JobT]] = {}
+        while busy or (waiting and end == math.inf):
+            while waiting and len(busy) < self.workers and end == math.inf:
+                worker = self._begun(waiting[0], {worker for worker, _ in busy.values()})
+                busy[worker.pipe] = (worker, waiting.popleft())
             try:
                 with interruptible():
-                    finished, _ = wait(busy, PERIOD, return_when=FIRST_COMPLETED)
+                    finished = connection.wait(busy, PERIOD)
                     check_interrupted()
             except KeyboardInterrupt:
-                stopping = True
-                self._flag.value = 1  # the workers end within GRACE
+                self._flag.value, end = 1, time.monotonic() + GRACE
                 continue
-            for future in finished:
-                slot, job = busy.pop(future)
-                idle.append(slot)
-                result = slot.result(future, self.limit)
-                if stopping and isinstance(result, WorkerFailure):
-                    continue
-                failed += isinstance(result, WorkerFailure)
-                self._done += not isinstance(result, WorkerFailure)
-                if not self._done and failed > self.workers + 2:
-                    assert isinstance(result, WorkerFailure)  # noqa: S101 - all results so far are failures
-                    raise SimulationError(f"all worker processes die: {result.reason}")
+            if time.monotonic() > end:
+                for worker, _ in busy.values():
+                    worker.process.kill()
+            for pipe in finished:
+                worker, job = busy.pop(pipe)  # type: ignore[call-overload] # one of its keys
+                result = worker.result()
+                if isinstance(result, WorkerFailure):
+                    failed += 1
+                    if end < math.inf:
+                        continue
+                    if not self._done and failed > self.workers + 2:
+                        raise SimulationError(f"all worker processes die: {result.reason}")
+                else:
+                    self._done += 1
                 yield job, result
-        if stopping:
+        if end < math.inf:
             raise KeyboardInterrupt
 
-
-class _WorkerSlot:
-    """One worker: its process, which is replaced after _RECYCLE jobs or when it dies."""
-
-    def __init__(
-        self, context: SpawnContext, stop: _Flag, recycle: int, most: float, trace: Any
-    ) -> None:
-        self._context = context
-        self._stop = stop
-        self._recycle = recycle
-        self._most = most
-        self._exceeded = context.RawValue(_Flag, 0)
-        self._jobs = 0
-        self._began = 0.0
-        self._executor: ProcessPoolExecutor | None = None
-        self._trace = trace
-
-    def submit(self, work: Callable[[Any], Any], job: object, limit: float) -> Future[Any]:
-        if self._jobs >= self._recycle:
-            self.close()
-        if self._executor is None:
-            self._jobs = 0
-            self._exceeded.value = 0
-            self._executor = ProcessPoolExecutor(
-                1,
-                mp_context=self._context,
-                initializer=_begin,
-                initargs=(self._stop, self._trace.name, self._most, self._exceeded),
-            )
-        self._jobs += 1
-        self._began = time.monotonic()
+    def _begun(self, job: JobT, busy: set[_Worker]) -> _Worker:
+        """A worker that has begun the ``job``: one that is idle, or a new one."""
+        for worker in [worker for worker in self._all if worker not in busy]:
+            if worker.jobs < self.recycle and worker.begin(job):
+                return worker
+            self._all.remove(worker)
+            worker.close(time.monotonic() + GRACE)
         try:
-            with _interrupt_blocked():  # a new process inherits it, until it ignores Ctrl-C
-                return self._executor.submit(_limited, work, job, limit)
-        except BrokenProcessPool:  # the process died between two jobs
-            self.close()
-            return self.submit(work, job, limit)
+            worker = _Worker(self._flag, self.work, self.limit, self.memory)
         except OSError as error:  # no memory, or too many processes
             what = f"no worker process can be started: {error.strerror or error}"
             raise SimulationError(f"{what}; take fewer --workers") from error
+        self._all.append(worker)
+        worker.begin(job)  # of one that has died already, the result tells
+        return worker
 
-    def result(self, future: Future[Any], limit: float) -> Any:
+
+class _Worker:
+    """A process that does one job after the other."""
+
+    def __init__(
+        self, stop: _Flag, work: Callable[[Any], Any], limit: float, memory: float
+    ) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.limit, self.memory = limit, memory
+        self.jobs, self.began = 0, 0.0
+        self.trace = tempfile.NamedTemporaryFile("r", errors="replace", prefix="navfw-trace-")  # noqa: SIM115
+        arguments = (theirs, stop, work, limit, memory, self.trace.name)
+        self.process = context.Process(target=_serve, args=arguments)
+        # the process inherits the blocked signal, until it ignores Ctrl-C
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            return future.result()
-        except BrokenProcessPool:
-            self.close()
-            self._trace.seek(0)
-            call = last_call(self._trace.read())
-            who = f"{call}: " if call else ""
-            if self._exceeded.value:
-                what = f"{who}exceeded the limit of {self._most:g} MB of memory"
-                return WorkerFailure(what, Cause.TOO_MUCH_MEMORY)
-            if time.monotonic() - self._began >= limit:
-                what = f"{who}exceeded the wall-clock limit of {limit:g} s"
-                return WorkerFailure(what, Cause.TOO_LONG)
-            return WorkerFailure(f"{who}the process of the run ended without a result")
-        except Exception as error:  # raised by the job, or a result that cannot be pickled
-            return WorkerFailure(f"{type(error).__name__}: {error}")
+            self.process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+            theirs.close()
 
-    def close(self) -> None:
-        if self._executor is not None:
-            self._executor.shutdown(wait=True, cancel_futures=True)
-            self._executor = None
+    def begin(self, job: object) -> bool:
+        """Whether the job could be sent: not if the process has died between two jobs."""
+        self.jobs, self.began = self.jobs + 1, time.monotonic()
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+            self.pipe.send(job)
+            return True
+        return False
 
+    def result(self) -> Any:
+        try:
+            return self.pipe.recv()
+        except (EOFError, OSError):
+            self.process.join()
+            what, cause = "the process of the run ended without a result", Cause.PROCESS_DIED
+            if self.process.exitcode == _OVER_MEMORY:
+                what = f"exceeded the limit of {self.memory:g} MB of memory"
+                cause = Cause.TOO_MUCH_MEMORY
+            elif time.monotonic() - self.began >= self.limit:
+                what = f"exceeded the wall-clock limit of {self.limit:g} s"
+                cause = Cause.TOO_LONG
+            call = last_call(self.trace.read())
+            return WorkerFailure(f"{call}: {what}" if call else what, cause)
 
-@contextlib.contextmanager
-def _interrupt_blocked() -> Iterator[None]:
-    """Block SIGINT; it arrives at the end."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    def close(self, end: float) -> None:
+        """End the process; by force if it has not ended by ``end`` [s, monotonic]."""
+        self.pipe.close()
+        self.process.join(max(0.0, end - time.monotonic()))
+        self.process.kill()
+        self.process.join()
+        self.process.close()
+        self.trace.close()
 
 
 @contextlib.contextmanager
@@ -250,38 +236,41 @@ def _environment(wanted: Mapping[str, str]) -> Iterator[None]:
 # --- in the worker -------------------------------------------------------------------------------
 
 
-def _begin(stop: _Flag, trace: str, most: float, exceeded: _Flag) -> None:
-    """Set up a worker process: it ignores Ctrl-C, and ends when its parent ends.
-
-    Also, with ``exceeded`` set, when it has more than ``most`` [MB] of memory.
-    """
+def _serve(
+    pipe: connection.Connection,
+    stop: _Flag,
+    work: Callable[[Any], Any],
+    limit: float,
+    memory: float,
+    trace: str,
+) -> None:
+    """Do the jobs that come through the ``pipe``, until it is closed."""
     global _stop  # noqa: PLW0603 - the only state of a worker process
     _stop = stop
     keep_trace(open(trace, "w", encoding="utf-8"))  # noqa: SIM115, PTH123 - for all of its life
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    threading.Thread(target=_watch, args=(stop, most, exceeded), daemon=True).start()
+    threading.Thread(target=_watch, args=(memory,), daemon=True).start()
+    with contextlib.suppress(EOFError, OSError):  # the pool is closed, or its process has ended
+        while True:
+            job = pipe.recv()
+            try:
+                with ended_after(limit):
+                    answer = work(job)
+            except BaseException as error:  # also sys.exit of a plugin
+                answer = WorkerFailure(f"{type(error).__name__}: {error}")
+            pipe.send(answer)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)  # threads that plugins left behind would keep the process
 
 
-def _watch(stop: _Flag, most: float, exceeded: _Flag) -> None:
-    """End this process when its parent has ended, or GRACE after a request to stop.
-
-    Also when it has more than ``most`` [MB] of memory, or when its main thread has ended: threads
-    that plugins left behind do not.
-    """
+def _watch(memory: float) -> None:
+    """End this process when its parent has ended, or when it has more than ``memory`` [MB]."""
     parent = multiprocessing.parent_process()
-    while threading.main_thread().is_alive() and (parent is None or parent.is_alive()):
+    while parent is None or parent.is_alive():
         time.sleep(_LOOK_PERIOD)
-        if peak_memory_mb() > most:
-            exceeded.value = 1
+        if peak_memory_mb() > memory:
             dump_trace()
-            break
-        if stop.value:
-            time.sleep(GRACE)
-            break
+            os._exit(_OVER_MEMORY)
     os._exit(1)
-
-
-def _limited(work: Callable[[Any], Any], job: object, limit: float) -> object:
-    with ended_after(limit):
-        return work(job)

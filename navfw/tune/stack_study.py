@@ -28,7 +28,7 @@ from navfw.recording.provenance import fingerprint
 from navfw.robot import RobotModel
 from navfw.stack.stackfile import StackConfig, load_stack
 from navfw.suite.case import Case
-from navfw.suite.run_journal import RunRow
+from navfw.suite.run_row import RunRow
 from navfw.suite.suite_plan import plan_runs
 from navfw.suite.suitefile import Suite, parse_seeds
 from navfw.tune.search_spaces import SearchSpace, TunedVariant, overrides_of, search_space

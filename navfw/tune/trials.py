@@ -15,9 +15,8 @@ from optuna.trial import FrozenTrial, TrialState
 
 from navfw.errors import InputError, RuleBaseError, UnknownNameError
 from navfw.suite.case import Case, Job
-from navfw.suite.run_journal import RunRow
+from navfw.suite.run_row import RunRow
 from navfw.suite.suite_run import Engine, answered_row
-from navfw.suite.worker_pool import WorkerFailure
 from navfw.tune.search_spaces import SearchSpace, overrides_of
 
 CLEAR = 0.5
@@ -169,14 +168,13 @@ def driver(engine: Engine) -> Drive:
         while first < len(cases):
             batch = cases[first : first + engine.capacity]
             first += len(batch)
-            results = _results(engine, batch)
-            died = {n for n, r in results.items() if isinstance(r, WorkerFailure) and r.repeatable}
-            results |= _results(engine, [case for case in batch if case.index in died])
-            yield from (answered_row(case, results[case.index]) for case in batch)
+            rows = _rows(engine, batch)
+            rows |= _rows(engine, [case for case in batch if rows[case.index].repeatable])
+            yield from (rows[case.index] for case in batch)
 
     return drive
 
 
-def _results(engine: Engine, cases: Sequence[Case]) -> dict[int, RunRow | WorkerFailure]:
+def _rows(engine: Engine, cases: Sequence[Case]) -> dict[int, RunRow]:
     jobs = [Job(case, Path(), "none") for case in cases]
-    return {job.case.index: result for job, result in engine.run(jobs)}
+    return {job.case.index: answered_row(job.case, result) for job, result in engine.run(jobs)}

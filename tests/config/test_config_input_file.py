@@ -64,8 +64,10 @@ ALLOWED = {
     "navfw/process/process_resources.py": {"?.read_text": "/proc/self/status"},
     "navfw/process/kernel_compilation.py": {"KERNEL_FILE.read_text": "a file of the package"},
     "navfw/suite/worker_pool.py": {"open": "the trace to write"},
-    "navfw/suite/dask_worker.py": {"picture.read_bytes": "what this process has just written"},
-    "navfw/suite/job_package.py": {"zipfile.ZipFile": "of bytes checked by their hash"},
+    "navfw/suite/dask_engine.py": {
+        "picture.read_bytes": "what this process has just written",
+        "zipfile.ZipFile": "of bytes that this process has packed, or its scheduler sent",
+    },
     "navfw/tune/stack_study.py": {
         "Objectives.parse": "of words of the command line",
         "folder.open": "the folder of results",
@@ -116,7 +118,7 @@ INPUTS: dict[str, tuple[str, Read]] = {
     "json": ("a.json", read_json_object),
     "result": ("result.json", lambda path: read_result(path.parent)),
     "recording": ("run.mcap", load_recording),
-    "journal": ("journal.sqlite", lambda path: RunJournal(path).check()),
+    "journal": ("journal.sqlite", lambda path: RunJournal(path).rows(())),
     "gyro": ("gyro.csv", load_gyro_record),
     "image": ("a.png", read_image),
     "video": ("a.mp4", lambda path: open_source([path])),

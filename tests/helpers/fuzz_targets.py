@@ -22,7 +22,7 @@ from navfw.plugins import default_registry
 from navfw.recording import RunFolder
 from navfw.robot import load_robot
 from navfw.stack import load_stack
-from navfw.suite import RunJournal, load_suite, plan_runs, ready_journal
+from navfw.suite import RunJournal, load_suite, plan_runs
 from navfw.topomap import load_any_map, save_map
 from navfw.tune import StudyFolder
 
@@ -222,7 +222,7 @@ def _journal(folder: Path) -> None:
         (folder / name / "suite.json").write_text('{"content": {}, "current": ["aa"]}')
         journal = RunJournal(folder / name / "journal.sqlite")
         journal.create()
-        journal.add_all(("aa", row(seed)) for seed in range(4))
+        journal.add("aa", *map(row, range(4)))
 
 
 def _study(folder: Path) -> None:
@@ -260,7 +260,7 @@ TARGETS: dict[str, Target] = {
     "journal": Target("a/journal.sqlite", "database", _journal,
                       _command("report", "--text", "./a", "./b"), 20),
     "resumed": Target("a/journal.sqlite", "database", _journal,
-                      lambda folder: ready_journal(RunJournal(folder / "a/journal.sqlite")), 20),
+                      lambda folder: RunJournal(folder / "a/journal.sqlite").create(), 20),
     "study": Target("study.db", "database", _study,
                     lambda folder: StudyFolder(folder).open({}, resume=True, seed=0), 3),
     "robot": Target("robot.yaml", "data", _copy("robot.yaml", "navfw/robot/robots/default.yaml"),

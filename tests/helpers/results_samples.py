@@ -27,7 +27,7 @@ def suite_folder(
     plan = SuitePlan("rooms", (case(0),), {}, suite_hash="5eed" * 16, options=options)
     folder = SuiteFolder(path)
     folder.open(plan, revision)
-    folder.journal.add_all((plan.cases[0].content, row) for row in rows)
+    folder.journal.add(plan.cases[0].content, *rows)
     folder.save(rows, {"complete": complete, **summarize(rows, expect)})
     return folder
 

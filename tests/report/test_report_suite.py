@@ -57,7 +57,7 @@ def write_suite(folder: Path, rows: Sequence[RunRow], size: tuple[int, int] = (9
             cv2.imwrite(str(folder / one.picture), image)
     journal = RunJournal(folder / "journal.sqlite")
     journal.create()
-    journal.add_all([("made-with", one) for one in rows])
+    journal.add("made-with", *rows)
     about = {"suite": "rooms", "content": {"entry rooms": "x"}, "current": ["made-with"]}
     (folder / "suite.json").write_text(json.dumps(about))
     return folder

@@ -13,21 +13,19 @@ from dask_cluster import Cluster, cluster
 from processes import printed
 
 from navfw.errors import InputError
-from navfw.suite import (
-    DaskEngine,
-    Job,
-    JobPackage,
-    RunRow,
-    SuiteFolder,
-    SuitePlan,
-    dask_engine,
-    run_suite,
-    worker_identity,
-)
+from navfw.suite import Job, RunRow, SuiteFolder, SuitePlan, run_suite
 
 pytest.importorskip("distributed", reason="needs the extra dask: uv sync --extra dask")
 
-from navfw.suite import PackageOnWorker
+from navfw.suite import (
+    DaskEngine,
+    FilesOnWorker,
+    ProjectFiles,
+    compare_identities,
+    dask_engine,
+    unpacked,
+    worker_identity,
+)
 
 __all__ = ["cluster"]
 
@@ -45,8 +43,8 @@ def test_every_run_ends_once_although_a_worker_is_killed(cluster: Cluster, tmp_p
         if len(ended) == 6:
             workers[0].send_signal(signal.SIGKILL)
 
-    package = JobPackage.of(plan.cases)
-    engine = DaskEngine(address, package, limit=60.0, memory=2000.0, work=samples.slow_fake_run)
+    work = "suite_samples:slow_fake_run"
+    engine = DaskEngine(address, plan.cases, limit=60.0, memory=2000.0, work=work)
     with engine:
         done = run_suite(plan, out, have=have, engine=engine, on_row=kill_one)
     assert (done.complete, done.exit_code) == (True, 0)
@@ -84,41 +82,29 @@ def test_scheduler_and_engine_belong_together(command: str) -> None:
 def test_a_worker_of_another_version_or_without_a_plugin_is_refused() -> None:
     ours = {**worker_identity(), "navfw": "9.9 (abc)"}
     with pytest.raises(InputError, match=r"has navfw .*, here it is 9\.9 \(abc\); install"):
-        dask_engine._compare("tcp://a", worker_identity(), ours)
+        compare_identities("tcp://a", worker_identity(), ours)
     ours = {**worker_identity(), "plugins": "flow mine, fusion yours"}
     theirs = {**ours, "plugins": "fusion yours"}
     with pytest.raises(InputError, match="lacks the plugin flow mine; install its package"):
-        dask_engine._compare("tcp://a", theirs, ours)
+        compare_identities("tcp://a", theirs, ours)
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dask_engine, "CONNECT_TIME", 0.5)
-    engine = DaskEngine("tcp://127.0.0.1:9", JobPackage(b"", ()), limit=1.0, memory=1.0)
+    engine = DaskEngine("tcp://127.0.0.1:9", (), limit=1.0, memory=1.0)
     with pytest.raises(InputError, match=r"no scheduler of Dask answers at tcp://127\.0\.0\.1:9"):
         engine.__enter__()
 
 
 def test_tls_without_certificates_is_told_before_connecting() -> None:
-    engine = DaskEngine("tls://127.0.0.1:9", JobPackage(b"", ()), limit=1.0, memory=1.0)
+    engine = DaskEngine("tls://127.0.0.1:9", (), limit=1.0, memory=1.0)
     with pytest.raises(InputError, match="--scheduler: tls:// needs certificates"):
         engine.__enter__()
 
 
-def test_a_worker_is_not_profiled_while_it_has_a_suite(tmp_path: Path) -> None:
-    log: list[str] = []
-    profile = SimpleNamespace(stop=lambda: log.append("stop"), start=lambda: log.append("start"))
-    callbacks = {"profile": profile}
-    worker: Any = SimpleNamespace(local_directory=str(tmp_path), periodic_callbacks=callbacks)
-    plugin = PackageOnWorker(JobPackage.of([samples.case(1)]), "a:b", 10.0, 1000.0)
-    plugin.setup(worker)
-    assert log == ["stop"]
-    plugin.teardown(worker)
-    assert log == ["stop", "start"]
-
-
 def test_a_worker_itself_imports_no_simulator(tmp_path: Path) -> None:
-    work = "navfw.suite.case_worker:run_job"
-    plugin = PackageOnWorker(JobPackage.of([samples.case(1)]), work, 10.0, 1000.0)
+    files = ProjectFiles.of([samples.case(1)])
+    plugin = FilesOnWorker(files, "navfw.suite.case_worker:run_job", (10.0, 1000.0))
     (tmp_path / "plugin").write_bytes(pickle.dumps(plugin))
     code = "import pickle, sys; pickle.load(open(sys.argv[1], 'rb')); print('numba' in sys.modules)"
     assert printed(code, tmp_path / "plugin") == "False"
@@ -130,11 +116,11 @@ def test_paths_travel_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.chdir(tmp_path / "mine")
     stack, world = (str(tmp_path / name) for name in texts)
     job = Job(samples.case(1, family="", world=world, stack=stack), tmp_path)
-    package = JobPackage.of([job.case])
-    assert package.key == JobPackage.of([job.case]).key
-    (tmp_path / "worker").mkdir()
-    folder = package.unpack(tmp_path / "worker")
-    case = package.unpacked(package.packed(job), folder).case
+    files = ProjectFiles.of([job.case])
+    plugin = FilesOnWorker(files, "a:b", (10.0, 1000.0))
+    worker: Any = SimpleNamespace(local_directory=str(tmp_path / "worker"))
+    plugin.setup(worker)
+    case = unpacked(files.packed(job), tmp_path / "worker" / files.name).case
     for path, text in ((case.world, "name: hall"), (case.stack, "base: default")):
         assert Path(path).is_relative_to(tmp_path / "worker")
         assert Path(path).suffix == ".yaml"

@@ -21,7 +21,6 @@ from suite_samples import row
 from navfw.errors import InputError
 from navfw.suite import (
     COLUMNS,
-    JournalDamagedError,
     RunJournal,
     RunRow,
     StartMode,
@@ -33,7 +32,6 @@ from navfw.suite import (
     suite_folder,
     write_table,
 )
-from navfw.suite.run_journal import _checksum
 
 
 def plan(seeds: int = 4, **contents: str) -> SuitePlan:
@@ -87,19 +85,16 @@ def test_the_journal_has_every_run_as_it_ends(out: SuiteFolder) -> None:
 
 
 def test_a_row_replaces_an_earlier_one_of_the_same_run(journal: RunJournal) -> None:
-    journal.add_death("aa", row(1).key, "it died")
-    assert journal.deaths({"aa"})[row(1).key] == 1
     journal.add("aa", row(1, "fault"))
     journal.add("aa", row(1))
     journal.add("bb", row(1, "stuck"))
     assert journal.rows(["aa"]) == [row(1)]
     assert [row.outcome for row in journal.rows(["bb", "aa"])] == ["stuck", "reached"]
-    assert not journal.deaths({"aa"})
 
 
 @pytest.mark.parametrize(
     ("module", "last"),
-    [(suite_folder, "write_text"), (run_journal, "ready_journal"), (run_journal, "write_table")],
+    [(suite_folder, "write_text"), (run_journal, "atomic_file"), (suite_folder, "write_table")],
 )
 def test_a_suite_that_dies_as_it_begins_is_resumed(
     out: SuiteFolder, monkeypatch: pytest.MonkeyPatch, module: ModuleType, last: str
@@ -127,7 +122,7 @@ database = sqlite3.connect(sys.argv[1])
 database.execute("PRAGMA cache_size = 1")
 database.execute("BEGIN")
 for number in range(500):
-    database.execute("INSERT INTO run VALUES ('aa', ?, ?, '')", (str(number), "x" * 2000))
+    database.execute("INSERT INTO run VALUES ('aa', ?, ?)", (str(number), "x" * 2000))
 os._exit(0)
 """
 
@@ -165,37 +160,9 @@ def test_restart_moves_the_earlier_results_aside(out: SuiteFolder) -> None:
     assert run(plan(3), out, "resume")[1] == []
 
 
-def test_what_is_intact_of_a_damaged_journal_is_kept(out: SuiteFolder) -> None:
-    wanted = plan(80)
-    run(wanted, out)
-    before = {row.seed: row for row in out.rows()}
-    size = out.journal.file.stat().st_size
-    with out.journal.file.open("r+b") as stream:
-        stream.seek(size // 2 // 4096 * 4096)  # a page in the middle
-        stream.write(b"\xff" * 4096)
-    with pytest.raises(JournalDamagedError):
-        out.rows()
-    told: list[str] = []
-    kept = out.open(wanted, "abc", begin="resume", tell=told.append)
-    assert 10 < len(kept) < 80
-    assert all(before[row.seed] == row for row in kept)
-    assert f"{len(kept)} finished runs are intact and kept" in told[0]
-    assert "it is kept as journal-damaged-1.sqlite" in told[0]
-    assert (out.path / "journal-damaged-1.sqlite").stat().st_size == size
-    done, driven = run(wanted, out, "resume")
-    assert done.complete
-    assert len(driven) == 80 - len(kept)
-
-
-def test_a_row_that_differs_from_its_checksum_is_driven_again(out: SuiteFolder) -> None:
-    run(plan(), out)
-    with closing(sqlite3.connect(out.journal.file)) as database, database:
-        database.execute("UPDATE run SET cells = replace(cells, 'timeout', 'reached')")
-    told: list[str] = []
-    done, driven = run(plan(), out, "resume", told)
-    assert [seed for _, seed in driven] == [1, 3]  # the two with another outcome
-    assert [row.outcome for row in done.rows] == ["reached", "timeout"] * 2
-    assert "a row differs from its checksum" in told[0]
+def damaged_page(journal: bytes) -> bytes:
+    middle = len(journal) // 2 // 4096 * 4096
+    return journal[:middle] + b"\xff" * 4096 + journal[middle + 4096 :]
 
 
 @pytest.mark.parametrize(
@@ -204,19 +171,23 @@ def test_a_row_that_differs_from_its_checksum_is_driven_again(out: SuiteFolder) 
         lambda _: b"",
         lambda _: b"no database at all" * 300,
         lambda journal: journal.replace(b"tablerunrun", b"tabler\xe3nrun"),
+        damaged_page,
     ],
-    ids=["empty", "text", "a name that is no UTF-8"],
+    ids=["empty", "text", "a name that is no UTF-8", "a page in the middle"],
 )
-def test_all_runs_of_an_unreadable_journal_are_driven_again(
+def test_a_damaged_journal_is_refused_and_kept_by_restart(
     out: SuiteFolder, damaged: Callable[[bytes], bytes]
 ) -> None:
-    run(plan(), out)
-    out.journal.file.write_bytes(damaged(out.journal.file.read_bytes()))
-    told: list[str] = []
-    done, driven = run(plan(5), out, "resume", told)
-    assert [seed for _, seed in driven] == [0, 1, 2, 3, 4]
-    assert done.complete
-    assert "0 finished runs are intact and kept; all others are driven again" in told[0]
+    run(plan(80), out)
+    content = damaged(out.journal.file.read_bytes())
+    out.journal.file.write_bytes(content)
+    for read in (out.rows, lambda: out.open(plan(80), "abc", begin="resume")):
+        with pytest.raises(
+            InputError, match=r"journal\.sqlite: .*--restart drives the suite again"
+        ):
+            read()
+    assert len(run(plan(5), out, "restart")[1]) == 5
+    assert (out.path / "before-1" / "journal.sqlite").read_bytes() == content
 
 
 def test_a_table_without_its_journal_is_not_read(out: SuiteFolder) -> None:
@@ -241,11 +212,11 @@ def test_what_is_no_folder_of_a_suite_has_no_rows(tmp_path: Path) -> None:
             SuiteFolder(tmp_path / name).rows()
 
 
-def test_a_journal_of_a_newer_version_is_refused(out: SuiteFolder) -> None:
+def test_a_journal_of_another_version_is_refused(out: SuiteFolder) -> None:
     run(plan(), out)
     with closing(sqlite3.connect(out.journal.file)) as database:
         database.execute("PRAGMA user_version = 9")
-    with pytest.raises(InputError, match="written by a newer navfw"):
+    with pytest.raises(InputError, match="written by another version of navfw"):
         out.open(plan(), "abc", begin="resume")
 
 
@@ -269,7 +240,7 @@ def test_rows_are_read_as_written(tmp_path_factory: pytest.TempPathFactory, **va
     journal = RunJournal(tmp_path_factory.mktemp("rows") / "journal.sqlite")
     journal.create()
     rows = [row(1, **values), row(2)]
-    journal.add_all(("aa", one) for one in rows)
+    journal.add("aa", *rows)
     assert journal.rows(["aa"]) == rows
 
 
@@ -312,25 +283,20 @@ def test_a_table_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
 
 
 def rewrite(journal: RunJournal, change: Callable[[dict[str, Any]], object]) -> None:
-    """Change the cells of the only row; the checksum fits."""
+    """Change the cells of the only row."""
     with closing(sqlite3.connect(journal.file)) as database, database:
-        ((key, text),) = database.execute("SELECT key, cells FROM run")
-        cells = json.dumps(change(json.loads(text)))
-        values = (cells, _checksum("aa", key, cells))
-        database.execute("UPDATE run SET cells = ?, checksum = ?", values)
+        ((text,),) = database.execute("SELECT cells FROM run")
+        database.execute("UPDATE run SET cells = ?", (json.dumps(change(json.loads(text))),))
 
 
 @pytest.mark.parametrize(
     "change", [{"spl": "soon"}, {"outcome": "won"}, {"seed": ""}, {"collisions": "1.5"}, None]
 )
-def test_wrong_cells_are_damage_whatever_their_checksum(
-    journal: RunJournal, change: Mapping[str, str] | None
-) -> None:
+def test_wrong_cells_are_damage(journal: RunJournal, change: Mapping[str, str] | None) -> None:
     journal.add("aa", row(1))
     rewrite(journal, lambda cells: None if change is None else {**cells, **change})
-    with pytest.raises(JournalDamagedError, match="is damaged: a row has no valid cells"):
+    with pytest.raises(InputError, match="is damaged: a row has no valid cells"):
         journal.rows(["aa"])
-    assert journal.intact() == []
 
 
 def test_a_row_of_fewer_columns_is_read(journal: RunJournal) -> None:

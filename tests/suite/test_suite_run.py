@@ -13,7 +13,16 @@ from cli_calls import put_files
 
 from navfw.errors import InputError
 from navfw.recording import machine_kind
-from navfw.suite import Case, RunRow, StartMode, SuiteFolder, SuitePlan, SuiteResult, run_suite
+from navfw.suite import (
+    Case,
+    Cause,
+    RunRow,
+    StartMode,
+    SuiteFolder,
+    SuitePlan,
+    SuiteResult,
+    run_suite,
+)
 
 CONTENT = {"entry rooms": "1234", "stack default of entry rooms": "5678"}
 
@@ -90,7 +99,8 @@ def test_a_run_that_dies_once_is_driven_again_at_the_end(out: SuiteFolder) -> No
 def test_a_death_before_the_suite_was_killed_counts(out: SuiteFolder) -> None:
     wanted = plan(2, 3)
     out.open(wanted, "abc")
-    out.journal.add_death("", wanted.cases[1].key, "it died")
+    died = wanted.cases[1].fault("it died", Cause.PROCESS_DIED)
+    out.journal.add("", replace(died, attempts=1))
     done = run(wanted, out, begin="resume", work=samples.fake_run_that_dies_on_3_once_more)
     fault = done.rows[1]
     assert (fault.cause, fault.attempts, done.exit_code) == ("process_died", 2, 1)

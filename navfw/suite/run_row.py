@@ -1,0 +1,214 @@
+"""The row of a run in the table of a suite: a view of its result, a column from each source.
+
+A new column is one line here: its name, its type, and where in the ``MissionResult`` it comes from.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+from navfw.missions.outcome import Outcome
+from navfw.suite.failure_causes import Cause, classify
+
+if TYPE_CHECKING:
+    from navfw.missions.session import MissionResult
+
+_DEATHS = {Cause.PROCESS_DIED, Cause.TOO_LONG, Cause.TOO_MUCH_MEMORY}
+"""Causes of runs that ended with their process."""
+
+_BARN_SPEED = 2.0
+"""The BARN challenge's reference speed [m/s]: OT is the path's length divided by it."""
+
+V = TypeVar("V")
+
+
+class RunKey(NamedTuple):
+    """The columns that identify a run of a suite."""
+
+    entry: str
+    world: str
+    mission: str
+    seed: int
+    stack: str
+    variant: str = ""
+
+    def file_name(self, *, generated: bool) -> str:
+        """A name for files of the run, unique in the table, that tells which run it is.
+
+        In a ``generated`` world the seed stands for the world.
+        """
+        where = () if generated else (self.world, self.mission)
+        words = dict.fromkeys((self.entry, *where, self.variant or self.stack, str(self.seed)))
+        return re.sub(r"[^\w.+-]+", "_", "-".join(words))
+
+
+def _of(source: Callable[[MissionResult], V], missing: V) -> V:
+    """A column from ``source``; ``missing`` in the row of a run without a result."""
+    return field(default=missing, metadata={"source": source})
+
+
+def sct(succeeded: bool, time: float, shortest: float, max_speed: float) -> float:
+    """Success weighted by completion time (Yokoyama, Ha, Batra 2021, arXiv 2103.08022).
+
+    S T / max(C, T) with C the ``time`` [s] taken and T the fastest time. T here is ``shortest``
+    [m] at ``max_speed`` [m/s], a bound that no robot reaches, as it has to accelerate, turn and
+    stop: the value is below the paper's, which plans T with the robot's dynamics.
+
+    >>> sct(True, time=40.0, shortest=10.0, max_speed=0.5)
+    0.5
+    """
+    fastest = shortest / max_speed
+    longest = max(time, fastest)
+    return fastest / longest if succeeded and longest > 0.0 else float(succeeded)
+
+
+def barn_score(succeeded: bool, time: float, path: float) -> float:
+    """The BARN challenge's score of a run: success x OT / clip(AT, 2 OT, 8 OT).
+
+    OT is the time for the length [m] of the reference ``path`` at 2 m/s, AT the ``time`` [s] from
+    the first 0.1 m to within 1 m of the goal (``run_metrics.traversal_time``). The best score is
+    0.5; a robot of 0.5 m/s reaches at most 0.25.
+
+    >>> barn_score(True, time=25.0, path=10.0)
+    0.2
+    """
+    if not succeeded:
+        return 0.0
+    best = path / _BARN_SPEED
+    return best / min(max(time, 2.0 * best), 8.0 * best) if best > 0.0 else 0.5
+
+
+def _sct(run: MissionResult) -> float:
+    speed = run.session.mission.spec.robot.max_v
+    return sct(run.outcome.succeeded, run.run.sim_time, run.metrics.shortest_path_m, speed)
+
+
+def _barn_score(run: MissionResult) -> float | None:
+    path = run.session.mission.spec.success.reference
+    if path is None:
+        return None
+    return barn_score(run.outcome.succeeded, run.metrics.traversal_s, path)
+
+
+def _cause(run: MissionResult) -> str:
+    """The cause of a failure; "" for a run that succeeded or was cancelled."""
+    if run.outcome.succeeded or run.outcome is Outcome.CANCELLED:
+        return ""
+    from navfw.suite.failure_symptoms import collect_symptoms
+
+    try:
+        return str(classify(collect_symptoms(run)) or "")
+    except Exception:  # a failed classification does not invalidate the result
+        traceback.print_exc(file=sys.stderr)
+        return str(Cause.UNKNOWN)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunRow:
+    """One run. Lengths in metres, times in seconds; None where a run has no such number.
+
+    ``cause`` is the cause of a failure (``navfw.suite.failure_causes``), ``collision_cause`` the
+    body that moved into the other: "robot" or "mover". ``picture`` is a file beside the table.
+    ``variant`` is empty in suites without variants, ``hazards`` where worlds list none; their
+    tables have no such column. Hazards are separated by commas.
+    ``plugin_faults`` is the number of objections (``MissionResult.objections``). ``attempts``
+    is the number of processes that the run took: 2 if the first one died. ``cpu_time_s`` is the
+    processor time of the whole run, with its world, checks and picture, ``memory_mb`` the largest
+    resident memory [MB] of the process since its start. Those of the localisation are explained at
+    ``navfw.missions.run_metrics.LocalizationMetrics``.
+    """
+
+    entry: str
+    family: str = ""
+    world: str
+    mission: str
+    seed: int
+    difficulty: float | None = None
+    stack: str
+    variant: str = ""
+    hazards: str = _of(lambda run: ", ".join(run.session.world.hazards), "")
+    outcome: str
+    reason: str = _of(lambda run: run.reason, "")
+    cause: str = _of(_cause, "")
+    behavior: str = _of(lambda run: run.run.verdict.behavior, "")
+    sim_time_s: float | None = _of(lambda run: run.run.sim_time, None)
+    wall_time_s: float | None = _of(lambda run: run.run.wall_time, None)
+    real_time_factor: float | None = _of(lambda run: run.run.real_time_factor, None)
+    path_length_m: float | None = _of(lambda run: run.metrics.path_length_m, None)
+    shortest_path_m: float | None = _of(lambda run: run.metrics.shortest_path_m, None)
+    spl: float | None = _of(lambda run: run.metrics.spl, None)
+    sct: float | None = _of(_sct, None)
+    min_clearance_m: float | None = _of(lambda run: run.metrics.min_clearance_m, None)
+    clearance_p05_m: float | None = _of(lambda run: run.metrics.clearance_p05_m, None)
+    collisions: int | None = _of(lambda run: run.metrics.collisions, None)
+    collision_cause: str = _of(lambda run: run.collision_cause or "", "")
+    distance_to_goal_m: float | None = _of(lambda run: run.metrics.distance_to_goal_m, None)
+    estimate_error_m: float | None = _of(lambda run: run.metrics.estimate_error_m, None)
+    localized_after_m: float | None = _of(
+        lambda run: run.metrics.localization.localized_after_m, None
+    )
+    lost_s: float | None = _of(lambda run: run.metrics.localization.lost_s, None)
+    confidently_wrong_s: float | None = _of(
+        lambda run: run.metrics.localization.confidently_wrong_s, None
+    )
+    emergencies: int | None = _of(lambda run: run.metrics.emergencies, None)
+    route_changes: int | None = _of(lambda run: run.metrics.route_changes, None)
+    plugin_faults: int | None = _of(lambda run: len(run.objections), None)
+    barn_score: float | None = _of(_barn_score, None)
+    command_hash: str = _of(lambda run: run.run.log.command_hash, "")
+    picture: str = ""
+    attempts: int | None = None
+    cpu_time_s: float | None = None
+    memory_mb: float | None = None
+
+    @classmethod
+    def of(cls, columns: dict[str, Any], result: MissionResult) -> RunRow:
+        """The row of a run with a ``result``; ``columns`` are those known before it."""
+        sources = {f.name: f.metadata["source"] for f in fields(cls) if f.metadata}
+        measured = {name: source(result) for name, source in sources.items()}
+        return cls(**columns, outcome=result.outcome, **measured)
+
+    @property
+    def key(self) -> RunKey:
+        """The columns that identify the run."""
+        return RunKey(self.entry, self.world, self.mission, self.seed, self.stack, self.variant)
+
+    @property
+    def configuration(self) -> str:
+        """The variant that was driven; the stack, in a suite without variants."""
+        return self.variant or self.stack
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the mission was accomplished."""
+        return self.outcome == Outcome.REACHED
+
+    @property
+    def failure(self) -> str:
+        """Outcome and cause of a run that failed, by which failures are counted and grouped."""
+        return f"{self.outcome}: {self.cause}"
+
+    @property
+    def died(self) -> bool:
+        """Whether the process of the run ended without a result, or was ended at a limit."""
+        return self.outcome == Outcome.FAULT and self.cause in _DEATHS
+
+    @property
+    def repeatable(self) -> bool:
+        """Whether another process may succeed: it died once, and not at its limit of time."""
+        return self.died and self.cause != Cause.TOO_LONG and self.attempts in {None, 1}
+
+    @property
+    def has_result(self) -> bool:
+        """Whether the run ended by itself; ``navfw suite --resume`` drives all others again."""
+        return self.outcome != Outcome.CANCELLED and not self.died
+
+
+COLUMNS = tuple(one.name for one in fields(RunRow))
+REQUIRED = {"entry", "world", "mission", "seed", "stack", "outcome"}
+"""Columns that no row is without."""
