@@ -174,11 +174,11 @@ def sim(
         try:
             pilot = RosPilot(node, loaded.task.robot, simulation, pace)
             node.say(f"{loaded.world_name}, {loaded.mission_name}: waiting for commands")
-            run = MissionLoop(loaded.task, pilot, simulation).run()
+            drive = MissionLoop(loaded.task, pilot, simulation).run()
+            summary = MissionResult.of(loaded, drive, simulation).summary()
         finally:
             simulation.close()
             node.close()
-    summary = MissionResult(loaded, run, collision_cause=simulation.collision_cause).summary()
     line = f"{summary['outcome']} after {summary['sim_time_s']:.1f} s: {summary['reason']}"
     print_result(plain_json(summary), [line], json=json)
     if summary["outcome"] != "reached":

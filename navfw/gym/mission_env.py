@@ -333,6 +333,6 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
                 "outcome": str(result.outcome),
                 "reason": result.reason,
                 "spl": result.metrics.spl,
-                "command_hash": result.run.log.command_hash,
+                "command_hash": result.log.command_hash,
             }
         return info

@@ -14,7 +14,7 @@ from navfw.features.landmark_appearance import landmark_kind
 from navfw.features.recognizers import Aruco
 from navfw.localization.place_probabilities import observed_situations
 from navfw.missions.pilot import TickView
-from navfw.missions.runner import MissionLoop, Progress, RunResult
+from navfw.missions.runner import Drive, MissionLoop, Progress
 from navfw.missions.session import Session
 from navfw.signals import Odometry, Percept, Pose
 from navfw.topomap import TopoMap
@@ -89,7 +89,7 @@ def record_situations(session: Session) -> SituationDrive:
 class LearningDrive:
     """The mission's run, the landmarks found, and the map with these landmarks."""
 
-    run: RunResult
+    run: Drive
     learnt: tuple[LandmarkEstimate, ...]
     topo_map: TopoMap
 

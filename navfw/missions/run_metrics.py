@@ -42,9 +42,9 @@ def permanent_plan(plan: SceneGeometry, changes: ChangeTrack | None) -> SceneGeo
     return SceneGeometry(plan.bounds, tuple(s for s in plan.solids if s.name not in changes.names))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class LocalizationMetrics:
-    """Numbers of one run.
+    """How well a run was localised.
 
     Estimate errors [m] are percentiles over the ticks in which the belief was not lost.
     ``localized_after_s`` and ``localized_after_m`` are time and driven distance until the belief
@@ -64,7 +64,15 @@ class LocalizationMetrics:
 def measure_localization(log: RunLog, sampled: npt.NDArray[np.intp]) -> LocalizationMetrics:
     """The metrics of a run at the ticks ``sampled``."""
     if not log.ticks:
-        return LocalizationMetrics(None, None, None, None, 0.0, 0.0, log.updates)
+        return LocalizationMetrics(
+            estimate_error_p50_m=None,
+            estimate_error_p95_m=None,
+            localized_after_s=None,
+            localized_after_m=None,
+            confidently_wrong_s=0.0,
+            lost_s=0.0,
+            landmark_updates=log.updates,
+        )
     time, true = log.time[sampled], log.true[sampled]
     error = np.hypot(*(log.estimate[sampled] - true)[:, :2].T)
     confidence = np.ones(len(time)) if log.confidence is None else log.confidence[sampled]
@@ -86,8 +94,8 @@ def measure_localization(log: RunLog, sampled: npt.NDArray[np.intp]) -> Localiza
     )
 
 
-@dataclass(frozen=True, slots=True)
-class RunMetrics:
+@dataclass(frozen=True, kw_only=True)
+class RunMetrics(LocalizationMetrics):
     """The metrics of one run; lengths in metres, times in seconds.
 
     ``spl`` is success times shortest over driven length (Anderson et al. 2018). ``traversal_s`` is
@@ -107,10 +115,9 @@ class RunMetrics:
     distance_to_goal_m: float
     estimate_error_m: float
     estimate_error_max_m: float
-    mean_speed: float
+    mean_speed_m_s: float
     emergencies: int
     route_changes: int
-    localization: LocalizationMetrics
     stage_ms: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -193,9 +200,9 @@ def measure(
         distance_to_goal_m=math.dist(true[-1, :2], goal),
         estimate_error_m=float(error[-1]),
         estimate_error_max_m=float(error.max()),
-        mean_speed=driven / duration if duration > 0.0 else 0.0,
+        mean_speed_m_s=driven / duration if duration > 0.0 else 0.0,
         emergencies=len(started),
         route_changes=log.route_changes,
-        localization=measure_localization(log, sampled),
+        **vars(measure_localization(log, sampled)),
         stage_ms=dict(stage_ms or {}),
     )

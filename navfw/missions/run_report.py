@@ -12,7 +12,8 @@ from typing import Any
 from navfw.config.extras import pybullet_version
 from navfw.missions.mission_events import EventRecord
 from navfw.missions.run_drawing import outline_of
-from navfw.missions.session import MissionResult, Session
+from navfw.missions.run_result import MissionResult
+from navfw.missions.session import Session
 from navfw.process.atomic import writing
 from navfw.process.interruption import deferred, interruptible
 from navfw.recording.provenance import code_revision, machine_kind
@@ -105,7 +106,7 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
 
 def _content(result: MissionResult) -> dict[str, Any]:
     """The content of ``result.json``."""
-    trace = result.run.verdict.trace
+    trace = result.verdict.trace
     return {**result.summary(), "trace": trace, **_origin(result.session)}
 
 
@@ -140,10 +141,10 @@ def _why_missing(path: Path, write: Callable[[Path], object]) -> str:
 
 def draw(result: MissionResult, path: Path) -> None:
     """Write the run's picture as PNG."""
-    session, metrics, verdict = result.session, result.metrics, result.run.verdict
+    session, metrics, verdict = result.session, result.metrics, result.verdict
     title = f"{session.world_name} / {session.mission_name}, seed {session.seed}: {verdict.outcome}"
     numbers = [
-        f"{metrics.path_length_m:.1f} m in {result.run.sim_time:.1f} s",
+        f"{metrics.path_length_m:.1f} m in {result.sim_time_s:.1f} s",
         f"shortest {metrics.shortest_path_m:.1f} m, SPL {metrics.spl:.2f}",
         f"smallest clearance {metrics.min_clearance_m:.2f} m",
         f"final estimate error {metrics.estimate_error_m:.2f} m",
@@ -163,7 +164,7 @@ def draw(result: MissionResult, path: Path) -> None:
         tracks=() if movers is None else list(movers.points.swapaxes(0, 1)),
         track_radii=() if movers is None else movers.radii.tolist(),
     )
-    draw_trajectory(path, result.run.log, picture)
+    draw_trajectory(path, result.log, picture)
 
 
 def versions() -> dict[str, str]:

@@ -91,8 +91,8 @@ class Progress:
 
 
 @dataclass(frozen=True, slots=True)
-class RunResult:
-    """The result of a run.
+class Drive:
+    """A drive that has ended.
 
     ``faults`` are faults of plugins that the stack contained, ``events`` the mission's events that
     happened.
@@ -154,7 +154,7 @@ class MissionLoop:
     def __iter__(self) -> Iterator[TickView]:
         return iter(self.step, None)
 
-    def run(self, on_tick: Callable[[TickView], object] | None = None) -> RunResult:
+    def run(self, on_tick: Callable[[TickView], object] | None = None) -> Drive:
         """Drive until the mission ends; Ctrl-C or SIGTERM ends it as cancelled.
 
         ``on_tick`` is called with every control tick after the robot has moved.
@@ -189,10 +189,10 @@ class MissionLoop:
                 self.verdict = self._drive_tick()
         return self._tick
 
-    def result(self) -> RunResult:
-        """The result of the run, which has ended."""
+    def result(self) -> Drive:
+        """The drive, which has ended."""
         assert self.verdict is not None  # noqa: S101 - the run has ended
-        return RunResult(
+        return Drive(
             verdict=self.verdict,
             log=self.logger.log(),
             sim_time=self.simulator.time - self.first,

@@ -7,33 +7,31 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, field
-from functools import cached_property, partial
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
 from navfw.errors import InputError
-from navfw.missions import run_metrics
 from navfw.missions.mission_events import Event, EventClock, EventRecord
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.oracle import plugins_of, reveal
-from navfw.missions.outcome import Outcome
 from navfw.missions.pilot import TickView
 from navfw.missions.run_drawing import WindowOverlay, discs_of, outline_of
-from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
+from navfw.missions.run_result import MissionResult
+from navfw.missions.runner import MissionLoop, Progress, Task
 from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import plugin_files, simulator_users
 from navfw.process import compile_kernels
-from navfw.process.interruption import INTERRUPTED
 from navfw.process.last_trace import name_plugins
 from navfw.recording.channel_list import SeenRun
 from navfw.recording.run_folder import plain_json
 from navfw.recording.run_observers import RunObserver, RunRecorder
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.simulation import Simulation
-from navfw.sim.world_changes import ChangeTrack, Walker, WalkerTrack
+from navfw.sim.world_changes import Walker
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
 
@@ -76,6 +74,11 @@ class Session:
             stuck_after=spec.stuck_after,
             drops=frozenset(drop.name for drop in self.world.drops),
         )
+
+    def uninvited(self, faults: Sequence[str]) -> tuple[str, ...]:
+        """The ``faults`` of plugins that the mission's events did not inject."""
+        invited = tuple(f"behavior {event.behavior}: " for event in self.events if event.behavior)
+        return tuple(fault for fault in faults if not fault.startswith(invited))
 
     @property
     def seen(self) -> SeenRun:
@@ -140,10 +143,10 @@ class Session:
         name_plugins(plugin_files(plugins_of(self.stack)))
         drive = SteppedSession(self, progress, gui=gui, observers=observers, limit=limit, told=told)
         with nullcontext() if recorder is None else recorder, drive as stepped:
-            run = stepped.run()
+            stepped.run()
             for observer in observers:
                 observer.close()
-        return stepped.result_of(run, recorder)
+            return stepped.measured(recorder)
 
 
 class SteppedSession:
@@ -172,7 +175,6 @@ class SteppedSession:
         self._told = told
         self._simulator: Simulation | None = None
         self._loop: MissionLoop | None = None
-        self._of_simulator: dict[str, Any] = {}
         self._result: MissionResult | None = None
 
     def __enter__(self) -> Self:
@@ -199,23 +201,8 @@ class SteppedSession:
 
     def __exit__(self, *exception: object) -> None:
         simulator, self._simulator = self._simulator, None
-        if simulator is None:
-            return
-        spent, stack = simulator.timings, self.session.stack
-        larger = stack.features.plugin.landmark_frames
-        self._of_simulator = {
-            "timings": {
-                "render": spent.render,
-                "physics": spent.physics,
-                "sensors": spent.sensors,
-                **({"landmark_frames": spent.landmarks} if larger else {}),
-                **stack.timings,
-            },
-            "collision_cause": simulator.collision_cause,
-            "movers": simulator.walker_track() if self.session.world.movers else None,
-            "changes": simulator.change_track(),
-        }
-        simulator.close()
+        if simulator is not None:
+            simulator.close()
 
     def __iter__(self) -> Iterator[TickView]:
         return iter(self.step, None)
@@ -225,10 +212,10 @@ class SteppedSession:
         """Whether the mission has ended."""
         return self._loop is not None and self._loop.verdict is not None
 
-    def run(self) -> RunResult:
+    def run(self) -> None:
         """Drive to the end."""
         with self.session.stack.guard.watchdog.on_duty():
-            return self._opened().run()
+            self._opened().run()
 
     def step(self) -> TickView | None:
         """Drive one control tick; None once the mission has ended.
@@ -243,9 +230,8 @@ class SteppedSession:
         loop = self._opened()
         tick = loop.step()
         if loop.verdict is not None:
-            run = loop.result()
+            self._result = self.measured()
             self.__exit__()
-            self._result = self.result_of(run)
             if loop.verdict.outcome == "cancelled":
                 raise KeyboardInterrupt
         return tick
@@ -266,123 +252,14 @@ class SteppedSession:
             raise InputError("the mission has not ended: step until `ended`")
         return self._result
 
-    def result_of(self, run: RunResult, recorder: RunRecorder | None = None) -> MissionResult:
-        """The result of the whole ``run``, after the context has ended."""
-        return MissionResult(
-            self.session,
-            run,
-            recorder=recorder,
-            oracle_plugins=simulator_users(plugins_of(self.session.stack)),
-            unreliable=self.session.stack.guard.unreliable,
-            **self._of_simulator,
-        )
+    def measured(self, recorder: RunRecorder | None = None) -> MissionResult:
+        """The result of the mission, which has ended, before the context ends."""
+        drive, oracles = self._opened().result(), simulator_users(plugins_of(self.session.stack))
+        assert self._simulator is not None  # noqa: S101 - it is open
+        return MissionResult.of(self.session, drive, self._simulator, recorder, oracles)
 
     def _opened(self) -> MissionLoop:
         """The loop; raises InputError unless the context lasts."""
         if self._simulator is None or self._loop is None:
             raise InputError("the session is not open: use it as in `with open_session(...) as s:`")
         return self._loop
-
-
-@dataclass(frozen=True)
-class MissionResult:
-    """Outcome and metrics of a run.
-
-    ``collision_cause`` is "mover" when a mover ran into a robot that was not driving towards it,
-    "robot" for any other collision, None without one. ``movers`` has the positions of the world's
-    movers over time, ``changes`` the solids that existed for a part of the run only.
-    ``oracle_plugins`` names the plugins that use the simulator, declared or by their source.
-    ``unreliable`` are those that failed in more than a tenth of their calls (``PluginGuard``).
-    """
-
-    session: Session
-    run: RunResult
-    timings: dict[str, float] = field(default_factory=dict)
-    recorder: RunRecorder | None = None
-    collision_cause: str | None = None
-    movers: WalkerTrack | None = None
-    changes: ChangeTrack | None = None
-    oracle_plugins: tuple[str, ...] = ()
-    unreliable: Mapping[str, str] = field(default_factory=dict)
-
-    @property
-    def outcome(self) -> Outcome:
-        """The outcome."""
-        return self.run.verdict.outcome
-
-    @property
-    def reason(self) -> str:
-        """The reason of the outcome, one sentence."""
-        return self.run.verdict.reason
-
-    @property
-    def uninvited_faults(self) -> list[str]:
-        """The faults of plugins that the mission's events did not inject."""
-        return [fault for fault in self.run.faults if not fault.startswith(self._injected)]
-
-    @property
-    def objections(self) -> list[str]:
-        """The plugins that failed in more than a tenth of their calls, and in how many of them."""
-        return [t for name, t in self.unreliable.items() if f"{name}: " not in self._injected]
-
-    @property
-    def exit_code(self) -> int:
-        """That of ``navfw run``: 0 for an accomplished mission without objections, else 1.
-
-        130 for a run that was stopped by the user.
-        """
-        if self.outcome is Outcome.CANCELLED:
-            return INTERRUPTED
-        return 0 if self.outcome.succeeded and not self.objections else 1
-
-    @property
-    def _injected(self) -> tuple[str, ...]:
-        """Beginnings of the faults that the mission's events injected."""
-        return tuple(f"behavior {e.behavior}: " for e in self.session.events if e.behavior)
-
-    @cached_property
-    def metrics(self) -> run_metrics.RunMetrics:
-        """The metrics of the run."""
-        session, run = self.session, self.run
-        frames = max(1.0, run.sim_time * session.mission.spec.robot.camera.rate)
-        start, goal = session.mission.start, session.mission.goals[-1]
-        return run_metrics.measure(
-            run.log,
-            run_metrics.permanent_plan(session.plan, self.changes),
-            start=(start.x, start.y),
-            goal=(goal.x, goal.y),
-            within=session.mission.spec.success.within,
-            shortest=session.shortest,
-            discs=session.mission.spec.robot.discs,
-            succeeded=self.outcome.succeeded,
-            stage_ms={name: 1e3 * t / frames for name, t in self.timings.items()},
-            moving=[track for track in (self.movers, self.changes) if track is not None],
-        )
-
-    def summary(self) -> dict[str, Any]:
-        """The content of ``navfw run --json``: one flat object."""
-        run, verdict, measured = self.run, self.run.verdict, asdict(self.metrics)
-        del measured["traversal_s"]
-        return {
-            "outcome": str(verdict.outcome),
-            "reason": verdict.reason,
-            "world": self.session.world_name,
-            "mission": self.session.mission_name,
-            "seed": self.session.seed,
-            "behavior": verdict.behavior,
-            "tick": verdict.tick,
-            "sim_time_s": run.sim_time,
-            "wall_time_s": run.wall_time,
-            "real_time_factor": run.real_time_factor,
-            "mean_speed_m_s": measured.pop("mean_speed"),
-            **measured.pop("localization"),
-            **measured,
-            "collision_cause": self.collision_cause,
-            "contacts": [*map(asdict, run_metrics.first_contacts(run.log.contacts))],
-            "command_hash": run.log.command_hash,
-            "oracle": self.session.stack.resolved.settings.oracle or bool(self.oracle_plugins),
-            "oracle_plugins": list(self.oracle_plugins),
-            "faults": run.faults,
-            "objections": self.objections,
-            "events": [event.as_data() for event in run.events],
-        }

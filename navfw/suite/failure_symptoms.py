@@ -16,7 +16,7 @@ from navfw.localmap import LocalMap
 from navfw.localmap.local_planner import LocalPlanner
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.missions.run_metrics import path_length
-from navfw.missions.session import MissionResult
+from navfw.missions.run_result import MissionResult
 from navfw.numerics import Array, Mask
 from navfw.recording.run_observers import Contact, RunLog
 from navfw.signals import Odometry, Pose, Sight, wrap_angle
@@ -44,7 +44,7 @@ REACH = 0.12
 
 def collect_symptoms(result: MissionResult) -> FailureSymptoms:
     """The symptoms of ``result``. Clears wrong cells of the stack's local map as a side effect."""
-    session, log, metrics = result.session, result.run.log, result.metrics
+    session, log, metrics = result.session, result.log, result.metrics
     spec = session.mission.spec
     stack = session.stack
     odometry = stack.state.odometry
@@ -64,7 +64,7 @@ def collect_symptoms(result: MissionResult) -> FailureSymptoms:
         path=path,
         motion=_motion(result) if log.ticks else None,
         sight=Sight(int(np.median(log.sight[_late(log)]))) if log.ticks else Sight.ENOUGH,
-        fault=result.run.verdict.fault,
+        fault=result.verdict.fault,
     )
 
 
@@ -72,7 +72,7 @@ def collect_symptoms(result: MissionResult) -> FailureSymptoms:
 
 
 def _collision(result: MissionResult, now: Pose) -> CollisionSymptoms:
-    session, log = result.session, result.run.log
+    session, log = result.session, result.log
     contact = log.contacts[0]
     since = min(int(np.searchsorted(log.time, contact.time - APPROACH)), log.ticks - 1)
     yaw = float(log.true[-1, 2])
@@ -193,7 +193,7 @@ def _distance_from_truth(
 
 
 def _motion(result: MissionResult) -> MotionSymptoms:
-    session, log = result.session, result.run.log
+    session, log = result.session, result.log
     sampled = log.every(0.1)
     true, time = log.true[sampled], log.time[sampled]
     late = time >= time[-1] - _RECENT

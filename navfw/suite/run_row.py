@@ -16,7 +16,7 @@ from navfw.missions.outcome import Outcome
 from navfw.suite.failure_causes import Cause, classify
 
 if TYPE_CHECKING:
-    from navfw.missions.session import MissionResult
+    from navfw.missions.run_result import MissionResult
 
 _DEATHS = {Cause.PROCESS_DIED, Cause.TOO_LONG, Cause.TOO_MUCH_MEMORY}
 """Causes of runs that ended with their process."""
@@ -85,14 +85,14 @@ def barn_score(succeeded: bool, time: float, path: float) -> float:
 
 def _sct(run: MissionResult) -> float:
     speed = run.session.mission.spec.robot.max_v
-    return sct(run.outcome.succeeded, run.run.sim_time, run.metrics.shortest_path_m, speed)
+    return sct(run.outcome.succeeded, run.sim_time_s, run.shortest_path_m, speed)
 
 
 def _barn_score(run: MissionResult) -> float | None:
     path = run.session.mission.spec.success.reference
     if path is None:
         return None
-    return barn_score(run.outcome.succeeded, run.metrics.traversal_s, path)
+    return barn_score(run.outcome.succeeded, run.traversal_s, path)
 
 
 def _cause(run: MissionResult) -> str:
@@ -119,8 +119,8 @@ class RunRow:
     ``plugin_faults`` is the number of objections (``MissionResult.objections``). ``attempts``
     is the number of processes that the run took: 2 if the first one died. ``cpu_time_s`` is the
     processor time of the whole run, with its world, checks and picture, ``memory_mb`` the largest
-    resident memory [MB] of the process since its start. Those of the localisation are explained at
-    ``navfw.missions.run_metrics.LocalizationMetrics``.
+    resident memory [MB] of the process since its start. The others are explained at
+    ``navfw.missions.run_result.RunResult``.
     """
 
     entry: str
@@ -135,32 +135,28 @@ class RunRow:
     outcome: str
     reason: str = _of(lambda run: run.reason, "")
     cause: str = _of(_cause, "")
-    behavior: str = _of(lambda run: run.run.verdict.behavior, "")
-    sim_time_s: float | None = _of(lambda run: run.run.sim_time, None)
-    wall_time_s: float | None = _of(lambda run: run.run.wall_time, None)
-    real_time_factor: float | None = _of(lambda run: run.run.real_time_factor, None)
-    path_length_m: float | None = _of(lambda run: run.metrics.path_length_m, None)
-    shortest_path_m: float | None = _of(lambda run: run.metrics.shortest_path_m, None)
-    spl: float | None = _of(lambda run: run.metrics.spl, None)
+    behavior: str = _of(lambda run: run.behavior, "")
+    sim_time_s: float | None = _of(lambda run: run.sim_time_s, None)
+    wall_time_s: float | None = _of(lambda run: run.wall_time_s, None)
+    real_time_factor: float | None = _of(lambda run: run.real_time_factor, None)
+    path_length_m: float | None = _of(lambda run: run.path_length_m, None)
+    shortest_path_m: float | None = _of(lambda run: run.shortest_path_m, None)
+    spl: float | None = _of(lambda run: run.spl, None)
     sct: float | None = _of(_sct, None)
-    min_clearance_m: float | None = _of(lambda run: run.metrics.min_clearance_m, None)
-    clearance_p05_m: float | None = _of(lambda run: run.metrics.clearance_p05_m, None)
-    collisions: int | None = _of(lambda run: run.metrics.collisions, None)
+    min_clearance_m: float | None = _of(lambda run: run.min_clearance_m, None)
+    clearance_p05_m: float | None = _of(lambda run: run.clearance_p05_m, None)
+    collisions: int | None = _of(lambda run: run.collisions, None)
     collision_cause: str = _of(lambda run: run.collision_cause or "", "")
-    distance_to_goal_m: float | None = _of(lambda run: run.metrics.distance_to_goal_m, None)
-    estimate_error_m: float | None = _of(lambda run: run.metrics.estimate_error_m, None)
-    localized_after_m: float | None = _of(
-        lambda run: run.metrics.localization.localized_after_m, None
-    )
-    lost_s: float | None = _of(lambda run: run.metrics.localization.lost_s, None)
-    confidently_wrong_s: float | None = _of(
-        lambda run: run.metrics.localization.confidently_wrong_s, None
-    )
-    emergencies: int | None = _of(lambda run: run.metrics.emergencies, None)
-    route_changes: int | None = _of(lambda run: run.metrics.route_changes, None)
+    distance_to_goal_m: float | None = _of(lambda run: run.distance_to_goal_m, None)
+    estimate_error_m: float | None = _of(lambda run: run.estimate_error_m, None)
+    localized_after_m: float | None = _of(lambda run: run.localized_after_m, None)
+    lost_s: float | None = _of(lambda run: run.lost_s, None)
+    confidently_wrong_s: float | None = _of(lambda run: run.confidently_wrong_s, None)
+    emergencies: int | None = _of(lambda run: run.emergencies, None)
+    route_changes: int | None = _of(lambda run: run.route_changes, None)
     plugin_faults: int | None = _of(lambda run: len(run.objections), None)
     barn_score: float | None = _of(_barn_score, None)
-    command_hash: str = _of(lambda run: run.run.log.command_hash, "")
+    command_hash: str = _of(lambda run: run.command_hash, "")
     picture: str = ""
     attempts: int | None = None
     cpu_time_s: float | None = None

@@ -27,10 +27,8 @@ from pydantic import ConfigDict, create_model
 from navfw.config.input_file import open_input, read_input_text, real_path, traced_inputs
 from navfw.config.lookup import find, find_mission, project_folder
 from navfw.errors import InputError
-from navfw.missions.mission_events import EventRecord
-from navfw.missions.outcome import MissionVerdict, Outcome
-from navfw.missions.run_metrics import RunMetrics
-from navfw.missions.session import MissionResult
+from navfw.missions.outcome import MissionVerdict
+from navfw.missions.run_result import MissionResult, RunResult
 from navfw.numerics import Array
 from navfw.process.atomic import AtomicFolder
 from navfw.process.target_lock import TargetLock
@@ -64,9 +62,9 @@ _COLUMNS = (
 )
 
 
-@dataclass(frozen=True)
-class DrivenRun:
-    """What a test may ask of a run, as plain data.
+@dataclass(frozen=True, kw_only=True)
+class DrivenRun(RunResult):
+    """What a test may ask of a run, as plain data: its result, and more.
 
     ``stack`` is the name of the stack that drove; ``stack_named`` tells whether the mission names
     one. ``faults`` are those of plugins, each with file and line, that the mission's events did not
@@ -76,15 +74,9 @@ class DrivenRun:
     row per control tick.
     """
 
-    world: str
-    mission: str
     stack: str
     stack_named: bool
     verdict: MissionVerdict
-    metrics: RunMetrics
-    faults: tuple[str, ...]
-    objections: tuple[str, ...]
-    events: tuple[EventRecord, ...]
     behaviors: tuple[str, ...]
     places: Mapping[str, tuple[float, float]]
     explanation: dict[str, Any]
@@ -94,32 +86,18 @@ class DrivenRun:
     def of(cls, result: MissionResult) -> DrivenRun:
         """The data of a result, right after the run."""
         session = result.session
+        plain = {one.name: getattr(result, one.name) for one in fields(RunResult)}
         places = session.mission.topo_map.places.values()
         return cls(
-            world=session.world_name,
-            mission=session.mission_name,
+            **{**plain, "faults": session.uninvited(result.faults)},
             stack=session.stack_file.stem,
             stack_named=session.mission.spec.stack is not None,
-            verdict=result.run.verdict,
-            metrics=result.metrics,
-            faults=tuple(result.uninvited_faults),
-            objections=tuple(result.objections),
-            events=result.run.events,
+            verdict=result.verdict,
             behaviors=tuple(session.stack.mofis.behaviors),
             places={place.name: (place.x, place.y) for place in places},
             explanation=session.stack.explain(),
-            log=result.run.log,
+            log=result.log,
         )
-
-    @property
-    def outcome(self) -> Outcome:
-        """The outcome; equal to its text: ``mission.outcome == "reached"``."""
-        return self.verdict.outcome
-
-    @property
-    def reason(self) -> str:
-        """The reason of the outcome, one sentence."""
-        return self.verdict.reason
 
     @property
     def path(self) -> Array:
@@ -130,11 +108,6 @@ class DrivenRun:
     def commands(self) -> Array:
         """(n, 3) time [s], v [m/s], w [rad/s], one per control tick."""
         return self.log.command_stream
-
-    @property
-    def command_hash(self) -> str:
-        """The hash of the commands, equal for bit-identical commands."""
-        return self.log.command_hash
 
 
 def drive(case: MissionCase) -> MissionResult:

@@ -22,7 +22,8 @@ from pathlib import Path
 import numpy as np
 
 from navfw.errors import UnknownNameError
-from navfw.missions.session import MissionResult, Session
+from navfw.missions.run_result import MissionResult
+from navfw.missions.session import Session
 from navfw.mofis.mofis import explanation_lines
 from navfw.recording.run_folder import PICTURE, RECORDING, RunFolder
 from navfw.recording.run_observers import RunLog
@@ -33,7 +34,7 @@ DECISIONS = 6
 """Number of last changes of the leading behaviour that a report shows."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MissionRun(DrivenRun):
     """The value of the ``mission`` fixture: the run of one mission.
 
@@ -54,11 +55,6 @@ class MissionRun(DrivenRun):
     def title(self) -> str:
         """World, mission and seed."""
         return f"{self.world}/{self.mission}, seed {self.seed}"
-
-    @property
-    def seed(self) -> int:
-        """The seed of the run."""
-        return self.case.seed
 
     @cached_property
     def session(self) -> Session:

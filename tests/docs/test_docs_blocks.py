@@ -261,6 +261,6 @@ def test_the_cells_of_the_notebook_run(capsys: pytest.CaptureFixture[str]) -> No
         plt.close("all")
     printed = capsys.readouterr().out
     assert names["tick"].percept.sentence in printed
-    paths = [run.run.log.true for run in names["runs"].values()]
+    paths = [run.log.true for run in names["runs"].values()]
     assert all(len(path) > 100 for path in paths)
-    assert names["runs"]["default"].run.log.command_hash != names["result"].run.log.command_hash
+    assert names["runs"]["default"].log.command_hash != names["result"].log.command_hash

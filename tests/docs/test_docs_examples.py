@@ -80,7 +80,7 @@ def test_the_behaviour_is_listed() -> None:
 def test_the_flow_processor_and_the_fusion_drive() -> None:
     result = prepare("empty", "straight", seed=1, stack="mine").run()
     assert result.outcome is Outcome.REACHED, result.reason
-    assert not list(result.run.faults)
+    assert not list(result.faults)
 
 
 @pytest.mark.usefixtures("project")
@@ -91,7 +91,7 @@ def test_the_landmark_kind_and_the_event_take_part_in_a_mission() -> None:
     assert set(session.stack.state.detection_counts) == {"apriltag-7", "apriltag-8"}
     assert session.stack.state.belief is not None
     assert session.stack.state.belief.updates > 0
-    begun = [set(record.spec) - {"at", "lasting"} for record in result.run.events]
+    begun = [set(record.spec) - {"at", "lasting"} for record in result.events]
     assert begun == [{"light"}, {"obstacle"}, {"obstacle"}]
 
 
@@ -113,7 +113,7 @@ def driven(project: Path) -> MissionResult:
 
 def test_the_behaviour_drives_and_explains_itself(driven: MissionResult) -> None:
     assert driven.outcome is Outcome.REACHED, driven.reason
-    assert not list(driven.run.faults)
+    assert not list(driven.faults)
     proposals = driven.session.stack.state.proposals
     assert proposals is not None
     assert "known to be free" in proposals["cautious"].reason

@@ -180,7 +180,7 @@ def test_an_oracle_mission_is_marked(tmp_path: Path) -> None:
     session = prepare("office", "lobby-to-lab", stack=file, overrides=["mission.timeout=4.5"])
     result = session.run()
     assert result.summary()["oracle"] is True
-    assert not result.run.verdict.trace
+    assert not result.verdict.trace
     flows = session.stack.state.flows
     assert flows
     assert (flows[0].confidence > 0).mean() > 0.7

@@ -129,7 +129,7 @@ def test_with_the_weights_of_its_own_composite_the_run_is_that_of_the_stack() ->
     made.reset(seed=3)
     *_, (_, _, _, _, info) = steps(made, np.ones(1, np.float32), 100)
     plain = navfw.run("empty", "straight", seed=3, stack="balance", set=short)
-    assert info["command_hash"] == plain.run.log.command_hash
+    assert info["command_hash"] == plain.log.command_hash
     assert made.behaviors == ("balance",)
 
 

@@ -161,10 +161,10 @@ class GraphDrive:
             task = self.session.task
             pilot = RosPilot(cast("RosNode", self.robot_node), task.robot, simulation)
             self.driver.begin()
-            run = MissionLoop(task, pilot, simulation).run()
+            drive = MissionLoop(task, pilot, simulation).run()
+            return MissionResult.of(self.session, drive, simulation)
         finally:
             simulation.close()
-        return MissionResult(self.session, run, collision_cause=simulation.collision_cause)
 
     def _step(self) -> None:
         self.ended = self.driver.advance(0.0) or self.ended

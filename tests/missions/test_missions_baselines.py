@@ -26,7 +26,7 @@ def drive(stack: str, *changes: str) -> MissionResult:
 def test_every_stack_gets_to_a_goal_in_the_open(stack: str) -> None:
     result = drive(stack)
     assert result.outcome == "reached", result.reason
-    assert result.run.faults == ()
+    assert result.faults == ()
     assert result.summary()["oracle"] is (stack == "oracle")
 
 
@@ -35,7 +35,7 @@ def test_navground_drives_the_robot() -> None:
     result = drive("navground")
     assert result.outcome == "reached", result.reason
     assert result.summary()["oracle"] is True
-    assert set(result.run.log.leaders) <= {"", "navground"}
+    assert set(result.log.leaders) <= {"", "navground"}
 
 
 @pytest.mark.parametrize(
@@ -44,16 +44,16 @@ def test_navground_drives_the_robot() -> None:
 def test_parts_of_the_stack_can_be_disabled(override: str) -> None:
     result = drive("default", override, "mission.timeout=6")
     assert result.outcome == "timeout"
-    assert result.run.faults == ()
+    assert result.faults == ()
     usual = drive("default", "mission.timeout=6")
-    assert result.run.log.command_hash != usual.run.log.command_hash
+    assert result.log.command_hash != usual.log.command_hash
 
 
 def test_an_unlocalised_robot_turns_and_explores() -> None:
     result = drive("search", "search.sigma=0.03", "mission.timeout=25")
-    led = set(result.run.log.leaders)
+    led = set(result.log.leaders)
     assert {"look_around", "explore"} <= led
-    turned = np.abs(np.diff(np.unwrap(result.run.log.true[:, 2]))).sum()
+    turned = np.abs(np.diff(np.unwrap(result.log.true[:, 2]))).sum()
     assert turned > 2.0 * math.pi
 
 

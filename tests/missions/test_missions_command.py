@@ -205,7 +205,7 @@ class WindowOnPaper(SimulatorWindow):
 def test_the_overlay_has_the_path_the_way_and_the_local_goal() -> None:
     session = prepare("paper-room", "through-the-door", seed=5, overrides=["mission.timeout=6"])
     window = WindowOnPaper()
-    log = session.run(observers=[WindowOverlay(window, session.stack)]).run.log
+    log = session.run(observers=[WindowOverlay(window, session.stack)]).log
     # once per camera frame, where the robot truly is
     at_frames = log.true[:, :2].tolist()
     assert len(window.seen_from) == pytest.approx(10.0 * log.time[-1], rel=0.1)
@@ -269,7 +269,7 @@ def display(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 def test_the_window_shows_robot_path_and_way_and_changes_no_command(
     display: Path, tmp_path: Path
 ) -> None:
-    usual = prepare("empty", "straight").run().run.log.command_hash
+    usual = prepare("empty", "straight").run().log.command_hash
     colors = (palette.behavior_color("go_to_xy"), palette.GOAL, palette.LOCAL_GOAL)
     shown = []
     started = Started(PROGRAM, ("run", "empty", "straight", "--gui", "--json"), tmp_path)

@@ -39,7 +39,7 @@ TOGETHER: dict[str, Settings] = {
 
 
 def hash_in_this_process(world: str, mission: str, seed: int, timeout: str) -> str:
-    log = prepare(world, mission, seed=seed, overrides=[timeout]).run().run.log
+    log = prepare(world, mission, seed=seed, overrides=[timeout]).run().log
     assert len({tuple(row) for row in log.command_stream[:, 1:]}) > 20  # it does drive
     return log.command_hash
 
@@ -49,7 +49,7 @@ def expected() -> str:
     """The hash of the run in this process, which has driven other missions before."""
     other = prepare(*MISSION, seed=SEED + 1, overrides=["mission.timeout=1"]).run()
     usual = hash_in_this_process(*MISSION, SEED, TIMEOUT)
-    assert usual != other.run.log.command_hash
+    assert usual != other.log.command_hash
     assert len(usual) == 64
     return usual
 

@@ -210,7 +210,7 @@ def test_a_blocked_passage_is_detected_and_avoided(workdir: Path) -> None:
     planner = result.session.stack.planner.plugin
     assert isinstance(planner, Papfis)
     assert planner.replans >= 1
-    passed = result.run.log.true
+    passed = result.log.true
     assert passed[:, 1].max() > 4.0  # through the northern gap
 
 
@@ -220,7 +220,7 @@ def test_with_all_passages_blocked_the_mission_ends_stuck_with_the_reason(workdi
     assert result.outcome is Outcome.STUCK, result.reason
     assert result.reason.startswith("the only route to east is closed: ")
     assert "door" in result.reason
-    assert result.run.sim_time < 120.0
+    assert result.sim_time_s < 120.0
 
 
 WALKED = """\

@@ -202,7 +202,7 @@ def test_a_failing_behaviour_is_recorded_and_fails_again_in_the_replay(tmp_path:
         record=True,
     )
     assert result.outcome == "timeout"
-    faults = {fault.partition(":")[0].split()[-1]: fault for fault in result.run.faults}
+    faults = {fault.partition(":")[0].split()[-1]: fault for fault in result.faults}
     assert set(faults) == {"avoid", "go_to_xy", "follow_wall"}
     assert "10 times" in faults["avoid"]
     assert "took too long" in faults["follow_wall"]
@@ -234,7 +234,7 @@ def test_a_permanent_sensor_failure_ends_the_mission_without_collision(
     assert result.outcome == "fault"
     assert reason in result.reason
     assert result.metrics.collisions == 0
-    assert result.run.verdict.trace == ""
+    assert result.verdict.trace == ""
 
 
 @pytest.mark.parametrize(
@@ -325,9 +325,9 @@ def test_every_two_tolerable_faults_are_a_pair() -> None:
 @pytest.mark.parametrize("entry", PAIRS, ids=[entry.title for entry in PAIRS])
 def test_a_pair_of_faults_ends_without_contact(entry: EntrySpec) -> None:
     result = session_of(entry).run()
-    verdict = result.run.verdict
+    verdict = result.verdict
     assert result.metrics.collisions == 0, verdict.reason
     assert verdict.outcome in ENDS
     assert verdict.reason
     assert verdict.trace == "", "an exception ended the run"
-    assert result.uninvited_faults == []
+    assert not result.session.uninvited(result.faults)

@@ -49,7 +49,7 @@ def test_a_replay_has_the_same_landmark_frames(tmp_path: Path) -> None:
     recording = load_recording(folder.final / "run.mcap")
     taken = [r for r in recording.readings if r.landmark_frame is not None]
     wanted = session.mission.spec.robot.landmark_camera
-    assert len(taken) == pytest.approx(result.run.sim_time * wanted.rate, abs=2)
+    assert len(taken) == pytest.approx(result.sim_time_s * wanted.rate, abs=2)
     assert set(session.stack.state.detection_counts)  # the lobby has markers
     assert replay(folder.final).same
     assert result.timings["landmark_frames"] > 0.0

@@ -324,8 +324,8 @@ def test_without_a_visible_landmark_the_robot_turns_and_has_no_plan(tmp_path: Pa
     assert result.outcome is Outcome.LOST
     assert session.stack.state.path == ()
     assert session.stack.state.waypoint is None
-    assert result.run.verdict.behavior == "look_around"
-    turned = np.abs(np.diff(np.unwrap(result.run.log.true[:, 2]))).sum()
+    assert result.verdict.behavior == "look_around"
+    turned = np.abs(np.diff(np.unwrap(result.log.true[:, 2]))).sum()
     assert turned > math.pi / 2
     summary = result.summary()
     assert summary["localized_after_s"] is None

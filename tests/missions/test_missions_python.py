@@ -36,7 +36,7 @@ def test_importing_navfw_imports_nothing_heavy() -> None:
 
 def test_a_run_is_that_of_the_command(result: navfw.MissionResult) -> None:
     session = prepare("empty", "straight", seed=2, overrides=["mission.timeout=2.5"])
-    assert result.run.log.command_hash == session.run().run.log.command_hash
+    assert result.log.command_hash == session.run().log.command_hash
     assert result.outcome == navfw.Outcome.TIMEOUT
     with pytest.raises(InputError, match="did you mean 'straight'"):
         navfw.run("empty", "straigth")
@@ -49,8 +49,8 @@ def test_a_stepped_session_drives_the_same_commands(result: navfw.MissionResult)
         ticks = list(session)
         assert session.ended
         assert session.step() is None
-    log = session.result.run.log
-    assert log.command_hash == result.run.log.command_hash
+    log = session.result.log
+    assert log.command_hash == result.log.command_hash
     assert session.result.metrics.path_length_m == result.metrics.path_length_m
     assert np.array_equal([tick.true_pose for tick in ticks], log.true)
     assert np.array_equal([tick.twist for tick in ticks], log.commands)
@@ -85,7 +85,7 @@ def test_a_failing_plugin_ends_a_stepped_session_as_a_fault(
 
 
 def test_the_log_as_columns(result: navfw.MissionResult) -> None:
-    log = result.run.log
+    log = result.log
     columns = log.columns()
     assert {len(column) for column in columns.values()} == {log.ticks}
     assert np.array_equal(columns["true_yaw"], log.true[:, 2])

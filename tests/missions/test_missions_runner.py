@@ -17,12 +17,12 @@ from hypothesis import strategies as st
 from navfw.errors import MapError
 from navfw.guard import PluginCallError
 from navfw.missions import (
+    Drive,
     FaultKind,
     MissionLoop,
     Outcome,
     Progress,
     RunMetrics,
-    RunResult,
     Task,
     first_contacts,
     measure,
@@ -50,7 +50,7 @@ def drive(
     posts: Posts | None = None,
     progress: Callable[[Progress], None] | None = None,
     **limits: Any,
-) -> RunResult:
+) -> Drive:
     task = Task(ROBOT, START, goals or (goal(2.0, 0.5),), **{"timeout": 60.0, **limits})
     return MissionLoop(task, pilot, FakeSimulator(START, posts=posts), progress=progress).run()
 
@@ -292,7 +292,7 @@ def test_a_straight_run_has_the_measured_lengths() -> None:
     found = metrics(straight(3.0, 10.0, drift=0.2))
     assert found.path_length_m == pytest.approx(3.0)
     assert found.spl == pytest.approx(2.0 / 3.0)
-    assert found.mean_speed == pytest.approx(0.3)
+    assert found.mean_speed_m_s == pytest.approx(0.3)
     assert found.min_clearance_m == pytest.approx(0.5 - RADIUS)
     assert found.clearance_p05_m == pytest.approx(0.5 - RADIUS)
     assert found.distance_to_goal_m == pytest.approx(0.4)
@@ -317,7 +317,7 @@ def test_spl_is_0_for_a_failure_and_at_most_1() -> None:
 
 def test_a_run_without_ticks_has_metrics() -> None:
     found = metrics(RunLogger().log(), succeeded=False)
-    assert (found.path_length_m, found.mean_speed, found.spl) == (0.0, 0.0, 0.0)
+    assert (found.path_length_m, found.mean_speed_m_s, found.spl) == (0.0, 0.0, 0.0)
     assert found.distance_to_goal_m == pytest.approx(math.hypot(3.0, 0.4))
 
 

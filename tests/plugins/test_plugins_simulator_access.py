@@ -68,7 +68,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> MissionResult:
 
 
 def test_a_run_names_the_plugins_that_use_the_simulator(result: MissionResult) -> None:
-    assert result.run.faults == ()
+    assert result.faults == ()
     assert set(result.oracle_plugins) == set(USERS)
     summary = result.summary()
     assert summary["oracle"] is True

@@ -39,8 +39,8 @@ def at_end(run: RecordedRun, topic: str) -> Any:
 def test_recording_changes_no_command_and_has_the_resolved_configuration(driven: Driven) -> None:
     result, run = driven
     plain = result.session.run()
-    assert plain.run.log.command_hash == result.run.log.command_hash
-    assert plain.run.faults == result.run.faults == ()
+    assert plain.log.command_hash == result.log.command_hash
+    assert plain.faults == result.faults == ()
     assert (run.metadata["world"], run.metadata["seed"]) == ("paper-room", "3")
     config = json.loads(run.metadata["config"])
     assert config["mission"]["timeout"] == TIME
@@ -67,7 +67,7 @@ def test_all_channels_have_their_schema_rate_and_simulated_time(driven: Driven) 
 
 def test_the_command_is_that_of_the_run_with_reasons_and_rules(driven: Driven) -> None:
     result, run = driven
-    log = result.run.log
+    log = result.log
     numbers = zip(log.time.tolist(), log.leader, strict=True)
     leaders = {round(time, 6): log.leaders[number] for time, number in numbers}
     shown = list(run.messages(topics.COMMAND))
@@ -134,7 +134,7 @@ def test_a_plugin_that_cannot_explain_itself_is_no_fault_of_the_run() -> None:
     short = session(2.5)
     composite = short.stack.mofis.composite
     object.__setattr__(composite, "explain", Mock(side_effect=RuntimeError("no words")))
-    assert short.run(record=True).run.faults == ()
+    assert short.run(record=True).faults == ()
 
 
 def test_a_saved_recording_is_the_same_when_saved_again(tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_the_stack_without_simulator_gives_the_same_commands(driven: Driven) -> 
     result, folder = driven
     done = python(ALONE, folder)
     assert done.returncode == 0, done.stderr
-    answer, log = json.loads(done.stdout), result.run.log
+    answer, log = json.loads(done.stdout), result.log
     assert answer["command_hash"] == log.command_hash
     assert (answer["same"], answer["complete"]) == (True, True)
     assert answer["ticks"] == log.ticks > 300

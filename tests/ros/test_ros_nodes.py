@@ -48,7 +48,7 @@ def test_in_lock_step_the_commands_are_those_of_navfw_run(tmp_path: Path) -> Non
         assert driver.wait(20.0) == 0, said(tmp_path, "drive")
     result = json.loads((tmp_path / "sim.json").read_text())
     alone = navfw.run("empty", "straight", seed=1, stack="default")
-    assert result["command_hash"] == alone.run.log.command_hash
+    assert result["command_hash"] == alone.log.command_hash
     assert json.loads((tmp_path / "drive.json").read_text())["ended"] == "reached"
 
 

@@ -34,7 +34,7 @@ def test_a_suite_runs_and_its_runs_are_those_of_navfw_run(folder: Path) -> None:
     assert set(summary["by_entry"]) == {"empty"}
     assert [tuple(run) for run in runs] == [columns_of([])] * 2  # without the column of variants
     alone = prepare("empty", "straight", seed=5, overrides=["mission.timeout=3"]).run()
-    assert runs[1]["command_hash"] == alone.run.log.command_hash
+    assert runs[1]["command_hash"] == alone.log.command_hash
     assert runs[0]["command_hash"] != runs[1]["command_hash"]
     assert runs[1]["path_length_m"] == pytest.approx(alone.metrics.path_length_m, abs=1e-12)
     assert "2 of 2 runs" in done.stderr

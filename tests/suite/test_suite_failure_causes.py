@@ -2,18 +2,19 @@
 
 import math
 from dataclasses import replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from navfw.localmap import CLAMP_MAX
 from navfw.missions import (
+    Drive,
     FaultKind,
     MissionResult,
     MissionVerdict,
     Outcome,
-    RunResult,
     Session,
     prepare,
 )
@@ -21,7 +22,7 @@ from navfw.mofis import DecisionInputs
 from navfw.plugins import default_registry
 from navfw.recording import Contact, RunLog, RunLogger
 from navfw.signals import Belief, Odometry, Pose, Sight, Twist
-from navfw.sim import BoxSpec, CylinderSpec, SceneGeometry, WalkerTrack, WorldSpec
+from navfw.sim import BoxSpec, CylinderSpec, SceneGeometry, Simulation, WalkerTrack, WorldSpec
 from navfw.suite import (
     Cause,
     CollisionSymptoms,
@@ -174,7 +175,13 @@ def result_of(
     belief = Belief(odometry.time, now, np.zeros((3, 3)))
     stack.mofis.decide(DecisionInputs(odometry, belief, session.mission.goals[-1]))
     stack.state = replace(stack.state, time=odometry.time, odometry=odometry, belief=belief)
-    return MissionResult(session, RunResult(verdict, log, 4.0, 1.0, ()))
+    ended = SimpleNamespace(
+        timings=SimpleNamespace(render=0.0, physics=0.0, sensors=0.0, landmarks=0.0),
+        collision_cause=None,
+        change_track=lambda: None,
+        walker_track=lambda: None,
+    )
+    return MissionResult.of(session, Drive(verdict, log, 4.0, 1.0, ()), cast(Simulation, ended))
 
 
 def symptoms_of(*ended: Any) -> Any:

@@ -308,13 +308,27 @@ def run() -> MissionRun:
         discs=((0.0, 0.0, 0.2),),
         succeeded=True,
     )
+    verdict = MissionVerdict(Outcome.REACHED, "stopped 0.1 m from b", "turn", 60, 6.0)
     return MissionRun(
+        **vars(metrics),
+        outcome=verdict.outcome,
+        reason=verdict.reason,
         world="hall",
         mission="there",
+        seed=0,
+        behavior=verdict.behavior,
+        tick=verdict.tick,
+        sim_time_s=verdict.time,
+        wall_time_s=1.0,
+        real_time_factor=6.0,
+        collision_cause=None,
+        contacts=(),
+        command_hash=log.command_hash,
+        oracle=False,
+        oracle_plugins=(),
         stack="default",
         stack_named=False,
-        verdict=MissionVerdict(Outcome.REACHED, "stopped 0.1 m from b", "turn", 60, 6.0),
-        metrics=metrics,
+        verdict=verdict,
         faults=(),
         objections=(),
         events=(),
@@ -333,7 +347,7 @@ def test_the_goals_are_reached(run: MissionRun) -> None:
     verdict = MissionVerdict(Outcome.STUCK, "no way", "turn", 60, 6.0)
     stuck = r"reached; stuck after 6\.0 s: no way \(leading .*turn"
     with pytest.raises(AssertionError, match=stuck):
-        assert_reached(replace(run, verdict=verdict))
+        assert_reached(replace(run, verdict=verdict, outcome=verdict.outcome))
 
 
 def test_nothing_is_touched(run: MissionRun) -> None:

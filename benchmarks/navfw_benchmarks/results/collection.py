@@ -13,7 +13,7 @@ from navfw.config.yamlfile import rewording
 from navfw.errors import ConfigError, InputError
 from navfw.recording.provenance import files_in
 from navfw.recording.run_folder import RESULT, plain_json, read_result
-from navfw.suite.run_journal import RunRow
+from navfw.suite.run_row import RunRow
 from navfw.suite.suite_folder import SUMMARY, SuiteFolder
 from navfw.suite.suite_summary import summarize
 from navfw.suite.suitefile import Expect
