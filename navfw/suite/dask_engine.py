@@ -25,7 +25,7 @@ from pkgutil import resolve_name
 from typing import Any, Self
 
 from navfw.config.extras import extra_imports, pybullet_version
-from navfw.config.input_file import read_input
+from navfw.config.input_file import read_input, real_path
 from navfw.config.lookup import project_folder, shipped_folder
 from navfw.config.project_trust import TRUST_VARIABLE
 from navfw.errors import InputError, SimulationError
@@ -214,7 +214,7 @@ class ProjectFiles:
         """The files of ``cases``, and of the project around the working folder."""
         roots = _fixed_roots()
         project = project_folder()
-        if project is not None and project.resolve() != shipped_folder().resolve():
+        if project is not None and real_path(project) != shipped_folder():
             roots["project"] = project
         worlds = [Path(case.world).parent for case in cases if case.world]
         files = [Path(file) for case in cases for file in (case.mission, case.stack) if file]

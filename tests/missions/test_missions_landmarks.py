@@ -52,12 +52,12 @@ def test_a_replay_has_the_same_landmark_frames(tmp_path: Path) -> None:
     assert len(taken) == pytest.approx(result.sim_time_s * wanted.rate, abs=2)
     assert set(session.stack.state.detection_counts)  # the lobby has markers
     assert replay(folder.final).same
-    assert result.timings["landmark_frames"] > 0.0
+    assert result.stage_ms["landmark_frames"] > 0.0
 
 
 def test_a_stack_without_landmarks_renders_no_landmark_frames(tmp_path: Path) -> None:
     session = in_office(tmp_path, "features: {none: }\nlocalizer: {dead_reckoning: }", 3.0)
-    assert "landmark_frames" not in session.run().timings
+    assert "landmark_frames" not in session.run().stage_ms
     assert session.stack.state.detection_counts == {}
 
 
