@@ -72,7 +72,7 @@ def drive_shipped(family: str, seed: int) -> Drive:
     """Drive with the shipped composite in the world of a seed."""
     cv2.setNumThreads(1)
     result = run_generated(family, seed=seed, difficulty=DIFFICULTY)
-    return Drive(0.0, result.outcome.succeeded, result.metrics.spl)
+    return Drive(0.0, result.outcome.succeeded, result.spl)
 
 
 def learn(pool: ProcessPoolExecutor, options: argparse.Namespace) -> dict[str, float]:

@@ -332,7 +332,7 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
             info |= {
                 "outcome": str(result.outcome),
                 "reason": result.reason,
-                "spl": result.metrics.spl,
-                "command_hash": result.log.command_hash,
+                "spl": result.spl,
+                "command_hash": result.command_hash,
             }
         return info

@@ -97,29 +97,10 @@ class MissionResult(RunResult):
         verdict, log, stack = drive.verdict, drive.log, session.stack
         movers = simulation.walker_track() if session.world.movers else None
         changes = simulation.change_track()
-        spec, start, goal = session.mission.spec, session.mission.start, session.mission.goals[-1]
-        frames = max(1.0, drive.sim_time * spec.robot.camera.rate)
-        spent = simulation.timings
-        stages = {"render": spent.render, "physics": spent.physics, "sensors": spent.sensors}
-        if stack.features.plugin.landmark_frames:
-            stages["landmark_frames"] = spent.landmarks
-        metrics = measure(
-            log,
-            permanent_plan(session.plan, changes),
-            start=(start.x, start.y),
-            goal=(goal.x, goal.y),
-            within=spec.success.within,
-            shortest=session.shortest,
-            discs=spec.robot.discs,
-            succeeded=verdict.outcome.succeeded,
-            stage_ms={
-                name: 1e3 * time / frames for name, time in {**stages, **stack.timings}.items()
-            },
-            moving=[track for track in (movers, changes) if track is not None],
-        )
+        metrics = _measured(session, drive, simulation, movers, changes)
         failed = stack.guard.unreliable
         return cls(
-            **{one.name: getattr(metrics, one.name) for one in fields(metrics)},
+            **vars(metrics),
             outcome=verdict.outcome,
             reason=verdict.reason,
             world=session.world_name,
@@ -157,3 +138,31 @@ class MissionResult(RunResult):
         if self.outcome is Outcome.CANCELLED:
             return INTERRUPTED
         return 0 if self.outcome.succeeded and not self.objections else 1
+
+
+def _measured(
+    session: Session,
+    drive: Drive,
+    simulation: Simulation,
+    movers: WalkerTrack | None,
+    changes: ChangeTrack | None,
+) -> RunMetrics:
+    """The metrics of a ``drive``."""
+    spec, start, goal = session.mission.spec, session.mission.start, session.mission.goals[-1]
+    spent, stack = simulation.timings, session.stack
+    stages = {"render": spent.render, "physics": spent.physics, "sensors": spent.sensors}
+    if stack.features.plugin.landmark_frames:
+        stages["landmark_frames"] = spent.landmarks
+    frames = max(1.0, drive.sim_time * spec.robot.camera.rate)
+    return measure(
+        drive.log,
+        permanent_plan(session.plan, changes),
+        start=(start.x, start.y),
+        goal=(goal.x, goal.y),
+        within=spec.success.within,
+        shortest=session.shortest,
+        discs=spec.robot.discs,
+        succeeded=drive.verdict.outcome.succeeded,
+        stage_ms={name: 1e3 * t / frames for name, t in {**stages, **stack.timings}.items()},
+        moving=[track for track in (movers, changes) if track is not None],
+    )

@@ -2,7 +2,7 @@
 
 >>> import navfw
 >>> result = navfw.run("office", "lobby-to-lab", seed=1)              # doctest: +SKIP
->>> result.outcome, result.metrics.spl                                # doctest: +SKIP
+>>> result.outcome, result.spl                                        # doctest: +SKIP
 >>> with navfw.open_session("office", "lobby-to-lab") as session:     # doctest: +SKIP
 ...     for tick in session:
 ...         print(tick.time, tick.command, tick.true_pose)

@@ -123,8 +123,8 @@ class RunJournal:
     def _row(self, cells: str) -> RunRow:
         """The row with these cells by column; an empty or missing one has its default."""
         try:
-            given = json.loads(cells).items()
-            row = _ADAPTER.validate_python({n: text for n, text in given if text or n in REQUIRED})
+            texts = json.loads(cells).items()
+            row = _ADAPTER.validate_python({n: text for n, text in texts if text or n in REQUIRED})
             Outcome(row.outcome)
         except (ValueError, TypeError, AttributeError, RecursionError):
             what = f"is damaged: a row has no valid cells; {_AGAIN}"

@@ -124,9 +124,11 @@ def drive(case: MissionCase) -> MissionResult:
     return result
 
 
+_LOG = "log_"
+"""Beginning of the names of what the log has beside its columns."""
 _FIELDS: Any = {
-    name: (hint, ...)
-    for kind in (DrivenRun, RunLog)
+    f"{start}{name}": (hint, ...)
+    for start, kind in (("", DrivenRun), (_LOG, RunLog))
     for name, hint in get_type_hints(kind).items()
     if name not in {*_COLUMNS, "log"}
 }
@@ -142,7 +144,8 @@ def store_run(run: DrivenRun, folder: Path) -> None:
 
     """
     of_log = {f.name: getattr(run.log, f.name) for f in fields(run.log)}
-    plain = _PLAIN.model_construct(**of_log, **vars(run))
+    logged = {f"{_LOG}{name}": value for name, value in of_log.items()}
+    plain = _PLAIN.model_construct(**logged, **vars(run))
     text = plain.model_dump_json(warnings=False, fallback=lambda item: item.tolist())
     (folder / _RUN_FILE).write_text(text, encoding="utf-8")
     np.savez(folder / _LOG_FILE, **{name: of_log[name] for name in _COLUMNS})
@@ -155,7 +158,8 @@ def read_run(folder: Path) -> DrivenRun | None:
         with open_input(folder / _LOG_FILE) as stream:
             columns = np.load(stream, allow_pickle=False)
             of_log = {name: columns[name] for name in _COLUMNS}
-        of_log |= {f.name: values.pop(f.name) for f in fields(RunLog) if f.name in values}
+        logged = {name: values.pop(name) for name in list(values) if name.startswith(_LOG)}
+        of_log |= {name.removeprefix(_LOG): value for name, value in logged.items()}
         return DrivenRun(log=RunLog(**of_log), **values)
     except Exception:  # numpy and pydantic raise errors of many kinds for damaged files
         return None

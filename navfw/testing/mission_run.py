@@ -163,7 +163,7 @@ def assert_no_collision(mission: MissionRun) -> None:
 def assert_clearance(mission: MissionRun, at_least: float) -> None:
     """The robot's body stayed ``at_least`` [m] away from everything."""
     __tracebackhide__ = True
-    smallest = mission.metrics.min_clearance_m
+    smallest = mission.min_clearance_m
     if not smallest >= at_least:
         what = f"expected a clearance of at least {at_least:g} m"
         raise AssertionError(f"{what}; the smallest was {smallest:.3f} m")

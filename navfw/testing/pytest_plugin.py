@@ -7,7 +7,7 @@
     @pytest.mark.mission(world="office", mission="lobby-to-lab", seeds=[1, 2, 3])
     def test_reaches_the_lab(mission):
         assert mission.outcome == "reached"
-        assert mission.metrics.min_clearance_m > 0.05
+        assert mission.min_clearance_m > 0.05
 
 The marked test runs once for each seed. Errors in world, mission, stack or overrides are reported
 when tests are collected. A test fails when a plugin faulted, unless its marker allows it. A failing
