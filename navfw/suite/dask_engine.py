@@ -119,7 +119,8 @@ class DaskEngine:
         """
         submit = partial(self._client.submit, drive, self._files.name, pure=False)
         futures = {submit(self._files.packed(job)): job for job in jobs}
-        ended: Any = distributed.as_completed(futures)  # type: ignore[no-untyped-call]
+        with self._client.as_current():
+            ended: Any = distributed.as_completed(futures)  # type: ignore[no-untyped-call]
         seen = time.monotonic()
         try:
             while futures:
