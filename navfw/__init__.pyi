@@ -30,7 +30,7 @@ from .interfaces import Planner as Planner
 from .interfaces import WorldFamily as WorldFamily
 from .missions.outcome import Outcome as Outcome
 from .missions.pilot import TickView as TickView
-from .missions.run_result import MissionResult as MissionResult
+from .missions.session import MissionResult as MissionResult
 from .missions.session import SteppedSession as SteppedSession
 from .missions.session_setup import open_session as open_session
 from .missions.session_setup import open_simulation as open_simulation

@@ -25,9 +25,8 @@ from navfw.process.last_trace import ended_after
 from navfw.recording.run_folder import RunFolder, plain_json
 
 if TYPE_CHECKING:
-    from navfw.missions.run_result import MissionResult
     from navfw.missions.runner import Progress
-    from navfw.missions.session import Session
+    from navfw.missions.session import MissionResult, Session
     from navfw.recording.live_server import LiveServer
 
 LINE_PERIOD = 5.0

@@ -25,12 +25,12 @@ from .run_metrics import measure_localization as measure_localization
 from .run_metrics import path_length as path_length
 from .run_report import draw as draw
 from .run_report import write_run as write_run
-from .run_result import MissionResult as MissionResult
 from .run_result import RunResult as RunResult
 from .runner import Drive as Drive
 from .runner import MissionLoop as MissionLoop
 from .runner import Progress as Progress
 from .runner import Task as Task
+from .session import MissionResult as MissionResult
 from .session import Session as Session
 from .session_setup import chosen_stack as chosen_stack
 from .session_setup import prepare as prepare

@@ -12,8 +12,7 @@ from typing import Any
 from navfw.config.extras import pybullet_version
 from navfw.missions.mission_events import EventRecord
 from navfw.missions.run_drawing import outline_of
-from navfw.missions.run_result import MissionResult
-from navfw.missions.session import Session
+from navfw.missions.session import MissionResult, Session
 from navfw.process.atomic import writing
 from navfw.process.interruption import deferred, interruptible
 from navfw.recording.provenance import code_revision, machine_kind

@@ -18,20 +18,23 @@ from navfw.errors import InputError
 from navfw.missions.mission_events import Event, EventClock, EventRecord
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.oracle import plugins_of, reveal
+from navfw.missions.outcome import MissionVerdict, Outcome
 from navfw.missions.pilot import TickView
 from navfw.missions.run_drawing import WindowOverlay, discs_of, outline_of
-from navfw.missions.run_result import MissionResult
-from navfw.missions.runner import MissionLoop, Progress, Task
+from navfw.missions.run_metrics import RunMetrics, first_contacts, measure, permanent_plan
+from navfw.missions.run_result import RunResult
+from navfw.missions.runner import Drive, MissionLoop, Progress, Task
 from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import plugin_files, simulator_users
 from navfw.process import compile_kernels
+from navfw.process.interruption import INTERRUPTED
 from navfw.process.last_trace import name_plugins
 from navfw.recording.channel_list import SeenRun
 from navfw.recording.run_folder import plain_json
-from navfw.recording.run_observers import RunObserver, RunRecorder
+from navfw.recording.run_observers import RunLog, RunObserver, RunRecorder
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.simulation import Simulation
-from navfw.sim.world_changes import Walker
+from navfw.sim.world_changes import ChangeTrack, Walker, WalkerTrack
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
 
@@ -263,3 +266,102 @@ class SteppedSession:
         if self._simulator is None or self._loop is None:
             raise InputError("the session is not open: use it as in `with open_session(...) as s:`")
         return self._loop
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionResult(RunResult):
+    """The result of a run in this process, with what it was made of.
+
+    ``log`` has one row per control tick. ``movers`` has the positions of the world's movers over
+    time, ``changes`` the solids that existed for a part of the run only.
+    """
+
+    session: Session = field(repr=False)
+    verdict: MissionVerdict = field(repr=False)
+    log: RunLog = field(repr=False)
+    recorder: RunRecorder | None = field(default=None, repr=False)
+    movers: WalkerTrack | None = field(default=None, repr=False)
+    changes: ChangeTrack | None = field(default=None, repr=False)
+
+    @classmethod
+    def of(
+        cls,
+        session: Session,
+        drive: Drive,
+        simulation: Simulation,
+        recorder: RunRecorder | None = None,
+        oracle_plugins: Sequence[str] = (),
+    ) -> MissionResult:
+        """The result of a ``drive`` in ``simulation``."""
+        verdict, log, stack = drive.verdict, drive.log, session.stack
+        movers = simulation.walker_track() if session.world.movers else None
+        changes = simulation.change_track()
+        metrics = _measured(session, drive, simulation, movers, changes)
+        failed = stack.guard.unreliable
+        return cls(
+            **vars(metrics),
+            outcome=verdict.outcome,
+            reason=verdict.reason,
+            world=session.world_name,
+            mission=session.mission_name,
+            seed=session.seed,
+            behavior=verdict.behavior,
+            tick=verdict.tick,
+            sim_time_s=drive.sim_time,
+            wall_time_s=drive.wall_time,
+            real_time_factor=drive.real_time_factor,
+            collision_cause=simulation.collision_cause,
+            contacts=tuple(first_contacts(log.contacts)),
+            command_hash=log.command_hash,
+            oracle=stack.resolved.settings.oracle or bool(oracle_plugins),
+            oracle_plugins=tuple(oracle_plugins),
+            faults=drive.faults,
+            objections=tuple(
+                text for name, text in failed.items() if session.uninvited([f"{name}: "])
+            ),
+            events=drive.events,
+            session=session,
+            verdict=verdict,
+            log=log,
+            recorder=recorder,
+            movers=movers,
+            changes=changes,
+        )
+
+    @property
+    def exit_code(self) -> int:
+        """That of ``navfw run``: 0 for an accomplished mission without objections, else 1.
+
+        130 for a run that was stopped by the user.
+        """
+        if self.outcome is Outcome.CANCELLED:
+            return INTERRUPTED
+        return 0 if self.outcome.succeeded and not self.objections else 1
+
+
+def _measured(
+    session: Session,
+    drive: Drive,
+    simulation: Simulation,
+    movers: WalkerTrack | None,
+    changes: ChangeTrack | None,
+) -> RunMetrics:
+    """The metrics of a ``drive``."""
+    spec, start, goal = session.mission.spec, session.mission.start, session.mission.goals[-1]
+    spent, stack = simulation.timings, session.stack
+    stages = {"render": spent.render, "physics": spent.physics, "sensors": spent.sensors}
+    if stack.features.plugin.landmark_frames:
+        stages["landmark_frames"] = spent.landmarks
+    frames = max(1.0, drive.sim_time * spec.robot.camera.rate)
+    return measure(
+        drive.log,
+        permanent_plan(session.plan, changes),
+        start=(start.x, start.y),
+        goal=(goal.x, goal.y),
+        within=spec.success.within,
+        shortest=session.shortest,
+        discs=spec.robot.discs,
+        succeeded=drive.verdict.outcome.succeeded,
+        stage_ms={name: 1e3 * t / frames for name, t in {**stages, **stack.timings}.items()},
+        moving=[track for track in (movers, changes) if track is not None],
+    )

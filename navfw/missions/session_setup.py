@@ -20,8 +20,7 @@ from navfw.config.overrides import Override, Settings, override_texts, parse_ove
 from navfw.errors import UnknownNameError, checked_seed
 from navfw.missions.mission_events import resolve_events, with_doors_open
 from navfw.missions.missionfile import MissionFile, load_mission, mission_to
-from navfw.missions.run_result import MissionResult
-from navfw.missions.session import Session, SteppedSession
+from navfw.missions.session import MissionResult, Session, SteppedSession
 from navfw.robot.robotfile import robot_section
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.simulation import Simulation

@@ -24,12 +24,12 @@ from .paired_comparison import wilson as wilson
 from .run_journal import RunJournal as RunJournal
 from .run_journal import columns_of as columns_of
 from .run_journal import write_table as write_table
-from .situation_learning import learn_situations as learn_situations
-from .situation_learning import place_accuracy as place_accuracy
 from .run_row import COLUMNS as COLUMNS
 from .run_row import RunRow as RunRow
 from .run_row import barn_score as barn_score
 from .run_row import sct as sct
+from .situation_learning import learn_situations as learn_situations
+from .situation_learning import place_accuracy as place_accuracy
 from .suite_folder import StartMode as StartMode
 from .suite_folder import SuiteFolder as SuiteFolder
 from .suite_frame import SuiteFrame as SuiteFrame

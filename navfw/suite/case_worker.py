@@ -13,8 +13,8 @@ from pathlib import Path
 
 from navfw.errors import InputError, SimulationError
 from navfw.missions.outcome import Outcome
-from navfw.missions.run_result import MissionResult
 from navfw.missions.runner import Progress
+from navfw.missions.session import MissionResult
 from navfw.plugins import Registry, default_registry
 from navfw.process.atomic import atomic_file
 from navfw.process.process_resources import peak_memory_mb, return_freed_memory

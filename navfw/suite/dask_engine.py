@@ -125,6 +125,9 @@ class DaskEngine:
         try:
             while futures:
                 for future in ended.next_batch(block=False):
+                    if future.status in {"lost", "pending"}:  # with its worker: Dask repeats it
+                        ended.add(future)
+                        continue
                     job = futures.pop(future)
                     yield job, self._result(future, job)
                 seen = time.monotonic() if self._client.nthreads() else seen

@@ -16,7 +16,7 @@ from navfw.localmap import LocalMap
 from navfw.localmap.local_planner import LocalPlanner
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.missions.run_metrics import path_length
-from navfw.missions.run_result import MissionResult
+from navfw.missions.session import MissionResult
 from navfw.numerics import Array, Mask
 from navfw.recording.run_observers import Contact, RunLog
 from navfw.signals import Odometry, Pose, Sight, wrap_angle

@@ -16,7 +16,7 @@ from navfw.missions.outcome import Outcome
 from navfw.suite.failure_causes import Cause, classify
 
 if TYPE_CHECKING:
-    from navfw.missions.run_result import MissionResult
+    from navfw.missions.session import MissionResult
 
 _DEATHS = {Cause.PROCESS_DIED, Cause.TOO_LONG, Cause.TOO_MUCH_MEMORY}
 """Causes of runs that ended with their process."""

@@ -37,7 +37,7 @@ from navfw.errors import (
     UnknownNameError,
     checked_seed,
 )
-from navfw.missions.run_result import MissionResult
+from navfw.missions.session import MissionResult
 from navfw.plugins import Registry, default_registry
 from navfw.recording.provenance import files_fingerprint, files_in, fingerprint, navfw_files
 from navfw.suite.case import Case

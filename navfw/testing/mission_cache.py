@@ -28,7 +28,8 @@ from navfw.config.input_file import open_input, read_input_text, real_path, trac
 from navfw.config.lookup import find, find_mission, project_folder
 from navfw.errors import InputError
 from navfw.missions.outcome import MissionVerdict
-from navfw.missions.run_result import MissionResult, RunResult
+from navfw.missions.run_result import RunResult
+from navfw.missions.session import MissionResult
 from navfw.numerics import Array
 from navfw.process.atomic import AtomicFolder
 from navfw.process.target_lock import TargetLock

@@ -22,8 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from navfw.errors import UnknownNameError
-from navfw.missions.run_result import MissionResult
-from navfw.missions.session import Session
+from navfw.missions.session import MissionResult, Session
 from navfw.mofis.mofis import explanation_lines
 from navfw.recording.run_folder import PICTURE, RECORDING, RunFolder
 from navfw.recording.run_observers import RunLog

@@ -183,9 +183,9 @@ def run_under_fire(
     attacker = Attacker(server.url, seed=48)
     result = shown.run(observers=[attacker, server])
     server.end()
-    assert (result.outcome, result.reason) == (plain.outcome, plain.reason), result.run.verdict
-    assert result.run.log.command_hash == plain.run.log.command_hash
-    assert result.run.faults == ()
+    assert (result.outcome, result.reason) == (plain.outcome, plain.reason), result.verdict
+    assert result.log.command_hash == plain.log.command_hash
+    assert result.faults == ()
     assert attacker.sent >= count
     assert [record for record in caplog.records if record.levelno >= logging.WARNING] == []
     assert capfd.readouterr() == ("", "")
