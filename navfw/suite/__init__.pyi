@@ -34,7 +34,6 @@ from .suite_folder import StartMode as StartMode
 from .suite_folder import SuiteFolder as SuiteFolder
 from .suite_frame import SuiteFrame as SuiteFrame
 from .suite_plan import SuitePlan as SuitePlan
-from .suite_plan import draw_difficulty as draw_difficulty
 from .suite_plan import plan_runs as plan_runs
 from .suite_run import SuiteResult as SuiteResult
 from .suite_run import engine_or_processes as engine_or_processes
@@ -44,6 +43,7 @@ from .suite_summary import summarize as summarize
 from .suitefile import EntrySpec as EntrySpec
 from .suitefile import Expect as Expect
 from .suitefile import SuiteSpec as SuiteSpec
+from .suitefile import draw_difficulty as draw_difficulty
 from .suitefile import load_suite as load_suite
 from .suitefile import parse_seeds as parse_seeds
 from .worker_pool import WorkerFailure as WorkerFailure

@@ -11,8 +11,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from navfw.config.input_file import (
     is_file,
     is_folder,
@@ -41,7 +39,14 @@ from navfw.missions.session import MissionResult
 from navfw.plugins import Registry, default_registry
 from navfw.recording.provenance import files_fingerprint, files_in, fingerprint, navfw_files
 from navfw.suite.case import Case
-from navfw.suite.suitefile import EntrySpec, Expect, Suite, VariantSpec, lacking_packages
+from navfw.suite.suitefile import (
+    EntrySpec,
+    Expect,
+    Suite,
+    VariantSpec,
+    draw_difficulty,
+    lacking_packages,
+)
 
 _MAX_RUNS = 200_000
 """Largest number of runs of a suite, against mistyped ranges of seeds."""
@@ -257,10 +262,6 @@ def _chosen_variants(
     return chosen
 
 
-_DIFFICULTY_STREAM = 0xD1F
-"""Spawn key of the random stream that draws difficulties; other uses of the seed have others."""
-
-
 def stacks_of(suite: Suite, index: int, variant: str = "") -> Mapping[str, Path | None]:
     """The stack of the variant, else of the entry, by its name; None: the mission's, not known yet.
 
@@ -351,15 +352,6 @@ def _missions(world: Path, entry: EntrySpec) -> list[tuple[str, Path]]:
     if not missions:
         raise ConfigError("the world has no missions", file=shown_path(world))
     return missions
-
-
-def draw_difficulty(difficulty: float | tuple[float, float] | None, seed: int) -> float | None:
-    """The difficulty of a seed: the number itself, or one drawn from the range (3 digits)."""
-    if not isinstance(difficulty, tuple):
-        return difficulty
-    stream = np.random.SeedSequence(seed, spawn_key=(_DIFFICULTY_STREAM,))
-    low, high = difficulty
-    return round(low + (high - low) * float(np.random.default_rng(stream).random()), 3)
 
 
 def run_generated(
