@@ -264,7 +264,7 @@ def test_recorded_runs_are_a_click_from_their_own_reports(
 
 
 CHANGES = {
-    "damaged": "UPDATE run SET cells = replace(cells, 'stuck', 'reached')",
+    "damaged": "UPDATE run SET cells = replace(cells, 'stuck', 'won')",
     "empty": "DELETE FROM run",
 }
 
@@ -277,8 +277,8 @@ CHANGES = {
         (["a", "foreign"], "foreign: is neither the folder of a run"),
         (["a", "run"], "run: is the folder of a run; two suites can be compared"),
         (["a", "a", "a"], "at most two folders"),
-        (["damaged"], "a row differs from its checksum; continue the suite with --resume"),
-        (["a", "damaged"], "a row differs from its checksum"),
+        (["damaged"], "a row has no valid cells; --restart drives the suite again"),
+        (["a", "damaged"], "a row has no valid cells"),
         (["empty"], "empty: no run of the suite has ended yet"),
         (["a", "other"], "a, other: the tables have no run in common"),
         (["variants", "a"], "variant); --variant-a and --variant-b choose one of each"),
