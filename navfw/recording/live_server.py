@@ -5,30 +5,32 @@ It has no thread of its own: it serves between two control ticks, and while it h
 
 from __future__ import annotations
 
+import asyncio
 import json
+import logging
 import secrets
 import socket
 import struct
 import time
 from base64 import b64encode
+from collections.abc import Awaitable
 from contextlib import suppress
-from selectors import EVENT_READ, DefaultSelector
-from typing import Any
+from typing import Any, cast
 from urllib.parse import parse_qs, urlsplit
 
 from navfw.config.extras import extra_imports
 from navfw.errors import InputError
-from navfw.process.interruption import interruptible
+from navfw.process.interruption import deferred, interruptible
 from navfw.recording import channel_list as topics
 from navfw.recording.channel_list import ChannelInfo, SeenRun
 from navfw.signals import Pose, SensorReading, Twist
 
 with extra_imports("record"):
+    from websockets.asyncio.server import ServerConnection, broadcast, serve
     from websockets.datastructures import Headers
-    from websockets.frames import Frame, Opcode
+    from websockets.exceptions import ConnectionClosed
     from websockets.http11 import Request, Response
     from websockets.protocol import State
-    from websockets.server import ServerProtocol
     from websockets.typing import Subprotocol
 
     from navfw.recording.run_channels import RunChannels, channel_schema
@@ -48,6 +50,8 @@ _PERIOD = 0.05
 """Wall time between two looks at the clients while the run is held [s]."""
 _CATCH_UP = 0.2
 """Wall time by which a run may be behind its speed and still catch up [s]."""
+_SILENT = logging.Logger("navfw.live", level=logging.CRITICAL + 1)
+"""What clients do wrong is nobody's news."""
 _HEADERS = {
     "Content-Type": "text/html; charset=utf-8",
     "Cache-Control": "no-store",
@@ -58,65 +62,13 @@ _HEADERS = {
 }
 
 
-class _Client:
-    """A connection: a request for the page, or a viewer."""
-
-    def __init__(self, connection: socket.socket) -> None:
-        connection.setblocking(False)
-        self.connection = connection
-        self.protocol = ServerProtocol(subprotocols=_PROTOCOLS, max_size=_MAX_REQUEST)
-        self._waiting = bytearray()
-        self._over = False
-
-    @property
-    def viewing(self) -> bool:
-        """Whether it is a viewer."""
-        return self.protocol.state is State.OPEN
-
-    def send(self, data: bytes) -> None:
-        """Send binary ``data``, unless too much waits already."""
-        if self.viewing and len(self._waiting) < _MAX_WAITING:
-            self.protocol.send_binary(data)
-
-    def say(self, **message: Any) -> None:
-        """Send a message in JSON."""
-        if self.viewing:
-            self.protocol.send_text(json.dumps(message).encode())
-
-    def receive(self) -> list[Any]:
-        """The requests and frames that have arrived."""
-        data = b""
-        with suppress(OSError):
-            data = self.connection.recv(_MAX_REQUEST)
-        if data:
-            self.protocol.receive_data(data)
-        else:
-            self.protocol.receive_eof()
-            self._over = True
-        return self.protocol.events_received()
-
-    def flush(self) -> bool:
-        """Send what waits, as far as the connection takes it; whether it is over."""
-        for part in self.protocol.data_to_send():
-            self._over |= not part
-            self._waiting += part
-        try:
-            while self._waiting:
-                del self._waiting[: self.connection.send(self._waiting)]
-        except BlockingIOError:
-            return False
-        except OSError:
-            return True
-        return self._over
-
-
 class _LiveChannel:
     """A channel with its receivers, each with the start of its messages: opcode, subscription."""
 
     def __init__(self, number: int, info: ChannelInfo) -> None:
         encoding, schema = channel_schema(info)
         text = b64encode(schema.data) if encoding == "protobuf" else schema.data
-        self.receivers: dict[_Client, bytes] = {}
+        self.receivers: dict[ServerConnection, bytes] = {}
         self.advertised = {
             "id": number,
             "topic": info.topic,
@@ -133,7 +85,18 @@ class _LiveChannel:
     def log(self, data: bytes, log_time: int) -> None:
         """Send ``data`` of ``log_time`` [ns] to the receivers."""
         for client, start in self.receivers.items():
-            client.send(start + log_time.to_bytes(8, "little") + data)
+            _send(client, start + log_time.to_bytes(8, "little") + data)
+
+
+def _send(client: ServerConnection, data: bytes) -> None:
+    """Send binary ``data``, unless too much waits already."""
+    if client.transport.get_write_buffer_size() < _MAX_WAITING:
+        broadcast([client], data)
+
+
+def _tell(client: ServerConnection, **message: Any) -> None:
+    """Send a message in JSON."""
+    broadcast([client], json.dumps(message))
 
 
 class LiveServer:
@@ -170,22 +133,43 @@ class LiveServer:
                 " free one",
                 key="--port",
             ) from None
-        self._socket.setblocking(False)
-        self._selector = DefaultSelector()
-        self._selector.register(self._socket, EVENT_READ)
         port = self._socket.getsockname()[1]
         self._hosts = {f"{name}:{port}" for name in (_HOST, "localhost")}
         self._origins = {*origins, *(f"http://{host}" for host in self._hosts)}
         self._token = secrets.token_urlsafe(16)
         self.url = f"http://{_HOST}:{port}/?token={self._token}"
         self._page = page.encode()
-        self._clients: list[_Client] = []
+        self._clients: list[ServerConnection] = []
         self._open: dict[str, _LiveChannel] = {}
         self._seen = seen
         self._channels = RunChannels(self._channel, seen)
         self._time = self._due = 0.0
         self._joined = False
         self._last: tuple[SensorReading, Twist, Pose] | None = None
+        self._loop = asyncio.new_event_loop()
+        self._loop.set_exception_handler(lambda *_: None)
+        self._server = self._await(self._listen())
+
+    async def _listen(self) -> Any:
+        return await serve(
+            self._view,
+            sock=self._socket,
+            backlog=_MAX_CLIENTS // 2,
+            process_request=self._answer,
+            subprotocols=_PROTOCOLS,
+            create_connection=cast("type[ServerConnection]", self._admit),
+            max_size=_MAX_REQUEST,
+            compression=None,
+            ping_interval=None,
+            close_timeout=1.0,
+            server_header=None,
+            logger=_SILENT,
+        )
+
+    def _await(self, what: Awaitable[Any]) -> Any:
+        """The result of ``what``; an interruption waits for it."""
+        with deferred():
+            return self._loop.run_until_complete(what)
 
     def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
         """Send one control tick: reading, the stack's command, the true pose; hold the run."""
@@ -193,8 +177,8 @@ class LiveServer:
         if reading.frame is not None:
             self._last = (reading, twist, pose)
             now = struct.pack("<BQ", 2, topics.nanoseconds(reading.time))
-            for client in self._clients:
-                client.send(now)
+            for client in self._server.connections:
+                _send(client, now)
         if self._speed is not None:
             due = self._due + (reading.time - self._time) / self._speed
             self._due = max(due, time.monotonic() - _CATCH_UP)
@@ -220,30 +204,21 @@ class LiveServer:
                 while True:
                     self._hold()
             self._channels.close()
-        for client in self._clients:
-            if client.viewing:
-                client.protocol.send_close(1000)
-        until = time.monotonic() + 1.0
-        while self._clients and time.monotonic() < until:
-            self.serve(_PERIOD)
-        for client in [*self._clients]:
-            self._drop(client)
-        self._selector.close()
-        self._socket.close()
+        self._await(self._close())
+        self._loop.close()
+
+    async def _close(self) -> None:
+        self._server.close()
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._server.wait_closed(), 1.0)
+        left = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in left:
+            task.cancel()
+        await asyncio.gather(*left, return_exceptions=True)
 
     def serve(self, patience: float) -> None:
-        """Send what waits and take what arrives, within ``patience`` [s]."""
-        self._flush()
-        for key, _ in self._selector.select(patience):
-            if key.data is None:
-                self._accept()
-            elif key.data in self._clients:
-                try:
-                    for event in key.data.receive():
-                        self._answer(key.data, event)
-                except Exception:  # whatever it has sent costs its own connection only
-                    self._drop(key.data)
-        self._flush()
+        """Send what waits and take what arrives, for ``patience`` [s]."""
+        self._await(asyncio.sleep(patience))
 
     def _hold(self) -> None:
         """Serve while the run stands still; who joins sees its newest frame."""
@@ -256,48 +231,43 @@ class LiveServer:
     def _channel(self, info: ChannelInfo) -> _LiveChannel:
         return self._open.setdefault(info.topic, _LiveChannel(len(self._open), info))
 
-    def _accept(self) -> None:
-        """Take in whoever has come."""
-        with suppress(OSError):
-            for _ in range(_MAX_CLIENTS):
-                self._take_in(_Client(self._socket.accept()[0]))
-
-    def _take_in(self, client: _Client) -> None:
-        idle = [other for other in self._clients if not other.viewing]
+    def _admit(self, *words: Any, **options: Any) -> ServerConnection:
+        """A new connection; of too many the oldest goes, first those that view nothing."""
+        self._clients = [client for client in self._clients if client.state is not State.CLOSED]
         if len(self._clients) >= _MAX_CLIENTS:
-            self._drop(idle[0] if idle else self._clients[0])
-        self._clients.append(client)
-        self._selector.register(client.connection, EVENT_READ, client)
+            idle = (client for client in self._clients if client.state is not State.OPEN)
+            oldest = next(idle, self._clients[0])
+            self._clients.remove(oldest)
+            with suppress(AttributeError):  # it has come at this moment, and has no transport yet
+                oldest.transport.abort()
+        self._clients.append(ServerConnection(*words, **options))
+        return self._clients[-1]
 
-    def _flush(self) -> None:
-        for client in [*self._clients]:
-            if client.flush():
-                self._drop(client)
+    def _answer(self, client: ServerConnection, request: Request) -> Response | None:
+        """The page, or a refusal; None for a viewer."""
+        if refusal := self._refusal(request):
+            return client.respond(403, f"navfw: {refusal}\n")
+        if "Upgrade" in request.headers:
+            return None
+        headers = Headers(_HEADERS | {"Content-Length": str(len(self._page))})
+        return Response(200, "OK", headers, self._page)
 
-    def _drop(self, client: _Client) -> None:
-        for channel in self._open.values():
-            channel.receivers.pop(client, None)
-        self._clients.remove(client)
-        self._selector.unregister(client.connection)
-        client.connection.close()
-
-    def _answer(self, client: _Client, event: Request | Frame) -> None:
-        """Answer a request for the page or for a connection, or take a viewer's message."""
-        protocol = client.protocol
-        if isinstance(event, Frame):
-            if event.opcode in (Opcode.TEXT, Opcode.BINARY, Opcode.CONT):
-                self._take(client, event)
-        elif refusal := self._refusal(event):
-            protocol.send_response(protocol.reject(403, f"navfw: {refusal}\n"))
-        elif "Upgrade" not in event.headers:
-            headers = Headers(_HEADERS | {"Content-Length": str(len(self._page))})
-            protocol.send_response(Response(200, "OK", headers, self._page))
-        else:
-            protocol.send_response(protocol.accept(event))
-            about = {"name": "navfw", "capabilities": ["time"], "supportedEncodings": []}
-            client.say(op="serverInfo", **about, metadata={})
-            client.say(op="advertise", channels=[c.advertised for c in self._open.values()])
-            self._tell_state([client])
+    async def _view(self, client: ServerConnection) -> None:
+        """Take the messages of a viewer; one that cannot be read ends the connection."""
+        about = {"name": "navfw", "capabilities": ["time"], "supportedEncodings": []}
+        _tell(client, op="serverInfo", **about, metadata={})
+        _tell(client, op="advertise", channels=[c.advertised for c in self._open.values()])
+        self._tell_state([client])
+        try:
+            async for text in client:
+                self._take(client, text)
+        except (InputError, ValueError, LookupError, TypeError, RecursionError, struct.error):
+            await client.close(1003)
+        except ConnectionClosed:
+            pass
+        finally:
+            for channel in self._open.values():
+                channel.receivers.pop(client, None)
 
     def _refusal(self, request: Request) -> str:
         """Why a request is refused; "" if it is not."""
@@ -312,36 +282,33 @@ class LiveServer:
             return "the address needs the token that navfw run has printed"
         return "" if address.path == "/" else "the page is at /"
 
-    def _tell_state(self, clients: list[_Client]) -> None:
+    def _tell_state(self, clients: list[ServerConnection]) -> None:
         state = {"paused": self._paused, "speed": self._speed, "ended": self._ended}
         for client in clients:
-            if client.protocol.subprotocol == _PAGE:
-                client.say(op="navfw", **state)
+            if client.subprotocol == _PAGE:
+                _tell(client, op="navfw", **state)
             elif self._ended:
-                client.say(op="status", level=0, message=self._ended)
+                _tell(client, op="status", level=0, message=self._ended)
 
-    def _take(self, client: _Client, frame: Frame) -> None:
-        """Take a message of a viewer; one that cannot be read ends the connection."""
-        try:
-            message = json.loads(bytes(frame.data))
-            if message["op"] == "subscribe":
-                channels = [*self._open.values()]
-                for wanted in message["subscriptions"]:
-                    start = struct.pack("<BI", 1, wanted["id"])
-                    channels[wanted["channelId"]].receivers[client] = start
-                self._joined, self._wait = True, False
-                self._channels.restart()
-            elif message["op"] == "unsubscribe":
-                ended = [struct.pack("<BI", 1, number) for number in message["subscriptionIds"]]
-                for channel in self._open.values():
-                    if channel.receivers.get(client) in ended:
-                        del channel.receivers[client]
-            elif message["op"] == "navfw" and client.protocol.subprotocol == _PAGE:
-                self._speed = _checked(message["speed"])
-                self._paused = message["paused"] is True
-                self._tell_state(self._clients)
-        except (InputError, ValueError, LookupError, TypeError, RecursionError, struct.error):
-            client.protocol.fail(1003)
+    def _take(self, client: ServerConnection, text: str | bytes) -> None:
+        """Take a message of a viewer; raises errors of many kinds for one that cannot be read."""
+        message = json.loads(text)
+        if message["op"] == "subscribe":
+            channels = [*self._open.values()]
+            for wanted in message["subscriptions"]:
+                start = struct.pack("<BI", 1, wanted["id"])
+                channels[wanted["channelId"]].receivers[client] = start
+            self._joined, self._wait = True, False
+            self._channels.restart()
+        elif message["op"] == "unsubscribe":
+            ended = [struct.pack("<BI", 1, number) for number in message["subscriptionIds"]]
+            for channel in self._open.values():
+                if channel.receivers.get(client) in ended:
+                    del channel.receivers[client]
+        elif message["op"] == "navfw" and client.subprotocol == _PAGE:
+            self._speed = _checked(message["speed"])
+            self._paused = message["paused"] is True
+            self._tell_state(self._clients)
 
 
 def _checked(speed: float | None) -> float | None:

@@ -34,7 +34,7 @@ from navfw.numerics import Image
 from navfw.process.atomic import AtomicFolder
 from navfw.recording import channel_list as topics
 from navfw.recording.ros_messages import message_types
-from navfw.recording.run_folder import OLD_RECORDING, RECORDING
+from navfw.recording.run_folder import RECORDING
 
 with extra_imports("record"):
     import zstandard
@@ -298,9 +298,6 @@ def recording_in(folder: str | Path) -> Path:
     path = Path(folder) / RECORDING
     if is_file(path):
         return path
-    if is_file(Path(folder) / OLD_RECORDING):
-        what = f"{OLD_RECORDING} is of an earlier version of navfw, which this one does not read"
-        raise ConfigError(f"{what}; run again with --record", file=folder)
     raise ConfigError("contains no sensor readings; run again with --record", file=folder)
 
 

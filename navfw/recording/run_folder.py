@@ -29,9 +29,6 @@ RECORDING = "run.mcap"
 REPORT = "report.html"
 """The report of ``navfw report``."""
 
-OLD_RECORDING = "recording.npz"
-"""The recording of earlier versions: no longer read, and replaced with its folder."""
-
 LAYOUT = "foxglove_layout.json"
 """The layout of Foxglove for the channels of a recording."""
 
@@ -39,7 +36,7 @@ MAP, PLAN = "map.yaml", "plan.yaml"
 """The files of a recording's map, and of its floor plan, if any; its image is beside it."""
 
 FILES = frozenset(
-    {RESULT, PICTURE, RECORDING, OLD_RECORDING, REPORT, LAYOUT}
+    {RESULT, PICTURE, RECORDING, REPORT, LAYOUT}
     | {MAP, "stack.yaml", PLAN, "plan.png", f".{RESULT}"},
 )
 """The files of a run folder; a folder with any other file in it is never replaced."""
