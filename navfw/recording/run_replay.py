@@ -7,7 +7,7 @@ and stack file.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,11 +29,6 @@ from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist,
 
 if TYPE_CHECKING:
     from navfw.stack import Stack
-
-_TOLERANCE = 1.0
-"""Largest difference of clocks in a recording [s]."""
-_MAX_RATE = 1000.0
-"""Largest rate of a turn [rad/s]; gyros measure up to 70."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +58,7 @@ def load_recording(path: str | Path, max_bytes: int = topics.MAX_BYTES) -> Senso
     Of a file that is cut off, the intact part.
 
     Raises:
-        ConfigError: the file does not exist, is too large, or is not a recording (``RecordedRun``);
-            its readings are none that sensors give.
+        ConfigError: the file does not exist, is too large, or is not a recording (``RecordedRun``).
 
     """
     run = RecordedRun(path, max_bytes)
@@ -80,7 +74,6 @@ def load_recording(path: str | Path, max_bytes: int = topics.MAX_BYTES) -> Senso
             images.add(message)
     if not readings and not run.complete:
         raise run.refused("the file is cut off before its first reading")
-    _check(readings, run)
     table = np.array(commands, dtype=np.float64).reshape(-1, 2)
     return SensorRecording(tuple(readings), table, run.complete)
 
@@ -123,35 +116,6 @@ class _Images:
         if not self._waiting[topic]:
             raise self._run.refused(f"images of {topic} are missing")
         return self._waiting[topic].popleft()
-
-
-def _check(readings: Sequence[SensorReading], run: RecordedRun) -> None:
-    times = np.array([reading.time for reading in readings])
-    if not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
-        raise run.refused("times do not increase")
-    for measured in ("inertial", "encoders"):
-        taken = np.array([getattr(reading, measured).time for reading in readings])
-        if not _near(taken, times, times):
-            what = "the times of gyro or encoders are not those of their readings"
-            raise run.refused(what)
-    inertial = [reading.inertial for reading in readings]
-    rates = np.array([(gyro.roll_rate, gyro.pitch_rate, gyro.yaw_rate) for gyro in inertial])
-    if (np.abs(rates) > _MAX_RATE).any():
-        raise run.refused(f"a rate is above {_MAX_RATE:g} rad/s")
-    for kind in ("frame", "landmark_frame"):
-        frames = [(getattr(reading, kind), reading.time) for reading in readings]
-        pairs = np.array([(frame.time, time) for frame, time in frames if frame is not None])
-        if len(pairs) and not _near(pairs[:, 0], pairs[:, 1], times):
-            raise run.refused("the time of an image is not that of its reading")
-
-
-def _near(measured: Array, read: Array, times: Array) -> bool:
-    """Whether measurements [s] were made in the run, and before they were read.
-
-    They may be as old as the run: a camera or encoders that fail repeat their last measurement.
-    """
-    earliest = times[0] - _TOLERANCE if len(times) else 0.0
-    return bool(((measured >= earliest) & (measured <= read + _TOLERANCE)).all())
 
 
 @dataclass(frozen=True, slots=True)
