@@ -96,12 +96,8 @@ class Session:
     @property
     def description(self) -> dict[str, str]:
         """What a recording tells of its run: names, seed, and the configuration as JSON."""
-        return {
-            "world": self.world_name,
-            "mission": self.mission_name,
-            "seed": str(self.seed),
-            "config": json.dumps(plain_json(self.config)),
-        }
+        names = {"world": self.world_name, "mission": self.mission_name, "seed": str(self.seed)}
+        return {**names, "config": json.dumps(plain_json(self.config))}
 
     def simulation(self, gui: bool = False) -> Simulation:
         """The simulator, the robot at the start; a stack with ``oracle: true`` gets its truth."""
