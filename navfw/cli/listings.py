@@ -101,25 +101,28 @@ def plugins(
 def overview() -> list[Row]:
     """Every plugin: name, kind, source, summary and error, in the order of kinds.
 
-    Of shipped plugins this is what their source says: they are neither imported nor verified, which
-    ``Registry.listing`` does. Those of the project and of installed packages are.
+    Of shipped and of installed plugins this is what their source says: they are neither imported
+    nor verified, which ``Registry.listing`` does. Those of the project are, and what has no source
+    or a name that is taken.
 
     Raises:
         UntrustedCodeError: the project has plugins, and the user has not agreed to execute them.
 
     """
-    from navfw.plugins.built_in import installed_points, shipped_outlines
+    from navfw.plugins import built_in
 
     require_trust()
-    points, folders = installed_points(), lookup.project_plugin_folders()
+    points, folders = built_in.installed_points(), lookup.project_plugin_folders()
     try:
-        shipped = shipped_outlines()
+        shipped, installed = built_in.shipped_outlines(), built_in.installed_outlines(points)
     except SyntaxError:
         from navfw.plugins.registry import default_registry
 
         return default_registry().listing()  # which has the error
-    if not points and not folders:
-        return shipped
+    rows = built_in.in_order([*shipped, *installed])
+    is_whole = len({(row["kind"], row["name"]) for row in rows}) == len(shipped) + len(points)
+    if is_whole and not folders:
+        return rows
     from navfw.plugins.registry import Registry
 
     registry = Registry()
@@ -128,7 +131,7 @@ def overview() -> list[Row]:
     for folder in folders:
         registry.discover_folder(folder)
     registry.discover_entry_points(points)
-    return registry.listing(outlines=shipped)
+    return registry.listing(outlines=rows)
 
 
 def _row(kind: FileKind, file: lookup.NamedFile) -> Row:

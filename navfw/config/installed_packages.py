@@ -34,6 +34,12 @@ def package_of(point: EntryPoint) -> str:
     return "" if point.dist is None else f"{point.dist.name} {point.dist.version}"
 
 
+def source_of(point: EntryPoint) -> str:
+    """The origin of a plugin in listings."""
+    package = package_of(point)
+    return f"entry point {point.group}" + (package and f" of {package}")
+
+
 def is_installed(package: str) -> bool:
     """Whether the package of that name, as in ``pip install NAME``, is installed."""
     return next(iter(distributions(name=package)), None) is not None

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import ast
 import inspect
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
 from navfw.config.input_file import read_input, shown_path
-from navfw.config.installed_packages import points_of
+from navfw.config.installed_packages import file_of, points_of, source_of
 from navfw.config.lookup import plugin_files, shipped_folder
 
 BUILT_IN: dict[str, dict[str, str]] = {
@@ -70,6 +70,17 @@ def installed_points() -> list[EntryPoint]:
     return [point for group in GROUPS for point in points_of(group)]
 
 
+def installed_outlines(points: Iterable[EntryPoint]) -> list[dict[str, Any]]:
+    """The plugins of installed packages as their source says, as far as it is found."""
+    rows = []
+    for point in points:
+        file = file_of(point.module)
+        found = () if file is None or file.suffix != ".py" else _classes(file)
+        for cls in (cls for cls in found if cls.name == point.attr):
+            rows.append(_outline(GROUPS[point.group], point.name, source_of(point), cls))
+    return rows
+
+
 def summary_of(docstring: str | None) -> str:
     """The first paragraph of a docstring on one line."""
     return inspect.cleandoc(docstring or "").strip().split("\n\n")[0].replace("\n", " ")
@@ -87,9 +98,13 @@ def shipped_outlines() -> list[dict[str, Any]]:
         SyntaxError: a source cannot be parsed.
 
     """
+    return in_order([*_outlines_of_modules(), *_outlines_of_behaviors()])
+
+
+def in_order(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The ``rows`` of plugins in the order of kinds, and by name."""
     order = list(BUILT_IN)
-    outlines = [*_outlines_of_modules(), *_outlines_of_behaviors()]
-    return sorted(outlines, key=lambda row: (order.index(row["kind"]), row["name"]))
+    return sorted(rows, key=lambda row: (order.index(row["kind"]), row["name"]))
 
 
 def _outlines_of_modules() -> Iterator[dict[str, Any]]:

@@ -11,7 +11,7 @@ from typing import Any, cast
 
 from navfw.config.error_location import parameters_of
 from navfw.config.input_file import real_path, shown_path
-from navfw.config.installed_packages import package_of
+from navfw.config.installed_packages import source_of
 from navfw.config.lookup import plugin_files, plugin_folders
 from navfw.config.project_trust import require_trust
 from navfw.errors import InputError, PluginError, UnknownNameError
@@ -96,9 +96,7 @@ class Registry:
     def discover_entry_points(self, points: Iterable[EntryPoint] | None = None) -> None:
         """Add the plugins of installed packages; they are imported on first use."""
         for point in installed_points() if points is None else points:
-            package = package_of(point)
-            source = f"entry point {point.group}" + (package and f" of {package}")
-            target = point.value.replace(" ", "")
+            source, target = source_of(point), point.value.replace(" ", "")
             entry = _RegistryEntry(GROUPS[point.group], point.name, source, target)
             self._attempt(entry, partial(self._add, entry))
 

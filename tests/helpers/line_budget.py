@@ -9,14 +9,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 69559,
+    "navfw/, lines of Python": 69829,
     "navfw/, lines of stubs": 850,
     "navfw/, lines of scripts, pages, styles and templates": 1746,
     "behaviors/, lines of Python": 1553,
     "examples/, lines of Python": 647,
     "benchmarks/, lines of Python, pages and stubs": 7991,
-    "tests/, lines of Python": 48106,
-    "docs/, words": 51698,
+    "tests/, lines of Python": 48337,
+    "docs/, words": 51726,
     "README.md, words": 900,
     "pyproject.toml, lines": 303,
 }
