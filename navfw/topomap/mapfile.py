@@ -48,7 +48,8 @@ _LANDMARK_KEYS = tuple(MapLandmarkSpec.model_fields)
 KindCheck = Callable[[str], str]
 """Returns the name of a kind of landmark, or raises ValueError if there is none of that name."""
 
-_SHIPPED_KINDS = ("aruco",)
+_SHIPPED_KINDS = ("aruco", "poster")
+"""Kinds of landmark known without looking for plugins; posters are those of navfw-benchmarks."""
 
 
 def _shipped_kind(name: str) -> str:
