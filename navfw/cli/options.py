@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import inspect
 import json
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import MISSING, fields
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
 
 import typer
 from typer.core import TyperGroup
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
     from navfw.suite.case import Case
     from navfw.suite.suite_run import Engine
 
+OptionsT = TypeVar("OptionsT")
 Names = Callable[[typer.Context], Iterable[str]]
 _Completer = Callable[[typer.Context, str], list[str]]
 
@@ -229,6 +232,30 @@ def numbers_of(option: str, text: str | None, names: tuple[str, ...]) -> tuple[f
     if len(numbers) != len(names) or not all(math.isfinite(number) for number in numbers):
         raise InputError(f"expected {','.join(names)}, got {text!r}", key=option)
     return tuple(numbers)
+
+
+def from_options(command: Callable[[OptionsT], None]) -> Callable[..., None]:
+    """The command whose arguments and options are the fields of the dataclass that it takes."""
+    cls: Any = get_type_hints(command)["options"]
+    hints = get_type_hints(cls, include_extras=True)
+
+    @wraps(command)
+    def with_options(**values: Any) -> None:
+        command(cls(**values))
+
+    kind, none = inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.empty
+    parameters = [
+        inspect.Parameter(
+            field.name,
+            kind,
+            default=none if field.default is MISSING else field.default,
+            annotation=hints[field.name],
+        )
+        for field in fields(cls)
+    ]
+    with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    with_options.__annotations__ = hints
+    return with_options
 
 
 MAX_MEANT = 3

@@ -56,108 +56,74 @@ Settings = Annotated[
 ]
 
 
-def run(
-    world: options.World,
-    mission: options.Mission = "",
-    goal: Goal = None,
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """Arguments and options of ``navfw run``."""
+
+    world: options.World
+    mission: options.Mission = ""
+    goal: Goal = None
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of all noise; the same one gives the same commands.")
-    ] = 0,
+    ] = 0
     stack: Annotated[
         str | None,
         typer.Option(
             help="Name or file of a stack [default: that of the mission, or default].",
             autocompletion=options.completer_of("stack"),
         ),
-    ] = None,
-    robot: options.Robot = None,
-    set_: Settings = None,
+    ] = None
+    robot: options.Robot = None
+    set_: Settings = None
     out: Annotated[
         Path | None, typer.Option(help="Run folder [default: runs/WORLD-MISSION-SEED].")
-    ] = None,
-    record: options.Record = False,
-    live: options.Live = False,
-    port: options.LivePort = 8765,
-    origin: options.LiveOrigin = None,
-    speed: options.LiveSpeed = None,
-    wait: options.LiveWait = False,
-    stay: options.LiveStay = False,
-    video: options.Video = None,
+    ] = None
+    record: options.Record = False
+    live: options.Live = False
+    port: options.LivePort = 8765
+    origin: options.LiveOrigin = None
+    speed: options.LiveSpeed = None
+    wait: options.LiveWait = False
+    stay: options.LiveStay = False
+    video: options.Video = None
     limit: Annotated[
-        float | None,
-        typer.Option(min=1.0, help="Wall-clock limit [s]. Beyond it the run is a fault."),
-    ] = None,
-    gui: Annotated[
-        bool, typer.Option("--gui", help="Show a window that follows the robot.")
-    ] = False,
-    json: options.Json = False,
-    quiet: Quiet = False,
-) -> None:
+        float,
+        typer.Option(
+            min=1.0, show_default=False, help="Wall-clock limit [s]. Beyond it the run is a fault."
+        ),
+    ] = math.inf
+    gui: Annotated[bool, typer.Option("--gui", help="Show a window that follows the robot.")] = (
+        False
+    )
+    json: options.Json = False
+    quiet: Quiet = False
+
+
+@options.from_options
+def run(options: RunOptions) -> None:
     """Drive a mission. Exit with 0 for success, 1 for failure, 2 for invalid input.
 
     A plugin that fails often is a failure. 3: a file was not written; the result is printed.
     """
-    if not live and (origin or speed or wait or stay):
+    if not options.live and (options.origin or options.speed or options.wait or options.stay):
         raise InputError("--origin, --speed, --wait and --stay need --live", key="--live")
-    _run(
-        _Request(
-            world,
-            _target(world, mission, goal),
-            seed,
-            stack,
-            (*options.of_robot(robot), *(set_ or ())),
-            out,
-            math.inf if limit is None else limit,
-            record=record or video is not None,
-            live=_LiveRequest(port, tuple(origin or ()), speed, wait, stay) if live else None,
-            video=video,
-            gui=gui,
-            json=json,
-            quiet=quiet,
-        )
-    )
+    _run(options)
 
 
-def _target(world: str, mission: str, goal: str | None) -> str | tuple[float, float]:
+def _target(request: RunOptions) -> str | tuple[float, float]:
     """The mission, or the point of ``--goal``; one of them is given."""
-    if mission and goal is not None:
+    if request.mission and request.goal is not None:
         raise InputError("give a mission or a goal, not both", key="--goal")
-    point = options.numbers_of("--goal", goal, ("X", "Y"))
+    point = options.numbers_of("--goal", request.goal, ("X", "Y"))
     if point is not None:
         return point[0], point[1]
-    if not mission:
-        names = ", ".join(item.name for item in list_missions(world)) or "it has none"
-        raise InputError(f"give --goal, or one of the missions of {world}: {names}")
-    return mission
+    if not request.mission:
+        names = ", ".join(item.name for item in list_missions(request.world)) or "it has none"
+        raise InputError(f"give --goal, or one of the missions of {request.world}: {names}")
+    return request.mission
 
 
-@dataclass(frozen=True, slots=True)
-class _LiveRequest:
-    port: int
-    origins: tuple[str, ...]
-    speed: float | None
-    wait: bool
-    stay: bool
-
-
-@dataclass(frozen=True, slots=True)
-class _Request:
-    world: str
-    mission: str | tuple[float, float]
-    seed: int
-    stack: str | None
-    overrides: tuple[str, ...]
-    out: Path | None
-    limit: float
-    record: bool
-    live: _LiveRequest | None
-    video: Path | None
-    gui: bool
-    json: bool
-    quiet: bool
-
-
-def _run(request: _Request) -> NoReturn:
+def _run(request: RunOptions) -> NoReturn:
     """Drive and hand over the result. No signal interrupts the printing."""
     with deferred():
         with quiet_stdout():
@@ -168,7 +134,7 @@ def _run(request: _Request) -> NoReturn:
         raise typer.Exit(NOT_SAVED if missing else result.exit_code)
 
 
-def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ...]]:
+def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, ...]]:
     """Run the mission and write its folder, after all input has been checked.
 
     Returns the result, the folder with it, None if it could not be written, and what is missing.
@@ -179,6 +145,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
     from navfw.robot.urdf_measures import robot_notes
     from navfw.sim.engine import check_display
 
+    mission = _target(request)
     if request.gui:
         check_display()
     if request.video is not None:
@@ -186,21 +153,22 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
     with interruptible():  # up to here there is nothing to save
         session = prepare(
             request.world,
-            request.mission,
+            mission,
             seed=request.seed,
             stack=request.stack,
-            overrides=request.overrides,
+            overrides=(*options.of_robot(request.robot), *(request.set_ or ())),
         )
         check_interrupted()
         for note in () if request.quiet else robot_notes(session.mission.spec.robot):
             echo(f"note: {note}", err=True)
         compile_with_progress(loaded=True, quiet=request.quiet)
-        server = None if request.live is None else _live(session, request.live)
+        server = _live(session, request) if request.live else None
     target = RunFolder(request.out or default_folder(session), numbered=request.out is None)
     result = None
     try:
         with target:
-            recorded = RecordedFolder(session, target) if request.record else None
+            kept = request.record or request.video is not None
+            recorded = RecordedFolder(session, target) if kept else None
             _announce(session, target, request)
             with _RunProgress(quiet=request.quiet) as line, ended_after(request.limit + PATIENCE):
                 result = session.run(
@@ -213,10 +181,10 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
                 )
             announce(driven=True)
             missing = write_run(result, target)
-        if server is not None and request.live is not None:
-            if request.live.stay:
+        if server is not None:
+            if request.stay:
                 echo("live: the run has ended; Ctrl-C ends the server", err=True)
-            server.end(f"{result.outcome}: {result.reason}", stay=request.live.stay)
+            server.end(f"{result.outcome}: {result.reason}", stay=request.stay)
     except InputError as error:
         if result is None:
             raise
@@ -225,7 +193,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
     return result, folder, (*missing, *_write_video(request, target.final))
 
 
-def _announce(session: Session, target: RunFolder, request: _Request) -> None:
+def _announce(session: Session, target: RunFolder, request: RunOptions) -> None:
     """Report to the supervisor what run begins."""
     announce(
         run={
@@ -240,7 +208,7 @@ def _announce(session: Session, target: RunFolder, request: _Request) -> None:
     )
 
 
-def _write_video(request: _Request, folder: Path | None) -> tuple[str, ...]:
+def _write_video(request: RunOptions, folder: Path | None) -> tuple[str, ...]:
     """Write the video of a run, if one was asked for; returns why it is missing, if it is."""
     if request.video is None or folder is None:
         return ()
@@ -254,7 +222,7 @@ def _write_video(request: _Request, folder: Path | None) -> tuple[str, ...]:
     return ()
 
 
-def _live(session: Session, request: _LiveRequest) -> LiveServer:
+def _live(session: Session, request: RunOptions) -> LiveServer:
     from navfw.recording.live_server import LiveServer
     from navfw.report import live_page
 
@@ -264,14 +232,14 @@ def _live(session: Session, request: _LiveRequest) -> LiveServer:
         session.seen,
         request.port,
         page=live_page(title, session.seen, goals),
-        origins=request.origins,
+        origins=tuple(request.origin or ()),
         speed=request.speed,
         wait=request.wait,
     )
     # printed with --quiet as well: without its token the address is of no use
     waits = " (the run begins with the first viewer)" if request.wait else ""
     echo(f"live: {server.url}{waits}", err=True)
-    if request.origins:
+    if request.origin:
         address = server.url.replace("http", "ws", 1)
         echo(f"live: {address} for Foxglove and Lichtblick", err=True)
     return server
