@@ -101,7 +101,7 @@ def checked_seed(seed: object) -> int:
     """
     number = seed if not isinstance(seed, bool) and hasattr(seed, "__index__") else -1
     if not 0 <= operator.index(number) <= MAX_SEED:
-        what = f"expected a whole number from 0 to {MAX_SEED}, got {seed!r:.40}"
+        what = f"expected a seed from 0 to {MAX_SEED}, a whole number; got {seed!r:.40}"
         raise InputError(what, key="seed")
     return operator.index(number)
 

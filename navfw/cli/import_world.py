@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navfw.cli.options import Json, numbers_of
+from navfw.cli.options import Json, from_options, numbers_of
 from navfw.cli.output import echo, print_json, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
@@ -22,117 +22,90 @@ _IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
 """Files that are imported as the image of a floor plan."""
 
 
-Inside = Annotated[
-    str | None,
-    typer.Option(
-        metavar="X,Y",
-        help="Plan: take the piece of free ground with this point [m].",
-        show_default="the largest",
-    ),
-]
-Named = Annotated[
-    list[str] | None,
-    typer.Option(metavar="X,Y=NAME", help="Plan: name the place at a point [m]. Repeatable."),
-]
+@dataclass(frozen=True, slots=True)
+class ImportOptions:
+    """Arguments and options of ``navfw world import``."""
 
-
-def import_(
     source: Annotated[
         list[Path],
         typer.Argument(
-            metavar="FILE...",
-            help="SDF file, map_server yaml, or image of a floor plan.",
+            metavar="FILE...", help="SDF file, map_server yaml, or image of a floor plan."
         ),
-    ],
-    out: Annotated[
-        Path, typer.Option(help="Folder to write; of several files each gets OUT/NAME.")
-    ],
+    ]
+    out: Annotated[Path, typer.Option(help="Folder to write; of several files each gets OUT/NAME.")]
     start: Annotated[
         str | None,
         typer.Option(metavar="X,Y,YAW", help="SDF: start [m, rad]; not needed for a BARN world."),
-    ] = None,
+    ] = None
     goal: Annotated[
         str | None, typer.Option(metavar="X,Y", help="SDF: goal [m]; not needed for a BARN world.")
-    ] = None,
+    ] = None
     skip_unsupported: Annotated[
         bool, typer.Option("--skip-unsupported", help="SDF: leave out unsupported elements.")
-    ] = False,
+    ] = False
     models: Annotated[
         Path | None, typer.Option(help="SDF: folder of models, for meshes not beside the world.")
-    ] = None,
+    ] = None
     resolution: Annotated[
         float | None, typer.Option(help="Image: edge of a pixel [m]; a yaml file has its own.")
-    ] = None,
+    ] = None
     speckle: Annotated[
         float | None, typer.Option(help="Plan: spots up to this size vanish [m] [default: 0.12].")
-    ] = None,
+    ] = None
     gap: Annotated[
         float | None, typer.Option(help="Plan: narrower openings are closed [m] [default: 0.15].")
-    ] = None,
-    inside: Inside = None,
-    name: Named = None,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
+    ] = None
+    inside: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y",
+            help="Plan: take the piece of free ground with this point [m].",
+            show_default="the largest",
+        ),
+    ] = None
+    name: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X,Y=NAME", help="Plan: name the place at a point [m]. Repeatable."),
+    ] = None
+    json: Json = False
+    quiet: Quiet = False
+
+    def check(self, file: Path) -> bool:
+        """Whether ``file`` is a plan; raises InputError for an option that is not for its kind."""
+        kind = file.suffix.lower()
+        plan = kind in {".yaml", ".yml", *_IMAGE_SUFFIXES}
+        others = _OF_SDF if plan else (*_OF_PLANS, "resolution")
+        if plan and kind not in _IMAGE_SUFFIXES:
+            others = (*others, "resolution")
+        for name in others:
+            value = getattr(self, name)
+            if value is not None and value is not False:
+                option = f"--{name.replace('_', '-')}"
+                raise InputError(f"is not for {kind or 'such'} files; leave it out", key=option)
+        return plan
+
+
+_OF_SDF = ("start", "goal", "skip_unsupported", "models")
+_OF_PLANS = ("speckle", "gap", "inside", "name")
+Made = tuple[dict[str, Any], tuple[str, ...], tuple[str, ...]]
+"""Of an imported world: the object of ``--json``, its lines, and what was left out."""
+
+
+@from_options
+def import_(options: ImportOptions) -> None:
     """Make worlds of Gazebo worlds, or of floor plans: with a map, and missions between places.
 
     Drive in one with navfw run FOLDER MISSION. Of several files, one that cannot be imported costs
     itself alone; exit with 2 if there is one.
     """
-    begin = numbers_of("--start", start, ("X", "Y", "YAW"))
-    end = numbers_of("--goal", goal, ("X", "Y"))
-    point = numbers_of("--inside", inside, ("X", "Y"))
-    options = _ImportOptions(
-        begin, end, skip_unsupported, models, resolution, speckle, gap, point, _named(name or [])
-    )
-    folders = _folders(source, out)
-    with ProgressBar("import", "files", quiet=quiet) as bar, quiet_stdout():
+    folders = _folders(options.source, options.out)
+    with ProgressBar("import", "files", quiet=options.quiet) as bar, quiet_stdout():
         made, failed = _import_files(folders, options, bar)
-    _print(made, single=len(folders) == 1, json=json)
+    _print(made, single=len(folders) == 1, json=options.json)
     for what in failed:
         echo(f"navfw: {what}", err=True)
     if failed:
         raise typer.Exit(2)
-
-
-@dataclass(frozen=True, slots=True)
-class _ImportOptions:
-    """The options of ``navfw world import`` that belong to one kind of file."""
-
-    start: tuple[float, ...] | None
-    goal: tuple[float, ...] | None
-    skip_unsupported: bool
-    models: Path | None
-    resolution: float | None
-    speckle: float | None
-    gap: float | None
-    inside: tuple[float, ...] | None
-    named: Mapping[str, tuple[float, float]]
-
-    def check(self, kind: str, *, plan: bool) -> None:
-        """Raise InputError for an option that is not for files with the suffix ``kind``."""
-        for option, value, fits in (
-            ("--start", self.start, not plan),
-            ("--goal", self.goal, not plan),
-            ("--skip-unsupported", self.skip_unsupported or None, not plan),
-            ("--models", self.models, not plan),
-            ("--resolution", self.resolution, kind in _IMAGE_SUFFIXES),
-            ("--speckle", self.speckle, plan),
-            ("--gap", self.gap, plan),
-            ("--inside", self.inside, plan),
-            ("--name", self.named or None, plan),
-        ):
-            if value is not None and not fits:
-                raise InputError(f"is not for {kind or 'such'} files; leave it out", key=option)
-
-
-@dataclass(frozen=True, slots=True)
-class _Imported:
-    """One imported world: the object of ``--json``, its lines, and what was left out."""
-
-    data: dict[str, Any]
-    lines: tuple[str, ...]
-    left_out: tuple[str, ...] = ()
 
 
 def _folders(sources: list[Path], out: Path) -> dict[Path, Path]:
@@ -150,19 +123,16 @@ def _folders(sources: list[Path], out: Path) -> dict[Path, Path]:
 
 
 def _import_files(
-    folders: Mapping[Path, Path], options: _ImportOptions, bar: ProgressBar
-) -> tuple[list[_Imported], list[InputError]]:
+    folders: Mapping[Path, Path], options: ImportOptions, bar: ProgressBar
+) -> tuple[list[Made], list[InputError]]:
     """Import each file into its folder: what was made, and the errors where there are several."""
-    made: list[_Imported] = []
+    made: list[Made] = []
     failed: list[InputError] = []
     single, count = len(folders) == 1, len(folders)
     for number, (file, folder) in enumerate(folders.items(), start=1):
-        kind = file.suffix.lower()
-        plan = kind in {".yaml", ".yml", *_IMAGE_SUFFIXES}
-        import_file, report = _import_plan if plan else _import_gazebo, bar.show_part
         try:
-            options.check(kind, plan=plan)
-            made.append(import_file(file, folder, options, report if single else silent))
+            import_file = _import_plan if options.check(file) else _import_gazebo
+            made.append(import_file(file, folder, options, bar.show_part if single else silent))
         except InputError as error:
             if single:
                 raise
@@ -172,17 +142,16 @@ def _import_files(
     return made, failed
 
 
-def _import_plan(
-    source: Path, out: Path, options: _ImportOptions, report: ProgressCallback
-) -> _Imported:
+def _import_plan(source: Path, out: Path, options: ImportOptions, report: ProgressCallback) -> Made:
     from navfw.worldgen.plan_exchange import import_plan, read_cleaning, read_plan
     from navfw.worldgen.world_draft import MIN_PATH
 
     steps = read_cleaning({"speckle": options.speckle, "gap": options.gap})
     report("reading")
-    inside = None if options.inside is None else (options.inside[0], options.inside[1])
+    inside: Any = numbers_of("--inside", options.inside, ("X", "Y"))
+    named = _named(options.name or [])
     plan = read_plan(source, options.resolution)
-    made = import_plan(plan, source.stem, steps, report, inside, options.named)
+    made = import_plan(plan, source.stem, steps, report, inside, named)
     folder = made.write(out)
     (area, (x, y)), *others = made.pieces
     kinds = Counter(place.kind for place in made.topo_map.places.values())
@@ -211,21 +180,22 @@ def _import_plan(
         lines += (f"other pieces of free ground: {len(others)}, {largest}",)
     if max(made.lengths.values()) < MIN_PATH:
         lines += (f"the plan is too small for a mission of {MIN_PATH:g} m",)
-    return _Imported(data, lines)
+    return data, lines, ()
 
 
 def _import_gazebo(
-    source: Path, out: Path, options: _ImportOptions, report: ProgressCallback
-) -> _Imported:
+    source: Path, out: Path, options: ImportOptions, report: ProgressCallback
+) -> Made:
     from navfw.worldgen.gazebo_import import import_world
     from navfw.worldgen.world_draft import MISSION
 
-    begin, end = options.start, options.goal
+    start: Any = numbers_of("--start", options.start, ("X", "Y", "YAW"))
+    goal: Any = numbers_of("--goal", options.goal, ("X", "Y"))
     report("reading")
     made = import_world(
         source,
-        start=None if begin is None else (begin[0], begin[1], begin[2]),
-        goal=None if end is None else (end[0], end[1]),
+        start=start,
+        goal=goal,
         skip_unsupported=options.skip_unsupported,
         models=options.models,
     )
@@ -246,19 +216,18 @@ def _import_gazebo(
         f"{folder}: {made.world.description}",
         f"{made.shortest:.1f} m from start to goal; navfw run {folder} {MISSION}",
     )
-    return _Imported(data, lines, tuple(made.skipped))
+    return data, lines, tuple(made.skipped)
 
 
-def _print(made: Sequence[_Imported], *, single: bool, json: bool) -> None:
+def _print(made: Sequence[Made], *, single: bool, json: bool) -> None:
     """Print one object or a list of objects, or the lines of all."""
-    for one in made:
-        for what in one.left_out:
-            where = "" if single else f"{one.data['folder']}: "
-            echo(f"{where}left out: {what}", err=True)
+    for data, _, left_out in made:
+        for what in left_out:
+            echo(f"{'' if single else data['folder'] + ': '}left out: {what}", err=True)
     if json:
-        print_json(made[0].data if single else [one.data for one in made])
+        print_json(made[0][0] if single else [data for data, *_ in made])
     else:
-        echo("".join(f"{line}\n" for one in made for line in one.lines), nl=False)
+        echo("".join(f"{line}\n" for _, lines, _ in made for line in lines), nl=False)
 
 
 def _named(texts: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -34,7 +34,7 @@ def test_a_seed_that_is_no_whole_number_is_refused(seed: object) -> None:
         lambda: generate("rooms", **wrong),  # type: ignore[arg-type]
     )
     for call in calls:
-        with pytest.raises(InputError, match="seed: expected a whole number from 0 to"):
+        with pytest.raises(InputError, match="seed: expected a seed from 0 to"):
             call()
 
 
