@@ -19,6 +19,7 @@ def compile_with_progress(*, loaded: bool = False, quiet: bool = False) -> int:
     """
     from navfw.process.kernel_compilation import COMPILING, Compiled, compile_kernels
 
+    notice = COMPILING
     with ProgressBar("compiling", quiet=quiet) as bar:
 
         def show(state: Compiled) -> None:
@@ -28,5 +29,4 @@ def compile_with_progress(*, loaded: bool = False, quiet: bool = False) -> int:
                 notice = ""
             bar.show_share(state.share, str(state))
 
-        notice = COMPILING
         return compile_kernels(show, loaded=loaded)
