@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, create_model
 
-from navfw.config.document import load_yaml
+from navfw.config.document import YamlDocument, load_yaml
 from navfw.config.yamlfile import validate
 from navfw.errors import InputError, PluginError
-from navfw.stack.stack_document import read_stack
+from navfw.stack.stack_document import STAGES, read_stack
 
 if TYPE_CHECKING:
     from navfw.missions.session import Session
@@ -23,43 +23,27 @@ if TYPE_CHECKING:
     from navfw.robot import RobotModel
 
 
-class _FileSummary(BaseModel):
-    """The keys that listings show; the other keys are not checked."""
-
-    model_config = ConfigDict(extra="ignore")
-
-    description: str = ""
-
-
-class _MissionSummary(_FileSummary):
-    map: str | None = None
-    start: list[float] | dict[str, Any] | str
-    goals: list[str | dict[str, Any]]
-    timeout: float | None = None
-
-
-class _MapSummary(_FileSummary):
-    places: dict[str, Any]
-    edges: list[Any] = []
+_KEYS: dict[str, dict[str, Any]] = {
+    "file": {},
+    "mission": {
+        "map": (str | None, None),
+        "start": (list[float] | dict[str, Any] | str, ...),
+        "goals": (list[str | dict[str, Any]], ...),
+        "timeout": (float | None, None),
+    },
+    "map": {"places": (dict[str, Any], ...), "edges": (list[Any], [])},
+    "suite": {"entries": (list[Any], ...), "variants": (dict[str, Any], {})},
+    # all have a composite
+    "stack": dict.fromkeys((*STAGES[:-3], "behaviors", *STAGES[-2:]), (dict[str, Any], ...)),
+}
+"""The keys that listings show besides the description, each with type and default."""
 
 
-class _SuiteSummary(_FileSummary):
-    entries: list[Any]
-    variants: dict[str, Any] = {}
-
-
-class _StackSummary(_FileSummary):
-    flow: dict[str, Any]
-    perception: dict[str, Any]
-    features: dict[str, Any]
-    localizer: dict[str, Any]
-    planner: dict[str, Any]
-    behaviors: dict[str, Any]
-    fusion: dict[str, Any]
-    controller: dict[str, Any]
-
-
-SummaryT = TypeVar("SummaryT", bound=_FileSummary)
+def _read(kind: str, document: YamlDocument) -> dict[str, Any]:
+    """The description and the keys of a ``kind`` in a file; other keys are not checked."""
+    about: Any = {"description": (str, ""), **_KEYS[kind]}
+    model: type[BaseModel] = create_model(kind, __config__=ConfigDict(extra="ignore"), **about)
+    return validate(document, model).model_dump()
 
 
 def check_map(path: Path, registry: Registry) -> None:
@@ -116,36 +100,32 @@ def check_stack(path: Path, registry: Registry) -> None:
 
 def description(path: Path) -> dict[str, Any]:
     """The description in a file."""
-    return {"description": _read(path, _FileSummary).description}
+    return _read("file", load_yaml(path))
 
 
 def mission_summary(path: Path) -> dict[str, Any]:
     """Description, map, start, goals and timeout [s] in a mission file."""
-    return _read(path, _MissionSummary).model_dump()
+    return _read("mission", load_yaml(path))
 
 
 def map_summary(path: Path) -> dict[str, Any]:
     """The description in a map file, and the numbers of its places and edges."""
-    return _counted(validate(load_yaml(path), _MapSummary))
+    return _counted(_read("map", load_yaml(path)))
 
 
 def stack_summary(path: Path) -> dict[str, Any]:
     """The description of a stack, and the names of the plugins of each stage."""
-    spec = validate(read_stack(path), _StackSummary)
-    stages = spec.model_dump(exclude={"description"})
-    return {
-        "description": spec.description,
-        "plugins": {stage: list(chosen) for stage, chosen in stages.items()},
-    }
+    stages = _read("stack", read_stack(path))
+    text = stages.pop("description")
+    return {"description": text, "plugins": {stage: list(stages[stage]) for stage in stages}}
 
 
 def suite_summary(path: Path) -> dict[str, Any]:
     """The description of a suite, and the numbers of its entries and variants."""
-    return _counted(_read(path, _SuiteSummary))
+    return _counted(_read("suite", load_yaml(path)))
 
 
-def _counted(spec: _FileSummary) -> dict[str, Any]:
-    values = spec.model_dump()
+def _counted(values: dict[str, Any]) -> dict[str, Any]:
     return {key: value if key == "description" else len(value) for key, value in values.items()}
 
 
@@ -169,7 +149,3 @@ def _body(robot: RobotModel) -> str:
     if footprint is None:
         return f"round, radius {robot.radius:g} m, height {robot.height:g} m"
     return f"{footprint.front + footprint.rear:g} x {footprint.width:g} x {robot.height:g} m"
-
-
-def _read(path: Path, model: type[SummaryT]) -> SummaryT:
-    return validate(load_yaml(path), model)

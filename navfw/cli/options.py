@@ -143,28 +143,6 @@ def of_robot(name: str | None) -> tuple[str, ...]:
 Record = Annotated[
     bool, typer.Option("--record", help="Record the run as MCAP, for replay, explain and viewers.")
 ]
-Live = Annotated[
-    bool,
-    typer.Option("--live", help="Serve the run as a page to this machine alone."),
-]
-LivePort = Annotated[
-    int, typer.Option(min=0, max=65535, help="Port of --live; 0 takes a free one.")
-]
-LiveOrigin = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--origin",
-        metavar="ORIGIN",
-        help="Of --live: an origin whose pages may read, such as https://app.foxglove.dev, if they"
-        " have the address. May be repeated.",
-    ),
-]
-LiveSpeed = Annotated[
-    float | None,
-    typer.Option("--speed", help="Of --live: 1 is real time, at most [default: no limit]."),
-]
-LiveWait = Annotated[bool, typer.Option("--wait", help="Of --live: begin with the first viewer.")]
-LiveStay = Annotated[bool, typer.Option("--stay", help="Of --live: serve the end until Ctrl-C.")]
 Video = Annotated[
     Path | None,
     typer.Option(

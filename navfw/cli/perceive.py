@@ -6,14 +6,14 @@ import contextlib
 import math
 import re
 from collections.abc import Callable, Generator, Iterable, Iterator
-from dataclasses import replace
-from functools import partial, wraps
+from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
-from navfw.cli.options import Topic
+from navfw.cli.options import Topic, from_options
 from navfw.cli.output import echo, print_json_list, quiet_stdout, quietly
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError, locating
@@ -32,204 +32,179 @@ if TYPE_CHECKING:
     Assessed: TypeAlias = tuple[PairResult, dict[str, float | str]]
 
 
-_Source = Annotated[
-    list[Path], typer.Argument(help="A folder of images, a video, image files, or a bag.")
-]
-_Hfov = Annotated[
-    float | None,
-    typer.Option(
-        help="Horizontal field of view [degrees]; by default estimated from turns of the camera, or"
-        " 65 along the longer side of the images, as of a phone."
-    ),
-]
-_Calibration = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="Calibration of the camera instead of --hfov: YAML of OpenCV or ROS (camera_info)."
-        " Its lens distortion is removed. By default distortion is estimated from the images.",
-    ),
-]
-_Speed = Annotated[
-    float | None,
-    typer.Option(
-        help="Forward speed [m/s]. Unknown or 0: times to contact only, unless --height is given"
-        " and the floor is visible."
-    ),
-]
-_Fps = Annotated[
-    float | None,
-    typer.Option(help="Images per second; by default that of the video, 10 for files."),
-]
-_Times = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="Times of image files instead of --fps: lines of a time [s] and, if known, the file.",
-    ),
-]
-_Height = Annotated[
-    float | None,
-    typer.Option(help="Height of the camera above the floor [m]; by default from floor and speed."),
-]
-_Pitch = Annotated[
-    float | None,
-    typer.Option(help="Pitch of the camera, nose down positive [degrees]; by default 0."),
-]
-_GyroFile = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="CSV file: time [s], yaw_rate [rad/s] and, if known, pitch_rate, roll_rate; units may"
-        " be named in the header. By default the rotation is estimated from the flow.",
-    ),
-]
-_PoseFile = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="Poses of the camera instead of --gyro, in TUM format: time [s], tx ty tz [m],"
-        " qx qy qz qw. They give rotation and speed.",
-    ),
-]
-_FlowPlugin = Annotated[str, typer.Option(metavar="PLUGIN", help="Flow processor.")]
-_Grid = Annotated[
-    str | None,
-    typer.Option(
-        metavar="ROWSxCOLUMNS",
-        help="Grid of the flow; by default 12x16, and 16x12 for upright images.",
-    ),
-]
-_Stride = Annotated[
-    int | None,
-    typer.Option(
-        help="Distance between the images of a pair [images]; by default chosen by the flow."
-    ),
-]
-_Overlay = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="OUT",
-        help="Draw the results: a folder of PNG files, or an .mp4 file (extra video).",
-    ),
-]
-_Page = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="Write a page to scroll through: pictures, sentences, nearness (extra report).",
-    ),
-]
-_JsonList = Annotated[
-    bool, typer.Option("--json", help="Print a JSON list of objects, one per pair of images.")
-]
+@dataclass(frozen=True, slots=True)
+class PerceiveOptions:
+    """Arguments and options of ``navfw perceive``."""
+
+    source: Annotated[
+        list[Path], typer.Argument(help="A folder of images, a video, image files, or a bag.")
+    ]
+    topic: Topic = None
+    hfov: Annotated[
+        float | None,
+        typer.Option(
+            help="Horizontal field of view [degrees]; by default estimated from turns of the"
+            " camera, or 65 along the longer side of the images, as of a phone."
+        ),
+    ] = None
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Calibration of the camera instead of --hfov: YAML of OpenCV or ROS (camera_info)."
+            " Its lens distortion is removed. By default distortion is estimated from the images.",
+        ),
+    ] = None
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            help="Forward speed [m/s]. Unknown or 0: times to contact only, unless --height is"
+            " given and the floor is visible."
+        ),
+    ] = None
+    fps: Annotated[
+        float | None,
+        typer.Option(help="Images per second; by default that of the video, 10 for files."),
+    ] = None
+    times: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Times of image files instead of --fps: lines of a time [s] and, if known, the"
+            " file.",
+        ),
+    ] = None
+    height: Annotated[
+        float | None,
+        typer.Option(
+            help="Height of the camera above the floor [m]; by default from floor and speed."
+        ),
+    ] = None
+    pitch: Annotated[
+        float | None,
+        typer.Option(help="Pitch of the camera, nose down positive [degrees]; by default 0."),
+    ] = None
+    gyro: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="CSV file: time [s], yaw_rate [rad/s] and, if known, pitch_rate, roll_rate; units"
+            " may be named in the header. By default the rotation is estimated from the flow.",
+        ),
+    ] = None
+    poses: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Poses of the camera instead of --gyro, in TUM format: time [s], tx ty tz [m],"
+            " qx qy qz qw. They give rotation and speed.",
+        ),
+    ] = None
+    flow: Annotated[str, typer.Option(metavar="PLUGIN", help="Flow processor.")] = "registered"
+    grid: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ROWSxCOLUMNS",
+            help="Grid of the flow; by default 12x16, and 16x12 for upright images.",
+        ),
+    ] = None
+    stride: Annotated[
+        int | None,
+        typer.Option(
+            help="Distance between the images of a pair [images]; by default chosen by the flow."
+        ),
+    ] = None
+    overlay: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OUT",
+            help="Draw the results: a folder of PNG files, or an .mp4 file (extra video).",
+        ),
+    ] = None
+    page: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write a page to scroll through: pictures, sentences, nearness (extra report).",
+        ),
+    ] = None
+    json: Annotated[
+        bool, typer.Option("--json", help="Print a JSON list of objects, one per pair of images.")
+    ] = False
+    quiet: Quiet = False
 
 
-def _or_bag(command: Callable[..., None]) -> Callable[..., None]:
-    """The command, which takes a bag as well: unpacked, with its tables where none are given."""
-
-    @wraps(command)
-    def perceive_source(*, source: list[Path], topic: str | None, **options: Any) -> None:
-        if len(source) > 1 or not is_bag(source[0]):
-            if topic is not None:
-                raise InputError("is for a bag", key="--topic")
-            command(source=source, topic=None, **options)
-            return
-        with contextlib.ExitStack() as stack:
-            with quiet_stdout():
-                from navfw.perceive.bag_source import unpacked_bag
-                from navfw.recording.bag_reader import Bag
-
-                bag = Bag(source[0], topic)
-                tables = dict(stack.enter_context(unpacked_bag(bag)))
-            chosen = {name for name, value in options.items() if value is not None}
-            without = {"times"} if "fps" in chosen else set()
-            without |= {"gyro", "poses"} if chosen & {"gyro", "poses", "fps"} else set()
-            without |= {"calibration"} if "hfov" in chosen else set()
-            images = [tables.pop("source")]
-            tables = {name: file for name, file in tables.items() if name not in chosen | without}
-            with locating(file=bag.file):
-                command(source=images, topic=None, **options | tables)
-        for note in bag.notes:
-            echo(f"note: {note}", err=True)
-
-    return perceive_source
-
-
-@_or_bag
-def perceive(
-    source: _Source,
-    topic: Topic = None,
-    hfov: _Hfov = None,
-    calibration: _Calibration = None,
-    speed: _Speed = None,
-    fps: _Fps = None,
-    times: _Times = None,
-    height: _Height = None,
-    pitch: _Pitch = None,
-    gyro: _GyroFile = None,
-    poses: _PoseFile = None,
-    flow: _FlowPlugin = "registered",
-    grid: _Grid = None,
-    stride: _Stride = None,
-    overlay: _Overlay = None,
-    page: _Page = None,
-    json: _JsonList = False,
-    quiet: Quiet = False,
-) -> None:
+@from_options
+def perceive(options: PerceiveOptions) -> None:
     """Run perception on recorded images. Lists obstacles, distances and the situation."""
+    if len(options.source) > 1 or not is_bag(options.source[0]):
+        if options.topic is not None:
+            raise InputError("is for a bag", key="--topic")
+        _perceive(options)
+        return
+    with contextlib.ExitStack() as stack:
+        with quiet_stdout():
+            from navfw.perceive.bag_source import unpacked_bag
+            from navfw.recording.bag_reader import Bag
+
+            bag = Bag(options.source[0], options.topic)
+            tables: dict[str, Any] = dict(stack.enter_context(unpacked_bag(bag)))
+        given = {field.name: getattr(options, field.name) for field in fields(options)}
+        chosen = {name for name, value in given.items() if value is not None}
+        chosen |= {"times"} if "fps" in chosen else set()
+        chosen |= {"gyro", "poses"} if chosen & {"gyro", "poses", "fps"} else set()
+        chosen |= {"calibration"} if "hfov" in chosen else set()
+        images = [tables.pop("source")]
+        tables = {name: file for name, file in tables.items() if name not in chosen}
+        with locating(file=bag.file):
+            _perceive(replace(options, source=images, topic=None, **tables))
+    for note in bag.notes:
+        echo(f"note: {note}", err=True)
+
+
+def _perceive(given: PerceiveOptions) -> None:
     with quiet_stdout():
         from navfw.perceive.image_sources import open_source
         from navfw.perceive.image_times import load_image_times
         from navfw.perceive.pair_result import as_data
         from navfw.perceive.perceiver_options import PerceiverOptions
 
-        _require_one("--hfov", hfov, "--calibration", calibration)
-        _require_one("--fps", fps, "--times", times)
-        _require_one("--gyro", gyro, "--poses", poses)
+        for one, other in (("hfov", "calibration"), ("fps", "times"), ("gyro", "poses")):
+            if getattr(given, one) is not None and getattr(given, other) is not None:
+                raise InputError(f"give --{one} or --{other}, not both", key=f"--{other}")
+        same = ("hfov", "speed", "height", "pitch", "flow", "stride")
         options = PerceiverOptions(
-            hfov=hfov,
-            speed=speed,
-            height=height,
-            pitch=pitch,
-            flow=flow,
-            grid=None if grid is None else _grid(grid),
-            stride=stride,
+            **{name: getattr(given, name) for name in same},
+            grid=None if given.grid is None else _grid(given.grid),
         )
-        listed = None if times is None else load_image_times(times)
-        opened = partial(open_source, source, fps, listed=listed)
-        options = replace(options, gyro=_motion_record(gyro, poses, pitch or 0.0, opened(None)))
-    with ProgressBar("perceive", quiet=quiet) as bar:
+        listed = None if given.times is None else load_image_times(given.times)
+        opened = partial(open_source, given.source, given.fps, listed=listed)
+        options = replace(options, gyro=_motion_record(given, opened(None)))
+    with ProgressBar("perceive", quiet=given.quiet) as bar:
         with quiet_stdout():
-            images, view, lens = _with_lens(opened, calibration, hfov, bar)
+            images, view, lens = _with_lens(opened, given.calibration, given.hfov, bar)
         options = replace(options, hfov=view)
         counter = _ResultCounter(images.total, bar)
-        drawn = None if page is None else _new_page(source[0])
-        with contextlib.closing(_results(options, images, overlay, drawn)) as results:
+        drawn = None
+        if given.page is not None:
+            from navfw.report.report_page import PerceivePage
+
+            drawn = PerceivePage(f"Perceived: {given.source[0]}")
+        with contextlib.closing(_results(options, images, given.overlay, drawn)) as results:
             shown = counter.counted(quietly(results))
-            if json:
+            if given.json:
                 estimated = None if lens is None else lens.as_data()
                 print_json_list(
                     {**as_data(result), "assumed": assumed, "estimated": estimated}
                     for result, assumed in shown
                 )
             else:
-                _print(shown, lens, overlay)
-    _end([*counter.notes(options), *images.notes], page, drawn)
-
-
-def _new_page(source: Path) -> PerceivePage:
-    from navfw.report.report_page import PerceivePage
-
-    return PerceivePage(f"Perceived: {source}")
-
-
-def _end(notes: list[str], page: Path | None, drawn: PerceivePage | None) -> None:
-    """Tell the notes, and write the page."""
+                _print(shown, lens, given.overlay)
+    notes = [*counter.notes(options), *images.notes]
     for note in notes:
         echo(f"note: {note}", err=True)
-    if page is not None and drawn is not None:
-        write_text(page, drawn.render(notes))
+    if given.page is not None and drawn is not None:
+        write_text(given.page, drawn.render(notes))
 
 
 def _print(results: Iterable[Assessed], lens: LensEstimate | None, overlay: Path | None) -> None:
@@ -289,22 +264,15 @@ def _results(
             yield result, assumptions(options, images, perceiver.size)
 
 
-def _motion_record(
-    gyro: Path | None, poses: Path | None, pitch: float, images: ImageSource
-) -> MotionRecord | None:
+def _motion_record(given: PerceiveOptions, images: ImageSource) -> MotionRecord | None:
     """The record of the camera's motion in a file, with times since the first image."""
     from navfw.perceive.motion_record import load_gyro_record, load_pose_record
 
-    if gyro is not None:
-        return load_gyro_record(gyro).on_clock_of(images)
-    if poses is not None:
-        return load_pose_record(poses, math.radians(pitch)).on_clock_of(images)
+    if given.gyro is not None:
+        return load_gyro_record(given.gyro).on_clock_of(images)
+    if given.poses is not None:
+        return load_pose_record(given.poses, math.radians(given.pitch or 0.0)).on_clock_of(images)
     return None
-
-
-def _require_one(option: str, value: object, other: str, other_value: object) -> None:
-    if value is not None and other_value is not None:
-        raise InputError(f"give {option} or {other}, not both", key=other)
 
 
 class _ResultCounter:

@@ -37,24 +37,6 @@ COMPILING_NOTICE_AFTER = 3.0
 
 COMPILING = "compiling a routine that a plugin calls for the first time"
 
-Goal = Annotated[
-    str | None,
-    typer.Option(
-        metavar="X,Y",
-        help="A point [m] to drive to from the start of the first mission, instead of MISSION.",
-    ),
-]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        autocompletion=options.complete_setting,
-        metavar="K=V",
-        help="Change one value, e.g. avoid.spare=0.1, mission.timeout=60, robot.radius=0.2,"
-        " sensors.preset=poor. May be repeated.",
-    ),
-]
-
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
@@ -62,7 +44,13 @@ class RunOptions:
 
     world: options.World
     mission: options.Mission = ""
-    goal: Goal = None
+    goal: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y",
+            help="A point [m] to drive to from the start of the first mission, instead of MISSION.",
+        ),
+    ] = None
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of all noise; the same one gives the same commands.")
     ] = 0
@@ -74,17 +62,46 @@ class RunOptions:
         ),
     ] = None
     robot: options.Robot = None
-    set_: Settings = None
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            autocompletion=options.complete_setting,
+            metavar="K=V",
+            help="Change one value, e.g. avoid.spare=0.1, mission.timeout=60, robot.radius=0.2,"
+            " sensors.preset=poor. May be repeated.",
+        ),
+    ] = None
     out: Annotated[
         Path | None, typer.Option(help="Run folder [default: runs/WORLD-MISSION-SEED].")
     ] = None
     record: options.Record = False
-    live: options.Live = False
-    port: options.LivePort = 8765
-    origin: options.LiveOrigin = None
-    speed: options.LiveSpeed = None
-    wait: options.LiveWait = False
-    stay: options.LiveStay = False
+    live: Annotated[
+        bool,
+        typer.Option("--live", help="Serve the run as a page to this machine alone."),
+    ] = False
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of --live; 0 takes a free one.")
+    ] = 8765
+    origin: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--origin",
+            metavar="ORIGIN",
+            help="Of --live: an origin whose pages may read, such as https://app.foxglove.dev, if"
+            " they have the address. May be repeated.",
+        ),
+    ] = None
+    speed: Annotated[
+        float | None,
+        typer.Option("--speed", help="Of --live: 1 is real time, at most [default: no limit]."),
+    ] = None
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Of --live: begin with the first viewer.")
+    ] = False
+    stay: Annotated[bool, typer.Option("--stay", help="Of --live: serve the end until Ctrl-C.")] = (
+        False
+    )
     video: options.Video = None
     limit: Annotated[
         float,
