@@ -1,5 +1,7 @@
 """The console script ``navfw``, which ``python -m navfw`` is as well."""
 
+from __future__ import annotations
+
 import sys
 
 

@@ -149,8 +149,8 @@ def perceive(options: PerceiveOptions) -> None:
 
             bag = Bag(options.source[0], options.topic)
             tables: dict[str, Any] = dict(stack.enter_context(unpacked_bag(bag)))
-        given = {field.name: getattr(options, field.name) for field in fields(options)}
-        chosen = {name for name, value in given.items() if value is not None}
+        values = {field.name: getattr(options, field.name) for field in fields(options)}
+        chosen = {name for name, value in values.items() if value is not None}
         chosen |= {"times"} if "fps" in chosen else set()
         chosen |= {"gyro", "poses"} if chosen & {"gyro", "poses", "fps"} else set()
         chosen |= {"calibration"} if "hfov" in chosen else set()

@@ -257,9 +257,9 @@ def _syntax_error(text: str, file: str | None, error: Exception) -> ConfigError:
         return ConfigError(what, file=file, line=line)
     if not isinstance(error, yaml.MarkedYAMLError):
         return ConfigError(f"not valid YAML: {error}", file=file)
-    begun, found = error.context_mark, error.problem_mark or error.context_mark
+    begun, mark = error.context_mark, error.problem_mark or error.context_mark
     # for an unclosed bracket or quote, the line where it was opened
-    place = begun if begun is not None and "stream" in str(error.problem) else found
+    place = begun if begun is not None and "stream" in str(error.problem) else mark
     since = begun.line + 1 if begun and place and begun.line < place.line else None
     at = None if place is None else place.line + 1
     return ConfigError(_syntax_message(error, since), file=file, line=at)

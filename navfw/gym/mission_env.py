@@ -274,8 +274,12 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         """
         if self._run is None:
             raise InputError("there is no run to step: call reset first")
-        given, shape = np.asarray(action), self.action_space.shape
-        if given.shape != shape or given.dtype.kind not in "fiub" or not np.isfinite(given).all():
+        values, shape = np.asarray(action), self.action_space.shape
+        if (
+            values.shape != shape
+            or values.dtype.kind not in "fiub"
+            or not np.isfinite(values).all()
+        ):
             raise ValueError(f"expected an action of {shape} finite real numbers, got {action!r}")
         self._agent.act(self._stack, action)
         before, began = self._remaining, self._last.time

@@ -75,8 +75,8 @@ def installed_outlines(points: Iterable[EntryPoint]) -> list[dict[str, Any]]:
     rows = []
     for point in points:
         file = file_of(point.module)
-        found = () if file is None or file.suffix != ".py" else _classes(file)
-        for cls in (cls for cls in found if cls.name == point.attr):
+        classes = () if file is None or file.suffix != ".py" else _classes(file)
+        for cls in (cls for cls in classes if cls.name == point.attr):
             rows.append(_outline(GROUPS[point.group], point.name, source_of(point), cls))
     return rows
 

@@ -15,7 +15,7 @@ from terminals import Terminal
 
 from navfw.__main__ import main
 from navfw.process import compile_kernels
-from navfw.recording.run_folder import read_result
+from navfw.recording import read_result
 
 NAVFW = (
     sys.executable,

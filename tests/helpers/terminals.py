@@ -11,7 +11,7 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import pytest
 
@@ -147,7 +147,7 @@ class Terminal:
         return found
 
 
-def _text(screen: "pyte.Screen") -> list[str]:
+def _text(screen: Any) -> list[str]:
     last, rows = max(screen.buffer, default=-1), screen.buffer
     texts = [
         "".join(rows[y][x].data for x in range(max(rows[y], default=-1) + 1))
