@@ -6,6 +6,7 @@ Examples, pages and templates import public names alone; the cells of the notebo
 import ast
 import importlib
 import json
+import re
 import shutil
 import tomllib
 from collections.abc import Callable, Iterator
@@ -28,7 +29,7 @@ from navfw.fuzzy import parse_rule
 from navfw.lenses import load_calibration
 from navfw.missions import load_mission
 from navfw.mofis import BehaviorRules
-from navfw.plugins import default_registry
+from navfw.plugins import GROUPS, default_registry
 from navfw.robot import RobotModel, RobotSpec, load_robot
 from navfw.sim import load_world
 from navfw.stack import load_stack
@@ -93,6 +94,13 @@ def check_ini(text: str) -> None:
     assert list(Path().glob(options["navfw_missions"][0]))
 
 
+def check_entry_points(text: str) -> None:
+    """Its groups are those that navfw reads."""
+    groups = tomllib.loads(text)["project"]["entry-points"]
+    assert set(groups) <= {*GROUPS, "navfw.files", "navfw.commands"}
+    assert all(re.fullmatch(r"[\w.]+(:\w+)?", name) for g in groups.values() for name in g.values())
+
+
 DATA: dict[str, Callable[[str], None]] = {
     "robot: {base: default, max_v: 0.4}  # robot: NAME for the robot as it is": check_mission,
     "events:": check_mission,
@@ -104,6 +112,9 @@ DATA: dict[str, Callable[[str], None]] = {
     "meshes:": check_world,
     "textures:": check_world,
     "[tool.pytest.ini_options]": check_ini,
+    '[project.entry-points."navfw.flows"]        # likewise navfw.behaviors, navfw.fusions, ...': (
+        check_entry_points
+    ),
 }
 """The check of a block of YAML or TOML that is no file, by its first line."""
 
