@@ -95,7 +95,7 @@ def test_the_wheel_contains_every_data_file(installed: Path) -> None:
         for pattern in patterns:
             wanted = below(ROOT / folder, pattern)
             assert wanted == below(package / "shipped" / folder, pattern) != set()
-    for pattern in ("*.yaml", "*.csv", "*.html", "*.py", "*.pyi", "py.typed"):
+    for pattern in ("*.yaml", "*.json", "*.html", "*.py", "*.pyi", "py.typed"):
         got = {path for path in below(package, pattern) if path.parts[0] != "shipped"}
         assert below(ROOT / "navfw", pattern) == got != set()
     assert sorted(path.name.split("-")[0] for path in installed.iterdir()) == ["navfw", "navfw"]
