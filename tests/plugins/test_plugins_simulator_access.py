@@ -72,7 +72,7 @@ def test_a_run_names_the_plugins_that_use_the_simulator(result: MissionResult) -
     assert set(result.oracle_plugins) == set(USERS)
     summary = result.summary()
     assert summary["oracle"] is True
-    assert summary["oracle_plugins"] == sorted(USERS)
+    assert summary["oracle_plugins"] == tuple(sorted(USERS))
 
 
 @pytest.mark.parametrize(
