@@ -9,13 +9,13 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 69830,
+    "navfw/, lines of Python": 68211,
     "navfw/, lines of stubs": 850,
     "navfw/, lines of scripts, pages, styles and templates": 1746,
     "behaviors/, lines of Python": 1553,
     "examples/, lines of Python": 647,
     "benchmarks/, lines of Python, pages and stubs": 7991,
-    "tests/, lines of Python": 48337,
+    "tests/, lines of Python": 47950,
     "docs/, words": 51726,
     "README.md, words": 900,
     "pyproject.toml, lines": 303,

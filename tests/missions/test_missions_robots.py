@@ -265,7 +265,7 @@ def test_a_mesh_that_is_only_seen_may_be_missing(project: Path) -> None:
     ("file", "old", "new", "message"),
     [
         ("own.urdf", BOX, MESH, "mesh 'meshes/hull.stl' does not exist; copy it"),
-        ("own.yaml", "width: 0.32", "width: 1.2", "no way is 1.2 m wide; take a narrower robot"),
+        ("own.yaml", "width: 0.32", "width: 1.2", "no path is 1.2 m wide; too narrow: "),
         ("own.yaml", "rear: 0.22", "rear: 2.5", "lab.yaml:3: start: part of the robot's body at"),
     ],
 )
