@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from navfw.config.input_file import parse_json
-from navfw.errors import MapError
+from navfw.errors import ConfigError, MapError
 from navfw.topomap.elements import Passage
 from navfw.topomap.mapfile import EDGE_KEYS, MapImporter, map_data
 from navfw.topomap.topological_map import TopoMap
@@ -146,7 +146,10 @@ def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
     """
     parse_json(text, file)
     decoder = _LocatingDecoder()
-    data = decoder.decode(text)
+    try:
+        data = decoder.decode(text)
+    except RecursionError:  # this decoder, in Python, has less depth than the one of C
+        raise ConfigError("nested too deeply", file=file) from None
     if not isinstance(data, dict) or data.get("type") != "FeatureCollection":
         raise MapError("expected a FeatureCollection", file=file, line=1, key="type")
     if not isinstance(data.get("features"), list):
