@@ -14,10 +14,11 @@ import json.decoder
 import json.scanner
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from navfw.config.input_file import parse_json
-from navfw.errors import ConfigError, MapError
+from navfw.errors import MapError
 from navfw.topomap.elements import Passage
 from navfw.topomap.mapfile import EDGE_KEYS, MapImporter, map_data
 from navfw.topomap.topological_map import TopoMap
@@ -78,16 +79,15 @@ def _feature(geometry: dict[str, Any], properties: dict[str, Any]) -> dict[str, 
 
 
 class _LocatingDecoder(json.JSONDecoder):
-    """Decodes JSON; ``begins`` has the index at which the object of an ``id`` begins."""
+    """Decodes JSON; ``begins`` gets the index at which the object of an ``id`` begins."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.begins: dict[int, int] = {}
+    def __init__(self, begins: dict[int, int], **settings: Any) -> None:
+        super().__init__(**settings)
         decode = json.decoder.JSONObject  # type: ignore[attr-defined]
 
         def located(at: tuple[str, int], *settings: Any) -> tuple[Any, int]:
             value, end = decode(at, *settings)
-            self.begins[id(value)] = at[1]
+            begins[id(value)] = at[1]
             return value, end
 
         self.parse_object = located
@@ -144,19 +144,15 @@ def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
             unknown, an edge is one-way, or the map is invalid.
 
     """
-    parse_json(text, file)
-    decoder = _LocatingDecoder()
-    try:
-        data = decoder.decode(text)
-    except RecursionError:  # this decoder, in Python, has less depth than the one of C
-        raise ConfigError("nested too deeply", file=file) from None
+    begins = dict[int, int]()
+    data = parse_json(text, file, partial(_LocatingDecoder, begins))
     if not isinstance(data, dict) or data.get("type") != "FeatureCollection":
         raise MapError("expected a FeatureCollection", file=file, line=1, key="type")
     if not isinstance(data.get("features"), list):
         raise MapError("expected a list of features", file=file, line=1, key="features")
     features, line, last = list[_Feature](), 1, 0
     for index, feature in enumerate(data["features"]):
-        begin = decoder.begins.get(id(feature), last)
+        begin = begins.get(id(feature), last)
         line, last = line + text.count("\n", last, begin), begin
         features.append(_Feature(file, line, index, feature))
     importer, names, lines = MapImporter(file, both_ways), dict[int, str](), dict[int, int]()
