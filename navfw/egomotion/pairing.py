@@ -147,12 +147,12 @@ class PairingParams(Params):
     def _ordered(self) -> PairingParams:
         if not MIN_BASELINE <= self.baseline <= self.max_baseline:
             raise ValueError(
-                f"baseline {self.baseline} m is not between min_baseline {MIN_BASELINE} m "
+                f"baseline {self.baseline} m is not between {MIN_BASELINE} m "
                 f"and max_baseline {self.max_baseline} m"
             )
         if self.short and not MIN_BASELINE <= self.short_baseline < self.baseline:
             raise ValueError(
-                f"short_baseline {self.short_baseline} m is not between min_baseline "
+                f"short_baseline {self.short_baseline} m is not between "
                 f"{MIN_BASELINE} m and baseline {self.baseline} m"
             )
         return self

@@ -113,11 +113,11 @@ def judge_registration(
 #: Correlation length of the errors of grey values [px]: nearer samples share their errors.
 _CORRELATION_LENGTH = 3.0
 #: Share of the windows in the lower half of the image, mostly floor, with a deviation below
-#: ``texture_high`` above which both images are smoothed; usual frames have next to none.
+#: ``TEXTURE_HIGH`` above which both images are smoothed; usual frames have next to none.
 _WEAK_SHARE = 0.4
 #: Standard deviation of the smoothing [px]: it leaves 0.28 of the noise, and most of the texture.
 _SMOOTHING = 1.0
-#: Factor of ``texture_low`` and ``texture_high`` in smoothed images: 0.28, and the rounding to
+#: Factor of ``TEXTURE_LOW`` and ``TEXTURE_HIGH`` in smoothed images: 0.28, and the rounding to
 #: whole grey levels.
 _SMOOTHED_TEXTURE = 0.5
 #: For the quadratic peak alone: least standard deviation [px], factor of the estimated sigma, and

@@ -74,9 +74,9 @@ class FloorPlanLocalizer(place_probabilities.PlaceLocalizer):
     mean of their ``fit`` to the plan says whether the robot is where it believes: the share of
     points that belong to the plan, less the share of rays that a wall would have blocked. Below
     ``doubt_below`` the whole plan is searched for a clearly better pose, which takes the place of
-    the tracked one. Below ``contradicted_below`` the plan contradicts the tracked pose: either may
+    the tracked one. Below ``CONTRADICTED_BELOW`` the plan contradicts the tracked pose: either may
     be wrong, so the pose goes on by odometry with growing covariance, and only scans that fit
-    correct it. The robot is lost once its confidence is below ``lost_below``. A wall that the
+    correct it. The robot is lost once its confidence is below ``LOST_BELOW``. A wall that the
     camera sees through from a well known pose is taken out of the plan. Landmarks are not used.
     """
 
