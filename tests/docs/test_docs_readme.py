@@ -1,12 +1,10 @@
 """The README, typed line by line in a terminal; its pictures are those of the run it shows."""
 
 import os
-import pty
 import re
-import select
 import shutil
 import sys
-import termios
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from cli_calls import put_file
 from docs_pages import ROOT, DocBlock, blocks_of, load_module
 from PIL import Image
 from processes import run
+from terminals import Terminal
 
 IMAGES = sorted((ROOT / "docs" / "images").glob("office-lobby-to-lab.*"))
 NOT_TYPED = {"make test": "these tests themselves"}
@@ -22,35 +21,22 @@ REFUSED = "latancy"
 """A word of the line whose mistake the README shows with its message."""
 
 
-class Terminal:
-    """A shell on a pseudo-terminal of 80 columns, whose prompt is the last exit code."""
+SHELL = ("/bin/bash", "--norc", "--noprofile", "-i")
+PATIENCE = 600.0
+"""Longest time [s] for one line."""
 
-    def __init__(self, folder: Path, environment: dict[str, str]) -> None:
-        shell = ["/bin/bash", "--norc", "--noprofile", "-i"]
-        self._pid, self._end = pty.fork()
-        if self._pid == 0:
-            os.chdir(folder)
-            os.execve(shell[0], shell, environment | {"PS1": "<$?> ", "TERM": "xterm"})  # noqa: S606
-        termios.tcsetwinsize(self._end, (24, 80))
-        self.read()
 
-    def read(self) -> tuple[int, str]:
-        """What appears up to the next prompt, and the exit code in that."""
-        shown = b""
-        while (ended := re.search(rb"<(\d+)> $", shown)) is None:
-            assert select.select([self._end], [], [], 600.0)[0], shown.decode()
-            shown += os.read(self._end, 4096)
-        return int(ended[1]), shown[: ended.start()].decode()
-
-    def type(self, line: str) -> tuple[int, str]:
-        """The exit code of a line, and what it shows."""
-        os.write(self._end, f"{line}\n".encode())
-        return self.read()
-
-    def close(self) -> None:
-        """End the shell."""
-        os.close(self._end)
-        os.waitpid(self._pid, 0)
+def typed(terminal: Terminal, line: str) -> tuple[int, str]:
+    """The exit code of a line, which the next prompt shows, and what appears up to that."""
+    before, deadline = len(terminal.lines()), time.monotonic() + PATIENCE
+    terminal.press(f"{line}\n")
+    while True:
+        terminal.read()
+        shown = terminal.lines()[before:]
+        ended = re.search(r"<(\d+)>$", shown[-1]) if shown else None
+        if ended is not None:
+            return int(ended[1]), "\n".join(shown[:-1])
+        assert time.monotonic() < deadline, terminal.text()
 
 
 @pytest.fixture
@@ -72,9 +58,11 @@ def terminal(tmp_path: Path) -> Iterator[Terminal]:
     cache = run([uv, "cache", "dir"], check=True).stdout.strip()
     path = f"{Path(sys.base_prefix) / 'bin'}:/usr/bin:/bin"
     home = {"HOME": str(tmp_path / "home"), "PATH": path, "UV_CACHE_DIR": cache}
-    shell = Terminal(tmp_path / "navfw", kept | home)
-    yield shell
-    shell.close()
+    alone: dict[str, str | None] = dict.fromkeys(os.environ)
+    environment = alone | kept | home | {"PS1": "<$?> ", "TERM": "xterm"}
+    with Terminal(SHELL, cwd=tmp_path / "navfw", env=environment) as shell:
+        shell.wait_for("<0>")
+        yield shell
 
 
 def lines_of(block: DocBlock, folder: Path) -> list[str]:
@@ -99,7 +87,7 @@ def test_the_readme_can_be_followed_from_the_first_to_the_last_line(
     screens = {}
     for block in blocks_of(ROOT / "README.md"):
         for line in lines_of(block, tmp_path) if block.language in {"console", "python"} else ():
-            code, shown = terminal.type(line)
+            code, shown = typed(terminal, line)
             assert code == (2 if REFUSED in line else 0), shown
             assert not re.search(r"Traceback|\\x1b|warning", shown), shown
             screens[line.partition("  ")[0]] = shown
