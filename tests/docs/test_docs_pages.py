@@ -187,7 +187,7 @@ def test_decisions_are_short_and_have_all_their_parts() -> None:
     for page in DECISIONS:
         text = page.read_text(encoding="utf-8")
         assert tuple(re.findall(r"^\*\*(\w+)\.\*\* ", text, re.MULTILINE)) == PARTS, page.name
-        assert len(text.split()) <= 450, page.name
+        assert len(text.split()) <= 400, page.name
 
 
 def _leads_somewhere(page: Path, link: str) -> bool:
