@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from navfw.cli.output import above, console, echo
+from navfw.process.interruption import deferred
 from navfw.process.printable_text import printable_data
 
 LINE_PERIOD = 10.0
@@ -150,8 +151,9 @@ class ProgressBar(contextlib.ExitStack):
             redirect_stdout=False,  # a file gets its lines, and ``echo`` prints above the bar
         )
         self._task = self._bar.add_task(self._work, count="", now="")
-        self._bar.start()
-        self.callback(self._bar.stop)
+        with deferred():  # Ctrl-C between the two would leave the cursor hidden
+            self._bar.start()
+            self.callback(deferred()(self._bar.stop))
         self.enter_context(above(self._bar.console))
 
 

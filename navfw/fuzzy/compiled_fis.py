@@ -279,18 +279,6 @@ class CompiledFis:
             )
         return Inference(infer(rows, *self._tables), self._layout)
 
-    def fuzzify(self, name: str, values: npt.ArrayLike) -> dict[str, Array]:
-        """The degree of every term of input ``name`` at ``values``: (N,) each; NaN for NaN.
-
-        Raises:
-            UnknownNameError: the rule base has no such input.
-
-        """
-        if name not in self._row_of:
-            raise self._names_error({name: values})
-        x, variable = np.atleast_1d(values), self.rule_base.inputs[name]
-        return {t: np.interp(x, variable.universe, variable.sampled(t)) for t in variable.terms}
-
     def explain(self, result: Inference, index: int = 0, minimum: float = 0.05) -> list[FiredRule]:
         """The rules that fired for sample ``index`` with at least ``minimum``, strongest first.
 

@@ -50,7 +50,7 @@ CHANCES = {
         threads = [threading.Thread(target=pause, args=(i,)) for i in range(9)]
         for thread in threads: thread.start()
         for thread in threads: thread.join()
-        return box[0] / 9""",
+        return sum(number * 9**place for place, number in enumerate(box)) / 9**9""",
     "kept_over_reset": "self.state += 0.001; return min(self.state, 1.0)",
     "kept_by_the_class": "type(self).shared += 1; return type(self).shared % 997 / 997",
     "kept_by_the_module": "return next(COUNT) % 997 / 997",

@@ -146,14 +146,6 @@ def test_rows_are_the_inputs_in_order_whatever_their_memory_layout() -> None:
         np.testing.assert_allclose(turn, named.outputs["turn"], atol=1e-6)
 
 
-def test_fuzzify_gives_the_terms_of_an_input() -> None:
-    degrees = FIS.fuzzify("distance", [0.25, 0.75, 9.0, np.nan])
-    np.testing.assert_allclose(degrees["near"], [1.0, 0.5, 0.0, np.nan])
-    np.testing.assert_allclose(degrees["far"], [0.0, 0.5, 1.0, np.nan])
-    with pytest.raises(UnknownNameError, match="did you mean 'distance'"):
-        FIS.fuzzify("distanc", 1.0)
-
-
 def test_explanation_names_sentences_strongest_first() -> None:
     result = FIS.evaluate({"distance": [2.0, 0.6], "side": [0.0, -0.75]})
     fired = FIS.explain(result, index=1)

@@ -9,13 +9,13 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 68217,
+    "navfw/, lines of Python": 68209,
     "navfw/, lines of stubs": 846,
     "navfw/, lines of scripts, pages, styles and templates": 1746,
     "behaviors/, lines of Python": 1553,
     "examples/, lines of Python": 647,
     "benchmarks/, lines of Python, pages and stubs": 7991,
-    "tests/, lines of Python": 47930,
+    "tests/, lines of Python": 47929,
     "docs/, words": 51496,
     "README.md, words": 900,
     "pyproject.toml, lines": 303,

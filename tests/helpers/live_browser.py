@@ -1,6 +1,5 @@
 """A headless Chromium that is driven by its DevTools protocol, for pages that need real time."""
 
-import base64
 import itertools
 import json
 import shutil
@@ -75,11 +74,6 @@ class LiveBrowser:
         """Change the size of the page [CSS px]."""
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.call("Emulation.setDeviceMetricsOverride", **size)
-
-    def screenshot(self, path: Path) -> None:
-        """Write the whole page as PNG."""
-        data = self.call("Page.captureScreenshot", captureBeyondViewport=True)["data"]
-        path.write_bytes(base64.b64decode(data))
 
 
 @contextmanager
