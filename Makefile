@@ -11,7 +11,8 @@ unexport PYTHONDONTWRITEBYTECODE
 
 # what the README's commands need, without the tools of those who develop navfw; what is there stays
 run: | uv
-	$(UV) run --no-dev --group project --extra sim --extra video navfw run office lobby-to-lab
+	@echo "navfw run office lobby-to-lab"
+	@$(UV) run --no-dev --group project --extra sim --extra video navfw run office lobby-to-lab
 	@echo; echo "next, once in each terminal: source .venv/bin/activate; then navfw --help"
 
 # the checks leave a core idle: the kernels are compiled beside them
