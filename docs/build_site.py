@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import inspect
 import json
+import posixpath
 import re
 import shutil
 import subprocess
@@ -39,8 +40,14 @@ README_PAGES = {
 }
 """The sections of the README that are pages of the site; the first one with what precedes it."""
 
-PROJECT_PAGES = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
-"""Other pages of the repository's root, with their names on the site."""
+PROJECT_PAGES = {
+    "CONTRIBUTING.md": "contributing.md",
+    "CHANGELOG.md": "changelog.md",
+    "benchmarks/README.md": "benchmarks.md",
+    "benchmarks/results.md": "results.md",
+    "benchmarks/real-frames.md": "real-frames.md",
+}
+"""Pages of the repository outside of this folder, with their names on the site."""
 
 API_MODULES = {
     navfw: "The robot, missions and plugins",
@@ -78,15 +85,15 @@ _LINK = re.compile(r"(?<=\]\()(?!https?:)[^)#\s]+")
 def assemble(folder: Path) -> None:
     """Write the configuration and all pages of the site to ``folder``."""
     pages = folder / "pages"
-    shutil.copytree(
-        DOCS, pages, ignore=shutil.ignore_patterns("*.py", "*.toml", "*.ipynb", "results")
-    )
+    shutil.copytree(DOCS, pages, ignore=shutil.ignore_patterns("*.py", "*.toml", "*.ipynb"))
     shutil.copy(DOCS / "zensical.toml", folder)
+    for page in pages.rglob("*.md"):
+        page.write_text(_relinked(f"docs/{page.relative_to(pages)}"), encoding="utf-8")
     recipes = pages / "recipes.md"
     recipes.write_text(_RECIPE.sub(_shown, recipes.read_text(encoding="utf-8")), encoding="utf-8")
     made = {**dict(readme_pages()), "python.md": notebook_page(), "api.md": api_page()}
     for source, name in PROJECT_PAGES.items():
-        made[name] = _relinked((ROOT / source).read_text(encoding="utf-8"))
+        made[name] = _relinked(source)
     made["options.md"] = options_page()
     for name, text in made.items():
         (pages / name).write_text(text, encoding="utf-8")
@@ -102,8 +109,7 @@ def _shown(recipe: re.Match[str]) -> str:
 
 def readme_pages() -> Iterator[tuple[str, str]]:
     """The pages that are sections of the README: name and text."""
-    text = _relinked((ROOT / "README.md").read_text(encoding="utf-8"))
-    first, *sections = re.split(r"^## ", text, flags=re.MULTILINE)
+    first, *sections = re.split(r"^## ", _relinked("README.md"), flags=re.MULTILINE)
     by_heading = {section.partition("\n")[0]: section for section in sections}
     for name, heading in README_PAGES.items():
         if name == "index.md":
@@ -149,14 +155,22 @@ def options_page() -> str:
     return "`".join(prose_and_code)
 
 
-def _relinked(text: str) -> str:
-    """``text`` of a page in the repository's root, with links as a page beside ``docs/*.md``."""
+def _relinked(page: str) -> str:
+    """The text of a page of the repository, with the links that it has on the site."""
 
     def on_site(link: re.Match[str]) -> str:
-        target = link[0].removeprefix("docs/")
-        return PROJECT_PAGES.get(target, target.replace(".ipynb", ".md"))
+        target = posixpath.normpath(posixpath.join(posixpath.dirname(page), link[0]))
+        if target not in PROJECT_PAGES and not target.startswith("docs/"):
+            return link[0]
+        return posixpath.relpath(_place(target), posixpath.dirname(_place(page)) or ".")
 
+    text = (ROOT / page).read_text(encoding="utf-8")
     return _LINK.sub(on_site, text).replace("[licence](LICENSE)", "licence")
+
+
+def _place(path: str) -> str:
+    """Where a page or picture of the repository is on the site."""
+    return PROJECT_PAGES.get(path, path.removeprefix("docs/").replace(".ipynb", ".md"))
 
 
 def drive(pages: Path) -> None:

@@ -2,7 +2,7 @@
 
 Nearness in heights of the camera, which the floor's motion gives, tells what is near without any
 scale. Three features of the thirds of the image, a class each for what is open, a corridor, and
-across: logistic regression on the labels of real frames (docs/real-frames.md), so that a
+across: logistic regression on the labels of real frames (benchmarks/real-frames.md), so that a
 probability is a frequency. Without a floor only a wall can be told, by one plane that fills the
 image. Doors and corners are too rare in the labels to be named.
 

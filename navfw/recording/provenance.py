@@ -48,12 +48,13 @@ def code_revision() -> str:
 def git_revision(folder: Path) -> str | None:
     """The commit checked out around ``folder``; None without git or a commit.
 
-    ``-dirty`` is appended when tracked files have uncommitted changes, except those in ``docs`` at
-    the top of the repository: no run reads them, and results are written there between runs.
+    ``-dirty`` is appended when tracked files have uncommitted changes, except those in ``docs`` and
+    ``benchmarks/results*``: no run reads them, and results are written there between runs.
     """
     revision = _git(folder, "rev-parse", "--verify", "HEAD")
     words = ("status", "--porcelain", "--untracked-files=no", "--ignore-submodules=dirty")
-    changes = _git(folder, *words, "--", ":(top)", ":(top,exclude)docs")
+    excluded = ":(top,exclude)docs", ":(top,exclude)benchmarks/results*"
+    changes = _git(folder, *words, "--", ":(top)", *excluded)
     if revision is None or changes is None:
         return None
     return revision + (DIRTY if changes else "")

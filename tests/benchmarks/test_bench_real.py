@@ -37,7 +37,7 @@ MOVING = [row for row in LABELS if not row.single]
 STEP = 0.05
 """Distance [m] that the camera travels between two images."""
 
-# --- labels (docs/real-frames.md): form, amount, splits ------------------------------------------
+# --- labels (benchmarks/real-frames.md): form, amount, splits -------------------------------------
 
 
 def test_every_label_is_one_of_the_rule() -> None:
@@ -62,7 +62,7 @@ def test_over_450_frames_are_labelled_once_and_their_cameras_are_known() -> None
 def test_a_part_belongs_to_one_split_and_one_folder() -> None:
     places = {(row.part, row.split, row.folder) for row in LABELS}
     assert len(places) == len({row.part for row in LABELS})
-    page = (ROOT / "docs/real-frames.md").read_text(encoding="utf-8")
+    page = (ROOT / "benchmarks/real-frames.md").read_text(encoding="utf-8")
     listed = re.findall(r"^\| `(\w+)` \| `([\w/]+)` \| .* \| (\w+) \|$", page, re.MULTILINE)
     assert {(part, split, folder) for part, folder, split in listed} == places
 

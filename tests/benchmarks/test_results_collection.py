@@ -177,7 +177,7 @@ def test_results_are_measured_anew_by_their_commands(tmp_path: Path) -> None:
     by_hand = bench_result("two", command=hand)
     for result in (old, by_hand):
         save_result(tmp_path, result)
-    script = ROOT / "docs" / "measure_results.py"
+    script = ROOT / "benchmarks" / "measure_results.py"
     done = run([sys.executable, script, "--data", tmp_path, "--results", tmp_path])
     assert (done.returncode, done.stdout.splitlines()) == (1, [command, hand])
     measured, *others = load_results(tmp_path)

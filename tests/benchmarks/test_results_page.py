@@ -208,7 +208,7 @@ def test_a_wrong_placeholder_is_told_with_its_line(placeholder: str, says: str) 
 
 
 def test_a_page_out_of_date_is_told_and_renewed(tmp_path: Path) -> None:
-    folder = tmp_path / "docs" / "results"
+    folder = tmp_path / "benchmarks" / "results"
     folder.mkdir(parents=True)
     (folder / TEMPLATE).write_text("# Results\n\n{{suites rooms}}\n")
     readme = tmp_path / "README.md"
@@ -244,11 +244,11 @@ def test_a_page_out_of_date_is_told_and_renewed(tmp_path: Path) -> None:
 
 
 def test_the_page_of_this_repository_is_up_to_date() -> None:
-    for page, text in current_pages(ROOT / "docs" / "results").items():
+    for page, text in current_pages(ROOT / "benchmarks" / "results").items():
         assert page.read_text(encoding="utf-8") == text, "run: uv run navfw results write"
 
 
 def test_the_prose_of_the_template_has_no_measured_figures() -> None:
-    text = (ROOT / "docs" / "results" / TEMPLATE).read_text(encoding="utf-8")
+    text = (ROOT / "benchmarks" / "results" / TEMPLATE).read_text(encoding="utf-8")
     prose = re.sub(r"```.*?```|`[^`]*`|\{\{.*?\}\}", "", text, flags=re.DOTALL)
     assert re.findall(r"\d+\.\d+|\d+ of \d+|\d %(?! \|)", prose) == []

@@ -20,12 +20,7 @@ from navfw.stack import load_stack
 from navfw.testing import check_behavior
 from navfw.worldgen import generate
 
-WITH_RUNS = [
-    page
-    for page in PAGES
-    if any(words[0] == "run" for words in commands(page))
-    and page.name != "template.md"  # docs/results.md is written from it
-]
+WITH_RUNS = [page for page in PAGES if any(words[0] == "run" for words in commands(page))]
 
 
 @pytest.mark.usefixtures("project")

@@ -12,6 +12,7 @@ from cli_calls import put_files
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
 PAGES += sorted((ROOT / "docs").rglob("*.md"))
+PAGES += [ROOT / "benchmarks" / name for name in ("README.md", "results.md", "real-frames.md")]
 
 # **`path/of/file`** with words behind it or not, then (perhaps after a paragraph) its fenced text
 _FILE = re.compile(r"^\*\*`([\w./-]+)`\*\*[^`]*?^```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)

@@ -273,7 +273,7 @@ TARGETS: dict[str, Target] = {
     "times": Target("times.csv", "cells", _images,
                     _command("perceive", "./images", "--times", "./times.csv"), 5),
     "stored": Target("rooms-1000-1050.json", "data",
-                     _copy("rooms-1000-1050.json", "docs/results/rooms-1000-1050.json"),
+                     _copy("rooms-1000-1050.json", "benchmarks/results/rooms-1000-1050.json"),
                      load_results, 15),
     "image": Target("images/1.png", "bytes", _images, _command("perceive", "./images"), 3),
     "photo": Target("images/3.jpg", "bytes", _images, _command("perceive", "./images"), 3),

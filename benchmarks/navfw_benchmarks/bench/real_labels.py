@@ -1,4 +1,4 @@
-"""Truth of real frames: labels, judgement of a sentence by them (docs/real-frames.md), and records.
+"""Truth of real frames: labels (benchmarks/real-frames.md), judgement of a sentence, and records.
 
 Headings, nearness and yaw rates on recorded sequences are compared with poses, depth images and the
 gyro.

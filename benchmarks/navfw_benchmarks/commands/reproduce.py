@@ -18,7 +18,7 @@ def reproduce(
     data: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of the recordings, for Table 3 on photographs (docs/real-frames.md).",
+            help="Folder of recordings, for Table 3 on photographs: benchmarks/real-frames.md.",
         ),
     ] = None,
     seed: Annotated[

@@ -16,7 +16,7 @@ from navfw.process.atomic import write_text
 Folder = Annotated[
     Path, typer.Option(help="The folder of results and template.md; its page is FOLDER.md.")
 ]
-_FOLDER = Path("docs") / "results"
+_FOLDER = Path("benchmarks") / "results"
 
 
 def add(

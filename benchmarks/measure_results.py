@@ -1,9 +1,9 @@
-"""Measure the results in ``docs/results`` anew, each by the command that it holds.
+"""Measure the results in ``results`` anew, each by the command that it holds.
 
 Those of the code's own revision are left out, so that an interrupted measurement goes on. ``DIR``
 in a command stands for the folder of recordings, or for ``barn`` in it: BARN's imported worlds::
 
-    uv run python docs/measure_results.py --data DIR [NAME ...]
+    uv run python benchmarks/measure_results.py --data DIR [NAME ...]
     uv run navfw results write
 """
 
