@@ -25,9 +25,10 @@ from navfw.process.last_trace import ended_after
 from navfw.recording.run_folder import RunFolder, plain_json
 
 if TYPE_CHECKING:
-    from navfw.missions.runner import Progress
+    from navfw.missions.pilot import TickView
     from navfw.missions.session import MissionResult, Session
     from navfw.recording.live_server import LiveServer
+    from navfw.signals import Waypoint
 
 LINE_PERIOD = 5.0
 """Interval between progress lines where stderr is not a terminal [s]."""
@@ -188,8 +189,9 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
             recorded = RecordedFolder(session, target) if kept else None
             _announce(session, target, request)
             with _RunProgress(quiet=request.quiet) as line, ended_after(request.limit + PATIENCE):
+                goal = session.mission.goals[-1]
                 result = session.run(
-                    line.show,
+                    lambda tick: line.show(tick, goal),
                     gui=request.gui,
                     record=False if recorded is None else recorded.recorder,
                     told=(lambda _: None) if recorded is None else recorded.told,
@@ -267,16 +269,17 @@ class _RunProgress(ProgressBar):
 
     def __init__(self, *, quiet: bool) -> None:
         super().__init__(quiet=quiet, period=LINE_PERIOD)
-        self._shown = time.monotonic()
+        self._began = self._shown = time.monotonic()
         over = threading.Event()
         self.callback(over.set)
         if not quiet:
             threading.Thread(target=self._explain_delay, args=(over,), daemon=True).start()
 
-    def show(self, progress: Progress) -> None:
-        """Show the state of the run."""
+    def show(self, tick: TickView, goal: Waypoint) -> None:
+        """Show the state of the run at a ``tick``, on the way to the last ``goal``."""
         self._shown = time.monotonic()
-        self.show_line(_line(progress, self.width))
+        speed = tick.time / max(self._shown - self._began, 1e-9)
+        self.show_line(_line(tick, goal, speed, self.width))
 
     def _explain_delay(self, over: threading.Event) -> None:
         """Print ``COMPILING`` once if there is no progress for a while because of a kernel."""
@@ -286,14 +289,20 @@ class _RunProgress(ProgressBar):
                 return
 
 
-def _line(progress: Progress, width: int) -> str:
-    """Where the run is; who leads, to where, and what is ahead as far as the ``width`` allows."""
-    line = f"{progress.time:5.1f} s, {progress.distance:4.1f} m to go"
-    speed, towards = progress.real_time_factor, progress.waypoint and f" to {progress.waypoint}"
+def _line(tick: TickView, goal: Waypoint, speed: float, width: int) -> str:
+    """Where the run is; who leads, to where, and what is ahead as far as the ``width`` allows.
+
+    ``speed`` is simulated time per wall-clock time.
+    """
+    x, y, _ = tick.true_pose
+    line = f"{tick.time:5.1f} s, {math.hypot(goal.x - x, goal.y - y):4.1f} m to go"
+    place = tick.state.path[0].place if tick.state.path else ""
+    towards = place and f" to {place}"
     clauses = [f", {speed:.1f} x real time"] if speed >= 0.1 else []
-    clauses += [f": {progress.behavior}{towards}"] if progress.behavior else []
+    clauses += [f": {tick.leader}{towards}"] if tick.leader else []
     # the objects of all layers are longer than a line
-    seen = (" ".join(clause.split()) for clause in progress.sentence.split(";"))
+    sentence = "" if tick.percept is None else tick.percept.sentence
+    seen = (" ".join(clause.split()) for clause in sentence.split(";"))
     clauses += [f"; {clause}" for clause in seen if clause and not clause.startswith("Layer")]
     for clause in clauses:
         if len(line) + len(clause) > width:

@@ -250,7 +250,7 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
         drawn = int(self.np_random.integers(self._seeds[0], self._seeds[-1], endpoint=True))
         self._seed = drawn if seed is None else seed
         session = self._episodes.session(self._seed)
-        self._run = SteppedSession(session, compiled=self._compiled).__enter__()
+        self._run = SteppedSession(session, compiled=self._compiled)
         self._compiled = True
         self._stack = session.stack
         stages = (self._stack.mofis.fusion, self._stack.mofis.composite)

@@ -26,9 +26,7 @@ from .run_metrics import path_length as path_length
 from .run_report import draw as draw
 from .run_report import write_run as write_run
 from .run_result import RunResult as RunResult
-from .runner import Drive as Drive
 from .runner import MissionLoop as MissionLoop
-from .runner import Progress as Progress
 from .runner import Task as Task
 from .session import MissionResult as MissionResult
 from .session import Session as Session

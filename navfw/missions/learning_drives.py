@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ from navfw.features.landmark_appearance import landmark_kind
 from navfw.features.recognizers import Aruco
 from navfw.localization.place_probabilities import observed_situations
 from navfw.missions.pilot import TickView
-from navfw.missions.runner import Drive, MissionLoop, Progress
+from navfw.missions.runner import MissionLoop
 from navfw.missions.session import Session
 from navfw.signals import Odometry, Percept, Pose
 from navfw.topomap import TopoMap
@@ -80,7 +80,7 @@ def record_situations(session: Session) -> SituationDrive:
         samples.append(SituationSample(tick.state.odometry, observed_situations(new), true))
 
     with session.simulation() as simulator:
-        run = MissionLoop(session.task, session.stack, simulator).run(sample)
+        run = MissionLoop(session.task, session.stack, simulator, sample).run()
     mission, outcome = session.mission, str(run.verdict.outcome)
     return SituationDrive(mission.topo_map, mission.start, tuple(samples), outcome)
 
@@ -89,7 +89,7 @@ def record_situations(session: Session) -> SituationDrive:
 class LearningDrive:
     """The mission's run, the landmarks found, and the map with these landmarks."""
 
-    run: Drive
+    run: MissionLoop
     learnt: tuple[LandmarkEstimate, ...]
     topo_map: TopoMap
 
@@ -119,9 +119,7 @@ class LearningDrive:
         }
 
 
-def learn_landmarks(
-    session: Session, progress: Callable[[Progress], None] | None = None, least: int = 3
-) -> LearningDrive:
+def learn_landmarks(session: Session, least: int = 3) -> LearningDrive:
     """Drive the session's mission; landmarks detected at least ``least`` times go into the map.
 
     A stack whose feature recognition takes no landmark frames gets the recogniser ``aruco``.
@@ -150,7 +148,7 @@ def learn_landmarks(
             mapper.integrate(stack.history.at(taken), state.landmark_detections)
 
     with session.simulation() as simulator:
-        run = MissionLoop(session.task, stack, simulator, progress).run(integrate)
+        run = MissionLoop(session.task, stack, simulator, integrate).run()
     learnt = mapper.estimate(least)
     if not learnt:
         raise MapError(

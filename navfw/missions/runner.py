@@ -9,12 +9,13 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from navfw.errors import InputError
 from navfw.guard import PluginCallError
-from navfw.missions.mission_events import EventClock, EventRecord
+from navfw.missions.mission_events import EventClock
 from navfw.missions.outcome import (
     FaultKind,
     GoalChecker,
@@ -28,9 +29,6 @@ from navfw.process.interruption import check_interrupted, interruptible
 from navfw.recording.run_observers import Contact, RunLog, RunLogger, RunObserver
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
-
-_PROGRESS_PERIOD = 0.1
-"""Simulated time [s] between two calls of the progress callback."""
 
 _SETTLE_TIME = 2.0
 """Longest time [s] from the stack's report that it has finished to standstill."""
@@ -48,18 +46,21 @@ _FAULTS = {
 _STILL = 0.02
 """Commanded speed [m/s] and turning rate [rad/s] up to which the robot counts as standing still."""
 
+_STALL_RADIUS = 0.3
+"""A robot that stays within this distance [m] of one position makes no progress."""
+
 _MAX_FAULTS = 100
 """Largest number of kinds of plugin faults in a result."""
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """The part of a mission that the runner uses.
+    """The part of a mission that the loop uses.
 
     A goal counts as visited when the robot's true distance is at most ``success_radius`` [m]; for
     the last goal, when the stack has finished. The stack gets the true ``start`` only if
-    ``start_known``. ``timeout`` [s] is simulated time. A robot that stays within ``stall_radius``
-    [m] of one position for ``stuck_after`` [s] is stuck. Contacts named in ``drops`` are falls.
+    ``start_known``. ``timeout`` [s] is simulated time. A robot without progress for ``stuck_after``
+    [s] is stuck. Contacts named in ``drops`` are falls.
     """
 
     robot: RobotModel
@@ -68,54 +69,15 @@ class Task:
     timeout: float
     success_radius: float = 0.5
     stuck_after: float = 45.0
-    stall_radius: float = 0.3
     start_known: bool = True
     drops: frozenset[str] = frozenset()
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """State of a run: times [s], true straight distance to the last goal [m], leading behaviour."""
-
-    time: float
-    wall_time: float
-    distance: float
-    behavior: str
-    sentence: str
-    waypoint: str
-
-    @property
-    def real_time_factor(self) -> float:
-        """Simulated time per wall-clock time."""
-        return self.time / self.wall_time if self.wall_time > 0.0 else 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Drive:
-    """A drive that has ended.
-
-    ``faults`` are faults of plugins that the stack contained, ``events`` the mission's events that
-    happened.
-    """
-
-    verdict: MissionVerdict
-    log: RunLog
-    sim_time: float
-    wall_time: float
-    faults: tuple[str, ...]
-    events: tuple[EventRecord, ...] = ()
-
-    @property
-    def real_time_factor(self) -> float:
-        """Simulated time per wall-clock time."""
-        return self.sim_time / self.wall_time if self.wall_time > 0.0 else 0.0
 
 
 class MissionLoop:
     """One run, an iterator over its control ticks; ``verdict`` is that of a mission that has ended.
 
-    ``observers`` and ``events`` take in every tick. A run that takes longer than ``limit`` [s] of
-    wall-clock time ends as a fault; otherwise that time is used in reports only.
+    ``observers``, ``on_tick`` and ``events`` take in every tick. A run that takes longer than
+    ``limit`` [s] of wall-clock time ends as a fault; otherwise that time is used in reports only.
     """
 
     def __init__(
@@ -123,7 +85,8 @@ class MissionLoop:
         task: Task,
         pilot: Pilot,
         simulator: Simulator,
-        progress: Callable[[Progress], None] | None = None,
+        on_tick: Callable[[TickView], object] | None = None,
+        *,
         observers: Sequence[RunObserver] = (),
         events: EventClock | None = None,
         limit: float = math.inf,
@@ -131,33 +94,26 @@ class MissionLoop:
         self.task = task
         self.pilot = pilot
         self.simulator = simulator
-        self.progress = progress
+        self.on_tick = on_tick
         self.observers = observers
-        self.events = events
+        self.events = events or EventClock(())
         self.limit = limit
-        self.verdict: MissionVerdict | None = None
+        self._verdict: MissionVerdict | None = None
         self.logger = RunLogger()
-        self.dt = 1.0 / task.robot.control_rate
         self.goal_checker = GoalChecker(task.goals, task.success_radius)
-        self.progress_checker = ProgressChecker(task.stuck_after, task.stall_radius)
+        self.progress_checker = ProgressChecker(task.stuck_after, _STALL_RADIUS)
         self.finished_at: float | None = None
-        self.faults: tuple[str, ...] = ()
-        self.path: tuple[Waypoint, ...] = ()
-        self.leader = ""
         self.last_leader = ""
         self.began = time.perf_counter()
         self.first = simulator.time
-        self.started = False
-        self.next_progress = 0.0
-        self._tick: TickView | None = None
+        self.wall_time = 0.0
+        self._ticks = self._contained_ticks()
 
     def __iter__(self) -> Iterator[TickView]:
         return iter(self.step, None)
 
-    def run(self, on_tick: Callable[[TickView], object] | None = None) -> Drive:
+    def run(self) -> Self:
         """Drive until the mission ends; Ctrl-C or SIGTERM ends it as cancelled.
-
-        ``on_tick`` is called with every control tick after the robot has moved.
 
         Raises:
             InputError: the stack refuses the mission before the first tick, for example a goal to
@@ -168,13 +124,11 @@ class MissionLoop:
         gc.freeze()
         try:
             with self._contained(), interruptible():
-                while self.verdict is None:
+                for _ in self._ticks:
                     check_interrupted()
-                    if (tick := self.step()) is not None and on_tick is not None:
-                        on_tick(tick)
         finally:
             gc.unfreeze()
-        return self.result()
+        return self
 
     def step(self) -> TickView | None:
         """Drive one control tick; None if there is none, as the mission has ended or failed.
@@ -183,23 +137,39 @@ class MissionLoop:
             InputError: as ``run``.
 
         """
-        self._tick = None
-        if self.verdict is None:
-            with self._contained():
-                self.verdict = self._drive_tick()
-        return self._tick
+        return next(self._ticks, None)
 
-    def result(self) -> Drive:
-        """The drive, which has ended."""
-        assert self.verdict is not None  # noqa: S101 - the run has ended
-        return Drive(
-            verdict=self.verdict,
-            log=self.logger.log(),
-            sim_time=self.simulator.time - self.first,
-            wall_time=time.perf_counter() - self.began,
-            faults=self.faults[:_MAX_FAULTS],
-            events=() if self.events is None else self.events.log,
-        )
+    @property
+    def ended(self) -> bool:
+        """Whether the mission has ended."""
+        return self._verdict is not None
+
+    @property
+    def verdict(self) -> MissionVerdict:
+        """How the mission has ended.
+
+        Raises:
+            InputError: it has not.
+
+        """
+        if self._verdict is None:
+            raise InputError("the mission has not ended: step until `ended`")
+        return self._verdict
+
+    @property
+    def log(self) -> RunLog:
+        """The log of all ticks so far."""
+        return self.logger.log()
+
+    @property
+    def sim_time(self) -> float:
+        """Simulated time [s] since the beginning."""
+        return self.simulator.time - self.first
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Faults of plugins that the stack contained."""
+        return self.pilot.state.faults[:_MAX_FAULTS]
 
     @contextmanager
     def _contained(self) -> Iterator[None]:
@@ -211,80 +181,70 @@ class MissionLoop:
                 check_interrupted()  # compiled code may raise another error than the interruption
                 raise
         except KeyboardInterrupt:
-            self.verdict = self._verdict(Outcome.CANCELLED, "stopped by the user")
+            self._verdict = self._end(Outcome.CANCELLED, "stopped by the user")
         except PluginCallError as error:
-            self.verdict = self._fault(FaultKind.PLUGIN_FAILED, str(error))
+            self._verdict = self._fault(FaultKind.PLUGIN_FAILED, str(error))
         except Exception as error:  # a plugin may raise anything; the run still gives a result
             if isinstance(error, InputError) and self.logger.ticks == 0:
                 raise
             what = f"{type(error).__name__}: {error}".splitlines()[0]
             trace = traceback.format_exc()
-            self.verdict = self._fault(FaultKind.EXCEPTION, f"exception: {what}", trace)
+            self._verdict = self._fault(FaultKind.EXCEPTION, f"exception: {what}", trace)
 
-    def _drive_tick(self) -> MissionVerdict | None:
-        """One control tick; the verdict if the mission ends at it."""
-        if not self.started:
-            self.started = True
-            self.pilot.start(self.task.start if self.task.start_known else None, self.task.goals)
-        pose = self.simulator.true_pose()
-        if self.events is not None:
-            self.events.tick(self.simulator.time, pose)
-        reading = self.simulator.read()
-        twist = self.pilot.step(reading)
-        if not (math.isfinite(twist.v) and math.isfinite(twist.w)):
-            what = f"the stack commanded v = {twist.v}, w = {twist.w}"
-            return self._fault(FaultKind.BAD_COMMAND, what)
-        self._record(reading, pose, twist)
-        self._tick = TickView(
-            reading,
-            self.pilot.state,
-            np.array([twist.v, twist.w]),
-            np.array([pose.x, pose.y, pose.yaw]),
-        )
-        self.simulator.drive(*self.task.robot.wheel_speeds(twist))
-        self.simulator.advance(self.dt)
-        verdict = self._judge(reading.time, self.simulator.true_pose(), twist)
-        if verdict is None and time.perf_counter() - self.began > self.limit:
-            verdict = self._fault(FaultKind.TOO_LONG, f"wall-clock limit of {self.limit:g} s")
-        return verdict
+    def _contained_ticks(self) -> Iterator[TickView]:
+        with self._contained():
+            yield from self._drive()
+
+    def _drive(self) -> Iterator[TickView]:
+        """Drive, tick by tick, until there is a verdict."""
+        task, pilot, simulator = self.task, self.pilot, self.simulator
+        pilot.start(task.start if task.start_known else None, task.goals)
+        while self._verdict is None:
+            pose = simulator.true_pose()
+            self.events.tick(simulator.time, pose)
+            reading = simulator.read()
+            twist = pilot.step(reading)
+            if not (math.isfinite(twist.v) and math.isfinite(twist.w)):
+                what = f"the stack commanded v = {twist.v}, w = {twist.w}"
+                self._verdict = self._fault(FaultKind.BAD_COMMAND, what)
+                return
+            tick = TickView(
+                reading,
+                pilot.state,
+                np.array([twist.v, twist.w]),
+                np.array([pose.x, pose.y, pose.yaw]),
+            )
+            self._record(reading, pose, twist)
+            if self.on_tick is not None:
+                self.on_tick(tick)
+            simulator.drive(*task.robot.wheel_speeds(twist))
+            simulator.advance(1.0 / task.robot.control_rate)
+            self._verdict = self._judge(reading.time, simulator.true_pose(), twist)
+            self.wall_time = time.perf_counter() - self.began
+            if self._verdict is None and self.wall_time > self.limit:
+                what = f"wall-clock limit of {self.limit:g} s"
+                self._verdict = self._fault(FaultKind.TOO_LONG, what)
+            yield tick
 
     def _record(self, reading: SensorReading, pose: Pose, twist: Twist) -> None:
         state = self.pilot.state
         command = state.command
-        self.leader = "" if command is None else command.leader
-        self.last_leader = self.leader or self.last_leader
+        leader = "" if command is None else command.leader
+        self.last_leader = leader or self.last_leader
         self.logger.add(
             time=reading.time,
             true=pose,
             estimate=self.task.start if state.belief is None else state.belief.pose,
             twist=twist,
-            leader=self.leader,
-            emergency=command is not None and (command.emergency or self.leader == _EMERGENCY),
+            leader=leader,
+            emergency=command is not None and (command.emergency or leader == _EMERGENCY),
             belief=state.belief,
             sight=state.sight,
             vetoed=bool(state.veto),
         )
+        self.logger.add_waypoints(state.path)
         for observer in self.observers:
             observer.observe(reading, twist, pose)
-        if state.path is not self.path:
-            self.path = state.path
-            self.logger.add_waypoints(state.path)
-        self.faults = state.faults
-        if self.progress is not None and reading.time >= self.next_progress:
-            self.next_progress = reading.time + _PROGRESS_PERIOD
-            self.progress(self._progress(reading.time, pose))
-
-    def _progress(self, now: float, pose: Pose) -> Progress:
-        state = self.pilot.state
-        goal = self.task.goals[-1]
-        return Progress(
-            time=now,
-            wall_time=time.perf_counter() - self.began,
-            distance=math.hypot(goal.x - pose.x, goal.y - pose.y),
-            behavior=self.leader,
-            sentence="" if state.percept is None else state.percept.sentence,
-            waypoint=state.path[0].place if state.path else "",
-        )
 
     def _judge(self, now: float, pose: Pose, twist: Twist) -> MissionVerdict | None:
         """The verdict if the mission ends at this tick; a collision takes precedence."""
@@ -295,19 +255,19 @@ class MissionLoop:
             where = f"at ({pose.x:.2f}, {pose.y:.2f})"
             fell = [repr(name) for name in touched if name in self.task.drops]
             did = f"fell into {', '.join(fell)}" if fell else f"touched {', '.join(touched)}"
-            return self._verdict(Outcome.COLLIDED, f"{did} {where}")
+            return self._end(Outcome.COLLIDED, f"{did} {where}")
         state = self.pilot.state
         if state.finished:
             return self._finish(now, pose, twist)
         if state.fault is not None:
             return self._fault(_FAULTS[state.fault.part], state.fault.reason)
         if state.stuck:
-            return self._verdict(Outcome.UNSURE if state.unsure else Outcome.STUCK, state.stuck)
+            return self._end(Outcome.UNSURE if state.unsure else Outcome.STUCK, state.stuck)
         if self.progress_checker.update(now, pose):
-            limit = f"{self.task.stall_radius:g} m of one position for {self.task.stuck_after:g} s"
+            limit = f"{_STALL_RADIUS:g} m of one position for {self.task.stuck_after:g} s"
             outcome = Outcome.UNSURE if state.unsure else Outcome.STUCK
             held = f"; held by the safety monitor: {state.veto}" if state.veto else ""
-            return self._verdict(outcome, f"stayed within {limit}{held}")
+            return self._end(outcome, f"stayed within {limit}{held}")
         return self._time_is_up(pose) if now >= self.task.timeout else None
 
     def _time_is_up(self, pose: Pose) -> MissionVerdict:
@@ -319,10 +279,10 @@ class MissionLoop:
         if belief is not None and belief.lost:
             reason += ", position estimate lost"
             fitting = f": {belief.hypotheses} places fit" if belief.hypotheses > 1 else ""
-            return self._verdict(Outcome.LOST, reason + fitting)
+            return self._end(Outcome.LOST, reason + fitting)
         if self.pilot.state.unsure:
-            return self._verdict(Outcome.UNSURE, f"{reason}, position estimate too uncertain")
-        return self._verdict(Outcome.TIMEOUT, reason)
+            return self._end(Outcome.UNSURE, f"{reason}, position estimate too uncertain")
+        return self._end(Outcome.TIMEOUT, reason)
 
     def _finish(self, now: float, pose: Pose, twist: Twist) -> MissionVerdict | None:
         """The verdict once the finished robot stands still, or after _SETTLE_TIME."""
@@ -335,13 +295,13 @@ class MissionLoop:
         if missed is None:
             goal = self.task.goals[-1]
             off = math.hypot(goal.x - pose.x, goal.y - pose.y)
-            return self._verdict(Outcome.REACHED, f"stopped {off:.2f} m from {goal_name(goal)}")
-        return self._verdict(Outcome.LOST, missed)
+            return self._end(Outcome.REACHED, f"stopped {off:.2f} m from {goal_name(goal)}")
+        return self._end(Outcome.LOST, missed)
 
     def _fault(self, kind: FaultKind, reason: str, trace: str = "") -> MissionVerdict:
-        return replace(self._verdict(Outcome.FAULT, reason), fault=kind, trace=trace)
+        return replace(self._end(Outcome.FAULT, reason), fault=kind, trace=trace)
 
-    def _verdict(self, outcome: Outcome, reason: str) -> MissionVerdict:
+    def _end(self, outcome: Outcome, reason: str) -> MissionVerdict:
         trouble = self.pilot.state.sight.trouble
         if trouble and outcome in (Outcome.STUCK, Outcome.TIMEOUT):
             reason = f"{reason}; {trouble}"

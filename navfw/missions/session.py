@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -21,9 +21,9 @@ from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import MissionVerdict, Outcome
 from navfw.missions.pilot import TickView
 from navfw.missions.run_drawing import WindowOverlay, discs_of, outline_of
-from navfw.missions.run_metrics import RunMetrics, first_contacts, measure, permanent_plan
+from navfw.missions.run_metrics import first_contacts, measure, permanent_plan
 from navfw.missions.run_result import RunResult
-from navfw.missions.runner import Drive, MissionLoop, Progress, Task
+from navfw.missions.runner import MissionLoop, Task
 from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import plugin_files, simulator_users
 from navfw.process import compile_kernels
@@ -119,7 +119,7 @@ class Session:
 
     def run(
         self,
-        progress: Callable[[Progress], None] | None = None,
+        on_tick: Callable[[TickView], object] | None = None,
         *,
         gui: bool = False,
         record: bool | RunRecorder = False,
@@ -129,9 +129,9 @@ class Session:
     ) -> MissionResult:
         """Drive the mission once; with ``record`` it is recorded, for a replay and for viewers.
 
-        The recording is in a temporary file, or that of a ``recorder``. ``observers`` take in every
-        tick, ``told`` the events so far when one has begun or ended. A run that takes longer than
-        ``limit`` [s] of wall-clock time ends as a fault.
+        The recording is in a temporary file, or that of a ``recorder``. ``on_tick`` and
+        ``observers`` take in every tick, ``told`` the events so far when one has begun or ended. A
+        run that takes longer than ``limit`` [s] of wall-clock time ends as a fault.
 
         Raises:
             InputError: the stack refuses the mission before the robot has moved.
@@ -140,26 +140,26 @@ class Session:
         recorder = RunRecorder(self.description, self.seen) if record is True else record or None
         observers = (*observers, *((recorder,) if recorder else ()))
         name_plugins(plugin_files(plugins_of(self.stack)))
-        drive = SteppedSession(self, progress, gui=gui, observers=observers, limit=limit, told=told)
-        with nullcontext() if recorder is None else recorder, drive as stepped:
-            stepped.run()
+        drive = SteppedSession(self, on_tick, gui=gui, observers=observers, limit=limit, told=told)
+        with recorder or nullcontext(), drive, self.stack.guard.watchdog.on_duty():
+            drive.run()
             for observer in observers:
                 observer.close()
-            return stepped.measured(recorder)
+            return replace(drive.result, recorder=recorder)
 
 
-class SteppedSession:
+class SteppedSession(MissionLoop):
     """A mission to step through; a context manager, and an iterator over its ticks.
 
     The commands are those of ``navfw.run`` with the same arguments, bit for bit. ``result`` is the
     mission's result, once it has ended. Kernels of imported modules that are not compiled yet are
-    compiled when the context begins, unless they are known to be ``compiled``.
+    compiled first, unless they are known to be ``compiled``.
     """
 
     def __init__(
         self,
         session: Session,
-        progress: Callable[[Progress], None] | None = None,
+        on_tick: Callable[[TickView], object] | None = None,
         *,
         gui: bool = False,
         observers: Sequence[RunObserver] = (),
@@ -167,54 +167,29 @@ class SteppedSession:
         told: Callable[[Sequence[EventRecord]], object] = lambda _: None,
         compiled: bool = False,
     ) -> None:
+        if not compiled:
+            compile_kernels(loaded=True)
         self.session = session
-        self._compiled = compiled
-        self._gui = gui
-        self._loop_options = (progress, observers, limit)
-        self._told = told
-        self._simulator: Simulation | None = None
-        self._loop: MissionLoop | None = None
-        self._result: MissionResult | None = None
+        stack, self._simulation = session.stack, session.simulation(gui)
+        self._open = True
+        if self._simulation.window is not None:
+            observers = (*observers, WindowOverlay(self._simulation.window, stack))
+        targets = (
+            inject_faults(stack.mofis.behaviors, event.behavior)
+            if event.behavior
+            else self._simulation
+            for event in session.events
+        )
+        events = EventClock(zip(session.events, targets, strict=True), told)
+        arguments = (session.task, stack, self._simulation, on_tick)
+        super().__init__(*arguments, observers=observers, events=events, limit=limit)
 
     def __enter__(self) -> Self:
-        if not self._compiled:
-            compile_kernels(loaded=True)
-        self._simulator = simulator = self.session.simulation(self._gui)
-        try:
-            session, (progress, observers, limit) = self.session, self._loop_options
-            stack, behaviors = session.stack, session.stack.mofis.behaviors
-            if simulator.window is not None:
-                observers = (*observers, WindowOverlay(simulator.window, stack))
-            targets = (
-                inject_faults(behaviors, event.behavior) if event.behavior else simulator
-                for event in session.events
-            )
-            events = EventClock(zip(session.events, targets, strict=True), self._told)
-            loop = MissionLoop(session.task, stack, simulator, progress, observers, events, limit)
-            self._loop = loop
-        except BaseException:
-            self._simulator = None
-            simulator.close()
-            raise
         return self
 
     def __exit__(self, *exception: object) -> None:
-        simulator, self._simulator = self._simulator, None
-        if simulator is not None:
-            simulator.close()
-
-    def __iter__(self) -> Iterator[TickView]:
-        return iter(self.step, None)
-
-    @property
-    def ended(self) -> bool:
-        """Whether the mission has ended."""
-        return self._loop is not None and self._loop.verdict is not None
-
-    def run(self) -> None:
-        """Drive to the end."""
-        with self.session.stack.guard.watchdog.on_duty():
-            self._opened().run()
+        self._open = False
+        self._simulation.close()
 
     def step(self) -> TickView | None:
         """Drive one control tick; None once the mission has ended.
@@ -224,14 +199,12 @@ class SteppedSession:
             KeyboardInterrupt: the user has stopped the run.
 
         """
-        if self.ended:
-            return None
-        loop = self._opened()
-        tick = loop.step()
-        if loop.verdict is not None:
-            self._result = self.measured()
+        if not (self.ended or self._open):
+            raise InputError("the session is not open: step inside `with open_session(...) as s:`")
+        tick = super().step()
+        if self.ended and self._open:
             self.__exit__()
-            if loop.verdict.outcome == "cancelled":
+            if self.verdict.outcome is Outcome.CANCELLED:
                 raise KeyboardInterrupt
         return tick
 
@@ -239,7 +212,7 @@ class SteppedSession:
         """Why the last command was given, as plain data (``Stack.explain``)."""
         return self.session.stack.explain()
 
-    @property
+    @cached_property
     def result(self) -> MissionResult:
         """The result of the mission.
 
@@ -247,21 +220,7 @@ class SteppedSession:
             InputError: the mission has not ended.
 
         """
-        if self._result is None:
-            raise InputError("the mission has not ended: step until `ended`")
-        return self._result
-
-    def measured(self, recorder: RunRecorder | None = None) -> MissionResult:
-        """The result of the mission, which has ended, before the context ends."""
-        drive, oracles = self._opened().result(), simulator_users(plugins_of(self.session.stack))
-        assert self._simulator is not None  # noqa: S101 - it is open
-        return MissionResult.of(self.session, drive, self._simulator, recorder, oracles)
-
-    def _opened(self) -> MissionLoop:
-        """The loop; raises InputError unless the context lasts."""
-        if self._simulator is None or self._loop is None:
-            raise InputError("the session is not open: use it as in `with open_session(...) as s:`")
-        return self._loop
+        return MissionResult.of(self.session, self, self._simulation)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,19 +239,33 @@ class MissionResult(RunResult):
     changes: ChangeTrack | None = field(default=None, repr=False)
 
     @classmethod
-    def of(
-        cls,
-        session: Session,
-        drive: Drive,
-        simulation: Simulation,
-        recorder: RunRecorder | None = None,
-        oracle_plugins: Sequence[str] = (),
-    ) -> MissionResult:
-        """The result of a ``drive`` in ``simulation``."""
-        verdict, log, stack = drive.verdict, drive.log, session.stack
+    def of(cls, session: Session, drive: MissionLoop, simulation: Simulation) -> MissionResult:
+        """The result of a ``drive`` in ``simulation``.
+
+        Raises:
+            InputError: the mission has not ended.
+
+        """
+        verdict, log, stack, mission = drive.verdict, drive.log, session.stack, session.mission
         movers = simulation.walker_track() if session.world.movers else None
-        changes = simulation.change_track()
-        metrics = _measured(session, drive, simulation, movers, changes)
+        changes, spent = simulation.change_track(), simulation.timings
+        stages = {"render": spent.render, "physics": spent.physics, "sensors": spent.sensors}
+        if stack.features.plugin.landmark_frames:
+            stages["landmark_frames"] = spent.landmarks
+        frames = max(1.0, drive.sim_time * mission.spec.robot.camera.rate)
+        metrics = measure(
+            log,
+            permanent_plan(session.plan, changes),
+            start=(mission.start.x, mission.start.y),
+            goal=(mission.goals[-1].x, mission.goals[-1].y),
+            within=mission.spec.success.within,
+            shortest=session.shortest,
+            discs=mission.spec.robot.discs,
+            succeeded=verdict.outcome.succeeded,
+            stage_ms={name: 1e3 * t / frames for name, t in {**stages, **stack.timings}.items()},
+            moving=[track for track in (movers, changes) if track is not None],
+        )
+        oracles = simulator_users(plugins_of(stack))
         failed = stack.guard.unreliable
         return cls(
             **vars(metrics),
@@ -305,21 +278,20 @@ class MissionResult(RunResult):
             tick=verdict.tick,
             sim_time_s=drive.sim_time,
             wall_time_s=drive.wall_time,
-            real_time_factor=drive.real_time_factor,
+            real_time_factor=drive.sim_time / drive.wall_time if drive.wall_time > 0.0 else 0.0,
             collision_cause=simulation.collision_cause,
             contacts=tuple(first_contacts(log.contacts)),
             command_hash=log.command_hash,
-            oracle=stack.resolved.settings.oracle or bool(oracle_plugins),
-            oracle_plugins=tuple(oracle_plugins),
+            oracle=stack.resolved.settings.oracle or bool(oracles),
+            oracle_plugins=oracles,
             faults=drive.faults,
             objections=tuple(
                 text for name, text in failed.items() if session.uninvited([f"{name}: "])
             ),
-            events=drive.events,
+            events=drive.events.log,
             session=session,
             verdict=verdict,
             log=log,
-            recorder=recorder,
             movers=movers,
             changes=changes,
         )
@@ -333,31 +305,3 @@ class MissionResult(RunResult):
         if self.outcome is Outcome.CANCELLED:
             return INTERRUPTED
         return 0 if self.outcome.succeeded and not self.objections else 1
-
-
-def _measured(
-    session: Session,
-    drive: Drive,
-    simulation: Simulation,
-    movers: WalkerTrack | None,
-    changes: ChangeTrack | None,
-) -> RunMetrics:
-    """The metrics of a ``drive``."""
-    spec, start, goal = session.mission.spec, session.mission.start, session.mission.goals[-1]
-    spent, stack = simulation.timings, session.stack
-    stages = {"render": spent.render, "physics": spent.physics, "sensors": spent.sensors}
-    if stack.features.plugin.landmark_frames:
-        stages["landmark_frames"] = spent.landmarks
-    frames = max(1.0, drive.sim_time * spec.robot.camera.rate)
-    return measure(
-        drive.log,
-        permanent_plan(session.plan, changes),
-        start=(start.x, start.y),
-        goal=(goal.x, goal.y),
-        within=spec.success.within,
-        shortest=session.shortest,
-        discs=spec.robot.discs,
-        succeeded=drive.verdict.outcome.succeeded,
-        stage_ms={name: 1e3 * t / frames for name, t in {**stages, **stack.timings}.items()},
-        moving=[track for track in (movers, changes) if track is not None],
-    )

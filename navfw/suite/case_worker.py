@@ -13,7 +13,6 @@ from pathlib import Path
 
 from navfw.errors import InputError, SimulationError
 from navfw.missions.outcome import Outcome
-from navfw.missions.runner import Progress
 from navfw.missions.session import MissionResult
 from navfw.plugins import Registry, default_registry
 from navfw.process.atomic import atomic_file
@@ -90,8 +89,7 @@ def _kept(which: KeptRuns, row: RunRow) -> bool:
     return which == "all" or (which == "failed" and not row.succeeded)
 
 
-def _stop_on_request(progress: Progress) -> None:
-    del progress
+def _stop_on_request(_: object) -> None:
     if stop_requested():
         raise KeyboardInterrupt
 

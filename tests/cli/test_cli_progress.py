@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import rich.progress
@@ -13,7 +14,6 @@ import typer
 
 from navfw.cli import progress_bar, run
 from navfw.cli.progress_bar import ProgressBar
-from navfw.missions import Progress
 from navfw.process import interruptible, watchdog
 
 
@@ -28,18 +28,30 @@ def terminal_in(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
     return terminal
 
 
-def progress(seconds: float) -> Progress:
-    return Progress(seconds, 2.0 * seconds, 3.0, "avoid", "Front is a door;   Floor", "hall")
+GOAL: Any = SimpleNamespace(x=3.0, y=0.0)
+
+
+def show(line: run._RunProgress, seconds: float) -> None:
+    """Show a tick after ``seconds`` of simulated time, which took twice as long."""
+    line._began = time.monotonic() - 2.0 * seconds
+    tick: Any = SimpleNamespace(
+        time=seconds,
+        true_pose=(0.0, 0.0, 0.0),
+        state=SimpleNamespace(path=(SimpleNamespace(place="hall"),)),
+        leader="avoid",
+        percept=SimpleNamespace(sentence="Front is a door;   Floor"),
+    )
+    line.show(tick, GOAL)
 
 
 def test_without_a_terminal_there_is_a_line_every_few_seconds(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with run._RunProgress(quiet=False) as line:
-        line.show(progress(1.0))
-        line.show(progress(2.0))
+        show(line, 1.0)
+        show(line, 2.0)
         monkeypatch.setattr(line, "_next_line", 0.0)  # as after some seconds
-        line.show(progress(3.0))
+        show(line, 3.0)
     out, err = capfd.readouterr()
     assert out == ""
     assert [text.split(" s,")[0].strip() for text in err.splitlines()] == ["1.0", "3.0"]
@@ -53,9 +65,9 @@ def test_on_a_terminal_the_line_is_replaced_and_gone_at_the_end(
     screen = terminal_in(monkeypatch)
     monkeypatch.setenv("COLUMNS", "60")
     with run._RunProgress(quiet=False) as line:
-        line.show(progress(1.0))
+        show(line, 1.0)
         line.note(run.COMPILING)
-        line.show(progress(2.0))
+        show(line, 2.0)
     assert "1.0 s,  3.0 m to go, 0.5 x real time: avoid to hall\r" in screen.getvalue()
     assert run.COMPILING.split()[-1] in screen.getvalue()
     assert screen.getvalue().endswith("\x1b[2K") or "\x1b[2K" in screen.getvalue()[-20:]
@@ -69,7 +81,7 @@ def test_a_delay_without_a_kernel_to_compile_or_with_quiet_says_nothing(
     monkeypatch.setattr(watchdog, "compiling", lambda: quiet)
     with run._RunProgress(quiet=quiet) as line:
         if quiet:
-            line.show(progress(1.0))
+            show(line, 1.0)
         time.sleep(0.2)
     assert capfd.readouterr() == ("", "")
 
@@ -80,7 +92,7 @@ def test_a_long_compilation_is_told_once(
     monkeypatch.setattr(run, "COMPILING_NOTICE_AFTER", 0.05)
     monkeypatch.setattr(watchdog, "compiling", lambda: True)
     with run._RunProgress(quiet=False) as line:
-        line.show(progress(1.0))
+        show(line, 1.0)
         text = ""
         while run.COMPILING not in text:
             time.sleep(0.01)

@@ -2,11 +2,10 @@
 
 import dataclasses
 import gc
-import itertools
 import math
 import os
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,11 +16,9 @@ from hypothesis import strategies as st
 from navfw.errors import MapError
 from navfw.guard import PluginCallError
 from navfw.missions import (
-    Drive,
     FaultKind,
     MissionLoop,
     Outcome,
-    Progress,
     RunMetrics,
     Task,
     first_contacts,
@@ -48,11 +45,10 @@ def drive(
     pilot: ScriptedPilot,
     *goals: Waypoint,
     posts: Posts | None = None,
-    progress: Callable[[Progress], None] | None = None,
     **limits: Any,
-) -> Drive:
+) -> MissionLoop:
     task = Task(ROBOT, START, goals or (goal(2.0, 0.5),), **{"timeout": 60.0, **limits})
-    return MissionLoop(task, pilot, FakeSimulator(START, posts=posts), progress=progress).run()
+    return MissionLoop(task, pilot, FakeSimulator(START, posts=posts)).run()
 
 
 def test_a_good_run_is_reached_in_the_success_zone() -> None:
@@ -223,17 +219,6 @@ def test_a_fault_that_repeats_is_listed_once_with_its_last_count() -> None:
             return twist
 
     assert drive(Faulty([Twist(0.1, 0.0)] * 9)).faults == ("avoid: bad (9)",)
-
-
-def test_progress_has_distance_and_leading_behaviour() -> None:
-    seen: list[Progress] = []
-    drive(ScriptedPilot(AHEAD * 390), goal(2.0, 0.0), progress=seen.append)
-    assert seen[0].distance == pytest.approx(2.0)
-    assert seen[-1].distance < 0.5
-    assert {progress.behavior for progress in seen} == {"script"}
-    gaps = [b.time - a.time for a, b in itertools.pairwise(seen)]
-    assert min(gaps) > 0.09
-    assert all(progress.real_time_factor > 0.0 for progress in seen[1:])
 
 
 @settings(deadline=None, max_examples=20)
