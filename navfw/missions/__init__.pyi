@@ -21,7 +21,6 @@ from .run_drawing import WindowOverlay as WindowOverlay
 from .run_metrics import RunMetrics as RunMetrics
 from .run_metrics import first_contacts as first_contacts
 from .run_metrics import measure as measure
-from .run_metrics import measure_localization as measure_localization
 from .run_metrics import path_length as path_length
 from .run_report import draw as draw
 from .run_report import write_run as write_run

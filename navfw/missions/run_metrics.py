@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from navfw.numerics import Array
 from navfw.recording.run_observers import Contact, RunLog
@@ -35,21 +34,20 @@ _CORRECT = 1.0
 """Largest distance [m] of the estimate from the true position for a correct belief."""
 
 
-def permanent_plan(plan: SceneGeometry, changes: ChangeTrack | None) -> SceneGeometry:
-    """The plan of the solids that existed during the whole run."""
-    if changes is None or not changes.names:
-        return plan
-    return SceneGeometry(plan.bounds, tuple(s for s in plan.solids if s.name not in changes.names))
-
-
 @dataclass(frozen=True, kw_only=True)
-class LocalizationMetrics:
-    """How well a run was localised.
+class RunMetrics:
+    """The metrics of one run; lengths in metres, times in seconds.
 
-    Estimate errors [m] are percentiles over the ticks in which the belief was not lost.
+    Percentiles of the estimate's error are over the ticks in which the belief was not lost.
     ``localized_after_s`` and ``localized_after_m`` are time and driven distance until the belief
     first was both confident and correct; None if it never was. ``confidently_wrong_s`` is the time
     in which it was confident and not correct, ``lost_s`` the time in which it was lost.
+
+    ``spl`` is success times shortest over driven length (Anderson et al. 2018). ``traversal_s`` is
+    the time from the first 0.1 m to the neighbourhood of the last goal. Clearances are from the
+    robot's body to the nearest object. ``distance_to_goal_m`` is that of the true position,
+    ``estimate_error_m`` the position error of the stack's belief at the end. ``stage_ms`` is
+    computing time per camera frame; it alone varies between runs of the same seed.
     """
 
     estimate_error_p50_m: float | None
@@ -59,52 +57,6 @@ class LocalizationMetrics:
     confidently_wrong_s: float
     lost_s: float
     landmark_updates: int
-
-
-def measure_localization(log: RunLog, sampled: npt.NDArray[np.intp]) -> LocalizationMetrics:
-    """The metrics of a run at the ticks ``sampled``."""
-    if not log.ticks:
-        return LocalizationMetrics(
-            estimate_error_p50_m=None,
-            estimate_error_p95_m=None,
-            localized_after_s=None,
-            localized_after_m=None,
-            confidently_wrong_s=0.0,
-            lost_s=0.0,
-            landmark_updates=log.updates,
-        )
-    time, true = log.time[sampled], log.true[sampled]
-    error = np.hypot(*(log.estimate[sampled] - true)[:, :2].T)
-    confidence = np.ones(len(time)) if log.confidence is None else log.confidence[sampled]
-    believed, confident = confidence > 0.0, confidence >= _CONFIDENT
-    durations = np.diff(time, append=time[-1])
-    driven = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(true[:, :2], axis=0).T))))
-    first = np.flatnonzero(confident & (error <= _CORRECT))
-    p50, p95 = (
-        (float(np.percentile(error[believed], p)) if believed.any() else None) for p in (50.0, 95.0)
-    )
-    return LocalizationMetrics(
-        estimate_error_p50_m=p50,
-        estimate_error_p95_m=p95,
-        localized_after_s=float(time[first[0]] - time[0]) if len(first) else None,
-        localized_after_m=float(driven[first[0]]) if len(first) else None,
-        confidently_wrong_s=float(durations[confident & (error > _CORRECT)].sum()),
-        lost_s=float(durations[~believed].sum()),
-        landmark_updates=log.updates,
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunMetrics(LocalizationMetrics):
-    """The metrics of one run; lengths in metres, times in seconds.
-
-    ``spl`` is success times shortest over driven length (Anderson et al. 2018). ``traversal_s`` is
-    the time from the first 0.1 m to the neighbourhood of the last goal. Clearances are from the
-    robot's body to the nearest object. ``distance_to_goal_m`` is that of the true position,
-    ``estimate_error_m`` the position error of the stack's belief at the end. ``stage_ms`` is
-    computing time per camera frame; it alone varies between runs of the same seed.
-    """
-
     path_length_m: float
     shortest_path_m: float
     spl: float
@@ -175,22 +127,38 @@ def measure(
     sampled = log.every(_SAMPLING)
     true = log.true[sampled] if log.ticks else np.array([[*start, 0.0]])
     estimate = log.estimate[sampled] if log.ticks else true
-    driven = path_length(true)
-    times = log.time[sampled]
+    time = log.time[sampled] if log.ticks else np.zeros(1)
+    driven = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(true[:, :2], axis=0).T))))
     clearance = np.full(len(true), np.inf)
     c, s = np.cos(true[:, 2]), np.sin(true[:, 2])
     for x, y, radius in discs:
         points = true[:, :2] + np.stack([x * c - y * s, x * s + y * c], axis=1)
         free = plan.clearances(points)
         for track in moving if log.ticks else ():
-            free = np.minimum(free, track.clearances(points, times))
+            free = np.minimum(free, track.clearances(points, time))
         clearance = np.minimum(clearance, free - radius)
     error = np.hypot(*(estimate - true)[:, :2].T)
+    confidence = np.ones(log.ticks) if log.confidence is None else log.confidence
+    confidence = confidence[sampled] if log.ticks else np.zeros(1)
+    believed, confident = confidence > 0.0, confidence >= _CONFIDENT
+    p50, p95 = (
+        (float(np.percentile(error[believed], p)) if believed.any() else None) for p in (50.0, 95.0)
+    )
+    localized = np.flatnonzero(confident & (error <= _CORRECT))
+    durations = np.diff(time, append=time[-1])
     duration = float(log.time[-1] - log.time[0]) if log.ticks else 0.0
     started = np.flatnonzero(np.diff(log.emergency.astype(np.int8), prepend=0) == 1)
-    longest = max(driven, shortest)
+    length = path_length(true)
+    longest = max(length, shortest)
     return RunMetrics(
-        path_length_m=driven,
+        estimate_error_p50_m=p50,
+        estimate_error_p95_m=p95,
+        localized_after_s=float(time[localized[0]] - time[0]) if len(localized) else None,
+        localized_after_m=float(driven[localized[0]]) if len(localized) else None,
+        confidently_wrong_s=float(durations[confident & (error > _CORRECT)].sum()),
+        lost_s=float(durations[~believed].sum()),
+        landmark_updates=log.updates,
+        path_length_m=length,
         shortest_path_m=shortest,
         spl=shortest / longest if succeeded and longest > 0.0 else float(succeeded),
         traversal_s=traversal_time(log, start, goal, within),
@@ -200,9 +168,8 @@ def measure(
         distance_to_goal_m=math.dist(true[-1, :2], goal),
         estimate_error_m=float(error[-1]),
         estimate_error_max_m=float(error.max()),
-        mean_speed_m_s=driven / duration if duration > 0.0 else 0.0,
+        mean_speed_m_s=length / duration if duration > 0.0 else 0.0,
         emergencies=len(started),
         route_changes=log.route_changes,
-        **vars(measure_localization(log, sampled)),
         stage_ms=dict(stage_ms or {}),
     )

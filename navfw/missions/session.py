@@ -21,7 +21,7 @@ from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import MissionVerdict, Outcome
 from navfw.missions.pilot import TickView
 from navfw.missions.run_drawing import WindowOverlay, discs_of, outline_of
-from navfw.missions.run_metrics import first_contacts, measure, permanent_plan
+from navfw.missions.run_metrics import first_contacts, measure
 from navfw.missions.run_result import RunResult
 from navfw.missions.runner import MissionLoop, Task
 from navfw.plugins.fault_injection import inject_faults
@@ -253,9 +253,10 @@ class MissionResult(RunResult):
         if stack.features.plugin.landmark_frames:
             stages["landmark_frames"] = spent.landmarks
         frames = max(1.0, drive.sim_time * mission.spec.robot.camera.rate)
+        permanent = tuple(s for s in session.plan.solids if s.name not in changes.names)
         metrics = measure(
             log,
-            permanent_plan(session.plan, changes),
+            SceneGeometry(session.plan.bounds, permanent),
             start=(mission.start.x, mission.start.y),
             goal=(mission.goals[-1].x, mission.goals[-1].y),
             within=mission.spec.success.within,

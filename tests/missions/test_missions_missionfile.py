@@ -13,14 +13,15 @@ from navfw.missions import (
     MissionFile,
     MissionLoop,
     Outcome,
+    RunMetrics,
     Task,
     chosen_stack,
     draw_start,
     load_mission,
-    measure_localization,
+    measure,
     prepare,
 )
-from navfw.recording import RunLogger
+from navfw.recording import RunLog, RunLogger
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Pose, Twist, Waypoint
 from navfw.sim import PRESETS, BoxSpec, SceneGeometry, SensorParams, WorldSpec, load_world
@@ -277,6 +278,15 @@ class Clueless(ScriptedPilot):
         self.state = StackState(0.0, belief=belief)
 
 
+def measured(log: RunLog) -> RunMetrics:
+    """The metrics of a run in an empty world."""
+    plan = SceneGeometry((-9.0, -9.0, 9.0, 9.0), ())
+    place = (0.0, 0.0)
+    return measure(
+        log, plan, start=place, goal=place, within=0.5, shortest=1.0, discs=(), succeeded=False
+    )
+
+
 def test_a_lost_belief_at_the_timeout_is_the_outcome_lost() -> None:
     start = Pose(3.0, 1.0, 0.0)
     goal = Waypoint(5.0, 1.0, 0.3, "there", "goal", final=True)
@@ -284,7 +294,7 @@ def test_a_lost_belief_at_the_timeout_is_the_outcome_lost() -> None:
     run = MissionLoop(task, Clueless([Twist(0.0, 0.5)] * 999), FakeSimulator(start)).run()
     assert run.verdict.outcome is Outcome.LOST
     assert "position estimate lost: 3 places fit" in run.verdict.reason
-    numbers = measure_localization(run.log, run.log.every(0.1))
+    numbers = measured(run.log)
     assert numbers.localized_after_s is None
     assert numbers.estimate_error_p95_m is None
     assert numbers.lost_s == pytest.approx(3.0, abs=0.1)
@@ -300,8 +310,7 @@ def test_localization_metrics_have_the_times_of_correct_and_wrong_beliefs() -> N
         true = Pose(0.5 * time, 0.0, 0.0)
         estimate = Pose(true.x + (5.0 if time < 3.0 else 0.2), 0.0, 0.0)
         recorder.add(time, true, estimate, Twist(0.5, 0.0), "", False, belief)
-    log = recorder.log()
-    numbers = measure_localization(log, log.every(0.1))
+    numbers = measured(recorder.log())
     assert numbers.localized_after_s == pytest.approx(3.0, abs=0.11)
     assert numbers.localized_after_m == pytest.approx(1.5, abs=0.06)
     assert numbers.confidently_wrong_s == pytest.approx(1.0, abs=0.11)
