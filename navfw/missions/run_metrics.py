@@ -129,14 +129,7 @@ def measure(
     estimate = log.estimate[sampled] if log.ticks else true
     time = log.time[sampled] if log.ticks else np.zeros(1)
     driven = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(true[:, :2], axis=0).T))))
-    clearance = np.full(len(true), np.inf)
-    c, s = np.cos(true[:, 2]), np.sin(true[:, 2])
-    for x, y, radius in discs:
-        points = true[:, :2] + np.stack([x * c - y * s, x * s + y * c], axis=1)
-        free = plan.clearances(points)
-        for track in moving if log.ticks else ():
-            free = np.minimum(free, track.clearances(points, time))
-        clearance = np.minimum(clearance, free - radius)
+    clearance = _clearances(plan, moving if log.ticks else (), discs, true, time)
     error = np.hypot(*(estimate - true)[:, :2].T)
     confidence = np.ones(log.ticks) if log.confidence is None else log.confidence
     confidence = confidence[sampled] if log.ticks else np.zeros(1)
@@ -173,3 +166,20 @@ def measure(
         route_changes=log.route_changes,
         stage_ms=dict(stage_ms or {}),
     )
+
+
+def _clearances(
+    plan: SceneGeometry,
+    moving: Sequence[WalkerTrack | ChangeTrack],
+    discs: Sequence[tuple[float, float, float]],
+    poses: Array,
+    times: Array,
+) -> Array:
+    """Distances (n,) [m] of a robot of ``discs`` at ``poses`` (n, 3) from the nearest object."""
+    clearance = np.full(len(poses), np.inf)
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    for x, y, radius in discs:
+        points = poses[:, :2] + np.stack([x * c - y * s, x * s + y * c], axis=1)
+        free = [plan.clearances(points), *(track.clearances(points, times) for track in moving)]
+        clearance = np.minimum(clearance, np.min(free, axis=0) - radius)
+    return clearance
