@@ -140,7 +140,6 @@ def measure(
     localized = np.flatnonzero(confident & (error <= _CORRECT))
     durations = np.diff(time, append=time[-1])
     duration = float(log.time[-1] - log.time[0]) if log.ticks else 0.0
-    started = np.flatnonzero(np.diff(log.emergency.astype(np.int8), prepend=0) == 1)
     length = path_length(true)
     longest = max(length, shortest)
     return RunMetrics(
@@ -162,7 +161,7 @@ def measure(
         estimate_error_m=float(error[-1]),
         estimate_error_max_m=float(error.max()),
         mean_speed_m_s=length / duration if duration > 0.0 else 0.0,
-        emergencies=len(started),
+        emergencies=int((np.diff(log.emergency.astype(np.int8), prepend=0) == 1).sum()),
         route_changes=log.route_changes,
         stage_ms=dict(stage_ms or {}),
     )
