@@ -1,6 +1,5 @@
 """Benchmarks on small data sets made here with exact truth, on rendered pairs, and of planning."""
 
-import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +16,6 @@ from navfw_benchmarks.bench.flow_comparison import (
 )
 from navfw_benchmarks.bench.perception_benchmark import match_template_ratio, match_windows
 from navfw_benchmarks.bench.planning_time import bench_planning, large_map
-from navfw_benchmarks.bench.recorded_approach import bench_approach
 from navfw_benchmarks.bench.recorded_pairs import (
     FR1_DISTORTION,
     FR1_MATRIX,
@@ -26,7 +24,6 @@ from navfw_benchmarks.bench.recorded_pairs import (
 )
 from navfw_benchmarks.bench.true_pairs import TruePair, load_worlds, rendered_pairs
 from perceive_images import texture
-from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
 from navfw.errors import ConfigError, InputError
@@ -35,51 +32,6 @@ from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FramePair
 from navfw.sim import check_world
-
-# --- approach ------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def approach(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """24 frames, 2.5 s to 0.2 s before the impact on a wall."""
-    folder = tmp_path_factory.mktemp("approach")
-    wall = texture()
-    y, x = np.mgrid[:128, :128].astype(np.float32) - 63.5
-    for number in range(1, 25):
-        left = 2.6 - 0.1 * number
-        scale = left * 2.0
-        image = cv2.remap(wall, 600 + scale * x, 600 + scale * y, cv2.INTER_AREA)
-        cv2.imwrite(str(folder / f"image_{number}.jpg"), image)
-    savemat(folder / "TTI.mat", {"TTI": np.linspace(2.6, 0.0, 27)[:, None]})
-    return folder
-
-
-@pytest.mark.thorough
-def test_time_to_contact_of_an_approach(approach: Path) -> None:
-    result = json.loads(json.dumps(bench_approach(approach)))
-    assert (result["frames"], result["values"]) == (24, 27)
-    assert result["step_s"] == pytest.approx(0.1)
-    assert result["ttc_median_rel_error"] < 0.03
-    assert result["raw_median_rel_error"] < 0.03
-    assert abs(result["pairing_offset_frames"]) < 0.2
-    assert result["other_pairing_median_rel_error"] > 0.05
-    assert len(result["truth_s"]) == len(result["smoothed_s"]) == 23
-
-
-def test_an_approach_that_lacks_something_is_refused(approach: Path, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"expected image_1\.jpg"):
-        bench_approach(tmp_path)
-    gap = tmp_path / "gap"
-    shutil.copytree(approach, gap)
-    (gap / "image_7.jpg").unlink()
-    with pytest.raises(ConfigError, match="do not go with frames 1 to 24"):
-        bench_approach(gap)
-    broken = tmp_path / "broken"
-    shutil.copytree(approach, broken)
-    (broken / "image_3.jpg").write_bytes(b"no image")
-    with pytest.raises(ConfigError, match="not a readable image"):
-        bench_approach(broken)
-
 
 WALL = 2.0  # metres ahead of the first camera
 

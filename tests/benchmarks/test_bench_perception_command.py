@@ -3,8 +3,8 @@ from typing import Any
 from unittest.mock import create_autospec
 
 import pytest
-from cli_calls import answer, output, refusal
-from navfw_benchmarks.bench import perception_accuracy, perception_benchmark, recorded_approach
+from cli_calls import answer, output
+from navfw_benchmarks.bench import perception_accuracy, perception_benchmark
 from navfw_benchmarks.bench.perception_benchmark import TARGETS, Target
 
 BENCH = ("bench", "perception")
@@ -17,7 +17,6 @@ HEADLINES = (
     "distance_accuracy",
     "situation_contains_truth",
     "situation_top1",
-    "ttc_median_rel_error",
 )
 SCORES: dict[str, Any] = {
     "nearest_quadrant_accuracy": 0.97,
@@ -34,7 +33,6 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """Stubs in place of every part."""
     speed = {"offis_ms": 0.3, "offis_skfuzzy_ratio": 900.0, "offis_max_abs_diff": 1e-15}
     speed["block_matching_ratio"] = 2.6
-    row = {"from_s": 0.0, "to_s": 5.0, "n": 9, "median_rel_error": 0.02, "raw_median": 0.1}
 
     def stub(module: Any, name: str, **result: Any) -> Any:
         made = create_autospec(getattr(module, name), return_value=result)
@@ -44,9 +42,6 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     return {
         "speed": stub(perception_benchmark, "time_perception", **speed, comparisons=30),
         "accuracy": stub(perception_accuracy, "run", poses=20, seed=1, **SCORES, ideal={**SCORES}),
-        "approach": stub(
-            recorded_approach, "bench_approach", ttc_median_rel_error=0.02, by_time=[row]
-        ),
     }
 
 
@@ -55,7 +50,6 @@ def test_json_has_the_headlines_first(measured: dict[str, Any]) -> None:
     assert tuple(key for key in result if key in HEADLINES) == HEADLINES
     assert result["offis_ms"] == 0.3
     assert result["block_matching_ratio"] == 2.6
-    assert result["ttc_median_rel_error"] is None
     assert result["situation_top1"] is None  # not a number
     assert result["ideal"]["distance_accuracy"] == 0.88
     held_out = perception_accuracy.HELD_OUT_SEED
@@ -71,14 +65,6 @@ def test_tables_show_which_targets_are_reached(measured: dict[str, Any]) -> None
     assert "near 1 7" in lines  # confusion: columns far, middle, near
     comparisons, _, workers = measured["speed"].call_args.args
     assert (comparisons, workers) == (10_000, 1)
-
-
-def test_the_recorded_approach(measured: dict[str, Any], tmp_path: Path) -> None:
-    assert "--data: holds no approach" in refusal(*BENCH, "--data", tmp_path)
-    (tmp_path / "approach").mkdir()
-    lines = {" ".join(line.split()) for line in output(*BENCH, "--data", tmp_path).splitlines()}
-    measured["approach"].assert_called_once_with(tmp_path / "approach")
-    assert "0 to 5 9 2.0 % 10.0 %" in lines
 
 
 def test_every_reach_is_a_key_of_the_result() -> None:

@@ -1,4 +1,4 @@
-"""``navfw bench perception``: accuracy, computing time, a recorded approach; result and page."""
+"""``navfw bench perception``: accuracy and computing time; result and tables."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from navfw.process.work_progress import ProgressCallback, silent
 from navfw.recording.run_folder import plain_json
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Twist
-from navfw_benchmarks.bench import perception_accuracy, recorded_approach
+from navfw_benchmarks.bench import perception_accuracy
 from navfw_benchmarks.bench.flow_comparison import cpu_ms
 from navfw_benchmarks.bench.fuzzy_reference import FisComparison, ReferenceFis, compare, median_ms
 from navfw_benchmarks.bench.perception_samples import samples_of_world
@@ -210,7 +210,6 @@ TARGETS = (
     Target("far_for_near", 0.01, False, "far inferred, near true"),
     Target("situation_contains_truth", 0.95, True, "Table 1's alternatives contain the truth"),
     Target("situation_top1", 0.85, True, "most probable situation correct"),
-    Target("ttc_median_rel_error", 0.15, False, "time to contact below 5 s, median relative error"),
 )
 """The limits that perception has to meet."""
 
@@ -236,23 +235,17 @@ def bench_perception(
     extent: SampleSizes,
     seed: int | None = None,
     workers: int = 1,
-    approach: Path | None = None,
     report: ProgressCallback = silent,
 ) -> dict[str, Any]:
-    """Measure accuracy, computing time and a recorded ``approach``; plain data.
+    """Measure accuracy and computing time; plain data.
 
     Keys: those of ``TARGETS`` (None: not measured); ``ideal``, the accuracies with ideal flow; and
-    the complete parts ``accuracy``, ``speed`` and ``approach`` (None without its folder). ``seed``
-    is that of the random views, ``workers`` the number of processes for what is not timed.
-    ``report`` is called with each part.
+    the complete parts ``accuracy`` and ``speed``. ``seed`` is that of the random views, ``workers``
+    the number of processes for what is not timed. ``report`` is called with each part.
     """
     seed = perception_accuracy.HELD_OUT_SEED if seed is None else seed
     report(f"time, and {extent.comparisons} inputs of every rule base by scikit-fuzzy")
     costs = time_perception(extent.comparisons, extent.repeats, workers)
-    recorded = None
-    if approach is not None:
-        report("the recorded approach")
-        recorded = recorded_approach.bench_approach(approach)
     accuracy = perception_accuracy.run(extent.poses, seed, workers, report)
     result = {
         "offis_ms": costs["offis_ms"],
@@ -260,11 +253,9 @@ def bench_perception(
         "offis_max_abs_diff": costs["offis_max_abs_diff"],
         "block_matching_ratio": costs["block_matching_ratio"],
         **{key: accuracy[key] for key in _ACCURACY},
-        "ttc_median_rel_error": None if recorded is None else recorded["ttc_median_rel_error"],
         "ideal": {key: accuracy["ideal"][key] for key in _ACCURACY},
         "accuracy": accuracy,
         "speed": costs,
-        "approach": recorded,
     }
     return dict(plain_json(result))
 
@@ -289,8 +280,6 @@ def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
             rows = [{"": truth, **empty, **counts} for truth, counts in confusion.items()]
             title = f"{name.capitalize()}{flow}: truth (rows), inferred (columns)"
             yield ResultTable(title, [Column(term, term) for term in ("", *inferred)], rows)
-    if result["approach"] is not None:
-        yield from recorded_approach.tables(result["approach"])
 
 
 _MET = {None: "not measured", True: "yes", False: "no"}

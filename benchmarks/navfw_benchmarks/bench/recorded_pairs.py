@@ -29,7 +29,6 @@ from navfw.perceive.motion_record import load_pose_record
 from navfw.perceive.perceiver_options import WorkingSize
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, Frame, FramePair
-from navfw_benchmarks.bench.recorded_approach import read_grey
 from navfw_benchmarks.bench.true_pairs import TruePair
 
 _HOLOLENS_UNIT, _TUM_UNIT = 1000.0, 5000.0
@@ -224,11 +223,11 @@ def tum_frames(folder: Path, size: tuple[int, int]) -> tuple[CameraModel, list[R
 
     frames = []
     for image in tum_images(folder):
-        straight = cv2.remap(read_grey(image.file), maps[0], maps[1], cv2.INTER_LINEAR)
-        reduced = cv2.resize(straight, size, interpolation=cv2.INTER_AREA)
+        grey = read_image(image.file, cv2.IMREAD_GRAYSCALE)
+        straight = cv2.remap(grey, maps[0], maps[1], cv2.INTER_LINEAR)
+        reduced = np.asarray(cv2.resize(straight, size, interpolation=cv2.INTER_AREA), np.uint8)
         depth = image.reduced_depth(rays_of, camera)
-        grey = np.asarray(reduced, dtype=np.uint8)
-        frames.append(RecordedFrame(image.time, grey, depth, image.pose))
+        frames.append(RecordedFrame(image.time, reduced, depth, image.pose))
     return camera, frames
 
 

@@ -123,7 +123,6 @@ Workers = Annotated[
     int | None,
     typer.Option(min=1, help="Processes for the parts not timed; by default one per core."),
 ]
-_RecordedData = Annotated[Path | None, typer.Option(help="Folder with the data set approach.")]
 
 
 def perception(
@@ -131,24 +130,19 @@ def perception(
     comparisons: _Comparisons = 10_000,
     seed: _ViewSeed = None,
     workers: Workers = None,
-    data: _RecordedData = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Measure accuracy and speed of perception. Covers situations and a recorded approach."""
+    """Measure accuracy and speed of perception."""
     with quiet_stdout():
         from navfw.process.process_resources import usable_cores
         from navfw_benchmarks.bench import perception_benchmark as run
         from navfw_benchmarks.bench.perception_accuracy import HELD_OUT_SEED
 
-        recorded = None if data is None else data / "approach"
-        if recorded is not None and not recorded.is_dir():
-            raise InputError("holds no approach", file=data, key="--data")
         seed = HELD_OUT_SEED if seed is None else seed
-    options: dict[str, object] = {"poses": poses, "comparisons": comparisons}
-    options |= {"seed": seed} | ({"data": "DIR"} if data else {})
+    options = {"poses": poses, "comparisons": comparisons, "seed": seed}
     sizes = run.SampleSizes(poses=poses, comparisons=comparisons)
-    measure = partial(run.bench_perception, sizes, seed, workers or usable_cores(), recorded)
+    measure = partial(run.bench_perception, sizes, seed, workers or usable_cores())
     _bench("perception", options, measure, run.tables, json=json, quiet=quiet)
 
 
