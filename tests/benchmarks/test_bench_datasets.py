@@ -14,7 +14,7 @@ from navfw_benchmarks.bench.flow_comparison import (
     recorded_sets,
     rendered_set,
 )
-from navfw_benchmarks.bench.perception_benchmark import match_template_ratio, match_windows
+from navfw_benchmarks.bench.perception_benchmark import match_windows, time_flow
 from navfw_benchmarks.bench.planning_time import bench_planning, large_map
 from navfw_benchmarks.bench.recorded_pairs import (
     FR1_DISTORTION,
@@ -169,7 +169,7 @@ def test_the_reference_loop_finds_the_same_peaks() -> None:
     sure = flow.confidence > 0.3
     assert np.abs(flow.vectors - peaks)[sure].max() <= 0.5
     keys = "match_template_ms block_matching_ms block_matching_peak_ms block_matching_ratio"
-    assert set(match_template_ratio(ROBOT, [pair])) == set(keys.split())
+    assert set(time_flow([pair])) == set(keys.split())
 
 
 def test_the_map_is_as_large_as_asked_for_and_in_one_part() -> None:

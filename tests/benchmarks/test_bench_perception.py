@@ -12,7 +12,6 @@ from navfw_benchmarks.bench.perception_accuracy import judge_percept, no_situati
 from navfw_benchmarks.bench.perception_benchmark import (
     MAX_DIFFERENCE,
     compare_rule_bases,
-    time_flow,
     time_offis,
 )
 from navfw_benchmarks.bench.perception_samples import random_views, samples_of_world
@@ -250,10 +249,3 @@ def test_both_evaluators_answer_the_same_inferences() -> None:
         result["skfuzzy_ms"] / result["inference_ms"]
     )
     assert result["inference_ms"] < result["offis_ms"] < result["skfuzzy_ms"]
-
-
-def test_block_matching_is_timed_against_the_loop() -> None:
-    result = time_flow(2)
-    assert result["block_matching_ratio"] == pytest.approx(
-        result["match_template_ms"] / result["block_matching_ms"]
-    )

@@ -40,7 +40,6 @@ PROCESSORS = [
     BlockMatching(ROBOT, BlockMatching.Params(subpixel="peak")),
     BlockMatching(ROBOT, BlockMatching.Params(stride=2, weight_width=5.0)),
     LucasKanade(ROBOT),
-    LucasKanade(ROBOT, LucasKanade.Params(points=2)),
     DIS,
     Registered(ROBOT),
     Farneback(ROBOT),

@@ -35,9 +35,7 @@ _SEED, _WORLD = 7, 0
 _REFERENCE_FRAMES = 6
 
 
-def time_perception(
-    comparisons: int = 10_000, repeats: int = 1000, workers: int = 1
-) -> dict[str, Any]:
+def time_perception(comparisons: int, workers: int) -> dict[str, Any]:
     """Measure all times, and compare every rule base with scikit-fuzzy; plain data.
 
     Keys: ``offis_ms`` (one call of ``perceive``: obstacles and situation), ``inference_ms`` (its
@@ -45,17 +43,17 @@ def time_perception(
     ``offis_skfuzzy_ratio`` (skfuzzy_ms / inference_ms), ``offis_whole_ratio`` (skfuzzy_ms /
     offis_ms), ``inferences`` (samples evaluated per frame); ``offis_max_abs_diff`` over
     ``comparisons`` random inputs of every rule base, and ``rule_bases`` one by one; the keys of
-    ``match_template_ratio``.
+    ``time_flow``.
 
     scikit-fuzzy takes about 20 ms per input; ``workers`` processes share the comparison.
     """
     compared = compare_rule_bases(comparisons, workers)
     return {
-        **time_offis(repeats),
+        **time_offis(),
         "offis_max_abs_diff": max(result["max_abs_diff"] for result in compared),
         "comparisons": comparisons,
         "rule_bases": {result["name"]: dict(result) for result in compared},
-        **time_flow(max(repeats // 5, 1)),
+        **time_flow([_textured_pair()] * 200),
     }
 
 
@@ -114,16 +112,6 @@ def _compare(file: Path, samples: int) -> FisComparison:
     return compare(load_rule_base(file), samples, np.random.default_rng(_SEED))
 
 
-def time_flow(repeats: int = 200) -> dict[str, float]:
-    """Block matching, 12 x 16 windows of 24 px, search of 8 px, against a loop of matchTemplate."""
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        return match_template_ratio(RobotModel(), [_textured_pair()] * repeats)
-    finally:
-        cv2.setNumThreads(threads)
-
-
 def match_windows(matcher: BlockMatching, pair: FramePair) -> Indices:
     """Displacements (rows, cols, 2) [px], now - past, by OpenCV's matcher, window by window.
 
@@ -145,7 +133,7 @@ def match_windows(matcher: BlockMatching, pair: FramePair) -> Indices:
     return peaks
 
 
-def match_template_ratio(robot: RobotModel, pairs: Sequence[FramePair]) -> dict[str, float]:
+def time_flow(pairs: Sequence[FramePair]) -> dict[str, float]:
     """CPU time of a loop of OpenCV's ``matchTemplate`` over the windows, against block matching.
 
     The loop finds whole-pixel peaks only; block matching includes confidence and subpixel
@@ -153,8 +141,8 @@ def match_template_ratio(robot: RobotModel, pairs: Sequence[FramePair]) -> dict[
     (without registration) and ``block_matching_ratio``; medians over ``pairs``, with the three
     methods called in turns.
     """
-    matcher = BlockMatching(robot)
-    peak = BlockMatching(robot, BlockMatching.Params(subpixel="peak"))
+    matcher = BlockMatching(RobotModel())
+    peak = BlockMatching(RobotModel(), BlockMatching.Params(subpixel="peak"))
     methods: dict[str, Callable[[FramePair], object]] = {
         "match_template_ms": partial(match_windows, matcher),
         "block_matching_ms": matcher.compute,
@@ -162,7 +150,12 @@ def match_template_ratio(robot: RobotModel, pairs: Sequence[FramePair]) -> dict[
     }
     matcher.compute(pairs[0])
     peak.compute(pairs[0])
-    spent = [[cpu_ms(method, pair)[0] for method in methods.values()] for pair in pairs]
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        spent = [[cpu_ms(method, pair)[0] for method in methods.values()] for pair in pairs]
+    finally:
+        cv2.setNumThreads(threads)
     times = dict(zip(methods, np.median(spent, axis=0).tolist(), strict=True))
     ratio = times["match_template_ms"] / times["block_matching_ms"]
     return {**times, "block_matching_ratio": ratio}
@@ -222,31 +215,19 @@ _ACCURACY = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class SampleSizes:
-    """Numbers of samples: random views, inputs of each rule base, timed calls."""
-
-    poses: int = 1000
-    comparisons: int = 10_000
-    repeats: int = 1000
-
-
 def bench_perception(
-    extent: SampleSizes,
-    seed: int | None = None,
-    workers: int = 1,
-    report: ProgressCallback = silent,
+    poses: int, comparisons: int, seed: int, workers: int, report: ProgressCallback = silent
 ) -> dict[str, Any]:
     """Measure accuracy and computing time; plain data.
 
     Keys: those of ``TARGETS`` (None: not measured); ``ideal``, the accuracies with ideal flow; and
-    the complete parts ``accuracy`` and ``speed``. ``seed`` is that of the random views, ``workers``
-    the number of processes for what is not timed. ``report`` is called with each part.
+    the complete parts ``accuracy`` and ``speed``. ``poses`` is the number of random views, drawn by
+    ``seed``; ``comparisons`` that of random inputs of each rule base; ``workers`` that of processes
+    for what is not timed. ``report`` is called with each part.
     """
-    seed = perception_accuracy.HELD_OUT_SEED if seed is None else seed
-    report(f"time, and {extent.comparisons} inputs of every rule base by scikit-fuzzy")
-    costs = time_perception(extent.comparisons, extent.repeats, workers)
-    accuracy = perception_accuracy.run(extent.poses, seed, workers, report)
+    report(f"time, and {comparisons} inputs of every rule base by scikit-fuzzy")
+    costs = time_perception(comparisons, workers)
+    accuracy = perception_accuracy.run(poses, seed, workers, report)
     result = {
         "offis_ms": costs["offis_ms"],
         "offis_skfuzzy_ratio": costs["offis_skfuzzy_ratio"],

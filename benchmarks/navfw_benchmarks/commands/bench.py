@@ -141,8 +141,7 @@ def perception(
 
         seed = HELD_OUT_SEED if seed is None else seed
     options = {"poses": poses, "comparisons": comparisons, "seed": seed}
-    sizes = run.SampleSizes(poses=poses, comparisons=comparisons)
-    measure = partial(run.bench_perception, sizes, seed, workers or usable_cores())
+    measure = partial(run.bench_perception, poses, comparisons, seed, workers or usable_cores())
     _bench("perception", options, measure, run.tables, json=json, quiet=quiet)
 
 

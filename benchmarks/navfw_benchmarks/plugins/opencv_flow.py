@@ -1,4 +1,4 @@
-"""OpenCV's flow by Farneback, and pyramidal Lucas-Kanade on points of each grid cell."""
+"""OpenCV's flow by Farneback, and pyramidal Lucas-Kanade at the centre of each grid cell."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from navfw import Array, CameraModel, Image, RobotModel
+from navfw import Array, Image, RobotModel
 from navfw.flow import grid_flow
 from navfw.flow.opencv_flow import SIGMA_FLOOR, DenseFlow, TextureParams
 from navfw.numerics.arrays import Floats
@@ -24,32 +24,25 @@ class Farneback(DenseFlow):
     name: ClassVar[str] = "farneback"
 
     class Params(DenseFlow.Params):
-        """Grid, limits of the confidence (METHOD 2.9), and OpenCV's settings."""
+        """Grid, limits of the confidence (METHOD 2.9), and the averaging window."""
 
-        levels: Annotated[int, Field(ge=1, le=6, description="levels of the image pyramid")] = 3
         window: Annotated[int, Field(ge=5, le=63, description="averaging window [px]")] = 9
-        iterations: Annotated[int, Field(ge=1, le=10, description="iterations at each level")] = 3
-        neighbourhood: Annotated[
-            int, Field(ge=5, le=9, description="side of the polynomials' support [px]")
-        ] = 5
 
     params: Params
 
     def dense(self, now: Image, past: Image) -> Floats:
         """See ``DenseFlow.dense``."""
-        p = self.params
         start: Floats = np.zeros((*now.shape, 2), dtype=np.float32)
         flow = cv2.calcOpticalFlowFarneback(
             now,
             past,
             start,
             pyr_scale=0.5,
-            levels=p.levels,
-            winsize=p.window,
-            iterations=p.iterations,
-            poly_n=p.neighbourhood,
-            # as OpenCV recommends: 1.1 for 5 px, 1.5 for 7 px
-            poly_sigma=0.2 * p.neighbourhood + 0.1,
+            levels=3,
+            winsize=self.params.window,
+            iterations=3,
+            poly_n=5,
+            poly_sigma=1.1,  # as OpenCV recommends for a neighbourhood of 5 px
             flags=0,
         )
         return np.asarray(flow, dtype=np.float32)
@@ -57,16 +50,16 @@ class Farneback(DenseFlow):
 
 #: Factor that scales the noise model to the errors measured on rendered frames.
 _NOISE_SCALE = 1.3
-#: Shares that count as standard deviation: of the forward-backward error, of the disagreement
-#: within a cell, and of the variation between cells (over the points per axis of a cell).
-_RETURN_SHARE, _CELL_SHARE, _VARIATION_SHARE = 0.5, 0.5, 0.25
+#: Shares that count as standard deviation: of the forward-backward error, and of the variation
+#: between cells.
+_RETURN_SHARE, _VARIATION_SHARE = 0.5, 0.25
 
 
 class LucasKanade(grid_flow.MatchedFlow):
-    """Pyramidal Lucas-Kanade at points of a regular grid, with a forward-backward check.
+    """Pyramidal Lucas-Kanade at the centres of the cells, with a forward-backward check.
 
-    A cell's vector is the median of its points that pass the check. Its confidence requires texture
-    in both directions, a small forward-backward error, and agreement of the image patches.
+    Confidence requires texture in both directions, a small forward-backward error, and agreement of
+    the image patches.
     """
 
     name: ClassVar[str] = "lucas_kanade"
@@ -74,7 +67,6 @@ class LucasKanade(grid_flow.MatchedFlow):
     class Params(TextureParams):
         """Grid, windows, and limits of the confidence (METHOD 2.9)."""
 
-        points: Annotated[int, Field(ge=1, le=4, description="points per cell along each axis")] = 1
         window: Annotated[int, Field(ge=5, le=63, description="side of a window [px]")] = 11
         levels: Annotated[int, Field(ge=0, le=5, description="halvings of the image")] = 2
         return_low: Annotated[
@@ -94,8 +86,7 @@ class LucasKanade(grid_flow.MatchedFlow):
 
     def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
         super().__init__(robot, params)
-        p = self.params
-        self._seeds = _seeds(robot.camera, p.rows, p.cols, p.points)
+        self._seeds = self._points + 0.5 * np.array([robot.camera.width, robot.camera.height]) - 0.5
 
     def _match(
         self, now: Image, past: Image, visible: tuple[int, int, int, int]
@@ -109,12 +100,10 @@ class LucasKanade(grid_flow.MatchedFlow):
         )
         trust *= grid_flow.ramp(gradient, p.gradient_low, p.gradient_high)
         noise = _NOISE_SCALE * residual / (np.maximum(gradient, 0.1) * p.window)
-        point_variance = (
-            noise**2 + (_RETURN_SHARE * np.minimum(returned, grid_flow.SIGMA_UNKNOWN)) ** 2
-        )
-        vectors, confidence, variance = _cells(self._seeds - origins, trust, point_variance)
-        spread = _VARIATION_SHARE / p.points * grid_flow.local_spread(vectors, confidence)
-        return vectors, confidence, np.sqrt(variance + spread**2 + SIGMA_FLOOR**2)
+        variance = noise**2 + (_RETURN_SHARE * np.minimum(returned, grid_flow.SIGMA_UNKNOWN)) ** 2
+        vectors = self._seeds - origins
+        spread = _VARIATION_SHARE * grid_flow.local_spread(vectors, trust)
+        return vectors, trust, np.sqrt(variance + spread**2 + SIGMA_FLOOR**2)
 
     def _track(
         self, now: Image, past: Image, visible: tuple[int, int, int, int]
@@ -146,14 +135,6 @@ class LucasKanade(grid_flow.MatchedFlow):
         )
 
 
-def _seeds(camera: CameraModel, rows: int, cols: int, points: int) -> Array:
-    """(rows, cols, points^2, 2) pixel coordinates, evenly spaced in each cell."""
-    fine = grid_flow.grid_points(camera, rows * points, cols * points)
-    pixels = fine + 0.5 * np.array([camera.width, camera.height]) - 0.5
-    split = pixels.reshape(rows, points, cols, points, 2).transpose(0, 2, 1, 3, 4)
-    return np.ascontiguousarray(split.reshape(rows, cols, points * points, 2))
-
-
 def _texture(image: Image, seeds: Array, window: int) -> tuple[Array, Array]:
     """Gradient [grey/px] in its weakest direction and deviation [grey] of the seeds' windows."""
     size = (window, window)
@@ -171,19 +152,3 @@ def _texture(image: Image, seeds: Array, window: int) -> tuple[Array, Array]:
         np.sqrt(grid_flow.smaller_eigenvalue(xx, yy, xy).astype(np.float64)),
         np.sqrt(np.maximum(variance, 0.0).astype(np.float64)),
     )
-
-
-def _cells(tracks: Array, trust: Array, variance: Array) -> tuple[Array, Array, Array]:
-    """Vector, confidence and variance (rows, cols) from the points (rows, cols, n) of each cell."""
-    if trust.shape[-1] == 1:
-        return tracks[..., 0, :], trust[..., 0], variance[..., 0]
-    good = trust > 0.0
-    none = np.asarray(~good.any(axis=-1, keepdims=True))
-    usable = np.where((good | none)[..., None], tracks, np.nan)
-    vectors: Array = np.nanmedian(usable, axis=2)
-    apart = np.where(good, np.linalg.norm(tracks - vectors[..., None, :], axis=-1), 0.0)
-    count = np.maximum(good.sum(axis=-1), 1)
-    disagreement = (apart**2).sum(axis=-1) / count
-    mean_variance = np.where(good, variance, 0.0).sum(axis=-1) / count
-    # the mean confidence of all points of a cell, lost ones included
-    return vectors, trust.mean(axis=-1), mean_variance + _CELL_SHARE**2 * disagreement
