@@ -1,23 +1,19 @@
-"""Fuzz cases, each repeatable from a seed and its number, and what became of many of them.
-
-Run as a program, this is their worker.
-"""
+"""Fuzz cases, each repeatable from a seed and its number, and what became of many of them."""
 
 import faulthandler
-import json
 import os
 import resource
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from functools import cache
+from multiprocessing import get_context
 from pathlib import Path
 from random import Random
 
@@ -149,35 +145,29 @@ def _megabytes() -> float:
 
 def fuzz(cases: int, seed: int = 0, workers: int = 2) -> list[Tried]:
     """The outcomes of the cases 0 to ``cases`` - 1, tried in ``workers`` processes."""
-    shares = [range(first, cases, workers) for first in range(workers)]
-    with ThreadPoolExecutor(workers) as pool:
-        done = list(pool.map(lambda share: _share(share, seed), shares))
-    return sorted((tried for part in done for tried in part), key=lambda tried: tried.number)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        ProcessPoolExecutor(workers, get_context("spawn"), _open, (folder, seed)) as pool,
+    ):
+        return list(pool.map(_attempt, range(cases), chunksize=10))
 
 
-def _share(numbers: range, seed: int) -> list[Tried]:
-    """The outcomes of these cases; a process that dies costs its case, and a new one goes on."""
-    done: list[Tried] = []
-    while numbers:
-        with tempfile.TemporaryDirectory() as folder:
-            report = Path(folder) / "report.jsonl"
-            span = map(str, (seed, numbers.start, numbers.stop, numbers.step))
-            words = [__file__, folder, *span]
-            ended = subprocess.run(  # noqa: S603
-                [sys.executable, *words], capture_output=True, check=False
-            )
-            stderr = ended.stderr.decode(errors="replace")
-            lines = report.read_text().splitlines() if report.exists() else []
-        entries = [json.loads(line) for line in lines]
-        done += [Tried(**entry) for entry in entries if "kind" in entry]
-        began = [entry["began"] for entry in entries if "began" in entry]
-        if not began:
-            raise RuntimeError(f"the worker did not start:\n{stderr}")
-        if ended.returncode:
-            what = f"the process ended with {ended.returncode}: {stderr[-2000:]}"
-            done.append(Tried(began[-1], "?", -1, 0.0, 0.0, what))
-        numbers = range(began[-1] + numbers.step, numbers.stop, numbers.step)
-    return done
+_shop: Workshop
+"""That of a process of ``fuzz``."""
+
+
+def _open(folder: str, seed: int) -> None:
+    """Open the workshop of this process, and read the valid inputs: imports cost no case time."""
+    global _shop  # noqa: PLW0603
+    typer.testing._get_command = cache(typer.testing._get_command)  # type: ignore[attr-defined]
+    _shop = Workshop(Path(folder) / str(os.getpid()), seed)
+    for kind, target in TARGETS.items():
+        code, message = outcome_of(target, _shop.sample(kind)[0])
+        assert code in target.allowed - {2}, f"the sample {kind}: {message}"
+
+
+def _attempt(number: int) -> Tried:
+    return _shop.attempt(number)
 
 
 def table(done: Sequence[Tried]) -> str:
@@ -199,23 +189,3 @@ def table(done: Sequence[Tried]) -> str:
     lines.append(f"\nlargest memory of a process: {peak:.0f} MB (at most {MAX_MEMORY:.0f} allowed,")
     lines.append(f"and {MAX_TIME:.0f} s of computing for each case)")
     return "\n".join(lines)
-
-
-def main(folder: str, *span: str) -> None:
-    """Try the cases of a span (seed, begin, end, step of the numbers) and write what became of
-    them to ``report.jsonl`` in ``folder``: a line before each case, and one after it.
-    """
-    typer.testing._get_command = cache(typer.testing._get_command)  # type: ignore[attr-defined]
-    seed, *numbers = map(int, span)
-    shop = Workshop(Path(folder) / "inputs", seed)
-    for kind, target in TARGETS.items():  # imports and compiled code are not the cases' time
-        code, message = outcome_of(target, shop.sample(kind)[0])
-        assert code in target.allowed - {2}, f"the sample {kind}: {message}"
-    with (Path(folder) / "report.jsonl").open("a") as stream:
-        for number in range(*numbers):
-            print(json.dumps({"began": number}), file=stream, flush=True)
-            print(json.dumps(asdict(shop.attempt(number))), file=stream, flush=True)
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])

@@ -265,7 +265,7 @@ TARGETS: dict[str, Target] = {
                     lambda folder: StudyFolder(folder).open({}, resume=True, seed=0), 3),
     "robot": Target("robot.yaml", "data", _copy("robot.yaml", "navfw/robot/robots/default.yaml"),
                     lambda folder: load_robot(folder / "robot.yaml"), 8),
-    "collada": Target("a.dae", "references", _text("a.dae", COLLADA), _read_mesh("a.dae"), 10),
+    "collada": Target("a.dae", "xml", _text("a.dae", COLLADA), _read_mesh("a.dae"), 10),
     "obj": Target("a.obj", "numbers", _text("a.obj", OBJ), _read_mesh("a.obj"), 10),
     "stl": Target("a.stl", "numbers", _text("a.stl", STL), _read_mesh("a.stl"), 10),
     "urdf": Target("a.urdf", "xml", _text("a.urdf", URDF),
