@@ -1,10 +1,9 @@
-"""Tools for tests: missions as pytest tests, conformance checks for plugins, fakes.
+"""Tools for tests: missions as pytest tests, and conformance checks for plugins.
 
 - ``@pytest.mark.mission(...)`` with the ``mission`` fixture (a ``MissionRun``), and assertions on
   its run, such as ``assert_reached``;
 - ``check_behavior(MyBehavior)`` and ``check_composite(MyComposite)``: conformance tests for user
-  plugins;
-- ``fakes``: an exact and fast simulator, and a pilot for it.
+  plugins.
 """
 
 import lazy_loader

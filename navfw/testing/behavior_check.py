@@ -153,54 +153,49 @@ def _problems(
 ) -> list[str]:
     """Problems of a plugin; ``run`` gives those in the contexts of a scene, and its answers."""
     verify(cls)
+    body = robot or RobotModel()
+
+    def in_scenes() -> list[str]:
+        problems = [
+            f"Params.{name} has no description: Field(description=...), with its unit"
+            for name, info in cls.Params.model_fields.items()
+            if not info.description
+        ]
+        try:
+            plugin, other = cls(body, params), cls(body, params)
+        except Exception as error:  # the class may do anything
+            return [*problems, f"{cls.__name__}(robot, params) raised {_raised(error, cls)}"]
+        scenes: dict[str, list[str]] = {}
+        for scene in SCENES:
+            contexts = contexts_of(scene, body)
+            wrong, first = run(plugin, contexts)
+            if not wrong:
+                again = {
+                    "in a new instance": run(other, contexts)[1],
+                    "after reset()": run(plugin, contexts)[1],
+                    "in another process": first
+                    if elsewhere is None
+                    else elsewhere.get(scene.name, {}),
+                }
+                wrong = [
+                    f"its {part} differs {where}: {_CHANCE[where]}"
+                    for where, answers in again.items()
+                    for part in first
+                    if answers.get(part) != first[part]
+                ][:1]
+            for what in wrong:
+                scenes.setdefault(what, []).append(scene.name)
+        for what, names in scenes.items():
+            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+            problems.append(f"in the scene {names[0]!r}{more} {what}")
+        return problems
+
     guard = PluginGuard(_TIME, _TIME)
     try:
         with guard.watchdog.on_duty():
-            arguments = (cls, params, robot or RobotModel(), run, elsewhere)
-            return guard.call(cls.__name__, _problems_in_scenes, *arguments, check=list)
+            return guard.call(cls.__name__, in_scenes, check=list)
     except PluginCallError as error:
         return [str(error)]
-
-
-def _problems_in_scenes(
-    cls: type[PluginT],
-    params: Plugin.Params | None,
-    robot: RobotModel,
-    run: Callable[[PluginT, Sequence[Context]], Answered],
-    elsewhere: Answers | None,
-) -> list[str]:
-    problems = [
-        f"Params.{name} has no description: Field(description=...), with its unit"
-        for name, info in cls.Params.model_fields.items()
-        if not info.description
-    ]
-    try:
-        plugin, other = cls(robot, params), cls(robot, params)
-    except Exception as error:  # the class may do anything
-        return [*problems, f"{cls.__name__}(robot, params) raised {_raised(error, cls)}"]
-    scenes: dict[str, list[str]] = {}
-    for scene in SCENES:
-        contexts = contexts_of(scene, robot)
-        wrong, first = run(plugin, contexts)
-        if not wrong:
-            again = {
-                "in a new instance": run(other, contexts)[1],
-                "after reset()": run(plugin, contexts)[1],
-                "in another process": first if elsewhere is None else elsewhere.get(scene.name, {}),
-            }
-            differing = [
-                f"its {part} differs {where}: {_CHANCE[where]}"
-                for where, answers in again.items()
-                for part in first
-                if answers.get(part) != first[part]
-            ]
-            wrong = differing[:1]
-        for what in wrong:
-            scenes.setdefault(what, []).append(scene.name)
-    for what, names in scenes.items():
-        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        problems.append(f"in the scene {names[0]!r}{more} {what}")
-    return problems
 
 
 def _reads_map_as_robot(behavior: Behavior) -> bool:

@@ -13,13 +13,13 @@ import os
 import re
 import shutil
 import sysconfig
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from functools import cache
 from importlib import metadata, util
 from pathlib import Path
-from typing import Any, Self, get_type_hints
+from typing import Any, get_type_hints
 
 import numpy as np
 from pydantic import ConfigDict, create_model
@@ -41,26 +41,16 @@ from navfw.recording.provenance import (
     machine_kind,
     navfw_files,
 )
-from navfw.recording.run_folder import RESULT, RunFolder
-from navfw.recording.run_observers import RunLog
-from navfw.stack import Stack
+from navfw.recording.run_observers import RunLog, RunLogger
 from navfw.testing.mission_case import MissionCase
 
 _RUN_FILE, _LOG_FILE = "run.json", "log.npz"
-FILES = (_RUN_FILE, _LOG_FILE)
 """The files of a stored run: plain data, and the arrays of the log of its ticks."""
+_FILES = re.compile(r"run\.json|log\.npz")
 
-_COLUMNS = (
-    "time",
-    "true",
-    "estimate",
-    "commands",
-    "leader",
-    "emergency",
-    "sight",
-    "vetoed",
-    "confidence",
-)
+_EMPTY = RunLogger().log()
+_COLUMNS = [f.name for f in fields(_EMPTY) if isinstance(getattr(_EMPTY, f.name), np.ndarray)]
+"""What of a log is an array with a row per tick."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,57 +159,31 @@ def read_run(folder: Path) -> DrivenRun | None:
 WAIT = 900.0
 """Longest wall time [s] to wait for another process that drives the same mission."""
 
-_MAX_ENTRIES, MAX_BYTES = 2000, 2_000_000_000
-"""Bounds of the cache: number of runs, size of all files [byte]; the oldest are removed."""
-
-_RUN = ".run"
-"""Ending of the folder with the run folder of an entry."""
-
+MAX_ENTRIES = 2000
+"""Largest number of runs in the cache; the oldest are removed."""
 
 _OF_PROJECT = ("maps", "stacks", "robots", "behaviors", "plugins")
 """Folders of a project whose files any run may read."""
 
 
-@dataclass(frozen=True)
-class RunInputs:
-    """The hash ``key`` of a run's inputs, and the files and folders that it covers."""
+def _inputs(case: MissionCase) -> tuple[str, list[Path]]:
+    """The hash of the inputs of ``case``, and the files and folders that it covers.
 
-    key: str
-    covered: tuple[Path, ...]
+    Raises:
+        InputError: there is no such world or mission, or a file of the project cannot be read.
 
-    @classmethod
-    def of(cls, case: MissionCase) -> Self:
-        """The inputs of ``case``; those of the project around the working folder.
-
-        Raises:
-            InputError: there is no such world or mission, or a file of the project cannot be read.
-
-        """
-        world = real_path(find("world", case.world).parent)
-        mission = real_path(find_mission(case.world, case.mission))
-        project = project_folder()
-        folders = [] if project is None else [real_path(project) / name for name in _OF_PROJECT]
-        of_world = [file for file, inside in files_in(world) if "missions" not in inside.parts]
-        of_project = [file for folder in folders for file, _ in files_in(folder)]
-        files = (mission, *of_world, *of_project)
-        key = fingerprint(
-            [
-                *map(str, (project, world, *case.inputs)),
-                _installed(),
-                files_fingerprint((str(file), file) for file in files),
-            ]
-        )
-        return cls(key, (*files, *folders, *navfw_files().values()))
-
-    def cover(self, files: Iterable[Path], stack: Stack) -> bool:
-        """Whether all ``files`` that a run read, and the code of its plugins, are in the hash."""
-        code = (Path(inspect.getfile(plugin)) for plugin in stack.resolved.plugins)
-        installed = (Path(sysconfig.get_path(name)) for name in ("purelib", "platlib"))
-        covered = (*self.covered, *installed)
-        return all(
-            any(real_path(file).is_relative_to(place) for place in covered)
-            for file in (*files, *code)
-        )
+    """
+    world = real_path(find("world", case.world).parent)
+    mission = real_path(find_mission(case.world, case.mission))
+    project = project_folder()
+    folders = [] if project is None else [real_path(project) / name for name in _OF_PROJECT]
+    of_world = [file for file, inside in files_in(world) if "missions" not in inside.parts]
+    of_project = [file for folder in folders for file, _ in files_in(folder)]
+    files = [mission, *of_world, *of_project]
+    content = files_fingerprint((str(file), file) for file in files)
+    key = fingerprint([*map(str, (project, world, *case.inputs)), _installed(), content])
+    installed = (Path(sysconfig.get_path(name)) for name in ("purelib", "platlib"))
+    return key, [*files, *folders, *navfw_files().values(), *installed]
 
 
 @cache
@@ -265,61 +229,34 @@ class MissionCache:
         if self.folder is None:
             result = drive(case)
             return DrivenRun.of(result), result
-        inputs = RunInputs.of(case)
-        with self._claimed(self.folder / f"{inputs.key}.claim"):
-            stored = None if self.fresh else read_run(self.folder / inputs.key)
-            if stored is not None:
+        key, covered = _inputs(case)
+        entry, claim = self.folder / key, TargetLock(self.folder / f"{key}.claim")
+        with suppress(InputError, OSError):
+            claim.acquire(WAIT)
+        try:
+            if not self.fresh and (stored := read_run(entry)) is not None:
                 with suppress(OSError):
-                    os.utime(self.folder / inputs.key)
+                    os.utime(entry)
                 return stored, None
             with traced_inputs() as files:
                 result = drive(case)
-            run = DrivenRun.of(result)
-            if inputs.cover(files, result.session.stack):
-                pattern, place = "|".join(map(re.escape, FILES)), self.folder / inputs.key
+            run, plugins = DrivenRun.of(result), result.session.stack.resolved.plugins
+            code = [Path(inspect.getfile(plugin)) for plugin in plugins]
+            if all(any(real_path(f).is_relative_to(c) for c in covered) for f in (*files, *code)):
                 with (
                     suppress(InputError, OSError),  # what is not stored costs no test
-                    AtomicFolder(place, re.compile(pattern), "cache_dir") as target,
+                    AtomicFolder(entry, _FILES, "cache_dir") as target,
                 ):
                     store_run(run, target.path)
             return run, result
-
-    def run_folder(self, case: MissionCase) -> Path | None:
-        """The run folder stored with the run of ``case``; None if there is none."""
-        if self.folder is None:
-            return None
-        folder = self.folder / f"{RunInputs.of(case).key}{_RUN}"
-        return folder if (folder / RESULT).is_file() else None
-
-    def keep_run_folder(self, case: MissionCase, folder: Path) -> None:
-        """Store a copy of a run folder with the run of ``case``; best effort."""
-        key = RunInputs.of(case).key
-        if self.folder is not None and (self.folder / key).is_dir():
-            with (
-                suppress(InputError, OSError),
-                RunFolder(self.folder / f"{key}{_RUN}") as target,
-            ):
-                shutil.copytree(folder, target.path, dirs_exist_ok=True)
+        finally:
+            claim.release()
 
     def prune(self) -> None:
-        """Remove the oldest entries beyond the bounds of the cache."""
+        """Remove the oldest entries beyond the bound of the cache."""
         with suppress(OSError):
             folders = self.folder.iterdir() if self.folder else ()
             entries = [entry for entry in folders if entry.is_dir()]
             by_age = sorted(entries, key=lambda entry: entry.stat().st_mtime, reverse=True)
-            total = 0
-            for number, entry in enumerate(by_age):
-                total += sum(file.stat().st_size for file in entry.rglob("*") if file.is_file())
-                if number >= _MAX_ENTRIES or total > MAX_BYTES:
-                    shutil.rmtree(entry, ignore_errors=True)
-
-    @contextmanager
-    def _claimed(self, place: Path) -> Iterator[None]:
-        """Hold the claim to drive a run, after waiting for another holder."""
-        claim = TargetLock(place)
-        with suppress(InputError, OSError):
-            claim.acquire(WAIT)
-        try:
-            yield
-        finally:
-            claim.release()
+            for entry in by_age[MAX_ENTRIES:]:
+                shutil.rmtree(entry, ignore_errors=True)

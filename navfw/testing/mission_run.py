@@ -12,7 +12,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -26,7 +25,7 @@ from navfw.missions.session import MissionResult, Session
 from navfw.mofis.mofis import explanation_lines
 from navfw.recording.run_folder import PICTURE, RECORDING, RunFolder
 from navfw.recording.run_observers import RunLog
-from navfw.testing.mission_cache import DrivenRun, MissionCache, drive
+from navfw.testing.mission_cache import DrivenRun, drive
 from navfw.testing.mission_case import MissionCase
 
 DECISIONS = 6
@@ -43,7 +42,6 @@ class MissionRun(DrivenRun):
 
     case: MissionCase
     folder: Path
-    cache: MissionCache
     cached: bool = False
     driven: list[MissionResult] = field(default_factory=list, repr=False)
 
@@ -71,16 +69,9 @@ class MissionRun(DrivenRun):
         """Write the run folder, with the recording, unless it exists; returns its path."""
         from navfw.missions.run_report import write_run
 
-        if self.folder.exists():
-            return self.folder
-        kept = self.cache.run_folder(self.case)
-        with RunFolder(self.folder) as target:
-            if kept is not None:
-                shutil.copytree(kept, target.path, dirs_exist_ok=True)
-            else:
+        if not self.folder.exists():
+            with RunFolder(self.folder) as target:
                 write_run(self.result, target)
-        if kept is None:
-            self.cache.keep_run_folder(self.case, self.folder)
         return self.folder
 
 

@@ -243,14 +243,7 @@ def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
         what = f"the mission cannot be driven: {error}"
         raise pytest.fail.Exception(what, pytrace=False) from None
     folder, results = parent / case.folder_name, [] if result is None else [result]
-    driven = MissionRun(
-        **vars(run),
-        case=case,
-        folder=folder,
-        cached=cached,
-        cache=cache,
-        driven=results,
-    )
+    driven = MissionRun(**vars(run), case=case, folder=folder, cached=cached, driven=results)
     item.stash[_RUN] = driven
     item.user_properties.extend(properties(driven))
     if keep:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
+from scripted_run import FakeSimulator
 
 from navfw.config import find
 from navfw.context import Context
@@ -31,7 +32,7 @@ from navfw.signals import (
     Waypoint,
 )
 from navfw.stack import Choice, Stack, View, Vision, load_stack
-from navfw.testing.behavior_scenes import FakeSimulator, wall_flow
+from navfw.testing.behavior_scenes import wall_flow
 from navfw.topomap import Passage, Place, TopoMap
 
 ROBOT = RobotModel()

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scripted_run import FakeSimulator, ScriptedPilot
 
 from navfw.config import NamedFile, find, list_files, list_missions
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
@@ -26,7 +27,6 @@ from navfw.robot import RobotModel
 from navfw.signals import Belief, Pose, Twist, Waypoint
 from navfw.sim import PRESETS, BoxSpec, SceneGeometry, SensorParams, WorldSpec, load_world
 from navfw.stack import StackState
-from navfw.testing.behavior_scenes import FakeSimulator, ScriptedPilot
 from navfw.topomap import Place
 
 HERE = Pose(0.0, 0.0, 0.0)

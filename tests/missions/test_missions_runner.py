@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scripted_run import FakeSimulator, Posts, ScriptedPilot
 
 from navfw.errors import MapError
 from navfw.guard import PluginCallError
@@ -29,7 +30,6 @@ from navfw.recording import Contact, RunLog, RunLogger
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading, Sight, Twist, Waypoint
 from navfw.sim import BoxSpec, SceneGeometry, WorldSpec
-from navfw.testing.behavior_scenes import FakeSimulator, Posts, ScriptedPilot
 
 ROBOT = RobotModel()
 START = Pose(0.0, 0.0, 0.0)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType
 from mcap_rewriting import Change, rewrite
+from scripted_run import FakeSimulator
 
 from navfw.errors import ConfigError
 from navfw.recording import (
@@ -31,7 +32,6 @@ from navfw.recording import (
     ros_message,
 )
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist
-from navfw.testing.behavior_scenes import FakeSimulator
 
 TICKS = 40
 HERE = Pose(0.0, 0.0, 0.0)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from architecture_sources import ROOT, imports, tree_of
 from flow_scene import rotational_flow
+from scripted_run import FakeSimulator
 from stack_samples import GOAL, OFFIS, ROBOT, START, context_of, drive, sample_stack, wall_view
 
 from navfw.egomotion import FloorOdometry, Odometer
@@ -24,7 +25,7 @@ from navfw.signals import (
     YawCorrection,
 )
 from navfw.stack import TIMED, StackSettings, View, Vision
-from navfw.testing.behavior_scenes import FakeSimulator, wall_flow
+from navfw.testing.behavior_scenes import wall_flow
 
 
 def test_behaviours_get_the_newest_flow_and_percept() -> None:

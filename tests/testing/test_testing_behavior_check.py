@@ -34,7 +34,6 @@ from navfw.testing import (
     contexts_of,
 )
 from navfw.testing.behavior_scenes import BehaviorScene, wall_flow
-from navfw.testing.mission_cache import MissionCache
 from navfw.testing.mission_case import MissionCase
 
 REGISTRY = default_registry()
@@ -338,7 +337,6 @@ def run() -> MissionRun:
         log=log,
         case=MissionCase("hall", "there"),
         folder=Path("unused"),
-        cache=MissionCache(None),
     )
 
 
