@@ -210,11 +210,6 @@ def repeated(places: dict[str, list[str]]) -> dict[str, list[str]]:
     return {name: where for name, where in sorted(places.items()) if len(where) > 1}
 
 
-def test_params_is_left_out_only_where_it_is_nested() -> None:
-    tree = ast.parse("class Params: ...\nclass A:\n class Params: ...\n class _B: ...")
-    assert [cls.name for cls in classes(tree)] == ["Params", "A", "_B"]
-
-
 def test_no_two_classes_have_the_same_name() -> None:
     places: defaultdict[str, list[str]] = defaultdict(list)
     for path in [*MODULES, *BEHAVIORS]:

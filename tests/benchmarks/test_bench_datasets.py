@@ -31,7 +31,6 @@ from navfw.flow import BlockMatching, Dis
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FramePair
-from navfw.sim import check_world
 
 WALL = 2.0  # metres ahead of the first camera
 
@@ -152,12 +151,6 @@ def test_pairs_repeat_and_motions_are_what_they_are_called() -> None:
     )
     # the measured turn differs from the true one
     assert not np.allclose(by_name["8 cm"].pair.motion.rotation, np.eye(3), atol=1e-6)
-
-
-def test_the_corridor_can_be_and_has_obstacles() -> None:
-    world = load_worlds(["corridor"])["corridor"]
-    check_world(world)
-    assert len(world.boxes) + len(world.cylinders) >= 4
 
 
 def test_the_reference_loop_finds_the_same_peaks() -> None:

@@ -17,8 +17,6 @@ from navfw_benchmarks.bench.perception_benchmark import (
 from navfw_benchmarks.bench.perception_samples import random_views, samples_of_world
 from navfw_benchmarks.bench.true_pairs import random_world
 from navfw_benchmarks.bench.view_truth import (
-    DOMINANT,
-    MAJORITY,
     HalfPlane,
     ViewTruth,
     WallGeometry,
@@ -94,14 +92,6 @@ def test_a_possible_situation_has_wider_limits(
     walls, at = WallGeometry(ROOM), Pose(*pose)
     assert situations(*pose) == certain
     assert set(walls.situations(at, ROBOT.camera, possible=True)) == possible
-
-
-def test_the_largest_planes_of_both_halves_have_share_and_slope() -> None:
-    left, right = WallGeometry(ROOM).halves(Pose(10.0, 2.0, -0.3), ROBOT.camera)
-    assert left.share == 1.0
-    assert MAJORITY < right.share < DOMINANT
-    assert left.slope == pytest.approx(0.3)
-    assert right.slope == pytest.approx(-0.3)
 
 
 def test_the_nearest_object_is_found_in_the_true_depth() -> None:

@@ -1,8 +1,6 @@
 """Real frames: their labels, sentences judged by them, and the measures of recordings."""
 
-import itertools
 import re
-from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,6 @@ from cli_calls import answer, invoke, refusal
 from navfw_benchmarks.bench import real_benchmark
 from navfw_benchmarks.bench.real_benchmark import RECORDINGS, bench_real
 from navfw_benchmarks.bench.real_labels import (
-    camera_way,
     judge,
     load_labels,
     nearness_errors,
@@ -65,26 +62,6 @@ def test_a_part_belongs_to_one_split_and_one_folder() -> None:
     page = (ROOT / "benchmarks/real-frames.md").read_text(encoding="utf-8")
     listed = re.findall(r"^\| `(\w+)` \| `([\w/]+)` \| .* \| (\w+) \|$", page, re.MULTILINE)
     assert {(part, split, folder) for part, folder, split in listed} == places
-
-
-def test_parts_of_different_splits_are_ten_frames_apart() -> None:
-    numbers = defaultdict(list)
-    for row in MOVING:
-        digits = re.search(r"\d+", row.file)
-        if row.part != "tum" and digits is not None:
-            numbers[row.folder].append((int(digits[0]), row.split))
-    assert sum(map(len, numbers.values())) == len([row for row in MOVING if row.part != "tum"])
-    for frames in numbers.values():
-        for one, other in itertools.pairwise(sorted(frames)):
-            assert one[1] == other[1] or other[0] - one[0] >= 10
-
-
-@pytest.mark.parametrize("split", ["tuning", "test"])
-def test_both_splits_have_every_case_on_sequences(split: str) -> None:
-    rows = [row for row in MOVING if row.split == split]
-    assert {"wall", "corridor", "object", "open"} <= {row.front for row in rows}
-    assert {"yes", "no"} <= {row.floor_in_front for row in rows}
-    assert frozenset[str]().union(*(row.nearest for row in rows)) >= QUADRANTS
 
 
 # --- sentences judged by labels ------------------------------------------------------------------
@@ -232,12 +209,6 @@ def test_depth_images_have_a_unit(tmp_path: Path) -> None:
     assert image.depth().tolist() == [[0.0, 1.5]]
     assert replace(image, unit=5000.0).depth()[0, 1] == 0.3
     assert posed_images(tmp_path, "donkeycar/images") == {}
-
-
-def test_the_way_between_two_poses() -> None:
-    past, now = np.eye(4), np.eye(4)
-    now[:3, 3] = (3.0, 0.0, 4.0)
-    assert camera_way(past, now) == 5.0
 
 
 def readings(folder: Path, rows: int) -> list[Path]:

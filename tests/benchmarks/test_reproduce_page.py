@@ -10,7 +10,6 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from cli_calls import answer, refusal
 from navfw_benchmarks.bench import real_benchmark
@@ -18,7 +17,7 @@ from navfw_benchmarks.bench.real_benchmark import RECORDINGS
 from navfw_benchmarks.reproduce import paper_tables, reproduction
 from navfw_benchmarks.reproduce.metric_comparison import compare_metrics
 from navfw_benchmarks.reproduce.photographs import chosen_frames, real_as_data, real_scenes
-from navfw_benchmarks.reproduce.reproduction import reproduce, write_page
+from navfw_benchmarks.reproduce.reproduction import reproduce
 from perceive_images import label, save_approach
 from report_browser import seen_in_browser
 
@@ -150,22 +149,10 @@ def test_a_browser_shows_every_picture_within_the_window(
     width: int, written: Written, tmp_path: Path
 ) -> None:
     page = tmp_path / "page.html"
-    scripted = written.page.replace("default-src 'none';", "script-src 'unsafe-inline';")
-    page.write_text(scripted, encoding="utf-8")
+    page.write_text(written.page, encoding="utf-8")
     seen = seen_in_browser(page, PROBE, tmp_path / "profile", f"--window-size={width},900")
     pictures = 1 + len(written.result["table2"]) + len(written.result["table3"]) + 1
     assert seen.body == f'<body data-found="{pictures} 0 false">'
-
-
-def test_what_comes_from_outside_is_escaped(written: Written) -> None:
-    harmful = json.loads(json.dumps(written.result))
-    harmful["table2"][0]["doing"] = "<b>turns</b>"
-    names = [f"waypoint-{row['waypoint']}" for row in harmful["table2"]]
-    names += [f"scene-{row['situation']}" for row in harmful["table3"]]
-    picture = np.zeros((8, 8, 3), np.uint8)
-    page = write_page(harmful, dict.fromkeys(["map", *names], picture))
-    assert "&lt;b&gt;turns&lt;/b&gt;" in page
-    assert "<b>turns" not in page
 
 
 def test_the_middle_frame_of_each_front_is_chosen_of_the_test_split_where_there_is_one() -> None:

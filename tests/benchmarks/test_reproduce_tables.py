@@ -1,6 +1,5 @@
 """The tables that are reproduced, and their summary."""
 
-import math
 import re
 from typing import Any
 
@@ -11,10 +10,9 @@ from navfw_benchmarks.bench.perception_accuracy import front_of
 from navfw_benchmarks.reproduce.metric_comparison import (
     _claims,
     _discriminate,
-    _features,
     compare_metrics,
 )
-from navfw_benchmarks.reproduce.paper_scenes import FAST_TURN, SCENES, WAYPOINTS, drive, hand_held
+from navfw_benchmarks.reproduce.paper_scenes import FAST_TURN, WAYPOINTS, drive
 from navfw_benchmarks.reproduce.paper_tables import (
     FAST,
     SceneRow,
@@ -36,7 +34,6 @@ from navfw.config import find
 from navfw.missions import path_length
 from navfw.robot import RobotModel
 from navfw.sim import SceneGeometry, load_world
-from navfw.testing.behavior_scenes import wall_flow
 
 
 @pytest.fixture(scope="module")
@@ -65,15 +62,6 @@ def test_waypoint_3_is_the_fast_left_turn() -> None:
     assert [w.time for w in WAYPOINTS] == sorted(w.time for w in WAYPOINTS)
     assert twists.pop(FAST).w == FAST_TURN
     assert max(abs(twist.w) for twist in twists.values()) < 0.02
-
-
-def test_before_is_where_the_robot_came_from() -> None:
-    way = drive()
-    for index in (200, 670, 700, 1000):
-        past, now = way[index - 3], way[index]
-        before = now.before(0.05)
-        # the twist hardly changes within 50 ms
-        assert math.dist((before.x, before.y), (past.pose.x, past.pose.y)) < 0.003
 
 
 def test_fast_turn_reads_wrong_without_derotation_and_right_with(
@@ -130,13 +118,6 @@ def test_the_three_situations(scenes: list[SceneRow]) -> None:
     for percept in (corridor, chair):
         assert "door" in front_of(percept)
         assert "Floor in front" in percept.sentence
-
-
-def test_scenes_have_the_paper_s_camera() -> None:
-    camera = hand_held().camera
-    whole = 2.0 * math.degrees(math.atan(72.0 / camera.focal))
-    assert whole == pytest.approx(65.0)
-    assert len(SCENES) == 3
 
 
 def test_every_place_has_a_verdict_and_a_reason_where_table_1_has_nothing(
@@ -213,13 +194,6 @@ def test_the_claim_of_section_4_3_is_told_with_its_figures() -> None:
     ]
 
 
-def test_a_claim_that_holds_everywhere_is_confirmed_everywhere() -> None:
-    held = {"claims": [claim("quadrant", 48, 40, 10, 0.02)]}
-    (whole,) = summarised(metrics=held)["Section 4.3"]
-    assert "is confirmed in 1 of 1 comparisons: better by more than chance (p < 0.05) in 1" in whole
-    assert "not confirmed in 0" in whole
-
-
 def test_places_are_counted_by_verdict() -> None:
     found = summarised()["Table 2"]
     assert found[0] == "All 2 places are judged."
@@ -256,28 +230,9 @@ def test_discriminant_separates_separable_classes_only() -> None:
     assert set(blind) <= {"left", "right"}
 
 
-def test_features_are_the_regions_metrics() -> None:
-    flow = wall_flow(RobotModel(), 0.0, ahead=1.0, left=20.0, right=20.0)
-    assert _features(flow, 2, False).shape == (32,)
-    assert _features(flow, 1, True).shape == (16,)
-    means = np.exp(_features(flow, 1, False)) - 0.05
-    part = np.abs(flow.vectors[:6, 8:, 0])  # P1: upper right
-    assert np.isclose(means[0], part.mean())
-
-
 @pytest.fixture(scope="module")
 def result() -> dict[str, Any]:
     return compare_metrics(14, seed=3)
-
-
-def test_comparison_on_a_few_views(result: dict[str, Any]) -> None:
-    assert result["views"] == 14
-    for found in result["offis"].values():
-        for shares in found.values():
-            assert all(share is None or 0.0 <= share <= 1.0 for share in shares.values())
-    normalised = result["offis"]["normalised, L=2, nearest eighth"]["ideal"]
-    assert normalised["quadrant"] > 0.8
-    assert set(result["numbers"]) == {"L=2, means", "L=1, means and variances", "L=1, means"}
 
 
 SOURCES = {
@@ -287,6 +242,8 @@ SOURCES = {
 
 
 def test_the_claim_is_judged_on_the_same_views(result: dict[str, Any]) -> None:
+    assert result["views"] == 14
+    assert result["offis"]["normalised, L=2, nearest eighth"]["ideal"]["quadrant"] > 0.8
     assert len(result["claims"]) == 16
     for claim in result["claims"]:
         two, one = claim["two_layers_right"], claim["one_layer_right"]

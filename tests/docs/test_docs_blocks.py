@@ -230,19 +230,6 @@ def test_no_inner_module_is_imported() -> None:
     assert wrong == []
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("from navfw.stack import Stack", "navfw.stack is an inner module"),
-        ("import navfw.signals", "navfw.signals is an inner module"),
-        ("def f():\n    from navfw import Stuck", "navfw has no public name Stuck"),
-    ],
-)
-def test_an_inner_import_is_found(text: str, message: str) -> None:
-    assert list(wrong_imports(text)) == [message]
-    assert list(wrong_imports("import navfw.gym\nfrom navfw import Stack\nimport numpy")) == []
-
-
 def test_the_public_names_are_those_of_the_stubs() -> None:
     for module in PUBLIC:
         stub = Path(importlib.import_module(module).__file__ or "").with_suffix(".pyi")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from cli_calls import put_file
-from docs_pages import ROOT, DocBlock, blocks_of, load_module
+from docs_pages import ROOT, DocBlock, blocks_of
 from PIL import Image
 from processes import run
 from terminals import Terminal
@@ -97,8 +97,3 @@ def test_the_readme_can_be_followed_from_the_first_to_the_last_line(
     for line in ("make run", f"python {tmp_path / 'drive.py'}"):
         assert re.findall(r"commands +(\w{16})", screens[line]) == [command_hash[:16]]
     assert "2 passed" in screens["pytest tests"]
-
-
-def test_make_run_drives_the_mission_of_the_pictures() -> None:
-    mission = load_module(ROOT / "docs" / "draw_run.py").MISSION
-    assert f"navfw run {' '.join(mission)}\n" in (ROOT / "Makefile").read_text(encoding="utf-8")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import dataclasses
 import hashlib
 import json
@@ -31,6 +30,7 @@ from navfw.process.work_progress import ProgressCallback, silent
 from navfw.recording.plan_picture import draw_arrow, draw_shapes, plan_axes
 from navfw.recording.run_folder import plain_json
 from navfw.recording.top_view import Line, Marks, Style
+from navfw.report import report_page
 from navfw.signals import FlowField
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldfile import load_world
@@ -247,8 +247,7 @@ def draw_map(
     return np.asarray(picture, dtype=np.uint8)
 
 
-TEMPLATE = "reproduction.html"
-QUALITY = 82
+_QUALITY = 82
 """Quality of the pictures, of 100: flow arrows stay sharp, and the page stays below 8 MB."""
 
 
@@ -259,14 +258,15 @@ def write_page(result: Mapping[str, Any], pictures: Mapping[str, Image]) -> str:
     ``real-K`` for the K-th frame of the recordings if it may be shown.
     """
     environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
+        loader=FileSystemLoader([Path(__file__).parent, Path(report_page.__file__).parent]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     environment.filters.update(percent=partial(shown, form=".0%"), positions=_positions)
-    return environment.get_template(TEMPLATE).render(
+    return environment.get_template("reproduction.html").render(
+        title="The paper's experiments, repeated",
         **result,
         pictures={name: _embedded(picture) for name, picture in pictures.items()},
         fast=paper_tables.FAST,
@@ -278,10 +278,9 @@ def write_page(result: Mapping[str, Any], pictures: Mapping[str, Image]) -> str:
 
 
 def _embedded(picture: Image) -> dict[str, Any]:
-    code = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])[1].tobytes()
-    data = base64.b64encode(code).decode("ascii")
     height, width = picture.shape[:2]
-    return {"source": f"data:image/webp;base64,{data}", "width": width, "height": height}
+    source = report_page.reduced_source(picture, width, quality=_QUALITY)
+    return {"source": source, "width": width, "height": height}
 
 
 def _positions(names: list[str]) -> str:
