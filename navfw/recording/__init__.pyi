@@ -8,7 +8,6 @@ from .bag_reader import turn_rates as turn_rates
 from .channel_list import CAMERA_IMAGE as CAMERA_IMAGE
 from .channel_list import LANDMARK_IMAGE as LANDMARK_IMAGE
 from .channel_list import LOCAL_MAP as LOCAL_MAP
-from .channel_list import MAX_BYTES as MAX_BYTES
 from .channel_list import READING as READING
 from .channel_list import RIGHT_IMAGE as RIGHT_IMAGE
 from .channel_list import SCHEMA_NAME as SCHEMA_NAME

@@ -13,9 +13,9 @@ import socket
 import struct
 import time
 from base64 import b64encode
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Iterable
 from contextlib import suppress
-from typing import Any, cast
+from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from navfw.config.extras import extra_imports
@@ -30,7 +30,6 @@ with extra_imports("record"):
     from websockets.datastructures import Headers
     from websockets.exceptions import ConnectionClosed
     from websockets.http11 import Request, Response
-    from websockets.protocol import State
     from websockets.typing import Subprotocol
 
     from navfw.recording.run_channels import RunChannels, channel_schema
@@ -41,7 +40,6 @@ _MIN_SPEED, _MAX_SPEED = 0.05, 50.0
 _PAGE = Subprotocol("navfw.live.v1")
 """Foxglove's protocol, and messages ``navfw``: the run's state to the page, its commands back."""
 _PROTOCOLS = (_PAGE, Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
-_MAX_CLIENTS = 16
 _MAX_REQUEST = 1 << 16
 """Largest message from a client [byte]."""
 _MAX_WAITING = 1 << 22
@@ -139,9 +137,7 @@ class LiveServer:
         self._token = secrets.token_urlsafe(16)
         self.url = f"http://{_HOST}:{port}/?token={self._token}"
         self._page = page.encode()
-        self._clients: list[ServerConnection] = []
         self._open: dict[str, _LiveChannel] = {}
-        self._seen = seen
         self._channels = RunChannels(self._channel, seen)
         self._time = self._due = 0.0
         self._joined = False
@@ -154,10 +150,8 @@ class LiveServer:
         return await serve(
             self._view,
             sock=self._socket,
-            backlog=_MAX_CLIENTS // 2,
             process_request=self._answer,
             subprotocols=_PROTOCOLS,
-            create_connection=cast("type[ServerConnection]", self._admit),
             max_size=_MAX_REQUEST,
             compression=None,
             ping_interval=None,
@@ -191,19 +185,16 @@ class LiveServer:
 
     def close(self) -> None:
         """Send what still waits: the run is over."""
-        self._channels.close()
         self.serve(0.0)
 
     def end(self, message: str = "the run has ended", *, stay: bool = False) -> None:
         """Tell how the run ended, and end the server; with ``stay`` not before Ctrl-C."""
         self._ended = message
-        self._tell_state(self._clients)
+        self._tell_state(self._server.connections)
         if stay:
-            self._channels = RunChannels(self._channel, self._seen)
             with suppress(KeyboardInterrupt), interruptible():
                 while True:
                     self._hold()
-            self._channels.close()
         self._await(self._close())
         self._loop.close()
 
@@ -225,23 +216,10 @@ class LiveServer:
         self.serve(_PERIOD)
         if self._joined and self._last is not None:
             self._channels.observe(*self._last)
-            self._channels.flush()
         self._joined = False
 
     def _channel(self, info: ChannelInfo) -> _LiveChannel:
         return self._open.setdefault(info.topic, _LiveChannel(len(self._open), info))
-
-    def _admit(self, *words: Any, **options: Any) -> ServerConnection:
-        """A new connection; of too many the oldest goes, first those that view nothing."""
-        self._clients = [client for client in self._clients if client.state is not State.CLOSED]
-        if len(self._clients) >= _MAX_CLIENTS:
-            idle = (client for client in self._clients if client.state is not State.OPEN)
-            oldest = next(idle, self._clients[0])
-            self._clients.remove(oldest)
-            with suppress(AttributeError):  # it has come at this moment, and has no transport yet
-                oldest.transport.abort()
-        self._clients.append(ServerConnection(*words, **options))
-        return self._clients[-1]
 
     def _answer(self, client: ServerConnection, request: Request) -> Response | None:
         """The page, or a refusal; None for a viewer."""
@@ -282,7 +260,7 @@ class LiveServer:
             return "the address needs the token that navfw run has printed"
         return "" if address.path == "/" else "the page is at /"
 
-    def _tell_state(self, clients: list[ServerConnection]) -> None:
+    def _tell_state(self, clients: Iterable[ServerConnection]) -> None:
         state = {"paused": self._paused, "speed": self._speed, "ended": self._ended}
         for client in clients:
             if client.subprotocol == _PAGE:
@@ -308,7 +286,7 @@ class LiveServer:
         elif message["op"] == "navfw" and client.subprotocol == _PAGE:
             self._speed = _checked(message["speed"])
             self._paused = message["paused"] is True
-            self._tell_state(self._clients)
+            self._tell_state(self._server.connections)
 
 
 def _checked(speed: float | None) -> float | None:

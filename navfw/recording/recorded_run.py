@@ -7,8 +7,7 @@
 
 ``docs/recordings.md`` lists the channels with their schemas.
 
-The records of the MCAP file are parsed by the library ``mcap``. Nothing of a record or chunk is
-unpacked before its size is checked.
+The records of the MCAP file are parsed by the library ``mcap``.
 """
 
 from __future__ import annotations
@@ -16,12 +15,12 @@ from __future__ import annotations
 import io
 import json
 import re
-import struct
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import cv2
 import numpy as np
@@ -37,20 +36,13 @@ from navfw.recording.ros_messages import message_types
 from navfw.recording.run_folder import RECORDING
 
 with extra_imports("record"):
-    import zstandard
-    from mcap.data_stream import ReadDataStream
-    from mcap.opcode import Opcode
-    from mcap.records import Channel, Chunk, DataEnd, Header, McapRecord, Message, Metadata, Schema
-    from mcap.stream_reader import StreamReader, breakup_chunk, get_chunk_data_stream
+    from mcap.records import Channel, DataEnd, Header, McapRecord, Message, Metadata, Schema
+    from mcap.stream_reader import StreamReader
     from mcap.well_known import MessageEncoding, SchemaEncoding
     from mcap_protobuf.decoder import DecoderFactory
 
-_EXPANSION = 8
-"""Largest size of all unpacked chunks, in units of the largest file."""
-_MAX_CHUNK = 1 << 26
-"""Largest size of one record, and of one unpacked chunk [byte]; navfw writes 1 MB."""
-
-_HEAD = struct.Struct("<BQH")  # of a record, with the channel of a message
+_MAX_RECORD = 1 << 26
+"""Largest size of one record, a chunk included [byte]; navfw's chunks have 0.3 MB."""
 _MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -81,11 +73,10 @@ class RecordedRun:
 
     """
 
-    def __init__(self, path: str | Path, max_bytes: int = topics.MAX_BYTES) -> None:
+    def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self.metadata: dict[str, str] = {}
         self.complete = False
-        self._max_bytes = max_bytes
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, Schema] = {}
         self._protobuf = DecoderFactory()
@@ -102,8 +93,9 @@ class RecordedRun:
             ConfigError: a message is damaged.
 
         """
-        decoders = {channel.topic: self._decoder(channel) for channel in self._of(*wanted)}
-        for topic, log_time, data in self.packed(*wanted):
+        channels = self._channels.values()
+        decoders = {c.topic: self._decoder(c) for c in channels if not wanted or c.topic in wanted}
+        for topic, log_time, data in self.packed(*decoders):
             try:
                 content = decoders[topic](data)
             except Exception as error:  # of the decoders of protobuf, CDR and JSON
@@ -112,21 +104,16 @@ class RecordedRun:
             yield RecordedMessage(topic, 1e-9 * log_time, content)
 
     def packed(self, *wanted: str) -> Iterator[tuple[str, int, bytes]]:
-        """Topic, time [ns] and bytes of the messages of ``wanted`` topics, as ``messages``.
+        """Topic, time [ns] and bytes of the messages of ``wanted`` topics, in the order of the file.
 
         Raises:
             ConfigError: the file is damaged.
 
         """
-        of = {channel.id: channel.topic for channel in self._of(*wanted)}
-        for record in self._records(of):
-            if isinstance(record, Message) and record.channel_id in of:
+        of = {channel.id: channel.topic for channel in self._channels.values()}
+        for record in self._records():
+            if isinstance(record, Message) and of[record.channel_id] in wanted:
                 yield of[record.channel_id], record.log_time, record.data
-
-    def _of(self, *wanted: str) -> list[Channel]:
-        """The channels of ``wanted`` topics; without any, all."""
-        channels = self._channels.values()
-        return [channel for channel in channels if not wanted or channel.topic in wanted]
 
     def image_at(self, time: float, topic: str = topics.CAMERA_IMAGE) -> Image | None:
         """The newest image of ``topic`` at ``time`` [s] (height, width); None before the first.
@@ -142,18 +129,17 @@ class RecordedRun:
             newest = message
         return None if newest is None else image_of(newest, self.path)
 
-    def _records(self, wanted: Container[int] | None = None) -> Iterator[McapRecord]:
-        """The records up to the end of the data, those in chunks unpacked, in the file's order.
-
-        Of chunks, with ``wanted`` channels, the messages of these alone.
-        """
-        with open_input(self.path, self._max_bytes) as stream:
+    def _records(self) -> Iterator[McapRecord]:
+        """The records up to the end of the data, those in chunks unpacked, in the file's order."""
+        with open_input(self.path, topics.MAX_BYTES) as stream:
             if stream.read(len(_MAGIC)) != _MAGIC:
                 raise self.refused("expected an MCAP file, as navfw run --record writes it")
             stream.seek(-len(_MAGIC), io.SEEK_END)  # as a whole file ends
             ended = stream.read() == _MAGIC and stream.tell() > len(_MAGIC)
+            stream.seek(0)
+            reader = StreamReader(stream, validate_crcs=True, record_size_limit=_MAX_RECORD)
             try:
-                yield from self._unpacked(stream, wanted)
+                yield from takewhile(lambda record: not isinstance(record, DataEnd), reader.records)
             except Exception as error:
                 if not ended and not stream.read(1):
                     return  # the file is cut off within this record
@@ -164,24 +150,6 @@ class RecordedRun:
     def refused(self, what: str) -> ConfigError:
         """The error that the file is no recording."""
         return ConfigError(f"not a recording: {what}", file=self.path)
-
-    def _unpacked(self, stream: BinaryIO, wanted: Container[int] | None) -> Iterator[McapRecord]:
-        room = _EXPANSION * self._max_bytes
-        stream.seek(0)
-        reader = StreamReader(
-            stream, emit_chunks=True, validate_crcs=True, record_size_limit=_MAX_CHUNK
-        )
-        for record in reader.records:
-            if isinstance(record, DataEnd):
-                return
-            if not isinstance(record, Chunk):
-                yield record
-                continue
-            room -= _unpacked_size(record)
-            if room < 0:
-                raise ValueError(f"its chunks unpack to more than {_EXPANSION} times its limit")
-            inner = breakup_chunk(record, True) if wanted is None else _messages_in(record, wanted)
-            yield from inner
 
     def _scan(self) -> None:
         """Read the whole file once: metadata, channels, and whether it is intact."""
@@ -201,13 +169,10 @@ class RecordedRun:
 
     def _check_header(self, header: object) -> None:
         profile = header.profile if isinstance(header, Header) else ""
-        version = profile.removeprefix(topics.PROFILE)
-        if not profile.startswith(topics.PROFILE) or not version.isdecimal():
-            of = f"of profile {profile!r}" if profile else "without a profile"
-            raise self.refused(f"an MCAP file {of}, expected one of navfw run --record")
-        if int(version[:9]) != topics.FORMAT_VERSION:
-            what = f"it has version {version[:9]} of the format, this navfw reads"
-            raise self.refused(f"{what} {topics.FORMAT_VERSION}; record the run again")
+        expected = f"{topics.PROFILE}{topics.FORMAT_VERSION}"
+        if profile != expected:
+            what = f"an MCAP file of profile {profile!r}, this navfw reads {expected!r}"
+            raise self.refused(f"{what}; record the run again by navfw run --record")
 
     def _add_channel(self, channel: Channel) -> None:
         """Add a channel; one of navfw's own must have the schema that navfw gives it."""
@@ -237,40 +202,6 @@ class RecordedRun:
             what = f"the schema of {channel.topic} is damaged ({error})"
             raise self.refused(what) from None
         return bytes
-
-
-def _messages_in(chunk: Chunk, wanted: Container[int]) -> Iterator[Message]:
-    """The messages of ``wanted`` channels; stepping over the others halves the time of a pass."""
-    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-    data, at = stream.read(size), 0
-    while at < size:
-        opcode, length, channel = _HEAD.unpack_from(data, at)
-        at += _HEAD.size - 2
-        if opcode == Opcode.MESSAGE and channel in wanted:
-            yield Message.read(ReadDataStream(io.BytesIO(data[at : at + length])), length)
-        at += length
-
-
-def _unpacked_size(chunk: Chunk) -> int:
-    """The size of a chunk's content [byte].
-
-    Raises:
-        ValueError: it is too large, differs from what the chunk declares, or is packed otherwise
-            than navfw packs it.
-
-    """
-    size = chunk.uncompressed_size
-    if size > _MAX_CHUNK:
-        raise ValueError(f"a chunk has {size} bytes, more than {_MAX_CHUNK}")
-    if chunk.compression == "zstd":
-        declared = zstandard.frame_content_size(chunk.data)
-    elif chunk.compression == "":
-        declared = len(chunk.data)
-    else:
-        raise ValueError(f"compressed with {chunk.compression!r}, expected zstd")
-    if declared not in (-1, size):
-        raise ValueError(f"a chunk of {size} bytes has {declared}")
-    return size
 
 
 _SCHEMAS = {info.topic: info.schema for info in (*topics.CHANNELS, topics.DRIVEN_CHANNEL)}

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -25,7 +23,6 @@ from navfw.recording import ros_messages as ros
 from navfw.recording import viewer_messages as messages
 from navfw.recording.channel_list import SeenRun
 from navfw.recording.run_folder import plain_json
-from navfw.robot import RobotModel
 from navfw.signals import Command, Percept, Pose, SensorReading, Twist
 from navfw.stack import Stack
 from navfw.stack.stack_state import StackState
@@ -38,39 +35,26 @@ OpenChannel = Callable[[topics.ChannelInfo], Any]
 """Opens a channel: it has ``has_sinks()``, and ``log(data, log_time=...)`` with a time [ns]."""
 
 
-def _packed(image: Image) -> bytes:
-    """An image in ``_IMAGE_FORMAT``; OpenCV lets other threads run meanwhile."""
-    return cv2.imencode(f".{_IMAGE_FORMAT}", image)[1].tobytes()
-
-
 _PERIODS = {
     info.topic: 1.0 / rate
     for info in topics.VIEWER_CHANNELS
     if (rate := float(info.rate.partition(" ")[0])) < 10.0
 }
 """Intervals [s] of what is not logged at every frame: it costs most, or serves who joins."""
-_MAX_TICKS = 60
-"""Ticks of which messages are made at once, at the latest at a frame: each alone costs three times
-as much, with cold caches."""
 
 
 class RunChannels:
     """Logs every control tick of a run to channels of ``open_channel``.
 
-    Without ``seen`` the sensor readings alone, each with its images before it. Images are
-    compressed in a thread of their own, and readings wait for them; the thread sees nothing but the
-    images, which are not changed. A channel without a receiver costs nothing. The stack is only
-    read: its plugins explain themselves outside its guard, so that a fault in an explanation is
-    none of the run.
+    Without ``seen`` only the sensor readings, each with its images before it. A channel without a
+    receiver costs nothing. The stack is only read: its plugins explain themselves outside its
+    guard, so that a fault in an explanation is none of the run.
     """
 
     def __init__(self, open_channel: OpenChannel, seen: SeenRun | None = None) -> None:
         self._open_channel = open_channel
         self._seen = seen
         self._guard = PluginGuard()
-        self._packer = ThreadPoolExecutor(max_workers=1)
-        self._waiting: deque[tuple[str, int, Future[bytes] | bytes]] = deque()
-        self._ticks: list[tuple[SensorReading, Twist]] = []
         opened = topics.SENSOR_CHANNELS if seen is None else topics.CHANNELS
         self._channels = {info.topic: open_channel(info) for info in opened}
         self.restart()
@@ -81,16 +65,24 @@ class RunChannels:
 
     def observe(self, reading: SensorReading, twist: Twist, pose: Pose | None) -> None:
         """Log one control tick: the reading, the stack's command, the true pose if it is known."""
-        self._log_reading(reading, twist)
+        now = topics.nanoseconds(reading.time)
+        frame, landmarks = reading.frame, reading.landmark_frame
+        images = {} if landmarks is None else {topics.LANDMARK_IMAGE: landmarks.image}
+        if frame is not None:
+            images[topics.CAMERA_IMAGE] = frame.image
+            images |= zip(topics.SIDE_IMAGES, frame.sides, strict=False)
+        for topic, image in images.items():
+            self._log(topic, now, partial(_image_message, topic, image, now))
+        self._log(topics.READING, now, partial(ros.reading_message, reading, twist))
         if self._seen is None:
             return
-        self._ticks.append((reading, twist))
-        if reading.frame is not None or len(self._ticks) >= _MAX_TICKS:
-            self._log_ticks(self._seen.stack.robot)
-        if reading.frame is not None:
-            now, camera = topics.nanoseconds(reading.time), self._seen.stack.robot.camera
-            size = reading.frame.image.shape
-            self._log(topics.CAMERA_INFO, now, partial(ros.camera_message, camera, size, now))
+        robot = self._seen.stack.robot
+        self._log(topics.IMU, now, partial(ros.imu_message, robot, reading, now))
+        self._log(topics.JOINTS, now, partial(ros.joints_message, robot, reading, now))
+        self._log(topics.TWIST, now, partial(ros.command_message, twist, now))
+        if frame is not None:
+            size = frame.image.shape
+            self._log(topics.CAMERA_INFO, now, partial(ros.camera_message, robot.camera, size, now))
             for topic, make in _views(self._seen, reading.time, pose, self._guard):
                 if reading.time >= self._next.get(topic, 0.0):
                     self._next[topic] = reading.time + _PERIODS.get(topic, 0.0) - 1e-9
@@ -103,55 +95,6 @@ class RunChannels:
         now = topics.nanoseconds(time)
         self._log(topics.DRIVEN, now, partial(ros.command_message, twist, now))
 
-    def _log_reading(self, reading: SensorReading, twist: Twist) -> None:
-        """Log the reading of one control tick, and the stack's command for it, after its images."""
-        now = topics.nanoseconds(reading.time)
-        frame, landmarks = reading.frame, reading.landmark_frame
-        if frame is not None:
-            self._pack(topics.CAMERA_IMAGE, frame.image, now)
-            for topic, side in zip(topics.SIDE_IMAGES, frame.sides, strict=False):
-                self._pack(topic, side, now)
-        if landmarks is not None:
-            self._pack(topics.LANDMARK_IMAGE, landmarks.image, now)
-        self._waiting.append((topics.READING, now, ros.reading_message(reading, twist)))
-        self.flush(wait=False)
-
-    def _pack(self, topic: str, image: Image, now: int) -> None:
-        if self._channels[topic].has_sinks():
-            self._waiting.append((topic, now, self._packer.submit(_packed, image)))
-
-    def flush(self, *, wait: bool = True) -> None:
-        """Log the readings and images that are ready, in order; with ``wait`` all of them."""
-        while self._waiting:
-            topic, now, data = self._waiting[0]
-            if isinstance(data, Future):
-                if not (wait or data.done()):
-                    return
-                data = data.result()
-                frame = {"frame_id": topic.removeprefix("/").removesuffix("/image")}
-                content = {"format": _IMAGE_FORMAT, "data": np.frombuffer(data, dtype=np.uint8)}
-                data = ros.ros_message(topics.IMAGE_SCHEMA, {"header": frame, **content}, now)
-            self._waiting.popleft()
-            self._channels[topic].log(data, log_time=now)
-
-    def close(self) -> None:
-        """Log what still waits; nothing can be logged afterwards."""
-        if self._seen is not None:
-            self._log_ticks(self._seen.stack.robot)
-        self.flush()
-        self._packer.shutdown()
-
-    def _log_ticks(self, robot: RobotModel) -> None:
-        """Log gyro, wheels and command of the ticks that wait."""
-        ticks = [(topics.nanoseconds(r.time), r, twist) for r, twist in self._ticks]
-        self._ticks.clear()
-        for now, reading, _ in ticks:
-            self._log(topics.IMU, now, partial(ros.imu_message, robot, reading, now))
-        for now, reading, _ in ticks:
-            self._log(topics.JOINTS, now, partial(ros.joints_message, robot, reading, now))
-        for now, _, twist in ticks:
-            self._log(topics.TWIST, now, partial(ros.command_message, twist, now))
-
     def _log(self, topic: str, log_time: int, make: Callable[[], Any]) -> None:
         """Log what ``make`` gives, if anybody receives it."""
         channel = self._channels[topic]
@@ -159,6 +102,13 @@ class RunChannels:
             made = make()
             made = _json(made) if isinstance(made, Mapping) else made
             channel.log(made if isinstance(made, bytes) else made.encode(), log_time=log_time)
+
+
+def _image_message(topic: str, image: Image, now: int) -> bytes:
+    data = np.asarray(cv2.imencode(f".{_IMAGE_FORMAT}", image)[1]).ravel()
+    frame = {"frame_id": topic.removeprefix("/").removesuffix("/image")}
+    fields = {"header": frame, "format": _IMAGE_FORMAT, "data": data}
+    return ros.ros_message(topics.IMAGE_SCHEMA, fields, now)
 
 
 def _views(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import hashlib
-import os
 import shutil
 import tempfile
 import weakref
@@ -226,12 +225,8 @@ class _RecordingFile:
     """
 
     def __init__(self, path: Path | None) -> None:
-        if path is None:
-            self._descriptor, name = tempfile.mkstemp()
-            Path(name).unlink()
-        else:
-            self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-        self.close = weakref.finalize(self, os.close, self._descriptor)
+        self._file: Any = path.open("xb", 0) if path else tempfile.TemporaryFile(buffering=0)  # noqa: SIM115
+        self.close = weakref.finalize(self, self._file.close)
         self.kept = self.size = 0
         self.error: OSError | None = None
 
@@ -240,11 +235,11 @@ class _RecordingFile:
         try:
             rest = memoryview(data)
             while rest and self.error is None:
-                rest = rest[os.write(self._descriptor, rest) :]
+                rest = rest[self._file.write(rest) :]
         except OSError as error:
             full = error.errno in {errno.ENOSPC, errno.EDQUOT}
             self.kept = max(0, self.kept - _ROOM) if full else self.kept
-            os.ftruncate(self._descriptor, self.kept)
+            self._file.truncate(self.kept)
             self.error = error
         self.size += len(data)
         self.kept += len(data) if self.error is None else 0
@@ -260,16 +255,16 @@ class _RecordingFile:
 
     def copy_to(self, path: Path) -> None:
         """Write a temporary file to ``path``."""
-        os.lseek(self._descriptor, 0, os.SEEK_SET)
-        with open(self._descriptor, "rb", closefd=False) as own, path.open("wb") as copy:
-            shutil.copyfileobj(own, copy)
+        self._file.seek(0)
+        with path.open("wb") as copy:
+            shutil.copyfileobj(self._file, copy)
 
 
 class RunRecorder:
     """Records a run into the file ``path``: its readings, and what is ``seen`` of it.
 
     Chunks are written as the robot drives: a process that is killed leaves all but the last second
-    or two. Without ``path`` they go to a temporary file, until ``save``. At most ``max_bytes`` of
+    or two. Without ``path`` they go to a temporary file, until ``save``. At most ``MAX_BYTES`` of
     images, and of the file: ``complete`` is false once that limit has been reached, or the disk is
     full (``error``), and what follows is left out.
 
@@ -282,7 +277,6 @@ class RunRecorder:
         self,
         metadata: Mapping[str, str] | None = None,
         seen: SeenRun | None = None,
-        max_bytes: int = topics.MAX_BYTES,
         path: Path | None = None,
     ) -> None:
         with extra_imports("record"):
@@ -293,7 +287,6 @@ class RunRecorder:
 
         context = Context()
         self.complete = True
-        self._max_bytes = max_bytes
         self._unpacked = 0
         self.path = path
         self._file = _RecordingFile(path)
@@ -314,7 +307,7 @@ class RunRecorder:
         frames = [frame for frame in (reading.frame, reading.landmark_frame) if frame is not None]
         images = [image for frame in frames for image in (frame.image, *frame.sides)]
         self._unpacked += 96 + sum(image.nbytes for image in images)
-        if max(self._unpacked, self._file.size) > self._max_bytes:
+        if max(self._unpacked, self._file.size) > topics.MAX_BYTES:
             self.complete = False
         if self.complete:
             with deferred():  # the writer would take an interruption for a failure of its file
@@ -333,7 +326,6 @@ class RunRecorder:
             return
         self._closed = True
         with deferred():
-            self._channels.close()
             if self.complete:
                 # metadata without an entry are not written
                 self._writer.write_metadata(topics.END, {"complete": "yes"})

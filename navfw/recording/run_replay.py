@@ -6,9 +6,9 @@ and stack file.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +19,9 @@ from navfw.config.yamlfile import rewording
 from navfw.errors import ConfigError, InputError
 from navfw.features.landmark_appearance import check_landmark_kind
 from navfw.numerics import Array, Image
-from navfw.plugins.fault_injection import Failure, inject_faults
+from navfw.plugins.fault_injection import inject_faults
 from navfw.recording import channel_list as topics
-from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of, recording_in
+from navfw.recording.recorded_run import RecordedRun, image_of, recording_in
 from navfw.recording.run_folder import RESULT, read_result
 from navfw.recording.run_observers import hash_commands
 from navfw.robot import CameraModel, RobotModel
@@ -52,7 +52,7 @@ class SensorRecording:
         return np.array([reading.time for reading in self.readings])
 
 
-def load_recording(path: str | Path, max_bytes: int = topics.MAX_BYTES) -> SensorRecording:
+def load_recording(path: str | Path) -> SensorRecording:
     """Load the sensor readings of a recording, images included.
 
     Of a file that is cut off, the intact part.
@@ -61,61 +61,49 @@ def load_recording(path: str | Path, max_bytes: int = topics.MAX_BYTES) -> Senso
         ConfigError: the file does not exist, is too large, or is not a recording (``RecordedRun``).
 
     """
-    run = RecordedRun(path, max_bytes)
-    images = _Images(run, max_bytes)
+    run = RecordedRun(path)
+    images: dict[str, Image] = {}
     readings: list[SensorReading] = []
     commands: list[tuple[float, float]] = []
     for message in run.messages(topics.READING, *topics.IMAGES):
+        row = message.content
         if message.topic == topics.READING:
-            row = message.content
-            readings.append(images.complete(row))
+            readings.append(_reading(row, images, run))
             commands.append((row.v, row.w))
+        elif message.topic in images:
+            raise run.refused("an image belongs to no reading")
         else:
-            images.add(message)
+            images[message.topic] = image_of(message, run.path)
     if not readings and not run.complete:
         raise run.refused("the file is cut off before its first reading")
     table = np.array(commands, dtype=np.float64).reshape(-1, 2)
     return SensorRecording(tuple(readings), table, run.complete)
 
 
-class _Images:
-    """The images since the last reading, by their channel; they stand before their reading."""
+def _reading(row: Any, images: dict[str, Image], run: RecordedRun) -> SensorReading:
+    """The reading of ``row`` with its ``images``, which are those that stand before it."""
 
-    def __init__(self, run: RecordedRun, max_bytes: int) -> None:
-        self._run = run
-        self._left = max_bytes
-        self._waiting: dict[str, deque[Image]] = {topic: deque() for topic in topics.IMAGES}
+    def take(topic: str) -> Image:
+        if topic not in images:
+            raise run.refused(f"images of {topic} are missing")
+        return images.pop(topic)
 
-    def add(self, message: RecordedMessage) -> None:
-        image = image_of(message, self._run.path)
-        self._left -= image.nbytes
-        if self._left < 0:
-            raise self._run.refused("its images are too large")
-        self._waiting[message.topic].append(image)
-
-    def complete(self, row: Any) -> SensorReading:
-        """The reading of ``row`` with the images that stand before it."""
-        frame = landmark_frame = None
-        if row.pictures & topics.ImageFlags.CAMERA:
-            sided = row.pictures & topics.ImageFlags.SIDES
-            sides = tuple(map(self._take, topics.SIDE_IMAGES)) if sided else ()
-            frame = Frame(row.frame_time, self._take(topics.CAMERA_IMAGE), sides)
-        if row.pictures & topics.ImageFlags.LANDMARKS:
-            landmark_frame = Frame(row.landmark_frame_time, self._take(topics.LANDMARK_IMAGE))
-        if any(self._waiting.values()):
-            raise self._run.refused("an image belongs to no reading")
-        return SensorReading(
-            time=row.time,
-            inertial=Inertial(row.inertial_time, row.roll_rate, row.pitch_rate, row.yaw_rate),
-            encoders=Encoders(row.encoders_time, row.left, row.right),
-            frame=frame,
-            landmark_frame=landmark_frame,
-        )
-
-    def _take(self, topic: str) -> Image:
-        if not self._waiting[topic]:
-            raise self._run.refused(f"images of {topic} are missing")
-        return self._waiting[topic].popleft()
+    frame = landmark_frame = None
+    if row.pictures & topics.ImageFlags.CAMERA:
+        sided = row.pictures & topics.ImageFlags.SIDES
+        sides = tuple(map(take, topics.SIDE_IMAGES)) if sided else ()
+        frame = Frame(row.frame_time, take(topics.CAMERA_IMAGE), sides)
+    if row.pictures & topics.ImageFlags.LANDMARKS:
+        landmark_frame = Frame(row.landmark_frame_time, take(topics.LANDMARK_IMAGE))
+    if images:
+        raise run.refused("an image belongs to no reading")
+    return SensorReading(
+        time=row.time,
+        inertial=Inertial(row.inertial_time, row.roll_rate, row.pitch_rate, row.yaw_rate),
+        encoders=Encoders(row.encoders_time, row.left, row.right),
+        frame=frame,
+        landmark_frame=landmark_frame,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,23 +136,6 @@ class _RecordedGoal(_Recorded):
     place: str
     x: float
     y: float
-
-
-class _RecordedBehaviorFault(_Recorded):
-    name: str
-    does: Failure
-
-
-class _RecordedAction(_Recorded):
-    behavior: _RecordedBehaviorFault | None = None
-
-
-class _RecordedEvent(_Recorded):
-    """An event of the run; a replay uses only faults of behaviours, the others act on sensors."""
-
-    event: _RecordedAction
-    began_s: float
-    ended_s: float | None = None
 
 
 class _RecordedMission(_Recorded):
@@ -261,25 +232,24 @@ class _FaultReplay:
     """Repeats the faults of behaviours that were injected during the run."""
 
     def __init__(self, folder: Path, stack: Stack) -> None:
-        self._waiting: list[tuple[float, Callable[[Failure], None], Failure]] = []
-        events = read_result(folder).get("events", [])
-        if not isinstance(events, list):
-            raise ConfigError("expected a list", file=folder / RESULT, key="events")
-        with rewording(prefix="events.", file=folder / RESULT):
-            all_recorded = [_RecordedEvent.model_validate(event) for event in events]
-        for recorded in all_recorded:
-            fault = recorded.event.behavior
-            if fault is None or fault.name not in stack.mofis.behaviors:
-                continue
-            injector = inject_faults(stack.mofis.behaviors, fault.name)
-            self._waiting.append((recorded.began_s, injector.begin, fault.does))
-            if recorded.ended_s is not None:
-                self._waiting.append((recorded.ended_s, injector.end, fault.does))
+        self._waiting: list[tuple[float, Callable[[], None]]] = []
+        try:
+            for event in read_result(folder).get("events", ()):
+                fault = event["event"].get("behavior")
+                if fault is None or fault["name"] not in stack.mofis.behaviors:
+                    continue
+                injector = inject_faults(stack.mofis.behaviors, fault["name"])
+                self._waiting.append((event["began_s"], partial(injector.begin, fault["does"])))
+                if event.get("ended_s") is not None:
+                    self._waiting.append((event["ended_s"], partial(injector.end, fault["does"])))
+        except (AttributeError, LookupError, TypeError) as error:
+            what = f"its events are damaged ({type(error).__name__}: {error})"
+            raise ConfigError(what, file=folder / RESULT, key="events") from None
 
     def update(self, time: float) -> None:
         """Begin and end the faults due at ``time`` [s]."""
         for due in [waiting for waiting in self._waiting if waiting[0] <= time + 1e-9]:
-            due[1](due[2])
+            due[1]()
             self._waiting.remove(due)
 
 
