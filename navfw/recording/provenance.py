@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 import platform
-import shlex
 import shutil
 import subprocess
 from collections.abc import Iterable, Iterator, Mapping
@@ -58,22 +57,6 @@ def git_revision(folder: Path) -> str | None:
     if revision is None or changes is None:
         return None
     return revision + (DIRTY if changes else "")
-
-
-def provenance(command: str, options: Mapping[str, object]) -> dict[str, Any]:
-    """Command line with ``options`` spelt out, seed, revision and kind of machine; plain data.
-
-    >>> provenance("navfw bench loop", {"world": "office", "seed": [0, 1]})["command"]
-    'navfw bench loop --world office --seed 0 --seed 1'
-    """
-    items = {name: v if isinstance(v, list) else [v] for name, v in options.items()}
-    words = (word for name in items for item in items[name] for word in (f"--{name}", str(item)))
-    return {
-        "command": f"{command} {shlex.join(words)}".rstrip(),
-        "seeds": str(options.get("seed", "")),
-        "revision": code_revision(),
-        "machine": machine_kind(),
-    }
 
 
 def machine_kind() -> dict[str, Any]:

@@ -16,6 +16,7 @@ import io
 import json
 import re
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import takewhile
@@ -104,7 +105,7 @@ class RecordedRun:
             yield RecordedMessage(topic, 1e-9 * log_time, content)
 
     def packed(self, *wanted: str) -> Iterator[tuple[str, int, bytes]]:
-        """Topic, time [ns] and bytes of the messages of ``wanted`` topics, in the order of the file.
+        """Topic, time [ns] and bytes of the messages of ``wanted`` topics, in the file's order.
 
         Raises:
             ConfigError: the file is damaged.
@@ -205,6 +206,19 @@ class RecordedRun:
 
 
 _SCHEMAS = {info.topic: info.schema for info in (*topics.CHANNELS, topics.DRIVEN_CHANNEL)}
+
+
+_OF_DAMAGE = ArithmeticError, AttributeError, LookupError, TypeError, ValueError, cv2.error
+
+
+@contextmanager
+def located_damage(file: Path, what: str) -> Iterator[None]:
+    """Name ``file`` where fields of ``what`` are missing, or have impossible values."""
+    try:
+        yield
+    except _OF_DAMAGE as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise ConfigError(f"{what} is damaged ({reason})", file=file) from None
 
 
 def image_of(message: RecordedMessage, path: Path) -> Image:

@@ -100,7 +100,7 @@ class RunChannels:
         channel = self._channels[topic]
         if channel.has_sinks():
             made = make()
-            made = _json(made) if isinstance(made, Mapping) else made
+            made = json.dumps(plain_json(made)) if isinstance(made, Mapping) else made
             channel.log(made if isinstance(made, bytes) else made.encode(), log_time=log_time)
 
 
@@ -178,14 +178,6 @@ def channel_schema(info: topics.ChannelInfo) -> tuple[str, Schema]:
 def json_schemas() -> dict[str, Any]:
     """The JSON schemas of the channels in JSON, by their name."""
     return read_json_object(Path(__file__).with_name("json_schemas.json"))
-
-
-def _json(value: Mapping[str, Any]) -> str:
-    """``value`` as JSON; only values that JSON does not know cost a copy of all."""
-    try:
-        return json.dumps(value, default=dict, allow_nan=False)
-    except (TypeError, ValueError):
-        return json.dumps(plain_json(value))
 
 
 def _line(state: StackState, now: int) -> bytes:

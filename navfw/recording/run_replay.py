@@ -21,7 +21,7 @@ from navfw.features.landmark_appearance import check_landmark_kind
 from navfw.numerics import Array, Image
 from navfw.plugins.fault_injection import inject_faults
 from navfw.recording import channel_list as topics
-from navfw.recording.recorded_run import RecordedRun, image_of, recording_in
+from navfw.recording.recorded_run import RecordedRun, image_of, located_damage, recording_in
 from navfw.recording.run_folder import RESULT, read_result
 from navfw.recording.run_observers import hash_commands
 from navfw.robot import CameraModel, RobotModel
@@ -233,7 +233,7 @@ class _FaultReplay:
 
     def __init__(self, folder: Path, stack: Stack) -> None:
         self._waiting: list[tuple[float, Callable[[], None]]] = []
-        try:
+        with located_damage(folder / RESULT, "its list of events"):
             for event in read_result(folder).get("events", ()):
                 fault = event["event"].get("behavior")
                 if fault is None or fault["name"] not in stack.mofis.behaviors:
@@ -242,9 +242,6 @@ class _FaultReplay:
                 self._waiting.append((event["began_s"], partial(injector.begin, fault["does"])))
                 if event.get("ended_s") is not None:
                     self._waiting.append((event["ended_s"], partial(injector.end, fault["does"])))
-        except (AttributeError, LookupError, TypeError) as error:
-            what = f"its events are damaged ({type(error).__name__}: {error})"
-            raise ConfigError(what, file=folder / RESULT, key="events") from None
 
     def update(self, time: float) -> None:
         """Begin and end the faults due at ``time`` [s]."""

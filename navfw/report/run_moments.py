@@ -14,9 +14,9 @@ from navfw.mofis.mofis import explanation_lines
 from navfw.numerics import Array, Image
 from navfw.recording import channel_list as topics
 from navfw.recording import palette
-from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of
+from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of, located_damage
 from navfw.report.report_page import reduced_source
-from navfw.report.run_timeline import RunEvent, located_damage, planar_pose
+from navfw.report.run_timeline import RunEvent, planar_pose
 from navfw.signals import Pose
 
 _MAX_MOMENTS = 240
@@ -130,7 +130,7 @@ def read_moments(
     moments: list[RunMoment] = []
     maps: dict[float, str] = {}
     for newest in newest_at_images(run, wanted, {*kept.tolist(), *of_events.tolist()}):
-        with located_damage(run, f"a message before {newest[topics.CAMERA_IMAGE].time:.2f} s"):
+        with located_damage(run.path, f"a message before {newest[topics.CAMERA_IMAGE].time:.2f} s"):
             moments.append(_moment(newest, run, maps))
     return moments
 

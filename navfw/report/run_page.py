@@ -15,26 +15,26 @@ from typing import Any
 
 import numpy as np
 
-from navfw.config.document import load_yaml
 from navfw.config.image_file import read_image
 from navfw.config.input_file import is_file
 from navfw.errors import ConfigError
+from navfw.features.landmark_appearance import check_landmark_kind
 from navfw.numerics import Array
 from navfw.recording import palette, top_view
 from navfw.recording.channel_list import SeenRun
-from navfw.recording.recorded_run import RecordedRun, recording_in
+from navfw.recording.recorded_run import RecordedRun, located_damage, open_run
 from navfw.recording.run_folder import MAP, PICTURE, RECORDING, plain_json, read_result
 from navfw.report import run_timeline
 from navfw.report.report_page import reduced_source, render_page
 from navfw.report.run_moments import RunMoment, read_moments
+from navfw.topomap import TopoMap, load_map
 
 
 def live_page(title: str, seen: SeenRun, goals: list[tuple[float, float]]) -> str:
     """The page (HTML) that ``LiveServer`` serves of a run to ``goals`` (x, y) [m, map frame]."""
     stack, outline = seen.stack, seen.outline
-    places = sorted(stack.topo_map.places.values(), key=lambda place: place.kind != "room")
-    named = [(place.name, place.x, place.y) for place in places]
-    bounds = outline.bounds(0.2, np.array([*goals, *((p.x, p.y) for p in places)]))
+    named = _places(stack.topo_map)
+    bounds = outline.bounds(0.2, np.array([*goals, *((x, y) for _, x, y in named)]))
     shapes = (*outline.shapes(), top_view.goal_marks(goals))
     data = {
         **plan_data(shapes, bounds, named, stack.mofis.behaviors),
@@ -45,6 +45,12 @@ def live_page(title: str, seen: SeenRun, goals: list[tuple[float, float]]) -> st
     }
     shown = plain_json(data)
     return render_page("live_page.html", title=title, data=shown, cells=palette.camera_key())
+
+
+def _places(topo_map: TopoMap) -> list[tuple[str, float, float]]:
+    """Name, x and y [m] of the places; the rooms first."""
+    places = sorted(topo_map.places.values(), key=lambda place: place.kind != "room")
+    return [(place.name, place.x, place.y) for place in places]
 
 
 def plan_data(
@@ -112,24 +118,13 @@ def run_report(folder: Path) -> str:
         "cells": palette.camera_key(),
     }
     if is_file(folder / RECORDING):
-        content |= _recorded(RecordedRun(recording_in(folder)), result, _places(folder / MAP))
+        on_map = is_file(folder / MAP)
+        places = _places(load_map(folder / MAP, check_landmark_kind)) if on_map else []
+        content |= _recorded(open_run(folder), result, places)
     elif is_file(folder / PICTURE):
         picture = np.asarray(read_image(folder / PICTURE), dtype=np.uint8)
         content["picture"] = reduced_source(picture, 1600, quality=85)
     return render_page("run_page.html", **content)
-
-
-def _places(path: Path) -> list[tuple[str, float, float]]:
-    """Name, x and y [m] of the places in the map of a run; the rooms first."""
-    if not is_file(path):
-        return []
-    try:
-        places = load_yaml(path).data["places"]
-        ordered = sorted(places.items(), key=lambda item: item[1].get("kind", "room") != "room")
-        return [(str(name), float(place["x"]), float(place["y"])) for name, place in ordered]
-    except (AttributeError, LookupError, TypeError, ValueError) as error:
-        what = f"its places are damaged ({type(error).__name__}: {error})"
-        raise ConfigError(what, file=path) from None
 
 
 def _numbers(result: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -156,7 +151,7 @@ def _recorded(
     ruled = next((moment.time for moment in moments if moment.rules), 0.0)
     first = min(events, key=lambda event: event.rank).time if events else ruled
     data: dict[str, Any] = {"events": [asdict(event) for event in events], "first": first}
-    with run_timeline.located_damage(run, "the configuration in its result"):
+    with located_damage(run.path, "the configuration in its result"):
         data |= _moments_data(moments, result["config"].get("stack", {}))
     if len(timeline.time):
         data["rows"] = _columns(timeline)

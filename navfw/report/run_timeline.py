@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from navfw.errors import ConfigError
 from navfw.numerics import Array
 from navfw.recording import channel_list as topics
-from navfw.recording.recorded_run import RecordedRun
+from navfw.recording.recorded_run import RecordedRun, located_damage
 from navfw.recording.run_folder import RESULT
 from navfw.recording.top_view import WorldOutline
 from navfw.signals import Pose
 
 _MAX_ROWS = 4000
 """Largest number of rows; of a longer run every n-th command is taken."""
-_OF_DAMAGED_MESSAGES = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +54,7 @@ def read_timeline(run: RecordedRun, robot_radius: float) -> RunTimeline:
         ConfigError: the recording is damaged.
 
     """
-    with located_damage(run, "a message"):
+    with located_damage(run.path, "a message"):
         outline = WorldOutline()
         nowhere = (math.nan, math.nan)
         true, estimate, driven = nowhere, nowhere, nowhere
@@ -99,25 +97,12 @@ def read_timeline(run: RecordedRun, robot_radius: float) -> RunTimeline:
         )
 
 
-@contextmanager
-def located_damage(run: RecordedRun, what: str) -> Iterator[None]:
-    """Name the file of ``run`` where fields of ``what`` are missing, or have impossible values."""
-    try:
-        yield
-    except (*_OF_DAMAGED_MESSAGES, cv2.error) as error:
-        reason = f"{type(error).__name__}: {error}"
-        raise ConfigError(f"{what} is damaged ({reason})", file=run.path) from None
-
-
 def robot_and_goals(result: Mapping[str, Any]) -> tuple[float, list[tuple[float, float]]]:
     """The robot's radius [m] and the goals (x, y) [m] in a result."""
-    try:
+    with located_damage(Path(RESULT), "its configuration, which has the robot's radius and goals,"):
         mission = result["config"]["mission"]
         goals = [(float(goal["x"]), float(goal["y"])) for goal in mission["goals"]]
         return float(mission["robot"]["radius"]), goals
-    except (KeyError, TypeError, ValueError) as error:
-        what = f"its configuration has no robot's radius or goals ({type(error).__name__}: {error})"
-        raise ConfigError(what, file=RESULT) from None
 
 
 _MAX_EVENTS = 80
@@ -148,17 +133,14 @@ def run_events(timeline: RunTimeline, result: Mapping[str, Any]) -> list[RunEven
         ConfigError: contacts or events of the ``result`` are damaged.
 
     """
-    try:
-        events = [
-            RunEvent(float(c["time"]), "contact", f"contact with {c['body']}", (c["x"], c["y"]))
-            for c in result.get("contacts", ())
-        ]
+    events = []
+    with located_damage(Path(RESULT), "its list of contacts or events"):
+        for c in result.get("contacts", ()):
+            at = (c["x"], c["y"])
+            events.append(RunEvent(float(c["time"]), "contact", f"contact with {c['body']}", at))
         for event in result.get("events", ()):
             what = " ".join(f"{key} {value}" for key, value in event["event"].items())
             events.append(RunEvent(float(event["began_s"]), "event", f"event: {what}"))
-    except (AttributeError, LookupError, TypeError, ValueError) as error:
-        what = f"its contacts or events are damaged ({type(error).__name__}: {error})"
-        raise ConfigError(what, file=RESULT) from None
     if not np.isnan(timeline.clearance).all():
         least = int(np.nanargmin(timeline.clearance))
         text = f"least clearance, {timeline.clearance[least]:.2f} m"

@@ -14,7 +14,13 @@ from navfw.numerics import Array, Image
 from navfw.perceive.overlay import text_width, wrap, write, write_key
 from navfw.recording import channel_list as topics
 from navfw.recording import palette, top_view
-from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of, recording_in
+from navfw.recording.recorded_run import (
+    RecordedMessage,
+    RecordedRun,
+    image_of,
+    located_damage,
+    open_run,
+)
 from navfw.recording.run_folder import read_result
 from navfw.recording.video_output import VideoOutput
 from navfw.report import run_timeline
@@ -319,7 +325,7 @@ def write_run_video(
 
     """
     radius, goals = run_timeline.robot_and_goals(read_result(folder))
-    run = RecordedRun(recording_in(folder))
+    run = open_run(folder)
     timeline = run_timeline.read_timeline(run, radius)
     times = np.array([message.time for message in run.messages(topics.CAMERA_IMAGE)])
     if not len(times) or not len(timeline.time):
@@ -345,6 +351,6 @@ def _picture(newest: dict[str, RecordedMessage], plan: VideoPlan, run: RecordedR
         for topic, message in newest.items()
         if camera.time - message.time < _MAX_AGE
     }
-    with run_timeline.located_damage(run, f"a message before {camera.time:.2f} s"):
+    with located_damage(run.path, f"a message before {camera.time:.2f} s"):
         left = draw_camera(camera.time, image_of(camera, run.path), content, _SIZE)
         return np.concatenate([left, plan.draw(camera.time, content)], axis=1)

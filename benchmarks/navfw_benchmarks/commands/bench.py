@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
@@ -35,11 +36,18 @@ def _bench(
     ``options`` are those that repeat the measurement.
     """
     with quiet_stdout():
-        from navfw.recording.provenance import provenance
+        from navfw.recording import code_revision, machine_kind
 
         with ProgressBar("bench", quiet=quiet) as bar:
             result = measure(bar.show_part)
-        result["provenance"] = provenance(f"navfw bench {command}", options)
+        items = {name: v if isinstance(v, list) else [v] for name, v in options.items()}
+        words = (w for name in items for item in items[name] for w in (f"--{name}", str(item)))
+        result["provenance"] = {
+            "command": f"navfw bench {command} {shlex.join(words)}".rstrip(),
+            "seeds": str(options.get("seed", "")),
+            "revision": code_revision(),
+            "machine": machine_kind(),
+        }
     if json:
         print_json(result)
     elif tables is not None:
