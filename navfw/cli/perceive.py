@@ -287,7 +287,7 @@ class _ResultCounter:
         for result, assumed in results:
             self._pairs += 1
             self._metric += result.scale.metric
-            self._unmeasured += result.turn_source == "flow"
+            self._unmeasured += result.motion.turn_source == "flow"
             self._unknown += not result.known
             self._bar.show_part("images", self._pairs + 1, self._total)
             yield result, assumed

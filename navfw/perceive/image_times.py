@@ -18,8 +18,7 @@ _LIST = TableFormat(
     columns=(TIME, _FILE),
     needed=1,
     names=TIME_NAMES | dict.fromkeys(("file", "filename", "file_name", "image", "name"), _FILE),
-    texts=frozenset({_FILE}),
-    others=True,
+    text=_FILE,
 )
 _OPTION = "--times"
 _EPOCH_UNITS = {13: 1e-3, 16: 1e-6, 19: 1e-9}
@@ -87,7 +86,7 @@ def load_image_times(path: Path) -> ImageTimes:
             raise table.error(f"'{time}' is not a time in seconds", line, TIME)
     if not times:
         raise table.error("has no times of images")
-    names = [file.replace("\\", "/").rsplit("/", 1)[-1] for file in table.texts.get(_FILE, ())]
+    names = [file.replace("\\", "/").rsplit("/", 1)[-1] for file in table.texts]
     return ImageTimes(table.file, tuple(times), dict(zip(names, times, strict=False)))
 
 

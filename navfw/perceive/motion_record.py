@@ -92,6 +92,20 @@ class MotionRecord(ABC):
         """
         return None
 
+    def _span(self, begin: float, end: float, slack: float) -> slice | None:
+        """The samples around the time from ``begin`` to ``end`` [s].
+
+        None if there is a gap, or the record begins or ends more than ``slack`` [s] within it.
+        """
+        first, last = float(self.times[0]), float(self.times[-1])
+        if begin < first - slack or end > last + slack:
+            return None
+        low = np.searchsorted(self.times, min(max(begin, first), last), side="right") - 1
+        low = min(int(low), len(self.times) - 2)
+        high = max(int(np.searchsorted(self.times, min(max(end, first), last))), low + 1)
+        span = slice(low, high + 1)
+        return None if np.diff(self.times[span]).max() > self.longest_gap else span
+
     def on_clock_of(self, images: ImageSource) -> Self:
         """The record with times since the first of the ``images``.
 
@@ -136,17 +150,7 @@ class GyroRecord(MotionRecord):
 
     def rotation_between(self, begin: float, end: float) -> Array | None:
         """The rates, integrated from ``begin`` to ``end`` [s]; see ``MotionRecord``."""
-        first = int(np.searchsorted(self.times, begin, side="right")) - 1
-        last = int(np.searchsorted(self.times, end, side="left"))
-        # the ends of the record may be off by one interval
-        if first < 0 and self.times[0] - begin <= self.longest_gap:
-            first = 0
-        if last >= self.times.size and end - self.times[-1] <= self.longest_gap:
-            last = self.times.size - 1
-        if first < 0 or last >= self.times.size or last < first:
-            return None
-        steps = np.diff(self.times[first : last + 1])
-        if steps.size and steps.max() > self.longest_gap:
+        if self._span(begin, end, self.longest_gap) is None:
             return None
         inside = self.times[(self.times > begin) & (self.times < end)]
         knots = np.concatenate([[begin], inside, [end]])
@@ -194,18 +198,11 @@ class PoseRecord(MotionRecord):
         They are interpolated. None if the record does not cover all of the time from the first to
         the last of them.
         """
-        moments = np.array(wanted)
-        first, last = float(self.times[0]), float(self.times[-1])
         # the nearest pose will do for an image just before the first pose, or just after the last
-        slack = _SLACK * self.longest_gap
-        covered = (moments >= first - slack) & (moments <= last + slack)
-        moments = np.clip(moments, first, last)
-        low = int(np.searchsorted(self.times, moments.min(), side="right")) - 1
-        low = min(low, len(self.times) - 2)
-        high = max(int(np.searchsorted(self.times, moments.max(), side="left")), low + 1)
-        span = slice(low, high + 1)
-        if not covered.all() or np.diff(self.times[span]).max() > self.longest_gap:
+        span = self._span(min(wanted), max(wanted), _SLACK * self.longest_gap)
+        if span is None:
             return None
+        moments = np.clip(np.array(wanted), self.times[0], self.times[-1])
         places = np.stack(
             [np.interp(moments, self.times[span], self.places[span, k]) for k in range(3)], axis=1
         )

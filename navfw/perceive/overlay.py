@@ -315,7 +315,7 @@ def _draw_focus(scene: Image, at: Array, result: PairResult, scale: float) -> No
     height, width = scene.shape[:2]
     if not (0.0 <= at[0] < width and 0.0 <= at[1] < height):
         return
-    variances, axes = np.linalg.eigh(result.egomotion.covariance[3:, 3:])
+    variances, axes = np.linalg.eigh(result.motion.egomotion.covariance[3:, 3:])
     half = 2.0 * scale * result.focal * np.sqrt(np.clip(variances, 0.0, 1.0))
     turn = math.degrees(math.atan2(-axes[1, 1], -axes[0, 1]))  # bearing is left, elevation up
     ellipse = (tuple(at.tolist()), tuple((2.0 * half[::-1]).tolist()), turn)

@@ -7,11 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from navfw.egomotion.flow_egomotion import Egomotion
 from navfw.numerics import Array
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
 from navfw.offis.percept_explanation import front_in
-from navfw.perceive.pair_motion import Scale
+from navfw.perceive.pair_motion import PairMotion, Scale
 from navfw.signals import FlowField, Percept
 
 
@@ -24,10 +23,10 @@ class PairResult:
     ``focus`` (x, y) is the focus of expansion [px from the top left of the original image], None
     where it is unknown; ``focal`` is the focal length [px of the original image].
     ``rotation_vector`` (3,) [rad] is the camera's rotation about base_link's x, y, z (roll, pitch,
-    yaw); ``turn_source`` says what measured it: "gyro", "poses" or "flow"; ``egomotion`` is the
-    estimate before it is refined by the flow on the grid. ``contact`` [s] is the time to
-    contact with the surface straight ahead, ``quadrant_contact`` [s] that of the nearest part of
-    each quadrant; both are inf where nothing approaches. ``confidence`` is in [0, 1]. If ``known``
+    yaw); ``motion`` is the estimate before it is refined by the flow on the grid.
+    ``contact`` [s] is the time to contact with the surface straight ahead, ``quadrant_contact`` [s]
+    that of the nearest part of each quadrant; both are inf where nothing approaches.
+    ``confidence`` is in [0, 1]. If ``known``
     is false, this pair says nothing and ``notes`` give the reason: the words of the percept are
     those held from the pairs before, or unknown.
     """
@@ -36,14 +35,12 @@ class PairResult:
     past: str
     now: str
     time: float
-    dt: float
+    motion: PairMotion
     scale: Scale
     flow: FlowField
     percept: Percept
     front: dict[str, float]
     rotation_vector: Array
-    turn_source: str
-    egomotion: Egomotion
     focus: tuple[float, float] | None
     focal: float
     contact: float
@@ -70,7 +67,7 @@ def as_data(result: PairResult) -> dict[str, Any]:
     return {
         "pair": result.number,
         "time": _n(result.time),
-        "dt": _n(result.dt),
+        "dt": _n(result.motion.dt),
         "frames": [result.past, result.now],
         "sentence": percept.sentence,
         "known": result.known,
@@ -99,7 +96,7 @@ def as_data(result: PairResult) -> dict[str, Any]:
             "yaw": _n(yaw),
             "pitch": _n(pitch),
             "roll": _n(roll),
-            "source": result.turn_source,
+            "source": result.motion.turn_source,
         },
         "scale": {
             "source": scale.source,
@@ -121,7 +118,7 @@ def as_line(result: PairResult) -> str:
 
 def _heading(result: PairResult) -> dict[str, Any]:
     """Kind of motion; the heading in the camera's axes, and its standard deviation."""
-    egomotion = result.egomotion
+    egomotion = result.motion.egomotion
     has_heading = math.isfinite(egomotion.heading_sigma)
     right, down, ahead = egomotion.direction.tolist()
     bearing, elevation = math.atan2(-right, ahead), math.asin(min(max(-down, -1.0), 1.0))

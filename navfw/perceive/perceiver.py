@@ -88,19 +88,6 @@ class _Prepared:
     track: TrackImage
 
 
-@dataclass(frozen=True, slots=True)
-class _Analysis:
-    """Intermediate results of a pair; ``problems`` are the reasons for an unknown result."""
-
-    flow: FlowField
-    percept: Percept
-    front: dict[str, float]
-    scale: Scale
-    motion: PairMotion
-    notes: tuple[str, ...]
-    problems: list[str]
-
-
 class Perceiver:
     """Processes the images of one source in their order; one instance per sequence.
 
@@ -137,7 +124,7 @@ class Perceiver:
             if earlier:
                 past = earlier[-min(self._stride, len(earlier))]
                 self._number += 1
-                yield item, self._result(past, now, self._analyse(past, now), size)
+                yield item, self._result(past, now, size)
             earlier.append(now)
 
     def _start(self, first: SourceImage) -> WorkingSize:
@@ -158,11 +145,11 @@ class Perceiver:
         self._number = 0
         return size
 
-    def _analyse(self, past: _Prepared, now: _Prepared) -> _Analysis:
+    def _result(self, past: _Prepared, now: _Prepared, size: WorkingSize) -> PairResult:
         motion = self._motions.estimate(past.track, now.track, past.frame.time, now.frame.time)
         pair = FramePair(past.frame, now.frame, motion.camera_motion(1.0))
         raw = self._processor.compute(pair)
-        derotated, problems = self._without_rotation(raw, motion)
+        derotated, problems = self._without_rotation(pair, raw, motion)
         notes, floor, lost = motion.notes, None, False
         if not problems:
             floor = self._floors.find(now.frame.image, past.frame.image, derotated.motion)
@@ -170,10 +157,8 @@ class Perceiver:
         flow = self._with_floor(derotated, floor, lost=lost)
         if lost:
             notes += (NO_FLOOR,)
-        if problems == [_TEXTURELESS] and are_alike(past.frame.image, now.frame.image):
-            problems = [_MOTIONLESS]
-        elif problems == [_TEXTURELESS] and has_texture(now.frame.image, raw.shape):
-            problems = [_UNRELATED]
+        if problems == [_UNRELATED]:
+            self._words.interrupt()
         self._choose_stride(raw, flow, motion)
         ratio = None if floor is None else floor.ratio
         self._scales.speed = self.options.speed_between(past.frame.time, now.frame.time)
@@ -191,9 +176,33 @@ class Perceiver:
         pitch = self._floors.pitch or 0.0
         front = {} if problems else front_probabilities(percept, self._camera, scale.height, pitch)
         percept = replace(percept, sentence=with_front(percept.sentence, probable_front(front)))
+        percept = self._words.hold(percept, known=not problems)
         if not problems and motion.egomotion.kind in DIRECTIONS:
             notes += (DIRECTIONS[motion.egomotion.kind],)
-        return _Analysis(flow, percept, front, scale, motion, notes, problems)
+        regions = percept.explanation["regions"]
+        # while the camera moves backward nothing approaches
+        closing = max(float(flow.motion.translation[2]) / motion.dt, 0.0)
+        return PairResult(
+            number=self._number,
+            past=past.name,
+            now=now.name,
+            time=now.frame.time,
+            motion=motion,
+            scale=scale,
+            flow=flow,
+            percept=percept,
+            front=front,
+            rotation_vector=rotation_vector(flow.motion.rotation, self._camera),
+            focus=self._focus(motion, size),
+            focal=self._camera.focal / size.scale,
+            contact=_inverse(closing * _nearness_ahead(percept, flow, self._camera)),
+            quadrant_contact={
+                name: _inverse(closing * regions[name]["nearest"]) for name in percept.quadrants
+            },
+            confidence=0.0 if problems else _confidence(percept),
+            known=not problems,
+            notes=(*notes, *problems),
+        )
 
     def _with_floor(self, flow: FlowField, floor: FloorMotion | None, *, lost: bool) -> FlowField:
         """``flow`` (derotated) with the floor's vectors, or without any where it may be."""
@@ -218,12 +227,19 @@ class Perceiver:
         ahead = scale.speed * float(flow.motion.translation[2]) / max(flow.motion.baseline, 1e-12)
         return self._offis_at(scale).perceive(flow, Twist(ahead, 0.0), others)
 
-    def _without_rotation(self, raw: FlowField, motion: PairMotion) -> tuple[FlowField, list[str]]:
+    def _without_rotation(
+        self, pair: FramePair, raw: FlowField, motion: PairMotion
+    ) -> tuple[FlowField, list[str]]:
         """The derotated flow, and the reason if it carries no information about the scene."""
         camera = self._camera
         kind = motion.egomotion.kind
         if float((raw.confidence > 0.0).mean()) < _MIN_TEXTURE:
-            return derotate(raw, camera), [_TEXTURELESS]
+            past, now, why = pair.past.image, pair.now.image, _TEXTURELESS
+            if are_alike(past, now):
+                why = _MOTIONLESS
+            elif has_texture(now, raw.shape):
+                why = _UNRELATED
+            return derotate(raw, camera), [why]
         if kind is MotionKind.STILL:
             return derotate(raw, camera), [_MOTIONLESS]
         if kind is MotionKind.ROTATION:
@@ -237,40 +253,6 @@ class Perceiver:
         if after < _MIN_AGREEMENT * before:
             return flow, [_INCONSISTENT]
         return flow, [SMALL] if _fastest(flow) < MIN_PARALLAX else []
-
-    def _result(
-        self, past: _Prepared, now: _Prepared, analysis: _Analysis, size: WorkingSize
-    ) -> PairResult:
-        flow, scale, known = analysis.flow, analysis.scale, not analysis.problems
-        if _UNRELATED in analysis.problems:
-            self._words.interrupt()
-        percept = self._words.hold(analysis.percept, known=known)
-        regions = percept.explanation["regions"]
-        # while the camera moves backward nothing approaches
-        closing = max(float(flow.motion.translation[2]) / analysis.motion.dt, 0.0)
-        return PairResult(
-            number=self._number,
-            past=past.name,
-            now=now.name,
-            time=now.frame.time,
-            dt=now.frame.time - past.frame.time,
-            scale=scale,
-            flow=flow,
-            percept=percept,
-            front=analysis.front,
-            rotation_vector=rotation_vector(flow.motion.rotation, self._camera),
-            turn_source=analysis.motion.turn_source,
-            egomotion=analysis.motion.egomotion,
-            focus=self._focus(analysis.motion, size),
-            focal=self._camera.focal / size.scale,
-            contact=_inverse(closing * _nearness_ahead(percept, flow, self._camera)),
-            quadrant_contact={
-                name: _inverse(closing * regions[name]["nearest"]) for name in percept.quadrants
-            },
-            confidence=_confidence(percept) if known else 0.0,
-            known=known,
-            notes=(*analysis.notes, *analysis.problems),
-        )
 
     def _focus(self, motion: PairMotion, size: WorkingSize) -> tuple[float, float] | None:
         """Focus of expansion [px of the original image]; None if it is unknown or far outside."""

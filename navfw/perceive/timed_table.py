@@ -25,30 +25,18 @@ from navfw.numerics import Array
 TIME = "time"
 TIME_NAMES = {TIME: TIME, "t": TIME, "timestamp": TIME, "stamp": TIME}
 """Names of the column of times, and its name here."""
-_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 """Units of time [s]."""
+_DEGREE = math.pi / 180.0
 _RATE_UNITS = {
-    "rad/s": 1.0,
-    "mrad/s": 1e-3,
-    "deg/s": math.pi / 180.0,
-    "mdeg/s": math.pi / 180e3,
+    **{"rad/s": 1.0, "mrad/s": 1e-3, "deg/s": _DEGREE, "mdeg/s": 1e-3 * _DEGREE},
+    **{"°/s": _DEGREE, "dps": _DEGREE, "mdps": 1e-3 * _DEGREE},
 }
 """Units of rates [rad/s]."""
-_SPELLINGS = (
-    ("µ", "u"),
-    ("sec(onds)?$", "s"),
-    ("°|degrees", "deg"),
-    ("(dps|degs)$", "deg/s"),
-    ("(rps|rads)$", "rad/s"),
-)
-"""Other spellings of units and of their parts, and how they are written here."""
-_MIN_LIKENESS = 0.75
-"""Likeness from which an unknown name is taken for a misspelt one."""
 _MAX_NUMBER = 1e19
 """Largest number of a cell: nanoseconds since 1970 have 2e18."""
 _MAX_INTERVAL = 2.0
 """Longest usual interval of samples [s]: longer ones are probably not in seconds."""
-
 
 _TimedColumn: TypeAlias = tuple[str, float]
 """A column's name, and the factor that its numbers have in SI units."""
@@ -59,65 +47,51 @@ class TableFormat:
     """What a kind of table holds.
 
     ``columns`` are their names in the order that they have without a header, the first ``needed``
-    of them required; ``names`` maps each name that a header may use to one of them. The columns
-    ``texts`` hold no numbers. With ``others``, columns of other quantities may follow without a
-    header, and a name that is nearly known is one of them, not a misspelt one.
+    of them required; ``names`` maps each name that a header may use to one of them. The column
+    ``text`` holds no numbers; a table that may have one may have others after it.
     """
 
     columns: tuple[str, ...]
     needed: int
     names: Mapping[str, str]
-    texts: frozenset[str] = frozenset()
-    others: bool = False
+    text: str = ""
 
 
 class TimedTable:
     """The table in the file at ``path``, which messages name as ``file``.
 
-    ``header`` has the cells of the header, none without one; ``lines`` the number of each row's
-    line; ``numbers`` the values (n,) of each column, times [s] and rates [rad/s], nan where a cell
-    is empty; ``texts`` the cells of the columns without numbers. The times of rows without a
-    missing number increase.
+    ``lines`` has the number of each row's line; ``numbers`` the values (n,) of each column, times
+    [s] and rates [rad/s], nan where a cell is empty; ``texts`` the cells of the column without
+    numbers; ``names`` the names in the header, without their units, and ``unused`` those cells of
+    it that name other quantities. The times of rows without a missing number increase.
 
     Raises:
-        InputError: the file cannot be read, lacks a column, or has a misspelt one or an unknown
-            unit; a row has another number of values, a value is not a number, or a time does not
-            come after the one before; with file and line.
+        InputError: the file cannot be read, lacks a column or has it twice, or has an unknown unit;
+            a row has another number of values, a value is not a number, or a time does not come
+            after the one before; with file and line.
 
     """
 
     def __init__(self, path: Path, kind: TableFormat) -> None:
         self.file = shown_path(path)
-        self.header: tuple[str, ...] = ()
         self.lines: list[int] = []
         self.numbers: dict[str, Array] = {}
-        self.texts: dict[str, list[str]] = {}
+        self.texts: list[str] = []
+        self.names: set[str] = set()
+        self.unused: list[str] = []
         self._kind = kind
-        self._columns: list[_TimedColumn | None] = []
         rows = list(self._split(read_input_text(path)))
         if not rows:
             return
         line, cells = rows[0]
         if _is_number(cells[0]):
-            self._columns = self._by_position(line, len(cells))
+            columns = self._by_position(line, len(cells))
         else:
-            self.header = tuple(cells)
-            self._columns = self._by_header(line)
+            columns = self._by_header(line, cells)
             del rows[0]
         self.lines = [line for line, _ in rows]
-        self._fill(rows)
+        self._fill(rows, columns)
         self._check_order()
-
-    @property
-    def names(self) -> frozenset[str]:
-        """The names in the header, without their units."""
-        return frozenset(name_and_unit(word)[0] for word in self.header)
-
-    @property
-    def unused(self) -> list[str]:
-        """The cells of the header over columns of other quantities."""
-        pairs = zip(self.header, self._columns, strict=True) if self.header else ()
-        return [name for name, column in pairs if column is None]
 
     def array(self, *names: str) -> Array:
         """The columns of these ``names`` (n, k); 0 where the table has none of the name."""
@@ -144,19 +118,19 @@ class TimedTable:
             )
         return interval
 
-    def _fill(self, rows: Sequence[tuple[int, list[str]]]) -> None:
+    def _fill(
+        self, rows: Sequence[tuple[int, list[str]]], columns: Sequence[_TimedColumn | None]
+    ) -> None:
         for line, cells in rows:
-            if len(cells) != len(self._columns):
-                names = ", ".join(column[0] for column in self._columns if column is not None)
-                raise self.error(
-                    f"has {len(cells)} values, not {len(self._columns)} ({names})", line
-                )
-        for k, column in enumerate(self._columns):
+            if len(cells) != len(columns):
+                names = ", ".join(column[0] for column in columns if column is not None)
+                raise self.error(f"has {len(cells)} values, not {len(columns)} ({names})", line)
+        for k, column in enumerate(columns):
             if column is None:
                 continue
             name, unit = column
-            if name in self._kind.texts:
-                self.texts.setdefault(name, [cells[k] for _, cells in rows])
+            if name == self._kind.text:
+                self.texts = self.texts or [cells[k] for _, cells in rows]
             else:
                 numbers = [self._number(line, name, cells[k]) for line, cells in rows]
                 self.numbers[name] = unit * np.array(numbers)
@@ -195,44 +169,41 @@ class TimedTable:
             raise self.error(f"is not a CSV file: {error}", reader.line_num) from None
 
     def _by_position(self, line: int, count: int) -> list[_TimedColumn | None]:
-        columns, needed, others = self._kind.columns, self._kind.needed, self._kind.others
-        if count < needed or (count > len(columns) and not others):
+        columns, needed = self._kind.columns, self._kind.needed
+        if count < needed or (count > len(columns) and not self._kind.text):
             optional = f" [, {', '.join(columns[needed:])}]" if columns[needed:] else ""
-            raise self.error(
-                f"has {count} columns and no header; expected {', '.join(columns[:needed])}"
-                f"{optional}",
-                line,
-            )
+            what = f"expected {', '.join(columns[:needed])}{optional}"
+            raise self.error(f"has {count} columns and no header; {what}", line)
         used = [(name, 1.0) for name in columns[:count]]
         return [*used, *[None] * (count - len(used))]
 
-    def _by_header(self, line: int) -> list[_TimedColumn | None]:
-        columns = [self._named(line, word) for word in self.header]
+    def _by_header(self, line: int, header: Sequence[str]) -> list[_TimedColumn | None]:
+        columns = [self._named(line, word) for word in header]
+        self.unused = [word for word, one in zip(header, columns, strict=True) if one is None]
         names = [column[0] for column in columns if column is not None]
         for name in self._kind.columns[: self._kind.needed]:
             if name not in names:
                 raise self.error(f"has no column {name!r}; name the one that holds it so", line)
         for name in names:
-            if names.count(name) > 1 and name not in self._kind.texts:
+            if names.count(name) > 1 and name != self._kind.text:
                 raise self.error(f"has several columns of {name!r}; keep one", line)
         return columns
 
     def _named(self, line: int, word: str) -> _TimedColumn | None:
         """The column with the name ``word`` in the header; None for another quantity."""
-        written, unit = name_and_unit(word)
+        written, unit = _name_and_unit(word)
+        self.names.add(written)
         name = self._kind.names.get(written)
         if name is None:
-            near = difflib.get_close_matches(written, self._kind.names, n=1, cutoff=_MIN_LIKENESS)
-            if near and not self._kind.others:
+            near = difflib.get_close_matches(written, self._kind.names, n=1, cutoff=0.75)
+            if near and not self._kind.text:
                 hint = did_you_mean(written, self._kind.names)
                 raise self.error(f"unknown column {word!r}: {hint}", line)
             return None
-        if unit is None:
-            return name, 1.0
         units = _TIME_UNITS if name == TIME else _RATE_UNITS
-        if unit not in units:
+        if unit and unit not in units:
             raise self.error(f"unknown unit in {word!r}; known: {', '.join(units)}", line)
-        return name, units[unit]
+        return name, units.get(unit, 1.0)
 
     def _number(self, line: int, name: str, cell: str) -> float:
         try:
@@ -246,29 +217,19 @@ class TimedTable:
         return number
 
 
-def name_and_unit(word: str) -> tuple[str, str | None]:
-    """Name and unit of a ``word`` of a header; the unit is None if it has none.
-
-    >>> name_and_unit("Yaw rate (deg/sec)"), name_and_unit("time_ms")
-    (('yaw_rate', 'deg/s'), ('time', 'ms'))
-    """
+def _name_and_unit(word: str) -> tuple[str, str]:
+    """Name and unit of a ``word`` of a header: ``Yaw rate (deg/s)``, ``time_ms``, ``yaw``."""
     text = word.strip().lower()
-    bracketed = re.fullmatch(r"(.*?)\s*[\[(]\s*(.*?)\s*[\])]", text)
-    name = re.sub(r"[ .\-]+", "_", text if bracketed is None else bracketed[1])
-    if bracketed is not None:
-        return name, _unit(bracketed[2])
-    for count in (2, 1):  # deg_s, and ms
-        stem, *parts = name.rsplit("_", count)
-        unit = _unit("/".join(parts))
-        if stem and unit in {**_TIME_UNITS, **_RATE_UNITS}:
+    if bracketed := re.fullmatch(r"(.*?)\s*[\[(]\s*(.*?)\s*[\])]", text):
+        text = bracketed[1]
+    name = re.sub(r"[ .\-]+", "_", text)
+    if bracketed:
+        return name, bracketed[2]
+    for unit in (*_RATE_UNITS, *_TIME_UNITS):
+        stem = name.removesuffix("_" + unit.replace("/", "_"))
+        if stem not in {name, ""}:
             return stem, unit
-    return name, None
-
-
-def _unit(text: str) -> str:
-    for spelling, unit in _SPELLINGS:
-        text = re.sub(spelling, unit, text)
-    return text
+    return name, ""
 
 
 def _is_number(cell: str) -> bool:

@@ -20,6 +20,7 @@ from navfw.perceive import (
     COLOURS,
     NO_FLOOR,
     FloorFinder,
+    PairMotion,
     PairResult,
     Perceiver,
     PerceiverOptions,
@@ -179,13 +180,13 @@ def test_a_result_is_drawn_always_the_same(known: bool, digest: str) -> None:
     robot, note = RobotModel(), "the camera is near something, and this note is long " * 3
     flow = wall_flow(robot, 0.2, 0.8, 2.0, 0.5)
     ahead, covariance = np.array([0.0, 0.0, 1.0]), 1e-4 * np.eye(5)
+    egomotion = Egomotion(MotionKind.FORWARD, np.eye(3), ahead, covariance, 0.02)
+    motion = PairMotion(egomotion, 0.2, "flow", ())
     result = PairResult(
-        *(1, "a.png", "b.png", 0.4, 0.2, ScaleEstimator(0.3, 1.2).update(None), flow),
+        *(1, "a.png", "b.png", 0.4, motion, ScaleEstimator(0.3, 1.2).update(None), flow),
         percept=Offis(robot).perceive(flow, Twist(0.3, 0.0)),
         front={"wall": 0.9, "other": 0.1},
         rotation_vector=np.zeros(3),
-        turn_source="flow",
-        egomotion=Egomotion(MotionKind.FORWARD, np.eye(3), ahead, covariance, 0.02),
         focus=(170.0, 110.0) if known else None,
         focal=251.0,
         contact=3.2,

@@ -291,7 +291,7 @@ def _part(data: Path, labels: Sequence[FrameLabel], flow: str, registry: Registr
         past, now = posed.get(Path(result.past).name), posed.get(name)
         if past is None or now is None:
             continue
-        if math.isfinite(result.egomotion.heading_sigma):
+        if math.isfinite(result.motion.egomotion.heading_sigma):
             findings.heading_errors.append(heading_error(result, past.pose, now.pose))
         # depth images are those of the images as they were taken
         if perceiver.size is not None and source.hfov is None:
@@ -309,7 +309,7 @@ def _judged(results: Mapping[str, PairResult], labels: Sequence[FrameLabel]) -> 
         findings.statements.update(
             f"{name} {'right' if true else 'wrong'}" for name, true in judged.statements.items()
         )
-    sigmas = [result.egomotion.heading_sigma for result in results.values()]
+    sigmas = [result.motion.egomotion.heading_sigma for result in results.values()]
     findings.heading_sigmas += [math.degrees(sigma) for sigma in sigmas if math.isfinite(sigma)]
     return findings
 

@@ -179,10 +179,10 @@ def yaw_rates(results: Iterable[PairResult], start: float, record: GyroRecord) -
     """
     rows = []
     for result in results:
-        end = start + result.time
-        measured = record.rotation_between(end - result.dt, end)
+        end, dt = start + result.time, result.motion.dt
+        measured = record.rotation_between(end - dt, end)
         if measured is not None:
-            rows.append((result.rotation_vector[2] / result.dt, measured[2] / result.dt))
+            rows.append((result.rotation_vector[2] / dt, measured[2] / dt))
     return np.array(rows, dtype=np.float64).reshape(-1, 2)
 
 
@@ -214,7 +214,7 @@ def heading_error(result: PairResult, past: Array, now: Array) -> float:
     """Angle [deg] between the heading of a pair and the true one, from the poses (4, 4)."""
     shift = now[:3, :3].T @ (now[:3, 3] - past[:3, 3])
     length = float(np.linalg.norm(shift))
-    cosine = float(result.egomotion.direction @ shift) / max(length, 1e-12)
+    cosine = float(result.motion.egomotion.direction @ shift) / max(length, 1e-12)
     return math.degrees(math.acos(min(max(cosine, -1.0), 1.0)))
 
 
