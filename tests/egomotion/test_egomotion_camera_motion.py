@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from localization_drives import odometry, step
-from param_ranges import check_ranges
 from pydantic import ValidationError
 
 from navfw.camera_geometry import rotate_points, rotation_matrix
@@ -26,7 +25,6 @@ from navfw.egomotion import (
     towards_plane,
     yaw_rotation,
 )
-from navfw.egomotion.flow_egomotion import _DIRECTIONS, _hemisphere
 from navfw.egomotion.pairing import MAX_AGE, MIN_BASELINE
 from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel
@@ -143,13 +141,7 @@ def test_a_frame_older_than_its_odometry_is_placed_by_the_twist() -> None:
     assert math.atan2(pair.motion.rotation[0, 2], pair.motion.rotation[2, 2]) == pytest.approx(0.08)
 
 
-def test_parameters_are_bounded_and_a_short_baseline_is_below_the_desired_one() -> None:
-    check_ranges(
-        PairingParams,
-        "baseline [0.02, 0.16], max_baseline [0.08, 1], short_baseline (0, 1], "
-        "max_rotation (0, 0.5], slip [0, 0.5], "
-        "yaw_rate_sigma [0, 0.5]",
-    )
+def test_a_short_baseline_is_below_the_desired_one() -> None:
     for wrong in (0.08, 0.019):
         with pytest.raises(ValidationError, match="short_baseline"):
             PairingParams(short=True, short_baseline=wrong)
@@ -346,15 +338,6 @@ def test_a_heading_known_before_pulls_only_where_the_points_leave_it_open(toward
     wrong = EgomotionPrior(direction=np.array([-1.0, 0.0, 0.0]), direction_sigma=0.3)
     room = seen(*scene(7), np.eye(3), shift, noise=0.05)
     assert angle_between(estimate_egomotion(room, FOCAL, wrong), shift) < 3.0
-
-
-def test_the_directions_searched_are_spread_evenly() -> None:
-    directions = _hemisphere(_DIRECTIONS)
-    apart = directions @ directions.T - 2.0 * np.eye(_DIRECTIONS)
-    nearest = np.degrees(np.arccos(apart.max(axis=1)))
-    assert nearest.min() > 11.0
-    assert nearest.max() < 12.5
-    assert directions.mean(axis=0) == pytest.approx([0.0, 0.0, 0.5], abs=0.005)
 
 
 @pytest.mark.parametrize(

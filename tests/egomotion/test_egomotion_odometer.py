@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from localization_drives import odometry
 
 from navfw.egomotion import EncoderFaultDetector, Odometer, OdometryHistory, with_yaw_sigma
-from navfw.egomotion.odometer import _GyroResidual
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Encoders, Inertial, Odometry, Pose, Twist, YawCorrection
 
@@ -201,17 +200,6 @@ def test_a_bias_with_a_lasting_gyro_residual_is_corrected_while_driving() -> Non
         drive.odometer.correct(YawCorrection(-0.5 * left * 0.2, 0.0, motion(0.0)))
     assert drive.odometry.yaw_bias == pytest.approx(bias, abs=0.003)
     assert abs(drive.odometry.pose.yaw) < 4.0 * bias
-
-
-def test_the_gyro_residual_is_a_fading_mean_less_the_part_in_proportion_to_the_rate() -> None:
-    residual, scaled = _GyroResidual(), _GyroResidual()
-    for k in range(1, 30):
-        mean = residual.update(0.01, 0.0, 0.2)
-        assert mean == pytest.approx(0.01 * (1.0 - math.exp(-0.2 * k / 1.5)))
-    for k in range(60):
-        rate = math.sin(0.7 * k)
-        rest = scaled.update(0.05 * rate + 0.004, rate, 0.2)
-    assert rest == pytest.approx(0.004, abs=2e-4)
 
 
 def test_a_small_gyro_residual_changes_nothing() -> None:

@@ -3,14 +3,13 @@
 import dataclasses
 import math
 
-import cv2
 import numpy as np
 import pytest
 from flow_scene import cell_truth, exact_field, room, turn_about
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.camera_geometry import derotate, rotate_points, rotation_matrix, turn_point
+from navfw.camera_geometry import derotate, rotation_matrix, turn_point
 from navfw.egomotion import (
     EgomotionPrior,
     MotionKind,
@@ -22,7 +21,7 @@ from navfw.egomotion import (
     fit_reweighted,
     refine,
 )
-from navfw.egomotion.epipolar_kernels import fit_motion, tangents
+from navfw.egomotion.epipolar_kernels import fit_motion
 from navfw.flow import Dis
 from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel
@@ -76,68 +75,6 @@ def test_the_fit_is_weighted_least_squares_with_a_prior(count: int) -> None:
     assert information == pytest.approx(matrix, rel=1e-6)
     assert found == pytest.approx(-np.linalg.solve(matrix, (slopes[use].T * w) @ offsets[use]))
     assert found == pytest.approx(truth, abs=0.1), "outliers have next to no weight"
-
-
-def epipolar_distance(point: Array, vector: Array, direction: Array) -> float:
-    """``epipolar_residual`` of any length of ``direction``, without its derivatives."""
-    rest = FOCAL, direction / np.linalg.norm(direction), 4.0, UNIT, np.zeros(3)
-    return float(epipolar_residual(tuple(point), tuple(vector), *rest))
-
-
-@pytest.mark.parametrize("pulled", [0.0, 4e3])
-def test_a_step_of_the_full_fit_solves_its_normal_equations(pulled: float) -> None:
-    """By derivatives in differences; with a strong prior on the heading a step is limited."""
-    rng = np.random.default_rng(2)
-    points = rng.uniform(-60.0, 60.0, (30, 2))
-    past = points - points * 0.05 + rng.normal(0.0, 0.6, (30, 2))
-    sigma, weight = rng.uniform(0.3, 1.0, 30), rng.uniform(0.2, 1.0, 30)
-    weight[:3] = 0.0
-    start = rotation_matrix(np.array([0.01, -0.02, 0.015]))
-    direction: Array = np.array([0.2, -0.1, 1.0]) / math.sqrt(1.05)
-    mean, towards = rotation_matrix(np.array([0.02, 0.01, -0.01])), np.array([0.8, 0.0, 0.6])
-    information = np.diag([200.0, 300.0, 250.0])
-    information[0, 1] = information[1, 0] = 40.0
-    pull = pulled * np.diag([1.0, 0.7, 1.3])
-    basis = tangents(direction)
-
-    def residuals(moved: Array) -> Array:
-        turn = rotation_matrix(moved[:3]) @ start
-        ends = [turn_point(x, y, turn, FOCAL) for x, y in past]
-        towards_foe, pairs = direction + moved[3:] @ basis, zip(points, ends, strict=True)
-        return np.array([epipolar_distance(now, now - end, towards_foe) for now, end in pairs])
-
-    off, small = residuals(np.zeros(5)), 1e-6
-    steps = small * np.eye(5)
-    slopes = np.stack([(residuals(s) - residuals(-s)) / (2 * small) for s in steps], axis=1)
-    # near the focus of expansion the whole vector is residual
-    in_hole = np.isnan(off)
-    assert in_hole.any()
-    lengths = np.linalg.norm(points - rotate_points(past, start, FOCAL), axis=1)
-    off, slopes = np.where(in_hole, lengths, off), np.nan_to_num(slopes)
-    w = weight / sigma**2 / (1.0 + (off / sigma / 2.385) ** 2)
-    expected = (slopes.T * w) @ slopes
-    expected[:3, :3] += information
-    expected[3:, 3:] += basis @ pull @ basis.T
-    wrong_turn = np.asarray(cv2.Rodrigues(start @ mean.T)[0].ravel())
-    right = -(slopes.T * w) @ off
-    right[:3] -= information @ wrong_turn
-    right[3:] -= basis @ pull @ (direction - towards)
-    arguments = (points, past, sigma, weight, FOCAL, (start, direction))
-    priors = (mean, information), (towards, pull)
-    rotation, same, matrix, found = fit_motion(*arguments, *priors, 0)
-    assert (rotation == start).all()
-    assert (same == direction).all()
-    assert found == pytest.approx(off, abs=1e-9)
-    assert matrix == pytest.approx(expected, rel=1e-5, abs=1e-3)
-    damped = expected + np.diag(0.001 * expected.diagonal() + 1e-6)
-    move = np.asarray(np.linalg.solve(damped, right), dtype=np.float64)
-    turned = math.hypot(move[3], move[4])
-    assert (turned > 0.3) == (pulled > 0.0)
-    move *= min(1.0, 0.3 / turned)
-    rotation, moved, _, _ = fit_motion(*arguments, *priors, 1)
-    assert rotation == pytest.approx(rotation_matrix(move[:3]) @ start, abs=1e-7)
-    gone = direction + move[3:] @ basis
-    assert moved == pytest.approx(gone / np.linalg.norm(gone), abs=1e-6)
 
 
 def measured(

@@ -1,7 +1,5 @@
 """Registration of windows, and registered flow: reach, sigma and its parts."""
 
-import math
-
 import cv2
 import numpy as np
 import pytest
@@ -17,7 +15,6 @@ from navfw.flow import (
     find_mixtures,
     grid_windows,
     register_windows,
-    vector_sigma,
 )
 from navfw.numerics import Array, Image
 from navfw.robot import RobotModel
@@ -222,45 +219,6 @@ def test_a_displacement_beyond_the_reach_of_block_matching() -> None:
     assert error < 0.3
     assert share > 0.8
     assert (BlockMatching(ROBOT).compute(pair).confidence >= 0.3).mean() < 0.2
-
-
-PARTS = {"residual": 0, "bend": 1, "mixture": 2, "length": 3, "grey": 4}
-
-
-@pytest.mark.parametrize("part", PARTS)
-def test_a_part_of_sigma_alone_is_its_share(part: str) -> None:
-    """Each part in one cell; the cells around it, and what is not trusted, stay as they are."""
-    shares, vectors, trusted = np.zeros(8), np.zeros((12, 16, 2)), EVERY.copy()
-    shares[[PARTS[part], 7]], trusted[0, 0] = 0.5, False
-    shares[4] = max(shares[4], 1e-3)  # of rounding: never 0
-    residual, mixture, grey = (np.full((12, 16), 0.01) for _ in range(3))
-    value = {"residual": residual, "mixture": mixture, "grey": grey}.get(part)
-    if value is None:
-        vectors[5, 5] = 1.2, 1.6
-    else:
-        value[5, 5] = 2.0
-    score = np.full((12, 16), 0.9)
-    found = vector_sigma(vectors, residual, grey, score, mixture, trusted, tuple(shares.tolist()))
-    assert found[5, 5] == pytest.approx(1.0, rel=1e-3)
-    assert np.delete(found.ravel(), [0, 85]).max() < 0.01
-    assert np.isinf(found[0, 0])
-
-
-def test_sigma_has_a_share_of_its_neighbours_and_grows_with_the_contrast() -> None:
-    vectors, zero, one = np.zeros((12, 16, 2)), np.zeros((12, 16)), np.ones((12, 16))
-    grey, residual = one.copy(), 4.0 * one
-    grey[5, 5] = math.exp(9.0)
-
-    def sigma(around: float, power: float, usual: float, score: float = 0.0) -> Array:
-        shares = (0.0, 0.0, 0.0, 0.0, 1.0, around, power, usual)
-        return vector_sigma(vectors, residual, grey, score * one, zero, EVERY, shares)
-
-    logs = np.log(sigma(0.3, 0.0, 1.0))
-    np.testing.assert_allclose(logs[4:7, 4:7].ravel(), [0.3] * 4 + [9.0 - 0.3 * 8.0] + [0.3] * 4)
-    assert np.abs(np.delete(logs, [4, 5, 6], axis=0)).max() < 1e-9
-    # the contrast is 16 where the window fits not at all, twice that at a score of root 1/2
-    assert sigma(0.0, 0.5, 16.0)[0, 0] == pytest.approx(1.0)
-    assert sigma(0.0, 0.5, 16.0, math.sqrt(0.5))[0, 0] == pytest.approx(math.sqrt(2.0))
 
 
 def test_a_large_sigma_is_not_trusted() -> None:

@@ -7,7 +7,7 @@ import pytest
 from fuzzy_samples import BOUNDED, corner_values, rule_bases, samples, shapes, small, with_default
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navfw_benchmarks.bench.fuzzy_reference import ReferenceFis, compare, random_inputs
+from navfw_benchmarks.bench.fuzzy_reference import ReferenceFis, compare
 
 from navfw.fuzzy import (
     SHAPES,
@@ -134,30 +134,6 @@ def test_equals_scikit_fuzzy_at_the_corners(method: str, conjunction: str) -> No
             assert_same(rule_base, reference, {"distance": distance, "side": side})
 
 
-def test_the_reference_is_unchanged_by_resets_of_its_simulation(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    # the simulation keeps all results; it is reset every 500 runs, and results must not change
-    ramp = {"range": [0, 1], "terms": {"t": {"triangle": [0, 1, 1]}}}
-    spec = {"name": "x", "inputs": {"a": ramp}, "outputs": {"o": {**ramp, "default": 0}}}
-    rule_base = rule_base_from_mapping({**spec, "rules": ["IF a IS t THEN o IS t"]})
-    reference, compiled = ReferenceFis(rule_base), CompiledFis(rule_base)
-    reset, resets = reference.simulation.reset, []
-
-    def counted() -> None:
-        resets.append(value)
-        reset()
-
-    monkeypatch.setattr(reference.simulation, "reset", counted)
-    values = np.linspace(0.01, 1.0, 510).tolist()
-    for value in values:
-        expected = reference.evaluate({"a": value}).outputs["o"]
-        if value > 0.97:
-            assert compiled.evaluate({"a": value}).outputs["o"] == pytest.approx(expected)
-    assert expected[0] == pytest.approx(2 / 3)
-    assert resets == [values[499]]
-
-
 def test_a_nan_input_and_no_firing_rule_both_give_the_default() -> None:
     rules = ["IF distance IS near AND side IS very left THEN turn IS right"]
     rule_base = rule_base_from_mapping(with_default(0.25, rules))
@@ -177,25 +153,3 @@ def test_compare_measures_both_and_finds_them_equal() -> None:
     assert comparison["reference_ms"] > comparison["compiled_ms"] > 0.0
     with pytest.raises(ValueError, match="at least one sample"):
         compare(rule_base_from_mapping(small()), 0, rng)
-
-
-def test_random_inputs_stay_in_range_and_visit_corners() -> None:
-    rule_base = rule_base_from_mapping(small())
-    rows = random_inputs(rule_base, 4000, np.random.default_rng(0))
-    assert rows.shape == (2, 4000)
-    for row, variable in zip(rows, rule_base.inputs.values(), strict=True):
-        assert row.min() >= variable.low
-        assert row.max() <= variable.high
-        width = variable.high - variable.low
-        every = {c for shape in variable.terms.values() for c in shape.corners}
-        corners = np.array(sorted(every))
-        off = row[:, None] - corners
-        off = off[np.arange(row.size), np.abs(off).argmin(axis=1)] / width
-        # half at the corners or a millionth of the range beside them, on both sides
-        near = np.abs(off) < 2e-6
-        assert near.mean() == pytest.approx(0.5, abs=0.05)
-        assert set(np.round(off[near] * 1e6).tolist()) == {-1.0, 0.0, 1.0}
-        # the others all over the range
-        quarter = np.histogram(row[~near], 4, (variable.low, variable.high))[0]
-        assert quarter.min() > 0.2 * (~near).sum()
-    assert {0.5, 1.0} <= set(rows[0].tolist())

@@ -10,17 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from localization_drives import odometry
-from navfw_benchmarks.plugins.localizers import Bayes
-from param_ranges import check_ranges
 
 from navfw.errors import InputError
-from navfw.interfaces import Params
 from navfw.localization import (
     BY_FLOOR,
     ELSEWHERE_DENSITY,
     GATE,
     DeadReckoning,
-    FloorPlanLocalizer,
     LandmarkExistence,
     MotionParams,
     PlacePosterior,
@@ -128,18 +124,6 @@ def test_the_likelihood_is_that_of_the_gaussian_against_elsewhere() -> None:
     assert found.likelihood_ratio == pytest.approx(peak / ELSEWHERE_DENSITY)
 
 
-def test_a_detection_moves_the_estimate_by_these_numbers() -> None:
-    state, covariance = np.array([1.0, 2.0, 0.5, 0.01]), np.diag([0.04, 0.09, 0.01, 1e-4]) + 0.001
-    seen, noise = np.array([-0.3, 2.2]), np.diag([4e-4, 0.01])
-    found = associate(state, covariance, seen, noise, (3.0, 2.4), 0.8)
-    assert found.state == pytest.approx([0.8753075, 1.9648558, 0.5021125, 0.00709839])
-    row = [0.00896800, -0.00381135, 0.00259742, 0.000388688]
-    assert found.covariance[0] == pytest.approx(row, rel=1e-5)
-    assert found.covariance.trace() == pytest.approx(0.04678181, rel=1e-5)
-    fit = (found.distance, found.likelihood_ratio, found.probability)
-    assert fit == pytest.approx((0.49088701, 59.6151776, 0.99582395))
-
-
 def test_the_noise_follows_from_the_data_sheets() -> None:
     sigma = motion_noise(MotionParams(), RobotModel(skid=0.1))
     expected = (0.02269912, 0.01, 0.10606602, 3.3798156e-4, 0.005, 4.1394118e-4, 1.3089969e-4)
@@ -185,31 +169,6 @@ def test_evidence_for_a_landmark_is_bounded_and_weighted() -> None:
         for _ in range(9):
             existence.update("m", ratio)
         assert existence.probability("m") == pytest.approx(bound)
-
-
-@pytest.mark.parametrize(
-    ("model", "ranges"),
-    [
-        (
-            Bayes.Params,
-            "cell [0.1, 2], turning [0, 0.3], prior (0, 1), lost_below [0, 1)",
-        ),
-        (
-            FloorPlanLocalizer.Params,
-            "aside [0, 10], yaw_by_turning [0, 10], margin [1, 10], start_xy [0, 10], "
-            "start_yaw [0, 10], prior (0, 1), least_xy [0, 10], "
-            "least_yaw [0, 10], every [0.02, 2], memory [1, 100], doubt_below [0, 1)",
-        ),
-        (
-            DeadReckoning.Params,
-            "start_xy [0, 10], start_yaw [0, 10], along [0, 10], aside [0, 10], "
-            "yaw_by_distance [0, 10], yaw_by_turning [0, 10], place_radius (0, 20], "
-            "places [1, 1000], refresh [0, 10]",
-        ),
-    ],
-)
-def test_parameters_are_bounded(model: type[Params], ranges: str) -> None:
-    check_ranges(model, ranges)
 
 
 @given(st.lists(st.floats(0.0, 1e6), max_size=40), st.floats(0.5, 0.95))
@@ -281,16 +240,6 @@ def test_the_covariance_is_that_of_many_noisy_drives() -> None:
     belief = follow(track[0], track, params)[-1]
     sampled = np.cov(np.stack([x, y, yaw]))
     assert np.allclose(belief.covariance, sampled, atol=0.08 * np.abs(sampled).max())
-
-
-def test_the_usual_noise_gives_these_numbers() -> None:
-    track = [Pose(0.0, 0.0, 0.0), Pose(1.0, 0.2, 0.4), Pose(1.5, 1.0, 1.0)]
-    belief = follow(Pose(1.0, 2.0, 0.3), track)[-1]
-    expected = [0.002032503, 0.000428697, -0.000199595, 0.001113989, 0.000129549, 0.00024908]
-    assert belief.covariance[np.triu_indices(3)] == pytest.approx(expected, abs=1e-9)
-    shares = [0.8703169, 0.1289478, 0.000735242]
-    assert list(belief.places.values())[:3] == pytest.approx(shares, abs=1e-7)
-    assert len(belief.places) == 8
 
 
 @given(poses)

@@ -8,14 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import map_coordinates
 
-from navfw.localmap.cost_kernels import cost_to_go, price_cells
-from navfw.localmap.ray_kernels import body_room, least_within
-from navfw.localmap.sensor_kernels import cast_evidence, decay_view, merge_evidence, rays_of
+from navfw.localmap.cost_kernels import cost_to_go
+from navfw.localmap.ray_kernels import body_room
+from navfw.localmap.sensor_kernels import cast_evidence, decay_view
 from navfw.numerics import Array
-from navfw.robot import RobotModel
 
 SEEDS = st.integers(0, 2**32 - 1)
-CAMERA = RobotModel().camera
 
 
 def swept(cost: Array, value: Array, sweeps: int) -> tuple[Array, int]:
@@ -58,31 +56,6 @@ def test_locked_sweeps_find_what_full_sweeps_find(seed: int, barred: float, swee
     np.testing.assert_allclose(value, expected, rtol=0.0, atol=1e-9)
 
 
-@settings(max_examples=30)
-@given(SEEDS, st.integers(4, 20), st.floats(0.0, 0.3))
-def test_prices_are_those_of_the_formula(seed: int, half: int, share: float) -> None:
-    rng = np.random.default_rng(seed)
-    n = 2 * half + 1
-    clearance = rng.uniform(0.0, 1.0, (n, n))
-    observed = (rng.random((n, n)) < share).astype(np.uint8)
-    radius, clear, margin, narrow, unobserved = 0.2, 0.25, 0.03, 4.0, 0.2
-    rim = clearance[::2, ::2] - radius
-    tight = np.clip((clear - rim) / (clear - margin), 0.0, 1.0)
-    expected = 1.0 + narrow * tight**2 + unobserved * (observed[::2, ::2] == 0)
-    expected[rim < margin] = np.inf
-    cost = price_cells(clearance, observed, radius, clear, margin, narrow, unobserved)
-    np.testing.assert_allclose(cost, expected, rtol=1e-12)
-
-
-@given(SEEDS, st.floats(-4, 4), st.floats(-4, 4))
-def test_the_least_range_of_a_sector(seed: int, low: float, high: float) -> None:
-    rng = np.random.default_rng(seed)
-    bearings, ranges = np.linspace(-math.pi, math.pi, 48), rng.uniform(0.0, 3.0, 48)
-    inside = (bearings >= low) & (bearings <= high)
-    expected = ranges[inside].min() if inside.any() else 3.5
-    assert least_within(bearings, ranges, low, high, 3.5) == expected
-
-
 @given(SEEDS, st.floats(0.0, 8.99), st.floats(0.0, 8.99))
 def test_room_between_cells_is_bilinear(seed: int, row: float, column: float) -> None:
     clearance = np.random.default_rng(seed).uniform(0.0, 1.0, (10, 10))
@@ -90,19 +63,6 @@ def test_room_between_cells_is_bilinear(seed: int, row: float, column: float) ->
     ground = (clearance, np.ones((10, 10), np.uint8), 0.0, 0.0, 1.0)
     room = body_room(ground, column, row, 0.0, np.array([[0.0, 0.0, 0.15]]), 0.05)
     assert room == pytest.approx(expected)
-
-
-@settings(max_examples=30)
-@given(SEEDS)
-def test_a_frame_is_merged_by_the_formula_and_leaves_empty_layers(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    log_odds = rng.uniform(-1.5, 3.0, (21, 21))
-    hit, free = rng.random((2, 21, 21)) * (rng.random((2, 21, 21)) < 0.4)
-    expected = np.clip(log_odds + 0.6 * hit - 0.33 * free * (1.0 - hit), -1.5, 3.0)
-    merge_evidence(log_odds, hit, free, 0.6, 0.33, -1.5, 3.0)
-    np.testing.assert_allclose(log_odds, expected, rtol=0.0, atol=1e-12)
-    assert not hit.any()
-    assert not free.any()
 
 
 @settings(max_examples=30)
@@ -118,18 +78,6 @@ def test_only_free_cells_in_view_decay(seed: int, yaw: float, row: float, column
     expected = np.where(inside & (log_odds < 0.0), 0.5 * log_odds, log_odds)
     decay_view(log_odds, row, column, yaw, slope, near, reach, 0.5)
     np.testing.assert_array_equal(log_odds, expected)
-
-
-@given(SEEDS, st.floats(-3.2, 3.2), st.floats(0.0, 5.0))
-def test_rays_are_the_points_rotated_into_odom(seed: int, yaw: float, aside: float) -> None:
-    points = np.random.default_rng(seed).uniform(-80, 80, (7, 2))
-    off = np.array([aside, 0.0])
-    pixels = np.concatenate([points, points - off, points + off])
-    base = np.column_stack([pixels / CAMERA.focal, np.ones(21)]) @ CAMERA.base_from_camera.T
-    c, s = math.cos(yaw), math.sin(yaw)
-    turned = base @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]).T
-    rays = rays_of(points, aside, CAMERA.focal, CAMERA.base_from_camera, yaw)
-    np.testing.assert_allclose(rays, turned, rtol=0.0, atol=1e-12)
 
 
 # --- the evidence of single rays, by the sensor model in plain Python ----------------------------

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from localmap_samples import ORIGIN, ROBOT, grid_with, metric_percept
-from param_ranges import check_ranges
 
 from navfw.localmap import (
     CERTAIN,
@@ -18,10 +17,8 @@ from navfw.localmap import (
     LocalGoal,
     LocalMap,
     LocalMapParams,
-    LocalPlannerParams,
     OccupancyParams,
     Ranges,
-    TraversabilityParams,
 )
 from navfw.offis import Offis
 from navfw.robot import RobotModel
@@ -322,23 +319,6 @@ def test_floor_votes_against_a_drop_and_obstacles_do_not_vote(label: Label) -> N
 
 
 # --- parameters -----------------------------------------------------------------------------------
-
-
-def test_parameters_are_within_their_ranges() -> None:
-    check_ranges(LocalMapParams, "margin [0, 0.3]")
-    check_ranges(
-        OccupancyParams,
-        "extent (0, 30], cell [0.02, 0.2], hit (0, 100], miss (0, 100], "
-        "occupied (0, 100], range (0, 100], decay (0, 100]",
-    )
-    check_ranges(
-        LocalPlannerParams,
-        "distance (0.1, 3], clear [0, 1], unobserved_price [0, 20], margin [0, 0.3]",
-    )
-    check_ranges(
-        TraversabilityParams,
-        "range (0.3, 10], slack [0, 5], interval [0, 60]",
-    )
 
 
 @pytest.mark.parametrize("share", [(0.3, 0.3), (0.4, 0.3), (-0.1, 0.3), (0.1, 1.1)])

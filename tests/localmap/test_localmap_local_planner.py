@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from itertools import pairwise, product
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -18,7 +18,6 @@ from navfw.localmap import (
     TraversabilityCheck,
 )
 from navfw.localmap.cost_kernels import cost_to_go, descend, first_leg
-from navfw.localmap.traversability import _gate, _in_gate
 from navfw.numerics import Array
 from navfw.signals import Belief, OccupiedDisc, Odometry, PassageQuery, Pose, Twist
 
@@ -291,17 +290,6 @@ def statuses(occupancy: OccupancyGrid, legs: list[PassageQuery], sigma: float = 
     judged = TraversabilityCheck().check(occupancy, legs, ORIGIN, belief(ORIGIN, sigma), 1.0)
     assert [query for query, _ in judged] == legs[: len(judged)]
     return [status for _, status in judged]
-
-
-def test_the_gate_of_a_leg_lies_across_its_end() -> None:
-    occupancy = grid_with(observed=False)
-    gate = _gate(occupancy, ((1.0, 0.5), (1.0, 1.5), 0.3))
-    cells = product(range(occupancy.size), repeat=2)
-    rows, columns = np.transpose([cell for cell in cells if _in_gate(gate, *cell)])
-    x, y = (occupancy.origin[k] + occupancy.params.cell * (columns, rows)[k] for k in (0, 1))
-    cell = 1.01 * occupancy.params.cell
-    assert (x.min(), x.max()) == pytest.approx((0.7, 1.3), abs=cell)
-    assert (y.min(), y.max()) == pytest.approx((1.5 - 0.5 * cell, 1.5 + 1.5 * cell), abs=cell)
 
 
 ACROSS = (-0.5, 0.5)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from param_ranges import check_ranges
 
 from navfw.locom import MIN_DISTANCE, MIN_SHARE, TIME_CONSTANT, WINDOW, Unicycle, WheelTrim
 from navfw.robot import RobotModel
@@ -130,10 +129,6 @@ def test_reset_is_standstill() -> None:
     locom = settled(0.3, 0.5)
     locom.reset()
     assert locom.control(None, odometry(9.0), DT) == Twist(0.0, 0.0)
-
-
-def test_parameters_are_within_their_ranges() -> None:
-    check_ranges(Unicycle.Params, {"stale": "(0, 5]"})
 
 
 # --- wheel trim: weak wheels are driven faster, sound and blocked ones as commanded ---------------

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from navfw.egomotion import camera_motion
 from navfw.movers import direction_sigma, find_stixels, locate_moving_objects, segment_motion
-from navfw.movers.motion_segmentation import _floor_ratio
 from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel, SideViews
 from navfw.signals import CameraMotion, FlowField, Pose, Stixels
@@ -192,16 +191,6 @@ def test_an_approaching_object_seems_nearer_than_its_foot(depth: float, speed: f
         (detection,) = locate_moving_objects(dataclasses.replace(flow, confidence=known), CAMERA)
         assert detection.distance == pytest.approx(depth, rel=0.3)
         assert detection.velocity()[0] < -0.1
-
-
-@pytest.mark.parametrize("believed", [0.114, 0.12, 0.126])
-def test_the_floors_flow_tells_the_way(believed: float) -> None:
-    flow = boards_on_floor(0.12, [(0.9, 0.25, 0.5)], noise=0.1)
-    floor = np.maximum(CAMERA.fall_per_depth(POINTS), 0.0) / CAMERA.mount_height
-    way = driven(believed).translation
-    for known, ratio in ((X < 99.0, 0.12 / believed), (Y > 58.0, math.inf)):  # all, or one row
-        told = _floor_ratio(POINTS, flow.vectors, 1.0 * known, way, CAMERA.focal, floor)
-        assert told == pytest.approx(ratio, rel=0.01)
 
 
 @given(depth=st.floats(0.5, 3.0), left=st.floats(-0.8, 0.8), way=st.floats(0.03, 0.12))

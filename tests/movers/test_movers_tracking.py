@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from movers_detections import AHEAD, ROBOT, START, cross, detection
-from param_ranges import check_ranges
 
 from navfw.movers import Track, Tracker, TrackerParams
 from navfw.movers.tracking import (
@@ -241,11 +240,3 @@ def test_reset_drops_all_tracks() -> None:
     tracker.reset()
     assert tracker.tracks == []
     assert tracker.confirmed == ()
-
-
-def test_parameters_are_within_their_ranges() -> None:
-    check_ranges(
-        TrackerParams,
-        "max_age_in_view (0, 30], gate (0, 100], distance_sigma (0, 100], "
-        "min_hits [1, 50], max_speed (0, 100]",
-    )

@@ -8,7 +8,6 @@ from typing import get_args
 import numpy as np
 import pytest
 from papfis_maps import belief, goal, joined, next_waypoint, office, planner, row
-from param_ranges import check_ranges
 
 from navfw.errors import MapError
 from navfw.papfis import Papfis
@@ -155,12 +154,6 @@ def test_the_plan_is_explained_as_plain_data() -> None:
     assert explained["places"][-1] == "lab"
     through_door = next(p for p in explained["passages"] if p["to"] == "lobby-door")
     assert "clearance IS fair" in through_door["rules"][0]["rule"]
-
-
-def test_parameters_are_within_their_ranges() -> None:
-    ranges = "aversion [0, 100], avoidance [0, 1e6], passing (0, 10], beside_door_passing (0, 10]"
-    ranges += ", replan_distance (0, 10], max_off_map [0.1, 1000], vote_interval [0, 60]"
-    check_ranges(Papfis.Params, f"{ranges}, closed_for (0, 86400]")
 
 
 def test_goals_in_different_parts_or_far_off_the_map_are_an_error() -> None:

@@ -29,13 +29,10 @@ from navfw.perceive import (
     ImageSource,
     LensEstimate,
     LensFit,
-    TrackImage,
-    WorkingSize,
     estimate_lens,
     estimate_line,
     lens_estimate,
 )
-from navfw.perceive.lens_fit import _MIN_STRETCH, _pair_residuals
 
 MATRIX = np.array([[210.0, 0.0, 155.0], [0.0, 205.0, 124.0], [0.0, 0.0, 1.0]])
 PLUMB_BOB = np.array([-0.28, 0.07, 0.001, -0.002, 0.01])
@@ -282,36 +279,6 @@ def estimated(
     return estimate_lens(ImageSource(10.0, 0, (), None), hfov)
 
 
-def test_straightening_shrinks_no_standard_deviation_beyond_a_limit(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    pinhole = LensShape(200.0, 0.0)
-    (pair,) = drive(pinhole, 0.02, count=1)
-
-    def residuals(stretch: float) -> Array:
-        slopes = np.tile(stretch * np.eye(2), (len(pair.points), 1, 1))
-        monkeypatch.setattr(LensShape, "slopes", lambda *_: slopes)
-        return _pair_residuals(pair, pinhole, (np.eye(3), np.array([0.1, 0.0, 0.99])))
-
-    assert residuals(0.1) == pytest.approx(residuals(_MIN_STRETCH))
-    assert not np.allclose(residuals(0.1), residuals(2.0 * _MIN_STRETCH))
-
-
-@pytest.mark.parametrize(
-    ("share", "apart", "following"), [(0.3, 1, 1), (0.1, 4, 4), (0.025, 3, 6), (0.01, 12, 15)]
-)
-def test_pairs_are_taken_so_far_apart_that_the_flow_is_right(
-    monkeypatch: pytest.MonkeyPatch, share: float, apart: int, following: int
-) -> None:
-    past = np.random.default_rng(0).uniform(-100.0, 100.0, (100, 2))
-    image = TrackImage.of(np.zeros((HEIGHT, WIDTH, 3), np.uint8))
-    now = past + np.array([share * WIDTH, 0.0])
-    tracked = PointMotion(now, past, np.ones(100), np.ones(100))
-    monkeypatch.setattr(lens_estimate, "track_points", lambda *_: tracked)
-    size = WorkingSize(WIDTH, HEIGHT, 1.0, WIDTH, HEIGHT)
-    assert lens_estimate._add_pair([], [image] * 15, image, size, apart) == following
-
-
 @pytest.mark.parametrize("curvature", [-0.5, -1e-8, 0.0, 1e-4, 0.3, 1.0, 1.5])
 def test_straighten_undoes_distort(curvature: float) -> None:
     points = np.random.default_rng(0).uniform(-0.7, 0.7, (50, 2))
@@ -373,17 +340,6 @@ def test_what_the_tracks_determine_is_told_and_used(
     assert (estimate.shape is None) == (figures[3] is None)
     assert estimate.calibration is None or estimate.calibration.model == ARCTAN
     assert hfov is None or estimate.hfov == pytest.approx(hfov)
-
-
-@pytest.mark.parametrize(("bend", "known"), [(0.01, False), (0.02, True)])
-def test_a_focal_length_needs_a_bent_flow(
-    monkeypatch: pytest.MonkeyPatch, bend: float, known: bool
-) -> None:
-    monkeypatch.setattr(lens_estimate, "_jackknife", lambda *_: (PINHOLE, [0.0, 0.0, 0.0]))
-    monkeypatch.setattr(LensFit, "start", lambda _: PINHOLE)
-    monkeypatch.setattr(LensFit, "refined", lambda *_: PINHOLE)
-    monkeypatch.setattr(LensFit, "bend", lambda *_: bend * WIDTH)
-    assert (estimated(monkeypatch, drive(PINHOLE, 0.0)).shape == PINHOLE) == known
 
 
 def test_few_pairs_tell_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,11 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from localmap_samples import CART, grid_with
-from param_ranges import check_ranges
 from safety_samples import ORIGIN, ROBOT, monitor_with
 
 from navfw.localmap import LocalMap
-from navfw.safety import SafetyMonitor, SafetyParams
+from navfw.safety import SafetyMonitor
 from navfw.signals import Odometry, Pose, Twist
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
@@ -142,13 +141,3 @@ def test_commands_beyond_the_drive_are_clipped_and_those_that_are_not_finite_sto
     assert verdict.twist == (driven or Twist(0.0, 0.0))
     expected = "the command exceeds the drive's limits" if driven else "the command is not finite"
     assert (verdict.reason, verdict.stopped) == (expected, driven is None)
-
-
-def test_parameters_are_within_their_ranges() -> None:
-    check_ranges(
-        SafetyParams,
-        "latency [0, 1], gap [0, 0.3], slow (0, 1], creep (0, 0.5], "
-        "start_creep [0, 1], camera_slow (0, 60], camera_stop (0, 60], blind_reverse [0, 2], "
-        "gyro_slow (0, 60], encoder_stop (0, 60], "
-        "probe (0, 0.5], give_up [1, 60]",
-    )
