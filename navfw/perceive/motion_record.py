@@ -100,11 +100,13 @@ class MotionRecord(ABC):
         first, last = float(self.times[0]), float(self.times[-1])
         if begin < first - slack or end > last + slack:
             return None
-        low = np.searchsorted(self.times, min(max(begin, first), last), side="right") - 1
-        low = min(int(low), len(self.times) - 2)
-        high = max(int(np.searchsorted(self.times, min(max(end, first), last))), low + 1)
+        low = int(np.searchsorted(self.times, min(max(begin, first), last), side="right")) - 1
+        low = min(low, self.times.size - 2)
+        high = max(
+            int(np.searchsorted(self.times, min(max(end, first), last), side="left")), low + 1
+        )
         span = slice(low, high + 1)
-        return None if np.diff(self.times[span]).max() > self.longest_gap else span
+        return span if float(np.diff(self.times[span]).max()) <= self.longest_gap else None
 
     def on_clock_of(self, images: ImageSource) -> Self:
         """The record with times since the first of the ``images``.

@@ -229,7 +229,9 @@ def test_yaw_rates_are_compared_at_the_time_of_the_pair(
     lying = recorded_gyro(tmp_path, images, "y")
     assert lying is not None
     assert lying[1].rates[:, 0] == pytest.approx(record.rates[:, 2])
-    turned = replace(approached[0], time=0.2, dt=0.1, rotation_vector=np.array([0.0, 0.0, 0.04]))
+    first = approached[0]
+    turn = np.array([0.0, 0.0, 0.04])
+    turned = replace(first, time=0.2, motion=replace(first.motion, dt=0.1), rotation_vector=turn)
     beyond = replace(turned, time=9.0)
     rates = yaw_rates([turned, beyond], 100.2, record)
     assert rates == pytest.approx(np.array([[0.4, np.radians(30.0)]]))
