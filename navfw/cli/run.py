@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +18,6 @@ from navfw.cli.supervisor import PATIENCE, announce
 from navfw.cli.warm import compile_with_progress
 from navfw.config.lookup import list_missions
 from navfw.errors import InputError
-from navfw.process import watchdog
 from navfw.process.interruption import check_interrupted, deferred, interruptible
 from navfw.process.last_trace import ended_after
 from navfw.recording.run_folder import RunFolder, plain_json
@@ -32,11 +30,6 @@ if TYPE_CHECKING:
 
 LINE_PERIOD = 5.0
 """Interval between progress lines where stderr is not a terminal [s]."""
-
-COMPILING_NOTICE_AFTER = 3.0
-"""Time without progress after which ``COMPILING`` is printed, if a kernel is compiled [s]."""
-
-COMPILING = "compiling a routine that a plugin calls for the first time"
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,10 +181,16 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
             kept = request.record or request.video is not None
             recorded = RecordedFolder(session, target) if kept else None
             _announce(session, target, request)
-            with _RunProgress(quiet=request.quiet) as line, ended_after(request.limit + PATIENCE):
-                goal = session.mission.goals[-1]
+            bar = ProgressBar(quiet=request.quiet, period=LINE_PERIOD)
+            goal, began = session.mission.goals[-1], time.monotonic()
+
+            def show(tick: TickView) -> None:
+                speed = tick.time / max(time.monotonic() - began, 1e-9)
+                bar.show_line(_line(tick, goal, speed, bar.width))
+
+            with bar, ended_after(request.limit + PATIENCE):
                 result = session.run(
-                    lambda tick: line.show(tick, goal),
+                    show,
                     gui=request.gui,
                     record=False if recorded is None else recorded.recorder,
                     told=(lambda _: None) if recorded is None else recorded.told,
@@ -262,31 +261,6 @@ def _live(session: Session, request: RunOptions) -> LiveServer:
         address = server.url.replace("http", "ws", 1)
         echo(f"live: {address} for Foxglove and Lichtblick", err=True)
     return server
-
-
-class _RunProgress(ProgressBar):
-    """The state of a run as a line; and a notice where a kernel that is compiled delays it."""
-
-    def __init__(self, *, quiet: bool) -> None:
-        super().__init__(quiet=quiet, period=LINE_PERIOD)
-        self._began = self._shown = time.monotonic()
-        over = threading.Event()
-        self.callback(over.set)
-        if not quiet:
-            threading.Thread(target=self._explain_delay, args=(over,), daemon=True).start()
-
-    def show(self, tick: TickView, goal: Waypoint) -> None:
-        """Show the state of the run at a ``tick``, on the way to the last ``goal``."""
-        self._shown = time.monotonic()
-        speed = tick.time / max(self._shown - self._began, 1e-9)
-        self.show_line(_line(tick, goal, speed, self.width))
-
-    def _explain_delay(self, over: threading.Event) -> None:
-        """Print ``COMPILING`` once if there is no progress for a while because of a kernel."""
-        while not over.wait(0.1 * COMPILING_NOTICE_AFTER):
-            if watchdog.compiling() and time.monotonic() - self._shown > COMPILING_NOTICE_AFTER:
-                self.note(COMPILING)
-                return
 
 
 def _line(tick: TickView, goal: Waypoint, speed: float, width: int) -> str:

@@ -77,7 +77,7 @@ def load_yaml(path: str | Path) -> YamlDocument:
 
     Raises:
         ConfigError: there is no such readable file, it is too large, not UTF-8, not YAML, empty,
-            not a mapping, it repeats a key, or has too many keys and values.
+            not a mapping, or it repeats a key.
 
     """
     return parse_mapping(read_input_text(path), shown_path(Path(path)))

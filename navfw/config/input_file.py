@@ -1,7 +1,7 @@
 """The one way to open a file that a person names or edits: regular files of bounded size.
 
-A device, pipe or socket has no end and may block, so the kind and size of the file are checked on
-the opened descriptor, before anything is read. ``tests/config/test_config_input_file.py`` asserts
+A device, pipe or socket has no end and may block, so the kind and size of the file are checked
+before anything is read. ``tests/config/test_config_input_file.py`` asserts
 that no other module opens an input by itself.
 """
 
@@ -27,8 +27,6 @@ MAX_TEXT = 50_000_000
 
 MAX_BYTES = 1 << 28
 """Largest file of another kind that is read as a whole [byte]: images, meshes, jobs, scripts."""
-
-_FLAGS = os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY  # a pipe must not wait for a writer
 
 
 _traced: ContextVar[set[Path] | None] = ContextVar("traced", default=None)
@@ -102,26 +100,24 @@ def open_input(path: str | Path, max_bytes: int | None = None) -> Iterator[Binar
     """
     path = Path(path)
     trace_input(path)
+    if not is_file(path):
+        raise no_such_file(path)
     try:
-        descriptor = os.open(path, _FLAGS)
-    except FileNotFoundError:
-        raise no_such_file(path) from None
-    except (OSError, ValueError) as error:  # ValueError: a null byte in the path
-        raise _unreadable(path, error) from None
-    with os.fdopen(_checked(descriptor, path, max_bytes), "rb") as stream:
+        stream = path.open("rb")
+    except OSError as error:
+        reason = error.strerror or error
+        raise ConfigError(f"cannot read the file: {reason}", file=shown_path(path)) from None
+    with stream:
+        if max_bytes is not None and os.fstat(stream.fileno()).st_size > max_bytes:
+            what = f"the file is too large: at most {max_bytes} bytes are read"
+            raise ConfigError(what, file=shown_path(path))
         yield stream
 
 
 def read_input(path: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
     """The content of the regular file at ``path``; raises like ``open_input``."""
     with open_input(path, max_bytes) as stream:
-        try:
-            content = stream.read(max_bytes + 1)
-        except OSError as error:
-            raise _unreadable(Path(path), error) from None
-    if len(content) > max_bytes:  # it grew, or its file system knows no sizes
-        raise _too_large(Path(path), max_bytes)
-    return content
+        return stream.read()
 
 
 def read_input_text(path: str | Path, max_bytes: int = MAX_TEXT) -> str:
@@ -187,37 +183,12 @@ def no_such_file(path: Path) -> ConfigError:
     return ConfigError(f"there is no such file{hint}", file=name)
 
 
-def _checked(descriptor: int, path: Path, max_bytes: int | None) -> int:
-    """``descriptor``, of a regular file of at most ``max_bytes``; any other is closed."""
-    about = os.fstat(descriptor)
-    too_large = max_bytes is not None and about.st_size > max_bytes
-    if stat.S_ISREG(about.st_mode) and not too_large:
-        return descriptor
-    os.close(descriptor)
-    if stat.S_ISREG(about.st_mode) and max_bytes is not None:
-        raise _too_large(path, max_bytes)
-    raise no_such_file(path)
-
-
 def _mode(path: str | Path) -> int:
     """The kind of file at ``path`` as in ``stat``; 0 where there is none."""
     try:
         return os.stat(path).st_mode  # noqa: PTH116 - Path.stat is the same call
     except (OSError, ValueError):
         return 0
-
-
-def _unreadable(path: Path, error: OSError | ValueError) -> ConfigError:
-    if isinstance(error, OSError) and not is_file(path) and _mode(path):
-        return no_such_file(path)  # a socket, or a device that refuses
-    reason = (error.strerror if isinstance(error, OSError) else None) or error
-    return ConfigError(f"cannot read the file: {reason}", file=shown_path(path))
-
-
-def _too_large(path: Path, max_bytes: int) -> ConfigError:
-    return ConfigError(
-        f"the file is too large: at most {max_bytes} bytes are read", file=shown_path(path)
-    )
 
 
 def read_json_object(path: str | Path) -> dict[str, Any]:

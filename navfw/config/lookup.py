@@ -11,10 +11,9 @@ installed package. Packages of ROS are folders, whose roots the environment name
 from __future__ import annotations
 
 import os
-import tomllib
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -41,12 +40,7 @@ class NamedFile:
 
 
 def project_folder(start: Path | None = None) -> Path | None:
-    """The user's project around ``start`` (default: the working folder), or None.
-
-    Raises:
-        ConfigError: a ``pyproject.toml`` that contains ``tool.navfw`` is not valid TOML.
-
-    """
+    """The user's project around ``start`` (default: the working folder), or None."""
     try:
         start = Path.cwd() if start is None else start.absolute()
     except FileNotFoundError:  # the working folder has been removed
@@ -55,25 +49,13 @@ def project_folder(start: Path | None = None) -> Path | None:
 
 
 def _is_project(folder: Path) -> bool:
-    file = folder / "pyproject.toml"
+    if input_file.is_file(folder / "navfw.toml"):
+        return True
     try:
-        if input_file.is_file(folder / "navfw.toml"):
-            return True
-        text = input_file.read_input_text(file)
+        text = input_file.read_input_text(folder / "pyproject.toml")
     except ConfigError:
         return False
-    try:
-        return "navfw" in text and _has_section(text)
-    except (ValueError, RecursionError) as error:  # also an integer of thousands of digits
-        if "tool.navfw" not in text:
-            return False
-        raise ConfigError(f"not valid TOML: {error}", file=file) from None
-
-
-@lru_cache(maxsize=8)
-def _has_section(text: str) -> bool:
-    tool = tomllib.loads(text).get("tool", {})
-    return isinstance(tool, dict) and "navfw" in tool
+    return re.search(r"^\s*\[tool\.navfw\b", text, re.MULTILINE) is not None
 
 
 def shipped_folder() -> Path:

@@ -41,12 +41,7 @@ class ProjectCode:
 
     @classmethod
     def around(cls, start: Path | None = None) -> Self | None:
-        """The plugins of the project around ``start`` (default: the working folder), if any is.
-
-        Raises:
-            ConfigError: the project's ``pyproject.toml`` is not valid TOML.
-
-        """
+        """The plugins of the project around ``start`` (default: the working folder), if any is."""
         project = lookup.project_folder(start)
         if project is None:
             return None

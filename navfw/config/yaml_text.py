@@ -22,11 +22,7 @@ Data: TypeAlias = Any
 """Data of a YAML file: None, bool, int, float, str, lists of these and dicts with str keys."""
 
 MAX_VALUES = 300_000
-"""Largest number of keys and values in a text: a map of ten thousand places.
-
-A value counts again for each alias that repeats it: with nested aliases, a file of a megabyte can
-describe billions of values ("billion laughs").
-"""
+"""Largest number of keys and values that aliases may make of a text ("billion laughs")."""
 
 MAX_DEPTH = 60
 """Largest nesting of lists, mappings and elements, in files of all kinds."""
@@ -55,7 +51,7 @@ def read_yaml_text(text: str, file: str | None = None) -> tuple[Data, dict[KeyPa
 
     Raises:
         ConfigError: it is not YAML, repeats a key, has tags other than those of YAML's own scalars,
-            merge keys, an alias inside its anchor, more than ``MAX_VALUES`` or ``MAX_DEPTH``.
+            merge keys, an alias inside its anchor, or more levels than ``MAX_DEPTH``.
 
     """
     reader = _TextReader(file)
@@ -105,8 +101,6 @@ class _TextReader:
     def _value(self, event: Any, path: KeyPath, line: int | None = None) -> Data:
         if len(path) > MAX_DEPTH:
             raise self._too_deep(event)
-        if len(self.lines) >= MAX_VALUES:
-            raise self._too_much(event, path)
         first = len(self.lines)
         self.lines.append((path, line or event.start_mark.line + 1))
         kind = type(event)
@@ -152,7 +146,7 @@ class _TextReader:
             raise self._error("an alias (*) inside its own anchor (&)", event, path)
         data, first, end = anchor
         if len(self.lines) + end - first > MAX_VALUES:
-            raise self._too_much(event, path)
+            raise self._error(f"aliases repeat more than {MAX_VALUES} values", event, path)
         above = len(self.lines[first][0])
         inner = [((*path, *at[above:]), line) for at, line in self.lines[first + 1 : end]]
         if any(len(at) > MAX_DEPTH for at, _ in inner):
@@ -190,10 +184,6 @@ class _TextReader:
 
     def _too_deep(self, event: Any) -> ConfigError:
         return self._error(f"nested too deeply: more than {MAX_DEPTH} levels", event, ())
-
-    def _too_much(self, event: Any, path: KeyPath) -> ConfigError:
-        message = f"too much content: more than {MAX_VALUES} keys and values"
-        return self._error(message, event, path)
 
     def _error(self, message: str, event: Any, path: KeyPath) -> ConfigError:
         line = event.start_mark.line + 1

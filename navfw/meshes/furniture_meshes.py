@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from navfw.config.input_file import cached_by_files, shown_path
 from navfw.errors import ConfigError
-from navfw.meshes.mesh_file import FURNITURE_LIMITS, TriangleMesh, joined, read_mesh, windings
+from navfw.meshes.mesh_file import MAX_TRIANGLES, TriangleMesh, joined, read_mesh, windings
 from navfw.numerics import Array, Mask
 from navfw.numerics.products import product
 from navfw.robot.urdf import UrdfCollision, attribute_numbers, read_urdf, urdf_error
@@ -57,9 +57,8 @@ def furniture_mesh(file: str, scale: float, up: Up) -> TriangleMesh:
     """
     path = Path(file)
     mesh = _urdf_mesh(path) if path.suffix.lower() == ".urdf" else read_mesh(path)
-    largest = FURNITURE_LIMITS.triangles
-    if len(mesh.faces) > largest:
-        what = f"has {len(mesh.faces)} triangles, at most {largest}; simplify its meshes"
+    if len(mesh.faces) > MAX_TRIANGLES:
+        what = f"has {len(mesh.faces)} triangles, at most {MAX_TRIANGLES}; simplify its meshes"
         raise ConfigError(what, file=shown_path(path))
     size = np.diag([scale, scale, scale, 1.0])
     mesh = mesh.moved(product(_Y_UP, size) if up == "y" else size)

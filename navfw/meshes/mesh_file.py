@@ -9,12 +9,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from navfw.config.foreign_files import line_of, parse_xml
 from navfw.config.input_file import read_input, shown_path
 from navfw.errors import ConfigError
 from navfw.numerics import Array
@@ -153,27 +150,12 @@ def windings(lines: Array, shape: tuple[int, ...]) -> Indices:
 
 _FREE_FORM = {"cstype", "curv", "curv2", "surf", "deg"}
 """Keywords of curved surfaces in OBJ files."""
-_STL_HEADER, _STL_RECORD = 84, 50
-"""Bytes of a binary STL file before its triangles, and of each of them."""
-_PRIMITIVES = {"triangles", "polylist", "polygons", "trifans", "tristrips"}
-"""Elements of COLLADA with indices of corners, several for each: position, normal and so on."""
 _MAX_COORDINATE = 1e6
 """Largest coordinate, in the file's unit."""
 
 
-class MeshLimits(NamedTuple):
-    """Bounds of a mesh: the size of its file [bytes] and the number of its triangles.
-
-    ``closed`` meshes enclose a volume, and their polygons are convex: they can be drawn.
-    """
-
-    file_size: int
-    triangles: int
-    closed: bool = False
-
-
-FURNITURE_LIMITS = MeshLimits(10_000_000, 20_000, closed=True)
-"""Bounds of meshes that are drawn: each image that shows one draws all of its triangles."""
+MAX_TRIANGLES = 20_000
+"""Bound of meshes that are drawn: each image that shows one draws all of its triangles."""
 
 
 def read_mesh(path: Path) -> TriangleMesh:
@@ -183,19 +165,19 @@ def read_mesh(path: Path) -> TriangleMesh:
         ConfigError: see ``read_triangles``; or its surface is open or turned inside out.
 
     """
-    mesh = TriangleMesh.welded(read_triangles(path, FURNITURE_LIMITS))
+    mesh = TriangleMesh.welded(read_triangles(path, MAX_TRIANGLES, convex=True))
     _check_closed(path, mesh)
     return mesh
 
 
-def read_triangles(path: Path, limits: MeshLimits) -> Array:
+def read_triangles(path: Path, limit: int, *, convex: bool = False) -> Array:
     """The corners (M, 3, 3) of the triangles in a mesh file, in its unit; polygons are divided.
 
     Those of a COLLADA file are in metres; its upward axis does not count.
 
     Raises:
-        ConfigError: the file cannot be read, is of no known format, too large, damaged, or has
-            curved surfaces; or concave faces, if it must be ``closed``.
+        ConfigError: the file cannot be read, is of no known format, damaged, has curved surfaces,
+            or more triangles than the ``limit``; or concave faces, if they must be ``convex``.
 
     """
     reader = _READERS.get(path.suffix.lower())
@@ -203,9 +185,10 @@ def read_triangles(path: Path, limits: MeshLimits) -> Array:
         expected = ", ".join(MESH_SUFFIXES)
         what = f"expected a mesh ({expected}), got {path.name!r}; export the mesh as OBJ"
         raise _error(path, what)
-    corners = reader(path, read_input(path, limits.file_size), limits)
-    if len(corners) > limits.triangles:
-        raise _too_many(path, limits)
+    corners = reader(path, read_input(path), convex)
+    if len(corners) > limit:
+        what = f"has more than {limit} triangles; simplify it (Blender: Decimate modifier)"
+        raise _error(path, what)
     if not len(corners):
         raise _error(path, "has no triangles; export the mesh again")
     if not np.isfinite(corners).all() or np.abs(corners).max() > _MAX_COORDINATE:
@@ -233,11 +216,6 @@ def _check_closed(path: Path, mesh: TriangleMesh) -> None:
         raise _error(path, what)
 
 
-def _too_many(path: Path, limits: MeshLimits) -> ConfigError:
-    what = f"has more than {limits.triangles} triangles; simplify it (Blender: Decimate modifier)"
-    return _error(path, what)
-
-
 def _error(path: Path, what: str, line: int | None = None) -> ConfigError:
     return ConfigError(what, file=shown_path(path), line=line)
 
@@ -245,10 +223,10 @@ def _error(path: Path, what: str, line: int | None = None) -> ConfigError:
 # --- formats ----------------------------------------------------------------------------------
 
 
-def _by_trimesh(path: Path, content: bytes, limits: MeshLimits) -> Array:
+def _by_trimesh(path: Path, content: bytes, convex: bool) -> Array:
     """Whatever trimesh reads by the file's suffix; neither textures nor other files are read."""
-    del limits
-    # a second of computing, which OBJ and STL files do not need
+    del convex
+    # a second of computing, which OBJ files do not need
     import trimesh
     from trimesh.units import unit_conversion
 
@@ -262,51 +240,7 @@ def _by_trimesh(path: Path, content: bytes, limits: MeshLimits) -> Array:
         raise _error(path, f"cannot be read as {kind.upper()}: {reason}") from None
 
 
-def _collada(path: Path, content: bytes, limits: MeshLimits) -> Array:
-    # neither document type nor entities
-    root = parse_xml(content, shown_path(path), "a COLLADA mesh")
-    if _drawn_corners(path, root) > 3 * limits.triangles:
-        raise _too_many(path, limits)
-    return _by_trimesh(path, content, limits)
-
-
-def _drawn_corners(path: Path, root: Element) -> int:
-    """The number of corners and instances that the scenes of a COLLADA file have, expanded.
-
-    A few kilobytes of nodes that repeat each other can describe billions.
-    """
-    by_id = {element.get("id"): element for element in root.iter()}
-    counts: dict[str | None, int] = {}
-    open_nodes: set[str | None] = set()
-
-    def count(element: Element) -> int:
-        kind = element.tag.rpartition(":")[2]
-        if kind == "p":
-            return len((element.text or "").split())
-        total = sum(map(count, element))
-        if kind in _PRIMITIVES:
-            offsets = [int(child.get("offset", "0")[:3]) for child in element]
-            return total // (1 + max(offsets, default=0))
-        target = element.get("url", "")[1:]
-        if not kind.startswith("instance_") or target not in by_id:
-            return total
-        if target in open_nodes:
-            raise _error(path, "a node contains itself", line_of(element))
-        if target not in counts:
-            open_nodes.add(target)
-            counts[target] = count(by_id[target])
-            open_nodes.discard(target)
-        return 1 + total + counts[target]  # an instance takes time, even if it draws nothing
-
-    try:
-        return max(
-            (count(scene) for scene in root.iter() if scene.tag.endswith("visual_scene")), default=0
-        )
-    except (RecursionError, ValueError):
-        raise _error(path, "is nested too deep") from None
-
-
-def _obj(path: Path, content: bytes, limits: MeshLimits) -> Array:
+def _obj(path: Path, content: bytes, convex: bool) -> Array:
     points: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
     polygons: list[tuple[int, int, int]] = []  # line, first and one past the last triangle
@@ -318,41 +252,21 @@ def _obj(path: Path, content: bytes, limits: MeshLimits) -> Array:
             first = len(triangles)
             triangles += [(ring[0], b, c) for b, c in pairwise(ring[1:])]
             polygons.append((line, first, len(triangles)))
-            if len(triangles) > limits.triangles:
-                raise _too_many(path, limits)
         elif keyword in _FREE_FORM:
             raise _error(path, "curved surfaces are not supported; export triangles", line)
     mesh = TriangleMesh(np.array(points).reshape(-1, 3), np.array(triangles, int).reshape(-1, 3))
     normals = mesh.normals
-    for line, first, end in polygons if limits.closed else ():
+    for line, first, end in polygons if convex else ():
         of_polygon = normals[first:end]
         if end - first > 1 and (product(of_polygon, of_polygon.sum(axis=0)) < 0.0).any():
             raise _error(path, "the face is concave; triangulate the mesh when exporting it", line)
     return mesh.corners
 
 
-def _stl(path: Path, content: bytes, limits: MeshLimits) -> Array:
-    """Binary files have the size that their header says, whatever else it begins with."""
-    count = int.from_bytes(content[80:_STL_HEADER], "little")
-    if len(content) == _STL_HEADER + _STL_RECORD * count:
-        kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
-        return np.frombuffer(content, kind, count, _STL_HEADER)["corners"].astype(np.float64)
-    if not content.lstrip().startswith(b"solid"):
-        raise _error(path, "is no STL file, or a part of it is missing; export the mesh again")
-    positions = [
-        _position(path, line, values)
-        for line, keyword, values in _lines(content)
-        if keyword == "vertex"
-    ]
-    if len(positions) % 3:
-        raise _error(path, "its last triangle is incomplete; export the mesh again")
-    return np.array(positions).reshape(-1, 3, 3)
-
-
-_READERS: dict[str, Callable[[Path, bytes, MeshLimits], Array]] = {
-    ".dae": _collada,
+_READERS: dict[str, Callable[[Path, bytes, bool], Array]] = {
+    ".dae": _by_trimesh,
     ".obj": _obj,
-    ".stl": _stl,
+    ".stl": _by_trimesh,
 }
 MESH_SUFFIXES = tuple(_READERS)
 """Suffixes of the files that can be read."""

@@ -19,7 +19,6 @@ import numpy as np
 
 from navfw.config.document import load_yaml
 from navfw.config.extras import extra_imports
-from navfw.config.foreign_files import check_database
 from navfw.config.image_file import MAX_PIXELS, decode_image
 from navfw.config.input_file import is_folder, open_input, shown_path
 from navfw.errors import ConfigError, NavfwError, UnknownNameError, did_you_mean
@@ -290,8 +289,6 @@ class Bag:
                 raise ConfigError(what, file=self.file)
             files = [self.path / PurePath(str(name)).name for name in names]
         for file in files:
-            if file.suffix == ".db3":
-                check_database(file, "bag")
             with open_input(file):
                 pass
 

@@ -1,10 +1,8 @@
-"""Xacro files expanded to URDF, by xacrodoc, in a process of its own that cannot do harm.
+"""Xacro files expanded to URDF, by xacrodoc, in a process with bounded time and memory.
 
 Xacro evaluates expressions of the file by Python's ``eval``, whose ban on builtins is known to be
 no protection. Here an expression may calculate, compare, choose and call the functions that xacro
 offers: generators, names with an underscore, formatting and the namespace ``python`` are refused.
-What is included or read lies in the file's folder or in packages; the environment is not shown. The
-process has little time and memory.
 """
 
 from __future__ import annotations
@@ -12,8 +10,6 @@ from __future__ import annotations
 import ast
 import contextlib
 import json
-import posixpath
-import re
 import resource
 import subprocess
 import sys
@@ -102,33 +98,14 @@ def _expanded(path: str, packages: list[str]) -> dict[str, Any]:
     def refuse(*_: Any) -> NoReturn:
         raise ValueError("$(eval ...) is not allowed: use ${...}")
 
-    own = Path(path).parents
-    readable = [own[0], *(folder for folder in own if (folder / "package.xml").is_file())]
-    readable += [root for root in map(Path, packages) if root not in own]
-
     def folder_of(package: str) -> str:
-        plain = re.fullmatch(r"[\w-]+", package)
-        for folder in package_folders(package, map(Path, packages)) if plain else ():
-            # beside the folders that the file lies in not all folders are packages
-            known = folder in own or folder.parent not in own
-            if folder.is_dir() and (known or (folder / "package.xml").is_file()):
-                readable.append(folder)
+        for folder in package_folders(package, map(Path, packages)):
+            if folder.is_dir():
                 return str(folder)
         raise ValueError(f"package {package!r} not found: name its folder in urdf.packages")
 
-    def opened(name: str) -> StringIO:
-        file = Path(posixpath.normpath(Path(name).absolute()))  # no "..", links stay
-        if not any(file.is_relative_to(folder) for folder in readable):
-            raise ValueError(f"{name} lies in no package: name its folder in urdf.packages")
-        return StringIO(read_input_text(file))
-
-    def hidden(name: str) -> NoReturn:
-        raise ValueError(f"$(env {name}) is not allowed: use an argument or $(optenv ...)")
-
-    xacro.open = opened
+    xacro.open = lambda name: StringIO(read_input_text(name))
     xacro.init_stacks(path)  # what is named without folder lies beside the file
-    substitution_args._eval_env = hidden
-    substitution_args._eval_optenv = lambda _, default="": default  # as where it is not set
     xacro.safe_eval = checked
     substitution_args._eval = refuse
     substitution_args._eval_find = folder_of
@@ -143,7 +120,6 @@ def _expanded(path: str, packages: list[str]) -> dict[str, Any]:
 def main() -> None:
     """Expand the file of the first argument; the others are folders with packages."""
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
-    resource.setrlimit(resource.RLIMIT_CPU, (_SECONDS, _SECONDS))
     with contextlib.redirect_stdout(sys.stderr):
         answer = _expanded(sys.argv[1], sys.argv[2:])
     sys.stdout.write(json.dumps(answer))

@@ -19,8 +19,7 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from navfw.config.foreign_files import open_database
-from navfw.config.input_file import is_file
+from navfw.config.input_file import is_file, open_input
 from navfw.errors import ConfigError
 from navfw.missions.outcome import Outcome
 from navfw.process.atomic import atomic_file, write_text
@@ -134,7 +133,9 @@ class RunJournal:
     @contextlib.contextmanager
     def _opened(self) -> Iterator[sqlite3.Connection]:
         try:
-            with open_database(self.file) as database:
+            with open_input(self.file):  # no device, which might block
+                database = sqlite3.connect(self.file, timeout=10.0)
+            with contextlib.closing(database):
                 yield database
         except (sqlite3.Error, UnicodeDecodeError) as error:  # names of a damaged schema
             code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF

@@ -76,7 +76,7 @@ class _GraphmlReader:
         self._keys: dict[str, tuple[str, str]] = {}  # id: attr.name, attr.type
 
     def read(self) -> TopoMap:
-        root = read_xml(self._path, "GraphML", doctype=True)
+        root = read_xml(self._path, "GraphML")
         elements = [(element.tag.rpartition(":")[2], element) for element in root.iter()]
         graphs = [element for tag, element in elements if tag == "graph"]
         if not graphs:

@@ -17,7 +17,6 @@ from optuna.exceptions import StorageInternalError
 from optuna.trial import FrozenTrial
 from sqlalchemy.exc import SQLAlchemyError
 
-from navfw.config.foreign_files import check_database
 from navfw.config.input_file import is_file
 from navfw.config.lookup import find
 from navfw.config.yaml_text import write_yaml_text
@@ -91,8 +90,6 @@ class StudyFolder:
             raise InputError(what, file=self.path)
         if resume and not exists:
             raise InputError("there is no study to resume; leave out --resume", file=self.path)
-        if exists:
-            check_database(self.database, "study")
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         sampler, pruner = sampler_and_pruner(seed)
         self.created()

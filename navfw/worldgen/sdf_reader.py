@@ -19,15 +19,15 @@ import numpy as np
 from navfw.config.foreign_files import line_of, read_xml
 from navfw.config.input_file import is_file, real_path, shown_path
 from navfw.errors import ConfigError, WorldError
-from navfw.meshes import MeshLimits, read_triangles
+from navfw.meshes import read_triangles
 from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.robot.urdf import rigid_transform
 from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.worldgen.upright_parts import mesh_solids
 
-_MESH_LIMITS = MeshLimits(50_000_000, 500_000)
-"""1 million triangles of binary STL; collision meshes of rooms have hundreds."""
+_MAX_TRIANGLES = 500_000
+"""Of a collision mesh; those of rooms have hundreds."""
 
 _UPRIGHT = 1e-3
 """Largest tilt of an upright shape [rad]."""
@@ -212,7 +212,7 @@ class _SdfReader:
                 " there, or name the folder that has its model with --models",
             )
             return
-        triangles = self._triangles(file, _MESH_LIMITS)
+        triangles = self._triangles(file, _MAX_TRIANGLES)
         try:
             parts = mesh_solids(product(triangles * scale, pose[:3, :3].T) + pose[:3, 3])
         except WorldError as error:

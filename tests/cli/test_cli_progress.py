@@ -14,7 +14,7 @@ import typer
 
 from navfw.cli import progress_bar, run
 from navfw.cli.progress_bar import ProgressBar
-from navfw.process import interruptible, watchdog
+from navfw.process import interruptible
 
 
 def terminal_in(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
@@ -28,77 +28,18 @@ def terminal_in(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
     return terminal
 
 
-GOAL: Any = SimpleNamespace(x=3.0, y=0.0)
-
-
-def show(line: run._RunProgress, seconds: float) -> None:
-    """Show a tick after ``seconds`` of simulated time, which took twice as long."""
-    line._began = time.monotonic() - 2.0 * seconds
+def test_the_line_of_a_run_ends_with_the_last_clause_that_fits() -> None:
     tick: Any = SimpleNamespace(
-        time=seconds,
+        time=1.0,
         true_pose=(0.0, 0.0, 0.0),
         state=SimpleNamespace(path=(SimpleNamespace(place="hall"),)),
         leader="avoid",
         percept=SimpleNamespace(sentence="Front is a door;   Floor"),
     )
-    line.show(tick, GOAL)
-
-
-def test_without_a_terminal_there_is_a_line_every_few_seconds(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with run._RunProgress(quiet=False) as line:
-        show(line, 1.0)
-        show(line, 2.0)
-        monkeypatch.setattr(line, "_next_line", 0.0)  # as after some seconds
-        show(line, 3.0)
-    out, err = capfd.readouterr()
-    assert out == ""
-    assert [text.split(" s,")[0].strip() for text in err.splitlines()] == ["1.0", "3.0"]
-    assert "3.0 s,  3.0 m to go, 0.5 x real time: avoid to hall; Front is a door; Floor" in err
-    assert "Front is a door; Floor" in err
-
-
-def test_on_a_terminal_the_line_is_replaced_and_gone_at_the_end(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    screen = terminal_in(monkeypatch)
-    monkeypatch.setenv("COLUMNS", "60")
-    with run._RunProgress(quiet=False) as line:
-        show(line, 1.0)
-        line.note(run.COMPILING)
-        show(line, 2.0)
-    assert "1.0 s,  3.0 m to go, 0.5 x real time: avoid to hall\r" in screen.getvalue()
-    assert run.COMPILING.split()[-1] in screen.getvalue()
-    assert screen.getvalue().endswith("\x1b[2K") or "\x1b[2K" in screen.getvalue()[-20:]
-
-
-@pytest.mark.parametrize("quiet", [False, True])
-def test_a_delay_without_a_kernel_to_compile_or_with_quiet_says_nothing(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, quiet: bool
-) -> None:
-    monkeypatch.setattr(run, "COMPILING_NOTICE_AFTER", 0.02)
-    monkeypatch.setattr(watchdog, "compiling", lambda: quiet)
-    with run._RunProgress(quiet=quiet) as line:
-        if quiet:
-            show(line, 1.0)
-        time.sleep(0.2)
-    assert capfd.readouterr() == ("", "")
-
-
-def test_a_long_compilation_is_told_once(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(run, "COMPILING_NOTICE_AFTER", 0.05)
-    monkeypatch.setattr(watchdog, "compiling", lambda: True)
-    with run._RunProgress(quiet=False) as line:
-        show(line, 1.0)
-        text = ""
-        while run.COMPILING not in text:
-            time.sleep(0.01)
-            text += capfd.readouterr().err
-        time.sleep(0.2)
-    assert capfd.readouterr().err == ""
+    goal: Any = SimpleNamespace(x=3.0, y=0.0)
+    short = "  1.0 s,  3.0 m to go, 0.5 x real time: avoid to hall"
+    assert run._line(tick, goal, 0.5, 60) == short
+    assert run._line(tick, goal, 0.5, 200) == f"{short}; Front is a door; Floor"
 
 
 def test_a_bar_without_a_terminal_is_lines_with_rate_and_time_left(
@@ -195,21 +136,6 @@ def test_a_moving_bar_shows_the_time_elapsed_between_updates(
         _wait_for(screen, "1 of 5 runs, 0.1/s, 40 s left")
     while threading.active_count() > threads:  # the thread that draws ends soon
         time.sleep(0.01)
-
-
-def test_a_moving_bar_without_a_terminal_is_lines(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    clock = iter([0.0, 60.0, 120.0])
-    monkeypatch.setattr(time, "monotonic", lambda: next(clock))
-    with ProgressBar("rooms", "runs", moving=True) as bar:
-        for done in range(3):
-            bar.update(done, 3)
-    assert capfd.readouterr() == (
-        "",
-        "rooms: 0 of 3 runs\nrooms: 1 of 3 runs, 1/min, 2 min left\n"
-        "rooms: 2 of 3 runs, 1/min, 60 s left\n",
-    )
 
 
 def test_ctrl_c_as_a_bar_appears_shows_the_cursor(monkeypatch: pytest.MonkeyPatch) -> None:

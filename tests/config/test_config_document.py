@@ -37,6 +37,7 @@ def load(folder: Path, text: str | bytes, name: str = "world.yaml") -> ConfigErr
         ("a:\n  b: 1\n  c: 2\n  b: 3\n", 4, "a.b: duplicate key; first given in line 2"),
         ("a: {b: 1, b: 2}\n", 1, "a.b: duplicate key"),
         ("a: 1\n\tb: 2\n", 2, "a tab; indent and separate with spaces"),
+        ("a:\n\t- 1\n", 2, "a tab; indent and separate with spaces"),
         ("a: [1\nb: 2\n", 2, "not valid YAML: expected ',' or ']'"),
         ("a: 'x\n", 1, "found unexpected end of stream"),
         ("a: b: c\n", 1, "a second ':'"),
@@ -81,15 +82,6 @@ def test_a_file_too_large_or_missing(tmp_path: Path) -> None:
         load_yaml(tmp_path / "nowhere" / "x.yaml")
 
 
-def test_a_folder_or_device_is_rejected(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="expected a file, got a folder"):
-        load_yaml(tmp_path)
-    with pytest.raises(ConfigError, match="expected a regular file"):
-        load_yaml("/dev/null")
-    with pytest.raises(ConfigError, match=r"cannot read|no such file"):
-        load_yaml("a\0b.yaml")
-
-
 def test_files_below_the_working_folder_are_shown_relative(workdir: Path) -> None:
     assert str(load(workdir, "a: 1\na: 2", "maps/m.yaml")).startswith("maps/m.yaml:2: a: ")
 
@@ -97,18 +89,8 @@ def test_files_below_the_working_folder_are_shown_relative(workdir: Path) -> Non
 def test_alias_bombs_are_rejected_quickly() -> None:
     rows = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     rows += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
-    with pytest.raises(ConfigError, match="too much content"):
+    with pytest.raises(ConfigError, match="aliases repeat more than"):
         parse_yaml("\n".join(rows))
-
-
-def test_a_file_of_too_many_keys_is_refused_while_it_is_read(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(yaml_text, "MAX_VALUES", 201)
-    text = "".join(f"key-{number}: 1\n" for number in range(200))
-    assert len(parse_yaml(text).data) == 200
-    with pytest.raises(ConfigError, match=r"w\.yaml:201: x: too much content: more than 201 keys"):
-        parse_yaml(f"{text}x: 1\n{{unclosed", "w.yaml")
 
 
 @pytest.mark.parametrize(
@@ -254,9 +236,3 @@ def test_errors_say_what_was_found_where(
         with pytest.raises(ConfigError, match=re.escape(message)) as caught:
             parse_yaml(text)
         assert caught.value.line == line
-
-
-def test_tabs_may_separate_but_not_indent() -> None:
-    assert parse_yaml("a:\t1\t# x\nb: [1,\t2]\n").data == {"a": 1, "b": [1, 2]}
-    with pytest.raises(ConfigError, match="a tab; indent and separate with spaces"):
-        parse_yaml("a:\n\t- 1\n")

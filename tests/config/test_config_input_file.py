@@ -40,7 +40,7 @@ READERS = """
 LOADERS = {"np.load", "numpy.load", "json.load", "tomllib.load", "pickle.load", "csv.reader"}
 
 ALLOWED = {
-    "navfw/config/input_file.py": {"os.open": "the one function"},
+    "navfw/config/input_file.py": {"path.open": "the one function"},
     "navfw/config/image_file.py": {"PillowImage.open": "of bytes already read"},
     "navfw/perceive/video_file.py": {
         "cv2.VideoCapture": "it takes a name only; the file is checked just before",
@@ -162,9 +162,8 @@ def test_a_file_is_read_up_to_its_bound_and_through_a_link(tmp_path: Path) -> No
     link = tmp_path / "link"
     link.symlink_to(put_file(tmp_path, "file", b"12345").name)
     assert read_input(link, 5) == b"12345"
-    for file, bound in ((link, 4), ("/proc/self/maps", 10)):  # the latter's size is unknown
-        with pytest.raises(ConfigError, match=f"too large: at most {bound} bytes"):
-            read_input(file, bound)
+    with pytest.raises(ConfigError, match="too large: at most 4 bytes"):
+        read_input(link, 4)
 
 
 def test_text_is_utf_8_with_or_without_a_mark(tmp_path: Path) -> None:
@@ -173,15 +172,6 @@ def test_text_is_utf_8_with_or_without_a_mark(tmp_path: Path) -> None:
     file.write_bytes(b"\xef\xbb\xbfone\nt\xffwo")
     with pytest.raises(ConfigError, match=r"a\.txt:2: expected UTF-8 text, got byte 0xff"):
         read_input_text(file, 100)
-
-
-@pytest.mark.parametrize(
-    "text", ["[tool.navfw]\na = " + "[" * 3000, "[tool.navfw]\na = " + "9" * 5000, "[tool.navfw"]
-)
-def test_a_damaged_project_file_is_named(text: str, tmp_path: Path) -> None:
-    put_file(tmp_path, "pyproject.toml", f"# tool.navfw\n{text}\n")
-    with pytest.raises(ConfigError, match=r"pyproject\.toml: not valid TOML"):
-        project_folder(tmp_path)
 
 
 def test_what_is_no_regular_file_makes_no_project(tmp_path: Path) -> None:

@@ -40,12 +40,12 @@ def test_a_defect_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     def broken(folder: Path) -> object:
         raise LookupError(folder.name)
 
-    monkeypatch.setitem(TARGETS, "project", replace(TARGETS["project"], read=broken))
+    monkeypatch.setitem(TARGETS, "obj", replace(TARGETS["obj"], read=broken))
     shop = Workshop(tmp_path, seed=0)
-    number = next(n for n in range(100) if shop.write(n)[0] == "project")
+    number = next(n for n in range(100) if shop.write(n)[0] == "obj")
     tried = shop.attempt(number)
     assert tried.code == -1
-    assert "LookupError: project" in tried.defect
+    assert "LookupError: obj" in tried.defect
 
 
 @pytest.mark.parametrize("place", PLACED)

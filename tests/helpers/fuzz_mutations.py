@@ -202,21 +202,8 @@ def mutate_numbers(content: bytes, random: Random) -> bytes:
     return "".join(parts).encode()
 
 
-def mutate_toml(content: bytes, random: Random) -> bytes:
-    """A TOML file with deep keys, tables or lists, or very many of them."""
-    depth = random.choice((5, 19, 21, 300, 20_000))
-    deep = ".".join(["a"] * depth)
-    texts = (f"{deep} = 1", f"[{deep}]", "x = " + "[" * depth, '"""' * depth, "[[k]]\n" * depth)
-    return content + f"\n{random.choice(texts)}\n".encode()
-
-
-_SCHEMAS = (
-    "CREATE VIEW {t} AS WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n)"
-    " SELECT x a, x b, x c, x d FROM n",
-    "CREATE TABLE {t} (a REAL, b, c, d)",
-    "CREATE TABLE {t} (a, b, c)",
-)
-"""What stands in the place of a table: a view without an end, and other columns."""
+_SCHEMAS = ("CREATE TABLE {t} (a REAL, b, c, d)", "CREATE TABLE {t} (a, b, c)")
+"""What stands in the place of a table: other columns."""
 
 _CELLS = (None, -1, 2**62, 1e308, "", "{}", '["e", 1]', "[" * 5000, "\x1b[31m", b"\xff")
 """Values of a column."""
@@ -247,7 +234,6 @@ MUTATORS: dict[str, tuple[Mutator, ...]] = {
     "recording": (mutate_recording, mutate_recording, mutate_bytes),
     "bytes": (mutate_bytes,),
     "numbers": (mutate_numbers, mutate_numbers, mutate_bytes),
-    "toml": (mutate_toml, mutate_toml, mutate_bytes),
     "database": (mutate_database, mutate_database, mutate_bytes),
 }
 """By the form of an input: what changes it."""

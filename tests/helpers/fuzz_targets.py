@@ -13,10 +13,9 @@ from suite_samples import row
 from typer.testing import CliRunner
 
 from navfw.cli import app
-from navfw.config import project_folder
 from navfw.errors import InputError
 from navfw.fuzzy import load_rule_base
-from navfw.meshes import FURNITURE_LIMITS, read_triangles
+from navfw.meshes import MAX_TRIANGLES, read_triangles
 from navfw.missions import prepare, write_run
 from navfw.plugins import default_registry
 from navfw.recording import RunFolder
@@ -230,10 +229,9 @@ def _study(folder: Path) -> None:
 
 
 def _read_mesh(name: str) -> Read:
-    return lambda folder: read_triangles(folder / name, FURNITURE_LIMITS)
+    return lambda folder: read_triangles(folder / name, MAX_TRIANGLES, convex=True)
 
 
-PROJECT = '[project]\nname = "x"\n[tool.navfw]\nkeys = [1, 2.5, {a = "b"}]\n[tool.navfw.more]\n'
 DIFFERING = frozenset({0, 1, 2})
 """Of commands that end with 1 where they find a difference or problem, as documented."""
 
@@ -251,8 +249,6 @@ TARGETS: dict[str, Target] = {
     "suite": Target("suite.yaml", "data", _text("suite.yaml", SUITE), _plan_suite, 1),
     "rules": Target("rules.yaml", "data", _copy("rules.yaml", "behaviors/avoid.yaml"),
                     lambda folder: load_rule_base(folder / "rules.yaml"), 8),
-    "project": Target("pyproject.toml", "toml", _text("pyproject.toml", PROJECT),
-                      project_folder, 20),
     "recording": Target("run/run.mcap", "recording", _recorded,
                         _command("replay", "./run"), 6, DIFFERING),
     "result": Target("run/result.json", "data", _recorded,

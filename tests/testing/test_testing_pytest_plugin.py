@@ -339,9 +339,3 @@ def test_tests_execute_the_plugins_of_their_own_project_alone(
         done.assert_outcomes(passed=passed, failed=1 - passed)
     done.stdout.fnmatch_lines(["*UntrustedCodeError: *not trusted, so its code is not executed*"])
     assert "NAVFW_TRUST" not in os.environ
-
-
-def test_a_damaged_project_does_not_stop_other_tests(pytester: pytest.Pytester) -> None:
-    pytester.path.joinpath("pyproject.toml").write_text("[tool.navfw]\nx = \n")
-    text = "def test_it():\n    pass\n"
-    outcomes(pytester, text, "-c", "/dev/null", "--rootdir=.").assert_outcomes(passed=1)

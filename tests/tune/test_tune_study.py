@@ -164,7 +164,7 @@ def test_a_file_that_is_no_study_is_told(folder: StudyFolder) -> None:
         folder.open({}, resume=True, seed=0)
     folder.created()
     folder.database.write_bytes(b"not a database" * 100)
-    with pytest.raises(InputError, match=r"study\.db: not a readable study"):
+    with pytest.raises(InputError, match=r"study\.db: expected a study of navfw tune: "):
         folder.open({}, resume=True, seed=0)
 
 

@@ -124,12 +124,6 @@ def test_unsupported_elements_are_errors_with_line_and_name(tmp_path: Path, what
         ("<sdf><world>", "not XML"),
         ("<robot name='r'/>", "expected an SDF world, got <robot>"),
         ("<sdf version='1.6'/>", "expected one <world>, found 0"),
-        (
-            "<!DOCTYPE sdf [<!ENTITY a 'aaa'><!ENTITY b '&a;&a;'>]><sdf><world>&b;</world></sdf>",
-            "entities are not allowed",
-        ),
-        ("<!DOCTYPE sdf SYSTEM 'file:///etc/passwd'><sdf/>", "entities are not allowed"),
-        ("<sdf>" + "<a>" * 100, "nested too deep"),
         ("<sdf><world><model name='m'><pose>1 2 x 0 0 0</pose></model></world></sdf>", "6 numbers"),
         ("<sdf><world><model name='m'><pose>1 2</pose></model></world></sdf>", "6 numbers"),
         ("<sdf><world><model name='m'><pose>nan 0 0 0 0 0</pose></model></world></sdf>", "6 numb"),
