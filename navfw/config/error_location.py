@@ -5,16 +5,15 @@ From the location in a pydantic error follow the key in the file and the type ex
 
 from __future__ import annotations
 
-import dataclasses
 import enum
 import functools
 import types
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
-from pydantic import BaseModel, Discriminator, RootModel, Tag
+from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticSerializationError, PydanticUndefined, to_jsonable_python
 
@@ -46,21 +45,14 @@ class Parameter(NamedTuple):
 
 
 def peel(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
-    """``annotation`` without its ``Annotated`` layers, aliases and root models; their metadata."""
+    """``annotation`` without its ``Annotated`` layers; their metadata."""
     metadata: tuple[Any, ...] = ()
-    while True:
-        if get_origin(annotation) is Annotated:
-            annotation, *extra = get_args(annotation)
-            for item in extra:
-                metadata += tuple(item.metadata) if isinstance(item, FieldInfo) else ()
-            metadata += tuple(extra)
-        elif hasattr(annotation, "__value__"):  # a ``type`` alias
-            annotation = annotation.__value__
-        elif is_model(annotation) and issubclass(annotation, RootModel):
-            root = annotation.model_fields["root"]
-            annotation, metadata = root.annotation, (*metadata, *root.metadata)
-        else:
-            return annotation, metadata
+    while get_origin(annotation) is Annotated:
+        annotation, *extra = get_args(annotation)
+        for item in extra:
+            metadata += tuple(item.metadata) if isinstance(item, FieldInfo) else ()
+        metadata += tuple(extra)
+    return annotation, metadata
 
 
 def members_of(annotation: Any) -> tuple[Any, ...]:
@@ -111,8 +103,6 @@ def _container(bare: Any) -> str:
     if issubclass(origin, BaseModel | Mapping):
         has_values = len(args) == 2 and args[1] is not Any
         return f"a mapping to {_plural(args[1])}" if has_values else "a mapping"
-    if hasattr(origin, "_fields"):  # a named tuple
-        return f"a list of {len(origin._fields)} values"
     if issubclass(origin, tuple) and args and args[-1] is not Ellipsis:
         parts = dict.fromkeys(_plural(arg) for arg in args)
         return f"a list of {len(args)} {' and '.join(parts)}"
@@ -213,12 +203,11 @@ def _plain(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class ExpectedType:
-    """A type, with the metadata, description and discriminator of its declaration."""
+    """A type, with the metadata and description of its declaration."""
 
     annotation: Any
     metadata: tuple[Any, ...] = ()
     description: str = ""
-    discriminator: Any = None
 
     def __str__(self) -> str:
         text = describe(self.annotation, self.metadata)
@@ -239,12 +228,7 @@ class ErrorLocation:
     known_keys: tuple[str, ...] = ()
     """The keys of the enclosing model."""
     unions: dict[KeyPath, tuple[str, ExpectedType]] = field(default_factory=dict)
-    """The plain unions along ``path``: the label of the member in the location, and the union."""
-
-    @property
-    def tags(self) -> tuple[str, tuple[str, ...]]:
-        """Of a discriminated union the discriminating key and its values, else nothing."""
-        return _tags(self.expected) if self.certain else ("", ())
+    """The unions along ``path``: the label of the member in the location, and the union."""
 
     def follow(self, step: str | int) -> None:
         """Go on by one step of pydantic's location."""
@@ -274,24 +258,18 @@ class ErrorLocation:
     def _choose(self, label: str) -> None:
         """Go on with the member of a union that has the ``label``."""
         union = self.expected
-        key, _ = _tags(union)
-        if not key:
-            self.unions[self.path] = (label, union)
-        fits = [
-            m for m in _members(union) if (label in _tags_of(m, key) if key else _named(m, label))
-        ]
+        self.unions[self.path] = (label, union)
+        fits = [member for member in _members(union) if _named(member, label)]
         self._expect(ExpectedType(fits[0], (), union.description) if fits else None)
 
     def _descend(self, step: str | int) -> None:
         bare, _ = peel(self.expected.annotation)
         origin, args = get_origin(bare) or bare, get_args(bare)
-        fields = _fields_of(origin)
         inner: ExpectedType | None = None
-        if fields is not None:
+        if is_model(origin):
+            fields = _fields_of(origin)
             self.known_keys = tuple(fields)
-            # an index: of a named tuple, given as a list
-            values = dict(enumerate(fields.values()))
-            inner = values.get(step) if isinstance(step, int) else fields.get(step)
+            inner = fields.get(str(step))
         elif isinstance(origin, type) and issubclass(origin, Mapping) and len(args) == 2:
             inner = ExpectedType(args[1])
         elif isinstance(origin, type) and issubclass(origin, tuple) and isinstance(step, int):
@@ -336,44 +314,14 @@ def _members(expected: ExpectedType) -> list[Any]:
 
 
 @functools.cache
-def _fields_of(origin: Any) -> Mapping[str, ExpectedType] | None:
-    """The fields of a model, dataclass or named tuple by key; None of any other type."""
-    if not is_model(origin):
-        if not (dataclasses.is_dataclass(origin) or hasattr(origin, "_fields")):
-            return None
-        hints = get_type_hints(origin, include_extras=True)
-        return {name: ExpectedType(hint) for name, hint in hints.items()}
-    fields: dict[str, ExpectedType] = {}
-    for name, info in origin.model_fields.items():
-        alias = info.validation_alias if isinstance(info.validation_alias, str) else info.alias
-        keys = {alias or name}
-        if origin.model_config.get("populate_by_name"):
-            keys.add(name)
-        details = tuple(info.metadata), info.description or "", info.discriminator
-        fields |= dict.fromkeys(keys, ExpectedType(info.annotation, *details))
-    return fields
-
-
-def _tags(expected: ExpectedType) -> tuple[str, tuple[str, ...]]:
-    """The discriminating key of a union, and its values; empty for other types."""
-    key = expected.discriminator
-    for item in (*peel(expected.annotation)[1], *expected.metadata):
-        key = key or getattr(item, "discriminator", None)
-    while isinstance(key, Discriminator):
-        key = key.discriminator
-    if key is None or len(_members(expected)) < 2:
-        return "", ()
-    key = key if isinstance(key, str) else "kind"
-    return key, tuple(tag for member in _members(expected) for tag in _tags_of(member, key))
-
-
-def _tags_of(member: Any, key: str) -> list[str]:
-    bare, metadata = peel(member)
-    named = [str(item.tag) for item in metadata if isinstance(item, Tag)]
-    if named or not is_model(bare):
-        return named
-    expected = (_fields_of(bare) or {}).get(key)
-    return choices_of(expected.annotation) if expected is not None else []
+def _fields_of(model: type[BaseModel]) -> Mapping[str, ExpectedType]:
+    """The fields of a model by key."""
+    return {
+        info.alias or name: ExpectedType(
+            info.annotation, tuple(info.metadata), info.description or ""
+        )
+        for name, info in model.model_fields.items()
+    }
 
 
 def _named(member: Any, label: str) -> bool:

@@ -67,9 +67,7 @@ def problems_of(
 ) -> list[FileProblem]:
     """The problems in ``error``, from validating ``document`` at path ``at`` as ``model``.
 
-    They are in the order of the file. Only the first ``MAX_LISTED`` are worded: comparing an
-    unknown key with the known ones takes a millisecond, and a file may have thousands. The others
-    have pydantic's message.
+    They are in the order of the file.
     """
     data = document.at(at)
     located: list[tuple[ErrorDetails, ErrorLocation]] = [
@@ -77,23 +75,12 @@ def problems_of(
         for detail in error.errors(include_url=False)
         if not _is_echo(detail)
     ]
-    unworded: list[tuple[FileProblem, ErrorDetails, ErrorLocation]] = []
+    problems: dict[FileProblem, None] = {}  # an ordered set
     for detail, location in _resolve_unions(located):
         path = (*at, *location.path)
-        if detail["type"] == "union_tag_invalid":
-            path = (*path, location.tags[0])
-        unworded.append(
-            (FileProblem(path, detail["msg"], document.origin_of(path)), detail, location)
-        )
-    unworded.sort(key=lambda item: _order(item[0]))
-    problems: dict[FileProblem, None] = {}  # an ordered set
-    for problem, detail, location in unworded:
-        if len(problems) < MAX_LISTED:
-            message = _located_message(document, problem, detail, location)
-            problems[dataclasses.replace(problem, message=message)] = None
-        else:
-            problems[problem] = None
-    return list(problems)
+        problem = FileProblem(path, _message(detail, location), document.origin_of(path))
+        problems[_with_option(document, problem, detail)] = None
+    return sorted(problems, key=_order)
 
 
 @contextmanager
@@ -115,17 +102,14 @@ def _order(problem: FileProblem) -> tuple[bool, int]:
     return problem.origin.option is not None, problem.origin.line or 0
 
 
-def _located_message(
-    document: YamlDocument, problem: FileProblem, detail: ErrorDetails, location: ErrorLocation
-) -> str:
-    """The message for ``problem``, with the option of the command line that is its cause."""
-    message = _message(detail, location)
-    option = problem.origin.option
+def _with_option(document: YamlDocument, problem: FileProblem, detail: ErrorDetails) -> FileProblem:
+    """``problem`` with the option of the command line that is its cause."""
+    option, message, key = problem.origin.option, problem.message, key_text(problem.path)
     if option is None:
-        return message + _responsible_options(document, problem.path, detail)
-    key = key_text(problem.path)
-    named = option.removeprefix("--set ").partition("=")[0]
-    return message if named == key else f"{key}: {message}"
+        message += _responsible_options(document, problem.path, detail)
+    elif option.removeprefix("--set ").partition("=")[0] != key:
+        message = f"{key}: {message}"
+    return dataclasses.replace(problem, message=message)
 
 
 def _is_echo(detail: ErrorDetails) -> bool:
@@ -145,13 +129,6 @@ def _message(detail: ErrorDetails, location: ErrorLocation) -> str:
             text = f"missing; expected {expected}"
         case "extra_forbidden":
             text = f"unknown key; {did_you_mean(str(location.path[-1]), location.known_keys)}"
-        case "union_tag_not_found":
-            key, tags = location.tags
-            text = f"missing {key!r}; expected one of {', '.join(tags)}"
-        case "union_tag_invalid":
-            key, tags = location.tags
-            tag = str(context.get("tag", ""))
-            text = f"unknown {key} {tag!r}: {did_you_mean(tag, tags)}"
         case "value_error" | "assertion_error":
             text = str(context.get("error") or detail["msg"])
         case "too_short" | "too_long" if location.certain and isinstance(value, Sized):
