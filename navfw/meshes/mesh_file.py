@@ -232,7 +232,8 @@ def _by_trimesh(path: Path, content: bytes, convex: bool) -> Array:
 
     kind = path.suffix[1:].lower()
     try:
-        mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, skip_materials=True)
+        options = {"skip_materials": True, "process": False}
+        mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, **options)
         unit = unit_conversion(mesh.units, "meters") if mesh.units else 1.0
         return np.asarray(getattr(mesh, "triangles", ()), dtype=float).reshape(-1, 3, 3) * unit
     except Exception as error:  # whatever parsers of foreign files raise
