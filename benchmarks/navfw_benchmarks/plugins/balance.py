@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from pydantic import Field
 
 from navfw import Behavior, Context, FlowField, Proposal
+
+_GAIN = 1.8
+"""k, turning rate at full imbalance [rad/s]."""
+_GOAL_GAIN, _GOAL_MAX = 0.5, 0.5
+"""Turning rate per bearing of the goal [1/s], and the bound of the goal term [rad/s]."""
+_SPEED, _SLOWING = 0.3, 0.7
+"""Speed straight on [m/s], and the share of it that is removed at full turn."""
+_MAX_AGE = 0.5
+"""Age from which flow is void [s]."""
 
 
 class Balance(Behavior):
@@ -19,43 +27,21 @@ class Balance(Behavior):
 
     name: ClassVar[str] = "balance"
 
-    class Params(Behavior.Params):
-        """Gains."""
-
-        gain: Annotated[
-            float, Field(ge=0.0, le=20.0, description="k, turning rate at full imbalance [rad/s]")
-        ] = 1.8
-        goal_gain: Annotated[
-            float, Field(ge=0.0, le=10.0, description="turning rate per bearing of the goal [1/s]")
-        ] = 0.5
-        goal_max: Annotated[
-            float, Field(ge=0.0, le=4.0, description="bound of the goal term [rad/s]")
-        ] = 0.5
-        speed: Annotated[float, Field(gt=0.0, le=2.0, description="speed straight on [m/s]")] = 0.3
-        slowing: Annotated[
-            float, Field(ge=0.0, le=1.0, description="share of the speed removed at full turn")
-        ] = 0.7
-        max_age: Annotated[
-            float, Field(gt=0.0, le=10.0, description="age from which flow is void [s]")
-        ] = 0.5
-
-    params: Params
-
     def propose(self, context: Context) -> Proposal:
         """Desire the turning rate that balances the flow, plus the goal term."""
-        p, commands = self.params, context.commands
+        commands = context.commands
         if context.waypoint is None:
             return Proposal(0.0, commands.zeros(), commands.zeros(), "no waypoint")
         left = right = 0.0
         flow = context.flow
-        if flow is not None and context.time - flow.time <= p.max_age:
+        if flow is not None and context.time - flow.time <= _MAX_AGE:
             left, right = _sides(flow)
         # sides are compared only if both have valid flow
         balance = (right - left) / (right + left) if min(left, right) > 0.0 else 0.0
-        pull = p.goal_gain * context.waypoint_bearing
-        w = p.gain * balance + min(p.goal_max, max(-p.goal_max, pull))
+        pull = _GOAL_GAIN * context.waypoint_bearing
+        w = _GAIN * balance + min(_GOAL_MAX, max(-_GOAL_MAX, pull))
         turn = min(1.0, max(-1.0, w / commands.max_w))
-        v = p.speed * (1.0 - p.slowing * abs(turn))
+        v = _SPEED * (1.0 - _SLOWING * abs(turn))
         return Proposal(
             applicability=1.0,
             desirability=commands.around(v / commands.max_v, turn),

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from pydantic import Field
 
 from navfw import Array, Behavior, Context, FlowField, Proposal, RobotModel
+
+_CONTACT, _CONFIRMATIONS = 2.5, 2
+"""Time to contact that starts a saccade [s], and the successive flow fields below it."""
+_WIDTH, _ABOVE, _BELOW = 0.5, 0.35, 0.1
+"""Image region: its width, and its height above and below the middle, as shares of the image."""
+_SACCADE, _STRAIGHT = 1.0, 0.8
+"""Angle of a saccade [rad], and the distance straight on after it [m]."""
+_GOAL_GAIN, _SPEED = 1.0, 0.3
+"""Turning rate per bearing of the goal [1/s], and the speed straight on [m/s]."""
+_REPEAT_TIME = 6.0
+"""Time for which the side of a saccade is kept [s]."""
 
 
 class Divergence(Behavior):
@@ -20,40 +30,7 @@ class Divergence(Behavior):
 
     name: ClassVar[str] = "divergence"
 
-    class Params(Behavior.Params):
-        """Time to contact, image region, saccade and goal term."""
-
-        contact: Annotated[
-            float, Field(gt=0.0, le=20.0, description="time to contact that starts a saccade [s]")
-        ] = 2.5
-        confirmations: Annotated[
-            int, Field(ge=1, le=10, description="successive flow fields below that time")
-        ] = 2
-        width: Annotated[
-            float, Field(gt=0.0, le=1.0, description="width of the image region, share")
-        ] = 0.5
-        above: Annotated[
-            float, Field(gt=0.0, le=0.5, description="its height above the middle, share")
-        ] = 0.35
-        below: Annotated[
-            float, Field(ge=0.0, le=0.5, description="its height below the middle, share")
-        ] = 0.1
-        saccade: Annotated[float, Field(gt=0.0, le=3.2, description="angle [rad]")] = 1.0
-        straight: Annotated[
-            float, Field(ge=0.0, le=10.0, description="distance straight on after a saccade [m]")
-        ] = 0.8
-        goal_gain: Annotated[
-            float, Field(ge=0.0, le=10.0, description="turning rate per bearing of the goal [1/s]")
-        ] = 1.0
-        speed: Annotated[float, Field(gt=0.0, le=2.0, description="speed straight on [m/s]")] = 0.3
-        repeat_time: Annotated[
-            float,
-            Field(ge=0.0, le=60.0, description="time for which the side of a saccade is kept [s]"),
-        ] = 6.0
-
-    params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+    def __init__(self, robot: RobotModel, params: Behavior.Params | None = None) -> None:
         super().__init__(robot, params)
         self.reset()
 
@@ -73,7 +50,7 @@ class Divergence(Behavior):
         if context.waypoint is None:
             return Proposal(0.0, commands.zeros(), commands.zeros(), "no waypoint")
         self._update(context)
-        if self._target is None and self._alarms >= self.params.confirmations:
+        if self._target is None and self._alarms >= _CONFIRMATIONS:
             self._begin(context)
         if self._target is not None and self._left(context) <= 0.1:
             self._end(context)
@@ -97,15 +74,15 @@ class Divergence(Behavior):
         self._flow_time = flow.time
         self._contact = self._time_to_contact(flow)
         # negative while reversing: only approaching surfaces count
-        near = 0.0 < self._contact < self.params.contact
+        near = 0.0 < self._contact < _CONTACT
         self._alarms = self._alarms + 1 if near else 0
 
     def _time_to_contact(self, flow: FlowField) -> float:
         """Time [s] to contact with the surface in the image region; inf without valid flow."""
-        p, camera = self.params, self.robot.camera
+        camera = self.robot.camera
         x, y = flow.points[..., 0], flow.points[..., 1]
-        middle = np.abs(x) <= 0.5 * p.width * camera.width
-        middle &= (y >= -p.above * camera.height) & (y <= p.below * camera.height)
+        middle = np.abs(x) <= 0.5 * _WIDTH * camera.width
+        middle &= (y >= -_ABOVE * camera.height) & (y <= _BELOW * camera.height)
         valid = middle & (flow.confidence > 0.1) & np.isfinite(flow.vectors).all(axis=-1)
         if np.count_nonzero(valid) < 8:
             return math.inf
@@ -114,9 +91,9 @@ class Divergence(Behavior):
 
     def _begin(self, context: Context) -> None:
         """Choose the side: that of a recent saccade, else that of the smaller flow."""
-        if context.time - self._ended > self.params.repeat_time and context.flow is not None:
+        if context.time - self._ended > _REPEAT_TIME and context.flow is not None:
             self._way = 1.0 if _mean_turn(context.flow) >= 0.0 else -1.0
-        self._target = context.pose.yaw + self._way * self.params.saccade
+        self._target = context.pose.yaw + self._way * _SACCADE
         self._alarms = 0
 
     def _end(self, context: Context) -> None:
@@ -131,16 +108,15 @@ class Divergence(Behavior):
 
     def _drive(self, context: Context) -> tuple[float, float]:
         """Speed [m/s] and relative turn: straight on after a saccade, else toward the waypoint."""
-        p = self.params
         if self._from is not None:
             way = math.hypot(context.pose.x - self._from[0], context.pose.y - self._from[1])
             # a blocked robot must not wait for ever
-            if way < p.straight and context.time - self._ended < 4.0 * p.straight / p.speed:
-                return p.speed, 0.0
+            if way < _STRAIGHT and context.time - self._ended < 4.0 * _STRAIGHT / _SPEED:
+                return _SPEED, 0.0
             self._from = None
-        turn = p.goal_gain * context.waypoint_bearing / context.commands.max_w
+        turn = _GOAL_GAIN * context.waypoint_bearing / context.commands.max_w
         turn = min(1.0, max(-1.0, turn))
-        return p.speed * (1.0 - 0.8 * abs(turn)), turn
+        return _SPEED * (1.0 - 0.8 * abs(turn)), turn
 
 
 def _growth(points: Array, vectors: Array, weight: Array) -> float:

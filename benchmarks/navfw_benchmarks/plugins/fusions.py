@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
 
 from navfw import Array, Command, Context, Fusion, Proposal
 from navfw.mofis.fusion import best_of, command_at, joint_prohibition, no_command, shares
 from navfw.numerics.functions import power
 
 Proposals = Mapping[str, Proposal]
+
+_SMOOTHING = 0.7
+"""Standard deviation with which votes are smoothed [cells of the grid of commands]."""
+_ORDER = ("emergency", "escape", "give_way", "avoid", "follow_wall", "go_to_xy")
+"""The behaviours to which ``PriorityFusion`` gives the command, the most important first."""
+_THRESHOLD = 0.8
+"""Applicability from which such a behaviour decides."""
 
 
 class DamnFusion(Fusion):
@@ -24,19 +30,6 @@ class DamnFusion(Fusion):
 
     name: ClassVar[str] = "damn"
 
-    class Params(Fusion.Params):
-        """How votes are counted."""
-
-        against: Annotated[
-            float,
-            Field(ge=0.0, le=10.0, description="weight of a prohibition against a desire"),
-        ] = 1.0
-        smoothing: Annotated[
-            float, Field(ge=0.0, le=5.0, description="standard deviation [cells of the grid]")
-        ] = 0.7
-
-    params: Params
-
     def fuse(self, context: Context, proposals: Proposals) -> Command:
         """The command with the most votes."""
         from scipy import ndimage  # takes a tenth of a start's time
@@ -44,9 +37,9 @@ class DamnFusion(Fusion):
         votes = context.commands.zeros()
         for name, share in shares(proposals).items():
             proposal = proposals[name]
-            votes += share * (proposal.desirability - self.params.against * proposal.prohibition)
+            votes += share * (proposal.desirability - proposal.prohibition)
         forbidden = joint_prohibition(context, proposals) > 0.5
-        votes = ndimage.gaussian_filter(votes, self.params.smoothing, mode="nearest")
+        votes = ndimage.gaussian_filter(votes, _SMOOTHING, mode="nearest")
         most = float(votes.max())
         if most <= 0.0:
             return no_command(context, proposals, forbidden)
@@ -62,22 +55,10 @@ class ParetoFusion(Fusion):
 
     name: ClassVar[str] = "pareto"
 
-    class Params(Fusion.Params):
-        """How the compromise is measured."""
-
-        power: Annotated[
-            float, Field(ge=1.0, le=10.0, description="exponent of the distance to the ideal")
-        ] = 2.0
-        cut: Annotated[
-            float, Field(gt=0.0, le=1.0, description="prohibition from which a command is excluded")
-        ] = 0.5
-
-    params: Params
-
     def fuse(self, context: Context, proposals: Proposals) -> Command:
         """The best compromise on the Pareto front of the allowed commands."""
         prohibition = joint_prohibition(context, proposals)
-        forbidden = prohibition > self.params.cut
+        forbidden = prohibition > 0.5
         active = [p for p in proposals.values() if p.applicability > 1e-3]
         allowed = np.flatnonzero(~forbidden)
         if not active or allowed.size == 0:
@@ -89,7 +70,7 @@ class ParetoFusion(Fusion):
             return no_command(context, proposals, forbidden)
         front = pareto_front(objectives)
         short = objectives.max(axis=1, keepdims=True) - objectives[:, front]
-        distance = (weights[:, None] * power(short, self.params.power)).sum(axis=0)
+        distance = (weights[:, None] * power(short, 2.0)).sum(axis=0)
         nearest = np.unravel_index(int(allowed[front[int(distance.argmin())]]), forbidden.shape)
         position = float(nearest[0]), float(nearest[1])
         explanation = {"front": int(front.size), "distance": float(distance.min())}
@@ -140,33 +121,19 @@ def _centroid(support: Array) -> tuple[float, float] | None:
 
 
 class PriorityFusion(Fusion):
-    """Gives the command to one behaviour: the first of ``order`` that is applicable enough.
+    """Gives the command to one behaviour: the first of ``_ORDER`` that is applicable enough.
 
     A baseline: the prohibitions of the other behaviours do not count. Behaviours not named in
-    ``order`` come last, in the order of the stack file.
+    ``_ORDER`` come last, in the order of the stack file.
     """
 
     name: ClassVar[str] = "priority"
 
-    class Params(Fusion.Params):
-        """The order of behaviours."""
-
-        order: Annotated[
-            tuple[str, ...], Field(description="behaviours, the most important first")
-        ] = ("emergency", "escape", "give_way", "avoid", "follow_wall", "go_to_xy")
-        threshold: Annotated[
-            float, Field(gt=0.0, lt=1.0, description="applicability from which a behaviour decides")
-        ] = 0.8
-
-    params: Params
-
     def fuse(self, context: Context, proposals: Proposals) -> Command:
         """The command with the winner's largest desire that it does not prohibit."""
-        rank = {name: index for index, name in enumerate(self.params.order)}
+        rank = {name: index for index, name in enumerate(_ORDER)}
         ordered = sorted(proposals, key=lambda name: rank.get(name, len(rank)))
-        applicable = [
-            name for name in ordered if proposals[name].applicability >= self.params.threshold
-        ]
+        applicable = [name for name in ordered if proposals[name].applicability >= _THRESHOLD]
         none_forbidden = context.commands.zeros() > 1.0
         if not applicable:
             return no_command(context, proposals, none_forbidden)

@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
-
-from pydantic import Field
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from navfw.config.extras import extra_imports
 from navfw.context import Context, peak
@@ -25,7 +23,12 @@ if TYPE_CHECKING:
     from navfw.missions.oracle import Surroundings, SurroundingsSource
 
 
-Metres = Annotated[float, Field(ge=0.0, le=20.0)]
+_HORIZON, _MARGIN = 3.0, 0.08
+"""How far it looks, and the distance kept from things [m]."""
+_ETA, _TAU, _ROTATION_TAU = 0.5, 0.125, 0.5
+"""Time that it keeps away from contacts, and relaxation times of speed and turn [s]."""
+_RESOLUTION = 101
+"""Directions that it tries."""
 
 
 class Navground(Behavior):
@@ -38,27 +41,7 @@ class Navground(Behavior):
     name: ClassVar[str] = "navground"
     oracle: ClassVar[bool] = True
 
-    class Params(Behavior.Params):
-        """What is handed on to navground."""
-
-        horizon: Annotated[Metres, Field(description="how far it looks [m]")] = 3.0
-        margin: Annotated[Metres, Field(description="kept from things [m]")] = 0.08
-        eta: Annotated[
-            float, Field(gt=0.0, le=5.0, description="time that it keeps away from contacts [s]")
-        ] = 0.5
-        tau: Annotated[
-            float, Field(gt=0.0, le=5.0, description="relaxation time of the speed [s]")
-        ] = 0.125
-        rotation_tau: Annotated[
-            float, Field(gt=0.0, le=5.0, description="relaxation time of the turn [s]")
-        ] = 0.5
-        resolution: Annotated[int, Field(ge=11, le=721, description="directions that it tries")] = (
-            101
-        )
-
-    params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+    def __init__(self, robot: RobotModel, params: Behavior.Params | None = None) -> None:
         super().__init__(robot, params)
         self._core = _navground("navground.core")
         self._truth: SurroundingsSource | None = None
@@ -81,7 +64,7 @@ class Navground(Behavior):
             raise PluginError(
                 "needs the simulator's truth, which only a mission can give", key=self.name
             )
-        around = self._truth.surroundings(self.params.horizon)
+        around = self._truth.surroundings(_HORIZON)
         v, w = self._ask(context, around)
         return Proposal(
             applicability=1.0,
@@ -109,16 +92,16 @@ class Navground(Behavior):
 
     def _agent(self, context: Context) -> Any:
         """A fresh agent at the origin, as fast as the robot, on its way to the waypoint."""
-        core, p, commands = self._core, self.params, context.commands
+        core, commands = self._core, context.commands
         kinematics = _navground("navground.core.kinematics").TwoWheelsDifferentialDriveKinematics(
             max_speed=commands.max_v, wheel_axis=self.robot.track
         )
         agent = _navground("navground.core.behaviors").HLBehavior(kinematics, self.robot.radius)
         agent.max_angular_speed = commands.max_w
         agent.optimal_speed = commands.max_v
-        agent.horizon, agent.safety_margin = p.horizon, p.margin
-        agent.eta, agent.tau, agent.rotation_tau = p.eta, p.tau, p.rotation_tau
-        agent.resolution = p.resolution
+        agent.horizon, agent.safety_margin = _HORIZON, _MARGIN
+        agent.eta, agent.tau, agent.rotation_tau = _ETA, _TAU, _ROTATION_TAU
+        agent.resolution = _RESOLUTION
         agent.assume_cmd_is_actuated = False
         agent.pose = core.Pose2((0.0, 0.0), 0.0)
         agent.twist = core.Twist2((context.twist.v, 0.0), context.twist.w, core.Frame.relative)

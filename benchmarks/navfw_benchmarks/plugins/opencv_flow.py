@@ -48,6 +48,12 @@ class Farneback(DenseFlow):
         return np.asarray(flow, dtype=np.float32)
 
 
+_WINDOW, _LEVELS = 11, 2
+"""Side of a window [px], and halvings of the image."""
+_RETURN_LOW, _RETURN_HIGH = 0.3, 1.0
+"""Forward-backward errors of a certain match and of no match [px]."""
+_RESIDUAL_LOW, _RESIDUAL_HIGH = 0.35, 0.7
+"""Residuals over contrast of a certain match and of no match."""
 #: Factor that scales the noise model to the errors measured on rendered frames.
 _NOISE_SCALE = 1.3
 #: Shares that count as standard deviation: of the forward-backward error, and of the variation
@@ -65,22 +71,7 @@ class LucasKanade(grid_flow.MatchedFlow):
     name: ClassVar[str] = "lucas_kanade"
 
     class Params(TextureParams):
-        """Grid, windows, and limits of the confidence (METHOD 2.9)."""
-
-        window: Annotated[int, Field(ge=5, le=63, description="side of a window [px]")] = 11
-        levels: Annotated[int, Field(ge=0, le=5, description="halvings of the image")] = 2
-        return_low: Annotated[
-            float, Field(ge=0.0, le=100.0, description="forward-backward error: certain match [px]")
-        ] = 0.3
-        return_high: Annotated[
-            float, Field(gt=0.0, le=100.0, description="forward-backward error: no match [px]")
-        ] = 1.0
-        residual_low: Annotated[
-            float, Field(ge=0.0, le=100.0, description="residual over contrast: certain match")
-        ] = 0.35
-        residual_high: Annotated[
-            float, Field(gt=0.0, le=100.0, description="residual over contrast: no match")
-        ] = 0.7
+        """Grid, and limits of the confidence (METHOD 2.9)."""
 
     params: Params
 
@@ -93,13 +84,13 @@ class LucasKanade(grid_flow.MatchedFlow):
     ) -> tuple[Array, Array, Array]:
         p = self.params
         origins, returned, residual = self._track(now, past, visible)
-        gradient, contrast = _texture(now, self._seeds, p.window)
-        trust = 1.0 - grid_flow.ramp(returned, p.return_low, p.return_high)
+        gradient, contrast = _texture(now, self._seeds, _WINDOW)
+        trust = 1.0 - grid_flow.ramp(returned, _RETURN_LOW, _RETURN_HIGH)
         trust *= 1.0 - grid_flow.ramp(
-            residual / np.maximum(contrast, 1.0), p.residual_low, p.residual_high
+            residual / np.maximum(contrast, 1.0), _RESIDUAL_LOW, _RESIDUAL_HIGH
         )
         trust *= grid_flow.ramp(gradient, p.gradient_low, p.gradient_high)
-        noise = _NOISE_SCALE * residual / (np.maximum(gradient, 0.1) * p.window)
+        noise = _NOISE_SCALE * residual / (np.maximum(gradient, 0.1) * _WINDOW)
         variance = noise**2 + (_RETURN_SHARE * np.minimum(returned, grid_flow.SIGMA_UNKNOWN)) ** 2
         vectors = self._seeds - origins
         spread = _VARIATION_SHARE * grid_flow.local_spread(vectors, trust)
@@ -112,14 +103,13 @@ class LucasKanade(grid_flow.MatchedFlow):
 
         The error of lost points is infinite.
         """
-        p = self.params
-        size = (p.window, p.window)
+        size = (_WINDOW, _WINDOW)
         seeds = self._seeds.reshape(-1, 1, 2).astype(np.float32)
         origins, is_tracked, error = cv2.calcOpticalFlowPyrLK(
-            now, past, seeds, seeds.copy(), winSize=size, maxLevel=p.levels
+            now, past, seeds, seeds.copy(), winSize=size, maxLevel=_LEVELS
         )
         back, is_returned, _ = cv2.calcOpticalFlowPyrLK(
-            past, now, origins, np.array(origins), winSize=size, maxLevel=p.levels
+            past, now, origins, np.array(origins), winSize=size, maxLevel=_LEVELS
         )
         origins, is_tracked, error = np.asarray(origins), np.asarray(is_tracked), np.asarray(error)
         shape = self._seeds.shape[:-1]

@@ -44,8 +44,14 @@ _TEMPLATE_FEATURES = 250
 """Number of features extracted from a frame, and from a template at each size."""
 
 
-_INLIER_DISTANCE = 3.0
-"""Largest reprojection error [px, enlarged] of an inlier of the homography."""
+_INLIERS, _INLIER_DISTANCE = 12, 3.0
+"""Least number of inliers of the homography; their largest reprojection error [px, enlarged]."""
+_RATIO = 0.8
+"""Largest ratio of best to second match distance."""
+_SIDE = 0.5
+"""Side of posters that are not in the map [m]."""
+_CORNER_SIGMA = 1.0
+"""Standard deviation of a corner [px]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,25 +70,12 @@ class Posters(FeatureRecognizer):
     landmark_frames: ClassVar[bool] = True
 
     class Params(FeatureRecognizer.Params):
-        """Matching thresholds, and pictures of posters that are not generated from their id."""
+        """Pictures of posters that are not generated from their id."""
 
         images: Annotated[
             Mapping[Annotated[int, Field(ge=0, le=1_000_000)], str],
             Field(description="files of square posters, by id; others are generated from the id"),
         ] = {}
-        size: Annotated[
-            float, Field(gt=0.0, le=10.0, description="side of posters that are not in the map [m]")
-        ] = 0.5
-        ratio: Annotated[
-            float,
-            Field(gt=0.0, le=1.0, description="largest ratio of best to second match distance"),
-        ] = 0.8
-        inliers: Annotated[
-            int, Field(ge=8, le=500, description="least number of inliers of the homography")
-        ] = 12
-        corner_sigma: Annotated[
-            float, Field(gt=0.0, le=20.0, description="standard deviation of a corner [px]")
-        ] = 1.0
 
     params: Params
 
@@ -116,7 +109,7 @@ class Posters(FeatureRecognizer):
             frame.image, (width * _ENLARGED, height * _ENLARGED), interpolation=cv2.INTER_CUBIC
         )
         keypoints, descriptors = self._orb.detectAndCompute(large, None)
-        if descriptors is None or len(keypoints) < self.params.inliers:
+        if descriptors is None or len(keypoints) < _INLIERS:
             return ()
         points = np.array([keypoint.pt for keypoint in keypoints], np.float64)
         camera = self.robot.landmark_view.model_copy(update={"width": width, "height": height})
@@ -126,10 +119,11 @@ class Posters(FeatureRecognizer):
             if corners is None:
                 continue
             pixels = (corners + 0.5) / _ENLARGED - 0.5
-            side = self._sizes.get(template.number, self.params.size)
-            sigma = self.params.corner_sigma
+            side = self._sizes.get(template.number, _SIDE)
             detections.append(
-                square_detection(frame.time, "poster", template.number, pixels, side, camera, sigma)
+                square_detection(
+                    frame.time, "poster", template.number, pixels, side, camera, _CORNER_SIGMA
+                )
             )
         return tuple(detections)
 
@@ -155,7 +149,6 @@ class Posters(FeatureRecognizer):
 
     def _find(self, template: _PosterTemplate, points: Array, descriptors: Image) -> Array | None:
         """Corners (4, 2) [px] of the poster among the frame's features; None if it is not there."""
-        least = self.params.inliers
         if len(template.descriptors) < 2:
             return None
         # templates have several sizes, so one point of the frame can match twice: match from there
@@ -163,22 +156,22 @@ class Posters(FeatureRecognizer):
         good = [
             pair[0]
             for pair in pairs
-            if len(pair) == 2 and pair[0].distance < self.params.ratio * pair[1].distance
+            if len(pair) == 2 and pair[0].distance < _RATIO * pair[1].distance
         ]
-        if len(good) < least:
+        if len(good) < _INLIERS:
             return None
         template_points = template.points[[match.queryIdx for match in good]]
         frame_points = points[[match.trainIdx for match in good]]
         homography, mask = cv2.findHomography(
             template_points, frame_points, cv2.USAC_DEFAULT, _INLIER_DISTANCE
         )
-        if homography is None or int(np.count_nonzero(mask)) < least:
+        if homography is None or int(np.count_nonzero(mask)) < _INLIERS:
             return None
         # count points of the frame matched twice only once
         agreed = {tuple(point) for point in np.rint(frame_points[np.ravel(mask) > 0]).tolist()}
         square = np.array([[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]])
         corners = cv2.perspectiveTransform(square, homography)[0].astype(np.float64)
-        return corners if len(agreed) >= least and _plausible(corners) else None
+        return corners if len(agreed) >= _INLIERS and _plausible(corners) else None
 
 
 def _plausible(corners: Array) -> bool:
