@@ -10,7 +10,6 @@ from .missionfile import start_candidates as start_candidates
 from .missionspec import Blackout as Blackout
 from .missionspec import MissionSpec as MissionSpec
 from .oracle import SimulatorTruth as SimulatorTruth
-from .oracle import Surroundings as Surroundings
 from .oracle import plugins_of as plugins_of
 from .oracle import reveal as reveal
 from .outcome import FaultKind as FaultKind

@@ -1,11 +1,9 @@
-"""True depth, motion and surroundings for the plugins of a stack with ``oracle: true``."""
+"""The simulator's truth for the plugins of a stack with ``oracle: true``."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import partial
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -13,10 +11,8 @@ import numpy.typing as npt
 from navfw.errors import SimulationError
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import Plugin
-from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.signals import CameraMotion, Frame, FramePair, MovingObject, Odometry, Pose
-from navfw.sim.shapes import Circle, Shape
 from navfw.sim.simulation import Simulation
 from navfw.stack import Stack
 
@@ -26,43 +22,11 @@ _ERRORS = 0.05, 0.12, 0.15, 0.15
 """Standard deviations of a detection's bearing [rad], distance (relative), velocity [m/s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Surroundings:
-    """Obstacles at the robot's height, in base_link.
-
-    ``edges`` (n, 2, 2) [m] are both ends of the sides of walls and boxes, ``discs`` (m, 3) x, y and
-    radius [m] of cylinders, ``walkers`` (k, 5) x, y, radius [m] and velocity [m/s] of movers.
-    """
-
-    edges: Array
-    discs: Array
-    walkers: Array
-
-
-class SurroundingsSource(Protocol):
-    """A source of the true obstacles: the simulator, set by a mission."""
-
-    def surroundings(self, reach: float) -> Surroundings:
-        """The obstacles within ``reach`` [m] of the robot now."""
-        ...
-
-
-@runtime_checkable
-class NeedsSurroundings(Protocol):
-    """A behaviour that plans with the true obstacles."""
-
-    def set_truth(self, truth: SurroundingsSource) -> None:
-        """Take the surroundings from ``truth`` from now on."""
-
-
 class SimulatorTruth:
-    """True depth, motion and surroundings from the simulator.
-
-    Implements ``navfw.flow.ideal.TruthSource`` and ``SurroundingsSource``.
-    """
+    """True depth and motion from the simulator, a ``navfw.flow.ideal.TruthSource``."""
 
     def __init__(self, simulation: Simulation) -> None:
-        self._simulation = simulation
+        self.simulation = simulation
 
     def depth(self, frame: Frame) -> npt.NDArray[np.float32]:
         """True depth (height, width) [m] of ``frame``.
@@ -71,24 +35,24 @@ class SimulatorTruth:
             SimulationError: ``frame`` is not the newest frame.
 
         """
-        newest = self._simulation.read().frame
+        newest = self.simulation.read().frame
         if newest is not frame:
             raise SimulationError(f"{frame.time:.3f} s is not the time of the newest frame")
-        return self._simulation.true_depth()
+        return self.simulation.true_depth()
 
     def motion(self, pair: FramePair) -> CameraMotion:
         """The true camera motion between the frames of ``pair``."""
-        return self._simulation.true_motion(pair.past, pair.now)
+        return self.simulation.true_motion(pair.past, pair.now)
 
     def moving_objects(self, frame: Frame, _: Odometry) -> tuple[MovingObject, ...]:
         """Who walks in view, with misses and errors as measured of drawn images (decision 154)."""
-        simulation, model = self._simulation, self._simulation.robot
+        simulation, model = self.simulation, self.simulation.robot
         view = 0.5 * sum(camera.hfov for camera in (model.camera, *model.side_cameras))
         robot, noise = simulation.true_pose(), simulation.flow_noise
         in_sight = partial(simulation.plan.straight_path_free, radius=0.01)
         eye = Pose(*robot.to_parent(model.camera.mount_forward, 0.0), robot.yaw)
         detections: list[MovingObject] = []
-        for x, y, radius, *velocity in self._walkers(eye):
+        for x, y, radius, *velocity in self.walkers(eye):
             away, bearing = max(math.hypot(x, y) - radius, 0.1), math.atan2(y, x)
             is_noticed = any(velocity) and noise.random() < np.interp(away, *_SEEN)
             ends = np.array([[eye.x, eye.y], eye.to_parent(x, y)])
@@ -100,43 +64,15 @@ class SimulatorTruth:
                 detections.append(MovingObject(frame.time, *place, information, evidence))
         return tuple(detections)
 
-    def _walkers(self, axes: Pose) -> list[tuple[float, ...]]:
+    def walkers(self, axes: Pose) -> list[tuple[float, ...]]:
         """x, y, radius [m] and velocity [m/s] of each walker, in the frame of ``axes``."""
         walkers: list[tuple[float, ...]] = []
-        for walker in self._simulation.walkers:
+        for walker in self.simulation.walkers:
             speed = 0.0 if walker.waiting else walker.spec.speed
             heading = walker.heading - axes.yaw
             velocity = speed * math.cos(heading), speed * math.sin(heading)
             walkers.append((*axes.to_local(walker.x, walker.y), walker.spec.radius, *velocity))
         return walkers
-
-    def surroundings(self, reach: float) -> Surroundings:
-        """Solids and moving bodies within ``reach`` [m] of the robot, in base_link."""
-        robot = self._simulation.true_pose()
-        position = np.array([[robot.x, robot.y]])
-        near = [shape for shape in self._present() if float(shape.distance(position)[0]) <= reach]
-        edges, circles = [], []
-        for shape in near:
-            if isinstance(shape, Circle):
-                circles.append([*robot.to_local(shape.x, shape.y), shape.radius])
-            else:
-                corners = [robot.to_local(x, y) for x, y in shape.corners]
-                edges += [[corners[i - 1], corners[i]] for i in range(4)]
-        walkers = self._walkers(robot)
-        moving = [walker for walker in walkers if math.hypot(*walker[:2]) - walker[2] <= reach]
-        return Surroundings(
-            np.array(edges, np.float64).reshape(-1, 2, 2),
-            np.array(circles, np.float64).reshape(-1, 3),
-            np.array(moving, np.float64).reshape(-1, 5),
-        )
-
-    def _present(self) -> list[Shape]:
-        """The outlines of all solids that exist at this time."""
-        simulation = self._simulation
-        changes = simulation.change_track()
-        permanent = [s.shape for s in simulation.plan.solids if s.name not in changes.names]
-        now = simulation.time
-        return permanent + [p.shape for p in changes.presences if p.begin <= now < p.end]
 
 
 def reveal(simulation: Simulation, stack: Stack, *, drawn: bool = True) -> None:
@@ -149,7 +85,7 @@ def reveal(simulation: Simulation, stack: Stack, *, drawn: bool = True) -> None:
     if not drawn:
         stack.vision.detect = truth.moving_objects
     for behavior in stack.mofis.behaviors.values():
-        if isinstance(behavior, NeedsSurroundings):
+        if behavior.oracle and hasattr(behavior, "set_truth"):
             behavior.set_truth(truth)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from navfw_benchmarks.plugins.navground import surroundings
 
 from navfw.errors import WorldError
 from navfw.flow import above_horizon
@@ -77,15 +78,15 @@ WORLD = {
 def test_true_surroundings_are_in_base_link() -> None:
     world = WorldSpec.model_validate(WORLD)
     with Simulation(world, RobotModel(), Pose(0.0, 0.0, math.pi / 2.0), seed=0) as simulation:
-        around = SimulatorTruth(simulation).surroundings(3.5)
+        edges, discs, walkers = surroundings(SimulatorTruth(simulation), 3.5)
     # the robot faces along y: the box to the east is on its right
-    ends = around.edges.reshape(-1, 2)
+    ends = np.reshape(edges, (-1, 2))
     assert ends.min(axis=0) == pytest.approx([-0.4, -2.2], abs=0.01)
     assert ends.max(axis=0) == pytest.approx([0.4, -1.8], abs=0.01)
-    assert len(around.edges) == 4
-    assert np.allclose(around.edges[:, 1], np.roll(around.edges[:, 0], -1, axis=0)), "closed"
-    assert around.discs == pytest.approx(np.array([[1.5, 0.0, 0.2]]), abs=0.01)
-    walker = around.walkers[0]
+    assert len(edges) == 4
+    assert [end for _, end in edges] == [edges[at - 3][0] for at in range(4)], "closed"
+    assert np.array(discs) == pytest.approx(np.array([[1.5, 0.0, 0.2]]), abs=0.01)
+    walker = walkers[0]
     assert walker[:3] == pytest.approx([-3.0, 1.5, 0.25], abs=0.05)
     assert walker[3:] == pytest.approx([0.4, 0.0], abs=0.01), "it walks the way the robot looks"
 

@@ -1,18 +1,17 @@
 """Navground's HL behaviour as a plugin: it avoids the obstacles of the true surroundings."""
 
 import importlib
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 from unittest.mock import Mock
 
-import numpy as np
 import pytest
 from behavior_samples import desired_twist
+from navfw_benchmarks.plugins import navground
 from navfw_benchmarks.plugins.navground import Navground
 
-from navfw.context import Context
 from navfw.errors import MissingExtraError, PluginError
-from navfw.missions import Surroundings
 from navfw.robot import RobotModel
 from navfw.signals import Twist
 from navfw.testing import contexts_of
@@ -22,48 +21,42 @@ ROBOT = RobotModel()
 OPEN = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), waypoint=(4.0, 0.0), ticks=3))[-1]
 
 
-class FixedSurroundings:
-    """A source of true surroundings with these obstacles."""
-
-    def __init__(self, edges: Any = (), discs: Any = (), walkers: Any = ()) -> None:
-        self.around = Surroundings(
-            np.array(edges, dtype=float).reshape(-1, 2, 2),
-            np.array(discs, dtype=float).reshape(-1, 3),
-            np.array(walkers, dtype=float).reshape(-1, 5),
-        )
-
-    def surroundings(self, reach: float) -> Surroundings:
-        assert reach > 0.0
-        return self.around
-
-
-def drive(truth: FixedSurroundings, context: Context = OPEN) -> Twist:
+@pytest.fixture
+def drive(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Twist]:
+    """The twist among these edges, discs and walkers."""
     pytest.importorskip("navground", reason="the extra navground is not installed")
-    behavior = Navground(ROBOT)
-    behavior.set_truth(truth)
-    proposal = behavior.propose(context)
-    assert proposal.applicability == 1.0
-    return desired_twist(context, proposal)
+
+    def driven(edges: Any = (), discs: Any = (), walkers: Any = ()) -> Twist:
+        behavior = Navground(ROBOT)
+        behavior.set_truth(Mock())
+        monkeypatch.setattr(navground, "surroundings", lambda *_: (edges, discs, walkers))
+        proposal = behavior.propose(OPEN)
+        assert proposal.applicability == 1.0
+        return desired_twist(OPEN, proposal)
+
+    return driven
 
 
-def test_in_the_open_it_goes_straight_on() -> None:
-    twist = drive(FixedSurroundings())
+def test_in_the_open_it_goes_straight_on(drive: Callable[..., Twist]) -> None:
+    twist = drive()
     assert twist.v > 0.3
     assert abs(twist.w) < 0.05
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_it_passes_an_obstacle_on_the_shorter_side(side: float) -> None:
+def test_it_passes_an_obstacle_on_the_shorter_side(
+    drive: Callable[..., Twist], side: float
+) -> None:
     disc = [[1.0, side * 0.15, 0.3]]
-    assert drive(FixedSurroundings(discs=disc)).w * side < -0.2
+    assert drive(discs=disc).w * side < -0.2
     wall = [[[1.0, side * 2.0], [1.0, -side * 0.2]]]
-    assert drive(FixedSurroundings(edges=wall)).w * side < -0.2
+    assert drive(edges=wall).w * side < -0.2
 
 
-def test_it_gives_way_to_a_crossing_person() -> None:
+def test_it_gives_way_to_a_crossing_person(drive: Callable[..., Twist]) -> None:
     crossing = [[1.2, -0.9, 0.25, 0.0, 0.5]]
     standing = [[1.2, -0.9, 0.25, 0.0, 0.0]]
-    a, b = (drive(FixedSurroundings(walkers=walkers)) for walkers in (crossing, standing))
+    a, b = (drive(walkers=walkers) for walkers in (crossing, standing))
     assert abs(a.w - b.w) + abs(a.v - b.v) > 0.1
 
 

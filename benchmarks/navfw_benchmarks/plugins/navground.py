@@ -9,7 +9,10 @@ from __future__ import annotations
 
 import importlib
 import math
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+
+import numpy as np
 
 from navfw.config.extras import extra_imports
 from navfw.context import Context, peak
@@ -18,9 +21,10 @@ from navfw.interfaces import Behavior
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Proposal
+from navfw.sim.shapes import Circle
 
 if TYPE_CHECKING:
-    from navfw.missions.oracle import Surroundings, SurroundingsSource
+    from navfw.missions import SimulatorTruth
 
 
 _HORIZON, _MARGIN = 3.0, 0.08
@@ -29,6 +33,10 @@ _ETA, _TAU, _ROTATION_TAU = 0.5, 0.125, 0.5
 """Time that it keeps away from contacts, and relaxation times of speed and turn [s]."""
 _RESOLUTION = 101
 """Directions that it tries."""
+
+Surroundings: TypeAlias = tuple[Sequence[Any], Sequence[Any], Sequence[Any]]
+"""Obstacles at the robot's height in base_link: both ends of the sides of walls and boxes;
+cylinders: x, y, radius [m]; movers: x, y, radius [m] and velocity [m/s]."""
 
 
 class Navground(Behavior):
@@ -44,9 +52,9 @@ class Navground(Behavior):
     def __init__(self, robot: RobotModel, params: Behavior.Params | None = None) -> None:
         super().__init__(robot, params)
         self._core = _navground("navground.core")
-        self._truth: SurroundingsSource | None = None
+        self._truth: SimulatorTruth | None = None
 
-    def set_truth(self, truth: SurroundingsSource) -> None:
+    def set_truth(self, truth: SimulatorTruth) -> None:
         """Take the surroundings from ``truth`` from now on."""
         self._truth = truth
 
@@ -64,7 +72,7 @@ class Navground(Behavior):
             raise PluginError(
                 "needs the simulator's truth, which only a mission can give", key=self.name
             )
-        around = self._truth.surroundings(_HORIZON)
+        around = surroundings(self._truth, _HORIZON)
         v, w = self._ask(context, around)
         return Proposal(
             applicability=1.0,
@@ -72,20 +80,19 @@ class Navground(Behavior):
                 _peak(v, commands.v, commands.max_v), _peak(w, commands.w, commands.max_w)
             ),
             prohibition=commands.zeros(),
-            reason=f"{len(around.edges)} edges, {len(around.discs)} discs and "
-            f"{len(around.walkers)} walkers around",
+            reason="{} edges, {} discs and {} walkers around".format(*map(len, around)),
         )
 
     def _ask(self, context: Context, around: Surroundings) -> tuple[float, float]:
         """Navground's command (v [m/s], w [rad/s]); all inputs are in base_link."""
-        core = self._core
+        core, (edges, discs, walkers) = self._core, around
         agent = self._agent(context)
         state = agent.environment_state
-        state.line_obstacles = [core.LineSegment(tuple(a), tuple(b)) for a, b in around.edges]
-        state.static_obstacles = [core.Disc((x, y), r) for x, y, r in around.discs]
+        state.line_obstacles = [core.LineSegment(tuple(a), tuple(b)) for a, b in edges]
+        state.static_obstacles = [core.Disc((x, y), r) for x, y, r in discs]
         state.neighbors = [
             core.Neighbor((x, y), r, (vx, vy), number)
-            for number, (x, y, r, vx, vy) in enumerate(around.walkers)
+            for number, (x, y, r, vx, vy) in enumerate(walkers)
         ]
         twist = agent.compute_cmd(1.0 / self.robot.camera.rate, core.Frame.relative)
         return float(twist.velocity[0]), float(twist.angular_speed)
@@ -108,6 +115,25 @@ class Navground(Behavior):
         agent.actuated_twist = agent.twist
         agent.target = core.Target.Point(context.waypoint_local, 0.05)
         return agent
+
+
+def surroundings(truth: SimulatorTruth, reach: float) -> Surroundings:
+    """The obstacles within ``reach`` [m] of the robot now."""
+    simulation = truth.simulation
+    robot, now, changes = simulation.true_pose(), simulation.time, simulation.change_track()
+    shapes = [s.shape for s in simulation.plan.solids if s.name not in changes.names]
+    shapes += [p.shape for p in changes.presences if p.begin <= now < p.end]
+    edges, discs = [], []
+    for shape in shapes:
+        if float(shape.distance(np.array([[robot.x, robot.y]]))[0]) > reach:
+            continue
+        if isinstance(shape, Circle):
+            discs.append((*robot.to_local(shape.x, shape.y), shape.radius))
+        else:
+            corners = [robot.to_local(x, y) for x, y in shape.corners]
+            edges += [(corners[i - 1], corners[i]) for i in range(4)]
+    walkers = [w for w in truth.walkers(robot) if math.hypot(*w[:2]) - w[2] <= reach]
+    return edges, discs, walkers
 
 
 def _navground(module: str) -> Any:
