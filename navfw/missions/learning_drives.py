@@ -95,19 +95,18 @@ class LearningDrive:
 
     def as_data(self, session: Session) -> dict[str, Any]:
         """Plain data; ``error_m`` is the distance [m] from the true position in the world."""
-        marks = {f"{mark.kind}-{mark.id}": mark for mark in session.world.landmarks}
-        rows = []
-        for learnt in self.learnt:
-            true = marks.get(learnt.identity)
-            row = {
-                "identity": learnt.identity,
+        marks = {f"{mark.kind}-{mark.id}": mark.at for mark in session.world.landmarks}
+        rows = [
+            {
+                "identity": (name := learnt.identity),
                 "x": learnt.x,
                 "y": learnt.y,
                 "sigma_m": learnt.sigma,
                 "observations": learnt.observations,
-                "error_m": None if true is None else math.dist((learnt.x, learnt.y), true.at),
+                "error_m": math.dist((learnt.x, learnt.y), marks[name]) if name in marks else None,
             }
-            rows.append(row)
+            for learnt in self.learnt
+        ]
         return {
             "outcome": str(self.run.verdict.outcome),
             "reason": self.run.verdict.reason,

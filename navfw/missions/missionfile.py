@@ -142,17 +142,22 @@ def mission_in(document: YamlDocument, path: Path, topo_map: TopoMap | None = No
     Raises as ``load_mission``.
     """
     spec = mission_spec(document, path.parent)
-    if topo_map is None:
-        topo_map = _map(document, spec, path.parent)
-    return MissionFile(
-        file=path,
-        document=document,
-        spec=spec,
-        topo_map=topo_map,
-        start=_start(document, spec, topo_map),
-        goals=_goals(document, spec, topo_map),
-        starts=_starts(document, spec, topo_map),
-    )
+    if spec.map is None:
+        topo_map = topo_map or _map_of_goals(document, spec)
+    elif topo_map is None:
+        with document.locating(("map",), only=UnknownNameError):
+            file = find("map", spec.map, base=path.parent)
+        topo_map = load_map(file, check_landmark_kind)
+    starts = _starts(document, spec, topo_map)
+    if isinstance(spec.start, PlaceStart):
+        place = _place(document, ("start", "place"), topo_map, spec.start.place)
+        start = Pose(place.x, place.y, spec.start.yaw)
+    elif isinstance(spec.start, tuple):
+        start = Pose(*spec.start)
+    else:
+        start = Pose(starts[0].x, starts[0].y, 0.0)
+    goals = _goals(document, spec, topo_map)
+    return MissionFile(path, document, spec, topo_map, start, goals, starts)
 
 
 _OF_WORLD = ("map", "stack", "start", "robot", "sensors")
@@ -185,25 +190,6 @@ def mission_to(world: str | Path, goal: _Point, overrides: Sequence[Override] = 
     changed = with_section(YamlDocument(document.file, data, origins))
     path = named.path.with_name(f"to-{goal[0]:g},{goal[1]:g}.yaml")
     return mission_in(apply_overrides(changed, overrides), path)
-
-
-def _map(document: YamlDocument, spec: MissionSpec, folder: Path) -> TopoMap:
-    """The map that the mission names; without one, that of its start and goals."""
-    if spec.map is None:
-        return _map_of_goals(document, spec)
-    with document.locating(("map",), only=UnknownNameError):
-        file = find("map", spec.map, base=folder)
-    return load_map(file, check_landmark_kind)
-
-
-def _start(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> Pose:
-    if isinstance(spec.start, PlaceStart):
-        place = _place(document, ("start", "place"), topo_map, spec.start.place)
-        return Pose(place.x, place.y, spec.start.yaw)
-    if isinstance(spec.start, tuple):
-        return Pose(*spec.start)
-    first = _starts(document, spec, topo_map)[0]
-    return Pose(first.x, first.y, 0.0)
 
 
 def _starts(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tuple[Place, ...]:
@@ -276,30 +262,23 @@ def _place(document: YamlDocument, path: KeyPath, topo_map: TopoMap, name: str) 
     return topo_map.places[name]
 
 
-def _mapless(name: str) -> ConfigError:
-    return ConfigError(
-        f"the place {name!r} needs a map, and the mission names none: add 'map: NAME', or give"
-        " coordinates"
-    )
-
-
 def _map_of_goals(document: YamlDocument, spec: MissionSpec) -> TopoMap:
     """A map for a mission without one: start and goals, joined by straight passages."""
     points: list[_Point] = []
-    if isinstance(spec.start, PlaceStart):
-        with document.locating(("start", "place")):
-            raise _mapless(spec.start.place)
-    if not isinstance(spec.start, tuple):
-        with document.locating(("start",)):
-            raise ConfigError(
-                "an unknown start needs a map, and the mission names none: add 'map: NAME'"
-            )
-    points.append(spec.start[:2])
-    for index, goal in enumerate(spec.goals):
-        if not isinstance(goal, PointGoal):
-            with document.locating(("goals", index)):
-                raise _mapless(goal)
-        points.append((goal.x, goal.y))
+    keys: list[KeyPath] = [("start",), *(("goals", index) for index in range(len(spec.goals)))]
+    for key, at in zip(keys, (spec.start, *spec.goals), strict=True):
+        if isinstance(at, tuple):
+            points.append(at[:2])
+        elif isinstance(at, PointGoal):
+            points.append((at.x, at.y))
+        else:
+            name = at.place if isinstance(at, PlaceStart) else at
+            what = "an unknown start" if key == ("start",) and name is at else f"the place {name!r}"
+            with document.locating(key if name is at else (*key, "place")):
+                raise ConfigError(
+                    f"{what} needs a map, and the mission names none: add 'map: NAME', or give"
+                    " coordinates"
+                )
     if spec.rounds > 1:
         points.append(points[1])  # the next round
     return goals_map(points)

@@ -85,7 +85,8 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
 
     """
     with deferred(), writing(target.target / RESULT):
-        target.write_json(RESULT, _content(result))
+        trace = result.verdict.trace
+        target.write_json(RESULT, {**result.summary(), "trace": trace, **_origin(result.session)})
     writers: dict[str, Callable[[Path], object]] = {}
     if result.recorder is not None:
         inputs = _inputs(result.session, target)
@@ -101,12 +102,6 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
     if error is not None and (target.path / RECORDING).exists():
         said.append(f"{RECORDING} ends before the run: {error.strerror or error}")
     return tuple(said)
-
-
-def _content(result: MissionResult) -> dict[str, Any]:
-    """The content of ``result.json``."""
-    trace = result.verdict.trace
-    return {**result.summary(), "trace": trace, **_origin(result.session)}
 
 
 def _origin(session: Session) -> dict[str, Any]:
@@ -140,26 +135,24 @@ def _why_missing(path: Path, write: Callable[[Path], object]) -> str:
 
 def draw(result: MissionResult, path: Path) -> None:
     """Write the run's picture as PNG."""
-    session, metrics, verdict = result.session, result.metrics, result.verdict
-    title = f"{session.world_name} / {session.mission_name}, seed {session.seed}: {verdict.outcome}"
+    mission, movers = result.session.mission, result.movers
     numbers = [
-        f"{metrics.path_length_m:.1f} m in {result.sim_time_s:.1f} s",
-        f"shortest {metrics.shortest_path_m:.1f} m, SPL {metrics.spl:.2f}",
-        f"smallest clearance {metrics.min_clearance_m:.2f} m",
-        f"final estimate error {metrics.estimate_error_m:.2f} m",
+        f"{result.path_length_m:.1f} m in {result.sim_time_s:.1f} s",
+        f"shortest {result.shortest_path_m:.1f} m, SPL {result.spl:.2f}",
+        f"smallest clearance {result.min_clearance_m:.2f} m",
+        f"final estimate error {result.estimate_error_m:.2f} m",
     ]
-    movers = result.movers
     picture = TrajectoryPicture(
-        title=title,
-        reason=verdict.reason,
+        title=f"{result.world} / {result.mission}, seed {result.seed}: {result.outcome}",
+        reason=result.reason,
         numbers="  ·  ".join(numbers),
-        good=verdict.outcome.succeeded,
-        outline=outline_of(session.plan),
-        start=session.mission.start,
-        goals=[(goal.x, goal.y) for goal in session.mission.goals],
-        zone=session.mission.spec.success.within,
-        robot_radius=session.mission.spec.robot.radius,
-        places={p.name: (p.x, p.y) for p in session.mission.topo_map.places.values()},
+        good=result.outcome.succeeded,
+        outline=outline_of(result.session.plan),
+        start=mission.start,
+        goals=[(goal.x, goal.y) for goal in mission.goals],
+        zone=mission.spec.success.within,
+        robot_radius=mission.spec.robot.radius,
+        places={p.name: (p.x, p.y) for p in mission.topo_map.places.values()},
         tracks=() if movers is None else list(movers.points.swapaxes(0, 1)),
         track_radii=() if movers is None else movers.radii.tolist(),
     )

@@ -140,8 +140,13 @@ class Session:
         recorder = RunRecorder(self.description, self.seen) if record is True else record or None
         observers = (*observers, *((recorder,) if recorder else ()))
         name_plugins(plugin_files(plugins_of(self.stack)))
-        drive = SteppedSession(self, on_tick, gui=gui, observers=observers, limit=limit, told=told)
-        with recorder or nullcontext(), drive, self.stack.guard.watchdog.on_duty():
+        with (
+            recorder or nullcontext(),
+            SteppedSession(
+                self, on_tick, gui=gui, observers=observers, limit=limit, told=told
+            ) as drive,
+            self.stack.guard.watchdog.on_duty(),
+        ):
             drive.run()
             for observer in observers:
                 observer.close()

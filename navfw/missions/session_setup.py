@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Override, Settings, override_texts, parse_override
@@ -21,6 +21,7 @@ from navfw.errors import UnknownNameError, checked_seed
 from navfw.missions.mission_events import resolve_events, with_doors_open
 from navfw.missions.missionfile import MissionFile, load_mission, mission_to
 from navfw.missions.session import MissionResult, Session, SteppedSession
+from navfw.plugins import Registry, default_registry
 from navfw.robot.robotfile import robot_section
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.simulation import Simulation
@@ -29,9 +30,6 @@ from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
 from navfw.stack.stackfile import load_stack
-
-if TYPE_CHECKING:
-    from navfw.plugins import Registry
 
 Mission: TypeAlias = str | Path | tuple[float, float]
 """A mission's name or file; or the point x, y [m] that a mission from the world's start leads to,
@@ -124,7 +122,7 @@ def prepare(
     """
     texts = override_texts(overrides)
     world_file, world_spec, loaded = _load(world, mission, texts)
-    registry = registry or _registry()
+    registry = registry or default_registry()
     return session_of(world_spec, loaded, world_file.parent.name, seed, stack, texts, registry)
 
 
@@ -186,7 +184,7 @@ def check_inputs(
     texts = override_texts(overrides)
     _, world_spec, loaded = _load(world, mission, texts)
     with_drops(world_spec, loaded)
-    load_stack(chosen_stack(loaded, stack), _registry(), split_overrides(texts)[1])
+    load_stack(chosen_stack(loaded, stack), default_registry(), split_overrides(texts)[1])
 
 
 def _load(
@@ -261,9 +259,3 @@ def split_overrides(overrides: Sequence[str]) -> tuple[list[Override], list[str]
         else:
             for_stack.append(text)
     return for_mission, for_stack
-
-
-def _registry() -> Registry:
-    from navfw.plugins import default_registry
-
-    return default_registry()
