@@ -3,19 +3,15 @@
 Each is either driven for some frames without a fault, or refused when it is read.
 """
 
-import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
 
-import fuzz_targets
 import pytest
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from navfw.config import parse_yaml
 from navfw.errors import InputError
 from navfw.fuzzy import InputSpec, OutputSpec
 from navfw.missions import MissionSpec, Outcome, prepare
@@ -159,63 +155,6 @@ ENDS = [
 @pytest.mark.parametrize(("name", "needs", "value"), ENDS)
 def test_each_end_is_driven_or_refused(name: str, needs: tuple[str, ...], value: float) -> None:
     assert outcome([*needs, f"{name}={value!r}"]) != Outcome.FAULT
-
-
-def of_files() -> Iterator[tuple[str, BoundedNumber]]:
-    """The numbers of a world and of a mission beside those that ``driven`` gives."""
-    for number in numbers_of(WorldSpec):
-        yield "world.yaml", number
-    for number in numbers_of(MissionSpec):
-        if number.path[0] not in ("robot", "sensors", "timeout"):
-            yield "missions/cross.yaml", number
-
-
-FILE_ENDS = [
-    pytest.param(file, number.path, value, id=f"{file}:{number.key}={value:g}")
-    for file, number in of_files()
-    for value in number.ends
-]
-
-
-def with_value(data: Any, path: Sequence[str], value: float) -> bool:
-    """Put ``value`` at ``path`` of the data of a file, in the first item of each collection."""
-    *steps, last = path
-    places = [data]
-    for step in steps:
-        places = [inner for place in places for inner in _inner(place, step)]
-    for place in places:
-        if isinstance(place, dict) and last != "[]":
-            place[last] = value
-            return True
-        if isinstance(place, list) and last == "[]" and place and not isinstance(place[0], dict):
-            place[0] = value
-            return True
-    return False
-
-
-def _inner(place: Any, step: str) -> list[Any]:
-    if step != "[]":
-        return [place[step]] if isinstance(place, dict) and step in place else []
-    return list(place.values()) if isinstance(place, dict) else list(place or [])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("file", "path", "value"), FILE_ENDS)
-def test_each_end_of_world_and_mission_is_driven_or_refused(
-    file: str, path: tuple[str, ...], value: float, tmp_path: Path
-) -> None:
-    fuzz_targets.TARGETS["world"].prepare(tmp_path)
-    data = parse_yaml((tmp_path / file).read_text()).data
-    if not with_value(data, path, value):
-        pytest.skip("not in the sample")
-    (tmp_path / file).write_text(json.dumps(data))
-    try:
-        mission = tmp_path / "missions" / "cross.yaml"
-        session = prepare(str(tmp_path), str(mission), overrides=[SHORT])
-    except InputError:
-        return
-    result = session.run()
-    assert result.outcome != Outcome.FAULT, result.summary()["reason"]
 
 
 PACKS: dict[str, Callable[[str], bool]] = {

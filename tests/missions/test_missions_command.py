@@ -8,19 +8,14 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import cv2
-import numpy as np
-import numpy.typing as npt
 import pytest
 from cli_calls import PROGRAM, answer, sole_refusal
 from killing import Started
-from navfw_benchmarks.bench.loop_timing import Lap, summarize
-from picture_colors import share_of
 from processes import python
 
 from navfw.errors import InputError
@@ -36,56 +31,30 @@ KEYS = """
 """
 
 
-Answers = list[tuple[dict[str, Any], str, Path]]
-
-
-@pytest.fixture(scope="module")
-def twice(tmp_path_factory: pytest.TempPathFactory) -> Answers:
-    """The same run in two new processes: output, stderr and working folder of each."""
-    folder = tmp_path_factory.mktemp("run")
+def test_two_runs_give_the_same_commands_in_numbered_folders(tmp_path: Path) -> None:
     answers = []
-    for _ in range(2):
-        done = python(PROGRAM, *SHORT, "--json", cwd=folder)
+    for name in ("paper-room-through-the-door-5", "paper-room-through-the-door-5-2"):
+        done = python(PROGRAM, *SHORT, "--json", cwd=tmp_path)
         assert done.returncode == 1, done.stderr  # 3 s are too short: a run that fails
-        answers.append((json.loads(done.stdout), done.stderr, folder))
-    return answers
-
-
-@pytest.mark.thorough
-def test_the_same_seed_gives_the_same_commands_in_fresh_processes(twice: Answers) -> None:
-    (first, _, _), (second, _, _) = twice
-    assert first["command_hash"] == second["command_hash"]
-    assert len(first["command_hash"]) == 64
-    for key in ("outcome", "path_length_m", "estimate_error_m", "min_clearance_m"):
-        assert first[key] == second[key]
-
-
-def test_the_answer_has_all_keys(twice: Answers) -> None:
-    answer, progress, _ = twice[0]
+        assert "m to go" in done.stderr
+        answers.append(json.loads(done.stdout))
+        assert answers[-1]["run_folder"] == f"runs/{name}"
+    answer, second = answers
+    assert answer["command_hash"] == second["command_hash"]
     assert [key for key in KEYS.split() if key not in answer] == []
     assert answer["outcome"] == "timeout"
     place = (answer["world"], answer["mission"], answer["seed"])
     assert place == ("paper-room", "through-the-door", 5)
     assert answer["sim_time_s"] == pytest.approx(3.0, abs=0.05)
     assert answer["collisions"] == 0
-    assert "m to go" in progress
-
-
-def test_the_folders_are_numbered_and_complete(twice: Answers) -> None:
-    folders = [folder / answer["run_folder"] for answer, _, folder in twice]
-    assert [folder.name for folder in folders] == [
-        "paper-room-through-the-door-5",
-        "paper-room-through-the-door-5-2",
-    ]
-    assert sorted(p.name for p in folders[0].parent.iterdir()) == [f.name for f in folders]
-    for folder, (told, _, _) in zip(folders, twice, strict=True):
-        result = json.loads((folder / "result.json").read_text())
-        assert result["command_hash"] == told["command_hash"]
-        assert result["config"]["mission"]["timeout"] == 3
-        assert result["config"]["stack"]["behaviors"]
-        assert result["versions"]["pybullet"]
-        assert result["overrides"] == ["mission.timeout=3"]
-        assert cv2.imread(str(folder / "trajectory.png")) is not None
+    folder = tmp_path / answer["run_folder"]
+    result = json.loads((folder / "result.json").read_text())
+    assert result["command_hash"] == answer["command_hash"]
+    assert result["config"]["mission"]["timeout"] == 3
+    assert result["config"]["stack"]["behaviors"]
+    assert result["versions"]["pybullet"]
+    assert result["overrides"] == ["mission.timeout=3"]
+    assert cv2.imread(str(folder / "trajectory.png")) is not None
 
 
 @pytest.mark.thorough
@@ -155,32 +124,6 @@ def test_bench_gives_ratio_speed_and_memory(capfd: pytest.CaptureFixture[str]) -
     assert {"render", "physics", "flow", "perception", "motion"} <= set(stages)
 
 
-def test_bench_reports_medians() -> None:
-    laps = [
-        Lap(
-            sim_time=10.0,
-            wall_time=wall,
-            render_time=0.15,
-            physics_time=0.1,
-            frames=100,
-            pybullet_frame=0.009,
-            stages={"flow": 0.1 * wall},
-            outcome="timeout",
-        )
-        for wall in (2.0, 9.0, 4.0)
-    ]
-    found = summarize(laps, frame_rate=10.0)
-    assert found["render_physics_wall_s"] == pytest.approx(1.0)
-    assert found["own_render_physics_wall_s"] == pytest.approx(0.25)
-    assert found["pybullet_render_ms"] == pytest.approx(9.0)
-    assert found["loop_over_render"] == pytest.approx(4.0)
-    assert found["loop_over_own_render"] == pytest.approx(16.0)
-    assert found["spread"]["loop_over_own_render"] == pytest.approx([8.0, 36.0])
-    assert found["real_time_factor"] == pytest.approx(2.5)
-    assert found["spread"]["loop_over_render"] == pytest.approx([2.0, 9.0])
-    assert found["stage_ms"]["flow"] == pytest.approx(1e3 * 0.4 / 100)
-
-
 class WindowOnPaper(SimulatorWindow):
     """Keeps what it would show."""
 
@@ -230,60 +173,29 @@ def test_the_overlay_has_the_path_the_way_and_the_local_goal() -> None:
     assert low[2] < high[2]
 
 
-_FIELDS = 25
-"""Number of fields of the header of an X window dump, of four bytes each."""
-_COLOR_BYTES = 12
-"""Size of an entry of its table of colours."""
-
-
-def picture_of(dump: Path) -> npt.NDArray[np.uint8]:
-    """What an X window dump shows now: (height, width, 3), red, green, blue."""
-    content = dump.read_bytes()
-    header = np.frombuffer(content, dtype=">u4", count=_FIELDS).astype(int)
-    size, width, height, line, colors = header[[0, 4, 5, 12, 19]].tolist()
-    pixels = np.frombuffer(content, dtype=np.uint8, offset=size + _COLOR_BYTES * colors)
-    rows = pixels[: height * line].reshape(height, line // 4, 4)
-    return rows[:, :width, 2::-1].copy()
-
-
-@pytest.fixture
-def display(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """The X window dump of the display of new processes, 1024 x 768; skips without Xvfb."""
+@pytest.mark.slow
+def test_the_window_changes_no_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     server = shutil.which("Xvfb")
     if server is None:
         pytest.skip("no Xvfb; install the package xvfb")
     reading, writing = os.pipe()
     options = ["-displayfd", str(writing), "-screen", "0", "1024x768x24", "-nolisten", "tcp"]
+    options += ["-fbdir", str(tmp_path)]
     process = subprocess.Popen(  # noqa: S603 - the server of this machine
-        [server, *options, "-fbdir", str(tmp_path)], pass_fds=(writing,), stderr=subprocess.DEVNULL
+        [server, *options], pass_fds=(writing,), stderr=subprocess.DEVNULL
     )
     os.close(writing)
     with os.fdopen(reading) as number:
         monkeypatch.setenv("DISPLAY", f":{number.readline().strip()}")
-    yield tmp_path / "Xvfb_screen0"
+    started = Started(PROGRAM, ("run", "empty", "straight", "--gui", "--json"), tmp_path)
+    pictures = set()
+    while started.after(0.5):
+        pictures.add((tmp_path / "Xvfb_screen0").read_bytes())
+    ended = json.loads(started.ended().stdout)
     process.terminate()
     process.wait(20)
-
-
-@pytest.mark.slow
-def test_the_window_shows_robot_path_and_way_and_changes_no_command(
-    display: Path, tmp_path: Path
-) -> None:
-    usual = prepare("empty", "straight").run().log.command_hash
-    colors = (palette.behavior_color("go_to_xy"), palette.GOAL, palette.LOCAL_GOAL)
-    shown = []
-    started = Started(PROGRAM, ("run", "empty", "straight", "--gui", "--json"), tmp_path)
-    while started.after(0.05):
-        picture = picture_of(display)
-        if min(share_of(picture, color) for color in colors) * picture[..., 0].size > 10.0:
-            shown.append(picture)
-    assert json.loads(started.ended().stdout)["command_hash"] == usual
-    assert shown, "path, way ahead and local goal are seen"
-    height, width, _ = shown[-1].shape
-    # the camera follows: the robot's body is in the middle
-    body = shown[-1][height // 2 - 40 : height // 2 + 40, width // 2 - 40 : width // 2 + 40]
-    blue = (body[..., 2] > 90) & (body[..., 2] > 2 * body[..., 0].astype(int))
-    assert blue.sum() > 100
+    assert ended["command_hash"] == prepare("empty", "straight").run().log.command_hash
+    assert len(pictures) > 3, "the window shows a robot that drives"
 
 
 def test_a_display_that_cannot_be_opened_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -135,15 +135,6 @@ def test_a_processor_with_all_that_this_one_has_gives_the_same_commands(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("library", ["NUMBA", "OPENBLAS", "NPY", "OPENCV"])
-def test_each_library_alone_gives_the_same_commands(
-    library: str, expected_in_office: str, tmp_path: Path
-) -> None:
-    settings = {key: value for key, value in WITH_AVX2.items() if key.startswith(library)}
-    assert hash_of(tmp_path, settings, LOBBY) == expected_in_office
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("settings", [WITH_AVX512, WITH_AVX2], ids=["AVX-512", "AVX2"])
 def test_all_short_drives_give_the_stored_commands(settings: Settings, tmp_path: Path) -> None:
     assert measured_hashes(tmp_path, settings) == stored_hashes()

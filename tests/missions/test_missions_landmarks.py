@@ -112,15 +112,6 @@ def seen_around(simulation: Simulation, hospital: TopoMap, place: Place) -> set[
     return seen & hospital.landmarks_by_identity.keys()
 
 
-@pytest.mark.parametrize(
-    ("name", "number"), [("pharmacy-east", 81), ("kitchen-west", 82), ("kitchen-west", 83)]
-)
-def test_corners_behind_furniture_have_markers(
-    simulation: Simulation, hospital: TopoMap, name: str, number: int
-) -> None:
-    assert f"aruco-{number}" in seen_around(simulation, hospital, hospital.places[name])
-
-
 @pytest.mark.slow
 def test_a_marker_is_detected_from_every_start_place(
     simulation: Simulation, hospital: TopoMap

@@ -54,11 +54,8 @@ def test_a_robot_has_the_values_of_its_base_and_a_mission_changes_it(project: Pa
     assert (changed.max_v, changed.radius, changed.camera.width) == (0.7, 0.25, 320)
     assert changed.camera.mount_height == 0.8
     assert robot_of(project, "robot: {max_v: 0.7}\n").radius == RobotModel().radius
-
-
-def test_a_robot_file_beside_the_mission(project: Path) -> None:
-    (project / "own.yaml").write_text("base: quick\nmax_v: 0.9\n")
-    assert robot_of(project, "robot: ./own.yaml\n").max_v == 0.9
+    (project / "beside.yaml").write_text("base: quick\nmax_v: 0.9\n")
+    assert robot_of(project, "robot: ./beside.yaml\n").max_v == 0.9
 
 
 def test_options_choose_and_change_the_robot(project: Path) -> None:
@@ -136,13 +133,6 @@ def test_a_robot_based_on_another_has_its_urdf(project: Path) -> None:
     robot = load_robot("./fast.yaml")
     assert robot.urdf is not None
     assert robot.urdf.file == str(project / "robots" / "own.urdf")
-
-
-@pytest.mark.parametrize("name", ["own", "tall"])
-def test_the_session_s_stack_gets_the_robot(project: Path, name: str) -> None:
-    robot = prepare("empty", "straight", overrides=[f"robot={name}"]).stack.robot
-    chosen = load_robot(name)
-    assert (robot.urdf, robot.radius) == (chosen.urdf, chosen.radius)
 
 
 def test_frames_follow_the_chain_of_joints(project: Path) -> None:
