@@ -1,4 +1,4 @@
-"""Benchmark of the closed loop: its wall time relative to rendering and physics alone.
+"""Benchmark of the closed loop: its wall time relative to rendering and physics only.
 
 The reference is PyBullet's own renderer, which is available to everybody. navfw's rasteriser draws
 the same images faster, so the loop is compared with both.

@@ -55,9 +55,9 @@ def bench_planning(
         graph = _priced(topo_map, router)
         spent, route = _timed(lambda: router.route(start, goal))  # noqa: B023 - called at once
         times["first_plan_ms"].append(spent)
-        spent, way = _timed(lambda: _reference(topo_map, graph, start, goal))  # noqa: B023
+        spent, path = _timed(lambda: _reference(topo_map, graph, start, goal))  # noqa: B023
         times["networkx_ms"].append(spent)
-        _check(graph, route, way)
+        _check(graph, route, path)
         times["replan_ms"].append(_replan(topo_map, router, route, graph))
     summary = {
         key: {"median": median(spans), "min": min(spans), "max": max(spans)}
@@ -167,8 +167,8 @@ def _reference(topo_map: TopoMap, graph: nx.Graph, start: Endpoint, goal: Endpoi
     def straight(a: str, b: str) -> float:
         return math.hypot(places[a].x - places[b].x, places[a].y - places[b].y)
 
-    way: list[str] = nx.astar_path(graph, start.place, goal.place, straight, weight="cost")
-    return way
+    path: list[str] = nx.astar_path(graph, start.place, goal.place, straight, weight="cost")
+    return path
 
 
 def _replan(topo_map: TopoMap, router: Router, route: Route, graph: nx.Graph) -> float:
@@ -187,9 +187,9 @@ def _replan(topo_map: TopoMap, router: Router, route: Route, graph: nx.Graph) ->
     return spent
 
 
-def _check(graph: nx.Graph, route: Route, way: Sequence[str]) -> None:
+def _check(graph: nx.Graph, route: Route, path: Sequence[str]) -> None:
     ours, theirs = (
-        sum(graph.edges[pair]["cost"] for pair in pairwise(names)) for names in (route.places, way)
+        sum(graph.edges[pair]["cost"] for pair in pairwise(names)) for names in (route.places, path)
     )
     if not math.isclose(ours, theirs, rel_tol=1e-9):
         raise AssertionError(f"the route costs {ours}, that of networkx {theirs}")

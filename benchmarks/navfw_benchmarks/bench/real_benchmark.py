@@ -36,7 +36,7 @@ from navfw_benchmarks.bench.real_labels import (
     Judgement,
     NearnessErrors,
     SentenceVerdict,
-    camera_way,
+    camera_displacement,
     heading_error,
     judge,
     load_labels,
@@ -148,9 +148,9 @@ def bench_real(
     ``flows`` are the flow processors to compare. For each of them and each part: counts of the
     verdicts and of the statements, how many headings are known, and the medians of the heading's
     standard deviation [deg] and error [deg] where it is known; the share of cells with trusted
-    nearness and the median of their relative error, up to scale and by the recorded way; and the
-    correlation and slope of the yaw rate over the gyro's. ``singles`` are parts of photographs
-    without a neighbour; they are not in the total.
+    nearness and the median of their relative error, up to scale and by the recorded displacement;
+    and the correlation and slope of the yaw rate over the gyro's. ``singles`` are parts of
+    photographs without a neighbour; they are not in the total.
 
     Raises:
         ConfigError: ``data`` lacks a recording or a labelled image.
@@ -295,8 +295,8 @@ def _part(data: Path, labels: Sequence[FrameLabel], flow: str, registry: Registr
             findings.heading_errors.append(heading_error(result, past.pose, now.pose))
         # depth images are those of the images as they were taken
         if perceiver.size is not None and source.hfov is None:
-            way = camera_way(past.pose, now.pose)
-            findings.nearness.append(nearness_errors(result, perceiver.size, now.depth(), way))
+            moved = camera_displacement(past.pose, now.pose)
+            findings.nearness.append(nearness_errors(result, perceiver.size, now.depth(), moved))
     return findings
 
 

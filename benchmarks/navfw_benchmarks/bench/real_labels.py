@@ -51,7 +51,7 @@ class FrameLabel:
     """What can be seen in one real frame; the fields are the columns of ``real_frames.csv``.
 
     ``nearest`` and ``nearest_also`` are quadrants, or ``none`` or ``unknown``; ``front`` and
-    ``front_also`` what stands in front; ``single`` tells that the frame has no neighbour for flow.
+    ``front_also`` what stands in front; ``single`` says that the frame has no neighbour for flow.
     """
 
     part: str
@@ -218,7 +218,7 @@ def heading_error(result: PairResult, past: Array, now: Array) -> float:
     return math.degrees(math.acos(min(max(cosine, -1.0), 1.0)))
 
 
-def camera_way(past: Array, now: Array) -> float:
+def camera_displacement(past: Array, now: Array) -> float:
     """Distance [m] between the places of two poses (4, 4)."""
     return float(np.linalg.norm(now[:3, 3] - past[:3, 3]))
 
@@ -235,8 +235,8 @@ MIN_CELLS = 8
 class NearnessErrors:
     """Of the cells with a truth: their ``number``, and the relative errors of the trusted ones.
 
-    ``by_way`` (n,) are the errors if the camera's way between the images is known; ``up_to_scale``
-    (n,) those after one common factor for the cells of a pair, since images alone have no scale.
+    ``by_way`` (n,) are the errors if the camera's displacement between the images is known;
+    ``up_to_scale`` (n,) those after one common factor for the cells of a pair: images lack scale.
     """
 
     number: int
@@ -245,11 +245,11 @@ class NearnessErrors:
 
 
 def nearness_errors(
-    result: PairResult, size: WorkingSize, depth: Array, way: float
+    result: PairResult, size: WorkingSize, depth: Array, displacement: float
 ) -> NearnessErrors:
     """Errors of the cells of a pair, by ``depth`` (height, width) [m] of its second image.
 
-    ``way`` [m] is the true length of the camera's way between the images.
+    ``displacement`` [m] is the camera's true one between the images.
     """
     percept = result.percept
     x, y = np.floor(size.to_image(percept.points)).astype(np.int64).transpose(2, 0, 1)
@@ -260,7 +260,7 @@ def nearness_errors(
     number = int(measured.sum())
     if int(trusted.sum()) < MIN_CELLS:
         return NearnessErrors(number, np.empty(0), np.empty(0))
-    # both in ways of the camera: the percept's metres are nominal
-    ratio = percept.nearness[trusted] * result.flow.motion.baseline * true[trusted] / way
+    # both in displacements of the camera: the percept's metres are nominal
+    ratio = percept.nearness[trusted] * result.flow.motion.baseline * true[trusted] / displacement
     common = float(np.median(ratio))
     return NearnessErrors(number, np.abs(ratio - 1.0), np.abs(ratio / common - 1.0))

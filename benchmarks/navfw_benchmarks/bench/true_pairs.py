@@ -126,9 +126,9 @@ _CLEARANCE = 0.35
 """Least distance [m] of robot and camera to anything: about the least in missions."""
 
 
-def _arc(way: float, turn: float) -> Pose:
-    """Pose at the end of an arc of length ``way`` [m] and ``turn`` [rad], in its start's frame."""
-    chord = way * float(np.sinc(turn / math.tau))
+def _arc(length: float, turn: float) -> Pose:
+    """Pose at the end of an arc of ``length`` [m] and ``turn`` [rad], in its start's frame."""
+    chord = length * float(np.sinc(turn / math.tau))
     return Pose(chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn), wrap_angle(turn))
 
 
@@ -330,7 +330,7 @@ def _slopes(points: Array, nearness: Array, camera: CameraModel) -> Array:
     f, half = camera.focal, 0.5 * camera.height
     x, y = points[..., 0], points[..., 1]
     zero = np.zeros_like(x)
-    turn, way = (
+    turn, shift = (
         np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
         for rows in (
             ([x * y / f, -(f + x**2 / f), y], [f + y**2 / f, -x * y / f, -x]),
@@ -338,7 +338,7 @@ def _slopes(points: Array, nearness: Array, camera: CameraModel) -> Array:
         )
     )
     by_row = turn * (y / half)[..., None, None]
-    return np.concatenate([turn, way * nearness[..., None, None], by_row], axis=-1)
+    return np.concatenate([turn, shift * nearness[..., None, None], by_row], axis=-1)
 
 
 def _nearness(points: Array, true: TruePair, camera: CameraModel) -> Array:

@@ -1,4 +1,4 @@
-"""Ground truth of a view, from the world's geometry alone; OFFIS is measured against it.
+"""Ground truth of a view, only from the world's geometry; OFFIS is measured against it.
 
 *Objects* are all surfaces in view except floor and ceiling. The *nearness of a quadrant* is the
 largest value of 1/Z (Z: depth along the optical axis) that at least ``_CELL_AREA`` of its pixels
@@ -10,7 +10,7 @@ more *possible*.
 The *distance term* is the result of the rule base ``distance.yaml`` for the true distance of the
 nearest object at the true speed.
 
-The *elementary situation* (paper sec 4.4 and Table 1) follows from the walls alone: a ray is cast
+The *elementary situation* (paper sec 4.4 and Table 1) follows only from the walls: a ray is cast
 through each image column at camera height. The *plane of a half image* is the wall plane that fills
 at least two thirds of its columns; its *slope* is the angle to the image plane, positive where the
 outer side is nearer. Several situations may hold at once:

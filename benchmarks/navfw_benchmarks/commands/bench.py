@@ -68,7 +68,7 @@ def loop(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Time the whole loop, and rendering with physics alone. Runs on one core."""
+    """Time the whole loop, and rendering with physics only. Runs on one core."""
     with quiet_stdout():
         from navfw.missions.session_setup import prepare
         from navfw_benchmarks.bench.loop_timing import bench_loop
@@ -94,7 +94,7 @@ def _print_loop(result: dict[str, Any]) -> None:
     ):
         low, high = result["spread"][ratio]
         echo(
-            f"rendering by {raster} and physics alone {result[wall]:.2f} s:"
+            f"rendering by {raster} and physics only {result[wall]:.2f} s:"
             f" the loop takes {result[ratio]:.2f} times that ({low:.2f} to {high:.2f})"
         )
     echo(f"rendering by PyBullet {result['pybullet_render_ms']:.2f} ms per frame")

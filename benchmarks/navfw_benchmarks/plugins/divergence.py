@@ -109,9 +109,9 @@ class Divergence(Behavior):
     def _drive(self, context: Context) -> tuple[float, float]:
         """Speed [m/s] and relative turn: straight on after a saccade, else toward the waypoint."""
         if self._from is not None:
-            way = math.hypot(context.pose.x - self._from[0], context.pose.y - self._from[1])
+            driven = math.hypot(context.pose.x - self._from[0], context.pose.y - self._from[1])
             # a blocked robot must not wait for ever
-            if way < _STRAIGHT and context.time - self._ended < 4.0 * _STRAIGHT / _SPEED:
+            if driven < _STRAIGHT and context.time - self._ended < 4.0 * _STRAIGHT / _SPEED:
                 return _SPEED, 0.0
             self._from = None
         turn = _GOAL_GAIN * context.waypoint_bearing / context.commands.max_w

@@ -61,7 +61,7 @@ WAYPOINTS = (
 def drive() -> list[MovingPose]:
     """The trajectory from ``START`` over all of ``PLACES``, in steps of 1/60 s."""
     pose, time = START, 0.0
-    way: list[MovingPose] = []
+    path: list[MovingPose] = []
     places = list(PLACES)
     while places and time < _MAX_TIME:
         x, y = pose.to_local(*places[0])
@@ -71,10 +71,10 @@ def drive() -> list[MovingPose]:
         bearing = math.atan2(y, x)
         turn = min(max(_GAIN * bearing, -FAST_TURN), FAST_TURN)
         twist = Twist(_SPEED * max(math.cos(bearing), 0.45), turn)
-        way.append(MovingPose(pose, twist))
-        pose = way[-1].before(-_TICK)
+        path.append(MovingPose(pose, twist))
+        pose = path[-1].before(-_TICK)
         time += _TICK
-    return way
+    return path
 
 
 IMAGE = (108, 144)

@@ -150,7 +150,7 @@ def table2(seed: int) -> list[WaypointRow]:
     Images 120 x 160, grid 12 x 16, two layers.
     """
     robot = RobotModel()
-    way = paper_scenes.drive()
+    trajectory = paper_scenes.drive()
     modes = _modes(robot, _SEARCH)
     params = BlockMatching.Params(search=_SEARCH)
     rows = []
@@ -159,7 +159,7 @@ def table2(seed: int) -> list[WaypointRow]:
         load_world(find("world", "paper-room")), robot, paper_scenes.START, 0, SENSORS
     ) as sim:
         for waypoint in paper_scenes.WAYPOINTS:
-            point = way[round(waypoint.time * 60.0)]
+            point = trajectory[round(waypoint.time * 60.0)]
             view = rendered_view(sim, rng, point.before(PERIOD), point.pose, PERIOD)
             true = true_flow(view, robot)
             with_gyro = _matched_flow(view, robot, params, gyro=True)
@@ -299,7 +299,7 @@ def as_data(rows: list[WaypointRow], scenes: list[SceneRow]) -> dict[str, Any]:
 
 
 def _truth(view: RenderedPair) -> dict[str, Any]:
-    """The truth of a view; ``no_situation`` tells why it shows none, else it is None."""
+    """The truth of a view; ``no_situation`` says why it shows none, else it is None."""
     truth = view.truth
     return {
         "quadrants": sorted(truth.certain),

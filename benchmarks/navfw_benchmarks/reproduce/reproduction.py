@@ -218,13 +218,13 @@ def _beside(panels: list[Image]) -> Image:
 
 
 def draw_map(
-    world: WorldSpec, way: list[MovingPose], rows: list[paper_tables.WaypointRow]
+    world: WorldSpec, trajectory: list[MovingPose], rows: list[paper_tables.WaypointRow]
 ) -> Image:
     """The room from above with trajectory and waypoints (Fig. 16)."""
     outline = outline_of(SceneGeometry.from_world(world, 2.0))
     low, high = np.array([world.x, world.y]).T
     figure, axes = plan_axes((9.0, 5.4), (0.04, 0.06, 0.94, 0.92), low, high)
-    path = Line(np.array([(m.pose.x, m.pose.y) for m in way]), Style("#0072B2", width=1.5))
+    path = Line(np.array([(m.pose.x, m.pose.y) for m in trajectory]), Style("#0072B2", width=1.5))
     points = np.array([(row.point.pose.x, row.point.pose.y) for row in rows])
     waypoints = Marks(points, Style(_WAYPOINT, size=7.0))
     draw_shapes(axes, [*outline.shapes(), path, waypoints], zorder=1.0)
