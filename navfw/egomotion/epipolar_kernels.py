@@ -265,7 +265,6 @@ def rate_directions(
     focal: float,
     directions: Array,
     prior: Array,
-    iterations: int,
 ) -> tuple[Array, Array]:
     """Cost of each direction of translation, with the best rotation for it.
 
@@ -273,7 +272,6 @@ def rate_directions(
         past: (n, 2) where the points were, the known part of the rotation removed [px].
         directions: (m, 3) unit vectors, in current camera axes.
         prior: (3, 3) information of the prior on the rotation vector, of mean 0 [1/rad^2].
-        iterations: number of reweightings.
 
     Returns:
         cost (m,): half the sum of squares, bounded for each vector, with _COARSE [px] added to
@@ -290,7 +288,7 @@ def rate_directions(
                 x, y = points[i, 0], points[i, 1]
                 vector = x - past[i, 0], y - past[i, 1]
                 offsets[i] = _residual((x, y), vector, focal, directions[k], axes, slopes[i])
-        angles, _ = fit_reweighted(offsets, slopes, sigma, weight, prior, iterations)
+        angles, _ = fit_reweighted(offsets, slopes, sigma, weight, prior, 4)
         rotation[k] = angles
         total = 0.5 * bilinear(angles, prior, angles)
         for i in range(n):

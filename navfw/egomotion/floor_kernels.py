@@ -31,6 +31,12 @@ _DEVIATION = 0.6745
 _CONVERGED = 2e-5
 """Step of the motion [m and rad] below which the fit has converged."""
 
+_MIN_GREY = 0.7
+"""Least standard deviation of a residual [grey levels]: noise of both images after smoothing."""
+
+_ITERATIONS = 10
+"""Largest number of Gauss-Newton steps."""
+
 _WIDE = 3
 """Number of steps with Cauchy weights, which reach far; the others have Welsch weights."""
 
@@ -136,8 +142,6 @@ def register_floor(
     base_from_camera: Array,
     start: Array,
     prior: Array,
-    least: float,
-    iterations: int,
 ) -> tuple[Array, Array, float, float, float]:
     """The motion over the floor that explains the present image by the past one.
 
@@ -152,8 +156,6 @@ def register_floor(
         base_from_camera: (3, 3) rotation of the camera's axes into base_link's.
         start: (UNKNOWNS,) parameters to start from; also the mean of the prior.
         prior: (UNKNOWNS, UNKNOWNS) information of the prior.
-        least: least standard deviation of a residual [grey levels].
-        iterations: largest number of Gauss-Newton steps.
 
     Returns:
         parameters (UNKNOWNS,), the information (UNKNOWNS + 1, UNKNOWNS + 1) of the images alone on
@@ -167,13 +169,13 @@ def register_floor(
     at, offsets, slopes = start.copy(), np.empty(n), np.zeros((size, n))
     weights, scaled = np.empty(n), np.empty(n)
     matrix, right = np.zeros((size, size)), np.zeros(size)
-    sigma, agree = least, 0
-    for iteration in range(iterations):
+    sigma, agree = _MIN_GREY, 0
+    for iteration in range(_ITERATIONS):
         _residuals(past, values, ground, farness, camera, base_from_camera, at, offsets, slopes)
         seen = np.abs(offsets[~np.isnan(offsets)])
         if seen.size < n // 4:
             return at, matrix, 0.0, 0.0, 0.0
-        sigma = max(np.median(seen) / _DEVIATION, least)
+        sigma = max(np.median(seen) / _DEVIATION, _MIN_GREY)
         agree = 0
         for i in range(n):
             weights[i] = 0.0
@@ -194,5 +196,5 @@ def register_floor(
         at += step
         if iteration >= _WIDE and max(abs(step[0]), abs(step[1]), abs(step[2])) < _CONVERGED:
             break
-    explained = 1.0 - (sigma / max(texture, least)) ** 2
+    explained = 1.0 - (sigma / max(texture, _MIN_GREY)) ** 2
     return at, matrix, right[SLANT], agree / seen.size, explained

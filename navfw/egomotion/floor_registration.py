@@ -39,9 +39,6 @@ _SMOOTHED = 8
 _CORRELATION = 4.0
 """Number of neighbouring pixels with a common error, by smoothing and by the texture's sampling."""
 
-_MIN_GREY = 0.7
-"""Least standard deviation of a residual [grey levels]: noise of both images after smoothing."""
-
 _GAIN, _OFFSET = 0.05, 5.0
 """Standard deviations of the change of brightness: of the gain, and of the offset [grey levels]."""
 
@@ -59,9 +56,6 @@ fill the view."""
 
 _MIN_PIXELS = 100
 """Least number of pixels that could show the floor."""
-
-_ITERATIONS = 10
-"""Largest number of Gauss-Newton steps."""
 
 _SCALE_SIGMA = 1.5e-3
 """Error of height and pitch of the camera, as a share of the distance; it does not average out."""
@@ -173,8 +167,6 @@ class FloorRegistration:
             self._base_from_camera,
             start,
             _CORRELATION * prior,
-            _MIN_GREY,
-            _ITERATIONS,
         )
         if share < _MIN_SHARE or explained < _MIN_EXPLAINED:
             return None

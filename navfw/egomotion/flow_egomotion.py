@@ -295,9 +295,9 @@ def _starts(
 ) -> list[tuple[Array, Array]]:
     """The best directions of the search with their rotations, at least _APART from each other."""
     past = rotate_points(motion.past, prior.rotation, focal)
-    directions = _hemisphere(_DIRECTIONS)
+    directions = _hemisphere()
     cost, turns = rate_directions(
-        motion.points, past, motion.sigma, motion.weight, focal, directions, information, 4
+        motion.points, past, motion.sigma, motion.weight, focal, directions, information
     )
     gap = directions - prior.direction
     cost = cost + 0.5 * ((product(gap, pull)) * gap).sum(axis=1)
@@ -311,10 +311,10 @@ def _starts(
 
 
 @cache
-def _hemisphere(count: int) -> Array:
-    """``count`` unit vectors (count, 3) spread evenly over the half space z >= 0."""
-    k = np.arange(count) + 0.5
-    z = 1.0 - k / count
+def _hemisphere() -> Array:
+    """``_DIRECTIONS`` unit vectors (n, 3) spread evenly over the half space z >= 0."""
+    k = np.arange(_DIRECTIONS) + 0.5
+    z = 1.0 - k / _DIRECTIONS
     angle = k * math.pi * (3.0 - math.sqrt(5.0))
     flat = np.sqrt(1.0 - z * z)
     return np.stack([flat * np.cos(angle), flat * np.sin(angle), z], axis=1)

@@ -17,6 +17,11 @@ from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, FlowField
 
+_ITERATIONS = 6
+"""Number of reweightings."""
+_CERTAIN, _DOUBT = 3.0, 0.1
+"""Standard deviations that the residual of an inconsistent vector exceeds, and what is added to
+each [px]."""
 _MIN_SIGMA = 1e-6
 """Least standard deviation of a residual [px]: a processor may call its vectors exact."""
 
@@ -32,7 +37,6 @@ def refine_rotation(
     axes: Array,
     prior: Array,
     settings: tuple[float, float, float],
-    iterations: int,
 ) -> tuple[Array, Array, Array, Array]:
     """Small rotation that minimises the distances of the flow from its epipolar lines (METHOD 2.6).
 
@@ -50,7 +54,6 @@ def refine_rotation(
         prior: (2,) prior standard deviation of the two angles [rad], above 0.
         settings: ignored radius around the focus of expansion [px], standard deviation of the
             translation's direction [rad], and number of vectors with a common error.
-        iterations: number of reweightings.
 
     Returns:
         angles (2,) [rad]; their standard deviations (2,) [rad]; the distances (n,) [px] from the
@@ -75,7 +78,7 @@ def refine_rotation(
             weight[i] = confidence[i] / overlap
     information = np.zeros((2, 2))
     information[0, 0], information[1, 1] = 1.0 / prior[0] ** 2, 1.0 / prior[1] ** 2
-    angles, matrix = fit_reweighted(offsets, slopes, allowed, weight, information, iterations)
+    angles, matrix = fit_reweighted(offsets, slopes, allowed, weight, information, _ITERATIONS)
     det = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[0, 1]
     deviations = np.sqrt(np.array([matrix[1, 1] / det, matrix[0, 0] / det]))
     residuals = offsets + slopes[:, 0] * angles[0] + slopes[:, 1] * angles[1]
@@ -84,18 +87,13 @@ def refine_rotation(
 
 @numba.njit(cache=True)
 def weigh_residuals(
-    residual: Array,
-    allowed: Array,
-    consistent: Mask,
-    confidence: Array,
-    certain: float,
-    doubt: float,
+    residual: Array, allowed: Array, consistent: Mask, confidence: Array
 ) -> tuple[Array, Array]:
     """Confidence (n,) of vectors given their epipolar residuals, and inconsistency (n,).
 
     A vector is inconsistent with the motion if it is not ``consistent`` and its ``residual`` [px]
-    exceeds ``certain`` times its standard deviation ``allowed`` [px], to which ``doubt`` [px] is
-    added in quadrature; its inconsistency is then its confidence, otherwise 0.
+    exceeds _CERTAIN times its standard deviation ``allowed`` [px], to which _DOUBT [px] is added in
+    quadrature; its inconsistency is then its confidence, otherwise 0.
     """
     n = residual.size
     weighted, inconsistency = np.empty(n, np.float64), np.zeros(n, np.float64)
@@ -104,16 +102,9 @@ def weigh_residuals(
         if math.isnan(off):
             off = 0.0
         weighted[i] = confidence[i] * math.exp(-((0.5 * off) ** 2)) if consistent[i] else 0.0
-        if not consistent[i] and abs(residual[i]) > certain * math.hypot(allowed[i], doubt):
+        if not consistent[i] and abs(residual[i]) > _CERTAIN * math.hypot(allowed[i], _DOUBT):
             inconsistency[i] = confidence[i]
     return weighted, inconsistency
-
-
-_ITERATIONS = 6
-
-_CERTAIN, _DOUBT = 3.0, 0.1
-"""A vector is inconsistent with the motion if its epipolar residual exceeds _CERTAIN standard
-deviations, to which _DOUBT [px] is added in quadrature."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,8 +159,6 @@ class Refinement:
             _flat(self.allowed),
             np.ascontiguousarray(self.consistent).ravel(),
             _flat(flow.confidence),
-            _CERTAIN,
-            _DOUBT,
         )
         return dataclasses.replace(
             flow,
@@ -202,7 +191,6 @@ def refine(flow: FlowField, camera: CameraModel, params: RefinementParams = _USU
         np.array([-up, right]),
         np.array([max(motion.yaw_sigma, 1e-9), p.pitch_sigma]),
         (p.hole, p.direction_sigma, p.overlap),
-        _ITERATIONS,
     )
     residual, allowed = (values.reshape(flow.shape) for values in per_vector)
     yaw, pitch = angles.tolist()

@@ -83,19 +83,17 @@ def judge_registration(
     shift: Array,
     peak: Array,
     unique: Array,
-    limits: tuple[float, float],
 ) -> tuple[Array, Array]:
     """Confidence and sigma [px] of registered windows; all arrays are (rows, cols).
 
     ``score``, ``share`` and ``mixture`` are those of ``navfw.flow.registration.Registration``,
     ``noise`` [px] its sigma with the samples' common errors; ``shift`` (rows, cols, 2) [px] is the
-    way from the correlation's peak of height ``peak`` and uniqueness ``unique``. ``limits`` are the
-    scores of no match and of a certain one.
+    displacement from the correlation's peak of height ``peak`` and uniqueness ``unique``.
     """
     confidence, sigma = np.empty(score.shape), np.empty(score.shape)
     for r in range(score.shape[0]):
         for c in range(score.shape[1]):
-            trust = _ramp(score[r, c], limits[0], limits[1])
+            trust = _ramp(score[r, c], REGISTERED_LOW, REGISTERED_HIGH)
             trust *= _ramp(share[r, c], _SAMPLES_INSIDE[0], _SAMPLES_INSIDE[1])
             trust *= _ramp(peak[r, c], _PEAK_CORRELATION[0], _PEAK_CORRELATION[1]) * unique[r, c]
             x, y = shift[r, c]
@@ -235,7 +233,6 @@ class BlockMatching(MatchedFlow):
             registration.vectors - start,
             height,
             uniqueness(height, second, inner),
-            (REGISTERED_LOW, REGISTERED_HIGH),
         )
         return registration.vectors, confidence, sigma
 

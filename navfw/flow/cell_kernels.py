@@ -7,30 +7,33 @@ import numpy as np
 
 from navfw.numerics.arrays import Array, Bytes, Floats, Mask
 
+CELL = 4
+"""Side of the cells [px] over which flow is averaged."""
+_DIFFERENCE = 8.0
+"""Largest mean absolute difference [grey levels] between a cell and its match."""
+_GRADIENT = 1.5
+"""Least root mean square gradient [grey levels/px] of a cell that can be matched."""
+
 
 @numba.njit(cache=True)
-def match_cells(
-    now: Bytes, moved: Bytes, cell: int, difference: float, gradient: float, good: Mask
-) -> None:
-    """Set ``good`` where cells of ``cell`` x ``cell`` px of ``now`` and ``moved`` (h, w) match.
+def match_cells(now: Bytes, moved: Bytes, good: Mask) -> None:
+    """Set ``good`` (h / CELL, w / CELL) where cells of ``now`` and ``moved`` (h, w) match.
 
-    ``good`` (h / cell, w / cell) is true where the mean absolute difference is less than
-    ``difference`` [grey levels] and the root mean square of the gradient of ``now`` [grey
-    levels/px], by Sobel's operator with mirrored border, exceeds ``gradient``. The sums are exact
+    The gradient is that of ``now`` by Sobel's operator with mirrored border. The sums are exact
     integers.
     """
     h, w = now.shape
-    pixels = cell * cell
+    pixels = CELL * CELL
     # Sobel's operator gives 8 for a gradient of one grey level per pixel
-    most, least = difference * pixels, 64.0 * gradient * gradient * pixels
+    most, least = _DIFFERENCE * pixels, 64.0 * _GRADIENT * _GRADIENT * pixels
     rows, cols = good.shape
     for r in range(rows):
         for c in range(cols):
             off, steep = np.int64(0), np.int64(0)
-            for y in range(r * cell, (r + 1) * cell):
+            for y in range(r * CELL, (r + 1) * CELL):
                 up, down = now[abs(y - 1)], now[y + 1 if y + 1 < h else h - 2]
                 row = now[y]
-                for x in range(c * cell, (c + 1) * cell):
+                for x in range(c * CELL, (c + 1) * CELL):
                     left, right = abs(x - 1), x + 1 if x + 1 < w else w - 2
                     off += abs(np.int64(row[x]) - np.int64(moved[y, x]))
                     a, b = np.int64(up[left]), np.int64(down[right])

@@ -14,7 +14,7 @@ import math
 import cv2
 import numpy as np
 
-from navfw.flow.cell_kernels import match_cells, unwarp_cells
+from navfw.flow.cell_kernels import CELL, match_cells, unwarp_cells
 from navfw.flow.grid_flow import check_frame
 from navfw.numerics import Array, Image, Mask
 from navfw.numerics.arrays import Floats
@@ -24,18 +24,12 @@ from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, FramePair
 from navfw.signals.immutability import read_only
 
-_CELL = 4
-"""Side of the cells [px] over which flow is averaged."""
 _CELLS_ABOVE = 3
 """Rows of cells above the horizon. Near objects visible further up also extend down to here."""
 _MIN_ROWS = 4
 """Least number of cell rows below the horizon; with fewer the floor is hardly visible."""
 _EDGE = 5
 """Margin at the image's border [px] in which matches are unreliable and discarded."""
-_DIFFERENCE = 8.0
-"""Largest mean absolute difference [grey levels] between a cell and its match."""
-_GRADIENT = 1.5
-"""Least root mean square gradient [grey levels/px] of a cell that can be matched."""
 _COARSE_STRIDE = 8
 """Distance [px] between matched patches in coarse mode: the patches do not overlap."""
 _SIGMA = 0.2
@@ -55,16 +49,16 @@ class FloorAlignedFlow:
         self._robot = robot
         camera = robot.camera
         horizon = 0.5 * camera.height - camera.focal * math.tan(camera.pitch)
-        most = camera.height // _CELL
-        self._rows = min(max(math.ceil((camera.height - horizon) / _CELL) + _CELLS_ABOVE, 0), most)
-        self._cols = camera.width // _CELL
-        self._top = camera.height - self._rows * _CELL
-        self._left = (camera.width - self._cols * _CELL) // 2
-        size = self._rows * _CELL, self._cols * _CELL
+        most = camera.height // CELL
+        self._rows = min(max(math.ceil((camera.height - horizon) / CELL) + _CELLS_ABOVE, 0), most)
+        self._cols = camera.width // CELL
+        self._top = camera.height - self._rows * CELL
+        self._left = (camera.width - self._cols * CELL) // 2
+        size = self._rows * CELL, self._cols * CELL
         self._pixel_y, self._pixel_x = np.mgrid[: size[0], : size[1]].astype(np.float32)
         # centres of the cells, in pixels from the top left of the whole image
-        x = self._left + _CELL * np.arange(self._cols) + 0.5 * (_CELL - 1)
-        y = self._top + _CELL * np.arange(self._rows) + 0.5 * (_CELL - 1)
+        x = self._left + CELL * np.arange(self._cols) + 0.5 * (CELL - 1)
+        y = self._top + CELL * np.arange(self._rows) + 0.5 * (CELL - 1)
         self._centres = np.stack(np.meshgrid(x, y), axis=-1)
         cx, cy = 0.5 * (camera.width - 1), 0.5 * (camera.height - 1)
         self._points = read_only(self._centres - np.array([cx, cy]))
@@ -139,7 +133,7 @@ class FloorAlignedFlow:
             borderMode=cv2.BORDER_REPLICATE,
         )
         good = np.empty((self._rows, self._cols), dtype=np.bool_)
-        match_cells(now, np.asarray(moved, dtype=np.uint8), _CELL, _DIFFERENCE, _GRADIENT, good)
+        match_cells(now, np.asarray(moved, dtype=np.uint8), good)
         return good
 
 

@@ -112,29 +112,14 @@ class ScanMemory:
         return PlanScan(*map(np.ascontiguousarray, picked))
 
 
-_PLAN_SIGMA = 0.04
-"""Standard deviation [m] of the walls in a plan: its cells, skirting, doors left ajar."""
-
-_OTHER = 0.1
-"""Density of points of furniture, relative to the peak of those of walls."""
-
 CORRELATION = 12.0
 """Number of points with a common error: a column of cells shows one wall, by one pair of frames."""
 
 SCALE_SIGMA = 0.06
 """Standard deviation of the distances' common scale: that of the motion between the frames."""
 
-SHORT = 0.25
-"""Part of a ray next to its point [m] in which no wall counts as blocking it."""
-
-NEAR = 0.1
-"""Distance [m] up to which a point belongs to a wall; rays and points count so far around."""
-
 _SEEN_THROUGH = 12
 """Number of rays through a wall, above that of points on it, that shows that it is gone."""
-
-ITERATIONS = 8
-"""Number of Gauss-Newton steps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,9 +164,6 @@ class PlanField:
             self.resolution,
             np.array([on_grid.x, on_grid.y, on_grid.yaw, 0.0]),
             CORRELATION * prior,
-            _PLAN_SIGMA,
-            _OTHER,
-            ITERATIONS,
         )
         by_points = by_points / CORRELATION
         shared = by_points[:3, 3]  # with the scale, which is not known either
@@ -204,14 +186,13 @@ class PlanField:
             self.resolution,
             self._on_grid(poses),
             plan_sigma,
-            _OTHER,
         )
         return np.asarray(rating, dtype=np.float64)
 
     def blocked(self, scan: PlanScan, poses: Array) -> Array:
         """Share (m,) of the rays to the points that walls would block at ``poses`` (m, 3)."""
         shares = plan_kernels.share_of_blocked_rays(
-            scan.points, scan.origins, self.cells, self.resolution, self._on_grid(poses), SHORT
+            scan.points, scan.origins, self.cells, self.resolution, self._on_grid(poses)
         )
         return np.asarray(shares, dtype=np.float64)
 
@@ -223,8 +204,6 @@ class PlanField:
             self.cells,
             self.resolution,
             self._on_grid(np.array([[pose.x, pose.y, pose.yaw]]))[0],
-            SHORT,
-            NEAR / self.resolution,
             self._through,
         )
         gone = self._occupied & (self._through >= _SEEN_THROUGH)

@@ -17,6 +17,22 @@ from navfw.numerics import Array
 from navfw.numerics.algebra_kernels import dot, solve_system
 from navfw.numerics.arrays import Floats
 
+PLAN_SIGMA = 0.04
+"""Standard deviation [m] of the walls in a plan: its cells, skirting, doors left ajar."""
+
+_OTHER = 0.1
+"""Density of points of furniture, the same at all distances, relative to the peak of those of
+walls."""
+
+SHORT = 0.25
+"""Part of a ray next to its point [m] in which no wall counts as blocking it."""
+
+NEAR = 0.1
+"""Distance [m] up to which a point belongs to a wall; rays and points count so far around."""
+
+_ITERATIONS = 8
+"""Number of Gauss-Newton steps."""
+
 
 @numba.njit(cache=True, error_model="numpy")
 def _at(field: Floats, x: float, y: float) -> tuple[float, float, float]:
@@ -43,9 +59,6 @@ def match_points(
     cell: float,
     start: Array,
     prior: Array,
-    plan_sigma: float,
-    other: float,
-    iterations: int,
 ) -> tuple[Array, Array, float]:
     """The pose, and the scale of the points' distances, with which they fit the walls of the plan.
 
@@ -61,10 +74,6 @@ def match_points(
         start: (4,) x, y [m] and yaw [rad] of the robot along the grid's axes, and the logarithm of
             the scale.
         prior: (4, 4) information of ``start``.
-        plan_sigma: standard deviation [m] of the walls in the plan.
-        other: density of points that do not belong to the plan, the same at all distances, relative
-            to the peak of those of walls whose only error is that of the plan.
-        iterations: number of steps.
 
     Returns:
         the state (4,), the information (4, 4) of the points alone, as if they were independent, and
@@ -74,7 +83,7 @@ def match_points(
     state, information, right = start.copy(), np.zeros((4, 4)), np.zeros(4)
     slope = np.zeros(4)
     belonging = 0.0
-    for _ in range(iterations):
+    for _ in range(_ITERATIONS):
         information[:] = 0.0
         away = start - state
         for a in range(4):
@@ -95,11 +104,11 @@ def match_points(
             # by how much the distance grows where the point is farther, in parts of its range
             deeper = scale * (gx * (c * rx - s * ry) + gy * (s * rx + c * ry))
             across = deeper / max(steep * math.hypot(rx, ry), 1e-9) * sigma[i]
-            variance = plan_sigma * plan_sigma + across * across
+            variance = PLAN_SIGMA * PLAN_SIGMA + across * across
             off = distance * cell
             density = math.exp(-0.5 * off * off / variance)
             # a wider density has a lower peak
-            weight = density / (density + other * math.sqrt(variance) / plan_sigma)
+            weight = density / (density + _OTHER * math.sqrt(variance) / PLAN_SIGMA)
             belonging += weight
             slope[0], slope[1], slope[2], slope[3] = gx, gy, -gx * dy + gy * dx, deeper
             for a in range(4):
@@ -112,13 +121,7 @@ def match_points(
 
 @numba.njit(cache=True, error_model="numpy")
 def rate_poses(
-    points: Array,
-    sigma: Array,
-    field: Floats,
-    cell: float,
-    poses: Array,
-    plan_sigma: float,
-    other: float,
+    points: Array, sigma: Array, field: Floats, cell: float, poses: Array, plan_sigma: float
 ) -> Array:
     """Mean log likelihood (m,) of the points at each of ``poses`` (m, 3); see ``match_points``."""
     rating = np.empty(poses.shape[0])
@@ -133,7 +136,7 @@ def rate_poses(
             if 0 <= r < field.shape[0] and 0 <= j < field.shape[1] and x >= 0.0 and y >= 0.0:
                 off = field[r, j] * cell
                 density = math.exp(-0.5 * off * off / (plan_sigma**2 + sigma[i] ** 2))
-            total += math.log(density + other)
+            total += math.log(density + _OTHER)
         rating[k] = total / max(points.shape[0], 1)
     return rating
 
@@ -156,17 +159,16 @@ def count_rays_through_walls(
     field: Floats,
     cell: float,
     pose: Array,
-    short: float,
-    near: float,
     counts: npt.NDArray[np.int64],
 ) -> None:
     """Count in ``counts`` (rows, columns) the rays through each wall, less the points on it.
 
-    A ray counts only if its point belongs to a wall, at most ``near`` [cells] off: the pose then
+    A ray counts only if its point belongs to a wall, at most ``NEAR`` off: the pose then
     explains the point, so the walls before it are in doubt. Rays and points count for the cells
     around, too. For the other arguments see ``share_of_blocked_rays``; ``pose`` is (3,).
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
+    near = NEAR / cell
     reach, through, seen = int(near) + 1, np.int64(1), np.int64(-1)
     for i in range(points.shape[0]):
         ex = int((pose[0] + c * points[i, 0] - s * points[i, 1]) / cell)
@@ -179,7 +181,7 @@ def count_rays_through_walls(
         dx, dy = points[i, 0] - origins[i, 0], points[i, 1] - origins[i, 1]
         length = math.hypot(dx, dy)
         inside = False
-        for step in range(int((length - short) / cell)):
+        for step in range(int((length - SHORT) / cell)):
             share = step * cell / length
             px, py = origins[i, 0] + share * dx, origins[i, 1] + share * dy
             x, y = int((pose[0] + c * px - s * py) / cell), int((pose[1] + s * px + c * py) / cell)
@@ -192,7 +194,7 @@ def count_rays_through_walls(
 
 @numba.njit(cache=True, error_model="numpy")
 def share_of_blocked_rays(
-    points: Array, origins: Array, field: Floats, cell: float, poses: Array, short: float
+    points: Array, origins: Array, field: Floats, cell: float, poses: Array
 ) -> Array:
     """The share (m,) of the rays to seen points that a wall of the plan would have blocked.
 
@@ -202,7 +204,6 @@ def share_of_blocked_rays(
         field: (rows, columns) signed distances [cells].
         cell: side of a cell [m].
         poses: (m, 3) x, y [m] and yaw [rad] of base_link along the grid's axes.
-        short: part of each ray next to its point [m] that does not count.
 
     """
     share = np.zeros(poses.shape[0])
@@ -211,7 +212,7 @@ def share_of_blocked_rays(
         for i in range(points.shape[0]):
             dx, dy = points[i, 0] - origins[i, 0], points[i, 1] - origins[i, 1]
             length = math.hypot(dx, dy)
-            steps = int((length - short) / cell)
+            steps = int((length - SHORT) / cell)
             for step in range(steps):
                 along = step * cell / length
                 px, py = origins[i, 0] + along * dx, origins[i, 1] + along * dy

@@ -14,6 +14,9 @@ import numpy.typing as npt
 
 from navfw.numerics import Array
 
+NARROW_PRICE = 4.0
+"""Extra price of a cell that just fits."""
+
 
 @numba.njit(cache=True)
 def price_cells(
@@ -22,13 +25,12 @@ def price_cells(
     radius: float,
     clear: float,
     margin: float,
-    narrow_price: float,
     unobserved_price: float,
 ) -> Array:
     """Price (m, m) of crossing each second cell of the grid (n, n); infinite where barred.
 
     Barred is a cell nearer to an obstacle than ``radius`` plus ``margin`` [m]. From there up to a
-    rim clearance of ``clear`` [m] the extra price falls quadratically from ``narrow_price`` to 0; a
+    rim clearance of ``clear`` [m] the extra price falls quadratically from NARROW_PRICE to 0; a
     cell that is not ``observed`` costs ``unobserved_price`` more.
     """
     n = clearance.shape[0]
@@ -44,7 +46,7 @@ def price_cells(
             cost[i, j] = 1.0
             if rim < clear:
                 tight = min((clear - rim) / max(clear - margin, 1e-6), 1.0)
-                cost[i, j] += narrow_price * (tight * tight)
+                cost[i, j] += NARROW_PRICE * (tight * tight)
             if not observed[row, column]:
                 cost[i, j] += unobserved_price
     return cost

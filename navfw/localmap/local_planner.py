@@ -26,8 +26,6 @@ from navfw.localmap.ray_kernels import SLACK, Ground, body_room
 from navfw.numerics import Array, Mask
 from navfw.signals import OccupiedDisc, Pose, wrap_angle
 
-NARROW_PRICE = 4.0
-"""Extra price of a cell that just fits."""
 TURN_PRICE = 0.25
 """Extra price of the first turn [m/rad]."""
 LEAVE_PRICE = 0.15
@@ -330,9 +328,7 @@ class LocalPlanner:
         # rays diverge with distance and leave gaps: a cell with an observed neighbour is observed
         observed = cv2.dilate(occupancy.observed, _AROUND).astype(np.uint8, copy=False)
         clearance = occupancy.clearance_with(moving_obstacles)
-        return price_cells(
-            clearance, observed, radius, p.clear, p.margin, NARROW_PRICE, p.unobserved_price
-        )
+        return price_cells(clearance, observed, radius, p.clear, p.margin, p.unobserved_price)
 
 
 def _sources(n: int, origin: tuple[float, float], cell: float, x: float, y: float) -> Array:

@@ -16,8 +16,8 @@ import numpy.typing as npt
 from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.offis.fuzzy_systems import FuzzyEvaluation, infer, load_system
-from navfw.offis.grid_geometry import BlindBorders, GridGeometry
-from navfw.offis.nearness import Nearness
+from navfw.offis.grid_geometry import MINIMUM_CONFIDENCE, BlindBorders, GridGeometry
+from navfw.offis.nearness import MINIMUM_BASELINE, Nearness
 from navfw.offis.percept_kernels import object_cells, object_nearness
 from navfw.offis.pyramid import Channels
 from navfw.offis.walls import Slopes, Walls
@@ -41,7 +41,7 @@ class ObjectCells:
 
 
 def find_objects(
-    geometry: GridGeometry, seen: Nearness, label: npt.NDArray[np.int8], minimum_confidence: float
+    geometry: GridGeometry, seen: Nearness, label: npt.NDArray[np.int8]
 ) -> ObjectCells:
     """Weights of the cells of ``seen`` by their ``label`` (rows, cols)."""
     cells = object_cells(
@@ -50,7 +50,7 @@ def find_objects(
         geometry.upward,
         geometry.wall_top,
         geometry.wall_share,
-        minimum_confidence,
+        MINIMUM_CONFIDENCE,
     )
     return ObjectCells(cells[0], cells[1], cells[2])
 
@@ -61,7 +61,6 @@ def object_channels(
     objects: ObjectCells,
     walls: Walls,
     borders: BlindBorders,
-    minimum_confidence: float,
 ) -> Channels:
     """Channels of mode ``nearness``: nearness of the objects, weighted by |x| for muU, |y| for muV.
 
@@ -86,19 +85,19 @@ def object_channels(
         borders.hidden,
         geometry.mount_height,
         geometry.wall_height,
-        minimum_confidence,
+        MINIMUM_CONFIDENCE,
     )
     shape = seen.nearness.shape
     return Channels(values.reshape(3, *shape), weights.reshape(3, *shape), known.reshape(shape))
 
 
-def raw_channels(flow: FlowField, focal: float, minimum_baseline: float) -> Channels:
+def raw_channels(flow: FlowField, focal: float) -> Channels:
     """Channels of mode ``paper``: |u| and |v| of all valid vectors, floor included, and |d|/|e|."""
     shift = flow.motion.translation
     foe_vector = flow.points * shift[2] - focal * shift[:2]
     expected = np.hypot(foe_vector[..., 0], foe_vector[..., 1])
     valid = (flow.confidence > 0.0) & np.isfinite(flow.vectors).all(-1)
-    valid &= flow.motion.baseline >= minimum_baseline
+    valid &= flow.motion.baseline >= MINIMUM_BASELINE
     length = np.where(valid[..., None], np.abs(flow.vectors), 0.0)
     nearness = np.hypot(length[..., 0], length[..., 1]) / np.maximum(expected, 1e-9)
     known = valid.astype(np.float64)

@@ -23,6 +23,9 @@ from navfw.offis.pyramid import Pyramid
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import FlowField
 
+MINIMUM_CONFIDENCE = 0.15
+"""Least confidence of a known cell [1]."""
+_SIGMAS, _DROP_SIGMAS, _FLOOR_TOLERANCE, _FLOOR_RESOLUTION = 2.0, 3.0, 0.04, 0.10
 _LOW_CAMERA = 0.2
 """Height of a camera [m] below which the tolerances of the floor are relative to it."""
 
@@ -37,22 +40,17 @@ class FloorModel:
     """Classifies cells as floor, obstacle, drop or overhead by their height (METHOD 2.8).
 
     Points at a height of ``top`` [m] or more do not obstruct the robot. The tests compare nearness,
-    whose errors are symmetric. An obstacle exceeds the floor's nearness by ``sigmas`` standard
-    deviations and is higher than ``obstacle_height`` [m]; a drop falls short of it by
-    ``drop_sigmas`` standard deviations and is deeper than ``drop_depth`` [m]; floor is within
-    ``floor_tolerance`` [m] (or ``sigmas`` standard deviations) of height 0, if the standard
-    deviation of the height is below ``floor_resolution`` [m]. All else is UNKNOWN. Below a camera
+    whose errors are symmetric. An obstacle exceeds the floor's nearness by _SIGMAS standard
+    deviations and is higher than ``obstacle_height`` [m]; a drop falls short of it by _DROP_SIGMAS
+    standard deviations and is deeper than ``drop_depth`` [m]; floor is within _FLOOR_TOLERANCE [m]
+    (or _SIGMAS standard deviations) of height 0, if the standard deviation of the height is below
+    _FLOOR_RESOLUTION [m]. All else is UNKNOWN. Below a camera
     lower than _LOW_CAMERA, both lengths shrink in proportion to its height.
     """
 
     camera: CameraModel
     top: float
-    minimum_confidence: float = 0.15
-    sigmas: float = 2.0
-    drop_sigmas: float = 3.0
     obstacle_height: float = 0.05
-    floor_tolerance: float = 0.04
-    floor_resolution: float = 0.10
     drop_depth: float = 0.08
 
     @cached_property
@@ -60,12 +58,12 @@ class FloorModel:
         share = min(self.camera.mount_height / _LOW_CAMERA, 1.0)
         return np.array(
             [
-                self.minimum_confidence,
-                self.sigmas,
-                self.drop_sigmas,
+                MINIMUM_CONFIDENCE,
+                _SIGMAS,
+                _DROP_SIGMAS,
                 self.obstacle_height,
-                self.floor_tolerance * share,
-                self.floor_resolution * share,
+                _FLOOR_TOLERANCE * share,
+                _FLOOR_RESOLUTION * share,
                 self.drop_depth,
                 self.top,
             ]

@@ -25,6 +25,11 @@ from navfw.signals import FlowField
 
 TERMS = ("near", "middle", "far")
 
+MINIMUM_BASELINE = 0.005
+"""Least translation for depth to be known [m]."""
+_REJECTION = 3.0
+"""Largest residual of a consistent vector [sigma]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Distances:
@@ -70,9 +75,7 @@ class Nearness(NamedTuple):
         return self.nearness.reshape(-1), self.sigma.reshape(-1), self.confidence.reshape(-1)
 
 
-def triangulate(
-    flow: FlowField, focal: float, *, minimum_baseline: float = 0.005, rejection: float = 3.0
-) -> Nearness:
+def triangulate(flow: FlowField, focal: float) -> Nearness:
     """Nearness 1/Z [1/m] at the current pixels of ``flow`` (derotated), METHOD 2.5.
 
     The sigma combines the flow's own sigma and the yaw error (``motion.yaw_sigma`` adds
@@ -80,9 +83,9 @@ def triangulate(
     of the translation. Near the FOE ``|e|`` vanishes: such cells keep their estimate with a large
     sigma and a low confidence (METHOD 2.10).
 
-    A vector whose component across ``e`` exceeds ``rejection`` standard deviations, or whose
+    A vector whose component across ``e`` exceeds ``_REJECTION`` standard deviations, or whose
     nearness is negative by as many, comes from a moving object or a mismatch: its confidence is 0.
-    For a baseline below ``minimum_baseline`` [m] all confidences are 0.
+    For a baseline below ``MINIMUM_BASELINE`` [m] all confidences are 0.
 
     Raises:
         ValueError: ``flow`` is not derotated.
@@ -94,7 +97,7 @@ def triangulate(
     shape = flow.shape
     baseline = motion.baseline
     confidence = _flat(flow.confidence)
-    if baseline < minimum_baseline:
+    if baseline < MINIMUM_BASELINE:
         confidence = np.zeros_like(confidence)
     cells = triangulate_cells(
         _flat(flow.points).reshape(-1, 2),
@@ -105,7 +108,7 @@ def triangulate(
         _flat(motion.translation),
         float(motion.yaw_sigma),
         float(motion.translation_sigma / baseline) if baseline > 0.0 else 0.0,
-        float(rejection),
+        _REJECTION,
     )
     return Nearness(*(cell.reshape(shape) for cell in cells))
 

@@ -27,12 +27,6 @@ from navfw.offis.walls import SIDES, find_walls, slopes_of_means, slopes_of_wall
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Percept, Twist
 
-MINIMUM_CONFIDENCE = 0.15
-"""Least confidence of a known cell [1]."""
-MINIMUM_BASELINE = 0.005
-"""Least translation for depth to be known [m]."""
-REJECTION = 3.0
-"""Largest residual of a consistent vector [sigma]."""
 HEADROOM = 0.05
 """Clearance above the robot [m]."""
 
@@ -105,7 +99,6 @@ class Offis(Perception):
         self._floor = FloorModel(
             robot.camera,
             top=robot.height + HEADROOM,
-            minimum_confidence=MINIMUM_CONFIDENCE,
             obstacle_height=self.params.obstacle_height,
             drop_depth=self.params.drop_depth,
         )
@@ -161,12 +154,7 @@ class Offis(Perception):
         self, flow: FlowField, geometry: GridGeometry
     ) -> tuple[nearness.Nearness, Array, npt.NDArray[np.int8]]:
         """Nearness, height [m] and label of each cell."""
-        seen = nearness.triangulate(
-            flow,
-            self.robot.camera.focal,
-            minimum_baseline=MINIMUM_BASELINE,
-            rejection=REJECTION,
-        )
+        seen = nearness.triangulate(flow, self.robot.camera.focal)
         return (seen, *self._floor.classify(flow.points, seen, geometry.fall))
 
     def _settle(
@@ -202,21 +190,14 @@ class Offis(Perception):
         """The fuzzy part: from nearness and labels to objects, planes, slopes and situations."""
         camera, params = self.robot.camera, self.params
         pyramid = geometry.pyramid
-        objects = find_objects(geometry, seen, label, MINIMUM_CONFIDENCE)
+        objects = find_objects(geometry, seen, label)
         walls = find_walls(geometry, seen, objects.wall_weight)
         borders = find_blind_borders(flow, geometry, camera.focal, params.longest_flow)
         paper = params.mode == "paper"
         if paper:
-            channels = raw_channels(flow, camera.focal, MINIMUM_BASELINE)
+            channels = raw_channels(flow, camera.focal)
         else:
-            channels = object_channels(
-                geometry,
-                seen,
-                objects,
-                walls,
-                borders,
-                MINIMUM_CONFIDENCE,
-            )
+            channels = object_channels(geometry, seen, objects, walls, borders)
         regions = pyramid.statistics(channels)
         size = self._size(regions)
         region_nearness = regions.mean if paper else regions.nearest

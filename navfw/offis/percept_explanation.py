@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -42,96 +42,84 @@ class PerceptExplanation(Sealed, Mapping[str, Any]):
     ``dict(explanation)`` computes all of it.
     """
 
-    _KEYS = (
-        "mode",
-        "report",
-        "regions",
-        "plane",
-        "distance",
-        "border",
-        "walls",
-        "slope",
-        "situation",
-        "front",
-    )
-
     def __init__(self, results: OffisResults) -> None:
         self._results = results
         self._seal()
 
     def __getitem__(self, key: str) -> Any:
-        if key not in self._KEYS:
-            raise KeyError(key)
-        return getattr(self, f"_{key}")()
+        return _PARTS[key](self._results)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._KEYS)
+        return iter(_PARTS)
 
     def __len__(self) -> int:
-        return len(self._KEYS)
+        return len(_PARTS)
 
     def __repr__(self) -> str:
-        return f"PerceptExplanation({', '.join(self._KEYS)})"
+        return f"PerceptExplanation({', '.join(_PARTS)})"
 
-    def _mode(self) -> str:
-        return self._results.mode
 
-    def _report(self) -> dict[str, Any]:
-        results = self._results
-        return {
-            "nearest": {layer: dict(regions) for layer, regions in results.obstacles.items()},
-            "front": results.situations.front,
-            "floor_in_front": results.situations.floor_in_front >= FLOOR_IN_FRONT,
+def _report(results: OffisResults) -> dict[str, Any]:
+    return {
+        "nearest": {layer: dict(regions) for layer, regions in results.obstacles.items()},
+        "front": results.situations.front,
+        "floor_in_front": results.situations.floor_in_front >= FLOOR_IN_FRONT,
+    }
+
+
+def _regions(results: OffisResults) -> dict[str, dict[str, float]]:
+    regions = results.regions
+    return {
+        name: {f.name: round(float(getattr(regions, f.name)[i]), 4) for f in fields(regions)}
+        for i, name in enumerate(results.pyramid.names)
+    }
+
+
+def _plane(results: OffisResults) -> dict[str, Any]:
+    planes, names = results.planes, results.pyramid.names
+    return {
+        f"{names[i]}-{names[j]}": planes.evaluation.explain(k)
+        for k, (i, j) in enumerate(planes.pairs)
+    }
+
+
+def _distance(results: OffisResults) -> dict[str, Any]:
+    distances, names = results.distances, results.pyramid.names[: results.distances.term.size]
+    return {name: distances.evaluation.explain(i) for i, name in enumerate(names)}
+
+
+def _walls(results: OffisResults) -> dict[str, Any]:
+    walls = results.walls
+    sides = {
+        side: {
+            name: round(float(getattr(walls, name)[i]), 4)
+            for name in ("incline", "slant", "front", "explained", "support", "step")
         }
+        for i, side in enumerate(SIDES)
+    }
+    return {**sides, "shared": round(walls.shared, 4), "opening": round(walls.opening, 4)}
 
-    def _regions(self) -> dict[str, dict[str, float]]:
-        regions = self._results.regions
-        return {
-            name: {f.name: round(float(getattr(regions, f.name)[i]), 4) for f in fields(regions)}
-            for i, name in enumerate(self._results.pyramid.names)
-        }
 
-    def _plane(self) -> dict[str, Any]:
-        planes, names = self._results.planes, self._results.pyramid.names
-        return {
-            f"{names[i]}-{names[j]}": planes.evaluation.explain(k)
-            for k, (i, j) in enumerate(planes.pairs)
-        }
+def _slope(results: OffisResults) -> dict[str, Any]:
+    slopes = results.slopes
+    return {
+        side: {"code": slopes.codes[i], **slopes.evaluation.explain(i)}
+        for i, side in enumerate(SIDES)
+    }
 
-    def _distance(self) -> dict[str, Any]:
-        distances, names = self._results.distances, self._results.pyramid.names
-        return {
-            name: distances.evaluation.explain(i)
-            for i, name in enumerate(names[: distances.term.size])
-        }
 
-    def _border(self) -> dict[str, Any]:
-        evaluation = self._results.borders.evaluation
-        return {side: evaluation.explain(i) for i, side in enumerate(SIDES)}
-
-    def _walls(self) -> dict[str, Any]:
-        walls = self._results.walls
-        sides = {
-            side: {
-                name: round(float(getattr(walls, name)[i]), 4)
-                for name in ("incline", "slant", "front", "explained", "support", "step")
-            }
-            for i, side in enumerate(SIDES)
-        }
-        return {**sides, "shared": round(walls.shared, 4), "opening": round(walls.opening, 4)}
-
-    def _slope(self) -> dict[str, Any]:
-        slopes = self._results.slopes
-        return {
-            side: {"code": slopes.codes[i], **slopes.evaluation.explain(i)}
-            for i, side in enumerate(SIDES)
-        }
-
-    def _situation(self) -> dict[str, Any]:
-        return self._results.situations.table_evaluation.explain(0)
-
-    def _front(self) -> dict[str, Any]:
-        return self._results.situations.front_evaluation.explain(0)
+_PARTS: dict[str, Callable[[OffisResults], Any]] = {
+    "mode": lambda results: results.mode,
+    "report": _report,
+    "regions": _regions,
+    "plane": _plane,
+    "distance": _distance,
+    "border": lambda r: {side: r.borders.evaluation.explain(i) for i, side in enumerate(SIDES)},
+    "walls": _walls,
+    "slope": _slope,
+    "situation": lambda results: results.situations.table_evaluation.explain(0),
+    "front": lambda results: results.situations.front_evaluation.explain(0),
+}
 
 
 def evaluations_of(explanation: PerceptExplanation) -> tuple[FuzzyEvaluation, ...]:

@@ -145,20 +145,20 @@ def object_cells(
     return cells
 
 
+_NEAR_SHARE = 0.125
+"""Share of a region's object cells in its nearest part."""
+
+_MIN_NEAR_WEIGHT = 2.5
+"""Least weight of that part [cells of confidence 1]; missing weight counts as empty space."""
+
+
 @numba.njit(cache=True)
-def region_moments(
-    regions: Indices,
-    values: Array,
-    weights: Array,
-    known: Array,
-    nearest_share: float,
-    nearest_least: float,
-) -> Array:
+def region_moments(regions: Indices, values: Array, weights: Array, known: Array) -> Array:
     """Statistics (n_regions, 9) over rectangles of the grid; see ``pyramid.RegionStatistics``.
 
     ``regions`` (n_regions, 4) are (row, end row, column, end column); ``values`` and ``weights``
     (3, rows, cols) are those of nearness and of the quantities averaged to muU and muV; ``known``
-    (rows, cols) is 1 or 0. ``nearest_share`` and ``nearest_least`` are as in ``pyramid``.
+    (rows, cols) is 1 or 0.
     """
     result = np.zeros((regions.shape[0], 9))
     for r in range(regions.shape[0]):
@@ -195,7 +195,7 @@ def region_moments(
             result[r, 3 + 2 * channel] = variance / total
         if filled > 0:
             order = np.argsort(near[:filled])
-            wanted = max(nearest_share * share[:filled].sum(), nearest_least)
+            wanted = max(_NEAR_SHARE * share[:filled].sum(), _MIN_NEAR_WEIGHT)
             total, mean = 0.0, 0.0
             for n in range(filled):
                 weight = min(share[order[n]], wanted - total)

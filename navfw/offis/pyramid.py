@@ -22,12 +22,6 @@ QUADRANTS = ("P1", "P2", "P3", "P4")
 NEIGHBOURS = ((0, 1), (1, 2), (2, 3), (3, 0))
 """Pairs of the four sibling regions that share a side, by index."""
 
-_NEAR_SHARE = 0.125
-"""Share of a region's object cells in its nearest part."""
-
-_MIN_NEAR_WEIGHT = 2.5
-"""Least weight of that part [cells of confidence 1]; missing weight counts as empty space."""
-
 Rectangle = tuple[int, int, int, int]
 """Row, end row, column, end column of cells."""
 
@@ -113,14 +107,7 @@ class Pyramid:
 
     def statistics(self, channels: Channels) -> RegionStatistics:
         """Statistics of every region, METHOD R6."""
-        moments = region_moments(
-            self.rectangles,
-            channels.values,
-            channels.weights,
-            channels.known,
-            _NEAR_SHARE,
-            _MIN_NEAR_WEIGHT,
-        )
+        moments = region_moments(self.rectangles, channels.values, channels.weights, channels.known)
         return RegionStatistics(*moments.T)
 
 

@@ -49,16 +49,13 @@ class Blockages:
     reports come from the same local map and are not independent, so votes on one passage count
     once per interval. A reopened passage has full uncertainty: two more votes close it again.
 
-    ``closing_votes`` net votes close a passage for ``closed_for`` [s], for twice as long if it was
-    not seen to be open since it was closed last; votes on a passage within ``vote_interval`` [s] of
-    the last one are not counted.
+    CLOSING_VOTES net votes close a passage for ``closed_for`` [s], for twice as long if it was not
+    seen to be open since it was closed last; votes on a passage within ``vote_interval`` [s] of the
+    last one are not counted.
     """
 
-    def __init__(
-        self, router: Router, closing_votes: float, vote_interval: float, closed_for: float
-    ) -> None:
+    def __init__(self, router: Router, vote_interval: float, closed_for: float) -> None:
         self._router = router
-        self._closing_votes = closing_votes
         self._interval = vote_interval
         self._closed_for = closed_for
         self._votes: dict[frozenset[str], float] = {}
@@ -76,7 +73,7 @@ class Blockages:
         """Reopen, as uncertain, the passages closed for long enough; returns which."""
         over = [ends for ends, until in self._until.items() if time >= until]
         for ends in over:
-            self._open(ends, votes=max(self._closing_votes - 2.0, 0.0))
+            self._open(ends, votes=max(CLOSING_VOTES - 2.0, 0.0))
             self._router.revise(self._passage(ends), uncertainty=1.0)
         return set(over)
 
@@ -100,9 +97,7 @@ class Blockages:
             return False  # for example the leg back from the barrier
         self._voted[ends] = time
         step = 1.0 if status == "closed" else -1.0
-        votes = min(
-            max(self._votes.get(ends, 0.0) + step, -self._closing_votes), self._closing_votes
-        )
+        votes = min(max(self._votes.get(ends, 0.0) + step, -CLOSING_VOTES), CLOSING_VOTES)
         self._votes[ends] = votes
         if ends in self._until:
             if votes > 0.0:
@@ -110,7 +105,7 @@ class Blockages:
             self._open(ends, votes)
             del self._closings[ends]
             return True
-        if votes < self._closing_votes:
+        if votes < CLOSING_VOTES:
             return False
         passage = self._passage(ends)
         self._closings[ends] += 1
@@ -253,7 +248,7 @@ class Papfis(Planner):
             p.passing, DOOR_PASSING, p.beside_door_passing, PASSING_REACH, self.robot.reach
         )
         self._tour = Tour(router, goals, passing, p.replan_distance, p.max_off_map)
-        self._blockages = Blockages(router, CLOSING_VOTES, p.vote_interval, p.closed_for)
+        self._blockages = Blockages(router, p.vote_interval, p.closed_for)
 
     def update(self, belief: Belief) -> Waypoint | None:
         """The waypoint to drive to; None when the last goal is reached.

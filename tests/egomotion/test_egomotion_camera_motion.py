@@ -340,27 +340,6 @@ def test_a_heading_known_before_pulls_only_where_the_points_leave_it_open(toward
     assert angle_between(estimate_egomotion(room, FOCAL, wrong), shift) < 3.0
 
 
-@pytest.mark.parametrize(
-    ("informed", "direction", "sigmas"),
-    [
-        (False, [0.329998, -0.108971, 0.937671], [2.24885, 1.89120, 1.65099, 33.4033, 42.5974]),
-        (True, [0.343577, -0.103511, 0.933402], [1.77540, 0.909263, 1.26966, 23.7007, 32.4209]),
-    ],
-)
-def test_noisy_points_with_outliers_give_these_numbers(
-    informed: bool, direction: list[float], sigmas: list[float]
-) -> None:
-    turn, shift = rotation_matrix(np.array([0.01, 0.04, -0.02])), np.array([0.05, -0.02, 0.12])
-    motion = seen(*scene(9, 60), turn, shift, noise=0.3)
-    motion.past[:9] += 5.0
-    motion.weight[9:20] = 0.4
-    spread = np.diag([0.01, 0.002, 0.003]) ** 2
-    prior = EgomotionPrior(turn, spread, shift / math.hypot(*shift), 0.2) if informed else None
-    found = estimate_egomotion(motion, FOCAL, prior)
-    assert found.direction == pytest.approx(direction, abs=1e-6)
-    assert np.sqrt(found.covariance.diagonal()) == pytest.approx(1e-3 * np.array(sigmas), rel=1e-5)
-
-
 def test_a_rotation_with_noise_is_not_taken_for_a_translation() -> None:
     turn, still = rotation_matrix(np.array([0.0, 0.03, 0.0])), np.zeros(3)
     kinds = []

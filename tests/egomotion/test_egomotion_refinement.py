@@ -167,26 +167,6 @@ def test_a_moving_object_is_flagged_and_does_not_disturb() -> None:
     assert refined.derotated
 
 
-def test_moved_and_missing_vectors_give_these_numbers() -> None:
-    camera = CameraModel(pitch=0.2)
-    flow, _ = measured(camera, 0.003, -0.001, Pose(0.08, 0.003, 0.02))
-    vectors = flow.vectors.copy()
-    vectors[3:5, 3:6] += [0.3, 0.4]
-    vectors[8, 8:10] += [2.0, 3.0]
-    vectors[0, 0] = np.nan
-    confidence = np.linspace(0.2, 1.0, vectors[..., 0].size).reshape(flow.shape)
-    result = refine(dataclasses.replace(flow, vectors=vectors, confidence=confidence), camera)
-    angles = (result.yaw, result.pitch, result.yaw_sigma, result.pitch_sigma)
-    assert angles == pytest.approx((3.0070724e-3, -1.0417744e-3, 4.1945241e-4, 3.7423506e-4))
-    assert np.nansum(result.residual) == pytest.approx(-4.0373920)
-    assert np.nansum(result.allowed) == pytest.approx(22.714657)
-    assert (~result.consistent).sum() == 6
-    field = result.apply(dataclasses.replace(flow, confidence=confidence), camera)
-    assert field.confidence.sum() == pytest.approx(111.077075)
-    assert field.inconsistency is not None
-    assert field.inconsistency.sum() == pytest.approx(0.76963351)
-
-
 def test_nothing_trusted_means_no_correction() -> None:
     flow, _ = measured(ROBOT.camera, 0.004, 0.002, Pose(0.08, 0.0, 0.0))
     for blind in (

@@ -4,7 +4,6 @@ import dataclasses
 import math
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from flow_scene import board_image, cell_truth, room, turn_about
@@ -14,7 +13,6 @@ from navfw.config import find
 from navfw.egomotion import camera_motion
 from navfw.errors import ConfigError, PluginError, SimulationError
 from navfw.flow import FloorAlignedFlow, Ideal, nearness_at, true_vectors
-from navfw.flow.cell_kernels import match_cells
 from navfw.missions import SimulatorTruth, prepare, reveal
 from navfw.numerics import Array
 from navfw.plugins import default_registry
@@ -85,25 +83,6 @@ def test_a_camera_that_looks_up_sees_no_floor() -> None:
     up = ROBOT.model_copy(update={"camera": CAMERA.model_copy(update={"pitch": -0.62})})
     assert not FloorAlignedFlow(up).floor_visible
     assert FloorAlignedFlow(ROBOT).floor_visible
-
-
-def test_cells_agree_as_pixel_by_pixel_operators_say() -> None:
-    rng = np.random.default_rng(3)
-    noise = rng.integers(0, 256, (48, 64), dtype=np.uint8)
-    now = np.asarray(cv2.GaussianBlur(noise, (0, 0), 2.0), dtype=np.uint8)
-    now[:, 40:] = now[:, 40:] // 8 + 100
-    now[8:16] += rng.integers(0, 40, (8, 64), dtype=np.uint8)
-    moved = np.clip(now.astype(int) + rng.integers(-14, 15, now.shape), 0, 255).astype(np.uint8)
-    across, down = (
-        cv2.Sobel(now, cv2.CV_32F, *order, scale=0.125).astype(float) for order in ((1, 0), (0, 1))
-    )
-    cells = (12, 4, 16, 4)
-    off = cv2.absdiff(now, moved).reshape(cells).mean(axis=(1, 3))
-    gradient = (across**2 + down**2).reshape(cells).mean(axis=(1, 3))
-    good = np.empty((12, 16), dtype=np.bool_)
-    match_cells(now, moved, 4, 7.0, 1.5, good)
-    np.testing.assert_array_equal(good, (off < 7.0) & (gradient > 1.5**2))
-    assert 0.2 < good.mean() < 0.8
 
 
 @dataclasses.dataclass

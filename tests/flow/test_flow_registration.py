@@ -11,8 +11,6 @@ from navfw.flow import (
     BlockMatching,
     Registered,
     Registration,
-    find_bends,
-    find_mixtures,
     grid_windows,
     register_windows,
 )
@@ -111,23 +109,6 @@ def test_windows_without_texture_and_unlike_windows_score_little() -> None:
     assert register(blurred_noise(5), past, np.zeros((2, 3, 2))).score.max() < 0.85
 
 
-def test_only_a_motion_that_neither_neighbour_has_is_a_mixture() -> None:
-    places: Array = 10.0 * np.arange(5, dtype=np.float64)
-    vectors, gradients = np.zeros((3, 5, 2)), np.zeros((3, 5, 4))
-    vectors[:, 3:, 0] = 6.0  # a near surface on the right
-    trusted = np.ones((3, 5), bool)
-    assert not find_mixtures(vectors, gradients, trusted, places, places[:3]).any()
-    # the window between them fits both by bending
-    vectors[:, 2, 0], gradients[:, 2, 0] = 3.0, 0.5
-    found = find_mixtures(vectors, gradients, trusted, places, places[:3])
-    np.testing.assert_allclose(found[:, 2], 2.0)
-    # beside the edge, the other neighbour agrees
-    assert not found[:, [0, 1, 3, 4]].any()
-    # without trust in the near surface no neighbour agrees either
-    trusted[:, 3:] = False
-    assert (find_mixtures(vectors, gradients, trusted, places, places[:3])[:, 2] >= 2.0).all()
-
-
 def test_a_steep_change_that_both_neighbours_follow_is_no_mixture() -> None:
     affine = np.array([[0.15, 0.0], [0.0, 0.1]])
     past = blurred_noise(9)
@@ -142,28 +123,6 @@ def test_a_steep_change_that_both_neighbours_follow_is_no_mixture() -> None:
 
 
 EVERY = np.ones((12, 16), bool)
-
-
-def plane() -> Array:
-    """A flow field (12, 16, 2) that changes linearly."""
-    x, y = np.meshgrid(np.arange(16.0), np.arange(12.0))
-    return np.stack([0.3 * x - 0.1 * y, 0.2 * y + 1.0], axis=-1)
-
-
-def test_a_single_error_bends_the_field_both_ways_and_an_edge_only_one() -> None:
-    vectors, trusted = plane(), EVERY.copy()
-    assert find_bends(vectors, trusted).max() < 1e-9
-    vectors[:, 8:] += 3.0
-    vectors[4, 3, 0] += 1.0
-    bend = find_bends(vectors, trusted)
-    assert bend[4, 3] == pytest.approx(1.0)
-    # its neighbours are bent along one of their two lines only
-    assert np.delete(bend[1:-1, 1:-1].ravel(), 3 * 14 + 2).max() < 1e-9
-    # corners have no triple
-    assert bend[0, 0] == 0.0
-    # nor is there one along the row or the column of a cell between untrusted ones
-    trusted[4, 2] = trusted[3, 3] = False
-    assert find_bends(vectors, trusted)[4, 3] == 0.0
 
 
 def test_sensitivity_is_sigma_for_a_residual_of_one_grey_level() -> None:

@@ -17,7 +17,7 @@ from navfw.localmap import (
     OccupancyGrid,
     TraversabilityCheck,
 )
-from navfw.localmap.cost_kernels import cost_to_go, descend, first_leg
+from navfw.localmap.cost_kernels import cost_to_go, descend
 from navfw.numerics import Array
 from navfw.signals import Belief, OccupiedDisc, Odometry, PassageQuery, Pose, Twist
 
@@ -197,55 +197,6 @@ def test_descent_leads_along_a_barred_area_and_out_of_it() -> None:
     # deep within it there is none
     value[10:31, 10:30] = np.inf
     assert descend(value, 20.0, 20.0, 2, path) == 0
-
-
-def reference_leg(
-    value: Array, cost: Array, at: tuple[float, float], yaw: float, length: float, price: float
-) -> tuple[float, float]:
-    """The least total price of a leg of ``length`` [cells], and its bearing [rad]."""
-    best, chosen = math.inf, math.nan
-    for bearing in BEARINGS:
-        direction = 0.5 * np.array([math.sin(yaw + bearing), math.cos(yaw + bearing)])
-        # summed step by step, as the kernel does: on the border of two cells rounding decides
-        points = np.cumsum([np.array(at), *[direction] * int(2.0 * length)], axis=0)[1:]
-        cells = np.round(points).astype(int)
-        if (cells < 0).any() or (cells >= len(value)).any():
-            continue
-        prices = cost[cells[:, 0], cells[:, 1]]
-        prices[:3] = np.where(np.isinf(prices[:3]), 5.0, prices[:3])
-        total = price * abs(bearing) + 0.5 * prices.sum() + value[tuple(cells[-1])]
-        if total < best - 1e-12:
-            best, chosen = total, bearing
-    return best, chosen
-
-
-BEARINGS = np.linspace(-math.pi, math.pi, 49)[:-1]
-
-
-@settings(max_examples=60)
-@given(
-    seed=st.integers(0, 2**32 - 1),
-    row=st.floats(2.0, 38.0),
-    column=st.floats(2.0, 38.0),
-    yaw=st.floats(-3.1, 3.1),
-    barred=st.sampled_from([0.0, 0.05, 0.5]),
-)
-def test_the_first_leg_is_the_cheapest(
-    seed: int, row: float, column: float, yaw: float, barred: float
-) -> None:
-    rng = np.random.default_rng(seed)
-    cost = rng.uniform(1.0, 3.0, (41, 41))
-    cost[rng.random(cost.shape) < barred] = np.inf
-    value = rng.uniform(0.0, 9.0, (41, 41))
-    value[np.isinf(cost)] = np.inf
-    least, bearing = reference_leg(value, cost, (row, column), yaw, 4.0, 2.0)
-    end_row, end_column, chosen = first_leg(value, cost, row, column, yaw, BEARINGS, 4.0, 2.0)
-    if math.isinf(least):
-        assert end_row == -1.0
-        return
-    assert chosen == pytest.approx(bearing)
-    expected = row + 4.0 * math.sin(yaw + bearing), column + 4.0 * math.cos(yaw + bearing)
-    assert (end_row, end_column) == pytest.approx(expected)
 
 
 # --- traversability of the legs ahead: open, closed, unknown --------------------------------------

@@ -336,36 +336,6 @@ def test_the_nearer_of_two_hides_the_other() -> None:
     assert stixels.nearness[sure] == pytest.approx(1.0 / 0.8, rel=0.06)
 
 
-@pytest.mark.parametrize("translation", [(0.0, 0.0, 0.1), (0.05, 0.02, 0.08), (-0.1, 0.0, 0.01)])
-def test_an_error_of_the_yaw_counts_as_the_flow_that_it_makes(
-    translation: tuple[float, float, float],
-) -> None:
-    flow, camera = boards_on_floor(0.08, [(0.7, 0.2, 0.4)]), CAMERA
-    way = np.array(translation)
-    lever = POINTS * way[2] - camera.focal * way[:2]
-    away = lever / np.linalg.norm(lever, axis=-1, keepdims=True)
-    vectors = lever * (1.5 / (1.0 + way[2] * 1.5))  # a wall at 1/1.5 m
-    # the image of a point after a small turn of the camera about its vertical axis
-    turn = 1e-5
-    ahead = camera.focal * math.cos(turn) - X * math.sin(turn)
-    turned = np.stack([camera.focal * math.sin(turn) + X * math.cos(turn), Y], axis=-1)
-    rate = (turned * (camera.focal / ahead)[..., None] - POINTS) / turn
-    confidences = []
-    for yaw_sigma in (0.0, 0.005, 0.01, 0.02, 0.03, 0.05):
-        motion = dataclasses.replace(flow.motion, translation=way, yaw_sigma=0.0)
-        exact = dataclasses.replace(
-            flow, vectors=vectors, motion=dataclasses.replace(motion, yaw_sigma=yaw_sigma)
-        )
-        wide = np.hypot(flow.sigma, yaw_sigma * np.sum(rate * away, axis=-1))
-        same = dataclasses.replace(flow, vectors=vectors, motion=motion, sigma=wide)
-        found, expected = stixels_of(exact, camera), stixels_of(same, camera)
-        assert np.array_equal(found.nearness, expected.nearness)
-        assert found.confidence == pytest.approx(expected.confidence, abs=2e-4)
-        confidences.append(found.confidence)
-    partly = (np.array(confidences) > 0.05) & (np.array(confidences) < 0.95)
-    assert np.count_nonzero(partly) > 10, "the comparison is not of zeros and ones alone"
-
-
 def test_there_are_no_stixels_without_baseline_with_steep_cameras_or_few_cells() -> None:
     boards, steep = [(0.8, 0.0, 0.15)], pitched(0.4)
     assert find_stixels(boards_on_floor(0.01, boards), CAMERA) is None

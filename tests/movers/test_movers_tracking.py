@@ -144,22 +144,6 @@ def test_the_covariance_of_tracks_is_that_of_their_errors() -> None:
     assert np.mean(squares) == pytest.approx(4.0, rel=0.12)
 
 
-def test_the_first_estimate_joins_detection_and_prior() -> None:
-    tracker = Tracker(ROBOT)
-    pose = Pose(0.2, 0.1, 0.5 * math.pi)
-    found = detection(3.0, 0.0, 1.0, velocity=(0.4, 0.0), certainty=100.0)
-    tracker.update([found], pose)
-    (track,) = tracker.tracks
-    # ahead of the robot is +y in odom
-    assert track.state[:2] == pytest.approx([0.2, 0.1 + AHEAD + 1.0 + 0.22])
-    weight = 100.0 / (100.0 + SPEED_SIGMA**-2)
-    assert track.state[2:] == pytest.approx([0.0, 0.4 * weight], abs=1e-9)
-    along, across = math.hypot(0.2 * 1.0, 0.06), math.hypot(0.06 * 1.22, 0.06)
-    speed = 1.0 / (100.0 + SPEED_SIGMA**-2)
-    assert np.allclose(track.covariance, np.diag([across**2, along**2, speed, speed]))
-    assert (track.hits, track.time, track.radius) == (1, 3.0, 0.22)
-
-
 @pytest.mark.parametrize(("width", "radius"), [(0.05, 0.22), (0.28, math.tan(0.28)), (0.6, 0.35)])
 def test_the_radius_follows_the_width_within_its_bounds(width: float, radius: float) -> None:
     tracker = Tracker(ROBOT)
