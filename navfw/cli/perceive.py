@@ -233,11 +233,12 @@ def _with_lens(
 ) -> tuple[ImageSource, float | None, LensEstimate | None]:
     """The images, their field of view [deg], and the estimate of a lens that is not given."""
     from navfw.lenses import load_calibration
-    from navfw.perceive.lens_estimate import open_with_lens
+    from navfw.perceive.lens_estimate import estimate_lens
 
     if calibration is not None:
         return opened(load_calibration(calibration)), None, None
-    return open_with_lens(opened, hfov, lambda: bar.show_part("estimating the lens"))
+    lens = estimate_lens(opened(None), hfov, lambda: bar.show_part("estimating the lens"))
+    return opened(lens.calibration), lens.known_hfov(hfov), lens
 
 
 def _results(

@@ -9,7 +9,6 @@ from .lens_estimate import LensEstimate as LensEstimate
 from .lens_estimate import estimate_lens as estimate_lens
 from .lens_estimate import estimate_line as estimate_line
 from .lens_estimate import lens_pairs as lens_pairs
-from .lens_estimate import open_with_lens as open_with_lens
 from .lens_fit import LensFit as LensFit
 from .motion_record import GyroRecord as GyroRecord
 from .motion_record import MotionRecord as MotionRecord

@@ -222,25 +222,6 @@ def estimate_lens(
     return LensEstimate(size, len(pairs), shape, focal_sigma, curvature_sigma)
 
 
-def open_with_lens(
-    opened: Callable[[CameraCalibration | None], ImageSource],
-    hfov: float | None,
-    tick: Callable[[], None] = lambda: None,
-) -> tuple[ImageSource, float | None, LensEstimate]:
-    """Images without the distortion that they show, their field of view [deg], and the estimate.
-
-    ``opened`` opens the images with a calibration, or with none; it is called twice. The field of
-    view is ``hfov`` [deg] where it is known, None if the calibration gives it or nothing does.
-    ``tick`` is called after each step of the work.
-
-    Raises:
-        InputError: the images cannot be opened.
-
-    """
-    lens = estimate_lens(opened(None), hfov, tick)
-    return opened(lens.calibration), lens.known_hfov(hfov), lens
-
-
 def _jackknife(
     fit: LensFit, start: LensShape, count: int, half: float
 ) -> tuple[LensShape, list[float]]:

@@ -228,17 +228,6 @@ def test_give_way_does_not_drive_toward_a_close_obstacle() -> None:
         assert proposal.prohibition[COMMANDS.nearest(allowed)] < 0.5
 
 
-def test_the_best_duration_of_a_turn_counts() -> None:
-    # toward a standing robot: a quarter turn before driving off is better than half a turn
-    context = scene()
-    context = with_conflicts(context, person(context, 1.6, 0.0, -0.4, 0.0), twist=Twist(0.0, 0.0))
-    assert context.conflicts is not None
-    distance, commands = context.conflicts.distance, context.commands
-    off = distance[commands.nearest(Twist(0.0, 1.2))]
-    assert off > 0.1 > distance[commands.nearest(Twist(0.0, 0.0))]
-    assert context.conflicts.approach.max() == 0.0  # no obstacle is close yet
-
-
 def test_give_way_allows_the_least_bad_command() -> None:
     around = [(0.6, 0.0, -0.4, 0.0), (-0.6, 0.0, 0.4, 0.0), (0.0, 0.6, 0.0, -0.4)]
     proposal = give_way_proposal(*around, (0.0, -0.6, 0.0, 0.4), v=0.0)

@@ -179,21 +179,6 @@ def test_static_points_move_as_the_motion_says(
     np.testing.assert_allclose(motion.rotation @ motion.rotation.T, np.eye(3), atol=1e-12)
 
 
-def test_a_camera_ahead_of_the_axle_swings_left_in_a_left_turn() -> None:
-    robot = RobotModel(camera=CameraModel(mount_forward=0.1))
-    motion = camera_motion(robot, ORIGIN, Pose(0, 0, 0.02), 0.1)
-    assert motion.translation[0] == pytest.approx(-0.1 * math.sin(0.02))
-    assert motion.baseline == pytest.approx(0.002, rel=1e-3)
-
-
-def test_nose_down_pitch_looks_at_forward_motion_from_above() -> None:
-    robot = RobotModel(camera=CameraModel(pitch=0.3))
-    motion = camera_motion(robot, ORIGIN, Pose(0.1, 0, 0), 0.1)
-    # METHOD 2.2: T = (0, -sin a, cos a)
-    expected = [0.0, -0.1 * math.sin(0.3), 0.1 * math.cos(0.3)]
-    np.testing.assert_allclose(motion.translation, expected, atol=1e-12)
-
-
 def test_sigmas_grow_with_time_way_and_turn() -> None:
     skidding = RobotModel(skid=0.02)
     usual = camera_motion(ROBOT, ORIGIN, Pose(0.05, 0, 0), 0.1)

@@ -110,21 +110,6 @@ def test_scalars_apply_to_all_samples_there_may_be_none_and_nan_spoils_its_own()
     assert np.isfinite(turn[0])
 
 
-def test_repeated_samples_give_the_same_as_single_ones() -> None:
-    rng = np.random.default_rng(5)
-    rows = np.array(
-        [
-            rng.choice(rng.uniform(variable.low, variable.high, size=7), size=300)
-            for variable in FIS.rule_base.inputs.values()
-        ]
-    )
-    together = FIS.evaluate_rows(rows)
-    alone = [FIS.evaluate_rows(rows[:, n : n + 1]) for n in range(rows.shape[1])]
-    for name, values in together.outputs.items():
-        expected = [result.outputs[name][0] for result in alone]
-        np.testing.assert_array_equal(values, expected)
-
-
 def test_wrong_inputs_raise() -> None:
     for evaluate in (FIS.evaluate, FIS.evaluate_one):
         with pytest.raises(UnknownNameError, match="did you mean 'side'"):

@@ -144,9 +144,3 @@ def test_the_larger_evidence_of_two_rays_counts() -> None:
     np.testing.assert_array_equal(hit, once)
     # a level ray passes at camera height
     assert free.max() == pytest.approx(0.9 * LIMITS[5])
-
-
-def test_the_view_ends_before_its_reach() -> None:
-    log_odds = np.full((9, 9), -1.0)
-    decay_view(log_odds, 2.0, 1.0, 0.0, 0.5, 0.0, 4.0, 0.5)
-    assert log_odds[2].tolist() == [-1.0, -1.0, -0.5, -0.5, -0.5, -1.0, -1.0, -1.0, -1.0]

@@ -91,14 +91,6 @@ def test_the_prediction_accounts_for_the_braking_distance() -> None:
     assert closest(predicted, 0.0, 0.0)[0] == pytest.approx(0.85 - TOUCH - 0.104, abs=0.03)
 
 
-def test_later_approaches_are_less_certain() -> None:
-    obstacle = track(2.0, 0.8, -0.5, 0.0)
-    certain = conflicts(obstacle)
-    uncertain = conflicts(obstacle, params=ConflictParams(uncertainty=0.1))
-    assert (uncertain.distance <= certain.distance + 1e-12).all()
-    assert closest(uncertain, 0.0, 0.0)[0] < closest(certain, 0.0, 0.0)[0] - 0.1
-
-
 def test_after_a_turn_on_the_spot_the_robot_drives_off() -> None:
     obstacle = track(1.6, 0.0, -0.45, 0.0)
     leaving = conflicts(obstacle)

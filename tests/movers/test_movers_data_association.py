@@ -111,25 +111,6 @@ def test_association_weighs_place_against_velocity(
     assert (near.hits, other.hits) == ((6, 5) if keeps else (5, 6))
 
 
-def test_swapped_places_do_not_swap_tracks_of_different_velocities() -> None:
-    # two objects pass each other; noise puts each detection where the other track is predicted
-    tracker = Tracker(ROBOT)
-    leftward, rightward = placed(0.06, 0.5), placed(-0.06, -0.5)
-    tracker.tracks = [leftward, rightward]
-    aside = math.atan2(0.06, AWAY)
-    tracker.update(
-        [
-            detection(0.0, side * aside, AWAY - 0.22, velocity=(0.0, way), certainty=1e6)
-            for side, way in ((1.0, -0.5), (-1.0, 0.5))
-        ],
-        START,
-    )
-    assert tracker.tracks == [leftward, rightward]
-    assert leftward.hits == rightward.hits == 6
-    assert leftward.velocity[1] == pytest.approx(0.5, abs=0.05)
-    assert rightward.velocity[1] == pytest.approx(-0.5, abs=0.05)
-
-
 @pytest.mark.parametrize(("apart", "merged"), [(0.29, True), (0.31, False)])
 def test_tracks_closer_than_the_merge_distance_are_one(apart: float, merged: bool) -> None:
     tracker = Tracker(ROBOT, TrackerParams(gate=0.5))

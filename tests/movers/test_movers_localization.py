@@ -224,24 +224,6 @@ def test_an_object_with_its_foot_below_the_image_is_nearer_than_the_floor_in_vie
         assert located(depth) == pytest.approx(0.8 * in_view, rel=0.01)
 
 
-@pytest.mark.parametrize(("border", "factor"), [(8.6, 0.8), (9.4, 1.0)])
-def test_the_border_of_the_image_without_flow_is_9_px_wide(border: float, factor: float) -> None:
-    # the body's lowest cells are 8 px above the last row, which is moved down
-    depth = CAMERA.mount_height * CAMERA.focal / (POINTS[-3, 0, 1] + 2.0)
-    flow = scene(0.0, (depth, 0.0, 0.3), (0.0, 0.4))
-    points = flow.points.copy()
-    points[-1, :, 1] = points[-3, :, 1] + border
-    (detection,) = locate_moving_objects(dataclasses.replace(flow, points=points), CAMERA)
-    away = detection.distance * math.cos(detection.bearing)
-    assert away == pytest.approx(factor * depth, rel=0.01)
-
-
-@given(st.floats(0.0, 2.0), st.floats(0.0, 2.0))
-def test_the_direction_of_a_short_way_is_uncertain(one: float, other: float) -> None:
-    short, long = map(driven, sorted((one, other)))
-    assert 0.03 <= direction_sigma(long) <= direction_sigma(short) <= 1.0
-
-
 def test_three_millimetres_aside_make_the_direction_uncertain() -> None:
     assert direction_sigma(driven(0.0)) == 1.0
     assert direction_sigma(driven(0.1)) == pytest.approx(0.03 + math.atan2(0.003, 0.1), rel=1e-3)

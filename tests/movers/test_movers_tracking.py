@@ -171,15 +171,6 @@ def test_the_path_of_a_track_is_covered_by_discs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("hits", "min_hits", "confirmed"), [(1, 2, False), (2, 2, True), (2, 3, False), (1, 1, True)]
-)
-def test_tracks_are_confirmed_by_their_hits(hits: int, min_hits: int, confirmed: bool) -> None:
-    tracker = Tracker(ROBOT, TrackerParams(min_hits=min_hits))
-    tracker.tracks = [Track(np.array([1.0, 0.0, 0.0, 0.0]), np.eye(4), 0.22, 0.0, hits)]
-    assert (len(tracker.confirmed) == 1) == confirmed
-
-
-@pytest.mark.parametrize(
     ("away", "bearing", "in_view"),
     [
         (1.0, 0.0, True),

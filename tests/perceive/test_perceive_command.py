@@ -135,14 +135,6 @@ def test_what_is_assumed_is_said(approach: Path, tmp_path: Path) -> None:
         assert_ahead(view, HEIGHT, WIDTH)
 
 
-def test_an_image_of_another_size_is_left_out_and_told(tmp_path: Path) -> None:
-    folder = save(tmp_path, [APPROACH[0], APPROACH[1], APPROACH[2][:200]])
-    done = invoke(folder, "--json")
-    assert done.exit_code == 0
-    assert "1 images are not 320 x 240 as the others, and left out: image_3.png" in done.stderr
-    assert [view["pair"] for view in json.loads(done.stdout)] == [1]
-
-
 def test_progress_is_told_on_stderr(approach: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress_bar, "LINE_PERIOD", -1.0)
     done = invoke(approach, "--fps", "10", "--json")

@@ -183,18 +183,6 @@ def test_focal_length_follows_scale_and_cut(width: int, height: int, hfov: float
     assert camera.focal == pytest.approx(size.scale * whole, rel=1e-9)
 
 
-def test_usual_sizes_are_not_cut() -> None:
-    for width, height, cut in (
-        (160, 120, (160, 120)),
-        (640, 480, (160, 120)),
-        (1920, 1080, (192, 108)),
-        (256, 256, (144, 144)),
-    ):
-        size = WorkingSize.of(width, height, 12, 16)
-        assert (size.cut_width, size.cut_height) == cut
-        assert size.scale == pytest.approx(cut[0] / width)
-
-
 @pytest.mark.parametrize("size", [(160, 120), (640, 480), (1080, 1920), (3024, 4032), (500, 500)])
 def test_cells_are_about_square_and_nothing_is_cut(size: tuple[int, int]) -> None:
     rows, cols = PerceiverOptions().grid_for(*size)

@@ -244,28 +244,6 @@ def test_reset_drops_stall_standstill_and_reverse() -> None:
 
 # --- thresholds ---------------------------------------------------------------------------------
 
-AGE, LATER = 0.5, 0.5 + 1 / 64
-"""A threshold and an age beyond it [s], both exact in binary."""
-
-
-@pytest.mark.parametrize(
-    ("threshold", "sensor", "speed"),
-    [
-        ("camera_slow", "frame_age", 0.12),
-        ("camera_stop", "frame_age", 0.0),
-        ("gyro_slow", "gyro_age", 0.12),
-        ("encoder_stop", "encoder_age", 0.0),
-    ],
-)
-def test_only_what_is_older_than_the_threshold_counts(
-    threshold: str, sensor: str, speed: float
-) -> None:
-    patient = {"camera_slow": 9.0, "camera_stop": 9.0, "gyro_slow": 9.0, "encoder_stop": 9.0}
-    for age, expected in ((AGE, 0.4), (LATER, speed)):
-        monitor = started(**{**patient, threshold: AGE})
-        monitor.update(reading(2.0, picture(), **{sensor: age}), odometry(2.0, 0.3))
-        assert monitor.limit(Twist(0.4, 0.0), 2.0, ORIGIN).twist.v == expected
-
 
 def test_without_blind_reverse_the_robot_reverses_only_by_sight() -> None:
     monitor, back = monitor_with(blind_reverse=0.0), Twist(-0.1, 0.0)
