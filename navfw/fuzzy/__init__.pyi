@@ -20,6 +20,5 @@ from .rulebase import parse_rule as parse_rule
 from .rulefile import TermCorners as TermCorners
 from .rulefile import load_rule_base as load_rule_base
 from .rulefile import parse_rule_base as parse_rule_base
-from .rulefile import rule_base_from_mapping as rule_base_from_mapping
 from .rulespec import InputSpec as InputSpec
 from .rulespec import OutputSpec as OutputSpec

@@ -88,16 +88,6 @@ def parse_rule_base(text: str, source: str | None = None) -> RuleBase:
     return _checked(document)
 
 
-def rule_base_from_mapping(data: Mapping[str, Any], source: str | None = None) -> RuleBase:
-    """The rule base in ``data``, a mapping with the keys of the YAML file.
-
-    Raises:
-        RuleBaseError: as ``load_rule_base``.
-
-    """
-    return _checked(YamlDocument(source, dict(data)))
-
-
 def _checked(document: YamlDocument) -> RuleBase:
     rule_base = _RuleBaseBuilder(document).build()
     check_coverage(rule_base)

@@ -64,11 +64,6 @@ class LandmarkExistence:
             if fits(identity):
                 del self._odds[identity]
 
-    @property
-    def likely_displaced(self) -> tuple[str, ...]:
-        """Identities of the landmarks with an existence probability below 0.5."""
-        return tuple(name for name, odds in self._odds.items() if odds < 0.0)
-
 
 GATE = 9.0
 """Association gate: squared Mahalanobis distance of (bearing, range) beyond which a detection is

@@ -5,15 +5,23 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fuzzy_samples import BOUNDED, corner_values, rule_bases, samples, small, with_default
+from fuzzy_samples import (
+    BOUNDED,
+    corner_values,
+    rule_base_of,
+    rule_bases,
+    samples,
+    small,
+    with_default,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.errors import RuleBaseError, UnknownNameError
-from navfw.fuzzy import CompiledFis, rule_base_from_mapping, uncovered_region
+from navfw.fuzzy import CompiledFis, uncovered_region
 from navfw.fuzzy.inference_kernels import FIRING_FLOOR
 
-FIS = CompiledFis(rule_base_from_mapping(small()))
+FIS = CompiledFis(rule_base_of(small()))
 
 
 @BOUNDED
@@ -88,7 +96,7 @@ def test_hedges_and_weights(hedge: str, expected: float) -> None:
         f"IF distance IS {hedge} near THEN turn IS right WITH 0.8 weight",
         "IF distance IS NOT near AND side IS left THEN turn IS left",
     ]
-    fis = CompiledFis(rule_base_from_mapping(with_default(0, rules)))
+    fis = CompiledFis(rule_base_of(with_default(0, rules)))
     firing = fis.evaluate({"distance": 0.75, "side": -1.0}).firing[0]
     np.testing.assert_allclose(firing, [0.8 * expected, 0.5], atol=1e-3)
 
@@ -142,7 +150,7 @@ def test_explanation_names_sentences_strongest_first() -> None:
 
 def error_of(**changes: Any) -> str:
     with pytest.raises(RuleBaseError) as caught:
-        rule_base_from_mapping(small(**changes), "turn.yaml")
+        rule_base_of(small(**changes), "turn.yaml")
     assert caught.value.key == "outputs.turn"
     return str(caught.value)
 
@@ -156,7 +164,7 @@ def with_terms(**shapes: dict[str, list[float]]) -> dict[str, Any]:
 
 def test_a_missing_rule_leaves_the_region_of_its_terms() -> None:
     message = error_of(rules=[small()["rules"][0], small()["rules"][2]])
-    assert message.startswith("turn.yaml: outputs.turn: no rule concludes about 'turn' where ")
+    assert message.startswith("turn.yaml:1: outputs.turn: no rule concludes about 'turn' where ")
     assert "distance is in [0, 0.5] m (near) and side is in [0, 1] (middle or right)" in message
     assert "'default: <value>'" in message
 
@@ -188,7 +196,7 @@ def test_a_negated_term_does_not_fire_where_the_term_is_one() -> None:
 
 
 def test_an_output_with_a_default_is_not_checked() -> None:
-    rule_base = rule_base_from_mapping(with_default(0.5, small()["rules"][:2]))
+    rule_base = rule_base_of(with_default(0.5, small()["rules"][:2]))
     assert rule_base.outputs["turn"].default == 0.5
     result = CompiledFis(rule_base).evaluate({"distance": 2.0, "side": 0.0})
     assert result.outputs["turn"][0] == 0.5
@@ -198,7 +206,7 @@ def test_every_output_is_checked() -> None:
     outputs = {**small()["outputs"], "speed": small()["outputs"]["turn"]}
     rules = [*small()["rules"][:2], "IF distance IS far THEN turn IS none, speed IS none"]
     with pytest.raises(RuleBaseError, match="concludes about 'speed' where distance is in "):
-        rule_base_from_mapping(small(rules=rules, outputs=outputs))
+        rule_base_of(small(rules=rules, outputs=outputs))
 
 
 @settings(BOUNDED, max_examples=30)
@@ -254,7 +262,7 @@ def test_many_inputs_are_searched_up_to_a_limit() -> None:
         }
 
     with pytest.raises(RuleBaseError, match=r"i0 is exactly 0.25 .*i5 is exactly 0.25"):
-        rule_base_from_mapping(wide(6, 5))
+        rule_base_of(wide(6, 5))
     everything = wide(12, 5)
     everything["rules"] += [
         f"IF i{k} IS t{a} AND i{(k + 1) % 12} IS t1 THEN o IS a"
@@ -262,4 +270,4 @@ def test_many_inputs_are_searched_up_to_a_limit() -> None:
         for a in range(5)
     ]
     with pytest.raises(RuleBaseError, match="too many inputs and terms"):
-        rule_base_from_mapping(everything)
+        rule_base_of(everything)

@@ -4,7 +4,16 @@ import warnings
 
 import numpy as np
 import pytest
-from fuzzy_samples import BOUNDED, corner_values, rule_bases, samples, shapes, small, with_default
+from fuzzy_samples import (
+    BOUNDED,
+    corner_values,
+    rule_base_of,
+    rule_bases,
+    samples,
+    shapes,
+    small,
+    with_default,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from navfw_benchmarks.bench.fuzzy_reference import ReferenceFis, compare
@@ -15,7 +24,6 @@ from navfw.fuzzy import (
     RuleBase,
     hedged,
     make_shape,
-    rule_base_from_mapping,
     sample_universe,
 )
 
@@ -126,7 +134,7 @@ def test_equals_scikit_fuzzy_on_random_rule_bases(implication: str, data: st.Dat
 @pytest.mark.parametrize("method", ["centroid", "bisector", "mom", "som", "lom"])
 @pytest.mark.parametrize("conjunction", ["min", "prod"])
 def test_equals_scikit_fuzzy_at_the_corners(method: str, conjunction: str) -> None:
-    rule_base = rule_base_from_mapping(small(**{"and": conjunction, "defuzzify": method}))
+    rule_base = rule_base_of(small(**{"and": conjunction, "defuzzify": method}))
     reference = ReferenceFis(rule_base)
     corners = dict(corner_values(rule_base))
     for distance in corners["distance"][::2]:
@@ -136,7 +144,7 @@ def test_equals_scikit_fuzzy_at_the_corners(method: str, conjunction: str) -> No
 
 def test_a_nan_input_and_no_firing_rule_both_give_the_default() -> None:
     rules = ["IF distance IS near AND side IS very left THEN turn IS right"]
-    rule_base = rule_base_from_mapping(with_default(0.25, rules))
+    rule_base = rule_base_of(with_default(0.25, rules))
     reference, compiled = ReferenceFis(rule_base), CompiledFis(rule_base)
     for inputs in ({"distance": 2.0, "side": 0.5}, {"distance": np.nan, "side": -1.0}):
         ours, theirs = compiled.evaluate(inputs), reference.evaluate(inputs)
@@ -147,9 +155,9 @@ def test_a_nan_input_and_no_firing_rule_both_give_the_default() -> None:
 
 def test_compare_measures_both_and_finds_them_equal() -> None:
     rng = np.random.default_rng(5)
-    comparison = compare(rule_base_from_mapping(small()), 20, rng)
+    comparison = compare(rule_base_of(small()), 20, rng)
     assert comparison["max_abs_diff"] <= TOLERANCE
     assert comparison["undecided"] == 0
     assert comparison["reference_ms"] > comparison["compiled_ms"] > 0.0
     with pytest.raises(ValueError, match="at least one sample"):
-        compare(rule_base_from_mapping(small()), 0, rng)
+        compare(rule_base_of(small()), 0, rng)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from fuzzy_samples import clauses, small
+from fuzzy_samples import clauses, rule_base_of, small
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -20,7 +20,6 @@ from navfw.fuzzy import (
     load_rule_base,
     parse_rule,
     parse_rule_base,
-    rule_base_from_mapping,
 )
 
 INPUTS = {"distance": ("near", "far"), "side": ("left", "middle", "right")}
@@ -163,7 +162,7 @@ def test_a_file_or_mapping_becomes_variables_and_rules(tmp_path: Path) -> None:
     assert second.sentence == "IF distance IS far THEN turn IS none WITH 0.5 weight"
     assert rule_base == parse_rule_base(TEXT)
     assert not distance.universe.flags.writeable
-    assert list(rule_base_from_mapping(small()).inputs) == ["distance", "side"]
+    assert list(rule_base_of(small()).inputs) == ["distance", "side"]
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Random rule bases and inputs for the tests of ``navfw.fuzzy``."""
 
+import json
 from collections.abc import Iterator
 from typing import Any
 
@@ -7,7 +8,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
 from navfw.config import parse_yaml
-from navfw.fuzzy import And, Clause, Is, Not, Or, RuleBase, atoms, rule_base_from_mapping
+from navfw.fuzzy import And, Clause, Is, Not, Or, RuleBase, atoms, parse_rule_base
 
 SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
 BOUNDED = settings(max_examples=20, suppress_health_check=SLOW)
@@ -32,6 +33,11 @@ rules:
   - IF distance IS near AND NOT side IS left THEN turn IS left
   - IF distance IS far THEN turn IS none
 """).data
+
+
+def rule_base_of(data: dict[str, Any], source: str | None = None) -> RuleBase:
+    """The rule base in ``data``, a mapping with the keys of the YAML file."""
+    return parse_rule_base(json.dumps(data), source)
 
 
 def small(**changes: Any) -> dict[str, Any]:
@@ -124,7 +130,7 @@ def rule_bases(draw: st.DrawFn, /, **fixed: Any) -> RuleBase:
         "outputs": {name: outputs[name] for name in sorted(concluded)},
         "rules": rules,
     }
-    return rule_base_from_mapping({**spec, **fixed})
+    return rule_base_of({**spec, **fixed})
 
 
 def corner_values(rule_base: RuleBase) -> Iterator[tuple[str, list[float]]]:
