@@ -105,16 +105,12 @@ def _features(percept: Percept, weight: Array, height: float) -> tuple[float, fl
     left, middle, right = (_nearness(percept, weight, third) for third in _thirds(percept))
     if middle is None:
         return None
-    floor = math.log(0.01)
-    logs = [
-        floor if near is None else max(math.log(max(near * height, 1e-6)), floor)
-        for near in (left, middle, right)
-    ]
-    known = [log for log, near in ((logs[0], left), (logs[2], right)) if near is not None]
-    sides = sum(known) / len(known) if known else logs[1]
+    ahead = math.log(max(middle * height, 0.01))
+    beside = [math.log(max(near * height, 0.01)) for near in (left, right) if near is not None]
+    sides = sum(beside) / len(beside) if beside else ahead
     return (
-        _within(logs[1] - math.log(_USUAL), _LOG_NEARNESS),
-        _within(sides - logs[1], _LOG_SIDES),
+        _within(ahead - math.log(_USUAL), _LOG_NEARNESS),
+        _within(sides - ahead, _LOG_SIDES),
     )
 
 
