@@ -6,40 +6,27 @@ definitions of messages are not used, as rosbags would execute code made of them
 
 from __future__ import annotations
 
-import bz2
 import math
-import sys
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 
-from navfw.config.document import load_yaml
 from navfw.config.extras import extra_imports
 from navfw.config.image_file import MAX_PIXELS, decode_image
 from navfw.config.input_file import is_folder, open_input, shown_path
 from navfw.errors import ConfigError, NavfwError, UnknownNameError, did_you_mean
 from navfw.numerics import Array, Image
 from navfw.recording.ros_messages import message_types
-from navfw.recording.run_folder import BAG_METADATA
 
 with extra_imports("bags"):
-    import lz4.frame
     from rosbags import rosbag1, rosbag2
-    from rosbags.rosbag1.reader import decompressors
-    from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
     from rosbags.serde import SerdeError
 
-    if sys.version_info >= (3, 14):
-        from compression import zstd
-    else:
-        from backports import zstd
 
-_MAX_CHUNK = 1 << 28
-"""Largest size of an unpacked chunk or message [byte]."""
 _CLOCKS = 1.0
 """Difference of a topic's clock from the bag's [s] from which its stamps are not used."""
 _ENCODINGS: Mapping[str, tuple[int, int | None]] = {
@@ -54,22 +41,6 @@ _ENCODINGS: Mapping[str, tuple[int, int | None]] = {
     "bayer_grbg8": (1, cv2.COLOR_BayerGRBG2BGR),
 }
 """Channels of each encoding, and OpenCV's conversion to BGR."""
-
-
-def _bounded(unpacker: Callable[[], Any]) -> Callable[..., bytes]:
-    def unpack(data: bytes, _: int = 0) -> bytes:
-        content: bytes = unpacker().decompress(data, max_length=_MAX_CHUNK + 1)
-        if len(content) > _MAX_CHUNK:
-            raise ValueError(f"a chunk unpacks to more than {_MAX_CHUNK} bytes")
-        return content
-
-    return unpack
-
-
-# rosbags looks these up, and bounds none of its own
-_unzipped, _of_lz4 = _bounded(zstd.ZstdDecompressor), _bounded(lz4.frame.LZ4FrameDecompressor)
-decompressors.update(bz2=_bounded(bz2.BZ2Decompressor), lz4=_of_lz4)
-DECOMPRESSORS.update(zstd=_unzipped, lz4=_of_lz4)
 
 
 def ros_image(message: Any, name: str) -> Image:
@@ -155,7 +126,7 @@ class Bag:
     ``CameraInfo``, None without one. ``notes`` are remarks for people.
 
     Raises:
-        ConfigError: it cannot be read, is too large, damaged, or packed as a whole.
+        ConfigError: it cannot be read, is too large, or damaged.
         UnknownNameError: ``topic`` has no images.
 
     """
@@ -164,8 +135,10 @@ class Bag:
         self.path, self.file = path, shown_path(path)
         self.notes: list[str] = []
         self.info: Any = None
-        self._check_files()
-        with self._opened() as (reader, _):
+        if not is_folder(path):
+            with open_input(path):
+                pass
+        with self._opened() as reader:
             self._begin = int(reader.start_time)
             self.duration = max(1e-9 * reader.duration, 0.0)
             counts = [(link.topic, link.msgtype, link.msgcount) for link in reader.connections]
@@ -246,51 +219,29 @@ class Bag:
         """Topic, time of reception [s] and content of messages, in that order."""
         is_ros1 = self.path.suffix == ".bag"
         types = message_types(ros1=is_ros1)
-        with self._opened() as (reader, unpack):
+        with self._opened() as reader:
             wanted = [link for link in reader.connections if link.topic in topics]
             for link, received, data in reader.messages(wanted) if wanted else ():
                 time = (received - self._begin) / 1e9
                 if not is_ros1:
-                    yield link.topic, time, deserialize_cdr(unpack(data), link.msgtype)
+                    yield link.topic, time, deserialize_cdr(data, link.msgtype)
                     continue
                 if link.digest not in {types.generate_msgdef(link.msgtype)[1], "*"}:
                     raise ValueError(f"{link.msgtype} is not defined as in ROS 1 Noetic")
                 yield link.topic, time, types.deserialize_ros1(data, link.msgtype)
 
     @contextmanager
-    def _opened(self) -> Iterator[tuple[Any, Callable[[bytes], bytes]]]:
-        """The open reader, and what unpacks its messages."""
+    def _opened(self) -> Iterator[Any]:
+        """The open reader of rosbags."""
         try:
             with (rosbag1 if self.path.suffix == ".bag" else rosbag2).Reader(self.path) as reader:
-                unpack: Callable[[bytes], bytes] = bytes
-                if getattr(reader, "compression_mode", None) == "message":
-                    about, unpack = reader.storage.metadata, _unzipped
-                    reader.storage.metadata = about._replace(compression_mode=None)
-                yield reader, unpack
+                yield reader
         except NavfwError:
             raise
         except Exception as error:  # rosbags raises errors of many kinds for damaged content
             reason = " ".join(str(error).split())[:200] or type(error).__name__
             hint = "; of a run's recording make one by navfw export" if "ros2" in reason else ""
             raise ConfigError(f"not a readable bag: {reason}{hint}", file=self.file) from None
-
-    def _check_files(self) -> None:
-        """Raise ConfigError unless all files are regular, of bounded size, and not packed."""
-        files = [self.path]
-        if is_folder(self.path):
-            listed = load_yaml(self.path / BAG_METADATA).data
-            about = listed.get("rosbag2_bagfile_information") if isinstance(listed, dict) else None
-            names = about.get("relative_file_paths") if isinstance(about, dict) else None
-            if not isinstance(about, dict) or not isinstance(names, list):
-                what = "not a bag: expected rosbag2_bagfile_information with relative_file_paths"
-                raise ConfigError(what, file=f"{self.file}/{BAG_METADATA}")
-            if str(about.get("compression_mode")).lower() == "file":
-                what = "its files are packed as a whole; unpack them by ros2 bag convert"
-                raise ConfigError(what, file=self.file)
-            files = [self.path / PurePath(str(name)).name for name in names]
-        for file in files:
-            with open_input(file):
-                pass
 
 
 def deserialize_cdr(data: bytes, kind: str) -> Any:

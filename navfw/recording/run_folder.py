@@ -42,13 +42,9 @@ FILES = frozenset(
 """The files of a run folder; a folder with any other file in it is never replaced."""
 
 
-BAG_METADATA = "metadata.yaml"
-"""The file that makes a folder a bag of ROS 2."""
-
-
 def is_bag(path: Path) -> bool:
     """Whether ``path`` is called as a bag's file is, or is the folder of one."""
-    return path.suffix in {".bag", ".mcap", ".db3"} or is_file(path / BAG_METADATA)
+    return path.suffix in {".bag", ".mcap", ".db3"} or is_file(path / "metadata.yaml")
 
 
 def plain_json(value: Any) -> Any:
