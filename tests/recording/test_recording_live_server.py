@@ -164,6 +164,8 @@ def test_only_this_machine_its_page_and_who_has_the_token_are_answered(idle: Ses
         requests = [(request(server, lines=lines), code) for lines, code in answered.items()]
         requests += [(request(server, token=token), 403) for token in ("x", "%C3%A9", "&token=")]
         requests += [(b"GET /other" + request(server)[5:], 403), (b"\x00\xff\r\n\r\n", 0)]
+        cut = b"HTTP/1.1\r\n" + b"X: 1\r\n" * 300
+        requests += [(b"GET " + path + cut + b"\r\n", 0) for path in (b"//[::1 ", b"", b"* ")]
         for sent, code in requests:
             with closing(socket.create_connection(("127.0.0.1", port))) as reader:
                 reader.sendall(sent)

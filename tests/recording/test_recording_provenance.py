@@ -53,21 +53,6 @@ def test_a_worktree_has_its_own_commit_and_changes(repository: Path, tmp_path: P
     assert git_revision(repository) == first
 
 
-def test_a_submodule_has_its_own_commit_which_counts_outside(
-    repository: Path, tmp_path: Path
-) -> None:
-    other = commit(tmp_path / "other")
-    git(repository, "submodule", "--quiet", "add", str(other), "part")
-    git(repository, "commit", "-qm", "second")
-    part, head = repository / "part", git(repository, "rev-parse", "HEAD")
-    assert git_revision(part) == git(other, "rev-parse", "HEAD")
-    (part / "a.txt").write_text("two\n")
-    assert str(git_revision(part)).endswith("-dirty")
-    assert git_revision(repository) == head
-    git(part, "commit", "-qam", "third")
-    assert git_revision(repository) == f"{head}-dirty"
-
-
 def test_without_a_commit_or_a_repository_there_is_no_revision(repository: Path) -> None:
     assert git_revision(repository.parent) is None
     git(repository.parent, "init", "-q")

@@ -73,15 +73,6 @@ def test_a_folder_that_is_no_run_folder_is_not_changed(tmp_path: Path, files: li
     assert names(tmp_path) == sorted(files)
 
 
-def test_a_file_is_refused_as_run_folder(tmp_path: Path) -> None:
-    target = tmp_path / "mine"
-    target.write_text("text")
-    with pytest.raises(InputError, match="is a file"):
-        RunFolder(target)
-    with pytest.raises(InputError, match="cannot be written"), RunFolder(target / "run"):
-        pass
-
-
 def test_numbered_folders_never_collide(tmp_path: Path) -> None:
     with ThreadPoolExecutor(8) as threads:
         for text in "01234567":
@@ -149,13 +140,6 @@ def test_a_folder_in_use_is_refused_or_numbered_and_swept_after_kill_9(tmp_path:
     assert written(tmp_path / "run") == tmp_path / "run"
 
 
-def test_a_sweep_leaves_what_has_no_lock_file_of_its_own(tmp_path: Path) -> None:
-    (tmp_path / ".run.navfw-part").mkdir()
-    (tmp_path / ".linked.navfw-lock").symlink_to(tmp_path / "elsewhere")
-    sweep(tmp_path)
-    assert names(tmp_path) == [".linked.navfw-lock", ".run.navfw-part"]
-
-
 def test_a_process_killed_between_both_renames_leaves_the_earlier_run(tmp_path: Path) -> None:
     written(tmp_path / "run")
     lock = TargetLock(tmp_path / "run")
@@ -165,13 +149,6 @@ def test_a_process_killed_between_both_renames_leaves_the_earlier_run(tmp_path: 
     sweep(tmp_path)
     assert names(tmp_path) == ["run"]
     assert read_result(tmp_path / "run") == {"text": "one"}
-
-
-def test_a_lock_is_exclusive_in_one_process_and_reusable(tmp_path: Path) -> None:
-    for _ in range(2):
-        with TargetLock(tmp_path / "a"), pytest.raises(TargetInUseError):
-            TargetLock(tmp_path / "a").acquire()
-    assert names(tmp_path) == []
 
 
 def test_links_are_followed_and_dangling_ones_refused(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 import hashlib
 import struct
-from io import BytesIO
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -32,7 +31,6 @@ from navfw.recording import (
     draw_trajectory,
     hash_commands,
     rgb,
-    write_legend,
 )
 from navfw.signals import Pose, Twist, Waypoint
 
@@ -86,17 +84,6 @@ def test_a_log_keeps_what_was_added() -> None:
     assert log.command_stream.shape == (300, 3)
 
 
-@pytest.mark.parametrize("ticks", [0, 1, 2, 5, 61, 300])
-def test_sampled_indices_keep_both_ends(ticks: int) -> None:
-    log = curved_log(ticks)
-    picked = log.every(0.1)
-    assert len(picked) <= ticks
-    if ticks:
-        assert (picked[0], picked[-1]) == (0, ticks - 1)
-    if ticks > 7:
-        assert np.diff(picked[:-1]).tolist() == [6] * (len(picked) - 2)
-
-
 def picture(**changes: Any) -> TrajectoryPicture:
     square = np.array([[0.0, 0.0], [0.4, 0.0], [0.4, 0.4], [0.0, 0.4]])
     wall, table = square + np.array([1.5, 1.0]), square + np.array([0.5, -1.2])
@@ -135,12 +122,6 @@ def test_the_path_has_the_colours_of_the_leading_behaviours(tmp_path: Path) -> N
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "c.png").read_bytes()
 
 
-def test_an_empty_world_can_be_drawn(tmp_path: Path) -> None:
-    empty = picture(outline=WorldOutline(), places={}, good=False)
-    image = drawn(tmp_path / "a.png", curved_log(1), empty)
-    assert share_of(image, "#B0004E") > 0.0
-
-
 def test_the_legend_of_many_behaviours_is_complete(tmp_path: Path) -> None:
     recorder = RunLogger()
     leaders = ("", "centre_corridor", "traverse_door", "follow_wall", "emergency", "give_way")
@@ -153,14 +134,6 @@ def test_the_legend_of_many_behaviours_is_complete(tmp_path: Path) -> None:
     assert legend.min() < 100.0, "there is a legend"
     edges = np.concatenate([legend[:, :12], legend[:, -12:]], axis=1)
     assert edges.min() > 250.0, "nothing of it is cut at the sides"
-
-
-def test_a_long_reason_is_written_in_lines(tmp_path: Path) -> None:
-    short = drawn(tmp_path / "short.png", curved_log(), picture())
-    long = drawn(tmp_path / "long.png", curved_log(), picture(reason="no way through. " * 12))
-    assert long.shape[1] == short.shape[1]
-    assert long.shape[0] > short.shape[0] + 20
-    assert long[:120, -12:].min() > 250.0, "nothing of it is cut at the side"
 
 
 def test_moving_obstacles_are_drawn_where_they_went(tmp_path: Path) -> None:
@@ -216,37 +189,6 @@ def test_labels_keep_off_marks_and_are_left_out_without_room(axes: Axes) -> None
     assert not text.get_window_extent().contains(*axes.transData.transform(mark))
     assert not labels.write("x" * 100, (5.0, 5.0), "black"), "wider than the picture"
     assert [text.get_text() for text in axes.texts] == ["lobby"]
-
-
-def test_a_label_stays_within_the_picture(axes: Axes) -> None:
-    assert PathLabels(axes, NO_PATH, zorder=1).write("corner", (9.9, 9.9), "black")
-    (text,) = axes.texts
-    box = text.get_window_extent()
-    assert axes.bbox.contains(box.x1, box.y1)
-
-
-def test_labels_keep_off_the_path_in_narrow_axes(axes: Axes) -> None:
-    axes.set_xlim(4.5, 5.5)
-    axes.set_aspect("equal")
-    path = np.array([[5.0, 0.0], [5.0, 10.0]])
-    labels = PathLabels(axes, path, zorder=1)
-    # ten pixels beside the path, but a hundred if the axes were not narrow
-    assert all(labels.write(f"at {y}", (4.8, y), "black") for y in (2.0, 5.0, 8.0))
-    figure = axes.figure
-    assert isinstance(figure, Figure)
-    figure.savefig(BytesIO())
-    assert not covered(axes, path)
-
-
-def test_the_legend_has_each_label_once(axes: Axes) -> None:
-    for _ in range(3):
-        axes.plot([0, 1], [0, 1], label="passage")
-    axes.plot([0, 1], [0, 1], label="route")
-    figure = axes.figure
-    assert isinstance(figure, Figure)
-    write_legend(figure, axes)
-    (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == ["passage", "route"]
 
 
 def test_a_behaviour_has_one_colour_by_its_name_alone() -> None:

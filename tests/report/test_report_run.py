@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_calls import invoke, output, put_files, refusal
+from cli_calls import invoke, put_files
 from report_browser import seen_in_browser
 
 from navfw.recording import PICTURE, RECORDING, REPORT, open_run
@@ -167,22 +167,3 @@ def test_without_a_recording_the_page_has_the_picture_and_says_so(
     page = (folder / REPORT).read_text(encoding="utf-8")
     assert "was not recorded" in page
     assert "data:image/webp;base64," in page
-
-
-def test_a_foreign_folder_and_an_unwritable_place_are_refused(
-    run_folder: Path, tmp_path: Path
-) -> None:
-    assert "is neither the folder of a run" in refusal("report", tmp_path)
-    (tmp_path / "file").touch()
-    below = ("--out", tmp_path / "file" / "page.html")
-    assert "cannot be written" in refusal("report", run_folder, *below)
-
-
-def test_a_cut_recording_is_shown_as_far_as_it_is_intact(run_folder: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "run"
-    shutil.copytree(run_folder, folder)
-    recording = folder / RECORDING
-    content = recording.read_bytes()
-    recording.write_bytes(content[: len(content) * 9 // 10])
-    output("report", folder)
-    assert "ends before its run" in (folder / REPORT).read_text(encoding="utf-8")

@@ -1,13 +1,10 @@
 """The simulated robot's side of the graph: silence, nonsense, and who can hear it; without ROS."""
 
-import json
 import math
 from typing import Any, cast
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from ros_graph import Graph, GraphNode
 
 from navfw.missions import Simulator
@@ -17,7 +14,6 @@ from navfw.ros import RosNode, RosPilot
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist
 
 ROBOT = RobotModel()
-NUMBERS = st.floats() | st.just(10**400)
 
 
 class Standing:
@@ -67,29 +63,6 @@ def test_a_silent_driver_leaves_the_robot_standing_within_a_quarter_of_a_second(
     assert speeds[0] == 0.4
     assert moving[-1] <= 0.25
     assert speeds[-1] == 0.0
-
-
-@settings(max_examples=100, deadline=None)
-@given(
-    st.one_of(
-        st.text(max_size=30),
-        st.recursive(
-            st.none() | st.booleans() | st.floats() | st.text(max_size=3),
-            lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(), inner),
-            max_leaves=6,
-        ).map(json.dumps),
-        st.fixed_dictionaries(
-            {"stamp": NUMBERS | st.text(max_size=2), "pose": st.lists(NUMBERS, max_size=4)},
-            optional={"stuck": st.floats(), "fault": st.lists(st.none(), max_size=2)},
-        ).map(json.dumps),
-    )
-)
-def test_no_status_breaks_the_simulated_robot(text: str) -> None:
-    pilot, node, _ = made()
-    node.graph.send("navfw/status", ros_message("std_msgs/msg/String", {"data": text}))
-    pilot.step(reading(0.0))
-    pilot.step(reading(3.0))
-    assert pilot.state.time == 3.0
 
 
 @pytest.mark.parametrize("v", [math.nan, math.inf])
