@@ -16,7 +16,7 @@ from navfw.missions.session import MissionResult, Session
 from navfw.process.atomic import writing
 from navfw.process.interruption import deferred, interruptible
 from navfw.recording.provenance import code_revision, machine_kind
-from navfw.recording.run_folder import PICTURE, RECORDING, RESULT, RunFolder
+from navfw.recording.run_folder import MAP, PICTURE, RECORDING, RESULT, RunFolder
 from navfw.recording.run_observers import RunRecorder
 from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
 
@@ -54,8 +54,7 @@ class RecordedFolder:
         }
         with writing(target.target):
             self._write(())
-            for name, write in _inputs(session, target).items():
-                write(target.path / name)
+            target.write_inputs(session.stack.config, session.mission.topo_map)
             target.show_unfinished()
             self.recorder = RunRecorder(
                 session.description, session.seen, path=target.path / RECORDING
@@ -68,10 +67,6 @@ class RecordedFolder:
 
     def _write(self, events: Sequence[EventRecord]) -> None:
         self._target.write_json(RESULT, {**self._result, "events": [e.as_data() for e in events]})
-
-
-def _inputs(session: Session, target: RunFolder) -> dict[str, Callable[[Path], object]]:
-    return target.input_writers(session.stack.config, session.mission.topo_map)
 
 
 def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
@@ -89,8 +84,9 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
         target.write_json(RESULT, {**result.summary(), "trace": trace, **_origin(result.session)})
     writers: dict[str, Callable[[Path], object]] = {}
     if result.recorder is not None:
-        inputs = _inputs(result.session, target)
-        writers |= {name: w for name, w in inputs.items() if not (target.path / name).exists()}
+        if not (target.path / MAP).exists():
+            inputs = result.session.stack.config, result.session.mission.topo_map
+            writers[MAP] = lambda _: target.write_inputs(*inputs)
         writers[RECORDING] = result.recorder.save
     writers[PICTURE] = lambda path: draw(result, path)
     with deferred():  # a recording without its inputs could not be replayed

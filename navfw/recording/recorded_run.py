@@ -39,7 +39,7 @@ from navfw.recording.run_folder import RECORDING
 with extra_imports("record"):
     from mcap.records import Channel, DataEnd, Header, McapRecord, Message, Metadata, Schema
     from mcap.stream_reader import StreamReader
-    from mcap.well_known import MessageEncoding, SchemaEncoding
+    from mcap.well_known import MessageEncoding
     from mcap_protobuf.decoder import DecoderFactory
 
 _MAX_RECORD = 1 << 26
@@ -155,12 +155,22 @@ class RecordedRun:
     def _scan(self) -> None:
         """Read the whole file once: metadata, channels, and whether it is intact."""
         records = self._records()
-        self._check_header(next(records, None))
+        header = next(records, None)
+        profile = header.profile if isinstance(header, Header) else ""
+        expected = f"{topics.PROFILE}{topics.FORMAT_VERSION}"
+        if profile != expected:
+            what = f"an MCAP file of profile {profile!r}, this navfw reads {expected!r}"
+            raise self.refused(f"{what}; record the run again by navfw run --record")
         for record in records:
             if isinstance(record, Schema):
                 self._schemas[record.id] = record
             elif isinstance(record, Channel):
-                self._add_channel(record)
+                schema = self._schemas.get(record.schema_id)
+                if schema is None:
+                    raise self.refused(f"channel {record.topic} has no schema")
+                if record.topic == topics.READING and schema.data != topics.SCHEMA.encode():
+                    raise self.refused(f"the fields of {record.topic} are not of this version")
+                self._channels[record.id] = record
             elif isinstance(record, Metadata):
                 self.complete |= record.name == topics.END
                 if record.name == topics.RUN:
@@ -168,44 +178,17 @@ class RecordedRun:
             elif isinstance(record, Message) and record.channel_id not in self._channels:
                 raise self.refused("the file is damaged (a message without a channel)")
 
-    def _check_header(self, header: object) -> None:
-        profile = header.profile if isinstance(header, Header) else ""
-        expected = f"{topics.PROFILE}{topics.FORMAT_VERSION}"
-        if profile != expected:
-            what = f"an MCAP file of profile {profile!r}, this navfw reads {expected!r}"
-            raise self.refused(f"{what}; record the run again by navfw run --record")
-
-    def _add_channel(self, channel: Channel) -> None:
-        """Add a channel; one of navfw's own must have the schema that navfw gives it."""
-        schema = self._schemas.get(channel.schema_id)
-        expected = _SCHEMAS.get(channel.topic)
-        if schema is None:
-            raise self.refused(f"channel {channel.topic} has no schema")
-        if expected not in (None, schema.name):
-            what = f"channel {channel.topic} has schema {schema.name}, expected {expected}"
-            raise self.refused(what)
-        if channel.topic == topics.READING and schema.data != topics.SCHEMA.encode():
-            raise self.refused(f"the fields of {channel.topic} are not those of this version")
-        self._channels[channel.id] = channel
-
     def _decoder(self, channel: Channel) -> Callable[[bytes], Any]:
         schema = self._schemas[channel.schema_id]
         if channel.message_encoding == MessageEncoding.JSON:
             return json.loads
-        if schema.encoding == SchemaEncoding.ROS2 and schema.name in message_types().types:
+        if schema.name in message_types().types:
             return partial(message_types().deserialize_cdr, typename=schema.name)
         try:
-            if schema.encoding == SchemaEncoding.Protobuf:
-                decoder = self._protobuf.decoder_for(channel.message_encoding, schema)
-                if decoder is not None:
-                    return decoder
+            return self._protobuf.decoder_for(channel.message_encoding, schema) or bytes
         except Exception as error:  # protobuf raises errors of many kinds for damaged schemas
             what = f"the schema of {channel.topic} is damaged ({error})"
             raise self.refused(what) from None
-        return bytes
-
-
-_SCHEMAS = {info.topic: info.schema for info in (*topics.CHANNELS, topics.DRIVEN_CHANNEL)}
 
 
 _OF_DAMAGE = ArithmeticError, AttributeError, LookupError, TypeError, ValueError, cv2.error

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -120,23 +120,17 @@ class RunFolder(AtomicTarget):
         """Whether unfinished content stays after an exception: a recording does."""
         return self.path == self._lock.unfinished and is_file(self.path / RECORDING)
 
-    def input_writers(
-        self, stack: Mapping[str, Any], topo_map: TopoMap
-    ) -> dict[str, Callable[[Path], object]]:
-        """What writes the files beside a recording: inputs of a replay, and Foxglove's layout."""
+    def write_inputs(self, stack: Mapping[str, Any], topo_map: TopoMap) -> None:
+        """Write the files beside a recording: inputs of a replay, and Foxglove's layout."""
         from navfw.topomap.mapfile import map_data
         from navfw.topomap.occupancy_map import save_ros_map
 
         plan = topo_map.floor_plan
-        data = map_data(topo_map, None if plan is None else PLAN)
-        layout = Path(__file__).with_name(LAYOUT)
-        writers: dict[str, Callable[[Path], object]] = {}
         if plan is not None:
-            writers[PLAN] = lambda path: save_ros_map(plan, path)
-        writers[MAP] = lambda path: self.write_json(path.name, data)
-        writers["stack.yaml"] = lambda path: self.write_json(path.name, stack)
-        writers[LAYOUT] = lambda path: shutil.copyfile(layout, path)
-        return writers
+            save_ros_map(plan, self.path / PLAN)
+        self.write_json(MAP, map_data(topo_map, None if plan is None else PLAN))
+        self.write_json("stack.yaml", stack)
+        shutil.copyfile(Path(__file__).with_name(LAYOUT), self.path / LAYOUT)
 
     def _move_into_place(self) -> None:
         why = self._foreign(self.place)

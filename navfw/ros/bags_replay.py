@@ -211,9 +211,8 @@ class BagReplay:
                 progress(number + 1, len(readings))
         result = self._result(np.array(rows), time.perf_counter() - began)
         target.write_json(recording.RESULT, result)
-        writers = target.input_writers(stack.config, stack.topo_map)
-        for name, write in {**writers, recording.RECORDING: recorder.save}.items():
-            write(target.path / name)
+        target.write_inputs(stack.config, stack.topo_map)
+        recorder.save(target.path / recording.RECORDING)
         return result
 
     def _driven(self, now: float) -> Twist | None:

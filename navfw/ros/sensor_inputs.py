@@ -34,8 +34,8 @@ _MAX_ROWS = 1000
 """Messages of gyro and wheels that wait for each other."""
 _BASES = {"", "base_link", "base_footprint"}
 """Frames with the axes of base_link."""
-_UNIT, _MAX_DEPTH, _MAX_LINKS = 0.1, 50, 1000
-"""Allowed error of a quaternion's norm, links from the IMU to base_link, links that are kept."""
+_UNIT, _MAX_DEPTH = 0.1, 50
+"""Allowed error of a quaternion's norm, and links from the IMU to base_link."""
 _MAX_TICKS = 1e12
 """Largest count of an encoder that is believed."""
 
@@ -139,10 +139,10 @@ class SensorInputs:
 
     def mounts(self, message: Any) -> None:
         """Take in static transforms, a ``TFMessage``: they tell how the IMU is mounted."""
-        for link in message.transforms[:_MAX_LINKS]:
+        for link in message.transforms:
             q = link.transform.rotation
             size = math.sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w)
-            if not abs(size - 1.0) < _UNIT or len(self._mounts) >= _MAX_LINKS:
+            if not abs(size - 1.0) < _UNIT:
                 self._note("a transform on /tf_static is left out: its rotation is none")
                 continue
             turn = Rotation.from_quat((q.x, q.y, q.z, q.w)).as_matrix()
@@ -171,7 +171,7 @@ class SensorInputs:
         names, positions = list(message.name), np.asarray(message.position, dtype=np.float64)
         for side in self._joints:
             at = next((names.index(joint) for joint in side if joint in names), None)
-            if at is None or at >= len(positions) or len(names) > 1000:
+            if at is None or at >= len(positions):
                 what = f"no position of {' or '.join(side) or 'a wheel'} on {topic}"
                 self._note(f"{what}: set wheel_joints, of {', '.join(names[:6])}")
                 return False
@@ -294,8 +294,6 @@ def as_taken(grey: Image, camera: CameraModel) -> Image:
 
 def grey_image(message: Any, topic: str) -> Image:
     """The luminance (height, width) of an ``Image`` or ``CompressedImage``; see ``ros_image``."""
-    if getattr(message, "encoding", "") in {"mono8", "8UC1"}:
-        return np.ascontiguousarray(ros_image(message, topic)[..., 0])
     return np.asarray(cv2.cvtColor(ros_image(message, topic), cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
 

@@ -206,14 +206,3 @@ def test_a_full_disk_is_an_error_that_names_the_target(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError), AtomicFolder(out, PAGE, "--out"):
         raise FileNotFoundError  # an error of the program stays what it is
     assert names(tmp_path) == []
-
-
-def test_a_folder_is_written_to_the_place_of_the_start(
-    workdir: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (workdir / "elsewhere").mkdir()
-    with RunFolder("run") as folder:
-        folder.write_json(RESULT, {})
-        monkeypatch.chdir(workdir / "elsewhere")
-    assert names(workdir) == ["elsewhere", "run"]
-    assert names(workdir / "elsewhere") == []

@@ -122,20 +122,6 @@ def test_the_path_has_the_colours_of_the_leading_behaviours(tmp_path: Path) -> N
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "c.png").read_bytes()
 
 
-def test_the_legend_of_many_behaviours_is_complete(tmp_path: Path) -> None:
-    recorder = RunLogger()
-    leaders = ("", "centre_corridor", "traverse_door", "follow_wall", "emergency", "give_way")
-    for tick in range(600):
-        here = Pose(0.01 * tick, 0.0, 0.0)
-        recorder.add(tick / 60, here, here, Twist(0.3, 0.0), leaders[tick // 100], False)
-    recorder.contacts.append(Contact(5.0, 5.99, 0.0, "column"))
-    tall = WorldOutline([np.array([[0.0, -5.0], [7.0, -5.0], [7.0, 5.0], [0.0, 5.0]])])
-    legend = drawn(tmp_path / "many.png", recorder.log(), picture(outline=tall))[-100:]
-    assert legend.min() < 100.0, "there is a legend"
-    edges = np.concatenate([legend[:, :12], legend[:, -12:]], axis=1)
-    assert edges.min() > 250.0, "nothing of it is cut at the sides"
-
-
 def test_moving_obstacles_are_drawn_where_they_went(tmp_path: Path) -> None:
     track = np.column_stack([np.linspace(0.5, 2.5, 50), np.full(50, -0.8)])
     shown = drawn(tmp_path / "a.png", curved_log(), picture(tracks=[track], track_radii=[0.2]))
