@@ -18,7 +18,7 @@ import typer
 
 from navfw.cli.installed_commands import installed_commands, load_command, summary_of
 from navfw.cli.options import SuggestingGroup
-from navfw.cli.output import echo, show_result, standard_streams
+from navfw.cli.output import echo, standard_streams
 from navfw.cli.supervisor import supervise
 from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
 from navfw.config.project_trust import asking, trusting
@@ -147,7 +147,7 @@ def main() -> None:
         try:
             if command != "run":
                 app()
-            sys.exit(supervise(_run, show_result))
+            sys.exit(supervise(_run))
         except KeyboardInterrupt:  # after the command's own end
             sys.exit(INTERRUPTED)
         finally:

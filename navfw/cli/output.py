@@ -254,27 +254,20 @@ def standard_streams() -> Iterator[None]:
             with contextlib.suppress(OSError):
                 sys.stderr.write(f"navfw: cannot write the output: {error.strerror}\n")
                 sys.stderr.flush()
+        nowhere = os.open(os.devnull, os.O_WRONLY)
         for descriptor in _OUTPUTS:  # the interpreter's last flush succeeds, and goes nowhere
-            _to_null(descriptor)
+            os.dup2(nowhere, descriptor)
         sys.exit(1)
 
 
 def _replace_closed() -> None:
     """Give closed outputs a descriptor, so that no file that is opened later gets theirs."""
+    while (spare := os.open(os.devnull, os.O_RDWR)) <= max(_OUTPUTS):
+        pass
+    os.close(spare)
     for descriptor, name in zip(_OUTPUTS, ("stdout", "stderr"), strict=True):
-        try:
-            os.fstat(descriptor)
-        except OSError:
-            _to_null(descriptor)
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(os.dup(descriptor), "w", encoding="utf-8"))
-
-
-def _to_null(descriptor: int) -> None:
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    if nowhere != descriptor:
-        os.dup2(nowhere, descriptor)
-        os.close(nowhere)
 
 
 NOT_SAVED = 3

@@ -19,6 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NoReturn, TextIO
 
+from navfw.cli.output import show_result
 from navfw.errors import InputError
 from navfw.process.interruption import INTERRUPTED
 from navfw.process.last_trace import keep_trace, last_call
@@ -30,17 +31,12 @@ PATIENCE = 10
 _PR_SET_PDEATHSIG = 1
 """``prctl``: the signal to get when the parent dies."""
 
-_Show = Callable[[Mapping[str, Any], Sequence[str], bool], None]
-
 _pipe = -1
 """Descriptor of the pipe to the parent, in the child."""
 
 
-def supervise(command: Callable[[], object], show: _Show) -> int:
-    """Call ``command`` in a child process; its exit code, or 1 if it ended without a result.
-
-    ``show(summary, missing, as_json)`` prints the result of a run.
-    """
+def supervise(command: Callable[[], object]) -> int:
+    """Call ``command`` in a child process; its exit code, or 1 if it ended without a result."""
     if sys.platform != "linux":
         command()
         return 0
@@ -55,7 +51,7 @@ def supervise(command: Callable[[], object], show: _Show) -> int:
             os.close(receiving)
             _drive(command, sending, trace, parent, before)
         os.close(sending)
-        return _Supervisor(child, receiving, trace, show).wait(signals, before)
+        return _Supervisor(child, receiving, trace).wait(signals, before)
 
 
 # --- in the child --------------------------------------------------------------------------------
@@ -75,32 +71,23 @@ def _drive(
     _pipe = pipe
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != parent:  # it has died meanwhile
+        os._exit(1)
+    keep_trace(trace)
+    signal.pthread_sigmask(signal.SIG_SETMASK, mask)
     code = 1
-    if os.getppid() == parent:  # else it has died meanwhile
-        keep_trace(trace)
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        try:
-            code = _exit_code(command)
-        finally:
-            announce(ended=True)
-            os._exit(code)  # whatever threads plugins have left behind
-    os._exit(code)
-
-
-def _exit_code(command: Callable[[], object]) -> int:
     try:
         command()
+        code = 0
     except SystemExit as end:
-        if end.code is None or isinstance(end.code, int):
-            return end.code or 0
-        sys.stderr.write(f"{end.code}\n")
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
     except KeyboardInterrupt:
-        return INTERRUPTED
+        code = INTERRUPTED
     except BaseException:
         traceback.print_exc()
-    else:
-        return 0
-    return 1
+    finally:
+        announce(ended=True)
+        os._exit(code)  # whatever threads plugins have left behind
 
 
 # --- in the parent -------------------------------------------------------------------------------
@@ -109,11 +96,10 @@ def _exit_code(command: Callable[[], object]) -> int:
 class _Supervisor:
     """Waits for the child; ends it some time after a signal."""
 
-    def __init__(self, child: int, pipe: int, trace: TextIO, show: _Show) -> None:
+    def __init__(self, child: int, pipe: int, trace: TextIO) -> None:
         self._child = child
         self._pipe = pipe
         self._trace = trace
-        self._show = show
         self._messages: dict[str, Any] = {}
         self._stopped = False
 
@@ -185,5 +171,5 @@ class _Supervisor:
         except InputError as error:
             missing.append(str(error))
         where = None if folder.final is None else str(folder.final)
-        self._show({**summary, "run_folder": where}, missing, run["as_json"])
+        show_result({**summary, "run_folder": where}, missing, run["as_json"])
         return INTERRUPTED if self._stopped else 1

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from cli_calls import invoke, put_file
 
-HEAD = """import itertools, os, random, tempfile, threading, time, uuid
+HEAD = """import itertools, os, random, time
 from typing import ClassVar
 import numpy as np
 from navfw import Behavior, Context, Proposal
@@ -18,7 +18,6 @@ class Own(Behavior):
     \"\"\"Own: a sample.\"\"\"
 
     name: ClassVar[str] = "%s"
-    shared = 0
 
     def __init__(self, robot, params=None):
         super().__init__(robot, params)
@@ -35,24 +34,13 @@ class Own(Behavior):
 """
 CHANCES = {
     "generator": "return np.random.default_rng().random()",
-    "numpys_own": "return np.random.random()",
     "pythons_own": "return random.random()",
-    "operating_system": "return os.urandom(1)[0] / 255",
-    "identifier": "return uuid.uuid4().int % 100 / 100",
-    "date": "return time.time() % 1.0",
     "clock": "return time.perf_counter() % 1.0",
     "address": "return id(self) // 16 % 997 / 997",
     "hash": "return hash('word') % 997 / 997",
     "order_of_a_set": "return int(next(iter(NAMES))[5:]) / 40",
     "process": "return os.getpid() % 997 / 997",
-    "threads": """box = []
-        pause = lambda i: (time.sleep(random.random() * 1e-4), box.append(i))
-        threads = [threading.Thread(target=pause, args=(i,)) for i in range(9)]
-        for thread in threads: thread.start()
-        for thread in threads: thread.join()
-        return sum(number * 9**place for place, number in enumerate(box)) / 9**9""",
     "kept_over_reset": "self.state += 0.001; return min(self.state, 1.0)",
-    "kept_by_the_class": "type(self).shared += 1; return type(self).shared % 997 / 997",
     "kept_by_the_module": "return next(COUNT) % 997 / 997",
 }
 ELSEWHERE = {"hash", "order_of_a_set", "process"}

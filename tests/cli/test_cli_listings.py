@@ -179,18 +179,6 @@ def test_invalid_input_gives_one_message_and_exit_code_2(
     assert sole_refusal(*arguments) == sole_refusal(*arguments, "--json") == message
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["list", "worlds", "--jsn"], "--json"),
-        (["list", "missions"], "Missing argument"),
-        (["list", "worlds", "extra"], "unexpected extra argument"),
-    ],
-)
-def test_wrong_usage_gives_exit_code_2(arguments: list[str], message: str) -> None:
-    assert message in sole_refusal(*arguments)
-
-
 @pytest.mark.thorough
 def test_stdout_is_json_alone_in_a_real_process(project: Path) -> None:
     done = navfw("list", "plugins", "--json")
@@ -199,12 +187,6 @@ def test_stdout_is_json_alone_in_a_real_process(project: Path) -> None:
     assert {"hover", "bad", "avoid"} <= set(names)
     assert "hello from a plugin" in done.stderr
     assert "hello from below" in done.stderr
-
-
-def test_no_traceback_in_a_real_process(project: Path) -> None:
-    done = navfw("list", "missions", "bran", "--json")
-    expected = (2, "", "navfw: unknown world 'bran': did you mean 'barn'?\n")
-    assert (done.returncode, done.stdout, done.stderr) == expected
 
 
 def test_a_terminal_without_unicode_is_supported(
@@ -216,11 +198,6 @@ def test_a_terminal_without_unicode_is_supported(
         done = navfw(*arguments)
         assert (done.returncode, done.stderr) == (0, "")
     assert json.loads(done.stdout)[0]["description"] == "Müller's — barn ☃"
-
-
-def test_version() -> None:
-    name, number = output("--version").split()
-    assert (name, number.count(".")) == ("navfw", 2)
 
 
 @pytest.mark.usefixtures("project")

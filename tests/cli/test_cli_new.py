@@ -177,14 +177,6 @@ def test_a_new_stage_drives_as_soon_as_it_is_written(kind: str) -> None:
     assert float(driven @ driven) > 0.03**2  # it turns first
 
 
-def test_a_new_world_has_no_stack_of_the_project(project: Path) -> None:
-    output("new", "world", "east-wing")
-    made = [path for path in project.rglob("*east?wing*") if path.is_file()]
-    made += list((project / "worlds/east-wing").rglob("*.yaml"))
-    assert len(made) == 4
-    assert "careful" not in "".join(path.read_text() for path in made)
-
-
 @pytest.mark.parametrize(("world", "model"), [("den", "next-room"), ("office", "kitchen-tour")])
 def test_a_new_mission_begins_as_another_one_of_its_world(
     project: Path, world: str, model: str

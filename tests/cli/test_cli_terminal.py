@@ -198,21 +198,6 @@ def test_ctrl_c_ends_a_run_as_cancelled(setting: dict[str, str], tmp_path: Path)
 
 
 @pytest.mark.thorough
-def test_a_window_that_is_resized_garbles_no_line(tmp_path: Path) -> None:
-    with Terminal([*NAVFW, *LONG], columns=120, cwd=tmp_path) as terminal:
-        terminal.wait_for("m to go")
-        terminal.resize(80)
-        before = len(terminal.printed)
-        while len(terminal.printed) < before + 2000:
-            terminal.wait_for("m to go")
-            terminal.read()
-        assert max(map(len, terminal.lines())) <= 80
-        assert terminal.text().count("m to go") == 1
-        terminal.press("\x03")
-        assert terminal.ended() == 130
-
-
-@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("words", "text"),
     [

@@ -52,7 +52,7 @@ class Terminal:
         self.columns = columns
         self._screens = [pyte.Screen(width, ROWS) for width in (columns, 5000)]
         self._streams = [pyte.ByteStream(screen) for screen in self._screens]
-        self.resize(columns)
+        fcntl.ioctl(own, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, columns, 0, 0))
         self._modes = termios.tcgetattr(its)
         environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": None, **(env or {})}
         self._process = subprocess.Popen(  # noqa: S603 - the tests' own words
@@ -77,12 +77,6 @@ class Terminal:
             self._process.wait()
         os.close(self._own)
         os.close(self._its)
-
-    def resize(self, columns: int) -> None:
-        """Make the window so wide; the command gets SIGWINCH."""
-        fcntl.ioctl(self._own, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, columns, 0, 0))
-        self._screens[0].resize(ROWS, columns)
-        self.columns = columns
 
     def press(self, keys: str) -> None:
         """Press keys; ``\\x03`` is Ctrl-C."""
