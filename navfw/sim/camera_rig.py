@@ -265,7 +265,12 @@ class CameraRig:
         drawn: bool = True,
     ) -> None:
         noise, fine = sensors.image_noise if drawn else 0.0, sensors.supersample
-        self._noise = None if drawn else self._undrawn(robot, light, scenery, rng)
+        self._noise: Image | None = None
+        if not drawn:
+            width, height = robot.camera.width, robot.camera.height
+            size = {"width": width // _COARSE, "height": height // _COARSE}
+            self._coarse = Camera(robot.camera.model_copy(update=size), light, scenery, rng)
+            self._noise = rng.integers(256, size=(2 * height, width), dtype=np.uint8)
         self.camera = Camera(robot.camera, light, scenery, rng, noise, fine)
         # one sensor captures them together with the camera's image and adds the noise to all
         self._sides = tuple(
@@ -303,38 +308,13 @@ class CameraRig:
         """Keep the true state ``body`` at ``time`` [s], for images of a robot in motion."""
         self._shutter.record(time, body)
 
-    def _undrawn(
-        self, robot: RobotModel, light: LightSpec, scenery: Scenery, rng: np.random.Generator
-    ) -> Image:
-        """Two images high of noise; ``_coarse`` is the camera that measures true depth."""
-        width, height = robot.camera.width, robot.camera.height
-        size = {"width": width // _COARSE, "height": height // _COARSE}
-        self._coarse = Camera(robot.camera.model_copy(update=size), light, scenery, rng)
-        return rng.integers(256, size=(2 * height, width), dtype=np.uint8)
-
-    def _noise_frame(self, time: float, body: BodyState, noise: Image) -> Frame:
-        """A frame of ``noise`` that differs from the one before."""
-        height, first = len(noise) // 2, 7 * self._frames % len(noise) // 2
-        self._captured.append((time, body))
-        self._frames = math.floor(time * self.camera.model.rate + 1e-6) + 1
-        light = self._faults.apply_optics(noise[first : first + height])
-        sides = tuple(np.zeros((s.model.height, s.model.width), np.uint8) for s in self._sides)
-        return Frame(time, self._faults.apply_readout(light), sides)
-
     def capture(self, time: float, body: BodyState) -> Frame:
         """The frame of ``time`` [s] at the true state ``body``."""
-        if self._noise is not None:
-            return self._noise_frame(time, body, self._noise)
         begun = wall.perf_counter()
-        exposure = self._sensor.exposure_time
-        clean, self._raw_depth = self._shutter.render(self.camera, time, body, exposure)
-        if self._lens is not None:
-            clean = self._lens.distort(clean)
         self._captured.append((time, body))
-        sides = (self._shutter.render(side, time, body, exposure)[0] for side in self._sides)
-        parts = [clean, *sides]
+        parts = self._scene(time, body) if self._noise is None else self._blind(self._noise)
         rendered = wall.perf_counter()
-        whole = np.concatenate(parts, axis=1) if self._sides else clean
+        whole = np.concatenate(parts, axis=1) if self._sides else parts[0]
         self._sensor.settle(whole, self._falloff)
         light = self._faults.apply_optics(self._sensor.expose(whole, self._falloff))
         exposed = self.camera.add_noise(light, self._sensor.gain)
@@ -347,6 +327,21 @@ class CameraRig:
         self._timings.render += rendered - begun
         self._timings.sensors += wall.perf_counter() - rendered
         return Frame(time, image, tuple(aside))
+
+    def _scene(self, time: float, body: BodyState) -> list[Image]:
+        """The light on the sensor: the camera's image and the side views."""
+        exposure = self._sensor.exposure_time
+        clean, self._raw_depth = self._shutter.render(self.camera, time, body, exposure)
+        if self._lens is not None:
+            clean = self._lens.distort(clean)
+        sides = (self._shutter.render(side, time, body, exposure)[0] for side in self._sides)
+        return [clean, *sides]
+
+    def _blind(self, noise: Image) -> list[Image]:
+        """A part of ``noise`` that differs from the one before, and dark side views."""
+        height, first = len(noise) // 2, 7 * self._frames % len(noise) // 2
+        sides = (np.zeros((s.model.height, s.model.width), np.uint8) for s in self._sides)
+        return [noise[first : first + height], *sides]
 
     def capture_landmarks(self, time: float, body: BodyState | None) -> Frame | None:
         """The landmark frame delivered at ``time`` [s], if any.
@@ -376,7 +371,7 @@ class CameraRig:
     def true_depth(self) -> DepthImage:
         """See ``Simulation.true_depth``."""
         if self._noise is not None:
-            return self._coarse.depth(self._coarse.raw_depth(*self._captured[-1][1]))
+            return self._coarse.depth(self._coarse.render(*self._captured[-1][1])[1])
         if self._raw_depth is None:
             raise SimulationError("no frame has been captured yet")
         return self.camera.depth(self._raw_depth)

@@ -10,7 +10,7 @@ import ctypes
 import math
 import os
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import pairwise
 from pathlib import Path
@@ -213,7 +213,7 @@ class Display(BulletClient):
         super().__init__(client)
         self._calm = calm
         self._textures: dict[int, int] = {}
-        self._hidden: set[int] = set()
+        self._faded: set[int] = set()
         self._tall: dict[int, tuple[Array, Array]] = {}
 
     def add(
@@ -241,25 +241,20 @@ class Display(BulletClient):
         """Remove a body."""
         self._call("removeBody", body)
         self._tall.pop(body, None)
-        self._hidden.discard(body)
+        self._faded.discard(body)
 
     def fade(self, target: Array, eye: Array) -> None:
         """Let what is tall and stands between two points (3,) [m] be seen through."""
         sight = np.linspace(target, eye, _SIGHT)
-        inside = {
-            body: ((sight > low) & (sight < high)).all(axis=1).any()
+        faded = {
+            body
             for body, (low, high) in self._tall.items()
+            if ((sight > low) & (sight < high)).all(axis=1).any()
         }
-        self.hide((body for body, hides in inside.items() if hides), _FADED)
-
-    def hide(self, bodies: Iterable[int], opacity: float = 0.0) -> None:
-        """Set the bodies that are not drawn, or with an ``opacity`` alone."""
-        hidden = set(bodies)
-        for body in hidden ^ self._hidden:
-            # TinyRenderer skips fully transparent bodies
-            colour = [1.0, 1.0, 1.0, opacity if body in hidden else 1.0]
+        for body in faded ^ self._faded:
+            colour = [1.0, 1.0, 1.0, _FADED if body in faded else 1.0]
             self._call("changeVisualShape", body, -1, rgbaColor=colour)
-        self._hidden = hidden
+        self._faded = faded
 
     def _texture(self, image: Image) -> int:
         """PyBullet's id of a texture; PyBullet loads textures from files only."""

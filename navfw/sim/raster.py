@@ -17,7 +17,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from navfw.numerics import Array, Image, Mask
+from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Bytes, Floats, Indices, Int32s
 from navfw.numerics.products import product
 from navfw.sim.raster_kernels import cover
@@ -206,8 +206,6 @@ class Raster:
 
     def __init__(self) -> None:
         self._bodies: dict[int, _Body] = {}
-        self._shown: Mask | None = None
-        self._hidden: set[int] = set()
         self._images: list[Image] = []
         self._packed: _PackedBodies | None = None
         self._texels: tuple[npt.NDArray[np.int64], Image] | None = None
@@ -228,7 +226,7 @@ class Raster:
     ) -> int:
         """Add a body at ``position`` [m] with orientation ``turn`` (x, y, z, w); returns its id."""
         self._bodies[self._next] = _Body(mesh.arrays, texture, _model(position, turn))
-        self._packed = self._shown = None
+        self._packed = None
         self._next += 1
         return self._next - 1
 
@@ -246,18 +244,29 @@ class Raster:
     def remove(self, body: int) -> None:
         """Remove a body."""
         del self._bodies[body]
-        self._hidden.discard(body)
-        self._packed = self._shown = None
-
-    def hide(self, bodies: Sequence[int]) -> None:
-        """Set the bodies that are not drawn."""
-        self._hidden = set(bodies)
-        self._shown = None
+        self._packed = None
 
     def draw(self, request: RenderRequest) -> tuple[Image, Floats]:
         """An image (height, width, 3), RGB, and its negative clip depth (height, width)."""
-        packed, nearest, faces, weights = self._covered(request)
-        rgb = np.empty((*nearest.shape, 3), np.uint8)
+        packed = self._pack()
+        width, height = request.size
+        nearest = np.empty((height, width), np.float32)
+        faces = np.empty((height, width), np.int32)
+        weights = np.empty((3, height, width), np.float32)
+        cover(
+            packed.points,
+            packed.corners,
+            packed.runs,
+            packed.models,
+            _singles(request.view),
+            _singles(request.projection),
+            np.asarray(request.eye, dtype=np.float64),
+            nearest,
+            faces,
+            weights,
+            packed.screens,
+        )
+        rgb = np.empty((height, width, 3), np.uint8)
         light = request.light
         towards = np.array(light.direction, np.float32).astype(np.float64)
         shade(
@@ -273,38 +282,6 @@ class Raster:
             rgb,
         )
         return rgb, nearest[::-1]
-
-    def depth(self, request: RenderRequest) -> Floats:
-        """The depth (height, width) of ``draw``, without the image."""
-        return self._covered(request)[1][::-1]
-
-    def _covered(
-        self, request: RenderRequest
-    ) -> tuple[_PackedBodies, Floats, npt.NDArray[np.int32], Floats]:
-        """The bodies; of each pixel, bottom row first, depth, triangle, weights of its corners."""
-        packed = self._pack()
-        if self._shown is None:
-            shown = [body not in self._hidden for body in self._bodies]
-            self._shown = np.array(shown, np.bool_)
-        width, height = request.size
-        nearest = np.empty((height, width), np.float32)
-        faces = np.empty((height, width), np.int32)
-        weights = np.empty((3, height, width), np.float32)
-        cover(
-            packed.points,
-            packed.corners,
-            packed.runs,
-            self._shown,
-            packed.models,
-            _singles(request.view),
-            _singles(request.projection),
-            np.asarray(request.eye, dtype=np.float64),
-            nearest,
-            faces,
-            weights,
-            packed.screens,
-        )
-        return packed, nearest, faces, weights
 
     def _pack(self) -> _PackedBodies:
         if self._packed is None:

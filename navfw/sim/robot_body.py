@@ -42,11 +42,14 @@ class WheeledBody(BulletClient, ABC):
     """Wheel motors, and the true state and contacts, of the robot that ``body`` is the id of.
 
     Subclasses load the body, then call ``_bind``. ``_supports`` (n, 2) [m] are the points of
-    base_link that rest on the floor.
+    base_link that rest on the floor, ``_sides`` the numbers of wheels left and right, and
+    ``_sense`` is -1 for a wheel whose joint turns backwards as the robot drives ahead.
     """
 
     body: int
     _supports: Array
+    _sides: tuple[int, int] = (1, 1)
+    _sense: Sequence[float] = (1.0, 1.0)
     _last: BodyState | None = None
 
     def _bind(self, wheels: Sequence[int], torque: float, **contacts: int) -> None:
@@ -71,6 +74,19 @@ class WheeledBody(BulletClient, ABC):
     @abstractmethod
     def state(self) -> BodyState:
         """The true pose of ``base_link``."""
+
+    def set_wheel_speeds(self, left: float, right: float) -> None:
+        """Set the motors' target angular speeds [rad/s] of each side, forward positive."""
+        speeds = [left] * self._sides[0] + [right] * self._sides[1]
+        self._set_motors(
+            targetVelocities=[s * sense for s, sense in zip(speeds, self._sense, strict=True)]
+        )
+
+    def wheel_angles(self) -> tuple[float, float]:
+        """Mean accumulated angles of the wheels of each side (left, right) [rad]."""
+        turned = [s[0] * sense for s, sense in zip(self._wheel_states(), self._sense, strict=True)]
+        left, right = turned[: self._sides[0]], turned[self._sides[0] :]
+        return sum_in_order(left) / len(left), sum_in_order(right) / len(right)
 
     def support_points(self) -> Array:
         """(n, 3) points [m] in the map: where the body rests on the floor."""
@@ -130,21 +146,10 @@ def _inertial(mass: float, ix: float, iy: float, iz: float, z: float = 0.0) -> s
     )
 
 
-def _shown_height(robot: RobotModel) -> float:
-    """Height [m] up to which the body can be drawn without being visible to its camera."""
-    camera = robot.camera
-    steepest = camera.pitch + math.atan(0.5 * camera.height / camera.focal)
-    if steepest > 1.4:
-        return 0.05
-    reach = max(robot.radius - camera.mount_forward, 0.0) + 0.02
-    return min(max(camera.mount_height - reach * math.tan(steepest), 0.05), robot.height)
-
-
 def _robot_urdf(robot: RobotModel) -> str:
     """The robot's URDF: ``base_link`` has its origin on the floor below the middle of the axle."""
     r, clearance = robot.radius, 0.02
     height = robot.height - clearance
-    shown = max(_shown_height(robot) - clearance, 0.02)
     across, along = _cylinder_inertia(_MASS, r, 0.5 * robot.height)
     wheel_across, wheel_along = _cylinder_inertia(_WHEEL_MASS, robot.wheel_radius, 0.03)
     caster_x = _CASTER_AHEAD * r
@@ -168,8 +173,8 @@ def _robot_urdf(robot: RobotModel) -> str:
     )
     base = (
         f'<link name="base_link">{_inertial(_MASS, across, across, along, _CENTRE_OF_MASS)}'
-        f'<visual><origin xyz="0 0 {clearance + 0.5 * shown}"/><geometry><cylinder radius="{r}" '
-        f'length="{shown}"/></geometry><material name="body"><color rgba="0.2 0.35 0.6 1"/>'
+        f'<visual><origin xyz="0 0 {clearance + 0.5 * height}"/><geometry><cylinder radius="{r}" '
+        f'length="{height}"/></geometry><material name="body"><color rgba="0.2 0.35 0.6 1"/>'
         f"</material></visual>"
         f'<collision><origin xyz="0 0 {clearance + 0.5 * height}"/><geometry><cylinder '
         f'radius="{r}" length="{height}"/></geometry></collision></link>'
@@ -223,15 +228,6 @@ class RobotBody(WheeledBody):
                 restitution=0.0,
                 jointDamping=0.0,
             )
-
-    def set_wheel_speeds(self, left: float, right: float) -> None:
-        """Set the motors' target angular speeds [rad/s], forward positive."""
-        self._set_motors(targetVelocities=[left, right])
-
-    def wheel_angles(self) -> tuple[float, float]:
-        """Accumulated angles of the wheels (left, right) [rad]."""
-        left, right = self._wheel_states()
-        return float(left[0]), float(right[0])
 
     def state(self) -> BodyState:
         """The true pose of ``base_link``."""
@@ -346,19 +342,6 @@ class UrdfBody(WheeledBody):
             self._call("changeDynamics", self.body, wheel, anisotropicFriction=along_axle)
         for name in urdf.casters:
             self._call("changeDynamics", self.body, joints[name], lateralFriction=0.0)
-
-    def set_wheel_speeds(self, left: float, right: float) -> None:
-        """Set the motors' target angular speeds [rad/s] of each side, forward positive."""
-        speeds = [left] * self._sides[0] + [right] * self._sides[1]
-        self._set_motors(
-            targetVelocities=[s * sense for s, sense in zip(speeds, self._sense, strict=True)]
-        )
-
-    def wheel_angles(self) -> tuple[float, float]:
-        """Mean accumulated angles of the wheels of each side (left, right) [rad]."""
-        turned = [s[0] * sense for s, sense in zip(self._wheel_states(), self._sense, strict=True)]
-        left, right = turned[: self._sides[0]], turned[self._sides[0] :]
-        return sum_in_order(left) / len(left), sum_in_order(right) / len(right)
 
     def state(self) -> BodyState:
         """The true pose of ``base_link``."""

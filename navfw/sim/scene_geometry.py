@@ -12,8 +12,7 @@ import numpy as np
 from navfw.errors import WorldError
 from navfw.numerics import Array, Mask
 from navfw.numerics.arrays import Indices
-from navfw.sim.shapes import Shape
-from navfw.sim.solids import drop_rectangle, solids_of
+from navfw.sim.solids import Solid, drop_rectangle, solids_of
 from navfw.sim.worldspec import WorldSpec
 
 CELL = 0.05
@@ -32,15 +31,6 @@ _MOVES = {
 
 With their opposites, 16 directions of the search.
 """
-
-
-@dataclass(frozen=True, slots=True)
-class NamedShape:
-    """One solid's outline: ``kind`` is wall, door, box, cylinder, mesh or drop."""
-
-    name: str
-    kind: str
-    shape: Shape
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +79,7 @@ class SceneGeometry:
     def __init__(
         self,
         bounds: tuple[float, float, float, float],
-        solids: tuple[NamedShape, ...],
+        solids: tuple[Solid, ...],
         doors: tuple[tuple[str, float], ...] = (),
     ) -> None:
         self.bounds = bounds
@@ -104,14 +94,10 @@ class SceneGeometry:
 
         Drops are included like solids: the robot cannot stand there either.
         """
-        solids = tuple(
-            NamedShape(solid.name, solid.kind, solid.shape)
-            for solid in solids_of(world)
-            if solid.bottom < robot_height and solid.top > 0.0
-        )
-        drops = tuple(NamedShape(d.name, "drop", drop_rectangle(d)) for d in world.drops)
+        solids = [s for s in solids_of(world) if s.bottom < robot_height and s.top > 0.0]
+        solids += [Solid(drop.name, "drop", drop_rectangle(drop)) for drop in world.drops]
         doors = tuple((gap.name, gap.width) for wall in world.walls for gap in wall.openings)
-        return cls((world.x[0], world.y[0], world.x[1], world.y[1]), (*solids, *drops), doors)
+        return cls((world.x[0], world.y[0], world.x[1], world.y[1]), tuple(solids), doors)
 
     # --- clearance ----------------------------------------------------------------------------
 

@@ -23,7 +23,7 @@ from navfw.sim import world_changes
 from navfw.sim.camera import DepthImage
 from navfw.sim.camera_rig import CameraRig, Timings
 from navfw.sim.engine import BulletConnection, SimulatorWindow, quaternion
-from navfw.sim.event_actions import DoorChange, EventAction, InjectedFaults, Obstacle, Textureless
+from navfw.sim.event_actions import EventAction, InjectedFaults
 from navfw.sim.physics_world import PhysicsWorld
 from navfw.sim.robot_body import BodyState, ContactPoint, UrdfBody, make_body, pose_of
 from navfw.sim.scene_geometry import SceneGeometry
@@ -97,7 +97,12 @@ class Simulation(BulletConnection):
         self._faults, (for_their_faults, self.flow_noise) = InjectedFaults(for_faults), others
         self._landmark_faults = InjectedFaults(for_their_faults)
         try:
-            self._set_up_engine(gui, iterations)
+            self._call("setGravity", 0.0, 0.0, -_GRAVITY)
+            self._call("setTimeStep", 1.0 / self._rate)
+            parameters = {"deterministicOverlappingPairs": 1, "numSolverIterations": iterations}
+            self._call("setPhysicsEngineParameter", **parameters)
+            if gui:
+                self.window = SimulatorWindow(self._client)
             scenery = Scenery(world, None if self.window is None else self.window.display)
             self._physics = PhysicsWorld(world, self._client, scenery)
             self._changes = world_changes.WorldChanges(world, self._physics)
@@ -120,15 +125,6 @@ class Simulation(BulletConnection):
         except BaseException:
             self.close()
             raise
-
-    def _set_up_engine(self, gui: bool, iterations: int) -> None:
-        """Set the physics' parameters, and take hold of the window."""
-        self._call("setGravity", 0.0, 0.0, -_GRAVITY)
-        self._call("setTimeStep", 1.0 / self._rate)
-        parameters = {"deterministicOverlappingPairs": 1, "numSolverIterations": iterations}
-        self._call("setPhysicsEngineParameter", **parameters)
-        if gui:
-            self.window = SimulatorWindow(self._client)
 
     def _settle(self) -> None:
         """Let the robot come to rest on its wheels before time begins; then show it."""
@@ -182,8 +178,8 @@ class Simulation(BulletConnection):
 
     def begin(self, action: EventAction) -> None:
         """Begin an event's action: a fault or a change of the world."""
-        if isinstance(action, DoorChange | Obstacle | Textureless):
-            self._changes.begin(action, self.true_pose())
+        if isinstance(action, world_changes.WorldChange):
+            self._changes.begin(action)
         else:
             self._faults.begin(action)
             self._landmark_faults.begin(action)
@@ -191,7 +187,7 @@ class Simulation(BulletConnection):
 
     def end(self, action: EventAction) -> None:
         """End an event's action: undo what ``begin`` did."""
-        if isinstance(action, DoorChange | Obstacle | Textureless):
+        if isinstance(action, world_changes.WorldChange):
             self._changes.end(action)
         else:
             self._faults.end(action)
@@ -299,7 +295,12 @@ class Simulation(BulletConnection):
 
     def walker_track(self) -> world_changes.WalkerTrack:
         """The walkers' positions so far, recorded at every ``advance``."""
-        return world_changes.WalkerTrack.of(self.walkers, self._walker_times, self._walker_points)
+        return world_changes.WalkerTrack(
+            names=tuple(walker.spec.name for walker in self.walkers),
+            radii=np.array([walker.spec.radius for walker in self.walkers]),
+            time=np.array(self._walker_times),
+            points=np.array(self._walker_points).reshape(-1, len(self.walkers), 2),
+        )
 
     def change_track(self) -> world_changes.ChangeTrack:
         """The solids that were present part of the time only: doors, obstacles."""

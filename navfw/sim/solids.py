@@ -24,7 +24,7 @@ from navfw.signals import Pose
 from navfw.sim.shapes import OVERLAP_TOLERANCE, Circle, Rectangle, Shape, overlap_depth
 from navfw.sim.worldspec import DropSpec, MeshSpec, OpeningSpec, WallSpec, WorldSpec
 
-Kind = Literal["wall", "lintel", "door", "box", "cylinder", "mesh"]
+Kind = Literal["wall", "lintel", "door", "box", "cylinder", "mesh", "drop", "mover"]
 
 _ON_LINE = 0.02
 """Largest distance of an opening's centre from the wall's line [m]: coordinates are rounded."""
@@ -37,9 +37,9 @@ class Solid:
     name: str
     kind: Kind
     shape: Shape
-    bottom: float
-    top: float
-    texture: str
+    bottom: float = 0.0
+    top: float = 0.0
+    texture: str = ""
 
     @property
     def height(self) -> float:

@@ -61,101 +61,97 @@ def _filtered(pattern: Array, amplitudes: Array) -> Array:
     return np.fft.irfft2(np.fft.rfft2(pattern) * amplitudes, s=pattern.shape)
 
 
-def _spectral_noise(
-    rng: np.random.Generator, resolution: int, exponent: float, stretch: float = 1.0
-) -> Array:
+def _spectral_noise(rng: np.random.Generator, exponent: float, stretch: float = 1.0) -> Array:
     """Gaussian noise of unit variance with amplitude ~ frequency**-exponent (1: pink noise).
 
     ``stretch`` > 1 elongates the grain along the texture's rows (vertical on walls).
     """
-    white = rng.standard_normal((resolution, resolution))
-    pattern = _filtered(white, _noise_amplitudes(resolution, exponent, stretch))
+    white = rng.standard_normal((RESOLUTION, RESOLUTION))
+    pattern = _filtered(white, _noise_amplitudes(exponent, stretch))
     return pattern / float(pattern.std())
 
 
 @lru_cache(maxsize=16)
-def _noise_amplitudes(resolution: int, exponent: float, stretch: float) -> Array:
+def _noise_amplitudes(exponent: float, stretch: float) -> Array:
     """Amplitudes of ``_spectral_noise`` in the real Fourier transform; none of the mean."""
-    rows, columns = _frequencies((resolution, resolution), (TILE, TILE))
+    rows, columns = _frequencies((RESOLUTION, RESOLUTION), (TILE, TILE))
     frequency = np.hypot(rows * np.sqrt(stretch), columns / np.sqrt(stretch))
     frequency[0, 0] = np.inf
     return power(frequency, -exponent)
 
 
 @lru_cache(maxsize=16)
-def _passed_band(resolution: int, finest: float) -> Array:
+def _passed_band(finest: float) -> Array:
     """Share of amplitudes kept in a tile's real Fourier transform: a band-pass.
 
     Half wavelengths are at least ``finest`` [m], wavelengths at most ``_MAX_WAVELENGTH``.
     """
-    frequency = np.hypot(*_frequencies((resolution, resolution), (TILE, TILE)))
+    frequency = np.hypot(*_frequencies((RESOLUTION, RESOLUTION), (TILE, TILE)))
     return _passed_share(frequency, finest) * (frequency >= 0.99 / _MAX_WAVELENGTH)
 
 
-def _concrete(rng: np.random.Generator, resolution: int) -> Array:
+def _concrete(rng: np.random.Generator) -> Array:
     """Clouds, fine grain, and dark pores of 1 to 3 cm."""
-    pattern = _spectral_noise(rng, resolution, 1.4) + 0.35 * _spectral_noise(rng, resolution, 0.3)
-    return pattern - 2.5 * _spots(rng, resolution, 130, (0.003, 0.008))
+    pattern = _spectral_noise(rng, 1.4) + 0.35 * _spectral_noise(rng, 0.3)
+    return pattern - 2.5 * _spots(rng, 130, (0.003, 0.008))
 
 
-def _roughcast(rng: np.random.Generator, resolution: int) -> Array:
+def _roughcast(rng: np.random.Generator) -> Array:
     """Even grain under large, faint clouds: trowelled plaster."""
-    clouds, grain = _spectral_noise(rng, resolution, 1.6), _spectral_noise(rng, resolution, 0.4)
+    clouds, grain = _spectral_noise(rng, 1.6), _spectral_noise(rng, 0.4)
     return 0.6 * clouds + np.abs(grain)
 
 
-def _rug(rng: np.random.Generator, resolution: int) -> Array:
+def _rug(rng: np.random.Generator) -> Array:
     """Loops of pile in rows, with flecks."""
-    axis = np.arange(resolution) / resolution
+    axis = np.arange(RESOLUTION) / RESOLUTION
     rows = np.sin(2.0 * np.pi * 24.0 * axis)[:, None]
-    flecks = _spectral_noise(rng, resolution, 0.5)
+    flecks = _spectral_noise(rng, 0.5)
     return 0.5 * rows + flecks + np.maximum(flecks - 1.2, 0.0)
 
 
-def _brick(rng: np.random.Generator, resolution: int) -> Array:
+def _brick(rng: np.random.Generator) -> Array:
     """A running bond of 8 x 16 bricks with bright joints; each brick has a brightness."""
-    pattern = np.empty((resolution, resolution))
-    joint = max(resolution // 90, 1)
-    for course, (top, bottom) in enumerate(pairwise(_edges(resolution, 16))):
-        cuts = _edges(resolution, 8)
-        offset = (resolution // 16) * (course % 2)
+    pattern = np.empty((RESOLUTION, RESOLUTION))
+    joint = max(RESOLUTION // 90, 1)
+    for course, (top, bottom) in enumerate(pairwise(_edges(16))):
+        cuts = _edges(8)
+        offset = (RESOLUTION // 16) * (course % 2)
         levels = 0.9 * rng.standard_normal(8)
         row = np.repeat(levels, np.diff(cuts))
-        row[np.isin(np.arange(resolution), (cuts[:-1, None] + np.arange(joint)).ravel())] = 2.6
+        row[np.isin(np.arange(RESOLUTION), (cuts[:-1, None] + np.arange(joint)).ravel())] = 2.6
         pattern[top:bottom] = np.roll(row, offset)
         pattern[top : top + joint] = 2.6
-    return pattern + 0.5 * _spectral_noise(rng, resolution, 0.8)
+    return pattern + 0.5 * _spectral_noise(rng, 0.8)
 
 
-def _parquet(rng: np.random.Generator, resolution: int) -> Array:
+def _parquet(rng: np.random.Generator) -> Array:
     """Boards 12.5 cm wide of random length, with dark joints and grain along them."""
-    pattern = np.empty((resolution, resolution))
-    joint = max(resolution // 170, 1)
-    for left, right in pairwise(_edges(resolution, 16)):
-        column = np.empty(resolution)
-        cuts = np.sort(rng.choice(np.arange(1, 12), 2, replace=False)) * resolution // 12
+    pattern = np.empty((RESOLUTION, RESOLUTION))
+    joint = max(RESOLUTION // 170, 1)
+    for left, right in pairwise(_edges(16)):
+        column = np.empty(RESOLUTION)
+        cuts = np.sort(rng.choice(np.arange(1, 12), 2, replace=False)) * RESOLUTION // 12
         levels = rng.standard_normal(3)
-        column[:] = levels[np.searchsorted(cuts, np.arange(resolution), side="right") % 3]
+        column[:] = levels[np.searchsorted(cuts, np.arange(RESOLUTION), side="right") % 3]
         for cut in cuts:
             column[cut : cut + joint] = -2.5
-        column = np.roll(column, int(rng.integers(resolution)))
+        column = np.roll(column, int(rng.integers(RESOLUTION)))
         pattern[:, left:right] = column[:, None]
         pattern[:, left : left + joint] = -2.5
-    grain = _spectral_noise(rng, resolution, 0.9, stretch=12.0)
+    grain = _spectral_noise(rng, 0.9, stretch=12.0)
     return pattern + 0.7 * grain
 
 
-def _edges(resolution: int, count: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def _edges(count: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     """Bounds of ``count`` equal parts of a row of texels."""
-    return np.linspace(0, resolution, count + 1).astype(np.int64)
+    return np.linspace(0, RESOLUTION, count + 1).astype(np.int64)
 
 
-def _spots(
-    rng: np.random.Generator, resolution: int, count: int, radii: tuple[float, float]
-) -> Array:
+def _spots(rng: np.random.Generator, count: int, radii: tuple[float, float]) -> Array:
     """1 inside ``count`` periodic round spots with radii from, to (shares of the tile), else 0."""
-    axis = (np.arange(resolution) + 0.5) / resolution
-    spots = np.zeros((resolution, resolution))
+    axis = (np.arange(RESOLUTION) + 0.5) / RESOLUTION
+    spots = np.zeros((RESOLUTION, RESOLUTION))
     for row, column, radius in zip(
         rng.random(count), rng.random(count), rng.uniform(*radii, count), strict=True
     ):
@@ -186,13 +182,13 @@ STOCK: Mapping[str, TextureSpec] = MappingProxyType(
 
 
 @lru_cache(maxsize=_MAX_KEPT)
-def synthesize(spec: TextureSpec, resolution: int = RESOLUTION) -> Image:
-    """The texture as a read-only, periodic image (resolution, resolution, 3) uint8, RGB.
+def synthesize(spec: TextureSpec) -> Image:
+    """The texture as a read-only, periodic image (RESOLUTION, RESOLUTION, 3) uint8, RGB.
 
     Its luminance has about the specified mean and standard deviation. The tails are compressed, not
     clipped: hard edges would add detail beyond the cutoff.
     """
-    grey = luminance_pattern(spec, resolution)
+    grey = luminance_pattern(spec)
     tint = np.asarray(spec.colour) / max(float(product(_LUMA, spec.colour)), 1e-3)
     channels = np.clip(np.rint(tint[:, None, None] * grey), 0, 255).astype(np.uint8)
     image: Image = np.ascontiguousarray(np.moveaxis(channels, 0, -1))
@@ -200,11 +196,11 @@ def synthesize(spec: TextureSpec, resolution: int = RESOLUTION) -> Image:
     return image
 
 
-def luminance_pattern(spec: TextureSpec, resolution: int = RESOLUTION) -> Array:
-    """The texture's luminance (resolution, resolution) [grey levels] before rounding and tint."""
+def luminance_pattern(spec: TextureSpec) -> Array:
+    """The texture's luminance (RESOLUTION, RESOLUTION) [grey levels] before rounding and tint."""
     rng = np.random.default_rng([spec.seed, sum(map(ord, spec.style))])
-    raw = _STYLES[spec.style](rng, resolution)
-    smooth = _filtered(raw, _passed_band(len(raw), spec.finest))
+    raw = _STYLES[spec.style](rng)
+    smooth = _filtered(raw, _passed_band(spec.finest))
     smooth -= smooth.mean()
     smooth /= max(float(smooth.std()), 1e-12)
     # compress the tails into the range of a byte; a smooth curve hardly widens the spectrum
@@ -213,11 +209,11 @@ def luminance_pattern(spec: TextureSpec, resolution: int = RESOLUTION) -> Array:
     return spec.brightness + spec.contrast * bent / max(float(bent.std()), 1e-12)
 
 
-def _stone(rng: np.random.Generator, resolution: int) -> Array:
+def _stone(rng: np.random.Generator) -> Array:
     """Slabs of different brightness (a periodic Voronoi pattern), and grain."""
     seeds, levels = rng.random((70, 2)), rng.standard_normal(70)
     # half the resolution suffices: the result is low-pass filtered
-    axis = (np.arange(resolution // 2) + 0.5) / (resolution // 2)
+    axis = (np.arange(RESOLUTION // 2) + 0.5) / (RESOLUTION // 2)
     nearest = np.full((axis.size, axis.size), np.inf)
     slabs = np.zeros_like(nearest)
     for (row, column), level in zip(seeds, levels, strict=True):
@@ -225,22 +221,22 @@ def _stone(rng: np.random.Generator, resolution: int) -> Array:
         away = down[:, None] ** 2 + across[None, :] ** 2
         slabs[away < nearest] = level
         np.minimum(nearest, away, out=nearest)
-    return slabs.repeat(2, axis=0).repeat(2, axis=1) + 0.8 * _spectral_noise(rng, resolution, 0.7)
+    return slabs.repeat(2, axis=0).repeat(2, axis=1) + 0.8 * _spectral_noise(rng, 0.7)
 
 
-def _panels(rng: np.random.Generator, resolution: int) -> Array:
+def _panels(rng: np.random.Generator) -> Array:
     """Courses of bricks of random length and brightness, and grain."""
-    pattern = np.empty((resolution, resolution))
-    for top, bottom in pairwise(_edges(resolution, 8)):
+    pattern = np.empty((RESOLUTION, RESOLUTION))
+    for top, bottom in pairwise(_edges(8)):
         cuts = np.cumsum(rng.uniform(0.12, 0.3, size=12))
         cuts = np.r_[0.0, cuts[cuts < 0.92]]
         levels = rng.standard_normal(cuts.size)
-        column = (np.arange(resolution) / resolution + rng.random()) % 1.0
+        column = (np.arange(RESOLUTION) / RESOLUTION + rng.random()) % 1.0
         pattern[top:bottom] = levels[np.searchsorted(cuts, column, side="right") - 1]
-    return pattern + 0.8 * _spectral_noise(rng, resolution, 0.7)
+    return pattern + 0.8 * _spectral_noise(rng, 0.7)
 
 
-_STYLES: Mapping[str, Callable[[np.random.Generator, int], Array]] = MappingProxyType(
+_STYLES: Mapping[str, Callable[[np.random.Generator], Array]] = MappingProxyType(
     {
         "plaster": partial(_spectral_noise, exponent=0.8),
         "carpet": partial(_spectral_noise, exponent=0.6),

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from navfw.numerics import Array
 from navfw.signals import Pose
@@ -35,10 +33,12 @@ CLOSING_SPEED, CLOSING_TIME = 0.05, 1.0
 more of the distance than the walker over this time [s]."""
 
 
-class WalkerPath:
-    """A walker's path, parametrised by the distance travelled along it."""
+class Walker:
+    """A moving obstacle: ``x``, ``y`` [m], ``heading`` [rad], and whether it is ``waiting``."""
 
     def __init__(self, spec: WalkerSpec) -> None:
+        self.spec = spec
+        self.waiting = False
         corners = list(spec.path)
         if spec.walk == "loop":
             corners.append(corners[0])
@@ -48,10 +48,12 @@ class WalkerPath:
         self._starts = [0.0]
         for a, b in pairwise(corners):
             self._starts.append(self._starts[-1] + math.dist(a, b))
+        self._travelled = spec.phase * self.length
+        self.x, self.y, self.heading = self.pose_at(self._travelled)
 
     @property
     def length(self) -> float:
-        """Length [m] of one round, from the first point back to it."""
+        """Length [m] of one round of its path, from the first point back to it."""
         return self._starts[-1]
 
     def pose_at(self, travelled: float) -> tuple[float, float, float]:
@@ -62,17 +64,6 @@ class WalkerPath:
         leg = self._starts[i + 1] - self._starts[i]
         share = (travelled - self._starts[i]) / leg
         return ax + share * (bx - ax), ay + share * (by - ay), math.atan2(by - ay, bx - ax)
-
-
-class Walker:
-    """A moving obstacle: ``x``, ``y`` [m], ``heading`` [rad], and whether it is ``waiting``."""
-
-    def __init__(self, spec: WalkerSpec) -> None:
-        self.spec = spec
-        self.waiting = False
-        self._path = WalkerPath(spec)
-        self._travelled = spec.phase * self._path.length
-        self.x, self.y, self.heading = self._path.pose_at(self._travelled)
 
     def update_waiting(self, robot: Pose, radius: float) -> None:
         """Set ``waiting`` by the pose and ``radius`` [m] of the robot."""
@@ -91,7 +82,7 @@ class Walker:
         """Move on by ``dt`` [s], unless waiting."""
         if not self.waiting:
             self._travelled += self.spec.speed * dt
-            self.x, self.y, self.heading = self._path.pose_at(self._travelled)
+            self.x, self.y, self.heading = self.pose_at(self._travelled)
 
 
 def caused_by_robot(before: Pose, after: Pose, dt: float, walker: Walker) -> bool:
@@ -129,18 +120,6 @@ class WalkerTrack:
     radii: Array
     time: Array
     points: Array
-
-    @classmethod
-    def of(
-        cls, walkers: Sequence[Walker], time: Sequence[float], points: npt.ArrayLike
-    ) -> WalkerTrack:
-        """The track of positions x, y of each walker, recorded at ascending times [s]."""
-        return cls(
-            names=tuple(walker.spec.name for walker in walkers),
-            radii=np.array([walker.spec.radius for walker in walkers]),
-            time=np.array(time),
-            points=np.array(points).reshape(len(time), len(walkers), 2),
-        )
 
     def at(self, times: Array) -> Array:
         """Positions (N, M, 2) at times (N,) [s], interpolated; constant beyond either end."""
@@ -195,6 +174,10 @@ class ChangeTrack:
         return nearest
 
 
+WorldChange = DoorChange | Obstacle | Textureless
+"""An action that changes the world."""
+
+
 class WorldChanges:
     """Applies the active changes to the physics world; the newest change of a door counts.
 
@@ -208,52 +191,50 @@ class WorldChanges:
         doors = tuple(door.model_copy(update={"state": "closed"}) for door in world.doors)
         closed = solids_of(world.model_copy(update={"doors": doors}))
         self._doors = {solid.name: solid for solid in closed if solid.kind == "door"}
-        self._door_changes: list[DoorChange] = []
-        self._obstacles: list[tuple[Obstacle, Solid | None]] = []
-        self._covers: list[tuple[Textureless, int]] = []
+        self._active: list[WorldChange] = []
+        # the obstacles that have a place, and the covers, by their index in the list
+        self._made: list[Solid | int | None] = []
         self._present = {d.name: self._doors[d.name] for d in world.doors if d.state == "closed"}
         self._begins = dict.fromkeys(self._present, 0.0)
         self._past: list[Presence] = []
         self._changed: set[str] = set()
         self.settled = True
 
-    def begin(self, change: DoorChange | Obstacle | Textureless, robot: Pose) -> None:
+    def begin(self, change: WorldChange) -> None:
         """Activate a change; ``update`` applies it once the robot is clear of its place."""
+        made = None
         if isinstance(change, Textureless):
             covered = _blanked(self._world, change)
-            self._covers.append(
-                (change, self._physics.scenery.add_cover(covered, change.brightness))
-            )
-        elif isinstance(change, Obstacle):
-            self._obstacles.append((change, self._place(change, robot)))
-        else:
-            self._door_changes.append(change)
-        self.settled = False
+            made = self._physics.scenery.add_cover(covered, change.brightness)
+        self._active.append(change)
+        self._made.append(made)
 
-    def end(self, change: DoorChange | Obstacle | Textureless) -> None:
-        """Deactivate a change: restore the door or texture, remove the obstacle."""
-        if isinstance(change, Textureless):
-            index = next(i for i, (begun, _) in enumerate(self._covers) if begun == change)
-            self._physics.scenery.remove(self._covers.pop(index)[1])
-        elif isinstance(change, Obstacle):
-            index = next(i for i, (begun, _) in enumerate(self._obstacles) if begun == change)
-            self._obstacles.pop(index)
-        else:
-            self._door_changes.remove(change)
-        self.settled = False
+    def end(self, change: WorldChange) -> None:
+        """Deactivate a change: remove the cover; ``update`` restores doors, removes obstacles."""
+        index = self._active.index(change)
+        self._active.pop(index)
+        made = self._made.pop(index)
+        if isinstance(made, int):
+            self._physics.scenery.remove(made)
 
     def update(self, time: float, robot: Pose, radius: float) -> None:
         """Insert and remove solids as the active changes require, at ``time`` [s].
 
         ``robot`` is the true pose and ``radius`` [m] that of the robot.
         """
-        self._obstacles = [
-            (thing, solid or self._place(thing, robot)) for thing, solid in self._obstacles
-        ]
         state = {door.name: door.state for door in self._world.doors}
-        state |= {change.name: change.state for change in self._door_changes}
-        wanted = {name: self._doors[name] for name in state if state[name] == "closed"}
-        wanted |= {solid.name: solid for _, solid in self._obstacles if solid is not None}
+        wanted: dict[str, Solid] = {}
+        waiting = False
+        for index, change in enumerate(self._active):
+            if isinstance(change, DoorChange):
+                state[change.name] = change.state
+            elif isinstance(change, Obstacle):
+                solid = self._made[index] or self._place(change, robot)
+                self._made[index] = solid
+                if isinstance(solid, Solid):
+                    wanted[solid.name] = solid
+                waiting |= solid is None
+        wanted = {n: self._doors[n] for n in state if state[n] == "closed"} | wanted
         for name in [name for name in self._present if name not in wanted]:
             self._physics.remove_solid(name)
             shape, begin = self._present.pop(name).shape, self._begins.pop(name)
@@ -267,7 +248,6 @@ class WorldChanges:
                 self._physics.add_solid(solid)
                 self._present[name], self._begins[name] = solid, time
                 self._changed.add(name)
-        waiting = any(solid is None for _, solid in self._obstacles)
         self.settled = wanted.keys() == self._present.keys() and not waiting
 
     def track(self) -> ChangeTrack:

@@ -20,8 +20,9 @@ from navfw.missions.session import MissionResult
 from navfw.numerics import Array, Mask
 from navfw.recording.run_observers import Contact, RunLog
 from navfw.signals import Odometry, Pose, Sight, wrap_angle
-from navfw.sim.scene_geometry import NamedShape, SceneGeometry
+from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import Circle
+from navfw.sim.solids import Solid
 from navfw.suite.failure_causes import (
     CollisionSymptoms,
     FailureSymptoms,
@@ -97,11 +98,11 @@ def _touched_point(result: MissionResult, contact: Contact) -> Array:
     if movers is not None and contact.body in movers.names:
         index = movers.names.index(contact.body)
         x, y = movers.at(np.array([contact.time]))[0, index]
-        shapes = [NamedShape(contact.body, "mover", Circle(x, y, float(movers.radii[index])))]
+        shapes = [Solid(contact.body, "mover", Circle(x, y, float(movers.radii[index])))]
     else:
         shapes = [solid for solid in plan.solids if solid.name == contact.body]
         shapes += [
-            NamedShape(contact.body, "box", presence.shape)
+            Solid(contact.body, "box", presence.shape)
             for presence in (changes.presences if changes is not None else ())
             if presence.name == contact.body
         ]

@@ -1,5 +1,4 @@
 from .clearance_grid import ClearanceGrid as ClearanceGrid
-from .clearance_grid import skeleton_graph as skeleton_graph
 from .clearance_grid import thinned as thinned
 from .elements import PLACE_KINDS as PLACE_KINDS
 from .elements import Landmark as Landmark

@@ -12,7 +12,6 @@ import numpy as np
 
 from navfw.numerics import Array
 from navfw.robot import RobotModel
-from navfw.topomap.elements import Passage
 from navfw.topomap.topological_map import TopoMap
 
 MapProblemKind = Literal[
@@ -34,8 +33,8 @@ _WIDTH_ROUNDING = 0.05
 
 STEP = 0.02
 """Spacing of the points at which a passage's clearance is checked [m]."""
-_MAX_POINTS = 5000
-"""Number of points of a passage, 100 m, from which on most of it is checked at fewer points."""
+_MAX_POINTS = 1_000_000
+"""Largest number of points of a passage: beyond 20 km they are farther apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +125,9 @@ def _blocked_passages(
         a, b = topo_map.places[passage.a], topo_map.places[passage.b]
         if passage.length > STRAIGHT * a.distance(b.x, b.y) + _WIDTH_ROUNDING:
             continue
-        line, free = _line(topo_map, passage, clearances)
+        count = min(2 + int(a.distance(b.x, b.y) / STEP), _MAX_POINTS)
+        line = np.linspace((a.x, a.y), (b.x, b.y), count)
+        free = clearances(line)
         worst = int(np.argmin(free))
         at = f"at ({line[worst, 0]:.2f}, {line[worst, 1]:.2f})"
         if free[worst] < radius:
@@ -140,24 +141,3 @@ def _blocked_passages(
                 str(passage),
                 f"{passage.width:g} m wide in the map, {2.0 * free[worst]:.2f} m in the world {at}",
             )
-
-
-def _line(topo_map: TopoMap, passage: Passage, clearances: Clearances) -> tuple[Array, Array]:
-    """Points (N, 2) [m] along the passage, and their clearances (N,) [m].
-
-    Of a passage of kilometres only the part around the least clearance has points every ``STEP``:
-    between two points the clearance changes by their distance at most.
-    """
-    a, b = topo_map.places[passage.a], topo_map.places[passage.b]
-    count = 2 + int(a.distance(b.x, b.y) / STEP)
-    begin, along = np.array([a.x, a.y]), np.array([b.x - a.x, b.y - a.y]) / (count - 1)
-    stride = 1 + count // _MAX_POINTS
-    coarse = np.append(np.arange(0, count - 1, stride), count - 1)
-    line = begin + coarse[:, None] * along
-    free = clearances(line)
-    if stride == 1 or np.isinf(free).all():
-        return line, free
-    near = coarse[free <= free.min() + stride * STEP]
-    finer = np.unique(near[:, None] + np.arange(-stride, stride + 1))
-    line = begin + finer[(finer >= 0) & (finer < count), None] * along
-    return line, clearances(line)

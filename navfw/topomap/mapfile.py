@@ -18,14 +18,14 @@ Maps in other formats become the document of an equivalent map file (``MapImport
 from __future__ import annotations
 
 import math
-import re
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from navfw.config.document import Origin, YamlDocument, load_yaml
 from navfw.config.lookup import find
-from navfw.config.yaml_text import KeyPath, key_text
+from navfw.config.yaml_text import KeyPath, key_text, write_yaml_text
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, MapError, did_you_mean
 from navfw.topomap.elements import Landmark, MapViolation, Passage, Place, map_violations
@@ -37,9 +37,6 @@ from navfw.topomap.mapspec import (
 )
 from navfw.topomap.occupancy_map import load_ros_map
 from navfw.topomap.topological_map import TopoMap
-
-_PLAIN = re.compile(r"(?!(?i:true|false|yes|no|on|off|null|nan|inf)$)[A-Za-z][\w-]*", re.ASCII)
-"""Texts that YAML reads as text without quotes."""
 
 PLACE_KEYS = tuple(PlaceSpec.model_fields)
 EDGE_KEYS = tuple(key for key in EdgeSpec.model_fields if key not in {"from_", "to"})
@@ -120,16 +117,7 @@ def map_data(topo_map: TopoMap, plan_file: str | None = None) -> dict[str, Any]:
 
 def map_text(topo_map: TopoMap, plan_file: str | None = None) -> str:
     """The text of a map file, one line for each place, edge and landmark (see ``map_data``)."""
-    data = map_data(topo_map, plan_file)
-    lines = [f"{key}: {_scalar(data[key])}" for key in ("name", "floor_plan") if key in data]
-    lines += ["", "places:"]
-    lines += [f"  {_scalar(name)}: {_flow(values)}" for name, values in data["places"].items()]
-    if data["edges"]:
-        lines += ["", "edges:", *(f"  - {_flow(values)}" for values in data["edges"])]
-    if "landmarks" in data:
-        marks = data["landmarks"].items()
-        lines += ["", "landmarks:", *(f"  {_scalar(name)}: {_flow(at)}" for name, at in marks)]
-    return "\n".join(lines) + "\n"
+    return write_yaml_text(map_data(topo_map, plan_file), width=sys.maxsize)
 
 
 def _edge_data(topo_map: TopoMap, passage: Passage) -> dict[str, Any]:
@@ -141,25 +129,6 @@ def _edge_data(topo_map: TopoMap, passage: Passage) -> dict[str, Any]:
         if value != getattr(bare, key) and math.isfinite(value):
             data[key] = value
     return data
-
-
-def _flow(values: dict[str, Any]) -> str:
-    return "{" + ", ".join(f"{key}: {_scalar(value)}" for key, value in values.items()) + "}"
-
-
-def _scalar(value: str | float) -> str:
-    """A scalar in YAML; texts in quotes where YAML would read them as another type."""
-    if isinstance(value, str):
-        return value if _PLAIN.fullmatch(value) else f'"{"".join(map(_escaped, value))}"'
-    # YAML reads 1e-07 as text: a number needs a point in its mantissa
-    text = repr(float(value)) if isinstance(value, float) else str(value)
-    return re.sub(r"^(-?\d+)e", r"\1.0e", text)
-
-
-def _escaped(character: str) -> str:
-    if character in '"\\':
-        return "\\" + character
-    return character if character.isprintable() else f"\\U{ord(character):08x}"
 
 
 def _passage(edge: EdgeSpec, places: dict[str, Place]) -> Passage:

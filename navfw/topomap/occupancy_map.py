@@ -107,15 +107,10 @@ PlanMode = Literal["trinary", "scale", "raw"]
 
 Angle = Annotated[float, Field(ge=-100.0, le=100.0)]
 
-_TRUTH = {"y": 1, "yes": 1, "true": 1, "on": 1, "n": 0, "no": 0, "false": 0, "off": 0}
-"""The words that yaml-cpp, and so map_server, reads as truth values."""
-
 
 def _truth(value: Any) -> Any:
     """A truth value as 0 or 1: Nav2 reads ``negate`` as either."""
-    if isinstance(value, bool):
-        return int(value)
-    return _TRUTH.get(value.lower(), value) if isinstance(value, str) else value
+    return int(value) if isinstance(value, bool) else value
 
 
 class RosMapSpec(StrictModel):

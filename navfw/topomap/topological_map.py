@@ -82,7 +82,7 @@ class TopoMap(Sealed):
         self.landmarks: Mapping[str, Landmark] = MappingProxyType({m.name: m for m in landmarks})
         self._graph = nx.Graph(name=name)
         self._graph.add_nodes_from((p.name, {"place": p}) for p in nodes)
-        self._graph.add_edges_from((p.a, p.b, {"passage": p}) for p in passages)
+        self._graph.add_edges_from((p.a, p.b, {"passage": p, "length": p.length}) for p in passages)
         self._points = np.array([(p.x, p.y) for p in nodes])
         index = {place.name: i for i, place in enumerate(nodes)}
         ends = np.array([(index[p.a], index[p.b]) for p in passages], dtype=np.intp).reshape(-1, 2)
@@ -98,7 +98,8 @@ class TopoMap(Sealed):
     def graph(self) -> nx.Graph:
         """A networkx graph of the map, a new one each time, for its algorithms.
 
-        The places' names are its nodes, with the attribute ``place``; edges have ``passage``.
+        The places' names are its nodes, with the attribute ``place``; edges have ``passage``, and
+        its ``length`` [m] for use as a weight.
         """
         return self._graph.copy()
 

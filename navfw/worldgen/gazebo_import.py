@@ -28,7 +28,8 @@ from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec
 from navfw.worldgen.looks import Palette
-from navfw.worldgen.sdf_reader import SdfShape, SdfWorld, read_sdf
+from navfw.worldgen.sdf_reader import SdfWorld, read_sdf
+from navfw.worldgen.upright_parts import UprightPart
 from navfw.worldgen.world_draft import FAST_ROBOT, MISSION, POLES_STACK, ROBOT, write_world
 
 POLE_HEIGHT = 1.0
@@ -178,7 +179,7 @@ def _world(path: Path, content: SdfWorld, barn: bool, ends: Sequence[Goal]) -> W
     # all parts of a mesh look alike
     of_meshes = [palette.pick(textures) for _ in range(content.meshes)]
 
-    def common(solid: SdfShape, base: float) -> dict[str, Any]:
+    def common(solid: UprightPart, base: float) -> dict[str, Any]:
         return {
             "name": solid.name,
             "at": (round(solid.shape.x, 4), round(solid.shape.y, 4)),

@@ -105,9 +105,7 @@ def _close_door(draft: WorldDraft, difficulty: float) -> bool:
     if draft.topo_map is None:
         return False
     graph, ends = draft.topo_map.graph, (draft.start[:2], draft.goal)
-    route = nx.dijkstra_path(
-        graph, "start", "goal", weight=lambda a, b, data: data["passage"].length
-    )
+    route = nx.dijkstra_path(graph, "start", "goal", weight="length")
     for name in [name for name in route if draft.topo_map.places[name].kind == "door"]:
         if not nx.has_path(nx.restricted_view(graph, [name], []), "start", "goal"):
             continue

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -27,8 +27,6 @@ _NOISE: Mapping[Role, tuple[tuple[worldspec.Style, ...], Interval]] = MappingPro
     }
 )
 """Styles, and the interval of the mean luminance [grey levels], by role."""
-_MIN_DETAIL: Mapping[Role, float] = MappingProxyType({"floor": 0.045})
-"""Finest detail [m] by role: coarser on floors, seen at a shallow angle, against aliasing."""
 
 
 class Palette:
@@ -51,7 +49,8 @@ class Palette:
             contrast=round(float(rng.uniform(36.0, 48.0)), 1),
             brightness=round(float(rng.uniform(*brightness)), 1),
             colour=(red, green, blue),
-            finest=_MIN_DETAIL.get(role, 0.035),
+            # coarser on floors, seen at a shallow angle, against aliasing
+            finest=0.045 if role == "floor" else 0.035,
         )
         return name
 
@@ -74,7 +73,7 @@ def with_contrast(world: worldspec.WorldSpec, contrast: float) -> worldspec.Worl
     return world.model_copy(update={"textures": changed})
 
 
-LOOKS: tuple[worldspec.Look, ...] = ("plain", "photo")
+LOOKS: tuple[worldspec.Look, ...] = get_args(worldspec.Look)
 
 Colour = tuple[float, float, float]
 
@@ -138,8 +137,6 @@ _PHOTO: Mapping[Role, tuple[_Surface, ...]] = MappingProxyType(
 _SURFACES: Mapping[worldspec.Look, Mapping[Role, tuple[_Surface, ...]]] = MappingProxyType(
     {"plain": _PLAIN, "photo": _PHOTO}
 )
-_MIN_PHOTO_DETAIL: Mapping[Role, float] = MappingProxyType({"floor": 0.035})
-"""Finest detail [m] by role: coarser on floors, seen at a shallow angle, against aliasing."""
 
 
 def with_look(world: worldspec.WorldSpec, look: worldspec.Look, seed: int) -> worldspec.WorldSpec:
@@ -181,10 +178,8 @@ def _uses(world: worldspec.WorldSpec) -> Iterator[tuple[str, Role]]:
         yield from ((name, role) for name, role in parts if name is not None)
     yield from ((wall.texture, "wall") for wall in world.walls)
     yield from ((mover.texture, "person") for mover in world.movers)
-    yield from ((door.texture, "thing") for door in world.doors)
-    yield from ((box.texture, "thing") for box in world.boxes)
-    yield from ((cylinder.texture, "thing") for cylinder in world.cylinders)
-    yield from ((mesh.texture, "thing") for mesh in world.meshes)
+    for things in (world.doors, world.boxes, world.cylinders, world.meshes):
+        yield from ((thing.texture, "thing") for thing in things)
 
 
 def _drawn(rng: np.random.Generator, look: worldspec.Look, role: Role) -> worldspec.TextureSpec:
@@ -197,5 +192,5 @@ def _drawn(rng: np.random.Generator, look: worldspec.Look, role: Role) -> worlds
         contrast=round(float(rng.uniform(*surface.contrast)), 1),
         brightness=round(float(rng.uniform(*surface.brightness)), 1),
         colour=surface.colour,
-        finest=_MIN_PHOTO_DETAIL.get(role, 0.025),
+        finest=0.035 if role == "floor" else 0.025,
     )

@@ -22,7 +22,7 @@ from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import Rectangle
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WallSpec, WorldSpec
-from navfw.topomap import Passage, Place, TopoMap
+from navfw.topomap import Place, TopoMap
 from navfw.topomap.clearance_grid import ClearanceGrid
 from navfw.topomap.map_builder import MARGIN, Point, build_map
 from navfw.topomap.occupancy_map import (
@@ -310,7 +310,7 @@ def _ways(topo_map: TopoMap) -> list[_Way]:
 
     None is shorter than ``MIN_PATH``.
     """
-    lengths = dict(nx.all_pairs_dijkstra_path_length(topo_map.graph, weight=_length))
+    lengths = dict(nx.all_pairs_dijkstra_path_length(topo_map.graph, weight="length"))
     ends = [p.name for p in topo_map.places.values() if p.kind in _ENDS]
     ways = [(lengths[a][b], a, b) for a, b in itertools.combinations(ends, 2)]
     ways = sorted((way for way in ways if way[0] >= MIN_PATH), key=lambda way: -way[0])
@@ -318,11 +318,6 @@ def _ways(topo_map: TopoMap) -> list[_Way]:
     short = [way for way in ways if way[0] < _LONG]
     half = _MAX_MISSIONS // 2
     return [*_with_new_ends(long, half), *_with_new_ends(short, half)]
-
-
-def _length(a: str, b: str, data: Mapping[str, Passage]) -> float:
-    """The length [m] of an edge of a map's graph."""
-    return data["passage"].length
 
 
 def _with_new_ends(ways: list[_Way], count: int) -> list[_Way]:
@@ -337,7 +332,7 @@ def _with_new_ends(ways: list[_Way], count: int) -> list[_Way]:
 
 def _mission(topo_map: TopoMap, length: float, start: str, goal: str) -> MissionSpec:
     """The mission to drive a way, facing along it at its start."""
-    route = nx.dijkstra_path(topo_map.graph, start, goal, weight=_length)
+    route = nx.dijkstra_path(topo_map.graph, start, goal, weight="length")
     at, then = (topo_map.places[name] for name in route[:2])
     yaw = math.atan2(then.y - at.y, then.x - at.x)
     return _mission_spec(start, goal, length, {"place": start, "yaw": round(yaw, 3)})

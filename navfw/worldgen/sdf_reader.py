@@ -24,7 +24,7 @@ from navfw.numerics import Array
 from navfw.numerics.products import product
 from navfw.robot.urdf import rigid_transform
 from navfw.sim.shapes import Circle, Rectangle, Shape
-from navfw.worldgen.upright_parts import mesh_solids
+from navfw.worldgen.upright_parts import UprightPart, mesh_solids
 
 _MAX_TRIANGLES = 500_000
 """Of a collision mesh; those of rooms have hundreds."""
@@ -45,20 +45,6 @@ _GROUND = ("model://ground_plane", "model://sun", "ground_plane", "sun")
 """Included models that are ignored."""
 
 
-@dataclass(frozen=True, slots=True)
-class SdfShape:
-    """An upright solid: the outline ``shape`` from ``bottom`` to ``top`` [m].
-
-    ``mesh`` is the number of the mesh of which it is a part; 0: of none.
-    """
-
-    name: str
-    shape: Shape
-    bottom: float
-    top: float
-    mesh: int = 0
-
-
 @dataclass
 class SdfWorld:
     """The content of a file: shapes, and a message for each ``unsupported`` element.
@@ -66,7 +52,7 @@ class SdfWorld:
     ``meshes`` is the number of meshes whose parts are among the shapes.
     """
 
-    shapes: list[SdfShape] = field(default_factory=list)
+    shapes: list[UprightPart] = field(default_factory=list)
     unsupported: list[str] = field(default_factory=list)
     meshes: int = 0
 
@@ -240,7 +226,7 @@ class _SdfReader:
             number += 1
             name = f"{model[:50]}-{number}"
         self._taken.add(name)
-        self.content.shapes.append(SdfShape(name, shape, bottom, top, mesh))
+        self.content.shapes.append(UprightPart(shape, bottom, top, name, mesh))
 
     def _unsupported(self, element: Element, what: str) -> None:
         self.content.unsupported.append(f"line {line_of(element)}: {what}")

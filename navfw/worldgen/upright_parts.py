@@ -53,11 +53,16 @@ _ROUND = 0.93
 
 @dataclass(frozen=True, slots=True)
 class UprightPart:
-    """A solid with the outline ``shape`` from ``bottom`` to ``top`` [m]."""
+    """A solid with the outline ``shape`` from ``bottom`` to ``top`` [m].
+
+    In a world it has a ``name``, and the number of the ``mesh`` that it is a part of; 0: of none.
+    """
 
     shape: Shape
     bottom: float
     top: float
+    name: str = ""
+    mesh: int = 0
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import math
 import re
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,8 @@ from navfw.sim import worldspec
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import Circle, Shape, gap_between
 from navfw.sim.worldspec import WorldSpec
-from navfw.topomap import TopoMap
+from navfw.topomap import Passage, TopoMap
+from navfw.topomap.mapfile import map_data
 from navfw.topomap.occupancy_map import save_ros_map
 from navfw.worldgen.looks import Palette
 
@@ -244,9 +245,12 @@ def write_world(
         if topo_map is None:
             (target.path / MAP_FILE).unlink(missing_ok=True)
         else:
+            plan_file = None if topo_map.floor_plan is None else _PLAN_FILE
             if topo_map.floor_plan is not None:
                 save_ros_map(topo_map.floor_plan, target.path / _PLAN_FILE)
-            _write_yaml(target.path / MAP_FILE, map_data(topo_map))
+            passages = [_rounded(topo_map, passage) for passage in topo_map.passages]
+            written = TopoMap(topo_map.name, topo_map.places.values(), passages)
+            _write_yaml(target.path / MAP_FILE, map_data(written, plan_file))
     return folder
 
 
@@ -270,21 +274,13 @@ def _check_target(folder: Path) -> None:
         )
 
 
-def map_data(topo_map: TopoMap) -> dict[str, Any]:
-    """``topo_map`` as the content of a map file."""
-    edges = []
-    for passage in topo_map.passages:
-        edge: dict[str, Any] = {"from": passage.a, "to": passage.b}
-        end = topo_map.places[passage.b]
-        straight = topo_map.places[passage.a].distance(end.x, end.y)
-        if abs(passage.length - straight) > 0.005:
-            edge["length"] = round(passage.length, 3)
-        if math.isfinite(passage.width):
-            edge["width"] = round(passage.width, 3)
-        edges.append(edge)
-    places = {p.name: {"x": p.x, "y": p.y, "kind": p.kind} for p in topo_map.places.values()}
-    plan = {} if topo_map.floor_plan is None else {"floor_plan": _PLAN_FILE}
-    return {"name": topo_map.name, **plan, "places": places, "edges": edges}
+def _rounded(topo_map: TopoMap, passage: Passage) -> Passage:
+    """The passage with rounded width and length; straight, if it is so within 5 mm."""
+    end = topo_map.places[passage.b]
+    straight = topo_map.places[passage.a].distance(end.x, end.y)
+    far = abs(passage.length - straight) > 0.005
+    length = round(passage.length, 3) if far else straight
+    return replace(passage, length=length, width=round(passage.width, 3))
 
 
 def _plain(spec: WorldSpec | MissionSpec) -> dict[str, Any]:

@@ -197,9 +197,7 @@ def tour(topo_map: TopoMap, rng: np.random.Generator, goals: int) -> list[tuple[
     way = [here]
     for _ in range(goals):
         there = names[int(rng.integers(len(names)))]
-        way += nx.shortest_path(
-            topo_map.graph, here, there, weight=lambda a, b, data: data["passage"].length
-        )[1:]
+        way += nx.shortest_path(topo_map.graph, here, there, weight="length")[1:]
         here = there
     return [(topo_map.places[name].x, topo_map.places[name].y) for name in way]
 

@@ -28,7 +28,6 @@ from navfw.sim import (
     WorldSpec,
     image_motion,
     light_falloff,
-    row_weights,
 )
 
 HERE = Pose(0.0, 0.0, 0.0)
@@ -116,15 +115,6 @@ def test_quaternions_need_no_exact_length() -> None:
         shutter.record(0.0, off)
         image, _ = shutter.render(camera, 0.1, off, effects.exposure_time)
         assert np.array_equal(image, camera.render(*off)[0])
-
-
-def test_every_row_is_a_mean_of_poses() -> None:
-    for exposed in (0.0, 0.3, 1.0):
-        weights = row_weights(10, 7, exposed)
-        assert weights.sum(axis=1) == pytest.approx(1.0)
-        assert np.all(weights >= 0.0)
-    alike = row_weights(10, 7, 1.0)
-    assert np.array_equal(alike, np.repeat(alike[:1], 10, axis=0))
 
 
 def simulate(effects: CameraEffects, sensors: SensorParams = PERFECT) -> Simulation:

@@ -97,12 +97,6 @@ def field(**solids: object) -> SceneGeometry:
 COLUMN = field(cylinders=(CylinderSpec(name="column", at=(0, 0), radius=1.0),))
 
 
-def test_free_line_is_the_shortest_path() -> None:
-    length, path = field().shortest_path((-4, -3), (4, 3), RADIUS)
-    assert length == 10.0
-    assert len(path) == 2
-
-
 @pytest.mark.parametrize("radius", [0.18, 0.5])
 def test_shortest_path_around_a_column(radius: float) -> None:
     length, path = COLUMN.shortest_path((-3, 0), (3, 0), radius)
@@ -124,29 +118,6 @@ def test_the_distance_field_has_the_lengths_of_the_shortest_paths() -> None:
     # inside the column: as at the nearest place that the robot can take
     assert 1.8 <= distances.at(0.0, 0.0) <= distances.at(-1.25, 0.0)
     assert math.isfinite(distances.at(9.0, 9.0))
-
-
-@given(st.floats(-2.0, 2.0), st.floats(-2.5, 2.5), st.floats(-2.5, 2.5))
-@settings(max_examples=12, deadline=None)
-def test_shortest_path_around_a_wall_end(end: float, y0: float, y1: float) -> None:
-    """Over the rounded end of a thin wall: tangent, arc, tangent."""
-    plan = field(walls=(WallSpec(name="wall", points=((0, -5), (0, end)), thickness=0.02),))
-    start, goal = (-3.0, min(y0, end - 0.5)), (3.0, min(y1, end - 0.5))
-    length, _ = plan.shortest_path(start, goal, RADIUS)
-    # the two corners of the wall's end are 2 cm apart: a point between them is close enough
-    exact = _around_point(start, goal, (0.0, end), RADIUS)
-    assert exact - 0.03 < length < exact * 1.01 + 0.03
-
-
-def _around_point(
-    start: tuple[float, float], goal: tuple[float, float], pole: tuple[float, float], radius: float
-) -> float:
-    a, b = math.dist(start, pole), math.dist(goal, pole)
-    angle_a = math.atan2(start[1] - pole[1], start[0] - pole[0]) % (2 * math.pi)
-    angle_b = math.atan2(goal[1] - pole[1], goal[0] - pole[0])
-    between = (angle_a - angle_b) % (2 * math.pi)  # around the top
-    arc = between - math.acos(radius / a) - math.acos(radius / b)
-    return math.sqrt(a * a - radius**2) + math.sqrt(b * b - radius**2) + radius * max(arc, 0.0)
 
 
 def divided(width: float) -> SceneGeometry:

@@ -13,7 +13,7 @@ from navfw.config import find
 from navfw.errors import UnknownNameError
 from navfw.numerics import Array, Image
 from navfw.robot import RobotModel
-from navfw.signals import Encoders, Inertial, Pose
+from navfw.signals import Pose
 from navfw.sim import (
     CLEAR_OF_ROBOT,
     PRESETS,
@@ -319,23 +319,6 @@ def test_gyro_bias_random_walk() -> None:
     params = PERFECT.model_copy(update={"gyro_bias_walk": 0.002})
     ends = np.array([yaw_rates(params, seed, 600)[-1] for seed in range(100)])
     assert ends.std() == pytest.approx(0.002 * math.sqrt(600 * TICK), rel=0.25)
-
-
-def test_noise_does_not_depend_on_the_block_size() -> None:
-    params = SensorParams.preset("poor")
-
-    def readings(ahead: int) -> list[tuple[Inertial, Encoders]]:
-        gyro = GyroModel(params, np.random.default_rng(3), ahead)
-        wheels = WheelEncoderModel(params, ROBOT, np.random.default_rng(4), ahead)
-        return [
-            (
-                gyro.read(i * TICK, TICK, (0.0, 0.0, 0.3)),
-                wheels.read(i * TICK, TICK, (0.1 * i, 0.2 * i)),
-            )
-            for i in range(20)
-        ]
-
-    assert readings(1) == readings(7) == readings(64)
 
 
 def test_perfect_sensors_measure_the_true_rate_and_only_quantise() -> None:

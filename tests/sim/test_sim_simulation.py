@@ -17,20 +17,18 @@ from sim_worlds import PERFECT, TICK, drive
 
 from navfw.config import find
 from navfw.errors import SimulationError, WorldError
-from navfw.numerics import Array, Image
+from navfw.numerics import Array
 from navfw.robot import RobotModel, load_robot
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist
 from navfw.sim import (
     BoxSpec,
     CylinderSpec,
-    DepthImage,
     OpeningSpec,
     SensorParams,
     Simulation,
     WallSpec,
     WorldSpec,
     load_world,
-    scenery,
 )
 
 ROBOT = RobotModel()
@@ -201,20 +199,6 @@ def test_misuse_and_a_start_that_is_not_free_raise() -> None:
     sim.close()
 
 
-def test_shared_and_separate_bodies_look_alike(monkeypatch: pytest.MonkeyPatch) -> None:
-    def view() -> tuple[Image, DepthImage]:
-        with Simulation(FIELD, ROBOT, Pose(-0.6, 2.3, 0.2), 0, PERFECT) as sim:
-            return sim.render_from(Pose(-0.6, 2.3, 0.2))
-
-    image, depth = view()
-    monkeypatch.setattr(scenery, "_MAX_SINGLE", 1000)
-    other_image, other_depth = view()
-    # rounding may move an edge by a pixel
-    assert np.mean(image != other_image) < 0.01
-    near = np.isfinite(depth) & np.isfinite(other_depth)
-    assert np.mean(np.abs(depth[near] - other_depth[near]) < 0.01) > 0.99
-
-
 def test_solids_may_overlap_with_may_overlap() -> None:
     boxes = [BoxSpec(name=name, at=(0, 0), size=(1, 1, 1)) for name in ("a", "b")]
     world = WorldSpec(name="pile", x=(-3, 3), y=(-3, 3), boxes=tuple(boxes), may_overlap=True)
@@ -303,11 +287,6 @@ def test_a_contact_of_any_link_is_a_collision() -> None:
     world = EMPTY.model_copy(update={"boxes": (box,)})
     _, _, touched = drive_robot("husky", Twist(0.5, 0.0), 3.0, world)
     assert touched == {"crate"}
-
-
-def test_the_same_commands_give_the_same_motion() -> None:
-    first, second = (drive_robot("husky", Twist(0.2, 0.6), 1.0)[0] for _ in range(2))
-    assert np.array_equal(first, second)
 
 
 def test_the_gyro_measures_how_a_body_rocks_and_leans_at_rest_do_not_count(tmp_path: Path) -> None:

@@ -19,12 +19,9 @@ from navfw.sim import (
     SurfacePatch,
     TextureSpec,
     WorldSpec,
-    box_mesh,
-    cylinder_mesh,
     load_world,
     luminance_pattern,
     picture_texture,
-    side_count,
     solids_of,
     synthesize,
     wall_patches,
@@ -179,34 +176,6 @@ def test_pictures_that_cannot_be_used(
 def test_a_texture_is_a_pattern_or_a_picture(keys: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         TextureSpec.model_validate(keys)
-
-
-@pytest.mark.parametrize("sides", [12, 24])
-def test_cylinder_mesh(sides: int) -> None:
-    mesh = cylinder_mesh(0.2, 3.0, np.zeros(2), sides)
-    points = np.array(mesh.vertices)
-    assert np.hypot(points[:, 0], points[:, 1]).max() == pytest.approx(0.2)
-    assert (points[:, 2].min(), points[:, 2].max()) == (-1.5, 1.5)
-    triangles = points[np.array(mesh.indices).reshape(-1, 3)]
-    faces = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    normals = np.array(mesh.normals)[np.array(mesh.indices).reshape(-1, 3)].mean(axis=1)
-    assert np.all(np.sum(faces * normals, axis=1) >= 0.0)  # all face outwards
-    assert np.min(mesh.uvs) >= 0.0
-    assert (side_count(0.02), side_count(1.0)) == (12, 24)
-    assert 12 <= side_count(0.1) <= 24
-
-
-def test_moved_meshes_keep_their_texture() -> None:
-    mesh, whole = box_mesh((0.4, 0.6, 1.0), np.zeros(2)), box_mesh((0.4, 0.6, 1.0), np.zeros(2))
-    whole.add_mesh(mesh, (1.0, 2.0, 0.5), np.pi / 2)
-    count = len(mesh.vertices)
-    moved = np.array(whole.vertices[count:])
-    original = np.array(mesh.vertices)
-    assert moved == pytest.approx(
-        np.column_stack([1 - original[:, 1], 2 + original[:, 0], original[:, 2] + 0.5])
-    )
-    assert whole.uvs[count:] == mesh.uvs
-    assert min(whole.indices[len(mesh.indices) :]) == count
 
 
 ROOM = {

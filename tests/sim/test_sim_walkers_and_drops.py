@@ -18,12 +18,9 @@ from navfw.sim import (
     SceneGeometry,
     Simulation,
     Walker,
-    WalkerPath,
     WalkerSpec,
     WalkerTrack,
     WorldSpec,
-    caused_by_robot,
-    closed_by_robot,
     floor_pieces,
     treads_of,
 )
@@ -51,12 +48,12 @@ def drive_at(sim: Simulation, speed: float, seconds: float) -> None:
 
 def test_back_and_forth_and_loop() -> None:
     corners = [(0, 0), (2, 0), (2, 1)]
-    back_and_forth = WalkerPath(anna(path=corners))
+    back_and_forth = Walker(anna(path=corners))
     assert back_and_forth.length == 6.0
     assert back_and_forth.pose_at(1.0) == (1.0, 0.0, 0.0)
     assert back_and_forth.pose_at(2.5) == (2.0, 0.5, math.pi / 2)
     assert back_and_forth.pose_at(3.5) == (2.0, 0.5, -math.pi / 2)
-    loop = WalkerPath(anna(path=corners, walk="loop"))
+    loop = Walker(anna(path=corners, walk="loop"))
     assert loop.length == pytest.approx(3 + math.sqrt(5))
     assert loop.pose_at(3 + math.sqrt(5) / 2)[:2] == pytest.approx((1.0, 0.5))
 
@@ -72,7 +69,7 @@ def test_back_and_forth_and_loop() -> None:
 def test_path_is_continuous_and_periodic(
     corners: list[tuple[int, int]], walk: str, travelled: float, step: float
 ) -> None:
-    path = WalkerPath(anna(path=corners, walk=walk))
+    path = Walker(anna(path=corners, walk=walk))
     pose, later = path.pose_at(travelled), path.pose_at(travelled + step)
     assert math.dist(pose[:2], later[:2]) <= step + 1e-9
     assert path.pose_at(travelled + path.length)[:2] == pytest.approx(pose[:2], abs=1e-9)
@@ -158,21 +155,6 @@ def test_the_cause_is_whose_motion_closed_the_distance(speed: float, cause: str)
         assert (sim.contacts, sim.collision_cause) == (("anna",), cause)
 
 
-@pytest.mark.parametrize(
-    ("robot", "walker", "by_robot"),
-    [
-        ((0.3, 0.0), (-0.2, 0.0), True),
-        ((0.2, 0.0), (-0.3, 0.0), False),
-        ((0.0, 0.9), (-0.1, 0.9), False),
-    ],
-)
-def test_closing_counts_along_the_line_between_both(
-    robot: tuple[float, float], walker: tuple[float, float], by_robot: bool
-) -> None:
-    share = np.linspace(0.0, 1.0, 11)[:, None]
-    assert closed_by_robot(share * robot, share * walker + (1.0, 0.0)) is by_robot
-
-
 def test_robot_is_the_cause_of_contacts_with_solids() -> None:
     crate = BoxSpec(name="crate", at=(1, 0), size=(1, 1, 1))
     world = hall_of().model_copy(update={"boxes": (crate,)})
@@ -181,35 +163,13 @@ def test_robot_is_the_cause_of_contacts_with_solids() -> None:
         assert (sim.contacts, sim.collision_cause) == (("crate",), "robot")
 
 
-def test_cause_by_geometry() -> None:
-    walker = Walker(anna(path=[(1, 0), (2, 0)]))
-    here = Pose(0, 0, 0)
-
-    def cause(dx: float, dy: float) -> bool:
-        return caused_by_robot(Pose(-dx * 0.1, -dy * 0.1, 0), here, 0.1, walker)
-
-    assert cause(0.3, 0.0)
-    assert cause(0.3, 0.3)
-    assert not any(cause(*way) for way in ((0.0, 0.3), (-0.3, 0.0), (0.04, 0.0), (0.0, 0.0)))
-
-
-def test_runs_are_reproducible() -> None:
-    def run() -> tuple[bytes, bytes]:
-        with simulate(Pose(-1, 0.2, 0), anna(yields=True)) as sim:
-            drive_at(sim, 0.2, 3.0)
-            return sim.walker_track().points.tobytes(), sim.render_from(Pose(-4, 0, 0))[0].tobytes()
-
-    assert run() == run()
-
-
 def test_clearance_uses_the_walkers_positions_at_each_time() -> None:
-    walkers = [Walker(anna()), Walker(anna(name="ben", radius=0.5))]
-    points = [np.array([[0.0, 0.0], [9.0, 9.0]]), np.array([[2.0, 0.0], [9.0, 9.0]])]
-    track = WalkerTrack.of(walkers, [0.0, 2.0], points)
+    points = np.array([[[0.0, 0.0], [9.0, 9.0]], [[2.0, 0.0], [9.0, 9.0]]])
+    track = WalkerTrack(("anna", "ben"), np.array([0.25, 0.5]), np.array([0.0, 2.0]), points)
     here = np.array([[3.0, 0.0]] * 4)
     found = track.clearances(here, np.array([0.0, 1.0, 2.0, 5.0]))
     assert found == pytest.approx([2.75, 1.75, 0.75, 0.75])
-    empty = WalkerTrack.of([], [0.0], [np.empty((0, 2))])
+    empty = WalkerTrack((), np.zeros(0), np.zeros(1), np.empty((1, 0, 2)))
     assert np.isinf(empty.clearances(here, np.zeros(4))).all()
 
 

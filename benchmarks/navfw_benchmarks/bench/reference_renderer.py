@@ -23,17 +23,13 @@ class ReferenceRenderer(BulletConnection):
     """The scenery of a world in a separate PyBullet client, drawn by its TinyRenderer.
 
     No shadows, no segmentation. It shows the world as at the start of a simulation, closed doors
-    and walkers included. With ``cull`` it hides invisible bodies first, as the simulation does. Use
-    as a context manager, or ``close()`` it.
+    and walkers included. Use as a context manager, or ``close()`` it.
     """
 
-    def __init__(
-        self, world: WorldSpec, camera: CameraModel, supersample: int = 1, cull: bool = True
-    ) -> None:
+    def __init__(self, world: WorldSpec, camera: CameraModel, supersample: int = 1) -> None:
         super().__init__()
         try:
-            self._display = Display(self._client)
-            self.scenery = Scenery(world, self._display)
+            self.scenery = Scenery(world, Display(self._client))
             for solid in solids_of(world):
                 if solid.kind == "door":
                     self.scenery.add_solid(solid)
@@ -46,7 +42,6 @@ class ReferenceRenderer(BulletConnection):
         # without noise nothing is drawn from the generator
         rng = np.random.default_rng(0)
         self.camera = Camera(camera, world.light, self.scenery, rng, supersample=supersample)
-        self._cull = cull
 
     def place_walkers(self, points: Iterable[tuple[float, float]]) -> None:
         """Move the walkers to points (x, y) [m], in the order of the world file."""
@@ -54,11 +49,8 @@ class ReferenceRenderer(BulletConnection):
             self.scenery.place(body, (x, y, middle), (0.0, 0.0, 0.0, 1.0))
 
     def request(self, pose: Pose) -> RenderRequest:
-        """The render request of a robot's camera at ``pose``; hides invisible bodies."""
-        request = self.camera.request((pose.x, pose.y, 0.0), quaternion(pose.yaw))
-        if self._cull:
-            self._display.hide(self.scenery.hidden_bodies)
-        return request
+        """The render request of a robot's camera at ``pose``."""
+        return self.camera.request((pose.x, pose.y, 0.0), quaternion(pose.yaw))
 
     def draw(self, request: RenderRequest) -> tuple[Image, npt.NDArray[np.float32], float]:
         """RGB (height, width, 3), depth buffer (height, width), and the wall time spent [s]."""
