@@ -19,7 +19,6 @@ from typing import Any
 
 from navfw.config.input_file import parse_json
 from navfw.errors import MapError
-from navfw.topomap.elements import Passage
 from navfw.topomap.mapfile import EDGE_KEYS, MapImporter, map_data
 from navfw.topomap.topological_map import TopoMap
 
@@ -31,18 +30,29 @@ def geojson_text(topo_map: TopoMap, plan_file: str | None = None) -> str:
     ids = {name: number for number, name in enumerate(topo_map.places)}
     features: list[dict[str, Any]] = [
         _feature(
-            {"type": "Point", "coordinates": [place.x, place.y]},
-            {
-                "id": ids[place.name],
-                "frame": "map",
-                "metadata": {"name": place.name, "kind": place.kind},
-            },
+            "Point",
+            [place.x, place.y],
+            id=ids[place.name],
+            frame="map",
+            metadata={"name": place.name, "kind": place.kind},
         )
         for place in topo_map.places.values()
     ]
     for passage in topo_map.passages:
-        for start, end in ((passage.a, passage.b), (passage.b, passage.a)):
-            features.append(_edge_feature(topo_map, passage, len(features), (start, end), ids))
+        values = {key: getattr(passage, key) for key in EDGE_KEYS}
+        for ends in ((passage.a, passage.b), (passage.b, passage.a)):
+            line = [[topo_map.places[name].x, topo_map.places[name].y] for name in ends]
+            edge = _feature(
+                "MultiLineString",
+                [line],
+                id=len(features),
+                startid=ids[ends[0]],
+                endid=ids[ends[1]],
+                cost=passage.length,
+                overridable=True,
+                metadata={key: value for key, value in values.items() if math.isfinite(value)},
+            )
+            features.append(edge)
     head = [f'"name": {json.dumps(topo_map.name)},']
     if topo_map.landmarks:
         head.append(f'"landmarks": {json.dumps(map_data(topo_map)["landmarks"])},')
@@ -52,29 +62,8 @@ def geojson_text(topo_map: TopoMap, plan_file: str | None = None) -> str:
     return '{"type": "FeatureCollection",\n' + "\n".join(head) + f'\n"features": [\n{lines}\n]}}\n'
 
 
-def _edge_feature(
-    topo_map: TopoMap,
-    passage: Passage,
-    number: int,
-    ends: tuple[str, str],
-    ids: dict[str, int],
-) -> dict[str, Any]:
-    places = [topo_map.places[name] for name in ends]
-    values = {key: getattr(passage, key) for key in EDGE_KEYS}
-    return _feature(
-        {"type": "MultiLineString", "coordinates": [[[place.x, place.y] for place in places]]},
-        {
-            "id": number,
-            "startid": ids[ends[0]],
-            "endid": ids[ends[1]],
-            "cost": passage.length,
-            "overridable": True,
-            "metadata": {key: value for key, value in values.items() if math.isfinite(value)},
-        },
-    )
-
-
-def _feature(geometry: dict[str, Any], properties: dict[str, Any]) -> dict[str, Any]:
+def _feature(kind: str, coordinates: list[Any], **properties: Any) -> dict[str, Any]:
+    geometry = {"type": kind, "coordinates": coordinates}
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
