@@ -97,10 +97,7 @@ class Simulation(BulletConnection):
         self._faults, (for_their_faults, self.flow_noise) = InjectedFaults(for_faults), others
         self._landmark_faults = InjectedFaults(for_their_faults)
         try:
-            self._call("setGravity", 0.0, 0.0, -_GRAVITY)
-            self._call("setTimeStep", 1.0 / self._rate)
-            parameters = {"deterministicOverlappingPairs": 1, "numSolverIterations": iterations}
-            self._call("setPhysicsEngineParameter", **parameters)
+            self._set_up_physics(iterations)
             if gui:
                 self.window = SimulatorWindow(self._client)
             scenery = Scenery(world, None if self.window is None else self.window.display)
@@ -125,6 +122,12 @@ class Simulation(BulletConnection):
         except BaseException:
             self.close()
             raise
+
+    def _set_up_physics(self, iterations: int) -> None:
+        self._call("setGravity", 0.0, 0.0, -_GRAVITY)
+        self._call("setTimeStep", 1.0 / self._rate)
+        parameters = {"deterministicOverlappingPairs": 1, "numSolverIterations": iterations}
+        self._call("setPhysicsEngineParameter", **parameters)
 
     def _settle(self) -> None:
         """Let the robot come to rest on its wheels before time begins; then show it."""
