@@ -208,13 +208,11 @@ class Raster:
         self._bodies: dict[int, _Body] = {}
         self._images: list[Image] = []
         self._packed: _PackedBodies | None = None
-        self._texels: tuple[npt.NDArray[np.int64], Image] | None = None
         self._next = 0
 
     def add_texture(self, image: Image) -> int:
         """Add a texture (height, width, 3), RGB; returns its index."""
         self._images.append(image)
-        self._texels = None
         return len(self._images) - 1
 
     def add(
@@ -313,15 +311,11 @@ class Raster:
 
     def _all_texels(self) -> tuple[npt.NDArray[np.int64], Image]:
         """(textures, 3) first texel, width and height of each; (N, 3) texels of all textures."""
-        if self._texels is None:
-            heights, widths = ([i.shape[axis] for i in self._images] for axis in (0, 1))
-            begins = np.cumsum([0, *(h * w for h, w in zip(heights, widths, strict=True))])[:-1]
-            tables = np.stack([begins, widths, heights], axis=1).astype(np.int64)
-            texels = np.concatenate(
-                [np.empty((0, 3), np.uint8), *(i.reshape(-1, 3) for i in self._images)]
-            )
-            self._texels = tables, texels
-        return self._texels
+        heights, widths = ([i.shape[axis] for i in self._images] for axis in (0, 1))
+        begins = np.cumsum([0, *(h * w for h, w in zip(heights, widths, strict=True))])[:-1]
+        tables = np.stack([begins, widths, heights], axis=1).astype(np.int64)
+        parts = (image.reshape(-1, 3) for image in self._images)
+        return tables, np.concatenate([np.empty((0, 3), np.uint8), *parts])
 
 
 def _joined(parts: Sequence[Floats], shape: tuple[int, ...]) -> Floats:

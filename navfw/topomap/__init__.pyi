@@ -22,7 +22,6 @@ from .occupancy_map import OCCUPIED as OCCUPIED
 from .occupancy_map import UNKNOWN as UNKNOWN
 from .occupancy_map import OccupancyMap as OccupancyMap
 from .occupancy_map import load_ros_map as load_ros_map
-from .occupancy_map import plan_of_image as plan_of_image
 from .occupancy_map import save_ros_map as save_ros_map
 from .topological_map import PassageProjection as PassageProjection
 from .topological_map import TopoMap as TopoMap

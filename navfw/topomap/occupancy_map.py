@@ -103,8 +103,6 @@ class OccupancyMap:
         return states
 
 
-PlanMode = Literal["trinary", "scale", "raw"]
-
 Angle = Annotated[float, Field(ge=-100.0, le=100.0)]
 
 
@@ -131,7 +129,9 @@ class RosMapSpec(StrictModel):
         tuple[Coordinate, Coordinate, Angle],
         Field(description="x, y [m], yaw [rad] of the image's lower left corner in the map frame"),
     ]
-    mode: Annotated[PlanMode, Field(description="meaning of the grey levels")] = "trinary"
+    mode: Annotated[
+        Literal["trinary", "scale", "raw"], Field(description="meaning of the grey levels")
+    ] = "trinary"
     negate: Annotated[
         Literal[0, 1],
         BeforeValidator(_truth),
@@ -176,38 +176,17 @@ def load_ros_map(path: str | Path) -> OccupancyMap:
     """
     path = Path(path)
     spec = load_model(path, RosMapSpec)
-    image = _image_path(path, spec.image)
-    return plan_of_image(
-        image,
-        spec.resolution,
-        Pose(*spec.origin),
-        thresholds=(spec.free_thresh, spec.occupied_thresh),
-        mode=spec.mode,
-        negate=bool(spec.negate),
-        file=path,
-    )
+    return plan_of_image(_image_path(path, spec.image), spec, path)
 
 
-def plan_of_image(
-    image: str | Path,
-    resolution: float,
-    origin: Pose,
-    *,
-    thresholds: tuple[float, float] = (0.196, 0.65),
-    mode: PlanMode = "trinary",
-    negate: bool = False,
-    file: Path | None = None,
-) -> OccupancyMap:
-    """The floor plan in an image, with pixels of ``resolution`` [m] and its lower left ``origin``.
-
-    ``thresholds`` are the occupancy [0 to 1] below which a cell is free, and above which occupied.
+def plan_of_image(image: Path, spec: RosMapSpec, file: Path) -> OccupancyMap:
+    """The floor plan in an image that is read as ``spec`` says; ``file`` is named in errors.
 
     Raises:
         ConfigError: the image cannot be read.
         MapError: it has too many cells.
 
     """
-    image = Path(image)
     if image.suffix.lower() not in IMAGE_SUFFIXES:
         raise ConfigError(
             f"a floor plan is an image of {', '.join(IMAGE_SUFFIXES)}; convert it",
@@ -221,8 +200,8 @@ def plan_of_image(
             file=shown_path(image),
         )
     grey, transparent = _grey_levels(pixels)
-    states = _states(grey, transparent, mode, negate, thresholds)
-    return OccupancyMap(states[::-1], resolution, origin, file or image)
+    states = _states(grey, transparent, spec)
+    return OccupancyMap(states[::-1], spec.resolution, Pose(*spec.origin), file)
 
 
 def save_ros_map(plan: OccupancyMap, path: str | Path, suffix: str = ".png") -> Path:
@@ -285,24 +264,18 @@ def _grey_levels(pixels: npt.NDArray[Any]) -> tuple[Array, Mask]:
     return colours.mean(axis=2), alpha < 255.0
 
 
-def _states(
-    grey: Array,
-    transparent: Mask,
-    mode: PlanMode,
-    negate: bool,
-    thresholds: tuple[float, float],
-) -> Cells:
+def _states(grey: Array, transparent: Mask, spec: RosMapSpec) -> Cells:
     """The states of all pixels, by their occupancy and the thresholds."""
-    if mode == "raw":
+    if spec.mode == "raw":
         occupancy = np.round(grey) / 100.0
         unknown = occupancy > 1.0
     else:
-        occupancy = grey / 255.0 if negate else 1.0 - grey / 255.0
-        unknown = transparent if mode == "scale" else np.zeros(grey.shape, dtype=np.bool_)
-        if mode == "trinary" and not negate:
+        occupancy = grey / 255.0 if spec.negate else 1.0 - grey / 255.0
+        unknown = transparent if spec.mode == "scale" else np.zeros(grey.shape, dtype=np.bool_)
+        if spec.mode == "trinary" and not spec.negate:
             unknown |= grey == _UNKNOWN_GREY
     states = np.full(grey.shape, UNKNOWN, dtype=np.int8)
-    states[occupancy < thresholds[0]] = FREE
-    states[occupancy > thresholds[1]] = OCCUPIED
+    states[occupancy < spec.free_thresh] = FREE
+    states[occupancy > spec.occupied_thresh] = OCCUPIED
     states[unknown] = UNKNOWN
     return states

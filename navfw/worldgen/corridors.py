@@ -27,8 +27,6 @@ _EDGE = 0.4
 """Width of the floor around the outermost walls [m]."""
 _SIDE_ROOM = (1.8, 1.7)
 """Depth and width [m] of a side room."""
-_APPROACH = 0.65
-"""Least distance of the place in a side room from its door [m]."""
 
 
 @dataclass(frozen=True)
@@ -354,9 +352,7 @@ def _add_door(roadmap: Roadmap, door: SideDoor) -> str:
         f"{door.name}-corridor", *door.beside(-0.5 * door.segment.width), "junction"
     )
     middle = roadmap.add(door.name, *door.at, "door")
-    behind = roadmap.add(
-        f"{door.name}-room", *door.beside(max(_APPROACH, 0.5 * _SIDE_ROOM[0])), "room"
-    )
+    behind = roadmap.add(f"{door.name}-room", *door.beside(0.5 * _SIDE_ROOM[0]), "room")
     if not (
         roadmap.add_passage(before, middle, door.width)
         and roadmap.add_passage(middle, behind, door.width)

@@ -31,6 +31,7 @@ from navfw.topomap.occupancy_map import (
     MAX_CELLS,
     OCCUPIED,
     OccupancyMap,
+    RosMapSpec,
     load_ros_map,
     plan_of_image,
 )
@@ -133,7 +134,8 @@ def read_plan(file: str | Path, resolution: float | None = None) -> OccupancyMap
         raise InputError("a bare image has no scale: give --resolution, metres a pixel", file=file)
     if not 0.001 <= resolution <= 10.0:
         raise InputError(f"expected 0.001 to 10 m, got {resolution:g}", key="--resolution")
-    return plan_of_image(file, resolution, Pose(0.0, 0.0, 0.0))
+    spec = RosMapSpec(image=file.name, resolution=resolution, origin=(0.0, 0.0, 0.0))
+    return plan_of_image(file, spec, file)
 
 
 def read_cleaning(options: Mapping[str, float | None]) -> PlanCleaning:
