@@ -97,9 +97,7 @@ class Simulation(BulletConnection):
         self._faults, (for_their_faults, self.flow_noise) = InjectedFaults(for_faults), others
         self._landmark_faults = InjectedFaults(for_their_faults)
         try:
-            self._set_up_physics(iterations)
-            if gui:
-                self.window = SimulatorWindow(self._client)
+            self._set_up_engine(gui, iterations)
             scenery = Scenery(world, None if self.window is None else self.window.display)
             self._physics = PhysicsWorld(world, self._client, scenery)
             self._changes = world_changes.WorldChanges(world, self._physics)
@@ -123,11 +121,14 @@ class Simulation(BulletConnection):
             self.close()
             raise
 
-    def _set_up_physics(self, iterations: int) -> None:
+    def _set_up_engine(self, gui: bool, iterations: int) -> None:
+        """Set the physics' parameters, and take hold of the window."""
         self._call("setGravity", 0.0, 0.0, -_GRAVITY)
         self._call("setTimeStep", 1.0 / self._rate)
         parameters = {"deterministicOverlappingPairs": 1, "numSolverIterations": iterations}
         self._call("setPhysicsEngineParameter", **parameters)
+        if gui:
+            self.window = SimulatorWindow(self._client)
 
     def _settle(self) -> None:
         """Let the robot come to rest on its wheels before time begins; then show it."""
