@@ -86,9 +86,7 @@ def parse_override(text: str) -> Override:
     """
     keys, equals, value = text.partition("=")
     steps = [step.strip() for step in keys.split(".")]
-    if not equals:
-        raise ConfigError("expected key=value", key=f"--set {text}")
-    if not all(steps):
+    if not equals or not all(steps):
         raise ConfigError("expected key=value with keys like a.b", key=f"--set {text}")
     try:
         data = parse_yaml(value).data

@@ -245,7 +245,8 @@ def _obj(path: Path, content: bytes, convex: bool) -> Array:
     points: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
     polygons: list[tuple[int, int, int]] = []  # line, first and one past the last triangle
-    for line, keyword, values in _lines(content):
+    for line, text in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):
+        keyword, *values = text.partition("#")[0].lower().split() or [""]
         if keyword == "v":
             points.append(_position(path, line, values))
         elif keyword == "f":
@@ -271,13 +272,6 @@ _READERS: dict[str, Callable[[Path, bytes, bool], Array]] = {
 }
 MESH_SUFFIXES = tuple(_READERS)
 """Suffixes of the files that can be read."""
-
-
-def _lines(content: bytes) -> Iterator[tuple[int, str, list[str]]]:
-    """Number, keyword and values of each line of text, without comments."""
-    for number, text in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):
-        keyword, *values = text.split("#", 1)[0].split() or [""]
-        yield number, keyword.lower(), values
 
 
 def _position(path: Path, line: int, values: list[str]) -> list[float]:

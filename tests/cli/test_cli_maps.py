@@ -123,14 +123,6 @@ def test_convert_there_and_back() -> None:
     assert load_any_map("c.yaml").passages == load_any_map("a.graphml").passages
 
 
-def test_bench_planning() -> None:
-    words = ("bench", "planning", "--places", 200, "--repeats", 3)
-    data = answer(*words)
-    assert {"costs_ms", "first_plan_ms", "replan_ms", "networkx_ms"} <= set(data)
-    assert data["replan_over_networkx"] > 0.0
-    assert "networkx.astar_path" in output(*words)
-
-
 def test_the_floor_plan_is_drawn(tmp_path: Path) -> None:
     summary = answer("world", "show", "office", "--out", tmp_path / "plan.png")
     assert summary["size_m"] == [16.0, 10.0]
