@@ -281,24 +281,12 @@ class AgentView:
 
     def read(self, tick: TickView, stack: Stack) -> dict[str, Any]:
         """The observation at a tick."""
-        values = {
-            "waypoint": _waypoint(tick),
-            "twist": _twist(tick),
-            **self._kind.read(tick, stack),
-        }
+        state, values = tick.state, self._kind.read(tick, stack)
+        if state.waypoint is not None and state.belief is not None:
+            values["waypoint"] = state.belief.pose.to_local(state.waypoint.x, state.waypoint.y)
+        if state.odometry is not None:
+            values["twist"] = state.odometry.twist.v, state.odometry.twist.w
         return {
             name: _clipped(values[name], box) if name in values else np.zeros(box.shape, box.dtype)
             for name, box in self._boxes.items()
         }
-
-
-def _waypoint(tick: TickView) -> tuple[float, float]:
-    state = tick.state
-    if state.waypoint is None or state.belief is None:
-        return 0.0, 0.0
-    return state.belief.pose.to_local(state.waypoint.x, state.waypoint.y)
-
-
-def _twist(tick: TickView) -> tuple[float, float]:
-    odometry = tick.state.odometry
-    return (0.0, 0.0) if odometry is None else (odometry.twist.v, odometry.twist.w)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,7 +20,7 @@ from navfw.gym.agent_spaces import ACTIONS, KINDS, Action, AgentChoice, AgentVie
 from navfw.missions.outcome import GoalChecker, Outcome
 from navfw.missions.pilot import TickView
 from navfw.missions.session import Session, SteppedSession
-from navfw.numerics import Image
+from navfw.numerics import Array, Image
 from navfw.plugins import default_registry
 from navfw.signals import Pose
 from navfw.suite.case import Case
@@ -113,16 +111,6 @@ class RewardWeights(StrictModel):
         float, Field(description="once, if the mission ends otherwise, but for its time limit")
     ] = -5.0
 
-    @classmethod
-    def of(cls, weights: Mapping[str, float]) -> RewardWeights:
-        """The weights in ``weights``; those left out have their defaults.
-
-        Raises:
-            ConfigError: there is no such term, or a weight is no number.
-
-        """
-        return validate(YamlDocument("reward", dict(weights)), cls)
-
 
 def reward_terms(
     weights: RewardWeights, progress: float, time: float, outcome: Outcome | None
@@ -148,21 +136,16 @@ class RemainingWay:
     """
 
     def __init__(self, session: Session) -> None:
-        task = session.task
-        radius = task.robot.radius
+        task, plan = session.task, session.plan
+        goals, radius = [(goal.x, goal.y) for goal in task.goals], task.robot.radius
         self._checker = GoalChecker(task.goals, task.success_radius)
-        self._fields = [
-            session.plan.distance_field((goal.x, goal.y), radius) for goal in task.goals
-        ]
-        legs = [
-            field.at(goal.x, goal.y)
-            for (goal, _), field in zip(pairwise(task.goals), self._fields[1:], strict=True)
-        ]
-        self._behind = [sum(legs[index:]) for index in range(len(task.goals))]
+        self._fields = [plan.distance_field(goal, radius) for goal in goals]
+        legs = [field.at(*goal) for goal, field in zip(goals, self._fields[1:], strict=False)]
+        self._behind = [sum(legs[index:]) for index in range(len(goals))]
 
-    def update(self, pose: Any) -> float:
+    def update(self, pose: Array) -> float:
         """The length from the true ``pose`` (3,): x, y [m], yaw [rad]."""
-        place = Pose(*(float(value) for value in pose))
+        place = Pose(*pose.tolist())
         self._checker.update(place)
         index = min(self._checker.next, len(self._fields) - 1)
         return self._fields[index].at(place.x, place.y) + self._behind[index]
@@ -218,7 +201,7 @@ class MissionEnv(gymnasium.Env[Seen, Any]):
             if name not in names:
                 raise UnknownNameError(what, name, names, key=what)
         self._seeds = parse_seeds(seeds)
-        self._weights = RewardWeights.of(reward or {})
+        self._weights = validate(YamlDocument("reward", reward or {}), RewardWeights)
         coarse = coarse or not drawn
         changes = *(() if drawn else UNDRAWN), *(COARSE if coarse else ()), *override_texts(changes)
         worlds = action, family, difficulty, world, mission, stack, changes

@@ -196,7 +196,8 @@ def _installed() -> str:
 class MissionCache:
     """The runs of this session, and those in ``folder``, if there is one.
 
-    ``fresh`` drives all missions, whether they are in the folder or not.
+    ``fresh`` drives all missions, whether they are in the folder or not. Of the folder's runs the
+    oldest beyond MAX_ENTRIES are removed first.
     """
 
     def __init__(self, folder: Path | None, fresh: bool = False) -> None:
@@ -204,6 +205,12 @@ class MissionCache:
         self.fresh = fresh
         self.runs: dict[tuple[object, ...], DrivenRun] = {}
         self._last: tuple[tuple[object, ...], MissionResult | None] = ((), None)
+        with suppress(OSError):
+            folders = folder.iterdir() if folder else ()
+            entries = [entry for entry in folders if entry.is_dir()]
+            by_age = sorted(entries, key=lambda entry: entry.stat().st_mtime, reverse=True)
+            for entry in by_age[MAX_ENTRIES:]:
+                shutil.rmtree(entry, ignore_errors=True)
 
     def run(self, case: MissionCase) -> tuple[DrivenRun, MissionResult | None, bool]:
         """The run of ``case``: of this session, of the folder, or driven and stored.
@@ -251,12 +258,3 @@ class MissionCache:
             return run, result
         finally:
             claim.release()
-
-    def prune(self) -> None:
-        """Remove the oldest entries beyond the bound of the cache."""
-        with suppress(OSError):
-            folders = self.folder.iterdir() if self.folder else ()
-            entries = [entry for entry in folders if entry.is_dir()]
-            by_age = sorted(entries, key=lambda entry: entry.stat().st_mtime, reverse=True)
-            for entry in by_age[MAX_ENTRIES:]:
-                shutil.rmtree(entry, ignore_errors=True)

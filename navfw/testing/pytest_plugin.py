@@ -274,13 +274,6 @@ def mission(request: pytest.FixtureRequest) -> MissionRun:
     return run_for(request.node, case)
 
 
-def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Remove what is too much from the cache."""
-    cache = session.config.stash.get(CACHE, None)
-    if cache is not None:
-        cache.prune()
-
-
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
     """Fail a test in whose mission a plugin faulted, unless its marker allows it."""
