@@ -54,16 +54,15 @@ def test_gymnasium_finds_no_fault_with_any_id(name: str, observation: str) -> No
     check_env(gymnasium.make(name, observation=observation).unwrapped)
 
 
-def test_a_seed_gives_the_same_episode_and_another_seed_another(env: MissionEnv) -> None:
+def test_a_seed_gives_its_episode_and_without_one_it_is_drawn_from_the_range(
+    env: MissionEnv,
+) -> None:
     def maps(seed: int) -> list[Any]:
         first = env.reset(seed=seed)[0]["local_map"]
         return [first.tolist(), *(step[0]["local_map"].tolist() for step in steps(env, AHEAD, 8))]
 
     first, other = maps(4), maps(5)
-    assert first == maps(4) == maps(4) != other
-
-
-def test_without_a_seed_episodes_are_drawn_from_the_range() -> None:
+    assert first == maps(4) != other
     made = MissionEnv(**STRAIGHT, seeds="7:9")
     made.reset(seed=1)
     drawn = [made.reset()[1]["seed"] for _ in range(6)]
@@ -168,11 +167,6 @@ def test_the_example_of_the_docs_runs(capsys: pytest.CaptureFixture[str]) -> Non
     (block,) = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     exec(compile(block, "gym.md", "exec"), {})  # noqa: S102
     assert re.search(r"after \d+ steps: \w+", capsys.readouterr().out)
-
-
-def test_every_family_has_an_id() -> None:
-    assert {"navfw/Rooms-v0", "navfw/Maze-v0", "navfw/Mission-v0"} <= set(IDS)
-    assert set(IDS) <= set(gymnasium.registry)
 
 
 @pytest.mark.parametrize(

@@ -94,7 +94,8 @@ def test_an_unchanged_mission_is_driven_once(pytester: pytest.Pytester, drives: 
     assert len(drives) == 3
     mission = place / "missions" / "straight.yaml"
     (place / "missions" / "other.yaml").write_text("changed: too")
-    pytester.runpytest_inprocess()
+    pytester.makepyfile(text + "    assert mission.cached")
+    pytester.runpytest_inprocess().assert_outcomes(passed=1)
     assert len(drives) == 3, "no file of this mission has changed"
     mission.write_text(mission.read_text() + "# changed\n")
     pytester.runpytest_inprocess()
@@ -161,11 +162,17 @@ def test_a_fault_of_a_plugin_fails_the_test(pytester: pytest.Pytester) -> None:
     )
 
 
-def test_more_seeds_widen_every_mission(pytester: pytest.Pytester) -> None:
-    words = (MARKED + "    pass", "--collect-only", "-q", "--mission-seeds")
-    done = outcomes(pytester, *words, "0:3")
-    assert [line for line in done.outlines if "straight" in line] == [
-        f"test_more_seeds_widen_every_mission.py::test_it[straight-seed{seed}]" for seed in range(3)
+def test_there_is_a_test_for_each_mission_and_seed(pytester: pytest.Pytester) -> None:
+    marker = """
+    @pytest.mark.mission(world="empty", mission=["straight", "turn-back"],
+                         seeds=[1, pytest.param(2, marks=pytest.mark.skip)])
+    def test_it(mission):
+        pass
+    """
+    words = (marker, "--collect-only", "-q", "--mission-seeds")
+    done = outcomes(pytester, *words, "0:2")
+    assert [line.split("::")[1] for line in done.outlines if "::" in line] == [
+        f"test_it[{name}-seed{seed}]" for name in ("straight", "turn-back") for seed in (1, 2, 0)
     ]
     done = outcomes(pytester, *words, "3")
     assert done.ret == pytest.ExitCode.USAGE_ERROR
@@ -208,19 +215,6 @@ def test_workers_of_xdist_share_the_runs(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(test_a=text, test_b=text)
     pytester.runpytest_subprocess("-n", "2", "--dist", "loadfile").assert_outcomes(passed=2)
     assert sorted((pytester.path / "driven").read_text().split()) == ["False", "True"]
-
-
-def test_one_test_for_each_mission_and_seed(pytester: pytest.Pytester) -> None:
-    marker = """
-    @pytest.mark.mission(world="empty", mission=["straight", "turn-back"],
-                         seeds=[1, pytest.param(2, marks=pytest.mark.skip)])
-    def test_it(mission):
-        pass
-    """
-    done = outcomes(pytester, marker, "--collect-only", "-q")
-    assert [line.split("::")[1] for line in done.outlines if "::" in line] == [
-        f"test_it[{name}-seed{seed}]" for name in ("straight", "turn-back") for seed in (1, 2)
-    ]
 
 
 def test_the_fixture_gives_outcome_metrics_path_and_commands(pytester: pytest.Pytester) -> None:
@@ -295,15 +289,12 @@ def test_what_is_wrong_is_told_once(pytester: pytest.Pytester) -> None:
     assert done.stdout.str().count("did you mean 'empty'?") == 1
 
 
-def test_the_fixture_without_a_marker_reports_it(pytester: pytest.Pytester) -> None:
+def test_the_fixture_without_its_marker_reports_it(pytester: pytest.Pytester) -> None:
+    done = outcomes(pytester, "", "--markers")
+    assert "@pytest.mark.mission(world, mission" in done.stdout.str()
     done = outcomes(pytester, "def test_it(mission):\n    pass\n")
     done.assert_outcomes(errors=1)
     assert "@pytest.mark.mission" in done.stdout.str()
-
-
-def test_the_marker_is_registered(pytester: pytest.Pytester) -> None:
-    done = outcomes(pytester, "", "--markers")
-    assert "@pytest.mark.mission(world, mission" in done.stdout.str()
 
 
 def test_loading_the_plugin_imports_nothing_heavy() -> None:
