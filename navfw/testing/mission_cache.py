@@ -249,7 +249,9 @@ class MissionCache:
                 result = drive(case)
             run, plugins = DrivenRun.of(result), result.session.stack.resolved.plugins
             code = [Path(inspect.getfile(plugin)) for plugin in plugins]
-            if all(any(real_path(f).is_relative_to(c) for c in covered) for f in (*files, *code)):
+            # what pyproject.toml says is the folder of the project, which is in the hash
+            read = [f for f in (*files, *code) if f.name != "pyproject.toml"]
+            if all(any(real_path(f).is_relative_to(place) for place in covered) for f in read):
                 with (
                     suppress(InputError, OSError),  # what is not stored costs no test
                     AtomicFolder(entry, _FILES, "cache_dir") as target,
