@@ -147,10 +147,8 @@ def numbers(
     value: Any, what: str, low: float = -math.inf, high: float = math.inf
 ) -> Mapping[str, float]:
     """``value`` as a mapping of texts to finite numbers in [low, high]."""
-    result = mapping(value, what)
-    for name, item in result.items():
-        if type(item) is not float or not low <= item <= high or abs(item) == math.inf:
-            result[name] = number(item, f"{what}.{name}", low, high)
+    items = mapping(value, what).items()
+    result = {name: number(item, f"{what}.{name}", low, high) for name, item in items}
     return unchanged(value, result)
 
 

@@ -7,7 +7,6 @@ marks the result of a run as that of an oracle.
 from __future__ import annotations
 
 import ast
-import functools
 from collections.abc import Iterator, Mapping
 from itertools import islice
 from pathlib import Path
@@ -60,32 +59,18 @@ def simulator_imports(file: Path) -> tuple[tuple[int, str], ...]:
 
     A file that cannot be read or parsed has none.
     """
-    return _read(file)[0]
-
-
-def _read(file: Path) -> tuple[tuple[tuple[int, str], ...], tuple[Path, ...]]:
-    try:
-        return _imports(file, file.stat().st_mtime_ns)
-    except OSError:
-        return (), ()
-
-
-@functools.lru_cache(maxsize=512)
-def _imports(file: Path, _changed: int) -> tuple[tuple[tuple[int, str], ...], tuple[Path, ...]]:
-    """``simulator_imports`` of a file, and the helpers in its folder that it imports."""
-    try:
-        tree = ast.parse(read_input(file))
-    except (ConfigError, SyntaxError, ValueError, RecursionError):
-        return (), ()
-    uses: list[tuple[int, str]] = []
-    helpers: set[Path] = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.level == 1:
-            names = [node.module] if node.module else [name.name for name in node.names]
-            helpers |= {file.parent / f"{name}.py" for name in names}
+    found = []
+    for node in _nodes(file):
         named = filter(_is_simulator, _modules(node))
-        uses += [(node.lineno, name) for name in islice(named, 1)]  # type: ignore[attr-defined]
-    return tuple(sorted(uses)), tuple(sorted(helpers - {file}))
+        found += [(node.lineno, name) for name in islice(named, 1)]  # type: ignore[attr-defined]
+    return tuple(sorted(found))
+
+
+def _nodes(file: Path) -> list[ast.AST]:
+    try:
+        return list(ast.walk(ast.parse(read_input(file))))
+    except (ConfigError, SyntaxError, ValueError, RecursionError):
+        return []
 
 
 def _modules(node: ast.AST) -> Iterator[str]:
@@ -108,6 +93,13 @@ def _is_simulator(name: str) -> bool:
 
 def _uses(file: Path, seen: set[Path]) -> bool:
     """Whether ``file``, or a helper in its folder, imports the simulator."""
+    if file in seen:
+        return False
     seen.add(file)
-    uses, helpers = _read(file)
-    return bool(uses) or any(_uses(helper, seen) for helper in helpers if helper not in seen)
+    helpers = {
+        file.parent / f"{name}.py"
+        for node in _nodes(file)
+        if isinstance(node, ast.ImportFrom) and node.level == 1
+        for name in ([node.module] if node.module else [one.name for one in node.names])
+    }
+    return bool(simulator_imports(file)) or any(_uses(helper, seen) for helper in helpers)

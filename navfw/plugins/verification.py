@@ -20,8 +20,6 @@ from navfw.errors import PluginError
 _WITHOUT_DOCSTRINGS = 2
 """The level of ``python -O`` from which on classes have lost their docstrings."""
 
-_COROUTINES = (inspect.iscoroutinefunction, inspect.isasyncgenfunction)
-
 
 def verify(cls: object) -> None:
     """Raise unless ``cls`` is a plugin class that meets the interface of its kind.
@@ -43,11 +41,7 @@ def find_problems(cls: object) -> list[str]:
     """All problems of ``cls`` as a plugin class, each with its remedy; empty if there are none."""
     if not inspect.isclass(cls):
         return [f"expected a class, got {shown(cls)}"]
-    try:
-        return list(_problems(cls))
-    except Exception as error:  # the plugin's metaclass or descriptors may raise anything
-        first = (str(error).splitlines() or [""])[0]
-        return [f"inspecting the class raised {type(error).__name__}: {first}"]
+    return list(_problems(cls))
 
 
 def kind_of(cls: object) -> str | None:
@@ -141,16 +135,13 @@ def _signature_problems(name: str, wanted: Callable[..., Any], actual: object) -
         yield f"{name} must be a method, got {got}; define {_headline(name, wanted)}"
         return
     inner = inspect.unwrap(actual)
-    if any(test(inner) for test in _COROUTINES):
+    if inspect.iscoroutinefunction(inner) or inspect.isasyncgenfunction(inner):
         yield f"{name} must not be async; remove async"
         return
     if inspect.isgeneratorfunction(inner):
         yield f"{name} must return its result; replace yield by return"
         return
-    try:
-        signature = inspect.signature(actual)
-    except (TypeError, ValueError):
-        return
+    signature = inspect.signature(actual)
     mismatch = _mismatch(inspect.signature(wanted), signature)
     if mismatch:
         yield (
@@ -161,25 +152,15 @@ def _signature_problems(name: str, wanted: Callable[..., Any], actual: object) -
 
 def _mismatch(wanted: inspect.Signature, actual: inspect.Signature) -> str:
     """Why ``actual`` cannot be called like ``wanted``, by position or by name; empty if it can."""
-    mine = list(actual.parameters.values())
-    takes_rest = any(p.kind is p.VAR_POSITIONAL for p in mine)
-    takes_names = any(p.kind is p.VAR_KEYWORD for p in mine)
-    positional = [p for p in mine if p.kind in {p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD}]
-    for index, parameter in enumerate(wanted.parameters.values()):
-        if index >= len(positional):
-            if takes_rest and takes_names:
-                continue
-            return f"no {parameter.name!r}"
-        other = positional[index]
-        if index and other.name != parameter.name:
-            return f"expected {parameter.name!r}, got {other.name!r}"
-        if index and other.kind is other.POSITIONAL_ONLY:
-            return f"{other.name!r} must also be accepted by name"
-        if parameter.default is not parameter.empty and other.default is other.empty:
-            return f"{other.name!r} needs a default"
-    extra = positional[len(wanted.parameters) :] + [p for p in mine if p.kind is p.KEYWORD_ONLY]
-    needed = [p.name for p in extra if p.default is p.empty]
-    return f"nothing is passed for {needed[0]!r}" if needed else ""
+    own, *names = wanted.parameters
+    needed = [n for n in names if wanted.parameters[n].default is inspect.Parameter.empty]
+    try:
+        actual.bind(own, *names)
+        actual.bind(own, **dict.fromkeys(names))
+        actual.bind(own, *needed)
+    except TypeError as error:
+        return str(error)
+    return ""
 
 
 def _bare(signature: inspect.Signature) -> str:

@@ -154,36 +154,19 @@ Report = Callable[[Compiled], object]
 """Called with the state of the compilation."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Outlook:
-    """What is done and left of ``groups``, compiled in their order, as many at a time as cores.
-
-    The time of a kernel grows with its size. One that is being compiled counts as half done.
-    """
-
-    groups: Sequence[Sequence[Kernel]]
-    began: float
-
-    def state(self) -> Compiled:
-        """The state now, by what is in numba's cache."""
-        left = [[k.size for k in group if k.missing] for group in self.groups]
-        left = [sizes for sizes in left if sizes]
-        running = left[: usable_cores()]
-        total = sum(kernel.size for group in self.groups for kernel in group)
-        missing = sum(map(sum, left))
-        count = sum(map(len, self.groups))
-        half = 0.5 * sum(sizes[0] for sizes in running)
-        spent = (time.monotonic() - self.began) / max(total - missing + half, 1.0)
-        # beside each other, but a group one after the other
-        longest = max((sum(sizes) - 0.5 * sizes[0] for sizes in running), default=0.0)
-        rest = spent * max(missing - half, longest * len(running))
-        share = 1.0 - missing / total
-        done = count - sum(map(len, left))
-        return Compiled(done, count, share, rest if share > _TRUSTED else None)
-
-
 _TRUSTED = 0.25
 """Share of the work from which on the rest's time is known within a factor of two."""
+
+
+def _state(kernels: Sequence[Kernel], began: float) -> Compiled:
+    """How many of ``kernels`` are in numba's cache, since ``began`` [s, monotonic].
+
+    The time of a kernel grows with its size.
+    """
+    missing = [kernel.size for kernel in kernels if kernel.missing]
+    share = 1.0 - sum(missing) / sum(kernel.size for kernel in kernels)
+    left = (time.monotonic() - began) * (1.0 / share - 1.0) if share > _TRUSTED else None
+    return Compiled(len(kernels) - len(missing), len(kernels), share, left)
 
 
 def compile_kernels(report: Report | None = None, *, loaded: bool = False) -> int:
@@ -205,7 +188,14 @@ def compile_kernels(report: Report | None = None, *, loaded: bool = False) -> in
     lock = TargetLock((cache.parent / "kernels").absolute())
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):  # not writable: every process compiles for itself
-            _wait_for(lock, missing, show)
+            began = time.monotonic()
+            while True:
+                try:
+                    lock.acquire(PERIOD)
+                    break
+                except TargetInUseError:
+                    check_interrupted()
+                    show(_state(missing, began))
             stack.callback(lock.release)
         missing = [kernel for kernel in missing if kernel.missing]
         if multiprocessing.current_process().daemon:
@@ -216,25 +206,13 @@ def compile_kernels(report: Report | None = None, *, loaded: bool = False) -> in
     return len(missing)
 
 
-def _wait_for(lock: TargetLock, missing: Sequence[Kernel], show: Report) -> None:
-    """Take the lock; meanwhile show what its holder has compiled."""
-    outlook = _Outlook(groups_of(missing), time.monotonic())
-    while True:
-        try:
-            lock.acquire(PERIOD)
-        except TargetInUseError:
-            check_interrupted()
-            show(outlook.state())
-        else:
-            return
-
-
 def _compile_groups(groups: Sequence[Sequence[Kernel]], show: Report) -> None:
     """Compile ``groups`` in a process for each core, forked, so that they need no imports.
 
     If one of the processes dies, the rest is compiled when it is called.
     """
-    workers, outlook = min(usable_cores(), len(groups)), _Outlook(groups, time.monotonic())
+    workers, began = min(usable_cores(), len(groups)), time.monotonic()
+    kernels = [kernel for group in groups for kernel in group]
     context = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(workers, context, _begin_worker, (groups,)) as pool:
         unfinished = set()
@@ -242,14 +220,14 @@ def _compile_groups(groups: Sequence[Sequence[Kernel]], show: Report) -> None:
             with contextlib.suppress(BrokenProcessPool):
                 unfinished = {pool.submit(_compile, n) for n in range(len(groups))}
             while unfinished:
-                show(outlook.state())
+                show(_state(kernels, began))
                 unfinished = wait(unfinished, PERIOD).not_done
                 check_interrupted()
         except BaseException:
             for process in (pool._processes or {}).values():
                 process.terminate()
             raise
-    show(outlook.state())
+    show(_state(kernels, began))
 
 
 # --- in a worker process --------------------------------------------------------------------------

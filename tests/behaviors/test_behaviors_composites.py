@@ -292,7 +292,7 @@ def test_a_composite_by_rules_needs_its_inputs_and_a_rule_file(tmp_path: Path) -
     ("instead", "message"),
     [
         ("def input(self, context)", "missing inputs(self, context); define it instead of 'input'"),
-        ("def inputs(self)", "inputs(self) has the wrong parameters: no 'context'"),
+        ("def inputs(self)", "inputs(self) has the wrong parameters: too many"),
     ],
 )
 def test_a_composite_by_rules_without_inputs_is_refused_at_once(

@@ -226,10 +226,10 @@ REFUSED: dict[str, Mistake] = {
         "behavior", "def proposes(self, context):\n    pass", "instead of 'proposes'"
     ),
     "behavior takes too little": Mistake(
-        "behavior", "def propose(self):\n    pass", "has the wrong parameters: no 'context'"
+        "behavior", "def propose(self):\n    pass", "has the wrong parameters: too many"
     ),
     "behavior takes too much": Mistake(
-        "behavior", "def propose(self, context, x):\n    pass", "nothing is passed for 'x'"
+        "behavior", "def propose(self, context, x):\n    pass", "missing a required argument: 'x'"
     ),
     "behavior has a static method": Mistake(
         "behavior", "@staticmethod\ndef propose(context):\n    pass", "remove @staticmethod"

@@ -1,6 +1,5 @@
 """Plugins whose source imports the simulator mark the result of a run as that of an oracle."""
 
-import os
 from pathlib import Path
 
 import pytest
@@ -104,13 +103,6 @@ def test_imports_in_a_source(tmp_path: Path, line: str, module: str) -> None:
 def test_other_sources_have_no_findings(tmp_path: Path, text: str) -> None:
     assert simulator_imports(put(tmp_path, "one", text)) == ()
     assert simulator_imports(tmp_path / "missing.py") == ()
-
-
-def test_a_changed_source_is_read_again(tmp_path: Path) -> None:
-    assert simulator_imports(put(tmp_path, "one", "import pybullet\n"))
-    file = put(tmp_path, "one", "import numpy\n# other\n")
-    os.utime(file, ns=(1, 1))
-    assert not simulator_imports(file)
 
 
 def test_a_listing_has_notes(tmp_path: Path) -> None:
