@@ -195,20 +195,6 @@ def test_an_answer_that_needs_no_change_is_not_copied(kind: str) -> None:
     assert check(checked) is checked
 
 
-def test_a_class_that_keeps_its_arrays_and_mappings_is_made_anew() -> None:
-    class Keeping(Belief):
-        def __post_init__(self) -> None:
-            pass
-
-    covariance, places = np.eye(3), {"a": 0.5}
-    answer = Keeping(1.0, Pose(0.0, 0.0, 0.0), covariance, MappingProxyType(places))
-    checked = stage_answers.check_belief(answer)
-    places["a"], covariance[:] = math.nan, math.nan
-    assert type(checked) is Belief
-    assert checked.places == {"a": 0.5}
-    assert (checked.covariance == np.eye(3)).all()
-
-
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, 1.1, -0.1, "a", 1j])
 def test_one_wrong_number_makes_a_mapping_invalid(wrong: Any) -> None:
     right = {"a": 0.1, "b": 0.2, "c": 0.3}

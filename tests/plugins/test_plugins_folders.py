@@ -158,16 +158,6 @@ def test_a_folder_is_discovered_once_and_what_it_prints_goes_to_stderr(
     assert capsys.readouterr() == ("", "hello\n")
 
 
-@pytest.mark.parametrize(
-    "line", ["raise KeyboardInterrupt", "raise SystemExit(0)", "raise BaseException('x')"]
-)
-def test_a_file_cannot_end_the_program(folder: Path, line: str) -> None:
-    put(folder, "stop", f"{line}\n")
-    put(folder, "fine", cls="Fine")
-    with interruptible():
-        assert statuses(discovered(folder)) == {"stop": "broken", "fine": "ok"}
-
-
 def test_control_c_is_not_swallowed(folder: Path) -> None:
     put(folder, "stop", "import os, signal\nos.kill(os.getpid(), signal.SIGTERM)\n")
     with interruptible(), pytest.raises(KeyboardInterrupt):
@@ -250,14 +240,6 @@ def test_errors_name_the_file_and_line_of_the_upper_stack(
 ) -> None:
     with pytest.raises(InputError, match=says):
         load_stack(put_file(tmp_path, "mine.yaml", text), REGISTRY)
-
-
-def test_errors_in_the_base_name_the_line_of_the_base(tmp_path: Path) -> None:
-    base = find("stack", "default").read_text().replace("go_to_xy:", "go_to_xi:")
-    put_file(tmp_path, "below.yaml", base)
-    line = base.splitlines().index("  go_to_xi:") + 1
-    with pytest.raises(InputError, match=rf"below\.yaml:{line}: .*'go_to_xy'"):
-        load_stack(put_file(tmp_path, "mine.yaml", "base: ./below.yaml\n"), REGISTRY)
 
 
 @pytest.mark.parametrize(
