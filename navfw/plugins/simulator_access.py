@@ -59,11 +59,11 @@ def simulator_imports(file: Path) -> tuple[tuple[int, str], ...]:
 
     A file that cannot be read or parsed has none.
     """
-    found = []
+    uses = []
     for node in _nodes(file):
         named = filter(_is_simulator, _modules(node))
-        found += [(node.lineno, name) for name in islice(named, 1)]  # type: ignore[attr-defined]
-    return tuple(sorted(found))
+        uses += [(node.lineno, name) for name in islice(named, 1)]  # type: ignore[attr-defined]
+    return tuple(sorted(uses))
 
 
 def _nodes(file: Path) -> list[ast.AST]:

@@ -188,14 +188,7 @@ def compile_kernels(report: Report | None = None, *, loaded: bool = False) -> in
     lock = TargetLock((cache.parent / "kernels").absolute())
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):  # not writable: every process compiles for itself
-            began = time.monotonic()
-            while True:
-                try:
-                    lock.acquire(PERIOD)
-                    break
-                except TargetInUseError:
-                    check_interrupted()
-                    show(_state(missing, began))
+            _wait_for(lock, missing, show)
             stack.callback(lock.release)
         missing = [kernel for kernel in missing if kernel.missing]
         if multiprocessing.current_process().daemon:
@@ -204,6 +197,17 @@ def compile_kernels(report: Report | None = None, *, loaded: bool = False) -> in
         elif missing:
             _compile_groups(groups_of(missing), show)
     return len(missing)
+
+
+def _wait_for(lock: TargetLock, missing: Sequence[Kernel], show: Report) -> None:
+    """Take the lock; meanwhile show what its holder has compiled."""
+    began = time.monotonic()
+    while True:
+        try:
+            return lock.acquire(PERIOD)
+        except TargetInUseError:
+            check_interrupted()
+            show(_state(missing, began))
 
 
 def _compile_groups(groups: Sequence[Sequence[Kernel]], show: Report) -> None:

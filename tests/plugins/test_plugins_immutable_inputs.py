@@ -27,7 +27,7 @@ _LEAVES = (type(None), bool, int, float, str, bytes, slice, enum.Enum, Path, np.
 
 def changeable(value: Any, path: str = "it") -> list[str]:
     """The paths at which ``value`` or something reachable from it could be changed."""
-    found: list[str] = []
+    paths: list[str] = []
     visited: dict[int, object] = {}
 
     def visit(item: Any, path: str) -> None:
@@ -35,12 +35,12 @@ def changeable(value: Any, path: str = "it") -> list[str]:
             return
         visited[id(item)] = item
         if not _is_immutable(item):
-            found.append(path)
+            paths.append(path)
         for name, part in _parts(item):
             visit(part, f"{path}.{name}")
 
     visit(value, path)
-    return found
+    return paths
 
 
 def _is_immutable(value: Any) -> bool:
