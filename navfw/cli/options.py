@@ -7,27 +7,22 @@ Groups show help by panels, and the command that an unknown word may have meant.
 
 from __future__ import annotations
 
-import contextlib
 import difflib
 import inspect
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import MISSING, fields
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
+from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 
 import typer
 from typer.core import TyperGroup
 
 from navfw.config.lookup import find, list_files, list_missions, plugin_files, plugin_folders
 from navfw.errors import InputError, locating
-
-if TYPE_CHECKING:
-    from navfw.suite.case import Case
-    from navfw.suite.suite_run import Engine
 
 OptionsT = TypeVar("OptionsT")
 Names = Callable[[typer.Context], Iterable[str]]
@@ -177,26 +172,6 @@ def check_engine(engine: EngineKind, scheduler: str | None) -> None:
     if (engine == "dask") != (scheduler is not None):
         what = "needs --engine dask" if scheduler else "needs --scheduler tcp://HOST:PORT"
         raise typer.BadParameter(what, param_hint="--scheduler" if scheduler else "--engine dask")
-
-
-@contextlib.contextmanager
-def dask_engine(
-    scheduler: str | None, cases: Sequence[Case], *, limit: float, memory: float
-) -> Iterator[Engine | None]:
-    """The engine at a scheduler of Dask; None without one.
-
-    Raises:
-        MissingExtraError: Dask is not installed.
-        InputError: the scheduler cannot be reached, or its workers differ from this machine.
-
-    """
-    if scheduler is None:
-        yield None
-        return
-    from navfw.suite.dask_engine import DaskEngine
-
-    with DaskEngine(scheduler, cases, limit=limit, memory=memory) as engine:
-        yield engine
 
 
 def numbers_of(option: str, text: str | None, names: tuple[str, ...]) -> tuple[float, ...] | None:

@@ -117,7 +117,7 @@ def suite(
     with quiet_stdout():
         from navfw.recording.provenance import code_revision
         from navfw.suite.suite_folder import SuiteFolder
-        from navfw.suite.suite_run import run_suite
+        from navfw.suite.suite_run import engine_for, run_suite
         from navfw.suite.suitefile import parse_seeds
 
         span = parse_seeds(seeds)
@@ -127,18 +127,17 @@ def suite(
     with deferred():  # from here on there are runs to save and to print
         with (
             quiet_stdout(),
-            options.dask_engine(scheduler, plan.cases, limit=limit, memory=memory) as runner,
+            engine_for(plan.cases, scheduler, workers, limit, memory) as runner,
             SuiteFolder.claim(out, plan, span) as folder,
         ):
             have = folder.open(plan, code_revision(), begin=begin, tell=_print_note)
-            if runner is None:
+            if scheduler is None:
                 with interruptible():  # workers would wait for it in silence
                     compile_with_progress(loaded=True, quiet=quiet)
             with ProgressBar(plan.suite, "runs", quiet=quiet, moving=True) as bar:
-                drive = partial(run_suite, workers=workers, limit=limit, memory=memory)
-                drive = partial(drive, keep=keep, record=record)
-                shown = _RunCount(bar, plan.cases, have).add
-                done = drive(plan, folder, have=have, engine=runner, on_row=shown)
+                count = _counted(bar, plan, have)
+                drive = partial(run_suite, keep=keep, record=record, have=have, on_row=count)
+                done = drive(plan, folder, runner)
         _print_result(done, folder.table, json=json)
         raise typer.Exit(done.exit_code)
 
@@ -166,8 +165,7 @@ def _print_power(file: str, text: str, out: Path | None, *, json: bool) -> None:
 
         loaded = load_suite(file)
         rows = [] if out is None else SuiteFolder(out).rows()
-        entries = enumerate(loaded.spec.entries)
-        per_seed = sum(len(list(case_templates(loaded, n, entry, None))) for n, entry in entries)
+        per_seed = sum(len(case_templates(loaded, n)) for n in range(len(loaded.spec.entries)))
     rate = sum(row.succeeded for row in rows) / len(rows) if rows else 0.9
     other = max(rate - difference, 0.0)
     apart = rate * (1.0 - other) + other * (1.0 - rate)
@@ -259,20 +257,19 @@ def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
         echo(f"plugins failed often ({faults}); see plugin_faults")
 
 
-class _RunCount:
-    def __init__(self, bar: ProgressBar, cases: tuple[Case, ...], have: list[RunRow]) -> None:
-        keys = {case.key for case in cases}
-        finished = [row for row in have if row.key in keys and row.has_result]
-        self._bar = bar
-        self._total = len(keys)
-        self._done = len(finished)
-        self._reached = sum(row.succeeded for row in finished)
-        bar.update(self._done, self._total)
+def _counted(
+    bar: ProgressBar, plan: SuitePlan, have: list[RunRow]
+) -> Callable[[Case, RunRow], None]:
+    """What counts a finished run, and shows how many have reached their goals."""
+    keys = {case.key for case in plan.cases}
+    finished = [row for row in have if row.key in keys and row.has_result]
+    done, reached = len(finished), sum(row.succeeded for row in finished)
+    bar.update(done, len(keys))
 
-    def add(self, case: Case, row: RunRow) -> None:
-        """Count a finished run."""
+    def count(case: Case, row: RunRow) -> None:
         del case
-        self._done += 1
-        self._reached += row.succeeded
-        share = f"{self._reached} reached ({100.0 * self._reached / self._done:.1f} %)"
-        self._bar.update(self._done, self._total, share)
+        nonlocal done, reached
+        done, reached = done + 1, reached + row.succeeded
+        bar.update(done, len(keys), f"{reached} reached ({100.0 * reached / done:.1f} %)")
+
+    return count

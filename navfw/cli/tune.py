@@ -79,7 +79,7 @@ def tune(
     with quiet_stdout():
         require_extra("tune", "optuna", key="navfw tune")
         from navfw.plugins import default_registry
-        from navfw.suite.suite_run import engine_or_processes
+        from navfw.suite.suite_run import engine_for
         from navfw.suite.suitefile import load_suite
         from navfw.tune.stack_study import StackStudy, StudyFolder
         from navfw.tune.trials import driver
@@ -98,11 +98,7 @@ def tune(
         )
         folder = StudyFolder(out or Path("runs") / f"tune-{suite.name}")
         lock = TargetLock(folder.created().absolute() / "study")
-        with (
-            options.dask_engine(scheduler, study.cases, limit=limit, memory=memory) as cluster,
-            lock,
-            engine_or_processes(cluster, workers, limit=limit, memory=memory) as runner,
-        ):
+        with lock, engine_for(study.cases, scheduler, workers, limit, memory) as runner:
             search = partial(study.run, folder, driver(runner), trials, resume=resume)
             result = search(seed=search_seed, on_trial=_show, minutes=minutes)
     if json:

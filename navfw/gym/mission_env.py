@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated, Any
 
 import gymnasium
@@ -24,7 +23,6 @@ from navfw.numerics import Array, Image
 from navfw.plugins import default_registry
 from navfw.signals import Pose
 from navfw.suite.case import Case
-from navfw.suite.suite_plan import with_seed
 from navfw.suite.suitefile import EntrySpec, parse_seeds
 
 COARSE = ("robot.control_rate=10",)
@@ -61,14 +59,12 @@ class Episodes:
         agent = ACTIONS[action]
         overrides = (*override_texts(changes), f"{agent.kind}={agent.name}")
         file = "" if stack is None else str(find("stack", stack).absolute())
-        case = Case(0, family or world or "", 0, file, stack or "", "", "", overrides)
+        case = Case(0, family or world or "", stack=file, overrides=overrides)
         if family is not None and world is None and mission is None:
-            self._entry = EntrySpec(family=family, difficulty=difficulty)
-            self._case = replace(case, family=family, mission_name="cross")
+            checked = EntrySpec(family=family, difficulty=difficulty)
+            self._case = replace(case, family=family, difficulty=checked.difficulty)
         elif family is None and world is not None and mission is not None:
-            self._entry = EntrySpec(world=world)
             files = [find("world", world).absolute(), find_mission(world, mission).absolute()]
-            case = replace(case, world_name=world, mission_name=Path(mission).stem)
             self._case = replace(case, world=str(files[0]), mission=str(files[1]))
         else:
             raise InputError(
@@ -91,7 +87,7 @@ class Episodes:
         """
         parse_seeds(f"{seed}:{seed + 1}")
         if seed not in self._kept:
-            made = with_seed(self._case, self._entry, seed).session(self._registry)
+            made = replace(self._case, seed=seed).session(self._registry)
             while len(self._kept) >= _MAX_KEPT:
                 del self._kept[next(iter(self._kept))]
             self._kept[seed] = replace(made, **self._changed)

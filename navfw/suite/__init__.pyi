@@ -1,9 +1,9 @@
 from .case import Case as Case
 from .case import Job as Job
+from .case import draw_difficulty as draw_difficulty
 from .case_worker import run_job as run_job
 from .dask_engine import DaskEngine as DaskEngine
 from .dask_engine import FilesOnWorker as FilesOnWorker
-from .dask_engine import ProjectFiles as ProjectFiles
 from .dask_engine import compare_identities as compare_identities
 from .dask_engine import unpacked as unpacked
 from .dask_engine import worker_identity as worker_identity
@@ -36,14 +36,13 @@ from .suite_frame import SuiteFrame as SuiteFrame
 from .suite_plan import SuitePlan as SuitePlan
 from .suite_plan import plan_runs as plan_runs
 from .suite_run import SuiteResult as SuiteResult
-from .suite_run import engine_or_processes as engine_or_processes
+from .suite_run import engine_for as engine_for
 from .suite_run import run_suite as run_suite
 from .suite_summary import brief_table as brief_table
 from .suite_summary import summarize as summarize
 from .suitefile import EntrySpec as EntrySpec
 from .suitefile import Expect as Expect
 from .suitefile import SuiteSpec as SuiteSpec
-from .suitefile import draw_difficulty as draw_difficulty
 from .suitefile import load_suite as load_suite
 from .suitefile import parse_seeds as parse_seeds
 from .worker_pool import WorkerFailure as WorkerFailure

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from navfw.missions.outcome import Outcome
 from navfw.suite.failure_causes import Cause
 from navfw.suite.run_row import RunKey, RunRow
@@ -27,25 +29,36 @@ KeptRuns = Literal["all", "failed", "none"]
 """The runs of which something is kept: the picture, or the recording."""
 
 
+_DIFFICULTY_STREAM = 0xD1F
+"""Spawn key of the random stream that draws difficulties; other uses of the seed have others."""
+
+
+def draw_difficulty(difficulty: float | tuple[float, float] | None, seed: int) -> float | None:
+    """The difficulty of a seed: the number itself, or one drawn from the range (3 digits)."""
+    if not isinstance(difficulty, tuple):
+        return difficulty
+    stream = np.random.SeedSequence(seed, spawn_key=(_DIFFICULTY_STREAM,))
+    low, high = difficulty
+    return round(low + (high - low) * float(np.random.default_rng(stream).random()), 3)
+
+
 @dataclass(frozen=True, slots=True)
 class Case:
     """One run: plain data that is sent to a worker process.
 
-    Either ``world`` and ``mission`` are files, or ``family``, ``difficulty``, ``contrast``,
-    ``look`` and ``seed`` define a generated world. ``stack`` is a file; empty: the stack named by
-    the mission. ``content`` is the fingerprint of all that the result depends on beside the seed.
+    Either ``world`` and ``mission`` are files, or ``family``, ``difficulty`` (of a range, the seed
+    draws it), ``contrast``, ``look`` and ``seed`` define a generated world. ``stack`` is a file;
+    empty: the stack named by the mission. ``content`` is the fingerprint of all that the result
+    depends on beside the seed.
     """
 
     index: int
     entry: str
-    seed: int
-    stack: str
-    stack_name: str
-    world_name: str
-    mission_name: str
+    seed: int = 0
+    stack: str = ""
     overrides: tuple[str, ...] = ()
     family: str = ""
-    difficulty: float | None = None
+    difficulty: float | tuple[float, float] | None = None
     contrast: float | None = None
     look: Look | None = None
     world: str = ""
@@ -56,22 +69,18 @@ class Case:
     @property
     def key(self) -> RunKey:
         """The key of the run in the table."""
-        where = (self.entry, self.world_name, self.mission_name)
-        return RunKey(*where, self.seed, self.stack_name, self.variant)
+        stack = Path(self.stack).stem
+        if self.family:
+            where = f"{self.family}-{self.seed}", "cross"
+        else:
+            where = Path(self.world).parent.name, Path(self.mission).stem
+        return RunKey(self.entry, *where, self.seed, stack, self.variant)
 
     @property
     def columns(self) -> dict[str, Any]:
         """The columns of the table that are known before the run."""
-        return {
-            "entry": self.entry,
-            "family": self.family,
-            "world": self.world_name,
-            "mission": self.mission_name,
-            "seed": self.seed,
-            "difficulty": self.difficulty,
-            "stack": self.stack_name,
-            "variant": self.variant,
-        }
+        difficulty = draw_difficulty(self.difficulty, self.seed)
+        return {**self.key._asdict(), "family": self.family, "difficulty": difficulty}
 
     def fault(self, reason: str, cause: Cause) -> RunRow:
         """The row of the run, if it ended without a result."""
@@ -101,7 +110,7 @@ class Case:
             )
         world, mission = self._generated()
         return session_setup.session_of(
-            world, mission, self.world_name, self.seed, stack, self.overrides, registry
+            world, mission, self.key.world, self.seed, stack, self.overrides, registry
         )
 
     def _generated(self) -> tuple[WorldSpec, MissionFile]:
@@ -112,12 +121,14 @@ class Case:
         from navfw.missions.missionfile import mission_in
         from navfw.missions.session_setup import split_overrides
 
-        difficulty = _DEFAULT_DIFFICULTY if self.difficulty is None else self.difficulty
+        difficulty = draw_difficulty(self.difficulty, self.seed)
+        if difficulty is None:
+            difficulty = _DEFAULT_DIFFICULTY
         made = worldgen.generate(self.family, self.seed, difficulty, self.contrast, self.look)
         text = json.dumps(made.mission.model_dump(mode="json", by_alias=True, exclude_unset=True))
         for_mission, _ = split_overrides(self.overrides)
-        document = apply_overrides(parse_yaml(text, self.world_name), for_mission)
-        return made.world, mission_in(document, Path(self.mission_name), made.topo_map)
+        document = apply_overrides(parse_yaml(text, self.key.world), for_mission)
+        return made.world, mission_in(document, Path(self.key.mission), made.topo_map)
 
 
 @dataclass(frozen=True, slots=True)

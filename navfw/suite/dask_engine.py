@@ -1,9 +1,9 @@
 """The runs of a suite on the workers of a Dask scheduler: a cluster, or this machine.
 
-What runs need travels once, as an archive: the project's files, and worlds, missions and stacks
-from outside of it. What ships with navfw does not: workers have the same version of it. A run needs
-a main thread, may hang or leak, and has limits; so each thread of Dask hands its runs to a process
-of a ``WorkerPool``, and only there the simulator is imported.
+What runs need travels once, as an archive: the project's files, and the suite's worlds, missions
+and stacks. The rest of what ships with navfw does not: workers have the same version of it. A run
+needs a main thread, may hang or leak, and has limits; so each thread of Dask hands its runs to a
+process of a ``WorkerPool``, and only there the simulator is imported.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import platform
 import tempfile
 import time
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from importlib import metadata
@@ -40,7 +40,7 @@ from navfw.suite.worker_pool import WorkerFailure, WorkerPool
 with extra_imports("dask", key="--engine"):
     import distributed
 
-PERIOD = 0.25
+_PERIOD = 0.25
 """Period [s] of looking for runs that have ended, and for an interruption."""
 
 CONNECT_TIME = 15.0
@@ -75,10 +75,11 @@ class DaskEngine:
     limit: float
     memory: float
     work: str = "navfw.suite.case_worker:run_job"
-    _files: ProjectFiles = field(init=False)
     _client: Any = field(init=False, default=None)  # the library has no types
+    _files: FilesOnWorker = field(init=False)
 
     def __enter__(self) -> Self:
+        self._files = FilesOnWorker(self.cases, self.work, self.limit, self.memory)
         connect: Any = distributed.Client
         security: Any = distributed.Security
         try:
@@ -92,10 +93,18 @@ class DaskEngine:
             help_ = "start one with dask scheduler, or correct the address"
             raise InputError(f"{what}; {help_}", key="--scheduler") from None
         try:
-            self._prepare()
-        except BaseException:
-            self._client.close()
-            raise
+            self._client.wait_for_workers(1, timeout=_WORKER_TIME)
+            self._client.register_plugin(self._files)
+        except BaseException as error:
+            self.__exit__()
+            if isinstance(error, TimeoutError):
+                what = f"{self.address} has no workers; start some with dask worker {self.address}"
+            elif isinstance(error, InputError) or not isinstance(error, Exception):
+                raise
+            else:
+                what = f"a worker of {self.address} cannot import this navfw: {error}"
+                what += "; install the same version there"
+            raise InputError(what, key="--scheduler") from None
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -118,7 +127,7 @@ class DaskEngine:
 
         """
         submit = partial(self._client.submit, drive, self._files.name, pure=False)
-        futures = {submit(self._files.packed(job)): job for job in jobs}
+        futures = {submit(job): job for job in jobs}
         with self._client.as_current():
             ended: Any = distributed.as_completed(futures)  # type: ignore[no-untyped-call]
         seen = time.monotonic()
@@ -134,28 +143,10 @@ class DaskEngine:
                 if time.monotonic() - seen > _WORKER_TIME:
                     raise SimulationError(f"{self.address} has no workers left; {_RESUME}")
                 with interruptible():
-                    time.sleep(PERIOD)
+                    time.sleep(_PERIOD)
                     check_interrupted()
         finally:
             self._client.cancel(list(futures), force=True)
-
-    def _prepare(self) -> None:
-        """Compare the workers with this machine, and send them the files."""
-        try:
-            self._client.wait_for_workers(1, timeout=_WORKER_TIME)
-        except TimeoutError:
-            what = f"{self.address} has no workers; start some with dask worker {self.address}"
-            raise InputError(what, key="--scheduler") from None
-        try:
-            identities = self._client.run(worker_identity)
-        except Exception as error:
-            what = f"a worker of {self.address} cannot import this navfw: {error}"
-            raise InputError(f"{what}; install the same version there", key="--scheduler") from None
-        for address, theirs in sorted(identities.items()):
-            compare_identities(address, theirs, worker_identity())
-        self._files = ProjectFiles.of(self.cases)
-        limits = self.limit, self.memory
-        self._client.register_plugin(FilesOnWorker(self._files, self.work, limits))
 
     def _result(self, future: Any, job: Job) -> RunRow | WorkerFailure:
         if future.status == "error":
@@ -201,77 +192,22 @@ def compare_identities(address: str, theirs: dict[str, str], ours: dict[str, str
             raise InputError(f"{what}; install the same there", key="--scheduler")
 
 
-@dataclass(frozen=True)
-class ProjectFiles:
-    """Files as a zip archive, and the folders or files here that its names stand for.
-
-    Inside the archive, the project is ``project``; folders of worlds, missions and stacks outside
-    of it are ``outside-2``, ``outside-3``, ...
-    """
-
-    name: str
-    archive: bytes
-    roots: dict[str, Path]
-
-    @classmethod
-    def of(cls, cases: Sequence[Case]) -> Self:
-        """The files of ``cases``, and of the project around the working folder."""
-        roots = _fixed_roots()
-        project = project_folder()
-        if project is not None and real_path(project) != shipped_folder():
-            roots["project"] = project
-        worlds = [Path(case.world).parent for case in cases if case.world]
-        files = [Path(file) for case in cases for file in (case.mission, case.stack) if file]
-        for path in dict.fromkeys([*worlds, *files]):
-            if not any(path.is_relative_to(root) for root in roots.values()):
-                roots[f"outside-{len(roots)}{path.suffix if path.is_file() else ''}"] = path
-        places = {name: root for name, root in roots.items() if name.startswith("outside")}
-        if "project" in roots:
-            places |= {f"project/{name}": roots["project"] / name for name in _PARTS}
-        stream, total = io.BytesIO(), 0
-        with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr("project/navfw.toml", b"")
-            for name, file in files_of(places):
-                content = read_input(file, _MAX_BYTES)
-                total += len(content)
-                if total > _MAX_BYTES:
-                    what = f"the files of the project exceed {_MAX_BYTES // 1_000_000} MB"
-                    raise InputError(f"{what}; move what no run needs", file=project or file)
-                archive.writestr(name, content)
-        return cls(f"navfw-{os.urandom(8).hex()}", stream.getvalue(), roots)
-
-    def packed(self, job: Job) -> Job:
-        """``job`` with names of the archive instead of local paths."""
-        # the innermost: the package may lie inside of what is shipped
-        roots = sorted(self.roots.items(), key=lambda item: -len(str(item[1])))
-
-        def named(path: str) -> str:
-            within = ((n, root) for n, root in roots if path and Path(path).is_relative_to(root))
-            name, root = next(within, ("", Path()))
-            return f"{name}:{Path(path).relative_to(root).as_posix()}" if name else path
-
-        return _with_paths(job, named)
-
-
-def unpacked(job: Job, folder: Path) -> Job:
-    """``job`` with the paths of this machine; ``folder`` is that of the unpacked files."""
-
-    def place(path: str) -> str:
-        name, colon, rest = path.partition(":")
-        return str(_fixed_roots().get(name, folder / name) / rest) if colon else path
-
-    return _with_paths(job, place)
-
-
-def _with_paths(job: Job, changed: Callable[[str], str]) -> Job:
-    case = job.case
-    world, mission, stack = map(changed, (case.world, case.mission, case.stack))
-    return replace(job, case=replace(case, world=world, mission=mission, stack=stack))
-
-
-def _fixed_roots() -> dict[str, Path]:
-    """The folders that every machine has."""
-    return {"shipped": shipped_folder(), "package": Path(__file__).parents[1]}
+def _archive_of(cases: Sequence[Case], project: Path) -> bytes:
+    """The files of ``project`` and of ``cases`` by their absolute paths, as a zip archive."""
+    worlds = [Path(case.world).parent for case in cases if case.world]
+    files = [Path(file) for case in cases for file in (case.mission, case.stack) if file]
+    places = dict.fromkeys([*(project / part for part in _PARTS), *worlds, *files])
+    stream, total = io.BytesIO(), 0
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(f"{project}/navfw.toml", b"")
+        for name, file in dict(files_of({str(place): place for place in places})).items():
+            content = read_input(file, _MAX_BYTES)
+            total += len(content)
+            if total > _MAX_BYTES:
+                what = f"the files of the project exceed {_MAX_BYTES // 1_000_000} MB"
+                raise InputError(f"{what}; move what no run needs", file=project)
+            archive.writestr(name, content)
+    return stream.getvalue()
 
 
 # --- in a worker of Dask -------------------------------------------------------------------------
@@ -281,19 +217,25 @@ Answer = tuple[RunRow | WorkerFailure, bytes | None]
 
 
 class FilesOnWorker(distributed.WorkerPlugin):
-    """Unpacks the files of a suite on every worker, also on one that joins later."""
+    """Unpacks the files of a suite on every worker, also on one that joins later, and runs it."""
 
-    def __init__(self, files: ProjectFiles, work: str, limits: tuple[float, float]) -> None:
-        self.name, self._archive = files.name, files.archive
-        self._identity, self._work, self._limits = worker_identity(), work, limits
-        self._folder = Path()
+    def __init__(self, cases: Sequence[Case], work: str, limit: float, memory: float) -> None:
+        project = project_folder()
+        if project is None or real_path(project) == shipped_folder():
+            project = Path("/project")
+        self.name = f"navfw-{os.urandom(8).hex()}"
+        self._archive, self._project = _archive_of(cases, project.absolute()), project.absolute()
+        self._identity, self._work, self._limits = worker_identity(), work, (limit, memory)
+        self._folder: Path | None = None
         self._idle: list[WorkerPool[Job, Answer]] = []
 
     def setup(self, worker: distributed.Worker) -> None:
         """Unpack the files in the worker's own folder."""
-        self._folder = Path(worker.local_directory) / self.name
+        compare_identities(worker.address, worker_identity(), self._identity)
+        folder = Path(worker.local_directory) / self.name
         with zipfile.ZipFile(io.BytesIO(self._archive)) as archive:
-            archive.extractall(self._folder)
+            archive.extractall(folder)
+        self._folder = folder
 
     def teardown(self, worker: distributed.Worker) -> None:
         """End the processes of the runs."""
@@ -303,18 +245,18 @@ class FilesOnWorker(distributed.WorkerPlugin):
 
     def run(self, job: Job) -> Answer:
         """Drive a run in a process that is kept for the next one."""
-        if self._identity != worker_identity():
-            raise SimulationError("the worker has another version of navfw or of its libraries")
+        if self._folder is None:
+            raise SimulationError("a worker could not take the files of the suite; see its log")
         # Dask's nanny starts it as a daemon, which may have no processes of its own
         multiprocessing.current_process().daemon = False
         try:
             pool = self._idle.pop()
         except IndexError:
             limit, memory = self._limits
-            work = partial(_drive_in, self._work, self._folder)
+            work = partial(_drive_in, self._work, self._folder, self._project)
             pool = WorkerPool(work, 1, limit, memory=memory).__enter__()
         try:
-            ((_, answer),) = pool.run([unpacked(job, self._folder)])
+            ((_, answer),) = pool.run([job])
         finally:
             self._idle.append(pool)
         return (answer, None) if isinstance(answer, WorkerFailure) else answer
@@ -322,20 +264,26 @@ class FilesOnWorker(distributed.WorkerPlugin):
 
 def drive(name: str, job: Job) -> Answer:
     """A task of Dask: one run on this worker, with the files called ``name``."""
-    plugin: Any = distributed.get_worker().plugins.get(name)
-    if plugin is None:
-        raise SimulationError("the worker could not take the files of the suite; see its log")
+    plugin: Any = distributed.get_worker().plugins[name]
     answer: Answer = plugin.run(job)
     return answer
 
 
-def _drive_in(work: str, folder: Path, job: Job) -> Answer:
+def unpacked(job: Job, folder: Path) -> Job:
+    """``job`` with the paths of its files below ``folder``."""
+    old = (job.case.world, job.case.mission, job.case.stack)
+    world, mission, stack = (str(folder / path.lstrip("/")) if path else "" for path in old)
+    return replace(job, case=replace(job.case, world=world, mission=mission, stack=stack))
+
+
+def _drive_in(work: str, folder: Path, project: Path, job: Job) -> Answer:
     """In the process of the run: its project is the unpacked one, trusted by who sent it."""
     os.environ[TRUST_VARIABLE] = "1"
-    os.chdir(folder / "project")
+    os.chdir(folder / project.relative_to("/"))
     with tempfile.TemporaryDirectory(prefix="navfw-pictures-") as made:
         pictures = Path(made) / job.pictures.name
         pictures.mkdir(exist_ok=True)
-        row: RunRow = resolve_name(work)(replace(job, pictures=pictures))
+        moved = unpacked(replace(job, pictures=pictures), folder)
+        row: RunRow = resolve_name(work)(moved)
         picture = pictures / Path(row.picture).name if row.picture else None
         return row, picture.read_bytes() if picture else None

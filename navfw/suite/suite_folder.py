@@ -11,10 +11,8 @@ from __future__ import annotations
 
 import contextlib
 import json
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -43,8 +41,8 @@ StartMode = Literal["new", "resume", "extend", "restart"]
 the suite has not touched; anew, with the earlier results moved aside."""
 
 _OWN = (TABLE, SUMMARY, _MARKDOWN, _ABOUT, _PICTURES, _JOURNAL, RECORDINGS, REPORT, COMPARISON)
-_BEFORE = re.compile(r"before-\d+")
-"""Names of the folders of earlier results."""
+_BEFORE = "before-"
+"""Beginning of the names of the folders of earlier results."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ class SuiteFolder:
         """The journal of all runs that have ended."""
         return RunJournal(self.path / _JOURNAL)
 
-    @cached_property
+    @property
     def lock(self) -> TargetLock:
         """The lock on the folder; inside it, as the folder above may be read-only."""
         return TargetLock(self.path.absolute() / "suite")
@@ -101,21 +99,17 @@ class SuiteFolder:
 
         """
         default = Path("runs") / f"{plan.suite}-{seeds.start}-{seeds.stop}"
-        folder = cls(chosen or default)
-        try:
-            with writing(folder.path):
-                folder = cls(_created(chosen, default))
-            with writing(folder.path):
-                for place in (folder.path, folder.pictures):
-                    sweep(place)
-                folder.lock.acquire()
-        except TargetInUseError as error:
-            what = "another suite is writing it; wait for it, or choose another --out"
-            raise TargetInUseError(what, file=folder.path) from error
-        try:
+        with contextlib.ExitStack() as locked:
+            try:
+                with writing(chosen or default):
+                    folder = cls(_created(chosen, default))
+                    for place in (folder.path, folder.pictures):
+                        sweep(place)
+                    locked.enter_context(folder.lock)
+            except TargetInUseError as error:
+                what = "another suite is writing it; wait for it, or choose another --out"
+                raise TargetInUseError(what, file=folder.path) from error
             yield folder
-        finally:
-            folder.lock.release()
 
     def open(
         self,
@@ -135,8 +129,8 @@ class SuiteFolder:
                 another suite or configuration (with ``resume``); or its journal is damaged.
 
         """
-        if begin == "restart":
-            self._set_aside(tell)
+        if begin == "restart" and self.has_runs:
+            tell(f"{self.path}: the earlier results are in {self._set_aside().name}")
         earlier: dict[str, Any] = {}
         if begin in {"resume", "extend"} and self.has_runs:
             self._check_journal()
@@ -147,38 +141,34 @@ class SuiteFolder:
             self._refuse_foreign()
         with writing(self.path):
             self.pictures.mkdir(parents=True, exist_ok=True)
-        machines = earlier.get("machines", [])
         about = {
             "suite": plan.suite,
             "suite_hash": plan.suite_hash,
             "options": plan.options,
             "content": {**plan.content},
             "current": list(dict.fromkeys(case.content for case in plan.cases)),
-            "revisions": list(dict.fromkeys([*earlier.get("revisions", []), revision])),
-            "machines": machines + [machine_kind()] * (machine_kind() not in machines),
+            "revisions": _with(earlier.get("revisions", []), revision),
+            "machines": _with(earlier.get("machines", []), machine_kind()),
         }
         self._write(_ABOUT, about)  # before the journal, which cannot be read without it
         self.journal.create()
         rows = self.journal.rows(case.content for case in plan.cases)
-        finished = [row for row in rows if row.has_result]
         if earlier.get("content", plan.content) != plan.content:
-            tell(f"the suite was changed: {len(finished)} finished runs are unchanged and kept")
-        write_table(self.table, finished)
+            kept = sum(row.has_result for row in rows)
+            tell(f"the suite was changed: {kept} finished runs are unchanged and kept")
         return rows
 
-    def _set_aside(self, tell: Callable[[str], None]) -> None:
+    def _set_aside(self) -> Path:
         """Move what an earlier suite left into the first free folder ``before-N``."""
-        if not self.has_runs:
-            return
         number = 1
-        while (aside := self.path / f"before-{number}").exists():
+        while (aside := self.path / f"{_BEFORE}{number}").exists():
             number += 1
         with writing(aside):
             aside.mkdir()
             for file in [self.path / name for name in _OWN]:
                 if file.exists():
                     file.rename(aside / file.name)
-        tell(f"{self.path}: the earlier results are in {aside.name}")
+        return aside
 
     def rows(self) -> list[RunRow]:
         """The rows of all runs that have ended, by entry, mission, variant and stack.
@@ -203,13 +193,10 @@ class SuiteFolder:
         return read_json_object(file) if is_file(file) else {}
 
     def save(self, rows: Sequence[RunRow], summary: Mapping[str, Any]) -> None:
-        """Replace the table and the summary."""
+        """Write table and summary, and remove the folder of pictures if it is empty."""
         write_table(self.table, rows)
         self._write(SUMMARY, summary)
         write_text(self.path / _MARKDOWN, brief_table(summary).markdown())
-
-    def tidy(self) -> None:
-        """Remove the folder of pictures if it is empty."""
         if self.pictures.is_dir() and not any(self.pictures.iterdir()):
             self.pictures.rmdir()
 
@@ -246,14 +233,11 @@ class SuiteFolder:
     def _check_journal(self) -> None:
         if is_file(self.journal.file):
             return
+        what = "has no journal.sqlite, from which alone the runs of a suite are read"
         if not is_folder(self.path):
-            what = "is a file" if is_file(self.path) else "there is no such folder"
-            what += "; expected the folder of a suite, whose runs are read from its journal.sqlite"
+            what = "is no folder; expected that of a suite"
         elif is_file(self.table):
-            what = "has a table.csv, but no journal.sqlite, from which alone runs are read;"
-            what += " drive them again with --restart"
-        else:
-            what = "has no journal.sqlite, so it is not the folder of a suite"
+            what += "; drive them again with --restart"
         raise InputError(what, file=self.path)
 
     def _refuse_foreign(self) -> None:
@@ -262,15 +246,17 @@ class SuiteFolder:
             raise InputError(f"{what}, or choose another --out", file=self.path)
         # a suite that was killed as it began leaves some of its own files, without runs
         own = {self.lock.file.name, *_OWN}
-        if is_folder(self.path) and any(
-            file.name not in own and not _BEFORE.fullmatch(file.name)
-            for file in self.path.iterdir()
-        ):
+        names = {file.name for file in self.path.iterdir()} if is_folder(self.path) else set()
+        if any(not name.startswith(_BEFORE) for name in names - own):
             raise InputError("is not empty; choose another --out", file=self.path)
 
     def _write(self, name: str, value: Mapping[str, Any]) -> None:
         text = json.dumps(plain_json(value), indent=2, allow_nan=False)
         write_text(self.path / name, text + "\n")
+
+
+def _with(values: list[Any], value: object) -> list[Any]:
+    return values if value in values else [*values, value]
 
 
 def _created(chosen: Path | None, default: Path) -> Path:

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import inspect
 import json
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from navfw.config.input_file import (
-    is_file,
-    is_folder,
-    read_input,
-    shown_path,
-    traced_inputs,
-)
+from navfw.config.input_file import is_file, is_folder, read_input, shown_path, traced_inputs
 from navfw.config.lookup import (
     find,
     find_mission,
@@ -44,7 +40,6 @@ from navfw.suite.suitefile import (
     Expect,
     Suite,
     VariantSpec,
-    draw_difficulty,
     lacking_packages,
 )
 
@@ -96,33 +91,46 @@ def plan_runs(
             the suite's file, line and key.
 
     """
-    _check_worlds(suite, worlds)
-    files = stack_files(stacks)
+    if worlds is not None and all(entry.worlds is None for entry in suite.spec.entries):
+        what = f"the suite {suite.name!r} has no entry that takes a folder of worlds"
+        raise InputError(what, key="--worlds")
+    files = {file.stem: file for file in (find("stack", name).absolute() for name in stacks)}
+    if len(files) < len(stacks):
+        what = f"two of the stacks {', '.join(stacks)} have one name, which has to be unique"
+        raise InputError(f"{what} in the table", key="--stack")
     chosen = _chosen_variants(suite, variants, stacks)
     cases, content, skipped = list[Case](), dict[str, str](), lacking_packages(chosen)
-    templates = _templates(suite, worlds, chosen)
+    templates = [
+        (index, replace(case, variant=name, overrides=(*entry.overrides, *variant.overrides)))
+        for index, entry in enumerate(suite.spec.entries)
+        for case in case_templates(suite, index, worlds)
+        for name, variant in chosen.items()
+    ]
     for number, (index, template) in enumerate(templates):
-        entry, name = suite.spec.entries[index], template.variant
+        name = template.variant
         if name in skipped:
             continue
-        progress(number, len(templates), template.world_name or template.family)
         first = replace(template, overrides=(*template.overrides, *overrides), seed=seeds[0])
-        of_variant = files or stacks_of(suite, index, name)
+        progress(number, len(templates), first.family or first.key.world)
         try:
-            stacked = [replace(first, stack=str(file or "")) for file in of_variant.values()]
-            checked = [_check_case(suite, index, case, registry) for case in stacked]
+            checked = [
+                _check_case(suite, index, replace(first, stack=str(file or "")), registry)
+                for file in list(files.values()) or [_stack_of(suite, index, name)]
+            ]
         except MissingExtraError as error:
             if not name:
                 raise
             skipped[name] = str(error)
             continue
         content |= {part: value for _, parts in checked for part, value in parts.items()}
-        cases += [with_seed(case, entry, seed) for case, _ in checked for seed in seeds]
+        cases += [replace(case, seed=seed) for case, _ in checked for seed in seeds]
         if len(cases) > _MAX_RUNS:
             raise InputError(f"more than {_MAX_RUNS} runs; give fewer seeds", key="--seeds")
     progress(len(templates), len(templates), "")
     if not cases:
         raise InputError(f"nothing is left to run: {'; '.join(skipped.values())}", key="variants")
+    options = [("--stack", name) for name in stacks] + [("--set", text) for text in overrides]
+    options += [("--worlds", "DIR")] if worlds is not None else []
     return SuitePlan(
         suite.name,
         tuple(replace(case, index=number) for number, case in enumerate(cases)),
@@ -130,26 +138,8 @@ def plan_runs(
         expect={e.title: e.expect for e in suite.spec.entries if e.expect is not None},
         skipped=skipped,
         suite_hash=hashlib.sha256(read_input(suite.file)).hexdigest(),
-        options=_options(stacks, overrides, worlds),
+        options=tuple(word for option in options for word in option),
     )
-
-
-def _templates(
-    suite: Suite, worlds: Path | None, variants: Mapping[str, VariantSpec]
-) -> list[tuple[int, Case]]:
-    """A case for each entry, by its index, with each mission and variant."""
-    return [
-        (index, replace(template, variant=name, overrides=(*entry.overrides, *variant.overrides)))
-        for index, entry in enumerate(suite.spec.entries)
-        for template in case_templates(suite, index, entry, worlds)
-        for name, variant in variants.items()
-    ]
-
-
-def _check_worlds(suite: Suite, worlds: Path | None) -> None:
-    if worlds is not None and all(entry.worlds is None for entry in suite.spec.entries):
-        what = f"the suite {suite.name!r} has no entry that takes a folder of worlds"
-        raise InputError(what, key="--worlds")
 
 
 def _check_case(
@@ -168,7 +158,6 @@ def _check_case(
 
     """
     entry = suite.spec.entries[index]
-    case = with_seed(case, entry, case.seed)
     try:
         with traced_inputs() as files:
             session = case.session(registry)
@@ -181,12 +170,11 @@ def _check_case(
             place = index, "", case.variant
         with suite.locating(*place):
             raise
-    file = session.stack_file.absolute()
-    case = replace(case, stack=str(file), stack_name=file.stem)
+    case = replace(case, stack=str(session.stack_file.absolute()))
     title = f"entry {case.entry}" + (f", variant {case.variant}" if case.variant else "")
     contents: dict[str, Any] = {
         title: entry.model_dump(mode="json", exclude={"name", "worlds", "expect"}),
-        f"stack {case.stack_name} of {title}": session.stack.config,
+        f"stack {case.key.stack} of {title}": session.stack.config,
         f"overrides of {title}": case.overrides,
         f"robot of {title}": session.mission.spec.robot.model_dump(mode="json"),
     }
@@ -229,22 +217,13 @@ def _lasting_name(file: Path, case: Case) -> str:
 
 def _valid_without_variant(suite: Suite, index: int, case: Case, registry: Registry) -> bool:
     """Whether the case is valid without its variant, so that the variant is the cause."""
-    entry = suite.spec.entries[index]
-    file = next(iter(stacks_of(suite, index).values()))
-    plain = replace(case, stack=str(file or ""), overrides=entry.overrides, variant="")
-    try:
+    overrides = suite.spec.entries[index].overrides
+    stack = str(_stack_of(suite, index) or "")
+    plain = replace(case, stack=stack, overrides=overrides, variant="")
+    with contextlib.suppress(InputError):
         plain.session(registry)
-    except InputError:
-        return False
-    return True
-
-
-def _options(
-    stacks: Sequence[str], overrides: Sequence[str], worlds: Path | None
-) -> tuple[str, ...]:
-    options = [("--stack", name) for name in stacks] + [("--set", text) for text in overrides]
-    options += [("--worlds", "DIR")] if worlds is not None else []
-    return tuple(word for option in options for word in option)
+        return True
+    return False
 
 
 def _chosen_variants(
@@ -262,37 +241,21 @@ def _chosen_variants(
     return chosen
 
 
-def stacks_of(suite: Suite, index: int, variant: str = "") -> Mapping[str, Path | None]:
-    """The stack of the variant, else of the entry, by its name; None: the mission's, not known yet.
+def _stack_of(suite: Suite, index: int, variant: str = "") -> Path | None:
+    """The stack of the variant, else of the entry; None: the mission's, not known yet.
 
-    Raises:
-        InputError: there is no such stack; the message has the suite's file, line and key.
-
+    Errors have the suite's file, line and key.
     """
     of_variant = suite.variants[variant].stack if variant else None
     name = suite.spec.entries[index].stack if of_variant is None else of_variant
     if name is None:
-        return {"": None}
+        return None
     with suite.locating(index, "stack", "" if of_variant is None else variant):
-        return stack_files([name])
+        return find("stack", name).absolute()
 
 
-def stack_files(names: Sequence[str]) -> dict[str, Path]:
-    """Stack files by their names in the table."""
-    files: dict[str, Path] = {}
-    for name in names:
-        file = find("stack", name).absolute()
-        if file.stem in files:
-            what = f"two stacks have the name {file.stem!r}, which has to be unique in the table"
-            raise InputError(what, key="--stack")
-        files[file.stem] = file
-    return files
-
-
-def case_templates(
-    suite: Suite, index: int, entry: EntrySpec, worlds: Path | None
-) -> Iterator[Case]:
-    """A case for each mission of an entry, still without seed, stack and overrides.
+def case_templates(suite: Suite, index: int, worlds: Path | None = None) -> list[Case]:
+    """A case for each mission of the entry ``index``, still without seed, stack and overrides.
 
     ``worlds`` replaces the folder named by the entry.
 
@@ -301,32 +264,26 @@ def case_templates(
             key.
 
     """
-    blank = Case(0, entry.title, 0, "", "", "", "")
+    entry = suite.spec.entries[index]
+    case = Case(0, entry.title, difficulty=entry.difficulty, contrast=entry.contrast)
     if entry.family is not None:
-        made = replace(blank, family=entry.family, contrast=entry.contrast, look=entry.look)
-        yield replace(made, mission_name="cross")
-        return
+        return [replace(case, family=entry.family, look=entry.look)]
     key = "world" if entry.world is not None else "worlds"
     with suite.locating(index, key):
         if entry.world is not None:
             files = [find("world", entry.world)]
         else:
-            files = _world_files(suite, entry.worlds or "", worlds)
+            files = _world_files(worlds or suite.file.parent / (entry.worlds or ""))
     with suite.locating(index, "missions" if entry.missions else key):
-        missions = [(file, *mission) for file in files for mission in _missions(file, entry)]
-    for file, name, mission in missions:
-        yield replace(
-            blank,
-            world=str(file.absolute()),
-            mission=str(mission.absolute()),
-            world_name=file.parent.name,
-            mission_name=name,
-        )
+        missions = [(file, mission) for file in files for mission in _missions(file, entry)]
+    return [
+        replace(case, world=str(file.absolute()), mission=str(mission.absolute()))
+        for file, mission in missions
+    ]
 
 
-def _world_files(suite: Suite, named: str, worlds: Path | None) -> list[Path]:
-    """The worlds in a folder, or the one whose own folder it is."""
-    folder = worlds if worlds is not None else suite.file.parent / named
+def _world_files(folder: Path) -> list[Path]:
+    """The worlds in a folder, or the one whose own folder it is; world-2 before world-10."""
     if is_file(folder / "world.yaml"):
         return [folder / "world.yaml"]
     files = sorted(folder.glob("*/world.yaml"), key=lambda file: _natural(file.parent.name))
@@ -337,18 +294,15 @@ def _world_files(suite: Suite, named: str, worlds: Path | None) -> list[Path]:
     return files
 
 
-def _natural(name: str) -> tuple[Any, ...]:
-    """A key that sorts world-2 before world-10."""
-    digits = "".join(c if c.isdigit() else " " for c in name).split()
-    return (name.rstrip("0123456789"), [int(number) for number in digits[-1:]], name)
+def _natural(name: str) -> list[tuple[int, str]]:
+    return [(int(part) if part.isdecimal() else -1, part) for part in re.split(r"(\d+)", name)]
 
 
-def _missions(world: Path, entry: EntrySpec) -> list[tuple[str, Path]]:
+def _missions(world: Path, entry: EntrySpec) -> list[Path]:
     of_world = world if entry.world is None else entry.world
     if entry.missions:
-        files = [find_mission(of_world, name) for name in entry.missions]
-        return [(file.stem, file) for file in files]
-    missions = [(mission.name, mission.path) for mission in list_missions(of_world)]
+        return [find_mission(of_world, name) for name in entry.missions]
+    missions = [mission.path for mission in list_missions(of_world)]
     if not missions:
         raise ConfigError("the world has no missions", file=shown_path(world))
     return missions
@@ -371,29 +325,7 @@ def run_generated(
             wrong.
 
     """
-    seed = checked_seed(seed)
-    case = Case(
-        index=0,
-        entry=family,
-        seed=seed,
-        stack="" if stack is None else str(find("stack", stack)),
-        stack_name=stack or "",
-        world_name=f"{family}-{seed}",
-        mission_name="cross",
-        overrides=tuple(override_texts(set)),
-        family=family,
-        difficulty=draw_difficulty(difficulty, seed),
-    )
+    file = "" if stack is None else str(find("stack", stack))
+    changes = tuple(override_texts(set))
+    case = Case(0, family, checked_seed(seed), file, changes, family, difficulty)
     return case.session(default_registry()).run()
-
-
-def with_seed(case: Case, entry: EntrySpec, seed: int) -> Case:
-    """``case`` with this seed; in a generated world also with its name and difficulty."""
-    if not case.family:
-        return replace(case, seed=seed)
-    return replace(
-        case,
-        seed=seed,
-        world_name=f"{case.family}-{seed}",
-        difficulty=draw_difficulty(entry.difficulty, seed),
-    )

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -13,17 +12,11 @@ from navfw.missions.outcome import Outcome
 from navfw.process.interruption import INTERRUPTED, deferred
 from navfw.suite.case import Case, Job, KeptRuns
 from navfw.suite.case_worker import run_job
-from navfw.suite.run_row import RunRow
+from navfw.suite.run_row import RunKey, RunRow
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import summarize
 from navfw.suite.worker_pool import WorkerFailure, WorkerPool
-
-LIMIT = 900.0
-"""Default wall-clock limit of a run [s]."""
-
-MEMORY = 2000.0
-"""Default limit [MB] of the memory of a run's process; usual ones have 400."""
 
 
 class Engine(Protocol):
@@ -37,30 +30,27 @@ class Engine(Protocol):
         """Each job with its result, in the order of completion."""
 
 
-def engine_or_processes(
-    engine: Engine | None,
-    workers: int,
-    *,
-    limit: float = LIMIT,
-    memory: float = MEMORY,
-    work: Callable[[Job], RunRow] = run_job,
+def engine_for(
+    cases: Sequence[Case], scheduler: str | None, workers: int, limit: float, memory: float
 ) -> AbstractContextManager[Engine]:
-    """``engine``, which is entered already, or else ``workers`` processes of this machine."""
-    if engine is not None:
-        return nullcontext(engine)
-    return WorkerPool(work, workers, limit, memory=memory)
+    """What drives ``cases``: a ``scheduler`` of Dask, or ``workers`` processes of this machine.
+
+    ``limit`` [s] and ``memory`` [MB] bound a run's wall time and its process's memory.
+
+    Raises:
+        MissingExtraError: Dask is not installed.
+
+    """
+    if scheduler is None:
+        return WorkerPool(run_job, workers, limit, memory=memory)
+    from navfw.suite.dask_engine import DaskEngine
+
+    return DaskEngine(scheduler, cases, limit, memory)
 
 
 def answered_row(case: Case, answer: RunRow | WorkerFailure) -> RunRow:
     """What an engine answers for ``case``, as a row."""
     return case.fault(answer.reason, answer.cause) if isinstance(answer, WorkerFailure) else answer
-
-
-_EXPORT_PERIOD = 2.0
-"""Shortest time [s] between two exports of table and summary; the journal has each run at once."""
-
-_EXPORT_SHARE = 0.02
-"""Largest share of the time that exports take: those of a large suite become rarer."""
 
 
 @dataclass(frozen=True)
@@ -94,120 +84,71 @@ class SuiteResult:
 def run_suite(
     plan: SuitePlan,
     out: SuiteFolder,
+    engine: Engine,
     *,
-    workers: int = 1,
     keep: KeptRuns = "failed",
     record: KeptRuns = "none",
     have: Sequence[RunRow] = (),
-    limit: float = LIMIT,
-    memory: float = MEMORY,
-    work: Callable[[Job], RunRow] = run_job,
-    on_row: Callable[[Case, RunRow], None] | None = None,
-    engine: Engine | None = None,
+    on_row: Callable[[Case, RunRow], object] = lambda case, row: None,
 ) -> SuiteResult:
     """Run all cases of ``plan`` that have no row with a result in ``have`` yet.
 
-    They run in ``workers`` processes of this machine, or by ``engine``, already entered.
-    ``keep`` and ``record`` say of which runs pictures and recordings are kept.
-    ``limit`` [s] and ``memory`` [MB] bound a run's wall time and its process's memory. ``on_row``
-    is called with every run as it ends; by then it is in the journal of ``out``. A run that dies
-    with its process is driven again, once, after all others. Ctrl-C, SIGTERM, or a folder that
-    cannot be written end the suite early. The table in ``out`` is valid and contains all runs that
-    have ended, unless it cannot be written (``SuiteResult.unsaved``).
+    ``keep`` and ``record`` say of which runs pictures and recordings are kept. ``on_row`` is called
+    with every run as it ends; by then it is in the journal of ``out``. A run that dies with its
+    process is driven again, once, after all others. Ctrl-C, SIGTERM, or a folder that cannot be
+    written end the suite early. At the end the table in ``out`` contains all runs that have ended,
+    unless it cannot be written (``SuiteResult.unsaved``).
 
     Raises:
         SimulationError: every worker process dies before it completes a run, or none can be
             started.
 
     """
-    table = _SuiteTable(plan, out, have)
-    jobs = [
-        Job(case, out.pictures.absolute(), keep, record)
-        for case in plan.cases
-        if case.key not in table.rows
-    ]
-    drives = engine_or_processes(engine, workers, limit=limit, memory=memory, work=work)
-    unsaved, interrupted = "", False
+    rows = {row.key: row for row in have if row.has_result}
+    died = {row.key for row in have if row.repeatable}
+    pictures = out.pictures.absolute()
+    jobs = [Job(case, pictures, keep, record) for case in plan.cases if case.key not in rows]
+    revisions, unsaved, interrupted = out.about()["revisions"], "", False
     with deferred():  # the engine alone is interrupted, while it waits for runs
         try:
-            with drives as runner:
-                while jobs:
-                    jobs = _drive(runner.run(jobs), table, on_row)
+            while jobs:
+                again = []
+                for job, answer in engine.run(jobs):
+                    case = job.case
+                    row = replace(answered_row(case, answer), attempts=1 + (case.key in died))
+                    if row.outcome == Outcome.CANCELLED:
+                        continue
+                    out.journal.add(case.content, row)
+                    if row.repeatable:
+                        died.add(row.key)
+                        again.append(job)
+                    else:
+                        rows[row.key] = row
+                        on_row(case, row)
+                jobs = again
         except KeyboardInterrupt:
             interrupted = True
-        except InputError as error:  # of the journal, or of the exported files
+        except InputError as error:  # of the journal
             unsaved = str(error)
         finally:
-            done = table.finish()
-    return replace(done, unsaved=done.unsaved or unsaved, interrupted=interrupted)
+            done = _result(plan, rows, revisions)
+            try:
+                out.save(done.rows, done.summary)
+            except (InputError, OSError) as error:
+                unsaved = unsaved or str(error)
+    return replace(done, unsaved=unsaved, interrupted=interrupted)
 
 
-def _drive(
-    results: Iterable[tuple[Job, RunRow | WorkerFailure]],
-    table: _SuiteTable,
-    on_row: Callable[[Case, RunRow], None] | None,
-) -> list[Job]:
-    """Put the runs that have ended into the table; returns those to drive again."""
-    again = []
-    for job, result in results:
-        attempts = 1 + (job.case.key in table.died)
-        row = replace(answered_row(job.case, result), attempts=attempts)
-        if row.outcome == Outcome.CANCELLED:
-            continue
-        table.add(job.case, row)
-        if row.repeatable:
-            again.append(job)
-        elif on_row is not None:
-            on_row(job.case, row)
-    return again
-
-
-class _SuiteTable:
-    """Holds the rows; each goes to the journal at once, table and summary are exported later.
-
-    ``died`` are the runs that died with their process for the first time, and have no other row.
-    """
-
-    def __init__(self, plan: SuitePlan, out: SuiteFolder, have: Sequence[RunRow]) -> None:
-        self.plan = plan
-        self.out = out
-        self.rows = {row.key: row for row in have if row.has_result}
-        self.died = {row.key for row in have if row.repeatable}
-        self._revisions = list(out.about().get("revisions", []))
-        self._next_export = time.monotonic() + _EXPORT_PERIOD
-
-    def add(self, case: Case, row: RunRow) -> None:
-        self.out.journal.add(case.content, row)
-        if row.repeatable:
-            self.died.add(row.key)
-            return
-        self.rows[row.key] = row
-        began = time.monotonic()
-        if began >= self._next_export:
-            done = self._result()
-            self.out.save(done.rows, done.summary)
-            ended = time.monotonic()
-            self._next_export = ended + max(_EXPORT_PERIOD, (ended - began) / _EXPORT_SHARE)
-
-    def finish(self) -> SuiteResult:
-        done = self._result()
-        try:
-            self.out.save(done.rows, done.summary)
-            self.out.tidy()
-        except (InputError, OSError) as error:
-            return replace(done, unsaved=str(error))
-        return done
-
-    def _result(self) -> SuiteResult:
-        order = {case.key: case.index for case in self.plan.cases}
-        # rows of other seeds, from earlier runs of the suite into the same table, come last
-        rows = sorted(self.rows.values(), key=lambda row: order.get(row.key, len(order)))
-        complete = all(key in self.rows for key in order)
-        summary = {
-            "suite": self.plan.suite,
-            "complete": complete,
-            **summarize(rows, self.plan.expect),
-            **({"skipped": dict(self.plan.skipped)} if self.plan.skipped else {}),
-            "revisions": self._revisions,
-        }
-        return SuiteResult(tuple(rows), summary, complete)
+def _result(plan: SuitePlan, by_key: dict[RunKey, RunRow], revisions: list[str]) -> SuiteResult:
+    order = {case.key: case.index for case in plan.cases}
+    # rows of other seeds, from earlier runs of the suite into the same table, come last
+    rows = sorted(by_key.values(), key=lambda row: order.get(row.key, len(order)))
+    complete = order.keys() <= by_key.keys()
+    summary = {
+        "suite": plan.suite,
+        "complete": complete,
+        **summarize(rows, plan.expect),
+        **({"skipped": dict(plan.skipped)} if plan.skipped else {}),
+        "revisions": revisions,
+    }
+    return SuiteResult(tuple(rows), summary, complete)

@@ -30,7 +30,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from navfw.config.document import YamlDocument, load_yaml
@@ -262,16 +261,3 @@ def parse_seeds(text: str) -> range:
         what = f"at most {_MAX_SEEDS} seeds at a time, got {len(seeds)}"
         raise InputError(what, key="--seeds")
     return seeds
-
-
-_DIFFICULTY_STREAM = 0xD1F
-"""Spawn key of the random stream that draws difficulties; other uses of the seed have others."""
-
-
-def draw_difficulty(difficulty: float | tuple[float, float] | None, seed: int) -> float | None:
-    """The difficulty of a seed: the number itself, or one drawn from the range (3 digits)."""
-    if not isinstance(difficulty, tuple):
-        return difficulty
-    stream = np.random.SeedSequence(seed, spawn_key=(_DIFFICULTY_STREAM,))
-    low, high = difficulty
-    return round(low + (high - low) * float(np.random.default_rng(stream).random()), 3)

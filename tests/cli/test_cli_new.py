@@ -199,7 +199,7 @@ def test_a_new_suite_drives_generated_worlds_and_those_of_the_project(project: P
     file.write_text(file.read_text().replace("  # - {", "  - {"))
     plan = plan_runs(load_suite("nightly"), range(2), default_registry())
     assert len(plan.cases) == 12
-    assert {case.world_name for case in plan.cases} >= {"office", "den"}
+    assert {case.key.world for case in plan.cases} >= {"office", "den"}
 
 
 WRONG = {

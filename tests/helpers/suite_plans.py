@@ -1,10 +1,24 @@
-"""Suite files of a test, and their plans."""
+"""Suite files of a test, their plans, and how to drive these."""
 
+import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import suite_samples as samples
+
 from navfw.plugins import default_registry
-from navfw.suite import SuitePlan, load_suite, plan_runs
+from navfw.suite import (
+    Job,
+    RunRow,
+    SuiteFolder,
+    SuitePlan,
+    SuiteResult,
+    WorkerPool,
+    load_suite,
+    plan_runs,
+    run_suite,
+)
 
 
 def suite_file(folder: Path, text: str) -> Path:
@@ -17,3 +31,17 @@ def suite_file(folder: Path, text: str) -> Path:
 def planned(folder: Path, text: str, seeds: range = range(1), **options: Any) -> SuitePlan:
     """The runs of a suite with this text."""
     return plan_runs(load_suite(suite_file(folder, text)), seeds, default_registry(), **options)
+
+
+def drive(
+    plan: SuitePlan,
+    out: SuiteFolder,
+    *,
+    work: Callable[[Job], RunRow] = samples.fake_run,
+    workers: int = 1,
+    memory: float = math.inf,
+    **options: Any,
+) -> SuiteResult:
+    """The suite, driven by processes of this machine; ``work`` drives a run."""
+    with WorkerPool(work, workers, 900.0, memory=memory) as engine:
+        return run_suite(plan, out, engine, **options)

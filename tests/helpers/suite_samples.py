@@ -37,9 +37,6 @@ def case(seed: int, index: int | None = None, **values: Any) -> Case:
     parts: dict[str, Any] = {
         "entry": "rooms",
         "stack": "default.yaml",
-        "stack_name": "default",
-        "world_name": f"rooms-{seed}",
-        "mission_name": "cross",
         "family": "rooms",
     }
     return Case(index=seed if index is None else index, seed=seed, **{**parts, **values})

@@ -20,7 +20,6 @@ pytest.importorskip("distributed", reason="needs the extra dask: uv sync --extra
 from navfw.suite import (
     DaskEngine,
     FilesOnWorker,
-    ProjectFiles,
     compare_identities,
     dask_engine,
     unpacked,
@@ -44,9 +43,8 @@ def test_every_run_ends_once_although_a_worker_is_killed(cluster: Cluster, tmp_p
             workers[0].send_signal(signal.SIGKILL)
 
     work = "suite_samples:slow_fake_run"
-    engine = DaskEngine(address, plan.cases, limit=60.0, memory=2000.0, work=work)
-    with engine:
-        done = run_suite(plan, out, have=have, engine=engine, on_row=kill_one)
+    with DaskEngine(address, plan.cases, 60.0, 2000.0, work) as engine:
+        done = run_suite(plan, out, engine, have=have, on_row=kill_one)
     assert (done.complete, done.exit_code) == (True, 0)
     assert sorted(ended) == list(range(30))
     assert [row.seed for row in out.rows()] == ended
@@ -103,8 +101,8 @@ def test_tls_without_certificates_is_told_before_connecting() -> None:
 
 
 def test_a_worker_itself_imports_no_simulator(tmp_path: Path) -> None:
-    files = ProjectFiles.of([samples.case(1)])
-    plugin = FilesOnWorker(files, "navfw.suite.case_worker:run_job", (10.0, 1000.0))
+    work = "navfw.suite.case_worker:run_job"
+    plugin = FilesOnWorker([samples.case(1)], work, 10.0, 1000.0)
     (tmp_path / "plugin").write_bytes(pickle.dumps(plugin))
     code = "import pickle, sys; pickle.load(open(sys.argv[1], 'rb')); print('numba' in sys.modules)"
     assert printed(code, tmp_path / "plugin") == "False"
@@ -116,11 +114,10 @@ def test_paths_travel_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.chdir(tmp_path / "mine")
     stack, world = (str(tmp_path / name) for name in texts)
     job = Job(samples.case(1, family="", world=world, stack=stack), tmp_path)
-    files = ProjectFiles.of([job.case])
-    plugin = FilesOnWorker(files, "a:b", (10.0, 1000.0))
-    worker: Any = SimpleNamespace(local_directory=str(tmp_path / "worker"))
+    plugin = FilesOnWorker([job.case], "a:b", 10.0, 1000.0)
+    worker: Any = SimpleNamespace(local_directory=str(tmp_path / "worker"), address="tcp://a")
     plugin.setup(worker)
-    case = unpacked(files.packed(job), tmp_path / "worker" / files.name).case
+    case = unpacked(job, tmp_path / "worker" / plugin.name).case
     for path, text in ((case.world, "name: hall"), (case.stack, "base: default")):
         assert Path(path).is_relative_to(tmp_path / "worker")
         assert Path(path).suffix == ".yaml"

@@ -31,11 +31,13 @@ from navfw.process.interruption import deferred
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_run import run_suite
+from navfw.suite.worker_pool import WorkerPool
 cases = tuple(case(seed) for seed in range(int(sys.argv[1])))
 plan = SuitePlan("rooms", cases, {{"entry rooms": "1234"}})
 with deferred(), SuiteFolder.claim(Path("o"), plan, range(40)) as folder:
     have = folder.open(plan, "abc", begin="resume")
-    done = run_suite(plan, folder, workers=2, have=have, work=slow_fake_run)
+    with WorkerPool(slow_fake_run, 2, 900.0) as engine:
+        done = run_suite(plan, folder, engine, have=have)
     sys.exit(done.exit_code)
 """
 

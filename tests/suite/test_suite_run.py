@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import suite_samples as samples
 from cli_calls import put_files
+from suite_plans import drive
 
 from navfw.errors import InputError
 from navfw.recording import machine_kind
@@ -21,7 +22,6 @@ from navfw.suite import (
     SuiteFolder,
     SuitePlan,
     SuiteResult,
-    run_suite,
 )
 
 CONTENT = {"entry rooms": "1234", "stack default of entry rooms": "5678"}
@@ -36,7 +36,7 @@ def run(
     wanted: SuitePlan, out: SuiteFolder, *, begin: StartMode = "new", **options: Any
 ) -> SuiteResult:
     have = out.open(wanted, "abc", begin=begin)
-    return run_suite(wanted, out, have=have, **{"work": samples.fake_run, **options})
+    return drive(wanted, out, have=have, **options)
 
 
 @pytest.fixture
@@ -202,7 +202,7 @@ def test_a_folder_that_another_suite_writes_is_refused(workdir: Path) -> None:
     with claimed("out") as out:
         assert out.open(plan(2), "abc", begin="resume") == []
     files = sorted(file.name for file in out.path.iterdir())
-    assert files == ["journal.sqlite", "pictures", "suite.json", "table.csv"]
+    assert files == ["journal.sqlite", "pictures", "suite.json"]
     (workdir / "link").symlink_to(workdir / "none")
     with pytest.raises(InputError, match="is a link to"), claimed("link"):
         pass

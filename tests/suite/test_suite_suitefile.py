@@ -339,4 +339,4 @@ def test_every_shipped_mission_is_in_the_suite_shipped() -> None:
     plan = plan_runs(load_suite("shipped"), range(1), default_registry())
     files = (Path(__file__).parents[2] / "worlds").glob("*/missions/*.yaml")
     shipped = {(file.parts[-3], file.stem) for file in files}
-    assert {(case.world_name, case.mission_name) for case in plan.cases} == shipped
+    assert {(case.key.world, case.key.mission) for case in plan.cases} == shipped

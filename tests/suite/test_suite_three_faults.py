@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from suite_plans import planned
+from suite_plans import drive, planned
 
 from navfw.config import shipped_folder
-from navfw.suite import SuiteFolder, run_suite
+from navfw.suite import SuiteFolder, run_job
 
 RUNS = 40
 TOLERANCE = 0.5
@@ -45,7 +45,8 @@ def test_three_faults_at_once_end_without_contact_or_with_its_cause(tmp_path: Pa
     entries = entries_of(RUNS, seed=0)
     plan = planned(tmp_path, json.dumps({"entries": entries}), range(1))
     with SuiteFolder.claim(tmp_path / "out", plan, range(1)) as folder:
-        done = run_suite(plan, folder, workers=2, have=folder.open(plan, "abc", begin="resume"))
+        have = folder.open(plan, "abc", begin="resume")
+        done = drive(plan, folder, work=run_job, workers=2, have=have)
     assert len(done.rows) == RUNS
     reached = [row for row in done.rows if row.outcome == "reached"]
     assert all((row.distance_to_goal_m or 0.0) <= TOLERANCE for row in reached)

@@ -41,7 +41,7 @@ variants:
 
 def test_every_run_is_made_with_every_variant(tmp_path: Path) -> None:
     plan = planned(tmp_path, SUITE, range(2))
-    assert [(case.variant, case.stack_name, case.seed) for case in plan.cases] == [
+    assert [(case.variant, case.key.stack, case.seed) for case in plan.cases] == [
         (variant, stack, seed)
         for variant, stack in (("default", "default"), ("paper", "paper"), ("no-memory", "default"))
         for seed in (0, 1)
@@ -188,8 +188,8 @@ def stacks(world: Path, entry: str, variants: str = "", **options: Any) -> dict[
     """The stack of each mission (and variant)."""
     cases = cases_of(world.parent, f"world: {world / 'world.yaml'}{entry}", variants, **options)
     for case in cases:
-        assert case.stack_name == case.session(default_registry()).stack_file.stem
-    return {f"{case.mission_name} {case.variant}".strip(): case.stack_name for case in cases}
+        assert case.key.stack == case.session(default_registry()).stack_file.stem
+    return {f"{case.key.mission} {case.variant}".strip(): case.key.stack for case in cases}
 
 
 @pytest.mark.parametrize(
@@ -228,7 +228,7 @@ def test_an_unknown_stack_of_a_mission_is_refused_with_its_line(world: Path) -> 
 @pytest.mark.parametrize("name", ["office", "hospital"])
 def test_long_missions_of_shipped_suites_use_landmarks(name: str) -> None:
     plan = plan_runs(load_suite(name), range(1), default_registry())
-    used = {case.mission_name: case.stack_name for case in plan.cases}
+    used = {case.key.mission: case.key.stack for case in plan.cases}
     assert set(used.values()) == {"floor_plan", "landmarks"}
     assert used["patrol"] == "landmarks"
     left_out = {mission.name for mission in list_missions(name)} - used.keys()

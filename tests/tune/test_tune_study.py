@@ -23,7 +23,7 @@ from navfw.suite import Case, Cause, Job, RunRow, WorkerFailure, load_suite
 
 pytest.importorskip("optuna", reason="needs the extra tune: uv sync --extra tune")
 
-from navfw.suite import engine_or_processes
+from navfw.suite import engine_for
 from navfw.tune import BreakPoints, Objectives, StackStudy, StudyFolder, driver, search_space
 
 DETUNED = "base: default\nbehaviors:\n  avoid: {spare: 0.9}\n"
@@ -284,7 +284,7 @@ def test_scores_are_weighed_means() -> None:
 @pytest.mark.slow
 def test_tuning_by_real_runs_brings_the_speed_back(files: Files, folder: StudyFolder) -> None:
     study = planned(files, seeds="0:2", validate="10:12", objectives=("sct",))
-    with engine_or_processes(None, 2, limit=300.0) as engine:
+    with engine_for((), None, 2, 300.0, 2000.0) as engine:
         result = study.run(folder, driver(engine), 8)
     assert result["score_after"] > result["score_before"]
     assert result["settings"]["avoid.spare"] < 0.9
