@@ -12,6 +12,7 @@ import typer
 from navfw.cli import options
 from navfw.cli.output import echo, print_json, quiet_stdout
 from navfw.config.extras import require_extra
+from navfw.process.atomic import writing
 from navfw.process.target_lock import TargetLock
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def tune(
         from navfw.plugins import default_registry
         from navfw.suite.suite_run import engine_for
         from navfw.suite.suitefile import load_suite
-        from navfw.tune.stack_study import StackStudy, StudyFolder
+        from navfw.tune.stack_study import StackStudy
         from navfw.tune.trials import driver
 
         suite = load_suite(file)
@@ -96,8 +97,10 @@ def tune(
             objectives=tuple(objective or ("success", "spl")),
             variants=tuple(variant or ()),
         )
-        folder = StudyFolder(out or Path("runs") / f"tune-{suite.name}")
-        lock = TargetLock(folder.created().absolute() / "study")
+        folder = out or Path("runs") / f"tune-{suite.name}"
+        with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+        lock = TargetLock(folder.absolute() / "study")
         with lock, engine_for(study.cases, scheduler, workers, limit, memory) as runner:
             search = partial(study.run, folder, driver(runner), trials, resume=resume)
             result = search(seed=search_seed, on_trial=_show, minutes=minutes)

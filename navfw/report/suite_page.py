@@ -169,7 +169,7 @@ def comparison_report(
         ]
         comparison = paired_comparison.compare_tables(*rows)
     pairs = paired_comparison.pair_up(*rows)
-    changes = paired_comparison.PairedChanges.of(pairs)
+    changes = paired_comparison.paired_changes(pairs)
     neither = [pair for pair in pairs if not pair.a.succeeded and not pair.b.succeeded]
     of_a, of_b = (RunLines(suite, page) for suite in suites)
     names = [
@@ -190,10 +190,10 @@ def comparison_report(
         groups=[
             (name, note, [(of_a.line(pair.a), of_b.line(pair.b)) for pair in changed_pairs])
             for name, note, changed_pairs in (
-                ("Lost", "only A reached its goals", changes.lost),
-                ("Worse", "both reached their goals, the SPL of B is lower", changes.worse),
-                ("Gained", "only B reached its goals", changes.gained),
-                ("Better", "both reached their goals, the SPL of B is higher", changes.better),
+                ("Lost", "only A reached its goals", changes["lost"]),
+                ("Worse", "both reached their goals, the SPL of B is lower", changes["worse"]),
+                ("Gained", "only B reached its goals", changes["gained"]),
+                ("Better", "both reached their goals, the SPL of B is higher", changes["better"]),
                 ("Failed in both", "neither reached its goals", neither),
             )
         ],

@@ -23,7 +23,7 @@ from .paired_comparison import paired_interval as paired_interval
 from .paired_comparison import wilson as wilson
 from .run_journal import RunJournal as RunJournal
 from .run_journal import columns_of as columns_of
-from .run_journal import write_table as write_table
+from .run_journal import table_cells as table_cells
 from .run_row import COLUMNS as COLUMNS
 from .run_row import RunRow as RunRow
 from .run_row import barn_score as barn_score

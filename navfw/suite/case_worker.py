@@ -34,7 +34,6 @@ def run_job(job: Job) -> RunRow:
     case, began = job.case, time.process_time()
     return_freed_memory()  # of the run before
     try:
-        _one_thread()
         session = case.session(_registry())
         result = session.run(_stop_on_request, record=job.record != "none")
         row = _keep(RunRow.of(case.columns, result), job, result)
@@ -96,12 +95,8 @@ def _stop_on_request(_: object) -> None:
 
 @functools.cache
 def _registry() -> Registry:
-    """The plugins, imported once per process; each run builds a new stack from them."""
-    return default_registry()
-
-
-@functools.cache
-def _one_thread() -> None:
+    """The plugins, imported once per process, which has one thread; each run builds a new stack."""
     import cv2
 
     cv2.setNumThreads(1)
+    return default_registry()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist, fmean, median
 from typing import Any
@@ -98,7 +98,6 @@ def median_interval(values: Sequence[float]) -> tuple[float, float] | None:
 _SPL_CHANGE = 0.1
 """Change of SPL beyond which a run counts as worse, or better, although both runs succeeded."""
 
-
 _OF_RUN = ("outcome", "cause", "spl", "picture")
 
 
@@ -119,40 +118,27 @@ class RunPair:
         """Variant, or stack, of B; "" where A was driven with another."""
         return self.b.configuration if self.a.configuration == self.b.configuration else ""
 
-    def loss(self) -> tuple[bool, float]:
-        """A key that sorts the worst pairs first: new collisions, then the loss of SPL."""
-        return not (self.b.collisions and not self.a.collisions), self.spl_difference
 
-
-@dataclass(frozen=True, slots=True)
-class PairedChanges:
+def paired_changes(pairs: Sequence[RunPair]) -> dict[str, list[RunPair]]:
     """The pairs that differ, the worst and the best first: collisions, then the change of SPL.
 
     Only A succeeded in ``lost``, only B in ``gained``. Both did in ``worse`` and ``better``, and
     the SPL of B is lower, or higher, by more than ``_SPL_CHANGE``.
     """
-
-    lost: tuple[RunPair, ...]
-    worse: tuple[RunPair, ...]
-    gained: tuple[RunPair, ...]
-    better: tuple[RunPair, ...]
-
-    @classmethod
-    def of(cls, pairs: Sequence[RunPair]) -> PairedChanges:
-        """The changes among ``pairs``."""
-        both = [pair for pair in pairs if pair.a.succeeded and pair.b.succeeded]
-        return cls(
-            lost=_sorted(pair for pair in pairs if pair.a.succeeded and not pair.b.succeeded),
-            worse=_sorted(pair for pair in both if pair.spl_difference < -_SPL_CHANGE),
-            gained=_sorted(
-                (pair for pair in pairs if pair.b.succeeded and not pair.a.succeeded), best=True
-            ),
-            better=_sorted((pair for pair in both if pair.spl_difference > _SPL_CHANGE), best=True),
-        )
+    changes: dict[str, list[RunPair]] = {"lost": [], "worse": [], "gained": [], "better": []}
+    for pair in pairs:
+        if pair.a.succeeded != pair.b.succeeded:
+            changes["lost" if pair.a.succeeded else "gained"].append(pair)
+        elif pair.a.succeeded and abs(pair.spl_difference) > _SPL_CHANGE:
+            changes["worse" if pair.spl_difference < 0.0 else "better"].append(pair)
+    for name, changed in changes.items():
+        changed.sort(key=_loss, reverse=name in {"gained", "better"})
+    return changes
 
 
-def _sorted(pairs: Iterable[RunPair], *, best: bool = False) -> tuple[RunPair, ...]:
-    return tuple(sorted(pairs, key=RunPair.loss, reverse=best))
+def _loss(pair: RunPair) -> tuple[bool, float]:
+    """A key that sorts the worst pairs first: new collisions, then the loss of SPL."""
+    return not (pair.b.collisions and not pair.a.collisions), pair.spl_difference
 
 
 def of_variant(rows: Sequence[RunRow], name: str | None) -> Sequence[RunRow]:
@@ -213,7 +199,7 @@ def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[st
     are medians over all pairs, ``mean_spl_a`` and ``mean_spl_b`` means; ``time_difference_s`` and
     ``time_ratio`` are medians over the pairs in which both runs succeeded. Differences of success
     and of medians have an interval of 95 %, None for too few pairs. ``lost``, ``worse``, ``gained``
-    and ``better`` list the runs of ``PairedChanges``. With several variants in both tables, or
+    and ``better`` list the runs of ``paired_changes``. With several variants in both tables, or
     several stacks, ``by_configuration`` has the same of each.
 
     Raises:
@@ -232,8 +218,8 @@ def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[st
 
 def _numbers(pairs: Sequence[RunPair]) -> dict[str, Any]:
     """The comparison of ``pairs``, at least one."""
-    changes = PairedChanges.of(pairs)
-    lost, gained = len(changes.lost), len(changes.gained)
+    changes = paired_changes(pairs)
+    lost, gained = len(changes["lost"]), len(changes["gained"])
     times = [
         (pair.a.sim_time_s, pair.b.sim_time_s)
         for pair in pairs
@@ -264,10 +250,10 @@ def _numbers(pairs: Sequence[RunPair]) -> dict[str, Any]:
         "collisions_a": sum(pair.a.collisions or 0 for pair in pairs),
         "collisions_b": sum(pair.b.collisions or 0 for pair in pairs),
         "same_commands": sum(pair.a.command_hash == pair.b.command_hash != "" for pair in pairs),
-        "gained": [_named(pair.a) for pair in changes.gained],
-        "lost": [_named(pair.b) for pair in changes.lost],
-        "worse": [_named(pair.b) for pair in changes.worse],
-        "better": [_named(pair.b) for pair in changes.better],
+        **{
+            name: [_named(pair.a if name == "gained" else pair.b) for pair in changed]
+            for name, changed in changes.items()
+        },
     }
 
 

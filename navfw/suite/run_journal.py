@@ -1,4 +1,4 @@
-"""The rows of a suite: their journal, which alone is read, and the table exported from it.
+"""The rows of a suite: their journal, which alone is read, and the cells of the table.
 
 Every run that has ended is written at once to an SQLite database. A run is one transaction: after a
 kill or a power cut the journal has all of it or nothing. The primary key is the run with the
@@ -22,7 +22,7 @@ from pydantic import TypeAdapter
 from navfw.config.input_file import is_file, open_input
 from navfw.errors import ConfigError
 from navfw.missions.outcome import Outcome
-from navfw.process.atomic import atomic_file, write_text
+from navfw.process.atomic import atomic_file
 from navfw.suite.run_row import COLUMNS, REQUIRED, RunRow
 
 _OPTIONAL = ("variant", "hazards")
@@ -45,16 +45,6 @@ def columns_of(rows: Iterable[RunRow]) -> tuple[str, ...]:
     rows = list(rows)
     unused = {name for name in _OPTIONAL if not any(getattr(row, name) for row in rows)}
     return tuple(name for name in COLUMNS if name not in unused)
-
-
-def write_table(path: Path, rows: Iterable[RunRow]) -> None:
-    """Write ``rows`` as CSV (see ``table_cells``).
-
-    Raises:
-        InputError: the file cannot be written; an existing file stays unchanged.
-
-    """
-    write_text(path, table_cells(rows))
 
 
 def table_cells(rows: Iterable[RunRow]) -> list[list[str]]:

@@ -23,7 +23,7 @@ from navfw.process.target_lock import TargetInUseError, TargetLock, sweep
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import REPORT, plain_json
 from navfw.suite.case import RECORDINGS
-from navfw.suite.run_journal import RunJournal, write_table
+from navfw.suite.run_journal import RunJournal, table_cells
 from navfw.suite.run_row import RunRow
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import brief_table
@@ -194,7 +194,7 @@ class SuiteFolder:
 
     def save(self, rows: Sequence[RunRow], summary: Mapping[str, Any]) -> None:
         """Write table and summary, and remove the folder of pictures if it is empty."""
-        write_table(self.table, rows)
+        write_text(self.table, table_cells(rows))
         self._write(SUMMARY, summary)
         write_text(self.path / _MARKDOWN, brief_table(summary).markdown())
         if self.pictures.is_dir() and not any(self.pictures.iterdir()):

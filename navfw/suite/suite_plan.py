@@ -115,7 +115,7 @@ def plan_runs(
         try:
             checked = [
                 _check_case(suite, index, replace(first, stack=str(file or "")), registry)
-                for file in list(files.values()) or [_stack_of(suite, index, name)]
+                for file in files.values() or [_stack_of(suite, index, name)]
             ]
         except MissingExtraError as error:
             if not name:

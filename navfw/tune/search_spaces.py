@@ -83,23 +83,15 @@ class BreakPoints:
         return dict.fromkeys(self._names(), 1.0)
 
     def suggest(self, trial: BaseTrial) -> dict[str, list[float]]:
-        """The corners of each term.
-
-        Raises:
-            RuleBaseError: with them the rules do not cover their inputs.
-
-        """
-        factors = [
-            trial.suggest_float(name, 1.0 / _GAP_FACTOR, _GAP_FACTOR, log=True)
-            for name in self._names()
-        ]
-        return self.moved(factors)
+        """The corners of each term."""
+        low, high = 1.0 / _GAP_FACTOR, _GAP_FACTOR
+        return self.moved([trial.suggest_float(n, low, high, log=True) for n in self._names()])
 
     def moved(self, factors: Sequence[float]) -> dict[str, list[float]]:
         """The corners of each term after each gap has changed by its factor; all fill the range.
 
         Raises:
-            RuleBaseError: as ``suggest``.
+            RuleBaseError: with them the rules do not cover their inputs.
 
         """
         low, high = self.variable.low, self.variable.high
@@ -111,15 +103,11 @@ class BreakPoints:
             name: [places.get(corner, corner) for corner in shape.corners]
             for name, shape in self._shapes().items()
         }
-        self._check(terms)
-        return terms
-
-    def _check(self, terms: Mapping[str, Sequence[float]]) -> None:
-        shapes = {**self.variable.terms}
-        shapes |= {name: Trapezoid(tuple(corners)) for name, corners in terms.items()}
-        changed = replace(self.variable, terms=shapes)
+        shapes = {name: Trapezoid(tuple(corners)) for name, corners in terms.items()}
+        changed = replace(self.variable, terms={**self.variable.terms, **shapes})
         inputs = {**self.base.inputs, self.variable.name: changed}
         check_coverage(replace(self.base, inputs=inputs))
+        return terms
 
 
 @dataclass(frozen=True)
@@ -170,12 +158,7 @@ class SearchSpace:
         return {k: v for coordinate in self.coordinates for k, v in coordinate.start().items()}
 
     def settings(self, trial: BaseTrial) -> dict[str, object]:
-        """The values that a trial takes, by path, as for ``--set``.
-
-        Raises:
-            RuleBaseError: break points leave a gap in what the rules cover.
-
-        """
+        """The values that a trial takes, by path, as for ``--set``."""
         return {c.path: c.suggest(trial) for c in self.coordinates}
 
 

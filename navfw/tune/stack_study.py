@@ -35,135 +35,104 @@ from navfw.tune.trials import (
     SETTINGS,
     Drive,
     Objectives,
-    best_of,
     finished,
     run_trials,
     sampler_and_pruner,
     with_settings,
 )
 
-_NAME = "navfw"
 _IDENTITY = "identity"
 
 
-@dataclass(frozen=True)
-class StudyFolder:
-    """``study.db``, ``trials.csv``, ``stack.yaml``, ``importance.png``, ``validation.json``."""
+def open_study(
+    folder: Path, identity: Mapping[str, Any], *, resume: bool, seed: int
+) -> optuna.Study:
+    """A new study in ``folder``, or the one that is there, in the file ``study.db``.
 
-    path: Path
+    ``identity`` has what its scores depend on, by name: suite, seeds, stack and so on.
 
-    @property
-    def database(self) -> Path:
-        """Optuna's SQLite file."""
-        return self.path / "study.db"
+    Raises:
+        InputError: there is a study already, or none to resume, or one of other runs, or the
+            folder cannot be written.
+        ConfigError: the file is no study.
 
-    @property
-    def stack(self) -> Path:
-        """The stack file with the best parameters."""
-        return self.path / "stack.yaml"
-
-    def created(self) -> Path:
-        """The folder, made if there is none.
-
-        Raises:
-            InputError: it cannot be made.
-
-        """
-        with writing(self.path):
-            self.path.mkdir(parents=True, exist_ok=True)
-        return self.path
-
-    def open(self, identity: Mapping[str, Any], *, resume: bool, seed: int) -> optuna.Study:
-        """A new study, or the one in the folder.
-
-        ``identity`` has what its scores depend on, by name: suite, seeds, stack and so on.
-
-        Raises:
-            InputError: there is a study already, or none to resume, or one of other runs, or the
-                folder cannot be written.
-            ConfigError: the file is no study.
-
-        """
-        exists = is_file(self.database)
-        if exists and not resume:
-            what = "there is a study in it; --resume goes on with it, or choose another --out"
-            raise InputError(what, file=self.path)
-        if resume and not exists:
-            raise InputError("there is no study to resume; leave out --resume", file=self.path)
-        optuna.logging.set_verbosity(optuna.logging.WARNING)
-        sampler, pruner = sampler_and_pruner(seed)
-        self.created()
-        try:
-            study = optuna.create_study(
-                storage=f"sqlite:///{self.database.absolute()}",
-                study_name=_NAME,
-                direction="maximize",
-                sampler=sampler,
-                pruner=pruner,
-                load_if_exists=True,
-            )
-            if _IDENTITY in study.user_attrs:
-                self._check(study.user_attrs[_IDENTITY], identity)
-            else:  # new, or killed before it had one
-                study.set_user_attr(_IDENTITY, dict(identity))
-        except (SQLAlchemyError, StorageInternalError, RuntimeError) as error:
-            what = f"expected a study of navfw tune: {str(error).splitlines()[0]}"
-            raise ConfigError(what, file=self.database) from None
-        return study
-
-    def _check(self, stored: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-        other = [name for name in wanted if stored.get(name) != wanted[name]]
-        if other:
-            name = other[0]
+    """
+    database = folder / "study.db"
+    exists = is_file(database)
+    if exists and not resume:
+        what = "there is a study in it; --resume goes on with it, or choose another --out"
+        raise InputError(what, file=folder)
+    if resume and not exists:
+        raise InputError("there is no study to resume; leave out --resume", file=folder)
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    sampler, pruner = sampler_and_pruner(seed)
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    try:
+        study = optuna.create_study(
+            storage=f"sqlite:///{database.absolute()}",
+            study_name="navfw",
+            direction="maximize",
+            sampler=sampler,
+            pruner=pruner,
+            load_if_exists=True,
+        )
+        if _IDENTITY not in study.user_attrs:  # new, or killed before it had one
+            study.set_user_attr(_IDENTITY, dict(identity))
+    except (SQLAlchemyError, StorageInternalError, RuntimeError) as error:
+        what = f"expected a study of navfw tune: {str(error).splitlines()[0]}"
+        raise ConfigError(what, file=database) from None
+    stored = study.user_attrs[_IDENTITY]
+    for name, value in identity.items():
+        if stored.get(name) != value:
             what = f"the study in it has another {name}: {_short(stored.get(name))}, not"
-            what += f" {_short(wanted[name])}; give the same options, or another --out"
-            raise InputError(what, file=self.path)
-
-    def write_trials(self, study: optuna.Study) -> None:
-        """The table of trials: state, score, its parts, and the value of each coordinate."""
-        trials = finished(study)
-        names = sorted({name for trial in trials for name in trial.params})
-        scored = sorted({name for t in trials for name in t.user_attrs.get("scores", {})})
-        table = [["trial", "state", "runs", "score", *scored, *names]]
-        for trial in trials:
-            scores = trial.user_attrs.get("scores", {})
-            head = [trial.number, trial.state.name.lower(), trial.user_attrs.get("runs", 0)]
-            values = [trial.params.get(name, "") for name in names]
-            score = "" if trial.value is None else trial.value
-            row = [*head, score, *(scores.get(name, "") for name in scored), *values]
-            table.append([str(value) for value in row])
-        write_text(self.path / "trials.csv", table)
-
-    def write_stack(self, config: StackConfig, description: str) -> None:
-        """A stack file with all values of ``config``."""
-        write_text(self.stack, write_yaml_text({"description": description, **config.as_data()}))
-
-    def write_importance(self, study: optuna.Study) -> bool:
-        """A bar for each coordinate's importance; False with too few trials to tell."""
-        import matplotlib as mpl
-
-        mpl.use("agg")
-        import matplotlib.pyplot as plt
-
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")  # one says that there are too few trials
-                shares = optuna.importance.get_param_importances(study)
-        except (UserWarning, ValueError, RuntimeError):
-            return False
-        figure, axes = plt.subplots(figsize=(7.0, 1.0 + 0.3 * len(shares)), layout="constrained")
-        names = list(shares)[::-1]
-        axes.barh(names, [shares[name] for name in names])
-        axes.set_xlabel("share of the score's variation (PED-ANOVA)")
-        with atomic_file(self.path / "importance.png") as stream:
-            figure.savefig(stream, format="png", dpi=120)
-        plt.close(figure)
-        return True
+            what += f" {_short(value)}; give the same options, or another --out"
+            raise InputError(what, file=folder)
+    return study
 
 
 def _short(value: object) -> str:
     text = json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _write_trials(file: Path, study: optuna.Study) -> None:
+    """The table of trials: state, score, its parts, and the value of each coordinate."""
+    trials = finished(study)
+    names = sorted({name for trial in trials for name in trial.params})
+    scored = sorted({name for t in trials for name in t.user_attrs.get("scores", {})})
+    table = [["trial", "state", "runs", "score", *scored, *names]]
+    for trial in trials:
+        scores = trial.user_attrs.get("scores", {})
+        head = [trial.number, trial.state.name.lower(), trial.user_attrs.get("runs", 0)]
+        values = [trial.params.get(name, "") for name in names]
+        score = "" if trial.value is None else trial.value
+        row = [*head, score, *(scores.get(name, "") for name in scored), *values]
+        table.append([str(value) for value in row])
+    write_text(file, table)
+
+
+def _write_importance(file: Path, study: optuna.Study) -> bool:
+    """A bar for each coordinate's importance; False with too few trials to tell."""
+    import matplotlib as mpl
+
+    mpl.use("agg")
+    import matplotlib.pyplot as plt
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # one says that there are too few trials
+            shares = optuna.importance.get_param_importances(study)
+    except (UserWarning, ValueError, RuntimeError):
+        return False
+    figure, axes = plt.subplots(figsize=(7.0, 1.0 + 0.3 * len(shares)), layout="constrained")
+    names = list(shares)[::-1]
+    axes.barh(names, [shares[name] for name in names])
+    axes.set_xlabel("share of the score's variation (PED-ANOVA)")
+    with atomic_file(file) as stream:
+        figure.savefig(stream, format="png", dpi=120)
+    plt.close(figure)
+    return True
 
 
 _RESAMPLES = 9999
@@ -271,7 +240,7 @@ class StackStudy:
 
     def run(
         self,
-        folder: StudyFolder,
+        folder: Path,
         drive: Drive,
         trials: int,
         *,
@@ -282,29 +251,29 @@ class StackStudy:
     ) -> dict[str, Any]:
         """Tune up to ``trials`` trials or ``minutes``, validate the best, write all files.
 
-        Returns the validation.
+        Returns the content of ``validation.json``.
 
         Raises:
             InputError: the folder has a study of other runs, or cannot be written.
             KeyboardInterrupt: of the user; ``resume`` goes on with the finished trials.
 
         """
-        study = folder.open(self.identity, resume=resume, seed=seed)
+        study = open_study(folder, self.identity, resume=resume, seed=seed)
         runs = (self.training, self.objectives, drive)
         run_trials(study, self.space, *runs, trials, on_trial=on_trial, minutes=minutes)
-        folder.write_trials(study)
-        best = best_of(study)
-        if best is None:
-            raise InputError("no trial has been completed; give more --trials", file=folder.path)
+        _write_trials(folder / "trials.csv", study)
+        try:
+            best = study.best_trial
+        except ValueError:
+            what = "no trial has been completed; give more --trials"
+            raise InputError(what, file=folder) from None
         settings = dict(best.user_attrs[SETTINGS])
-        changes = overrides_of(settings)
+        changes, stack = overrides_of(settings), folder / "stack.yaml"
         tuned = load_stack(find("stack", self.stack), self.registry, changes)
-        folder.write_stack(
-            tuned,
-            f"{self.stack}, tuned on the suite {self.identity['suite']}"
-            f" in {len(finished(study))} trials",
-        )
-        drawn = folder.write_importance(study)
+        about = f"tuned on the suite {self.identity['suite']} in {len(finished(study))} trials"
+        described = {"description": f"{self.stack}, {about}", **tuned.as_data()}
+        write_text(stack, write_yaml_text(described))
+        drawn = _write_importance(folder / "importance.png", study)
         before = list(drive(self.validation))
         after = list(drive(with_settings(self.validation, settings)))
         validation = {
@@ -312,8 +281,8 @@ class StackStudy:
             "trial": best.number,
             "training_score": best.value,
             "settings": settings,
-            "stack": str(folder.stack),
+            "stack": str(stack),
             "importance": drawn,
         }
-        write_text(folder.path / "validation.json", json.dumps(validation, indent=2) + "\n")
+        write_text(folder / "validation.json", json.dumps(validation, indent=2) + "\n")
         return validation

@@ -94,12 +94,6 @@ def finished(study: optuna.Study) -> list[FrozenTrial]:
     return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED))
 
 
-def best_of(study: optuna.Study) -> FrozenTrial | None:
-    """The complete trial with the best score; None without any."""
-    complete = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
-    return max(complete, key=lambda trial: trial.value or 0.0, default=None)
-
-
 def run_trials(
     study: optuna.Study,
     space: SearchSpace,

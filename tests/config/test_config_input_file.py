@@ -66,7 +66,6 @@ ALLOWED = """
     suite/worker_pool.py:open
     testing/mission_cache.py:np.load
     tune/stack_study.py:Objectives.parse
-    tune/stack_study.py:folder.open
 """
 """Calls of these names that open no input: outputs, devices, packages, and what is read already."""
 

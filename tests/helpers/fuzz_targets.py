@@ -23,7 +23,7 @@ from navfw.robot import load_robot
 from navfw.stack import load_stack
 from navfw.suite import RunJournal, load_suite, plan_runs
 from navfw.topomap import load_any_map, save_map
-from navfw.tune import StudyFolder
+from navfw.tune import open_study
 
 Read = Callable[[Path], object]
 Prepare = Callable[[Path], object]
@@ -235,7 +235,7 @@ def _journal(folder: Path) -> None:
 
 
 def _study(folder: Path) -> None:
-    StudyFolder(folder).open({}, resume=False, seed=0)
+    open_study(folder, {}, resume=False, seed=0)
 
 
 def _read_mesh(name: str) -> Read:
@@ -268,7 +268,7 @@ TARGETS: dict[str, Target] = {
     "resumed": Target("a/journal.sqlite", "database", _journal,
                       lambda folder: RunJournal(folder / "a/journal.sqlite").create(), 20),
     "study": Target("study.db", "database", _study,
-                    lambda folder: StudyFolder(folder).open({}, resume=True, seed=0), 3),
+                    lambda folder: open_study(folder, {}, resume=True, seed=0), 3),
     "robot": Target("robot.yaml", "data", _copy("robot.yaml", "navfw/robot/robots/default.yaml"),
                     lambda folder: load_robot(folder / "robot.yaml"), 8),
     "collada": Target("a.dae", "xml", _text("a.dae", COLLADA), _read_mesh("a.dae"), 10),

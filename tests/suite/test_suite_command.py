@@ -50,15 +50,15 @@ def test_a_suite_runs_and_its_runs_are_those_of_navfw_run(folder: Path) -> None:
 def test_ctrl_c_leaves_a_valid_table_and_no_process(folder: Path) -> None:
     words = ["suite", "tiny.yaml", "--seeds", "0:5000", "--out", "o", "--json", "--keep", "none"]
     started = Started(PROGRAM, words, folder)
-    table = folder / "o" / "table.csv"
-    while not (table.is_file() and len(table.read_text().splitlines()) > 1):
+    out = SuiteFolder(folder / "o")
+    while not (out.journal.file.is_file() and out.rows()):
         assert started.after(0.1), "it ended before it began"
     started.send(signal.SIGINT)
     ended = started.ended()
     assert ended.code == 130
     told = json.loads(ended.stdout)
     assert told["summary"]["complete"] is False
-    rows = SuiteFolder(folder / "o").rows()
+    rows = out.rows()
     assert 1 <= len(rows) == len(told["runs"]) < 5000
     assert {row.outcome for row in rows} == {"timeout"}
 
@@ -85,9 +85,9 @@ def test_ctrl_c_leaves_a_valid_table_and_no_process(folder: Path) -> None:
         (["suite", "mine/mission.yaml", "--seeds", "0:1"], "did you mean 'straight'?"),
         (["suite", "mine/folder.yaml", "--seeds", "0:1"], "there is no such folder"),
         (["suite", "mine/wall.yaml", "--seeds", "0:1"], "mine/wall.yaml:2: entries[0]:"),
-        (["report", "--text", "a", "tiny.yaml"], "a: there is no such folder; expected"),
+        (["report", "--text", "a", "tiny.yaml"], "a: is no folder; expected"),
         (["report", "--text", "a", "b", "--fail-if-worse", "much"], "such as 1% or 0.01"),
-        (["report", "--text", "tiny.yaml", "tiny.yaml"], "tiny.yaml: is a file; expected"),
+        (["report", "--text", "tiny.yaml", "tiny.yaml"], "tiny.yaml: is no folder; expected"),
         (["report", "--text", "mine", "mine"], "mine: has no journal.sqlite"),
     ],
 )

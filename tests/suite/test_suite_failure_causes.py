@@ -9,20 +9,13 @@ import numpy as np
 import pytest
 
 from navfw.localmap import CLAMP_MAX
-from navfw.missions import (
-    Drive,
-    FaultKind,
-    MissionResult,
-    MissionVerdict,
-    Outcome,
-    Session,
-    prepare,
-)
+from navfw.missions import FaultKind, MissionResult, MissionVerdict, Outcome, Session, prepare
 from navfw.mofis import DecisionInputs
 from navfw.plugins import default_registry
 from navfw.recording import Contact, RunLog, RunLogger
 from navfw.signals import Belief, Odometry, Pose, Sight, Twist
 from navfw.sim import BoxSpec, CylinderSpec, SceneGeometry, Simulation, WalkerTrack, WorldSpec
+from navfw.sim.world_changes import ChangeTrack
 from navfw.suite import (
     Cause,
     CollisionSymptoms,
@@ -178,10 +171,18 @@ def result_of(
     ended = SimpleNamespace(
         timings=SimpleNamespace(render=0.0, physics=0.0, sensors=0.0, landmarks=0.0),
         collision_cause=None,
-        change_track=lambda: None,
+        change_track=lambda: ChangeTrack(()),
         walker_track=lambda: None,
     )
-    return MissionResult.of(session, Drive(verdict, log, 4.0, 1.0, ()), cast(Simulation, ended))
+    drive: Any = SimpleNamespace(
+        verdict=verdict,
+        log=log,
+        sim_time=4.0,
+        wall_time=1.0,
+        faults=(),
+        events=SimpleNamespace(log=()),
+    )
+    return MissionResult.of(session, drive, cast(Simulation, ended))
 
 
 def symptoms_of(*ended: Any) -> Any:

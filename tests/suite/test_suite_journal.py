@@ -4,7 +4,7 @@ import csv
 import json
 import math
 import sqlite3
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -20,17 +20,17 @@ from suite_plans import drive
 from suite_samples import row
 
 from navfw.errors import InputError
+from navfw.process import write_text
 from navfw.suite import (
     COLUMNS,
     RunJournal,
-    RunRow,
     StartMode,
     SuiteFolder,
     SuitePlan,
     SuiteResult,
     run_journal,
     suite_folder,
-    write_table,
+    table_cells,
 )
 
 
@@ -239,7 +239,7 @@ def test_rows_are_read_as_written(tmp_path_factory: pytest.TempPathFactory, **va
 
 def test_a_reason_of_several_lines_becomes_one_line(journal: RunJournal, tmp_path: Path) -> None:
     wordy = row(reason="first\nsecond\tthird")
-    write_table(tmp_path / "table.csv", [wordy])
+    write_text(tmp_path / "table.csv", table_cells([wordy]))
     assert len((tmp_path / "table.csv").read_text().splitlines()) == 2
     journal.add("aa", wordy)
     assert journal.rows(["aa"])[0].reason == "first second third"
@@ -247,32 +247,14 @@ def test_a_reason_of_several_lines_becomes_one_line(journal: RunJournal, tmp_pat
 
 def test_the_table_is_standard_csv(tmp_path: Path) -> None:
     file = tmp_path / "table.csv"
-    write_table(file, [row(7, min_clearance_m=math.inf, spl=math.nan, reason='a "b", c')])
+    odd = row(7, min_clearance_m=math.inf, spl=math.nan, reason='a "b", c')
+    write_text(file, table_cells([odd]))
     (cells,) = table_of(file)
     assert tuple(cells) == tuple(name for name in COLUMNS if name not in ("variant", "hazards"))
     assert (cells["seed"], cells["min_clearance_m"], cells["spl"]) == ("7", "inf", "")
     assert cells["reason"] == 'a "b", c'
-    write_table(file, [row(1, variant="default"), row(1, variant="paper")])
+    write_text(file, table_cells([row(1, variant="default"), row(1, variant="paper")]))
     assert [cells["variant"] for cells in table_of(file)] == ["default", "paper"]
-
-
-def test_a_failed_write_leaves_the_old_table(tmp_path: Path) -> None:
-    file = tmp_path / "table.csv"
-    write_table(file, [row(1)])
-
-    def rows() -> Iterator[RunRow]:
-        yield row(2)
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        write_table(file, rows())
-    assert [cells["seed"] for cells in table_of(file)] == ["1"]
-    assert list(tmp_path.iterdir()) == [file]
-
-
-def test_a_table_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be written"):
-        write_table(tmp_path / "missing" / "table.csv", [])
 
 
 def rewrite(journal: RunJournal, change: Callable[[dict[str, Any]], object]) -> None:

@@ -237,7 +237,7 @@ def test_the_seed_determines_the_world_and_overrides_apply_to_the_mission(tmp_pa
     sessions = [case.session(default_registry()) for case in plan.cases]
     assert [session.world.boxes[0].at[1] for session in sessions] == pytest.approx([1.3, 1.4, 1.5])
     sizes = [session.world.boxes[0].size[0] for session in sessions]
-    assert sizes == pytest.approx([0.2 + (case.difficulty or 0.0) for case in plan.cases])
+    assert sizes == pytest.approx([0.2 + case.columns["difficulty"] for case in plan.cases])
     assert len(set(sizes)) == 3
     session = sessions[0]
     assert (session.task.timeout, session.task.robot.max_v) == (7.0, 0.3)

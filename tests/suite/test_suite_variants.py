@@ -7,10 +7,9 @@ from typing import Any
 from unittest.mock import Mock
 
 import pytest
-import suite_samples as samples
 from cli_calls import put_files
 from navfw_benchmarks.plugins import navground
-from suite_plans import planned
+from suite_plans import drive, planned
 from suite_samples import row
 
 from navfw.config import list_missions, shipped_folder
@@ -25,7 +24,6 @@ from navfw.suite import (
     load_suite,
     of_variant,
     plan_runs,
-    run_suite,
     summarize,
 )
 
@@ -147,7 +145,7 @@ def test_a_suite_writes_the_table_of_variants(tmp_path: Path) -> None:
     out = SuiteFolder(tmp_path / "out")
     plan = planned(tmp_path, SUITE, range(2))
     have = out.open(plan, "abc")
-    done = run_suite(plan, out, have=have, work=samples.fake_run, keep="none")
+    done = drive(plan, out, have=have, keep="none")
     assert done.complete
     assert [row.variant for row in out.rows()][::2] == ["default", "paper", "no-memory"]
     summary = json.loads((out.path / "summary.json").read_text())

@@ -24,7 +24,7 @@ from navfw.suite import Case, Cause, Job, RunRow, WorkerFailure, load_suite
 pytest.importorskip("optuna", reason="needs the extra tune: uv sync --extra tune")
 
 from navfw.suite import engine_for
-from navfw.tune import BreakPoints, Objectives, StackStudy, StudyFolder, driver, search_space
+from navfw.tune import BreakPoints, Objectives, StackStudy, driver, open_study, search_space
 
 DETUNED = "base: default\nbehaviors:\n  avoid: {spare: 0.9}\n"
 BEST = 0.06
@@ -41,8 +41,8 @@ def files(tmp_path: Path) -> Files:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> StudyFolder:
-    return StudyFolder(tmp_path / "out")
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "out"
 
 
 def planned(files: Files, **changed: Any) -> StackStudy:
@@ -71,27 +71,27 @@ class FakeRuns:
             yield RunRow(**case.columns, outcome="reached", spl=spl)
 
 
-def table_of(folder: StudyFolder) -> list[dict[str, str]]:
-    text = (folder.path / "trials.csv").read_text(encoding="utf-8")
+def table_of(folder: Path) -> list[dict[str, str]]:
+    text = (folder / "trials.csv").read_text(encoding="utf-8")
     return list(csv.DictReader(text.splitlines()))
 
 
 def test_variants_are_chosen_from_and_no_trial_begins_after_the_time(
-    files: Files, folder: StudyFolder
+    files: Files, folder: Path
 ) -> None:
     study = planned(files, parameters=(), variants=("avoid.spare=0.9|0.5|0.06",))
     found = study.run(folder, FakeRuns(), 12)
     assert found["settings"] == {"avoid.spare": BEST}
     assert float(table_of(folder)[0]["avoid.spare"]) == 0.9
-    short = StudyFolder(folder.path / "short")
+    short = folder / "short"
     study.run(short, FakeRuns(), 12, minutes=0.0)
     assert len(table_of(short)) == 1
 
 
 @pytest.mark.thorough
-def test_tuning_brings_a_detuned_parameter_back(files: Files, folder: StudyFolder) -> None:
+def test_tuning_brings_a_detuned_parameter_back(files: Files, folder: Path) -> None:
     found = planned(files).run(folder, FakeRuns(), 30)
-    tuned = load_stack(folder.stack, default_registry())
+    tuned = load_stack(folder / "stack.yaml", default_registry())
     spare = tuned.behaviors["avoid"].params.model_dump()["spare"]
     assert spare == pytest.approx(BEST, abs=0.05)
     assert found["settings"] == {"avoid.spare": spare}
@@ -100,8 +100,8 @@ def test_tuning_brings_a_detuned_parameter_back(files: Files, folder: StudyFolde
     # nothing else of the stack has changed
     wanted = load_stack(files[1], default_registry(), [f"avoid.spare={spare}"])
     assert tuned.as_data() == wanted.as_data()
-    assert json.loads((folder.path / "validation.json").read_text(encoding="utf-8")) == found
-    assert (folder.path / "importance.png").read_bytes().startswith(b"\x89PNG")
+    assert json.loads((folder / "validation.json").read_text(encoding="utf-8")) == found
+    assert (folder / "importance.png").read_bytes().startswith(b"\x89PNG")
     rows = table_of(folder)
     assert len(rows) == 30
     assert float(rows[0]["avoid.spare"]) == 0.9, "the first trial is the stack as it is"
@@ -110,7 +110,7 @@ def test_tuning_brings_a_detuned_parameter_back(files: Files, folder: StudyFolde
     assert all(int(row["runs"]) < 6 for row in pruned)
 
 
-def test_training_and_validation_share_no_run(files: Files, folder: StudyFolder) -> None:
+def test_training_and_validation_share_no_run(files: Files, folder: Path) -> None:
     runs = FakeRuns()
     planned(files).run(folder, runs, 3)
     seeds = [case.seed for case in runs.driven]
@@ -121,7 +121,7 @@ def test_training_and_validation_share_no_run(files: Files, folder: StudyFolder)
 
 
 @pytest.mark.thorough
-def test_a_study_goes_on_where_it_was(files: Files, folder: StudyFolder) -> None:
+def test_a_study_goes_on_where_it_was(files: Files, folder: Path) -> None:
     study = planned(files)
     with pytest.raises(KeyboardInterrupt):
         study.run(folder, FakeRuns(stop_after=14), 8)
@@ -144,28 +144,28 @@ def test_a_study_goes_on_where_it_was(files: Files, folder: StudyFolder) -> None
     ],
 )
 def test_a_study_of_other_runs_is_refused(
-    files: Files, folder: StudyFolder, changed: dict[str, Any], what: str
+    files: Files, folder: Path, changed: dict[str, Any], what: str
 ) -> None:
-    folder.open(planned(files).identity, resume=False, seed=0)
+    open_study(folder, planned(files).identity, resume=False, seed=0)
     with pytest.raises(InputError, match=what):
-        folder.open(planned(files, **changed).identity, resume=True, seed=0)
+        open_study(folder, planned(files, **changed).identity, resume=True, seed=0)
 
 
-def test_a_study_of_another_suite_is_refused(files: Files, folder: StudyFolder) -> None:
-    folder.open(planned(files).identity, resume=False, seed=0)
+def test_a_study_of_another_suite_is_refused(files: Files, folder: Path) -> None:
+    open_study(folder, planned(files).identity, resume=False, seed=0)
     other = files[0].with_name("other.yaml")
     other.write_text("entries: [{world: empty, missions: [turn-back]}]\n", encoding="utf-8")
     with pytest.raises(InputError, match='another suite: "short", not "other"'):
         planned((other, files[1])).run(folder, FakeRuns(), 2, resume=True)
 
 
-def test_a_file_that_is_no_study_is_told(folder: StudyFolder) -> None:
+def test_a_file_that_is_no_study_is_told(folder: Path) -> None:
     with pytest.raises(InputError, match="there is no study to resume"):
-        folder.open({}, resume=True, seed=0)
-    folder.created()
-    folder.database.write_bytes(b"not a database" * 100)
+        open_study(folder, {}, resume=True, seed=0)
+    folder.mkdir()
+    (folder / "study.db").write_bytes(b"not a database" * 100)
     with pytest.raises(InputError, match=r"study\.db: expected a study of navfw tune: "):
-        folder.open({}, resume=True, seed=0)
+        open_study(folder, {}, resume=True, seed=0)
 
 
 @pytest.mark.parametrize(
@@ -228,10 +228,10 @@ def test_break_points_keep_their_order_their_meetings_and_the_cover() -> None:
     assert covered > 0.8 * len(parts)
 
 
-def test_a_tuned_rule_base_is_a_setting_of_the_stack(files: Files, folder: StudyFolder) -> None:
+def test_a_tuned_rule_base_is_a_setting_of_the_stack(files: Files, folder: Path) -> None:
     study = planned(files, parameters=(), rules=("travel.idle",))
     study.run(folder, FakeRuns(), 3)
-    tuned = load_stack(folder.stack, default_registry()).stages["composite"]
+    tuned = load_stack(folder / "stack.yaml", default_registry()).stages["composite"]
     corners = tuned.params.model_dump()["terms"]["idle"]
     assert corners["progressing"][2] == corners["stuck"][0]
     assert tuned.plugin(RobotModel(), tuned.params)
@@ -282,7 +282,7 @@ def test_scores_are_weighed_means() -> None:
 
 
 @pytest.mark.slow
-def test_tuning_by_real_runs_brings_the_speed_back(files: Files, folder: StudyFolder) -> None:
+def test_tuning_by_real_runs_brings_the_speed_back(files: Files, folder: Path) -> None:
     study = planned(files, seeds="0:2", validate="10:12", objectives=("sct",))
     with engine_for((), None, 2, 300.0, 2000.0) as engine:
         result = study.run(folder, driver(engine), 8)
