@@ -44,6 +44,7 @@ from .textures import luminance_pattern as luminance_pattern
 from .textures import picture_texture as picture_texture
 from .textures import synthesize as synthesize
 from .world_changes import CLEAR_OF_ROBOT as CLEAR_OF_ROBOT
+from .world_changes import ChangeTrack as ChangeTrack
 from .world_changes import Walker as Walker
 from .world_changes import WalkerTrack as WalkerTrack
 from .world_check import check_world as check_world

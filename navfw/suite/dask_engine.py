@@ -62,12 +62,9 @@ class DaskEngine:
     """A context manager; ``run`` yields each job with its result, in the order of completion.
 
     A run whose worker is lost is driven again by Dask on another one. ``work`` is the function of a
-    job as ``module:name``: only the process of a run imports it.
-
-    Raises:
-        InputError: the scheduler cannot be reached or has no workers; a worker has another version
-            of navfw, Python or a library, or lacks a plugin; the project's files are too large.
-
+    job as ``module:name``: only the process of a run imports it. Entering it raises InputError if
+    the scheduler cannot be reached or has no workers, if a worker has another version of navfw,
+    Python or a library, or lacks a plugin, or if the project's files are too large.
     """
 
     address: str

@@ -91,21 +91,10 @@ def plan_runs(
             the suite's file, line and key.
 
     """
-    if worlds is not None and all(entry.worlds is None for entry in suite.spec.entries):
-        what = f"the suite {suite.name!r} has no entry that takes a folder of worlds"
-        raise InputError(what, key="--worlds")
-    files = {file.stem: file for file in (find("stack", name).absolute() for name in stacks)}
-    if len(files) < len(stacks):
-        what = f"two of the stacks {', '.join(stacks)} have one name, which has to be unique"
-        raise InputError(f"{what} in the table", key="--stack")
+    files: Sequence[Path | None] = _stack_files(stacks)
     chosen = _chosen_variants(suite, variants, stacks)
     cases, content, skipped = list[Case](), dict[str, str](), lacking_packages(chosen)
-    templates = [
-        (index, replace(case, variant=name, overrides=(*entry.overrides, *variant.overrides)))
-        for index, entry in enumerate(suite.spec.entries)
-        for case in case_templates(suite, index, worlds)
-        for name, variant in chosen.items()
-    ]
+    templates = _templates(suite, worlds, chosen)
     for number, (index, template) in enumerate(templates):
         name = template.variant
         if name in skipped:
@@ -115,7 +104,7 @@ def plan_runs(
         try:
             checked = [
                 _check_case(suite, index, replace(first, stack=str(file or "")), registry)
-                for file in files.values() or [_stack_of(suite, index, name)]
+                for file in files or [_stack_of(suite, index, name)]
             ]
         except MissingExtraError as error:
             if not name:
@@ -129,8 +118,6 @@ def plan_runs(
     progress(len(templates), len(templates), "")
     if not cases:
         raise InputError(f"nothing is left to run: {'; '.join(skipped.values())}", key="variants")
-    options = [("--stack", name) for name in stacks] + [("--set", text) for text in overrides]
-    options += [("--worlds", "DIR")] if worlds is not None else []
     return SuitePlan(
         suite.name,
         tuple(replace(case, index=number) for number, case in enumerate(cases)),
@@ -138,8 +125,39 @@ def plan_runs(
         expect={e.title: e.expect for e in suite.spec.entries if e.expect is not None},
         skipped=skipped,
         suite_hash=hashlib.sha256(read_input(suite.file)).hexdigest(),
-        options=tuple(word for option in options for word in option),
+        options=_options(stacks, overrides, worlds),
     )
+
+
+def _templates(
+    suite: Suite, worlds: Path | None, variants: Mapping[str, VariantSpec]
+) -> list[tuple[int, Case]]:
+    """A case for each entry, by its index, with each mission and variant."""
+    if worlds is not None and all(entry.worlds is None for entry in suite.spec.entries):
+        what = f"the suite {suite.name!r} has no entry that takes a folder of worlds"
+        raise InputError(what, key="--worlds")
+    return [
+        (index, replace(case, variant=name, overrides=(*entry.overrides, *variant.overrides)))
+        for index, entry in enumerate(suite.spec.entries)
+        for case in case_templates(suite, index, worlds)
+        for name, variant in variants.items()
+    ]
+
+
+def _stack_files(names: Sequence[str]) -> list[Path]:
+    files = [find("stack", name).absolute() for name in names]
+    if len({file.stem for file in files}) < len(files):
+        what = f"two of the stacks {', '.join(names)} have one name, which has to be unique"
+        raise InputError(f"{what} in the table", key="--stack")
+    return files
+
+
+def _options(
+    stacks: Sequence[str], overrides: Sequence[str], worlds: Path | None
+) -> tuple[str, ...]:
+    options = [("--stack", name) for name in stacks] + [("--set", text) for text in overrides]
+    options += [("--worlds", "DIR")] if worlds is not None else []
+    return tuple(word for option in options for word in option)
 
 
 def _check_case(

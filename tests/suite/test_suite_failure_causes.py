@@ -14,8 +14,15 @@ from navfw.mofis import DecisionInputs
 from navfw.plugins import default_registry
 from navfw.recording import Contact, RunLog, RunLogger
 from navfw.signals import Belief, Odometry, Pose, Sight, Twist
-from navfw.sim import BoxSpec, CylinderSpec, SceneGeometry, Simulation, WalkerTrack, WorldSpec
-from navfw.sim.world_changes import ChangeTrack
+from navfw.sim import (
+    BoxSpec,
+    ChangeTrack,
+    CylinderSpec,
+    SceneGeometry,
+    Simulation,
+    WalkerTrack,
+    WorldSpec,
+)
 from navfw.suite import (
     Cause,
     CollisionSymptoms,
