@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -182,12 +183,7 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
             recorded = RecordedFolder(session, target) if kept else None
             _announce(session, target, request)
             bar = ProgressBar(quiet=request.quiet, period=LINE_PERIOD)
-            goal, began = session.mission.goals[-1], time.monotonic()
-
-            def show(tick: TickView) -> None:
-                speed = tick.time / max(time.monotonic() - began, 1e-9)
-                bar.show_line(_line(tick, goal, speed, bar.width))
-
+            show = partial(_show, bar, session.mission.goals[-1], time.monotonic())
             with bar, ended_after(request.limit + PATIENCE):
                 result = session.run(
                     show,
@@ -209,6 +205,11 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
         missing = (str(error),)
     folder = target.path if target.final is None and target.kept else target.final
     return result, folder, (*missing, *_write_video(request, target.final))
+
+
+def _show(bar: ProgressBar, goal: Waypoint, began: float, tick: TickView) -> None:
+    speed = tick.time / max(time.monotonic() - began, 1e-9)
+    bar.show_line(_line(tick, goal, speed, bar.width))
 
 
 def _announce(session: Session, target: RunFolder, request: RunOptions) -> None:
