@@ -182,6 +182,7 @@ class _PackedBodies:
     points: Floats
     corners: npt.NDArray[np.int32]
     runs: npt.NDArray[np.int32]
+    spheres: Floats
     surfaces: Floats
     tables: npt.NDArray[np.int64]
     texels: Image
@@ -255,6 +256,7 @@ class Raster:
             packed.points,
             packed.corners,
             packed.runs,
+            packed.spheres,
             packed.models,
             _singles(request.view),
             _singles(request.projection),
@@ -294,6 +296,7 @@ class Raster:
                 points=_joined([b.mesh.points for b in bodies], (3,)),
                 corners=np.concatenate([np.empty((0, 3), np.int64), *corners]).astype(np.int32),
                 runs=runs.astype(np.int32),
+                spheres=_joined([_sphere(b.mesh.points)[None] for b in bodies], (4,)),
                 # normal in the map's axes and texture coordinates of every corner
                 surfaces=_joined(
                     [
@@ -321,6 +324,13 @@ class Raster:
 def _joined(parts: Sequence[Floats], shape: tuple[int, ...]) -> Floats:
     """Concatenated arrays (N, *shape)."""
     return np.concatenate([np.empty((0, *shape), np.float32), *parts])
+
+
+def _sphere(points: Floats) -> Floats:
+    """Centre and radius (4,) of a sphere around points (N, 3), with a margin for rounding."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    radius = 0.501 * np.sqrt(((high - low) ** 2).sum()) + 1e-3
+    return np.array([*(0.5 * (low + high)), radius], np.float32)
 
 
 def _singles(values: Array) -> Floats:
