@@ -1,6 +1,4 @@
 from .decision_context import CommandGrid as CommandGrid
 from .decision_context import CommandGridParams as CommandGridParams
 from .decision_context import Context as Context
-from .decision_context import QuadrantDistances as QuadrantDistances
 from .decision_context import peak as peak
-from .decision_context import quadrant_distances as quadrant_distances

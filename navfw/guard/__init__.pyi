@@ -1,15 +1,7 @@
-from .answers import AnswerError as AnswerError
-from .answers import nothing as nothing
 from .answers import number as number
-from .guarded_stages import GuardedFlow as GuardedFlow
-from .guarded_stages import GuardedPerception as GuardedPerception
-from .plugin_guard import MAX_SUSPENSION as MAX_SUSPENSION
-from .plugin_guard import SUSPENSION as SUSPENSION
 from .plugin_guard import FailingStage as FailingStage
 from .plugin_guard import PluginCallError as PluginCallError
 from .plugin_guard import PluginGuard as PluginGuard
 from .plugin_guard import construct as construct
 from .plugin_guard import contained as contained
-from .plugin_guard import error_text as error_text
 from .plugin_guard import label_of as label_of
-from .stage_answers import check_proposal as check_proposal

@@ -1,12 +1,3 @@
 from .arrays import Array as Array
 from .arrays import Image as Image
 from .arrays import Mask as Mask
-from .functions import arccos as arccos
-from .functions import arctan2 as arctan2
-from .functions import exp as exp
-from .functions import log as log
-from .functions import power as power
-from .linear_systems import determinant as determinant
-from .linear_systems import inverse as inverse
-from .linear_systems import solve as solve
-from .products import product as product

@@ -1,17 +1,1 @@
-from .access import AT_PLACE as AT_PLACE
-from .edge_costs import RULE_BASE as RULE_BASE
-from .edge_costs import CostParams as CostParams
-from .edge_costs import EdgeCosts as EdgeCosts
-from .edge_costs import inputs_of as inputs_of
-from .papfis import Papfis as Papfis
-from .route_plan import parse_endpoint as parse_endpoint
-from .route_plan import parse_passage as parse_passage
-from .route_plan import plan_route as plan_route
-from .routes import CostGraph as CostGraph
-from .routes import Endpoint as Endpoint
 from .routes import Route as Route
-from .routes import Router as Router
-from .tour import PassingTolerances as PassingTolerances
-from .tour import distance_to_leg as distance_to_leg
-from .tour import has_passed as has_passed
-from .tour import waypoints_of as waypoints_of

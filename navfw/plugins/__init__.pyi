@@ -1,11 +1,3 @@
 from .built_in import BUILT_IN as BUILT_IN
-from .built_in import GROUPS as GROUPS
-from .fault_injection import inject_faults as inject_faults
-from .plugin_import import plugin as plugin
 from .registry import Registry as Registry
 from .registry import default_registry as default_registry
-from .simulator_access import simulator_imports as simulator_imports
-from .simulator_access import simulator_users as simulator_users
-from .verification import find_problems as find_problems
-from .verification import kind_of as kind_of
-from .verification import verify as verify

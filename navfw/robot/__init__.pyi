@@ -1,14 +1,8 @@
-from .camera_models import AutoExposure as AutoExposure
 from .camera_models import CameraEffects as CameraEffects
 from .camera_models import CameraModel as CameraModel
-from .camera_models import LensCalibration as LensCalibration
 from .camera_models import SideViews as SideViews
 from .robot_model import DrivenUrdf as DrivenUrdf
 from .robot_model import Footprint as Footprint
 from .robot_model import OdometrySheet as OdometrySheet
 from .robot_model import RobotModel as RobotModel
-from .robotfile import RobotSpec as RobotSpec
 from .robotfile import load_robot as load_robot
-from .urdf import read_urdf as read_urdf
-from .urdf_measures import inertia_notes as inertia_notes
-from .urdf_measures import robot_notes as robot_notes

@@ -23,7 +23,8 @@ from navfw.config.lookup import URDF_SUFFIXES, find
 from navfw.config.overrides import layered, on_its_base
 from navfw.config.yaml_text import Data, KeyPath, key_text
 from navfw.config.yamlfile import validate
-from navfw.robot import LensCalibration, RobotModel
+from navfw.robot import RobotModel
+from navfw.robot.camera_models import LensCalibration
 from navfw.robot.urdf import read_urdf, urdf_path
 from navfw.robot.urdf_drive import with_urdf
 from navfw.robot.urdf_measures import measured

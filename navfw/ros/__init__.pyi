@@ -4,5 +4,4 @@ from .connection import RosNode as RosNode
 from .drive_node import DriveNode as DriveNode
 from .drive_node import DriveOptions as DriveOptions
 from .robot_node import RosPilot as RosPilot
-from .sensor_inputs import SensorInputs as SensorInputs
 from .sensor_inputs import goal_at as goal_at

@@ -11,10 +11,6 @@ from .geometry import Pose as Pose
 from .geometry import Twist as Twist
 from .geometry import position_sigma as position_sigma
 from .geometry import wrap_angle as wrap_angle
-from .immutability import Sealed as Sealed
-from .immutability import freeze as freeze
-from .immutability import immutable as immutable
-from .immutability import read_only as read_only
 from .percepts import Conflicts as Conflicts
 from .percepts import Label as Label
 from .percepts import MovingObject as MovingObject

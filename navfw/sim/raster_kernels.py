@@ -250,7 +250,8 @@ def _sphere_outside_view(matrix: Floats, sphere: Floats) -> bool:
             if reach + sign * centre[axis] < -length * sphere[3]:
                 return True
     ahead = matrix[3]
-    return centre[3] < -math.sqrt(ahead[0] ** 2 + ahead[1] ** 2 + ahead[2] ** 2) * sphere[3]
+    length = math.sqrt(ahead[0] ** 2 + ahead[1] ** 2 + ahead[2] ** 2)
+    return bool(centre[3] < -length * sphere[3])
 
 
 @numba.njit(cache=True)

@@ -1,16 +1,5 @@
 from .shadow_stack import ShadowStack as ShadowStack
 from .shadow_stack import halt as halt
-from .stack import TIMED as TIMED
 from .stack import Stack as Stack
-from .stack_document import STAGES as STAGES
-from .stack_document import read_stack as read_stack
-from .stack_state import NO_ROUTE_AFTER as NO_ROUTE_AFTER
-from .stack_state import STUCK_AFTER as STUCK_AFTER
-from .stack_state import ProgressWatch as ProgressWatch
 from .stack_state import StackState as StackState
-from .stackfile import Choice as Choice
-from .stackfile import StackSettings as StackSettings
 from .stackfile import load_stack as load_stack
-from .vision import View as View
-from .vision import Vision as Vision
-from .vision import ready_frame as ready_frame

@@ -7,16 +7,18 @@ from typing import Any
 import pytest
 from architecture_sources import ROOT, shown
 
-from navfw.config import load_yaml
+from navfw.config.document import load_yaml
 from navfw.fuzzy import load_rule_base
-from navfw.localization import load_table
-from navfw.missions import load_mission
+from navfw.localization.place_probabilities import load_table
+from navfw.missions.missionfile import load_mission
 from navfw.plugins import default_registry
 from navfw.robot import load_robot
 from navfw.sim import load_world
-from navfw.stack import load_stack, read_stack
+from navfw.stack import load_stack
+from navfw.stack.stack_document import read_stack
 from navfw.suite import load_suite
-from navfw.topomap import load_map, load_ros_map
+from navfw.topomap import load_map
+from navfw.topomap.occupancy_map import load_ros_map
 
 READERS: dict[str, Callable[[Path], Any]] = {
     "behaviors/*.yaml": load_rule_base,

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from navfw.context import CommandGrid, Context
-from navfw.guard import check_proposal
+from navfw.guard.stage_answers import check_proposal
 from navfw.interfaces import Fusion
 from navfw.localmap import Arcs, LocalGoal, Ranges
 from navfw.numerics import Array

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from behavior_samples import behavior_of, desired_twist, scene, twist_of
 
-from navfw.context import Context, QuadrantDistances, quadrant_distances
+from navfw.context import Context
+from navfw.context.decision_context import QuadrantDistances, quadrant_distances
 from navfw.signals import Percept, Pose, Proposal
 
 

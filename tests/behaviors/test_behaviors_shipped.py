@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 from navfw.context import CommandGrid, Context
 from navfw.interfaces import Behavior
 from navfw.localmap import LocalGoal
-from navfw.movers import ConflictParams, ConflictPredictor, Track
+from navfw.movers import ConflictPredictor
+from navfw.movers.conflict_prediction import ConflictParams
+from navfw.movers.tracking import Track
 from navfw.signals import Odometry, Pose, Proposal, Twist, Waypoint
 from navfw.testing import check_behavior, contexts_of
 from navfw.testing.behavior_scenes import BehaviorScene, wall_flow

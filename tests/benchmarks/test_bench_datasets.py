@@ -27,7 +27,8 @@ from perceive_images import texture
 from scipy.spatial.transform import Rotation
 
 from navfw.errors import ConfigError, InputError
-from navfw.flow import BlockMatching, Dis
+from navfw.flow.block_matching import BlockMatching
+from navfw.flow.opencv_flow import Dis
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FramePair

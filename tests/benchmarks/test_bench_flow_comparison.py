@@ -27,10 +27,12 @@ from navfw_benchmarks.bench.flow_comparison import (
 from navfw_benchmarks.bench.true_pairs import TruePair, true_flow, with_recording_error
 
 from navfw.errors import ConfigError
-from navfw.flow import BlockMatching, MatchedFlow, grid_points
+from navfw.flow import grid_points
+from navfw.flow.block_matching import BlockMatching
+from navfw.flow.grid_flow import MatchedFlow
 from navfw.interfaces import FlowProcessor
 from navfw.numerics import Array, Image
-from navfw.perceive import PerceiverOptions
+from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.plugins import default_registry
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair

@@ -24,10 +24,13 @@ from navfw_benchmarks.bench.view_truth import (
     truth_of,
 )
 
-from navfw.offis import RULES, triangulate
+from navfw.offis.fuzzy_systems import RULES
+from navfw.offis.nearness import triangulate
 from navfw.robot import RobotModel
 from navfw.signals import Percept, Pose
-from navfw.sim import BoxSpec, OpeningSpec, Simulation, WallSpec, WorldSpec, check_world
+from navfw.sim import Simulation, WorldSpec
+from navfw.sim.world_check import check_world
+from navfw.sim.worldspec import BoxSpec, OpeningSpec, WallSpec
 
 ROBOT = RobotModel()
 SHARES = """

@@ -23,7 +23,10 @@ from navfw_benchmarks.bench.real_labels import (
 from perceive_images import HEIGHT, WIDTH, label, save, save_approach, texture, wall_at
 
 from navfw.errors import ConfigError
-from navfw.perceive import PairResult, Perceiver, PerceiverOptions, WorkingSize, open_source
+from navfw.perceive.image_sources import open_source
+from navfw.perceive.pair_result import PairResult
+from navfw.perceive.perceiver import Perceiver
+from navfw.perceive.perceiver_options import PerceiverOptions, WorkingSize
 from navfw.plugins import default_registry
 
 ROOT = Path(__file__).parents[2]

@@ -22,7 +22,7 @@ from perceive_images import label, save_approach
 from report_browser import seen_in_browser
 
 from navfw.plugins import default_registry
-from navfw.process import silent
+from navfw.process.work_progress import silent
 from navfw.recording import plain_json
 
 UNLICENSED = "car_gyro_lab/images"

@@ -31,7 +31,7 @@ from navfw_benchmarks.reproduce.reproduction import (
 )
 
 from navfw.config import find
-from navfw.missions import path_length
+from navfw.missions.run_metrics import path_length
 from navfw.robot import RobotModel
 from navfw.sim import SceneGeometry, load_world
 

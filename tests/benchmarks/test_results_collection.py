@@ -21,9 +21,11 @@ from results_samples import REVISION, bench_result, mixed_rows, suite_folder
 from suite_samples import row
 
 from navfw.errors import InputError
-from navfw.missions import prepare, write_run
+from navfw.missions import prepare
+from navfw.missions.run_report import write_run
 from navfw.recording import RunFolder, machine_kind
-from navfw.suite import SuiteFolder, wilson
+from navfw.suite.paired_comparison import wilson
+from navfw.suite.suite_folder import SuiteFolder
 
 
 def of_suite(folder: SuiteFolder, *, total: bool = False) -> StoredSuiteResult:

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from navfw.camera_geometry import (
+from navfw.camera_geometry.image_reduction import reduce_frame
+from navfw.camera_geometry.rotations import (
     derotate,
-    reduce_frame,
     rotate_points,
     rotation_matrix,
     rotation_vector,
@@ -20,7 +20,7 @@ from navfw.camera_geometry import (
     turning_slope,
     undo_turn,
 )
-from navfw.egomotion import camera_motion
+from navfw.egomotion.pairing import camera_motion
 from navfw.flow import grid_points
 from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel, SideViews

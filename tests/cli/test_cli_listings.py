@@ -7,7 +7,9 @@ from typing import Any
 import pytest
 from cli_calls import invoke, navfw, output, put_file, put_files, refusal, sole_refusal
 
-from navfw.config import FILE_KINDS, list_files, load_yaml
+from navfw.config import list_files
+from navfw.config.document import load_yaml
+from navfw.config.file_kinds import FILE_KINDS
 
 BEHAVIOR = '''
 print("hello from a plugin")

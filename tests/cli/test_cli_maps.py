@@ -9,7 +9,7 @@ import pytest
 from cli_calls import answer, invoke, output, sole_refusal
 
 from navfw.numerics import Image
-from navfw.topomap import load_any_map
+from navfw.topomap.map_formats import load_any_map
 
 pytestmark = pytest.mark.usefixtures("workdir")
 

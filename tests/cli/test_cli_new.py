@@ -18,8 +18,10 @@ from processes import run
 
 import navfw
 from navfw.plugins import default_registry
-from navfw.scaffold import PARTS, new_files
-from navfw.suite import load_suite, plan_runs
+from navfw.scaffold import new_files
+from navfw.scaffold.part_kinds import PARTS
+from navfw.suite import load_suite
+from navfw.suite.suite_plan import plan_runs
 
 NAMES = {
     "behavior": "slow_down",

@@ -14,7 +14,7 @@ import typer
 
 from navfw.cli import progress_bar, run
 from navfw.cli.progress_bar import ProgressBar
-from navfw.process import interruptible
+from navfw.process.interruption import interruptible
 
 
 def terminal_in(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:

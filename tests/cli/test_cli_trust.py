@@ -9,7 +9,7 @@ from cli_calls import PROGRAM, commands, invoke, navfw, output, put_files, sole_
 from plugins_samples import GOOD
 from terminals import Terminal
 
-from navfw.config import TRUST_VARIABLE, trust_file, trusted_folders
+from navfw.config.project_trust import TRUST_VARIABLE, trust_file, trusted_folders
 from navfw.missions import prepare
 from navfw.plugins import default_registry
 

@@ -11,15 +11,9 @@ from cli_calls import put_file
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from navfw.config import (
-    MAX_DEPTH,
-    KeyPath,
-    key_text,
-    load_yaml,
-    parse_yaml,
-    write_yaml_text,
-    yaml_text,
-)
+from navfw.config import yaml_text
+from navfw.config.document import load_yaml, parse_yaml
+from navfw.config.yaml_text import MAX_DEPTH, KeyPath, key_text, write_yaml_text
 from navfw.errors import ConfigError
 
 

@@ -13,23 +13,26 @@ import pytest
 from architecture_sources import MODULES, dotted, shown, tree_of
 from cli_calls import put_file
 
-from navfw.config import (
-    find,
+from navfw.config import find
+from navfw.config.document import load_yaml
+from navfw.config.image_file import read_image
+from navfw.config.input_file import (
     is_file,
     is_folder,
-    load_yaml,
-    project_folder,
-    read_image,
     read_input,
     read_input_text,
     read_json_object,
 )
+from navfw.config.lookup import project_folder
 from navfw.errors import ConfigError, InputError
-from navfw.perceive import load_gyro_record, open_source
-from navfw.recording import load_recording, read_result
-from navfw.suite import RunJournal, load_suite
-from navfw.topomap import load_any_map
-from navfw.worldgen import read_sdf
+from navfw.perceive.image_sources import open_source
+from navfw.perceive.motion_record import load_gyro_record
+from navfw.recording import read_result
+from navfw.recording.run_replay import load_recording
+from navfw.suite import load_suite
+from navfw.suite.run_journal import RunJournal
+from navfw.topomap.map_formats import load_any_map
+from navfw.worldgen.sdf_reader import read_sdf
 
 READERS = """
     open read_text read_bytes fromfile loadtxt genfromtxt memmap imread imreadmulti VideoCapture

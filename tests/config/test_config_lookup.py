@@ -10,7 +10,11 @@ import pytest
 from cli_calls import answer, invoke, output, put_file, put_files
 
 from navfw.cli.options import completer_of
-from navfw.config import FILE_KINDS, FileKind, StrictModel, load_yaml, lookup, validate
+from navfw.config import lookup
+from navfw.config.document import load_yaml
+from navfw.config.file_kinds import FILE_KINDS, FileKind
+from navfw.config.strict_model import StrictModel
+from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, UnknownNameError
 
 HOME = Path(lookup.__file__).parents[2]

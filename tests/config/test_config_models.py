@@ -8,15 +8,10 @@ import pytest
 from cli_calls import put_file
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from navfw.config import (
-    MAX_LISTED,
-    apply_overrides,
-    check,
-    load_model,
-    parameters_of,
-    parse_yaml,
-    validate,
-)
+from navfw.config.document import parse_yaml
+from navfw.config.error_location import parameters_of
+from navfw.config.overrides import apply_overrides
+from navfw.config.yamlfile import MAX_LISTED, check, load_model, validate
 from navfw.errors import ConfigError
 from navfw.robot import RobotModel
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from cli_calls import put_files
 
-from navfw.config import (
+from navfw.config.project_trust import (
     MAX_NAMED,
     TRUST_VARIABLE,
     ProjectCode,

@@ -25,12 +25,14 @@ from cli_calls import put_file
 from docs_pages import PAGES, ROOT, DocBlock, blocks_of, execute
 
 from navfw.context import CommandGrid, CommandGridParams
-from navfw.fuzzy import parse_rule
+from navfw.fuzzy.rulebase import parse_rule
 from navfw.lenses import load_calibration
-from navfw.missions import load_mission
-from navfw.mofis import BehaviorRules
-from navfw.plugins import GROUPS, default_registry
-from navfw.robot import RobotModel, RobotSpec, load_robot
+from navfw.missions.missionfile import load_mission
+from navfw.mofis.rules import BehaviorRules
+from navfw.plugins import default_registry
+from navfw.plugins.built_in import GROUPS
+from navfw.robot import RobotModel, load_robot
+from navfw.robot.robotfile import RobotSpec
 from navfw.sim import load_world
 from navfw.stack import load_stack
 

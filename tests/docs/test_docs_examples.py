@@ -12,10 +12,11 @@ from docs_pages import PAGES, ROOT, blocks_of, commands, execute, files_of, load
 from plugin_rows import broken_rows
 from processes import run
 
-from navfw.config import parse_override
-from navfw.missions import MissionResult, Outcome, prepare
+from navfw.config.overrides import parse_override
+from navfw.missions import MissionResult, prepare
+from navfw.missions.outcome import Outcome
 from navfw.plugins import default_registry
-from navfw.scaffold import write_part, write_project
+from navfw.scaffold.new_files import write_part, write_project
 from navfw.stack import load_stack
 from navfw.testing import check_behavior
 from navfw.worldgen import generate

@@ -11,21 +11,24 @@ from hypothesis import strategies as st
 from localization_drives import odometry, step
 from pydantic import ValidationError
 
-from navfw.camera_geometry import rotate_points, rotation_matrix
-from navfw.egomotion import (
+from navfw.camera_geometry.rotations import rotate_points, rotation_matrix
+from navfw.egomotion import seeing_speed
+from navfw.egomotion.flow_egomotion import (
     Egomotion,
     EgomotionPrior,
-    FrameBuffer,
     MotionKind,
-    PairingParams,
     PointMotion,
-    camera_motion,
     estimate_egomotion,
-    seeing_speed,
-    towards_plane,
+)
+from navfw.egomotion.pairing import (
+    MAX_AGE,
+    MIN_BASELINE,
+    FrameBuffer,
+    PairingParams,
+    camera_motion,
     yaw_rotation,
 )
-from navfw.egomotion.pairing import MAX_AGE, MIN_BASELINE
+from navfw.egomotion.plane_approach import towards_plane
 from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Frame, FramePair, Odometry, Pose, Twist

@@ -9,7 +9,8 @@ import pytest
 from painted_floor import KNOWN, ORIGIN, ROBOT, PaintedFloor
 from plan_samples import arcs
 
-from navfw.egomotion import FloorOdometry, FloorRegistration, FloorStep
+from navfw.egomotion.floor_odometry import FloorOdometry
+from navfw.egomotion.floor_registration import FloorRegistration, FloorStep
 from navfw.numerics import Array
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, Frame, Odometry, Pose, Twist, YawCorrection

@@ -9,7 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from localization_drives import odometry
 
-from navfw.egomotion import EncoderFaultDetector, Odometer, OdometryHistory, with_yaw_sigma
+from navfw.egomotion import Odometer
+from navfw.egomotion.odometer import EncoderFaultDetector, OdometryHistory
+from navfw.egomotion.pairing import with_yaw_sigma
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Encoders, Inertial, Odometry, Pose, Twist, YawCorrection
 

@@ -9,20 +9,17 @@ from flow_scene import cell_truth, exact_field, room, turn_about
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.camera_geometry import derotate, rotation_matrix, turn_point
-from navfw.egomotion import (
+from navfw.camera_geometry.rotations import derotate, rotation_matrix, turn_point
+from navfw.egomotion.epipolar_kernels import epipolar_residual, fit_motion, fit_reweighted
+from navfw.egomotion.flow_egomotion import (
     EgomotionPrior,
     MotionKind,
     PointMotion,
-    RefinementParams,
-    camera_motion,
-    epipolar_residual,
     estimate_egomotion,
-    fit_reweighted,
-    refine,
 )
-from navfw.egomotion.epipolar_kernels import fit_motion
-from navfw.flow import Dis
+from navfw.egomotion.pairing import camera_motion
+from navfw.egomotion.refinement import RefinementParams, refine
+from navfw.flow.opencv_flow import Dis
 from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, FlowField, Pose

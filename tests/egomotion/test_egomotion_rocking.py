@@ -11,18 +11,15 @@ from hypothesis import strategies as st
 from painted_floor import KNOWN, ORIGIN, ROBOT, PaintedFloor
 from plan_samples import arcs
 
-from navfw.egomotion import (
-    FloorOdometry,
-    FloorRegistration,
-    Odometer,
-    OdometryHistory,
-    RockingFilter,
-    camera_place,
-)
+from navfw.egomotion import Odometer
+from navfw.egomotion.floor_odometry import FloorOdometry
+from navfw.egomotion.floor_registration import FloorRegistration
+from navfw.egomotion.odometer import OdometryHistory, RockingFilter
+from navfw.egomotion.pairing import camera_place
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Encoders, Frame, Inertial, Odometry, Pose, Twist
-from navfw.stack import ready_frame
+from navfw.stack.vision import ready_frame
 
 DT = 1.0 / 60.0
 NOISE, BIAS = math.radians(0.1), math.radians(0.05)

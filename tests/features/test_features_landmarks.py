@@ -13,18 +13,13 @@ from navfw_benchmarks.bench.landmark_recognition import view_of
 from navfw_benchmarks.plugins.posters import Landmarks, Posters, poster_image
 
 from navfw.errors import ConfigError
-from navfw.features import (
-    Aruco,
-    is_upright,
-    landmark_kind,
-    locate,
-    locate_with_covariance,
-    marker_dictionary,
-)
+from navfw.features.landmark_appearance import landmark_kind, marker_dictionary
+from navfw.features.recognizers import Aruco, is_upright, locate, locate_with_covariance
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Frame, Pose
-from navfw.sim import LandmarkPlateSpec, SensorParams, Simulation, WallSpec, WorldSpec
+from navfw.sim import SensorParams, Simulation, WorldSpec
+from navfw.sim.worldspec import LandmarkPlateSpec, WallSpec
 from navfw.topomap import Landmark, Place, TopoMap
 
 ROBOT = RobotModel()

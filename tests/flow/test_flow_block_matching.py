@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import navfw.flow.block_matching as module
 from navfw.errors import ConfigError
-from navfw.flow import BlockMatching
+from navfw.flow.block_matching import BlockMatching
 from navfw.flow.correlation_kernels import correlate, find_peaks
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel, RobotModel

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from flow_scene import board_image, cell_truth, room, turn_about
 
-from navfw.camera_geometry import derotate
+from navfw.camera_geometry.rotations import derotate
 from navfw.config import find
-from navfw.egomotion import camera_motion
+from navfw.egomotion.pairing import camera_motion
 from navfw.errors import ConfigError, PluginError, SimulationError
-from navfw.flow import FloorAlignedFlow, Ideal, nearness_at, true_vectors
-from navfw.missions import SimulatorTruth, prepare, reveal
+from navfw.flow.floor_aligned import FloorAlignedFlow
+from navfw.flow.ideal import Ideal, nearness_at, true_vectors
+from navfw.missions import SimulatorTruth, prepare
+from navfw.missions.oracle import reveal
 from navfw.numerics import Array
 from navfw.plugins import default_registry
 from navfw.robot import CameraModel, RobotModel

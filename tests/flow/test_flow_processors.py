@@ -11,19 +11,15 @@ from hypothesis import strategies as st
 from navfw_benchmarks.plugins.opencv_flow import Farneback, LucasKanade
 from pydantic import ValidationError
 
-from navfw.camera_geometry import rotate_points
+from navfw.camera_geometry.rotations import rotate_points
 from navfw.config import find
-from navfw.egomotion import camera_motion
+from navfw.egomotion.pairing import camera_motion
 from navfw.errors import ConfigError
-from navfw.flow import (
-    SIGMA_UNKNOWN,
-    BlockMatching,
-    Dis,
-    Registered,
-    align_past,
-    grid_points,
-    visible_in_past,
-)
+from navfw.flow import grid_points
+from navfw.flow.block_matching import BlockMatching
+from navfw.flow.grid_flow import SIGMA_UNKNOWN, align_past, visible_in_past
+from navfw.flow.opencv_flow import Dis
+from navfw.flow.registration import Registered
 from navfw.interfaces import FlowProcessor
 from navfw.numerics import Array
 from navfw.plugins import default_registry

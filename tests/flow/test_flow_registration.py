@@ -7,13 +7,8 @@ from flow_scene import STILL, blurred_noise, cell_truth, room, turn_about, wall
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.flow import (
-    BlockMatching,
-    Registered,
-    Registration,
-    grid_windows,
-    register_windows,
-)
+from navfw.flow.block_matching import BlockMatching
+from navfw.flow.registration import Registered, Registration, grid_windows, register_windows
 from navfw.numerics import Array, Image
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, FramePair

@@ -18,7 +18,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.errors import RuleBaseError, UnknownNameError
-from navfw.fuzzy import CompiledFis, uncovered_region
+from navfw.fuzzy import CompiledFis
+from navfw.fuzzy.coverage import uncovered_region
 from navfw.fuzzy.inference_kernels import FIRING_FLOOR
 
 FIS = CompiledFis(rule_base_of(small()))

@@ -18,14 +18,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from navfw_benchmarks.bench.fuzzy_reference import ReferenceFis, compare
 
-from navfw.fuzzy import (
-    SHAPES,
-    CompiledFis,
-    RuleBase,
-    hedged,
-    make_shape,
-    sample_universe,
-)
+from navfw.fuzzy import CompiledFis, RuleBase
+from navfw.fuzzy.membership import SHAPES, hedged, make_shape, sample_universe
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")

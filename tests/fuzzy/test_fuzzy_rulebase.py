@@ -8,19 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.errors import RuleBaseError
-from navfw.fuzzy import (
-    KEYWORDS,
-    And,
-    Clause,
-    Is,
-    Not,
-    Or,
-    Rule,
-    SentenceError,
-    load_rule_base,
-    parse_rule,
-    parse_rule_base,
-)
+from navfw.fuzzy import load_rule_base, parse_rule_base
+from navfw.fuzzy.rulebase import KEYWORDS, And, Clause, Is, Not, Or, Rule, SentenceError, parse_rule
 
 INPUTS = {"distance": ("near", "far"), "side": ("left", "middle", "right")}
 OUTPUTS = {"turn": ("left", "right"), "speed": ("slow", "fast")}

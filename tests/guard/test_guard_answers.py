@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navfw.guard import AnswerError, answers, stage_answers
+from navfw.guard import answers, stage_answers
+from navfw.guard.answers import AnswerError
 from navfw.offis import Offis
 from navfw.robot import RobotModel
 from navfw.signals import (

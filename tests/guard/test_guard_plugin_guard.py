@@ -15,22 +15,13 @@ import pytest
 from stack_samples import ROBOT, Idle
 
 from navfw.errors import InputError, PluginError
-from navfw.guard import (
-    MAX_SUSPENSION,
-    SUSPENSION,
-    PluginCallError,
-    PluginGuard,
-    construct,
-    nothing,
-    number,
-)
+from navfw.guard import PluginCallError, PluginGuard, construct, number
+from navfw.guard.answers import nothing
+from navfw.guard.plugin_guard import MAX_SUSPENSION, SUSPENSION
 from navfw.interfaces import Plugin
-from navfw.process import (
-    PERIOD,
-    PluginTimeout,
-    Watchdog,
-    interruptible,
-)
+from navfw.process import PluginTimeout
+from navfw.process.interruption import interruptible
+from navfw.process.watchdog import PERIOD, Watchdog
 from navfw.robot import RobotModel
 
 

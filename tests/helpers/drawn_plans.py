@@ -10,7 +10,7 @@ import numpy as np
 
 from navfw.numerics import Array
 from navfw.signals import Pose
-from navfw.topomap import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from navfw.topomap.occupancy_map import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 CELL = 0.05
 Point = tuple[float, float]

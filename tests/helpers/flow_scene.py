@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from navfw.camera_geometry import rotate_points
+from navfw.camera_geometry.rotations import rotate_points
 from navfw.flow import grid_points
 from navfw.numerics import Array, Image
 from navfw.robot import CameraModel

@@ -173,7 +173,7 @@ def mutate_recording(content: bytes, random: Random) -> bytes:
 
 
 def _structure(content: bytes, random: Random) -> bytes:
-    from navfw.config import parse_yaml
+    from navfw.config.document import parse_yaml
 
     data = mutate_data(parse_yaml(content.decode()).data, random)
     # JSON is YAML, too

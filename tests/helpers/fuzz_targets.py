@@ -15,15 +15,19 @@ from typer.testing import CliRunner
 from navfw.cli import app
 from navfw.errors import InputError
 from navfw.fuzzy import load_rule_base
-from navfw.meshes import MAX_TRIANGLES, read_triangles
-from navfw.missions import prepare, write_run
+from navfw.meshes import read_triangles
+from navfw.meshes.mesh_file import MAX_TRIANGLES
+from navfw.missions import prepare
+from navfw.missions.run_report import write_run
 from navfw.plugins import default_registry
 from navfw.recording import RunFolder
 from navfw.robot import load_robot
 from navfw.stack import load_stack
-from navfw.suite import RunJournal, load_suite, plan_runs
-from navfw.topomap import load_any_map, save_map
-from navfw.tune import open_study
+from navfw.suite import load_suite
+from navfw.suite.run_journal import RunJournal
+from navfw.suite.suite_plan import plan_runs
+from navfw.topomap.map_formats import load_any_map, save_map
+from navfw.tune.stack_study import open_study
 
 Read = Callable[[Path], object]
 Prepare = Callable[[Path], object]

@@ -7,8 +7,9 @@ from typing import Any
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
-from navfw.config import parse_yaml
-from navfw.fuzzy import And, Clause, Is, Not, Or, RuleBase, atoms, parse_rule_base
+from navfw.config.document import parse_yaml
+from navfw.fuzzy import RuleBase, parse_rule_base
+from navfw.fuzzy.rulebase import And, Clause, Is, Not, Or, atoms
 
 SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
 BOUNDED = settings(max_examples=20, suppress_health_check=SLOW)

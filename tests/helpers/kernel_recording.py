@@ -14,10 +14,12 @@ from numba import types
 from numba.extending import is_jitted
 
 from navfw.config import list_files
-from navfw.missions import Session, prepare
+from navfw.missions import prepare
+from navfw.missions.session import Session
 from navfw.plugins import default_registry
-from navfw.process import KERNEL_FILE
-from navfw.suite import load_suite, plan_runs
+from navfw.process.kernel_compilation import KERNEL_FILE
+from navfw.suite import load_suite
+from navfw.suite.suite_plan import plan_runs
 
 STACKS = [stack.name for stack in list_files("stack") if stack.name != "navground"]
 """The stacks that ship; navground needs its library."""

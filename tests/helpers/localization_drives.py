@@ -14,7 +14,8 @@ from navfw.interfaces import Localizer
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import LandmarkDetection, Odometry, Pose, Twist, wrap_angle
-from navfw.sim import GyroModel, SensorParams, WheelEncoderModel
+from navfw.sim import SensorParams
+from navfw.sim.sensor_models import GyroModel, WheelEncoderModel
 from navfw.topomap import Landmark, Passage, Place, TopoMap
 
 RATE = 60

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from hypothesis import strategies as st
 
-from navfw.papfis import Papfis
+from navfw.papfis.papfis import Papfis
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Pose, Waypoint
 from navfw.topomap import Passage, Place, TopoMap, load_map

@@ -10,7 +10,8 @@ from localmap_samples import metric_percept
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Label, Odometry, Percept, Pose, Twist
-from navfw.topomap import FREE, OCCUPIED, OccupancyMap, Passage, Place, TopoMap
+from navfw.topomap import Passage, Place, TopoMap
+from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
 
 ROBOT = RobotModel()
 CELL = 0.05

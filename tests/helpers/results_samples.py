@@ -7,7 +7,11 @@ from typing import Any
 from navfw_benchmarks.results.result_file import Figures, Machine, StoredSuiteResult, StoredValues
 from suite_samples import case, row
 
-from navfw.suite import Expect, RunRow, SuiteFolder, SuitePlan, summarize
+from navfw.suite.run_row import RunRow
+from navfw.suite.suite_folder import SuiteFolder
+from navfw.suite.suite_plan import SuitePlan
+from navfw.suite.suite_summary import summarize
+from navfw.suite.suitefile import Expect
 
 REVISION = "0123456789abcdef0123456789abcdef01234567"
 MACHINE = Machine(processor="Kettle 3000", cores=2, python="3.11.7", system="Linux x86_64")

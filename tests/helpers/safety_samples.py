@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from navfw.localmap import FreeDistance, LocalMap
+from navfw.localmap import LocalMap
+from navfw.localmap.free_distances import FreeDistance
 from navfw.numerics import Image
 from navfw.robot import RobotModel
 from navfw.safety import SafetyMonitor, SafetyParams

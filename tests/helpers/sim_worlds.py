@@ -9,7 +9,8 @@ import numpy as np
 from navfw.config import find
 from navfw.signals import Frame, Pose, SensorReading
 from navfw.sim import SceneGeometry, SensorParams, Simulation, WorldSpec, load_world
-from navfw.worldgen import FAMILIES, generate
+from navfw.worldgen import generate
+from navfw.worldgen.generation import FAMILIES
 
 PERFECT = SensorParams.preset("perfect")
 TICK = 1.0 / 60.0

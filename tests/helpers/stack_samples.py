@@ -31,7 +31,9 @@ from navfw.signals import (
     Twist,
     Waypoint,
 )
-from navfw.stack import Choice, Stack, View, Vision, load_stack
+from navfw.stack import Stack, load_stack
+from navfw.stack.stackfile import Choice
+from navfw.stack.vision import View, Vision
 from navfw.testing.behavior_scenes import wall_flow
 from navfw.topomap import Passage, Place, TopoMap
 

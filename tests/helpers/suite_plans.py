@@ -8,17 +8,13 @@ from typing import Any
 import suite_samples as samples
 
 from navfw.plugins import default_registry
-from navfw.suite import (
-    Job,
-    RunRow,
-    SuiteFolder,
-    SuitePlan,
-    SuiteResult,
-    WorkerPool,
-    load_suite,
-    plan_runs,
-    run_suite,
-)
+from navfw.suite import load_suite
+from navfw.suite.case import Job
+from navfw.suite.run_row import RunRow
+from navfw.suite.suite_folder import SuiteFolder
+from navfw.suite.suite_plan import SuitePlan, plan_runs
+from navfw.suite.suite_run import SuiteResult, run_suite
+from navfw.suite.worker_pool import WorkerPool
 
 
 def suite_file(folder: Path, text: str) -> Path:

@@ -8,8 +8,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-from navfw.process import atomic_file, name_plugins
-from navfw.suite import Case, Job, RunRow, stop_requested
+from navfw.process.atomic import atomic_file
+from navfw.process.last_trace import name_plugins
+from navfw.suite.case import Case, Job
+from navfw.suite.run_row import RunRow
+from navfw.suite.worker_pool import stop_requested
 
 
 def row(seed: int = 0, outcome: str = "reached", **values: Any) -> RunRow:

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from perceive_images import texture
 
 from navfw.errors import InputError
-from navfw.flow import with_shutter_sigma
+from navfw.flow.grid_flow import with_shutter_sigma
 from navfw.lenses import CameraCalibration, Undistortion
 from navfw.missions import prepare
-from navfw.robot import CameraEffects, CameraModel, LensCalibration, RobotModel, load_robot
+from navfw.robot import CameraEffects, CameraModel, RobotModel, load_robot
+from navfw.robot.camera_models import LensCalibration
 from navfw.signals import CameraMotion, FlowField, Percept
 
 LENS = """image_width: 640

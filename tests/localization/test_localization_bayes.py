@@ -12,23 +12,20 @@ from localization_drives import detection, odometry
 from navfw_benchmarks.plugins.localizers import Bayes
 
 from navfw.errors import ConfigError, InputError, UnknownNameError
-from navfw.localization import (
+from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
+from navfw.localization.landmark_model import LandmarkExistence, LandmarkObserver
+from navfw.localization.lattice import MAX_STATES, Lattice
+from navfw.localization.place_probabilities import (
     FLOOR,
-    MAX_STATES,
     SITUATIONS,
-    DiscreteFilter,
-    DiscreteParams,
-    LandmarkExistence,
-    LandmarkObserver,
-    Lattice,
     SituationTable,
-    Topological,
     learn_table,
     load_table,
     situation_shares,
     situation_table,
 )
-from navfw.offis import ELEMENTARY
+from navfw.localization.topological import Topological
+from navfw.offis.elementary_situations import ELEMENTARY
 from navfw.robot import RobotModel
 from navfw.signals import Pose, wrap_angle
 from navfw.topomap import PLACE_KINDS, Landmark, Passage, Place, TopoMap, load_map

@@ -12,22 +12,23 @@ from hypothesis import strategies as st
 from localization_drives import odometry
 
 from navfw.errors import InputError
-from navfw.localization import (
-    BY_FLOOR,
+from navfw.localization.landmark_model import (
     ELSEWHERE_DENSITY,
     GATE,
-    DeadReckoning,
     LandmarkExistence,
-    MotionParams,
-    PlacePosterior,
     associate,
     expected_measurement,
     joseph,
-    likeliest_places,
+)
+from navfw.localization.motion_model import (
+    BY_FLOOR,
+    DeadReckoning,
+    MotionParams,
     motion_noise,
     predict,
     process_noise,
 )
+from navfw.localization.place_probabilities import PlacePosterior, likeliest_places
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Odometry, Pose, Twist, position_sigma, wrap_angle

@@ -29,10 +29,13 @@ from localization_drives import (
 from navfw_benchmarks.plugins.localizers import Ekf
 
 from navfw.errors import InputError
-from navfw.localization import Association, MotionParams, Topological, associate, motion_noise
+from navfw.localization.landmark_model import Association, associate
+from navfw.localization.motion_model import MotionParams, motion_noise
+from navfw.localization.topological import Topological
 from navfw.robot import RobotModel
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose
-from navfw.sim import PRESETS, SensorParams
+from navfw.sim import SensorParams
+from navfw.sim.sensor_models import PRESETS
 from navfw.topomap import Landmark, TopoMap, load_map
 
 

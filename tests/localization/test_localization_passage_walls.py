@@ -10,21 +10,16 @@ from hypothesis import strategies as st
 from localization_drives import odometry
 from plan_samples import wall_percept
 
-from navfw.localization import (
-    LandmarkExistence,
-    MetricFilter,
-    MetricFilterParams,
-    PassageAxis,
-    PassageObserver,
-    PlanScan,
-    corridor_fix,
-    door_fix,
-    passage_axes,
-)
+from navfw.localization.landmark_model import LandmarkExistence
+from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
+from navfw.localization.passage_walls import PassageAxis, corridor_fix, door_fix, passage_axes
+from navfw.localization.plan_field import PlanScan
+from navfw.localization.topological import PassageObserver
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.topomap import FREE, OCCUPIED, OccupancyMap, Passage, Place, TopoMap
+from navfw.topomap import Passage, Place, TopoMap
+from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
 
 WIDTH = 1.5
 CORRIDOR = PassageAxis((2.0, 1.0), 0.5, 8.0, WIDTH)

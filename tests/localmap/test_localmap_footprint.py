@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from localmap_samples import CART, ORIGIN, grid_with
 
 from navfw.context import CommandGrid
-from navfw.localmap import OccupancyGrid, arcs_of, free_distance, free_turn, ranges_around
+from navfw.localmap import OccupancyGrid
+from navfw.localmap.free_distances import arcs_of, free_distance, free_turn, ranges_around
 from navfw.robot import Footprint, RobotModel
 from navfw.signals import Pose, Twist
 

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from localmap_samples import ORIGIN, ROBOT, WALL_AHEAD, grid_with
 
 from navfw.context import CommandGrid
-from navfw.localmap import Arcs, OccupancyGrid, Ranges, arcs_of, free_distance, ranges_around
+from navfw.localmap import Arcs, OccupancyGrid, Ranges
+from navfw.localmap.free_distances import arcs_of, free_distance, ranges_around
 from navfw.localmap.ray_kernels import Ground, Start, cast_ranges, sweep_arcs
 from navfw.numerics import Array
 from navfw.signals import Pose, Twist

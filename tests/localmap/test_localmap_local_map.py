@@ -8,18 +8,9 @@ import numpy as np
 import pytest
 from localmap_samples import ORIGIN, ROBOT, grid_with, metric_percept
 
-from navfw.localmap import (
-    CERTAIN,
-    CLEAR_VOTES,
-    INTERVAL,
-    SPOT,
-    DropMap,
-    LocalGoal,
-    LocalMap,
-    LocalMapParams,
-    OccupancyParams,
-    Ranges,
-)
+from navfw.localmap import LocalGoal, LocalMap, LocalMapParams, Ranges
+from navfw.localmap.local_map import CERTAIN, CLEAR_VOTES, INTERVAL, SPOT, DropMap
+from navfw.localmap.occupancy_grid import OccupancyParams
 from navfw.offis import Offis
 from navfw.robot import RobotModel
 from navfw.signals import (

@@ -10,14 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from localmap_samples import ORIGIN, ROBOT, grid_with
 
-from navfw.localmap import (
-    LocalMap,
-    LocalPlanner,
-    LocalPlannerParams,
-    OccupancyGrid,
-    TraversabilityCheck,
-)
+from navfw.localmap import LocalMap, OccupancyGrid
 from navfw.localmap.cost_kernels import cost_to_go, descend
+from navfw.localmap.local_planner import LocalPlanner, LocalPlannerParams
+from navfw.localmap.traversability import TraversabilityCheck
 from navfw.numerics import Array
 from navfw.signals import Belief, OccupiedDisc, Odometry, PassageQuery, Pose, Twist
 

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from localmap_samples import ORIGIN, grid_with
 
-from navfw.localmap import LocalGoal, LocalPlanner, OccupancyGrid
+from navfw.localmap import LocalGoal, OccupancyGrid
+from navfw.localmap.local_planner import LocalPlanner
 from navfw.localmap.ray_kernels import body_room
 from navfw.robot import Footprint, RobotModel
 from navfw.signals import Pose

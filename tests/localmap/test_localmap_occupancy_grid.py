@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from localmap_samples import ORIGIN, ROBOT, grid_with, metric_percept
 
-from navfw.localmap import OccupancyGrid, OccupancyParams
-from navfw.localmap.occupancy_grid import CLAMP_MIN, OBSERVED_FREE
+from navfw.localmap import OccupancyGrid
+from navfw.localmap.occupancy_grid import CLAMP_MIN, OBSERVED_FREE, OccupancyParams
 from navfw.signals import Label, OccupiedDisc, Percept, Pose, Stixels
 
 CAMERA_AHEAD = ROBOT.camera.mount_forward

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.locom import MIN_DISTANCE, MIN_SHARE, TIME_CONSTANT, WINDOW, Unicycle, WheelTrim
+from navfw.locom.unicycle import MIN_DISTANCE, MIN_SHARE, TIME_CONSTANT, WINDOW, Unicycle, WheelTrim
 from navfw.robot import RobotModel
 from navfw.signals import Command, Encoders, Odometry, Pose, Twist
 

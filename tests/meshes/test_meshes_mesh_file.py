@@ -9,7 +9,8 @@ import trimesh
 from cli_calls import put_file
 
 from navfw.errors import ConfigError
-from navfw.meshes import MAX_TRIANGLES, TriangleMesh, mesh_file, read_mesh
+from navfw.meshes import mesh_file
+from navfw.meshes.mesh_file import MAX_TRIANGLES, TriangleMesh, read_mesh
 
 POINTS = "".join(f"v {x} {y} {z}\n" for z in (0, 2) for x, y in ((0, 0), (3, 0), (3, 1), (0, 1)))
 SIDES = ("1 2 6 5", "2 3 7 6", "3 4 8 7", "4 1 5 8")

@@ -4,7 +4,8 @@ from typing import Any
 
 import pytest
 
-from navfw.missions import MissionResult, Session
+from navfw.missions import MissionResult
+from navfw.missions.session import Session
 
 
 @pytest.fixture(autouse=True)

@@ -9,8 +9,9 @@ import pytest
 from navfw_benchmarks.plugins.navground import surroundings
 
 from navfw.errors import WorldError
-from navfw.flow import above_horizon
-from navfw.missions import MissionResult, SimulatorTruth, load_mission, prepare
+from navfw.flow.grid_flow import above_horizon
+from navfw.missions import MissionResult, SimulatorTruth, prepare
+from navfw.missions.missionfile import load_mission
 from navfw.robot import RobotModel
 from navfw.signals import Odometry, Pose, Twist
 from navfw.sim import SceneGeometry, Simulation, WorldSpec

@@ -13,13 +13,16 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from navfw.errors import InputError
-from navfw.fuzzy import InputSpec, OutputSpec
-from navfw.missions import MissionSpec, Outcome, prepare
+from navfw.fuzzy.rulespec import InputSpec, OutputSpec
+from navfw.missions import prepare
+from navfw.missions.missionspec import MissionSpec
+from navfw.missions.outcome import Outcome
 from navfw.plugins import default_registry
 from navfw.sim import WorldSpec
-from navfw.stack import STAGES, StackSettings
-from navfw.suite import SuiteSpec
-from navfw.topomap import EdgeSpec, MapSpec
+from navfw.stack.stack_document import STAGES
+from navfw.stack.stackfile import StackSettings
+from navfw.suite.suitefile import SuiteSpec
+from navfw.topomap.mapspec import EdgeSpec, MapSpec
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,10 @@ from killing import Started
 from processes import python
 
 from navfw.errors import InputError
-from navfw.missions import WindowOverlay, prepare
+from navfw.missions import prepare
+from navfw.missions.run_drawing import WindowOverlay
 from navfw.recording import palette, read_result
-from navfw.sim import Point3, SimulatorWindow, check_display
+from navfw.sim.engine import Point3, SimulatorWindow, check_display
 
 SHORT = ["run", "paper-room", "through-the-door", "--seed", "5", "--set", "mission.timeout=3"]
 KEYS = """

@@ -9,7 +9,7 @@ from hash_table import WITH_AVX2, WITH_AVX512, Settings, measured_hashes, stored
 from processes import python
 
 from navfw.missions import prepare
-from navfw.suite import SuiteFolder
+from navfw.suite.suite_folder import SuiteFolder
 
 MISSION = ("paper-room", "through-the-door")
 SEED = 11

@@ -8,9 +8,11 @@ import pytest
 from cli_calls import put_files
 
 from navfw.errors import InputError
-from navfw.missions import MissionResult, Outcome, prepare
-from navfw.papfis import Papfis
-from navfw.sim import drop_rectangle, load_world
+from navfw.missions import MissionResult, prepare
+from navfw.missions.outcome import Outcome
+from navfw.papfis.papfis import Papfis
+from navfw.sim import load_world
+from navfw.sim.solids import drop_rectangle
 from navfw.testing import MissionRun
 
 MORE_SEEDS = [pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 10)]

@@ -9,10 +9,13 @@ import pytest
 from cli_calls import refusal
 
 from navfw.errors import InputError
-from navfw.missions import Event, EventClock, MissionResult, prepare, write_run
-from navfw.recording import RunFolder, explain_at, read_result, replay
+from navfw.missions import MissionResult, prepare
+from navfw.missions.mission_events import Event, EventClock
+from navfw.missions.run_report import write_run
+from navfw.recording import RunFolder, read_result
+from navfw.recording.run_replay import explain_at, replay
 from navfw.signals import Pose
-from navfw.sim import CameraFault, GyroFault
+from navfw.sim.event_actions import CameraFault, GyroFault
 
 MISSION = """\
 start: [1, 1.5, 0.3]

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from navfw.process import check_interrupted, deferred, interrupted, interruptible
+from navfw.process.interruption import check_interrupted, deferred, interrupted, interruptible
 
 
 @pytest.fixture(autouse=True)

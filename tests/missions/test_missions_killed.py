@@ -20,9 +20,12 @@ import pytest
 from cli_calls import PROGRAM, invoke
 from killing import MANY, Ended, Started, moments
 
-from navfw.missions import MissionResult, Session
-from navfw.process import scratch_folder
-from navfw.recording import FILES, RECORDING, RunFolder, load_recording, read_result, run_observers
+from navfw.missions import MissionResult
+from navfw.missions.session import Session
+from navfw.process.atomic import scratch_folder
+from navfw.recording import RECORDING, RunFolder, read_result, run_observers
+from navfw.recording.run_folder import FILES
+from navfw.recording.run_replay import load_recording
 
 WORDS = ("run", "empty", "straight", "--set", "mission.timeout=1", "--record", "--quiet")
 

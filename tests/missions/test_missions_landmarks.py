@@ -12,23 +12,20 @@ from suite_plans import planned
 
 from navfw.config import find
 from navfw.errors import InputError, MapError
-from navfw.features import Aruco
-from navfw.localization import learn_table, load_table, situation_table
-from navfw.missions import (
-    Session,
-    SituationDrive,
-    learn_landmarks,
-    prepare,
-    record_situations,
-    start_candidates,
-    write_run,
-)
+from navfw.features.recognizers import Aruco
+from navfw.localization.place_probabilities import learn_table, load_table, situation_table
+from navfw.missions import prepare
+from navfw.missions.learning_drives import SituationDrive, learn_landmarks, record_situations
+from navfw.missions.missionfile import start_candidates
+from navfw.missions.run_report import write_run
+from navfw.missions.session import Session
 from navfw.plugins import default_registry
-from navfw.recording import RunFolder, load_recording, replay
+from navfw.recording import RunFolder
+from navfw.recording.run_replay import load_recording, replay
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Pose
 from navfw.sim import Simulation
-from navfw.suite import learn_situations, place_accuracy
+from navfw.suite.situation_learning import learn_situations, place_accuracy
 from navfw.topomap import Place, TopoMap, load_map
 
 

@@ -8,24 +8,21 @@ import numpy as np
 import pytest
 from scripted_run import FakeSimulator, ScriptedPilot
 
-from navfw.config import NamedFile, find, list_files, list_missions
+from navfw.config import find, list_files
+from navfw.config.lookup import NamedFile, list_missions
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
-from navfw.missions import (
-    MissionFile,
-    MissionLoop,
-    Outcome,
-    RunMetrics,
-    Task,
-    chosen_stack,
-    draw_start,
-    load_mission,
-    measure,
-    prepare,
-)
-from navfw.recording import RunLog, RunLogger
+from navfw.missions import MissionLoop, prepare
+from navfw.missions.missionfile import MissionFile, draw_start, load_mission
+from navfw.missions.outcome import Outcome
+from navfw.missions.run_metrics import RunMetrics, measure
+from navfw.missions.runner import Task
+from navfw.missions.session_setup import chosen_stack
+from navfw.recording.run_observers import RunLog, RunLogger
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Pose, Twist, Waypoint
-from navfw.sim import PRESETS, BoxSpec, SceneGeometry, SensorParams, WorldSpec, load_world
+from navfw.sim import SceneGeometry, SensorParams, WorldSpec, load_world
+from navfw.sim.sensor_models import PRESETS
+from navfw.sim.worldspec import BoxSpec
 from navfw.stack import StackState
 from navfw.topomap import Place
 

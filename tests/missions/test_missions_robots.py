@@ -8,8 +8,12 @@ import pytest
 from cli_calls import invoke, put_files, refusal, sole_refusal
 
 from navfw.errors import InputError, UnknownNameError
-from navfw.missions import load_mission, prepare, split_overrides
-from navfw.robot import RobotModel, inertia_notes, load_robot, read_urdf
+from navfw.missions import prepare
+from navfw.missions.missionfile import load_mission
+from navfw.missions.session_setup import split_overrides
+from navfw.robot import RobotModel, load_robot
+from navfw.robot.urdf import read_urdf
+from navfw.robot.urdf_measures import inertia_notes
 from navfw.sim import SensorParams
 
 MISSION = "start: [1, 1, 0]\ngoals: [{x: 3, y: 1}]\n"

@@ -15,19 +15,15 @@ from scripted_run import FakeSimulator, Posts, ScriptedPilot
 
 from navfw.errors import MapError
 from navfw.guard import PluginCallError
-from navfw.missions import (
-    FaultKind,
-    MissionLoop,
-    Outcome,
-    RunMetrics,
-    Task,
-    first_contacts,
-    measure,
-)
-from navfw.recording import Contact, RunLog, RunLogger
+from navfw.missions import MissionLoop
+from navfw.missions.outcome import FaultKind, Outcome
+from navfw.missions.run_metrics import RunMetrics, first_contacts, measure
+from navfw.missions.runner import Task
+from navfw.recording.run_observers import Contact, RunLog, RunLogger
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading, Sight, Twist, Waypoint
-from navfw.sim import BoxSpec, SceneGeometry, WorldSpec
+from navfw.sim import SceneGeometry, WorldSpec
+from navfw.sim.worldspec import BoxSpec
 
 ROBOT = RobotModel()
 START = Pose(0.0, 0.0, 0.0)

@@ -20,8 +20,8 @@ from navfw_benchmarks.plugins.fusions import (
 from navfw.context import CommandGrid, Context
 from navfw.interfaces import Behavior, Composite, Fusion
 from navfw.localmap import LocalMap
-from navfw.mofis import DecisionInputs, FuzzyFusion, Mofis, explain_command
-from navfw.mofis.fusion import CUT
+from navfw.mofis.fusion import CUT, FuzzyFusion
+from navfw.mofis.mofis import DecisionInputs, Mofis, explain_command
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Command, Odometry, Pose, Proposal, Twist, Waypoint

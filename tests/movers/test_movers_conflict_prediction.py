@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from navfw.context import CommandGrid
-from navfw.movers import (
-    ConflictParams,
-    ConflictPredictor,
-    Track,
-)
+from navfw.movers import ConflictPredictor
+from navfw.movers.conflict_prediction import ConflictParams
+from navfw.movers.tracking import Track
 from navfw.robot import RobotModel
 from navfw.signals import Conflicts, Odometry, Pose, Twist
 

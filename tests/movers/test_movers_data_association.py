@@ -8,7 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from movers_detections import AHEAD, ROBOT, START, cross, detection
 
-from navfw.movers import Track, Tracker, TrackerParams, merge_views
+from navfw.movers import Tracker
+from navfw.movers.localization import merge_views
+from navfw.movers.tracking import Track, TrackerParams
 from navfw.robot import RobotModel, SideViews
 from navfw.signals import MovingObject
 

@@ -8,8 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.egomotion import camera_motion
-from navfw.movers import direction_sigma, find_stixels, locate_moving_objects, segment_motion
+from navfw.egomotion.pairing import camera_motion
+from navfw.movers.localization import locate_moving_objects
+from navfw.movers.motion_segmentation import direction_sigma, segment_motion
+from navfw.movers.stixels import find_stixels
 from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel, SideViews
 from navfw.signals import CameraMotion, FlowField, Pose, Stixels

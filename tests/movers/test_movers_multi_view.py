@@ -9,14 +9,14 @@ from flow_scene import Board, board_image
 from localization_drives import odometry
 from movers_detections import detection
 
-from navfw.egomotion import FrameBuffer, PairingParams
-from navfw.movers import (
+from navfw.egomotion.pairing import FrameBuffer, PairingParams
+from navfw.movers import MultiViewDetector
+from navfw.movers.multi_view import (
     NEAR,
     QUIET_TIME,
     DetectionMode,
     DetectionSchedule,
     MovingObjectDetector,
-    MultiViewDetector,
     RecentFrames,
 )
 from navfw.robot import CameraModel, RobotModel, SideViews

@@ -9,13 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from movers_detections import AHEAD, ROBOT, START, cross, detection
 
-from navfw.movers import Track, Tracker, TrackerParams
+from navfw.movers import Tracker
 from navfw.movers.tracking import (
     ACCELERATION_SIGMA,
     BEARING_SIGMA,
     MAX_AGE_OUT_OF_VIEW,
     PATH_TIME,
     SPEED_SIGMA,
+    Track,
+    TrackerParams,
 )
 from navfw.signals import Pose
 

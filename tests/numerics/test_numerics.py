@@ -10,8 +10,10 @@ import numpy.typing as npt
 import pytest
 from numba.core.errors import TypingError
 
-from navfw.numerics import arccos, arctan2, determinant, exp, inverse, log, power, product, solve
 from navfw.numerics.algebra_kernels import LANES, bilinear, dot, fma, multiply, solve_system
+from navfw.numerics.functions import arccos, arctan2, exp, log, power
+from navfw.numerics.linear_systems import determinant, inverse, solve
+from navfw.numerics.products import product
 
 Doubles = npt.NDArray[np.float64]
 

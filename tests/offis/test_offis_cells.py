@@ -11,16 +11,10 @@ from offis_scenes import Scene, box, ideal_flow, motion, wall_ahead
 
 from navfw.flow import grid_points
 from navfw.numerics import Array
-from navfw.offis import (
-    Channels,
-    FloorModel,
-    Nearness,
-    Pyramid,
-    floor_nearness,
-    position,
-    triangulate,
-)
+from navfw.offis.grid_geometry import FloorModel, floor_nearness
+from navfw.offis.nearness import Nearness, triangulate
 from navfw.offis.percept_kernels import SIGMA_LIMIT
+from navfw.offis.pyramid import Channels, Pyramid, position
 from navfw.robot import CameraModel
 from navfw.signals import Label
 

@@ -12,7 +12,8 @@ from offis_scenes import Scene, Wall, box, corner, corridor, door, ideal_flow, m
 from pydantic import ValidationError
 
 from navfw.flow import grid_points
-from navfw.offis import ELEMENTARY, TABLE, Offis
+from navfw.offis import Offis
+from navfw.offis.elementary_situations import ELEMENTARY, TABLE
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Label, Percept, Twist
 

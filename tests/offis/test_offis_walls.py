@@ -13,22 +13,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from offis_scenes import Scene, Wall, corner, corridor, door, ideal_flow, wall_ahead
 
-from navfw.egomotion import refine
-from navfw.flow import BlockMatching, grid_points
+from navfw.egomotion.refinement import refine
+from navfw.flow import grid_points
+from navfw.flow.block_matching import BlockMatching
 from navfw.numerics import Array, Image
-from navfw.offis import (
-    TABLE,
-    GridGeometry,
-    Nearness,
-    Offis,
-    Walls,
-    find_blind_borders,
-    find_walls,
-    infer,
-    load_system,
-    slopes_of_walls,
-    triangulate,
-)
+from navfw.offis import Offis
+from navfw.offis.elementary_situations import TABLE
+from navfw.offis.fuzzy_systems import infer, load_system
+from navfw.offis.grid_geometry import GridGeometry, find_blind_borders
+from navfw.offis.nearness import Nearness, triangulate
+from navfw.offis.walls import Walls, find_walls, slopes_of_walls
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, FlowField, Label, Percept, Twist
 

@@ -18,7 +18,7 @@ import pytest
 from cli_calls import put_file
 from processes import Done, python
 
-from navfw.config import extra_imports, require_extra
+from navfw.config.extras import extra_imports, require_extra
 from navfw.errors import MissingExtraError
 
 ROOT = Path(__file__).parents[2]

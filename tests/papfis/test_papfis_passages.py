@@ -6,7 +6,7 @@ from itertools import pairwise
 import pytest
 from papfis_maps import belief, goal, line, planner, row
 
-from navfw.papfis import Router
+from navfw.papfis.routes import Router
 from navfw.signals import PassageReport, PassageStatus, Waypoint
 from navfw.topomap import Place, TopoMap
 

@@ -10,7 +10,7 @@ import pytest
 from papfis_maps import belief, goal, joined, next_waypoint, office, planner, row
 
 from navfw.errors import MapError
-from navfw.papfis import Papfis
+from navfw.papfis.papfis import Papfis
 from navfw.robot import RobotModel
 from navfw.signals import Waypoint
 from navfw.sim import SceneGeometry, load_world

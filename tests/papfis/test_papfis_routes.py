@@ -13,15 +13,9 @@ from papfis_maps import joined, line, office, random_maps, row
 
 from navfw.errors import MapError, UnknownNameError
 from navfw.numerics import Array
-from navfw.papfis import (
-    CostGraph,
-    EdgeCosts,
-    Endpoint,
-    Router,
-    parse_endpoint,
-    parse_passage,
-    plan_route,
-)
+from navfw.papfis.edge_costs import EdgeCosts
+from navfw.papfis.route_plan import parse_endpoint, parse_passage, plan_route
+from navfw.papfis.routes import CostGraph, Endpoint, Router
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.topomap import Place, TopoMap

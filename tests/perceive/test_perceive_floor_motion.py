@@ -6,9 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from navfw.flow import grid_points, true_vectors
+from navfw.flow import grid_points
+from navfw.flow.ideal import true_vectors
 from navfw.numerics import Array, Image
-from navfw.perceive import FloorFinder
+from navfw.perceive.floor_motion import FloorFinder
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, FlowField
 

@@ -6,8 +6,10 @@ from typing import Any
 import pytest
 from offis_scenes import Scene, Wall, corridor, ideal_flow, wall_ahead
 
-from navfw.offis import Offis, with_front
-from navfw.perceive import ScaleEstimator, front_probabilities, probable_front
+from navfw.offis import Offis
+from navfw.offis.percept_explanation import with_front
+from navfw.perceive.pair_motion import ScaleEstimator
+from navfw.perceive.sentence_evidence import front_probabilities, probable_front
 from navfw.robot import RobotModel
 from navfw.signals import Percept, Twist
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.offis import Offis
-from navfw.perceive import HeldWords
+from navfw.perceive.sentence_evidence import HeldWords
 from navfw.robot import RobotModel
 from navfw.signals import Label, Percept, Twist
 from navfw.testing.behavior_scenes import wall_flow

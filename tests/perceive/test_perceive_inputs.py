@@ -14,13 +14,10 @@ from PIL import Image as PillowImage
 
 from navfw.errors import InputError
 from navfw.numerics import Image
-from navfw.perceive import (
-    ImageSource,
-    lens_estimate,
-    lens_pairs,
-    natural_key,
-    open_source,
-)
+from navfw.perceive import lens_estimate
+from navfw.perceive.image_sources import ImageSource, open_source
+from navfw.perceive.image_times import natural_key
+from navfw.perceive.lens_estimate import lens_pairs
 
 PICTURE = texture()[:48, :64]
 UPRIGHT_MATRIX = struct.pack(">9i", 0, 65536, 0, -65536, 0, 0, 0, 0, 1 << 30)

@@ -10,29 +10,23 @@ import pytest
 from cli_calls import put_file
 from perceive_images import HEIGHT, WIDTH, texture
 
-from navfw.camera_geometry import rotation_matrix
-from navfw.egomotion import PointMotion
+from navfw.camera_geometry.rotations import rotation_matrix
+from navfw.egomotion.flow_egomotion import PointMotion
 from navfw.errors import InputError
 from navfw.lenses import (
     ARCTAN,
-    FISHEYE,
     CameraCalibration,
     LensShape,
     Undistortion,
-    distort,
     focal_for,
     load_calibration,
-    straighten,
 )
+from navfw.lenses.lens_models import FISHEYE, distort, straighten
 from navfw.numerics import Array, Image
-from navfw.perceive import (
-    ImageSource,
-    LensEstimate,
-    LensFit,
-    estimate_lens,
-    estimate_line,
-    lens_estimate,
-)
+from navfw.perceive import lens_estimate
+from navfw.perceive.image_sources import ImageSource
+from navfw.perceive.lens_estimate import LensEstimate, estimate_lens, estimate_line
+from navfw.perceive.lens_fit import LensFit
 
 MATRIX = np.array([[210.0, 0.0, 155.0], [0.0, 205.0, 124.0], [0.0, 0.0, 1.0]])
 PLUMB_BOB = np.array([-0.28, 0.07, 0.001, -0.002, 0.01])

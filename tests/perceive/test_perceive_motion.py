@@ -8,23 +8,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.camera_geometry import rotation_matrix
-from navfw.egomotion import FREE_TURN, Egomotion, MotionKind
+from navfw.camera_geometry.rotations import rotation_matrix
+from navfw.egomotion.flow_egomotion import FREE_TURN, Egomotion, MotionKind
 from navfw.errors import InputError
-from navfw.flow import grid_points, true_vectors
+from navfw.flow import grid_points
+from navfw.flow.ideal import true_vectors
 from navfw.numerics import Array, Image
-from navfw.perceive import (
+from navfw.perceive.pair_motion import (
     DEVIATION,
     RATE_DRIFT,
     PairMotion,
     PairMotionEstimator,
-    PerceiverOptions,
     ScaleEstimator,
     TrackImage,
-    WorkingSize,
     rotation_vector,
     track_points,
 )
+from navfw.perceive.perceiver_options import PerceiverOptions, WorkingSize
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, FlowField
 

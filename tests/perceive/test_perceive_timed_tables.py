@@ -17,16 +17,15 @@ from scipy.spatial.transform import Rotation
 
 from navfw.errors import InputError
 from navfw.numerics import Array
-from navfw.perceive import (
+from navfw.perceive.image_sources import ImageSource, open_source
+from navfw.perceive.image_times import load_image_times
+from navfw.perceive.motion_record import (
     GyroRecord,
-    ImageSource,
     MotionRecord,
-    PerceiverOptions,
     load_gyro_record,
-    load_image_times,
     load_pose_record,
-    open_source,
 )
+from navfw.perceive.perceiver_options import PerceiverOptions
 
 START = 1305031449.0
 LINE = "0 0 0 0 0 0 0 1\n"

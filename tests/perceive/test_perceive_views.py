@@ -13,23 +13,17 @@ from cli_calls import put_file, refusal
 from perceive_calls import APPROACH, DISTANCES, PICTURE, perceive
 from perceive_images import HEIGHT, WIDTH, assert_ahead, save, texture, total, wall_at
 
-from navfw.egomotion import Egomotion, MotionKind
+from navfw.egomotion.flow_egomotion import Egomotion, MotionKind
 from navfw.numerics import Image
 from navfw.offis import Offis
-from navfw.perceive import (
-    COLOURS,
-    NO_FLOOR,
-    FloorFinder,
-    PairMotion,
-    PairResult,
-    Perceiver,
-    PerceiverOptions,
-    ScaleEstimator,
-    WorkingSize,
-    open_source,
-    overlay,
-    pair_motion,
-)
+from navfw.perceive import overlay, pair_motion
+from navfw.perceive.floor_motion import FloorFinder
+from navfw.perceive.image_sources import open_source
+from navfw.perceive.overlay import COLOURS
+from navfw.perceive.pair_motion import PairMotion, ScaleEstimator
+from navfw.perceive.pair_result import PairResult
+from navfw.perceive.perceiver import NO_FLOOR, Perceiver
+from navfw.perceive.perceiver_options import PerceiverOptions, WorkingSize
 from navfw.plugins import default_registry
 from navfw.recording import run_folder
 from navfw.robot import RobotModel

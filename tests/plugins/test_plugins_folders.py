@@ -12,11 +12,13 @@ from hypothesis import strategies as st
 from plugin_rows import broken_rows
 from plugins_samples import GOOD, discovered, put, statuses
 
-from navfw.config import find, layered, list_files, parse_yaml
+from navfw.config import find, list_files
+from navfw.config.document import parse_yaml
+from navfw.config.overrides import layered
 from navfw.errors import InputError, PluginError
 from navfw.interfaces import Behavior
 from navfw.plugins import Registry, default_registry, plugin_import
-from navfw.process import interruptible
+from navfw.process.interruption import interruptible
 from navfw.robot import RobotModel
 from navfw.stack import load_stack
 

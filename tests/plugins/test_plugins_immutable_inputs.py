@@ -15,10 +15,13 @@ from pydantic import BaseModel
 
 from navfw.context import Context
 from navfw.interfaces import KINDS, Plugin
-from navfw.missions import Blackout, plugins_of, prepare
+from navfw.missions import prepare
+from navfw.missions.missionspec import Blackout
+from navfw.missions.oracle import plugins_of
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
-from navfw.signals import Conflicts, FlowField, Sealed, immutable, read_only
+from navfw.signals import Conflicts, FlowField
+from navfw.signals.immutability import Sealed, immutable, read_only
 
 pytestmark = pytest.mark.usefixtures("workdir")  # away from any project that has plugins
 
@@ -45,16 +48,17 @@ def changeable(value: Any, path: str = "it") -> list[str]:
 
 def _is_immutable(value: Any) -> bool:
     if isinstance(value, np.ndarray):
-        return isinstance(value.base, bytes) and not value.flags.writeable
+        memory: object = value.base
+        return isinstance(memory, bytes) and not value.flags.writeable
     if is_dataclass(value) or isinstance(value, BaseModel | Sealed):
         try:
             setattr(value, "an_additional_attribute", 0)  # noqa: B010 - none is declared
         except (AttributeError, TypeError, ValueError):
             return True
         return False
-    return isinstance(value, tuple | frozenset | MappingProxyType) or (
-        isinstance(value, Mapping) and not hasattr(value, "__setitem__")
-    )
+    if isinstance(value, Mapping):
+        return not hasattr(value, "__setitem__")
+    return isinstance(value, tuple | frozenset)
 
 
 def _parts(value: Any) -> Iterator[tuple[object, object]]:

@@ -13,9 +13,11 @@ from processes import printed
 
 from navfw.cli.listings import overview
 from navfw.errors import PluginError, UnknownNameError
-from navfw.features import NoFeatures
+from navfw.features.recognizers import NoFeatures
 from navfw.interfaces import KINDS, Behavior, Plugin
-from navfw.plugins import BUILT_IN, GROUPS, Registry, default_registry, plugin, plugin_import
+from navfw.plugins import BUILT_IN, Registry, default_registry, plugin_import
+from navfw.plugins.built_in import GROUPS
+from navfw.plugins.plugin_import import plugin
 
 
 def registered(*plugins: type[Plugin], points: Iterable[EntryPoint] = ()) -> Registry:

@@ -6,8 +6,10 @@ import pytest
 from cli_calls import put_file
 from plugins_samples import put
 
-from navfw.missions import MissionResult, plugins_of, prepare
-from navfw.plugins import default_registry, simulator_imports
+from navfw.missions import MissionResult, prepare
+from navfw.missions.oracle import plugins_of
+from navfw.plugins import default_registry
+from navfw.plugins.simulator_access import simulator_imports
 
 BEHAVIOR = '''\
 """A behaviour."""

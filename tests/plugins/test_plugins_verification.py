@@ -13,7 +13,7 @@ from pydantic import Field
 
 from navfw.errors import PluginError
 from navfw.interfaces import KINDS, Behavior, FeatureRecognizer, Params
-from navfw.plugins import find_problems, kind_of, verify
+from navfw.plugins.verification import find_problems, kind_of, verify
 
 PRELUDE = """
 from typing import Annotated, Any, ClassVar

@@ -11,7 +11,8 @@ import pytest
 from kernel_recording import expression, listed_calls
 from processes import printed
 
-from navfw.process import groups_of, listed_kernels, parse_types
+from navfw.process import listed_kernels
+from navfw.process.kernel_compilation import groups_of, parse_types
 
 COMPILE = """
 import sys

@@ -14,7 +14,7 @@ from fuzz_mutations import mutate_data
 from websockets.frames import Frame, Opcode
 
 from navfw.missions import prepare
-from navfw.recording import LiveServer
+from navfw.recording.live_server import LiveServer
 from navfw.signals import Pose, SensorReading, Twist
 
 REQUESTS = 2000

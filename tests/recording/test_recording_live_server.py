@@ -23,9 +23,11 @@ from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from navfw.errors import InputError
-from navfw.missions import Session, prepare
-from navfw.recording import LiveServer, deserialize_cdr
+from navfw.missions import prepare
+from navfw.missions.session import Session
 from navfw.recording import channel_list as topics
+from navfw.recording import deserialize_cdr
+from navfw.recording.live_server import LiveServer
 from navfw.report import live_page
 
 WANTED = (topics.COMMAND, topics.READING, topics.CAMERA_IMAGE, topics.WORLD)

@@ -7,7 +7,8 @@ import pytest
 from cli_calls import put_files
 from processes import run
 
-from navfw.recording import code_revision, git_revision, machine_kind
+from navfw.recording import code_revision, machine_kind
+from navfw.recording.provenance import git_revision
 
 
 def git(folder: Path, *words: str, check: bool = True) -> str:

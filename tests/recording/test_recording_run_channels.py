@@ -10,9 +10,11 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from navfw.missions import MissionResult, Session, prepare
-from navfw.recording import RecordedRun, RunRecorder
+from navfw.missions import MissionResult, prepare
+from navfw.missions.session import Session
+from navfw.recording import RunRecorder
 from navfw.recording import channel_list as topics
+from navfw.recording.recorded_run import RecordedRun
 
 TIME = 4.0
 Driven = tuple[MissionResult, RecordedRun]

@@ -16,13 +16,8 @@ import pytest
 from cli_calls import put_files
 
 from navfw.errors import ConfigError, InputError
-from navfw.process import (
-    AtomicFolder,
-    TargetInUseError,
-    TargetLock,
-    sweep,
-    write_text,
-)
+from navfw.process.atomic import AtomicFolder, write_text
+from navfw.process.target_lock import TargetInUseError, TargetLock, sweep
 from navfw.recording import RESULT, RunFolder, plain_json, read_result
 
 

@@ -13,20 +13,13 @@ from mcap_rewriting import rewrite
 from processes import python
 
 from navfw.errors import ConfigError, InputError
-from navfw.missions import MissionResult, prepare, write_run
+from navfw.missions import MissionResult, prepare
+from navfw.missions.run_report import write_run
 from navfw.numerics import Image
-from navfw.recording import (
-    CAMERA_IMAGE,
-    RECORDING,
-    RESULT,
-    RecordedRun,
-    RunFolder,
-    explain_at,
-    image_of,
-    read_result,
-    replay,
-    ros_message,
-)
+from navfw.recording import RECORDING, RESULT, RunFolder, read_result, ros_message
+from navfw.recording.channel_list import CAMERA_IMAGE
+from navfw.recording.recorded_run import RecordedRun, image_of
+from navfw.recording.run_replay import explain_at, replay
 
 # None in sys.modules makes the import of PyBullet fail.
 ALONE = """

@@ -12,23 +12,18 @@ from mcap_rewriting import Change, rewrite
 from scripted_run import FakeSimulator
 
 from navfw.errors import ConfigError
-from navfw.recording import (
+from navfw.recording import RunRecorder, deserialize_cdr, ros_message
+from navfw.recording import channel_list as topics
+from navfw.recording.channel_list import (
     CAMERA_IMAGE,
     LANDMARK_IMAGE,
     READING,
     RIGHT_IMAGE,
     SCHEMA_NAME,
-    RecordedRun,
-    RunRecorder,
-    compare_commands,
-    deserialize_cdr,
-    load_recording,
-    message_types,
-    reading_message,
-    replay_commands,
-    ros_message,
 )
-from navfw.recording import channel_list as topics
+from navfw.recording.recorded_run import RecordedRun
+from navfw.recording.ros_messages import message_types, reading_message
+from navfw.recording.run_replay import compare_commands, load_recording, replay_commands
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist
 
 TICKS = 40

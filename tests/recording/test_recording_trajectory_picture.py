@@ -17,21 +17,11 @@ from matplotlib.figure import Figure
 from picture_colors import share_of
 
 from navfw.numerics import Array
-from navfw.recording import (
-    FLOOR,
-    MOVING,
-    Contact,
-    PathLabels,
-    RunLog,
-    RunLogger,
-    TrajectoryPicture,
-    WorldOutline,
-    behavior_color,
-    bgr,
-    draw_trajectory,
-    hash_commands,
-    rgb,
-)
+from navfw.recording import WorldOutline, hash_commands
+from navfw.recording.palette import FLOOR, MOVING, behavior_color, bgr, rgb
+from navfw.recording.plan_picture import PathLabels
+from navfw.recording.run_observers import Contact, RunLog, RunLogger
+from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
 from navfw.signals import Pose, Twist, Waypoint
 
 finite = st.floats(allow_nan=False, allow_infinity=False)

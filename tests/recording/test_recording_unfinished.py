@@ -10,7 +10,9 @@ import pytest
 from cli_calls import PROGRAM, invoke, output, put_files, refusal
 from killing import Started
 
-from navfw.recording import RECORDING, REPORT, RESULT, RunFolder, load_recording, read_result
+from navfw.recording import RECORDING, RESULT, RunFolder, read_result
+from navfw.recording.run_folder import REPORT
+from navfw.recording.run_replay import load_recording
 
 MISSION = """\
 map: empty

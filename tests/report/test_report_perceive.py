@@ -10,7 +10,7 @@ from perceive_images import save
 from report_browser import seen_in_browser
 
 from navfw.numerics import Image
-from navfw.report import PerceivePage
+from navfw.report.report_page import PerceivePage
 
 PROBE = """
 setTimeout(() => {

@@ -9,8 +9,10 @@ import pytest
 from cli_calls import invoke, put_files
 from report_browser import seen_in_browser
 
-from navfw.recording import PICTURE, RECORDING, REPORT, open_run
-from navfw.report import read_moments
+from navfw.recording import RECORDING
+from navfw.recording.recorded_run import open_run
+from navfw.recording.run_folder import PICTURE, REPORT
+from navfw.report.run_moments import read_moments
 
 PROBE = """
 setTimeout(async () => {

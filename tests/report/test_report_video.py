@@ -12,7 +12,9 @@ from mcap_rewriting import rewrite
 from picture_colors import share_of
 
 from navfw.numerics import Array
-from navfw.recording import LOCAL_MAP, RECORDING, open_run, palette, read_result
+from navfw.recording import RECORDING, palette, read_result
+from navfw.recording.channel_list import LOCAL_MAP
+from navfw.recording.recorded_run import open_run
 
 av = pytest.importorskip("av", reason="needs the extra video")
 

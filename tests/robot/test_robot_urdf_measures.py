@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 from navfw.config import foreign_files
 from navfw.errors import InputError
 from navfw.missions import prepare
-from navfw.robot import load_robot, read_urdf, robot_notes
+from navfw.robot import load_robot
+from navfw.robot.urdf import read_urdf
+from navfw.robot.urdf_measures import robot_notes
 from navfw.robot.xacro_expansion import _check_expression
 
 WHEEL = """<link name="{side}_wheel"><collision><origin rpy="1.5707963 0 0"/>

@@ -9,7 +9,8 @@ import pytest
 from bag_samples import Sent, image, imu, odometry, write_bag
 
 from navfw.lenses import load_calibration
-from navfw.perceive import load_gyro_record, load_pose_record, unpacked_bag
+from navfw.perceive.bag_source import unpacked_bag
+from navfw.perceive.motion_record import load_gyro_record, load_pose_record
 from navfw.recording import Bag
 
 NOISE = np.random.default_rng(3).integers(0, 256, (120, 260), np.uint8)

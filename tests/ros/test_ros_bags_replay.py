@@ -18,10 +18,12 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 
-from navfw.missions import prepare, write_run
+from navfw.missions import prepare
+from navfw.missions.run_report import write_run
 from navfw.perceive import camera_contradiction
-from navfw.recording import Bag, RecordedRun, RunFolder, open_run, read_result
+from navfw.recording import Bag, RunFolder, read_result
 from navfw.recording import channel_list as topics
+from navfw.recording.recorded_run import RecordedRun, open_run
 from navfw.ros import driven_map
 
 DATA = os.environ.get("NAVFW_DATA", "")

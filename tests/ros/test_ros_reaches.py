@@ -37,7 +37,8 @@ from sensor_msgs import msg
 from navfw.missions import prepare
 from navfw.recording import code_revision, machine_kind
 from navfw.ros import RosNode
-from navfw.worldgen import generate, import_plan
+from navfw.worldgen import generate
+from navfw.worldgen.plan_exchange import import_plan
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("domain")]
 

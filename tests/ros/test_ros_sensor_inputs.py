@@ -9,16 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from navfw.recording import (
-    deserialize_cdr,
-    image_message,
-    imu_message,
-    joints_message,
-    odometry_message,
-    ros_message,
-)
+from navfw.recording import deserialize_cdr, odometry_message, ros_message
+from navfw.recording.ros_messages import image_message, imu_message, joints_message
 from navfw.robot import RobotModel
-from navfw.ros import SensorInputs
+from navfw.ros.sensor_inputs import SensorInputs
 from navfw.signals import Encoders, Inertial, Odometry, Pose, SensorReading, Twist
 
 ROBOT = RobotModel()

@@ -8,9 +8,11 @@ import pytest
 from behavior_samples import scene
 from safety_samples import ROBOT, monitor_with, odometry, picture, reading
 
-from navfw.localmap import LocalMap, PathSight
+from navfw.localmap import LocalMap
+from navfw.localmap.path_sight import PathSight
 from navfw.numerics import Array, Image
-from navfw.safety import MOVED, MOVED_SLIGHTLY, SafetyMonitor, Senses
+from navfw.safety import SafetyMonitor
+from navfw.safety.monitor import MOVED, MOVED_SLIGHTLY, Senses
 from navfw.signals import Percept, Twist
 
 RATE = 60.0

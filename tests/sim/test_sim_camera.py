@@ -12,16 +12,10 @@ from sim_worlds import PERFECT
 from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel, SideViews
 from navfw.signals import Frame, Pose
-from navfw.sim import (
-    BoxSpec,
-    CameraFault,
-    CylinderSpec,
-    DepthImage,
-    SensorParams,
-    Simulation,
-    WallSpec,
-    WorldSpec,
-)
+from navfw.sim import SensorParams, Simulation, WorldSpec
+from navfw.sim.camera import DepthImage
+from navfw.sim.event_actions import CameraFault
+from navfw.sim.worldspec import BoxSpec, CylinderSpec, WallSpec
 
 WORLD = WorldSpec(
     name="hall",

@@ -11,24 +11,16 @@ from sim_worlds import PERFECT, drive, frames
 
 from navfw.missions import prepare
 from navfw.numerics import Array, Image
-from navfw.robot import AutoExposure, CameraEffects, CameraModel, RobotModel, SideViews, load_robot
+from navfw.robot import CameraEffects, CameraModel, RobotModel, SideViews, load_robot
+from navfw.robot.camera_models import AutoExposure
 from navfw.signals import Pose
-from navfw.sim import (
-    BodyState,
-    Camera,
-    ImageSensor,
-    LightChange,
-    LightSpec,
-    Scenery,
-    SensorParams,
-    Shutter,
-    Simulation,
-    TextureSpec,
-    WallSpec,
-    WorldSpec,
-    image_motion,
-    light_falloff,
-)
+from navfw.sim import SensorParams, Simulation, WorldSpec
+from navfw.sim.camera import Camera
+from navfw.sim.camera_rig import ImageSensor, Shutter, image_motion, light_falloff
+from navfw.sim.event_actions import LightChange
+from navfw.sim.robot_body import BodyState
+from navfw.sim.scenery import Scenery
+from navfw.sim.worldspec import LightSpec, TextureSpec, WallSpec
 
 HERE = Pose(0.0, 0.0, 0.0)
 CAMERA = CameraModel(width=320, height=240, mount_height=2.7, mount_forward=0.0)

@@ -10,14 +10,11 @@ from sim_worlds import PERFECT, free_poses, world_of
 
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Pose
-from navfw.sim import (
-    Raster,
-    Simulation,
-    WalkerSpec,
-    depth_buffer,
-    solids_of,
-)
-from navfw.worldgen import FAMILIES
+from navfw.sim import Simulation
+from navfw.sim.raster import Raster, depth_buffer
+from navfw.sim.solids import solids_of
+from navfw.sim.worldspec import WalkerSpec
+from navfw.worldgen.generation import FAMILIES
 
 
 def agree(reference: ReferenceRenderer, pose: Pose) -> None:

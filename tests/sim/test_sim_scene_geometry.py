@@ -12,24 +12,13 @@ from hypothesis import strategies as st
 from sim_worlds import drive, loaded
 
 from navfw.errors import ConfigError, InputError, WorldError
-from navfw.meshes import boxes_around, furniture_mesh, furniture_outline
+from navfw.meshes.furniture_meshes import boxes_around, furniture_mesh, furniture_outline
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim import (
-    BoxSpec,
-    Circle,
-    CylinderSpec,
-    OpeningSpec,
-    Rectangle,
-    SceneGeometry,
-    Shape,
-    Simulation,
-    WallSpec,
-    WorldSpec,
-    gap_between,
-    overlap_depth,
-)
+from navfw.sim import SceneGeometry, Simulation, WorldSpec
+from navfw.sim.shapes import Circle, Rectangle, Shape, gap_between, overlap_depth
+from navfw.sim.worldspec import BoxSpec, CylinderSpec, OpeningSpec, WallSpec
 
 RADIUS = 0.18
 places = st.floats(-2.0, 2.0)

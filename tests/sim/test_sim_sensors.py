@@ -14,31 +14,23 @@ from navfw.errors import UnknownNameError
 from navfw.numerics import Array, Image
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim import (
-    CLEAR_OF_ROBOT,
-    PRESETS,
+from navfw.sim import SensorParams, Simulation, WorldSpec, load_world
+from navfw.sim.event_actions import (
     CameraFault,
     DoorChange,
-    DoorSpec,
-    DropSpec,
     EncoderFault,
     EventAction,
     GyroFault,
-    GyroModel,
     LightChange,
     Obstacle,
-    OpeningSpec,
-    SensorParams,
-    Simulation,
     Slippery,
     Textureless,
-    WallSpec,
     WeakWheel,
-    WheelEncoderModel,
-    WorldSpec,
-    drop_rectangle,
-    load_world,
 )
+from navfw.sim.sensor_models import PRESETS, GyroModel, WheelEncoderModel
+from navfw.sim.solids import drop_rectangle
+from navfw.sim.world_changes import CLEAR_OF_ROBOT
+from navfw.sim.worldspec import DoorSpec, DropSpec, OpeningSpec, WallSpec
 
 ROBOT = RobotModel()
 START = Pose(1.0, 1.5, 0.3)

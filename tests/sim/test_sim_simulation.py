@@ -20,16 +20,8 @@ from navfw.errors import SimulationError, WorldError
 from navfw.numerics import Array
 from navfw.robot import RobotModel, load_robot
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist
-from navfw.sim import (
-    BoxSpec,
-    CylinderSpec,
-    OpeningSpec,
-    SensorParams,
-    Simulation,
-    WallSpec,
-    WorldSpec,
-    load_world,
-)
+from navfw.sim import SensorParams, Simulation, WorldSpec, load_world
+from navfw.sim.worldspec import BoxSpec, CylinderSpec, OpeningSpec, WallSpec
 
 ROBOT = RobotModel()
 WORLD = WorldSpec(

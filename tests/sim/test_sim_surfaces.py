@@ -12,20 +12,11 @@ from navfw.errors import ConfigError
 from navfw.numerics import Image
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim import (
-    TILE,
-    Simulation,
-    Style,
-    SurfacePatch,
-    TextureSpec,
-    WorldSpec,
-    load_world,
-    luminance_pattern,
-    picture_texture,
-    solids_of,
-    synthesize,
-    wall_patches,
-)
+from navfw.sim import Simulation, WorldSpec, load_world
+from navfw.sim.solids import solids_of
+from navfw.sim.surface_patches import SurfacePatch, wall_patches
+from navfw.sim.textures import TILE, luminance_pattern, picture_texture, synthesize
+from navfw.sim.worldspec import Style, TextureSpec
 
 STYLES = get_args(Style)
 

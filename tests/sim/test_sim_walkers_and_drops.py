@@ -12,18 +12,10 @@ from sim_worlds import PERFECT, drive
 from navfw.errors import WorldError
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Twist
-from navfw.sim import (
-    BoxSpec,
-    DropSpec,
-    SceneGeometry,
-    Simulation,
-    Walker,
-    WalkerSpec,
-    WalkerTrack,
-    WorldSpec,
-    floor_pieces,
-    treads_of,
-)
+from navfw.sim import SceneGeometry, Simulation, WorldSpec
+from navfw.sim.solids import floor_pieces, treads_of
+from navfw.sim.world_changes import Walker, WalkerTrack
+from navfw.sim.worldspec import BoxSpec, DropSpec, WalkerSpec
 
 ROBOT = RobotModel()
 

@@ -8,20 +8,17 @@ import numpy as np
 import pytest
 from sim_worlds import PERFECT, TICK, drive, loaded
 
-from navfw.config import find, parse_yaml, validate
+from navfw.config import find
+from navfw.config.document import parse_yaml
+from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, WorldError
-from navfw.features import landmark_kind
+from navfw.features.landmark_appearance import landmark_kind
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim import (
-    CameraFault,
-    SceneGeometry,
-    Simulation,
-    WorldSpec,
-    check_world,
-    load_world,
-    solids_of,
-)
+from navfw.sim import SceneGeometry, Simulation, WorldSpec, load_world
+from navfw.sim.event_actions import CameraFault
+from navfw.sim.solids import solids_of
+from navfw.sim.world_check import check_world
 from navfw.topomap import load_map
 
 WORLDS = Path(__file__).parents[2] / "worlds"

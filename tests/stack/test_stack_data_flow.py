@@ -11,8 +11,10 @@ from flow_scene import rotational_flow
 from scripted_run import FakeSimulator
 from stack_samples import GOAL, OFFIS, ROBOT, START, context_of, drive, sample_stack, wall_view
 
-from navfw.egomotion import FloorOdometry, Odometer
-from navfw.guard import GuardedFlow, GuardedPerception, PluginGuard
+from navfw.egomotion import Odometer
+from navfw.egomotion.floor_odometry import FloorOdometry
+from navfw.guard import PluginGuard
+from navfw.guard.guarded_stages import GuardedFlow, GuardedPerception
 from navfw.interfaces import FlowProcessor
 from navfw.signals import (
     CameraMotion,
@@ -24,7 +26,9 @@ from navfw.signals import (
     Twist,
     YawCorrection,
 )
-from navfw.stack import TIMED, StackSettings, View, Vision
+from navfw.stack.stack import TIMED
+from navfw.stack.stackfile import StackSettings
+from navfw.stack.vision import View, Vision
 from navfw.testing.behavior_scenes import wall_flow
 
 

@@ -28,7 +28,7 @@ from navfw.config import find
 from navfw.context import Context
 from navfw.errors import ConfigError, InputError
 from navfw.interfaces import Behavior
-from navfw.plugins import inject_faults
+from navfw.plugins.fault_injection import inject_faults
 from navfw.signals import (
     Belief,
     Frame,
@@ -40,7 +40,8 @@ from navfw.signals import (
     Twist,
     Waypoint,
 )
-from navfw.stack import Stack, View, load_stack
+from navfw.stack import Stack, load_stack
+from navfw.stack.vision import View
 
 SEEN = LandmarkDetection(0.0, "a", 0.1, 1.0, np.eye(2))
 LEG = PassageQuery(("start", "goal"), (0.0, 0.0), (2.0, 0.0), 1.0)

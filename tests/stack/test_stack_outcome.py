@@ -18,7 +18,9 @@ from stack_samples import (
 
 from navfw.safety import PersistentFailure
 from navfw.signals import Belief, Encoders, Inertial, Pose, Stixels, Twist, Waypoint
-from navfw.stack import NO_ROUTE_AFTER, STUCK_AFTER, TIMED, ProgressWatch, StackState
+from navfw.stack import StackState
+from navfw.stack.stack import TIMED
+from navfw.stack.stack_state import NO_ROUTE_AFTER, STUCK_AFTER, ProgressWatch
 
 # --- giving up -----------------------------------------------------------------------------------
 

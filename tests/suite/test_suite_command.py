@@ -12,7 +12,10 @@ from suite_samples import row
 
 from navfw.missions import prepare
 from navfw.plugins import default_registry
-from navfw.suite import SuiteFolder, columns_of, load_suite, plan_runs
+from navfw.suite import load_suite
+from navfw.suite.run_journal import columns_of
+from navfw.suite.suite_folder import SuiteFolder
+from navfw.suite.suite_plan import plan_runs
 
 TINY = "entries: [{world: empty, missions: [straight], set: {mission.timeout: 3}}]"
 

@@ -13,15 +13,19 @@ from dask_cluster import Cluster, cluster
 from processes import printed
 
 from navfw.errors import InputError
-from navfw.suite import Job, RunRow, SuiteFolder, SuitePlan, run_suite
+from navfw.suite.case import Job
+from navfw.suite.run_row import RunRow
+from navfw.suite.suite_folder import SuiteFolder
+from navfw.suite.suite_plan import SuitePlan
+from navfw.suite.suite_run import run_suite
 
 pytest.importorskip("distributed", reason="needs the extra dask: uv sync --extra dask")
 
-from navfw.suite import (
+from navfw.suite import dask_engine
+from navfw.suite.dask_engine import (
     DaskEngine,
     FilesOnWorker,
     compare_identities,
-    dask_engine,
     unpacked,
     worker_identity,
 )

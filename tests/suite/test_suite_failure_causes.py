@@ -9,29 +9,25 @@ import numpy as np
 import pytest
 
 from navfw.localmap import CLAMP_MAX
-from navfw.missions import FaultKind, MissionResult, MissionVerdict, Outcome, Session, prepare
-from navfw.mofis import DecisionInputs
+from navfw.missions import MissionResult, prepare
+from navfw.missions.outcome import FaultKind, MissionVerdict, Outcome
+from navfw.missions.session import Session
+from navfw.mofis.mofis import DecisionInputs
 from navfw.plugins import default_registry
-from navfw.recording import Contact, RunLog, RunLogger
+from navfw.recording.run_observers import Contact, RunLog, RunLogger
 from navfw.signals import Belief, Odometry, Pose, Sight, Twist
-from navfw.sim import (
-    BoxSpec,
-    ChangeTrack,
-    CylinderSpec,
-    SceneGeometry,
-    Simulation,
-    WalkerTrack,
-    WorldSpec,
-)
-from navfw.suite import (
+from navfw.sim import SceneGeometry, Simulation, WorldSpec
+from navfw.sim.world_changes import ChangeTrack, WalkerTrack
+from navfw.sim.worldspec import BoxSpec, CylinderSpec
+from navfw.suite.failure_causes import (
     Cause,
     CollisionSymptoms,
     FailureSymptoms,
     MotionSymptoms,
     PathSymptoms,
     classify,
-    collect_symptoms,
 )
+from navfw.suite.failure_symptoms import collect_symptoms
 
 
 def collision(**values: Any) -> CollisionSymptoms:

@@ -7,7 +7,7 @@ import pytest
 from cli_calls import invoke, put_files
 from suite_plans import planned
 
-from navfw.config import shipped_folder
+from navfw.config.lookup import shipped_folder
 
 WHEEL = """<link name="{side}"><collision><origin rpy="1.5707963 0 0"/>
   <geometry><cylinder radius="0.07" length="0.03"/></geometry></collision>

@@ -20,18 +20,13 @@ from suite_plans import drive
 from suite_samples import row
 
 from navfw.errors import InputError
-from navfw.process import write_text
-from navfw.suite import (
-    COLUMNS,
-    RunJournal,
-    StartMode,
-    SuiteFolder,
-    SuitePlan,
-    SuiteResult,
-    run_journal,
-    suite_folder,
-    table_cells,
-)
+from navfw.process.atomic import write_text
+from navfw.suite import run_journal, suite_folder
+from navfw.suite.run_journal import RunJournal, table_cells
+from navfw.suite.run_row import COLUMNS
+from navfw.suite.suite_folder import StartMode, SuiteFolder
+from navfw.suite.suite_plan import SuitePlan
+from navfw.suite.suite_run import SuiteResult
 
 
 def plan(seeds: int = 4, **contents: str) -> SuitePlan:

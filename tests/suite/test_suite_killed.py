@@ -19,7 +19,8 @@ from cli_calls import PROGRAM
 from dask_cluster import Cluster, cluster
 from killing import MANY, TINY, Ended, Started, moments
 
-from navfw.suite import RunRow, SuiteFolder
+from navfw.suite.run_row import RunRow
+from navfw.suite.suite_folder import SuiteFolder
 
 __all__ = ["cluster"]
 

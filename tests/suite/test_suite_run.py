@@ -14,15 +14,12 @@ from suite_plans import drive
 
 from navfw.errors import InputError
 from navfw.recording import machine_kind
-from navfw.suite import (
-    Case,
-    Cause,
-    RunRow,
-    StartMode,
-    SuiteFolder,
-    SuitePlan,
-    SuiteResult,
-)
+from navfw.suite.case import Case
+from navfw.suite.failure_causes import Cause
+from navfw.suite.run_row import RunRow
+from navfw.suite.suite_folder import StartMode, SuiteFolder
+from navfw.suite.suite_plan import SuitePlan
+from navfw.suite.suite_run import SuiteResult
 
 CONTENT = {"entry rooms": "1234", "stack default of entry rooms": "5678"}
 

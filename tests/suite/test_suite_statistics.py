@@ -10,17 +10,16 @@ from scipy.stats import binomtest, quantile_test
 from suite_samples import row
 
 from navfw.errors import InputError
-from navfw.suite import (
-    barn_score,
+from navfw.suite.paired_comparison import (
     compare_tables,
     mcnemar_exact,
     mcnemar_pairs,
     median_interval,
     paired_interval,
-    sct,
-    summarize,
     wilson,
 )
+from navfw.suite.run_row import barn_score, sct
+from navfw.suite.suite_summary import summarize
 
 
 def test_a_summary_counts_every_run() -> None:
@@ -166,7 +165,7 @@ def test_so_many_pairs_find_the_difference_in_four_of_five_comparisons(
 
 def test_runs_as_a_table_of_pandas_are_compared_and_printed() -> None:
     pandas = pytest.importorskip("pandas", reason="needs the extra pandas")
-    from navfw.suite import SuiteFrame
+    from navfw.suite.suite_frame import SuiteFrame
 
     first = [row(n, spl=0.5 + 0.1 * n) for n in range(4)] + [row(4, "collided", spl=0.0)]
     second = [row(n, spl=0.6 + 0.1 * n) for n in range(4)] + [row(4, spl=None)]

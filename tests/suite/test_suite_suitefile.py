@@ -12,20 +12,16 @@ from suite_plans import planned, suite_file
 from navfw import worldgen
 from navfw.config import list_files
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
-from navfw.missions import MissionSpec
+from navfw.missions.missionspec import MissionSpec
 from navfw.plugins import default_registry
-from navfw.sim import BoxSpec, Look, TextureSpec, WorldSpec
-from navfw.suite import (
-    Expect,
-    Job,
-    SuitePlan,
-    draw_difficulty,
-    load_suite,
-    parse_seeds,
-    plan_runs,
-    run_job,
-    summarize,
-)
+from navfw.sim import WorldSpec
+from navfw.sim.worldspec import BoxSpec, Look, TextureSpec
+from navfw.suite import load_suite
+from navfw.suite.case import Job, draw_difficulty
+from navfw.suite.case_worker import run_job
+from navfw.suite.suite_plan import SuitePlan, plan_runs
+from navfw.suite.suite_summary import summarize
+from navfw.suite.suitefile import Expect, parse_seeds
 from navfw.topomap import Passage, Place, TopoMap
 
 

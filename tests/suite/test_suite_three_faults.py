@@ -9,8 +9,9 @@ import pytest
 import yaml
 from suite_plans import drive, planned
 
-from navfw.config import shipped_folder
-from navfw.suite import SuiteFolder, run_job
+from navfw.config.lookup import shipped_folder
+from navfw.suite.case_worker import run_job
+from navfw.suite.suite_folder import SuiteFolder
 
 RUNS = 40
 TOLERANCE = 0.5

@@ -12,20 +12,16 @@ from navfw_benchmarks.plugins import navground
 from suite_plans import drive, planned
 from suite_samples import row
 
-from navfw.config import list_missions, shipped_folder
+from navfw.config.lookup import list_missions, shipped_folder
 from navfw.errors import InputError, MissingExtraError, UnknownNameError
 from navfw.plugins import default_registry
-from navfw.suite import (
-    Case,
-    RunRow,
-    SuiteFolder,
-    brief_table,
-    compare_tables,
-    load_suite,
-    of_variant,
-    plan_runs,
-    summarize,
-)
+from navfw.suite import load_suite
+from navfw.suite.case import Case
+from navfw.suite.paired_comparison import compare_tables, of_variant
+from navfw.suite.run_row import RunRow
+from navfw.suite.suite_folder import SuiteFolder
+from navfw.suite.suite_plan import plan_runs
+from navfw.suite.suite_summary import brief_table, summarize
 
 SUITE = """\
 entries:

@@ -12,8 +12,9 @@ import suite_samples as samples
 from processes import printed
 
 from navfw.errors import SimulationError
-from navfw.process import peak_memory_mb
-from navfw.suite import Cause, WorkerFailure, WorkerPool
+from navfw.process.process_resources import peak_memory_mb
+from navfw.suite.failure_causes import Cause
+from navfw.suite.worker_pool import WorkerFailure, WorkerPool
 
 
 def test_jobs_run_in_parallel_in_separate_processes(tmp_path: Path) -> None:

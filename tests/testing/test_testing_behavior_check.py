@@ -13,13 +13,15 @@ from pydantic import Field
 from navfw.context import Context
 from navfw.errors import PluginError, UnknownNameError
 from navfw.interfaces import Behavior, Composite
-from navfw.missions import MissionVerdict, Outcome, measure
+from navfw.missions.outcome import MissionVerdict, Outcome
+from navfw.missions.run_metrics import measure
 from navfw.offis import Offis
 from navfw.plugins import default_registry
-from navfw.recording import Contact, RunLogger
+from navfw.recording.run_observers import Contact, RunLogger
 from navfw.robot import RobotModel
 from navfw.signals import Label, Pose, Proposal, Twist
-from navfw.sim import BoxSpec, SceneGeometry, WorldSpec
+from navfw.sim import SceneGeometry, WorldSpec
+from navfw.sim.worldspec import BoxSpec
 from navfw.testing import (
     SCENES,
     MissionRun,

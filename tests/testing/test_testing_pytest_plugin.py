@@ -12,8 +12,9 @@ import pytest
 from cli_calls import put_files
 from processes import printed
 
-from navfw.config import shipped_folder
-from navfw.missions import MissionResult, draw, prepare
+from navfw.config.lookup import shipped_folder
+from navfw.missions import MissionResult, prepare
+from navfw.missions.run_report import draw
 from navfw.testing import mission_cache, mission_run
 from navfw.testing.mission_cache import DrivenRun, read_run, store_run
 from navfw.testing.mission_case import MissionCase

@@ -18,20 +18,12 @@ from localization_drives import odometry
 from navfw.errors import MapError
 from navfw.signals import LandmarkDetection, Pose
 from navfw.sim import SceneGeometry, WorldSpec, load_world
-from navfw.topomap import (
-    ClearanceGrid,
-    Landmark,
-    LandmarkEstimate,
-    LandmarkMapper,
-    Place,
-    TopoMap,
-    build_map,
-    check_map,
-    load_map,
-    map_text,
-    thinned,
-    with_landmarks,
-)
+from navfw.topomap import Landmark, Place, TopoMap, load_map
+from navfw.topomap.clearance_grid import ClearanceGrid, thinned
+from navfw.topomap.landmark_mapping import LandmarkEstimate, LandmarkMapper, with_landmarks
+from navfw.topomap.map_builder import build_map
+from navfw.topomap.map_check import check_map
+from navfw.topomap.mapfile import map_text
 
 ROOT = Path(__file__).parents[2]
 

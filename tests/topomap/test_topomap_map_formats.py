@@ -10,20 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from navfw.config import parse_yaml
+from navfw.config.document import parse_yaml
 from navfw.errors import ConfigError, InputError, MapError
-from navfw.topomap import (
-    PLACE_KINDS,
-    Landmark,
-    Passage,
-    Place,
-    TopoMap,
-    load_any_map,
-    load_map,
-    map_text,
-    read_map,
-    save_map,
-)
+from navfw.topomap import PLACE_KINDS, Landmark, Passage, Place, TopoMap, load_map
+from navfw.topomap.map_formats import load_any_map, save_map
+from navfw.topomap.mapfile import map_text, read_map
 
 MAPS = Path(__file__).parents[2] / "maps"
 FORMATS = ["yaml", "graphml", "geojson"]

@@ -14,20 +14,17 @@ from hypothesis import strategies as st
 from navfw.errors import ConfigError, InputError, MapError
 from navfw.signals import Pose
 from navfw.sim import load_world
-from navfw.topomap import (
+from navfw.topomap import Place, TopoMap, load_map
+from navfw.topomap.map_formats import load_any_map, save_map
+from navfw.topomap.occupancy_map import (
     FREE,
     OCCUPIED,
     UNKNOWN,
     OccupancyMap,
-    Place,
-    TopoMap,
-    load_any_map,
-    load_map,
     load_ros_map,
-    save_map,
     save_ros_map,
 )
-from navfw.worldgen import exported_plan
+from navfw.worldgen.plan_exchange import exported_plan
 
 ROOT = Path(__file__).parents[2]
 GREYS = np.array([[0, 64, 100], [205, 206, 255]], dtype=np.uint8)

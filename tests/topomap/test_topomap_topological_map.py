@@ -16,7 +16,8 @@ from navfw.errors import MapError, UnknownNameError
 from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.sim import SceneGeometry, load_world
-from navfw.topomap import Passage, Place, TopoMap, check_map, load_map
+from navfw.topomap import Passage, Place, TopoMap, load_map
+from navfw.topomap.map_check import check_map
 
 Point = tuple[float, float]
 coordinates = st.floats(-20.0, 20.0)

@@ -13,18 +13,25 @@ import numpy as np
 import pytest
 from cli_calls import refusal
 
-from navfw.config import find, parse_override
+from navfw.config import find
+from navfw.config.overrides import parse_override
 from navfw.errors import InputError, RuleBaseError, UnknownNameError
 from navfw.fuzzy import load_rule_base
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.stack import load_stack
-from navfw.suite import Case, Cause, Job, RunRow, WorkerFailure, load_suite
+from navfw.suite import load_suite
+from navfw.suite.case import Case, Job
+from navfw.suite.failure_causes import Cause
+from navfw.suite.run_row import RunRow
+from navfw.suite.worker_pool import WorkerFailure
 
 pytest.importorskip("optuna", reason="needs the extra tune: uv sync --extra tune")
 
-from navfw.suite import engine_for
-from navfw.tune import BreakPoints, Objectives, StackStudy, driver, open_study, search_space
+from navfw.suite.suite_run import engine_for
+from navfw.tune.search_spaces import BreakPoints, search_space
+from navfw.tune.stack_study import StackStudy, open_study
+from navfw.tune.trials import Objectives, driver
 
 DETUNED = "base: default\nbehaviors:\n  avoid: {spare: 0.9}\n"
 BEST = 0.06

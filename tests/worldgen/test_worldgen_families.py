@@ -15,22 +15,21 @@ from scipy import ndimage
 from sim_worlds import drive
 
 from navfw.errors import InputError, UnknownNameError
-from navfw.missions import load_mission
+from navfw.missions.missionfile import load_mission
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim import (
-    STOCK,
-    Look,
-    SceneGeometry,
-    Simulation,
-    WalkerSpec,
-    gap_between,
-    load_world,
-    solids_of,
-)
-from navfw.suite import EntrySpec
+from navfw.sim import SceneGeometry, Simulation, load_world
+from navfw.sim.shapes import gap_between
+from navfw.sim.solids import solids_of
+from navfw.sim.textures import STOCK
+from navfw.sim.worldspec import Look, WalkerSpec
+from navfw.suite.suitefile import EntrySpec
 from navfw.topomap import load_map
-from navfw.worldgen import FAMILIES, LOOKS, MAP_FILE, GeneratedWorld, WorldDraft, furnish, generate
+from navfw.worldgen import generate
+from navfw.worldgen.generation import FAMILIES
+from navfw.worldgen.looks import LOOKS
+from navfw.worldgen.rooms import furnish
+from navfw.worldgen.world_draft import MAP_FILE, GeneratedWorld, WorldDraft
 
 Case = tuple[str, int, float]
 Point = tuple[float, float]

@@ -10,8 +10,11 @@ from suite_samples import row
 
 from navfw.robot import RobotModel
 from navfw.sim import SceneGeometry, WorldSpec, load_world
-from navfw.suite import draw_difficulty, load_suite, summarize
-from navfw.worldgen import GeneratedWorld, generate
+from navfw.suite import load_suite
+from navfw.suite.case import draw_difficulty
+from navfw.suite.suite_summary import summarize
+from navfw.worldgen import generate
+from navfw.worldgen.world_draft import GeneratedWorld
 
 RADIUS = RobotModel().radius
 SEEDS = range(50)

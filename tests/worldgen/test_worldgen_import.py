@@ -14,8 +14,10 @@ from cli_calls import answer, invoke, refusal, sole_refusal
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.missions import prepare
 from navfw.signals import Pose
-from navfw.sim import Circle, Rectangle, SceneGeometry, load_world
-from navfw.worldgen import POLE_HEIGHT, import_world, read_sdf, reference_length
+from navfw.sim import SceneGeometry, load_world
+from navfw.sim.shapes import Circle, Rectangle
+from navfw.worldgen.gazebo_import import POLE_HEIGHT, import_world, reference_length
+from navfw.worldgen.sdf_reader import read_sdf
 
 GROUND = """
 <model name='ground_plane'><static>1</static><link name='link'><collision name='collision'>

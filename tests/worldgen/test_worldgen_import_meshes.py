@@ -13,15 +13,11 @@ from cli_calls import answer, refusal
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.missions import prepare
 from navfw.numerics import Array
-from navfw.sim import Circle, Rectangle, SceneGeometry
-from navfw.worldgen import (
-    MAX_PARTS,
-    ImportedWorld,
-    UprightPart,
-    import_world,
-    mesh_solids,
-    sdf_reader,
-)
+from navfw.sim import SceneGeometry
+from navfw.sim.shapes import Circle, Rectangle
+from navfw.worldgen import sdf_reader
+from navfw.worldgen.gazebo_import import ImportedWorld, import_world
+from navfw.worldgen.upright_parts import MAX_PARTS, UprightPart, mesh_solids
 
 POINT = tuple[float, float]
 

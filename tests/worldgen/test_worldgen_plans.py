@@ -15,19 +15,18 @@ from hypothesis import strategies as st
 
 from navfw.config import find
 from navfw.errors import InputError
-from navfw.missions import chosen_stack, load_mission
+from navfw.missions.missionfile import load_mission
+from navfw.missions.session_setup import chosen_stack
 from navfw.numerics import Mask
 from navfw.signals import Pose
-from navfw.sim import Rectangle, SceneGeometry, load_world
-from navfw.topomap import FREE, OccupancyMap, check_map, load_map, load_ros_map, save_ros_map
-from navfw.worldgen import (
-    ImportedPlan,
-    PlanCleaning,
-    cleaned,
-    exported_plan,
-    import_plan,
-    wall_rectangles,
-)
+from navfw.sim import SceneGeometry, load_world
+from navfw.sim.shapes import Rectangle
+from navfw.topomap import load_map
+from navfw.topomap.map_check import check_map
+from navfw.topomap.occupancy_map import FREE, OccupancyMap, load_ros_map, save_ros_map
+from navfw.worldgen.plan_cleaning import PlanCleaning, cleaned
+from navfw.worldgen.plan_exchange import ImportedPlan, exported_plan, import_plan
+from navfw.worldgen.plan_walls import wall_rectangles
 
 CELL = 0.05
 
