@@ -299,11 +299,14 @@ class Simulation(BulletConnection):
 
     def walker_track(self) -> world_changes.WalkerTrack:
         """The walkers' positions so far, recorded at every ``advance``."""
+        shape = len(self._walker_times), len(self.walkers), 2
         return world_changes.WalkerTrack(
             names=tuple(walker.spec.name for walker in self.walkers),
             radii=np.array([walker.spec.radius for walker in self.walkers]),
             time=np.array(self._walker_times),
-            points=np.array(self._walker_points).reshape(-1, len(self.walkers), 2),
+            points=np.array(self._walker_points).reshape(
+                len(self._walker_times), len(self.walkers), 2
+            ),
         )
 
     def change_track(self) -> world_changes.ChangeTrack:

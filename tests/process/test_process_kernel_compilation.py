@@ -16,9 +16,9 @@ from navfw.process.kernel_compilation import groups_of, parse_types
 
 COMPILE = """
 import sys
-from navfw.process import kernel_compilation, Kernel
+from navfw.process import kernel_compilation
 from navfw.guard.answer_kernels import are_degrees, are_finite
-from navfw.process import parse_types
+from navfw.process.kernel_compilation import Kernel, parse_types
 one, two = (parse_types(f"Array(float64, 1, 'C', readonly={word})") for word in (False, True))
 kernels = [Kernel(str(f), f, (one, two)) for f in (are_degrees, are_finite)]
 kernel_compilation.listed_kernels = lambda loaded: kernels
