@@ -304,9 +304,7 @@ class Simulation(BulletConnection):
             names=tuple(walker.spec.name for walker in self.walkers),
             radii=np.array([walker.spec.radius for walker in self.walkers]),
             time=np.array(self._walker_times),
-            points=np.array(self._walker_points).reshape(
-                len(self._walker_times), len(self.walkers), 2
-            ),
+            points=np.array(self._walker_points).reshape(shape),
         )
 
     def change_track(self) -> world_changes.ChangeTrack:

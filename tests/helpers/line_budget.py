@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "navfw/, lines of Python": 66099,
+    "navfw/, lines of Python": 66097,
     "navfw/, lines of stubs": 255,
     "navfw/, lines of scripts, pages, styles and templates": 1746,
     "behaviors/, lines of Python": 1553,
