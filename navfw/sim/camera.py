@@ -14,6 +14,7 @@ from navfw.numerics.products import product, sum_in_order
 from navfw.robot import CameraModel
 from navfw.sim.raster import Light, RenderRequest, depth_buffer
 from navfw.sim.scenery import Scenery
+from navfw.sim.visibility import field_of_view
 from navfw.sim.worldspec import LightSpec
 
 NEAR, FAR = 0.03, 40.0
@@ -90,6 +91,9 @@ class Camera:
         hfov = min(self.model.hfov * (1.0 + hfov_error), _MAX_VIEW)
         true = self.model.model_copy(update={"hfov": hfov})
         self._projection = _projection_matrix(true, self._supersample)
+        # half the image's size in focal lengths, with a margin of one pixel
+        right, down = 0.5 * true.width + 1.0, 0.5 * true.height + 1.0
+        self._half_size = right / true.focal, down / true.focal
 
     def render(self, position: Place, turn: Turn) -> tuple[Image, npt.NDArray[np.float32]]:
         """Luminance (height, width) without noise, and the raw depth that ``depth`` converts.
@@ -104,10 +108,15 @@ class Camera:
             )
         return grey.astype(np.uint8, copy=False), depth
 
+    def raw_depth(self, position: Place, turn: Turn) -> npt.NDArray[np.float32]:
+        """The raw depth of ``render``, without its image."""
+        return self._scenery.raster.depth(self.request(position, turn))
+
     def request(self, position: Place, turn: Turn) -> RenderRequest:
-        """The render request for a pose."""
+        """The render request for a pose; updates which parts of the scenery are drawn."""
         scale = self._supersample
         eye, axes = self.camera_pose(position, turn)
+        self._scenery.update_visible(eye, *field_of_view(axes, *self._half_size))
         size = (self.model.width * scale, self.model.height * scale)
         return RenderRequest(_view(eye, axes), self._projection, eye, size, self._light)
 

@@ -17,7 +17,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from navfw.numerics import Array, Image
+from navfw.numerics import Array, Image, Mask
 from navfw.numerics.arrays import Bytes, Floats, Indices, Int32s
 from navfw.numerics.products import product
 from navfw.sim.raster_kernels import cover
@@ -182,7 +182,6 @@ class _PackedBodies:
     points: Floats
     corners: npt.NDArray[np.int32]
     runs: npt.NDArray[np.int32]
-    spheres: Floats
     surfaces: Floats
     tables: npt.NDArray[np.int64]
     texels: Image
@@ -207,13 +206,17 @@ class Raster:
 
     def __init__(self) -> None:
         self._bodies: dict[int, _Body] = {}
+        self._shown: Mask | None = None
+        self._hidden: set[int] = set()
         self._images: list[Image] = []
         self._packed: _PackedBodies | None = None
+        self._texels: tuple[npt.NDArray[np.int64], Image] | None = None
         self._next = 0
 
     def add_texture(self, image: Image) -> int:
         """Add a texture (height, width, 3), RGB; returns its index."""
         self._images.append(image)
+        self._texels = None
         return len(self._images) - 1
 
     def add(
@@ -225,7 +228,7 @@ class Raster:
     ) -> int:
         """Add a body at ``position`` [m] with orientation ``turn`` (x, y, z, w); returns its id."""
         self._bodies[self._next] = _Body(mesh.arrays, texture, _model(position, turn))
-        self._packed = None
+        self._packed = self._shown = None
         self._next += 1
         return self._next - 1
 
@@ -243,30 +246,18 @@ class Raster:
     def remove(self, body: int) -> None:
         """Remove a body."""
         del self._bodies[body]
-        self._packed = None
+        self._hidden.discard(body)
+        self._packed = self._shown = None
+
+    def hide(self, bodies: Sequence[int]) -> None:
+        """Set the bodies that are not drawn."""
+        self._hidden = set(bodies)
+        self._shown = None
 
     def draw(self, request: RenderRequest) -> tuple[Image, Floats]:
         """An image (height, width, 3), RGB, and its negative clip depth (height, width)."""
-        packed = self._pack()
-        width, height = request.size
-        nearest = np.empty((height, width), np.float32)
-        faces = np.empty((height, width), np.int32)
-        weights = np.empty((3, height, width), np.float32)
-        cover(
-            packed.points,
-            packed.corners,
-            packed.runs,
-            packed.spheres,
-            packed.models,
-            _singles(request.view),
-            _singles(request.projection),
-            np.asarray(request.eye, dtype=np.float64),
-            nearest,
-            faces,
-            weights,
-            packed.screens,
-        )
-        rgb = np.empty((height, width, 3), np.uint8)
+        packed, nearest, faces, weights = self._covered(request)
+        rgb = np.empty((*nearest.shape, 3), np.uint8)
         light = request.light
         towards = np.array(light.direction, np.float32).astype(np.float64)
         shade(
@@ -283,6 +274,38 @@ class Raster:
         )
         return rgb, nearest[::-1]
 
+    def depth(self, request: RenderRequest) -> Floats:
+        """The depth (height, width) of ``draw``, without the image."""
+        return self._covered(request)[1][::-1]
+
+    def _covered(
+        self, request: RenderRequest
+    ) -> tuple[_PackedBodies, Floats, npt.NDArray[np.int32], Floats]:
+        """The bodies; of each pixel, bottom row first, depth, triangle, weights of its corners."""
+        packed = self._pack()
+        if self._shown is None:
+            shown = [body not in self._hidden for body in self._bodies]
+            self._shown = np.array(shown, np.bool_)
+        width, height = request.size
+        nearest = np.empty((height, width), np.float32)
+        faces = np.empty((height, width), np.int32)
+        weights = np.empty((3, height, width), np.float32)
+        cover(
+            packed.points,
+            packed.corners,
+            packed.runs,
+            self._shown,
+            packed.models,
+            _singles(request.view),
+            _singles(request.projection),
+            np.asarray(request.eye, dtype=np.float64),
+            nearest,
+            faces,
+            weights,
+            packed.screens,
+        )
+        return packed, nearest, faces, weights
+
     def _pack(self) -> _PackedBodies:
         if self._packed is None:
             bodies = list(self._bodies.values())
@@ -296,7 +319,6 @@ class Raster:
                 points=_joined([b.mesh.points for b in bodies], (3,)),
                 corners=np.concatenate([np.empty((0, 3), np.int64), *corners]).astype(np.int32),
                 runs=runs.astype(np.int32),
-                spheres=_joined([_sphere(b.mesh.points)[None] for b in bodies], (4,)),
                 # normal in the map's axes and texture coordinates of every corner
                 surfaces=_joined(
                     [
@@ -314,23 +336,20 @@ class Raster:
 
     def _all_texels(self) -> tuple[npt.NDArray[np.int64], Image]:
         """(textures, 3) first texel, width and height of each; (N, 3) texels of all textures."""
-        heights, widths = ([i.shape[axis] for i in self._images] for axis in (0, 1))
-        begins = np.cumsum([0, *(h * w for h, w in zip(heights, widths, strict=True))])[:-1]
-        tables = np.stack([begins, widths, heights], axis=1).astype(np.int64)
-        parts = (image.reshape(-1, 3) for image in self._images)
-        return tables, np.concatenate([np.empty((0, 3), np.uint8), *parts])
+        if self._texels is None:
+            heights, widths = ([i.shape[axis] for i in self._images] for axis in (0, 1))
+            begins = np.cumsum([0, *(h * w for h, w in zip(heights, widths, strict=True))])[:-1]
+            tables = np.stack([begins, widths, heights], axis=1).astype(np.int64)
+            texels = np.concatenate(
+                [np.empty((0, 3), np.uint8), *(i.reshape(-1, 3) for i in self._images)]
+            )
+            self._texels = tables, texels
+        return self._texels
 
 
 def _joined(parts: Sequence[Floats], shape: tuple[int, ...]) -> Floats:
     """Concatenated arrays (N, *shape)."""
     return np.concatenate([np.empty((0, *shape), np.float32), *parts])
-
-
-def _sphere(points: Floats) -> Floats:
-    """Centre and radius (4,) of a sphere around points (N, 3), with a margin for rounding."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    radius = 0.501 * np.sqrt(((high - low) ** 2).sum()) + 1e-3
-    return np.array([*(0.5 * (low + high)), radius], np.float32)
 
 
 def _singles(values: Array) -> Floats:

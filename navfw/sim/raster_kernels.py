@@ -12,7 +12,7 @@ import math
 import numba
 import numpy as np
 
-from navfw.numerics.arrays import Array, Floats, Int32s
+from navfw.numerics.arrays import Array, Floats, Int32s, Mask
 
 _ZERO, _ONE, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 _MIN_DOUBLE_AREA = 1e-2
@@ -179,7 +179,7 @@ def cover(
     points: Floats,
     corners: Int32s,
     runs: Int32s,
-    spheres: Floats,
+    shown: Mask,
     models: Floats,
     view: Floats,
     projection: Floats,
@@ -195,7 +195,7 @@ def cover(
         points: (N, 3) vertices of all bodies, in their own axes [m].
         corners: (M, 3) vertices of every triangle, counter-clockwise from its front.
         runs: (bodies, 4) first vertex, one past the last, first triangle, one past the last.
-        spheres: (bodies, 4) centre, in the body's axes, and radius [m] of a sphere around each.
+        shown: (bodies,) whether a body is drawn.
         models: (bodies, 4, 4) transforms from their axes to the map.
         view: (4, 4) transform from the map to the camera's axes (right, up, back).
         projection: (4, 4) transform to clip coordinates.
@@ -216,10 +216,10 @@ def cover(
         most = max(most, runs[body, 1] - runs[body, 0])
     clip, world = np.empty((most, 4), np.float32), np.empty((most, 3), np.float32)
     for body in range(runs.shape[0]):
+        if not shown[body]:
+            continue
         first = runs[body, 0]
         matrix = combine(projection, combine(view, models[body]))
-        if _sphere_outside_view(matrix, spheres[body]):
-            continue
         for i in range(runs[body, 1] - first):
             _transform(matrix, points[first + i], clip[i])
             _transform(models[body], points[first + i], world[i])
@@ -232,26 +232,6 @@ def cover(
                     *(clip[a], clip[b], clip[c], face, near, far),
                     *(nearest, faces, weights, screens[face]),
                 )
-
-
-@numba.njit(cache=True)
-def _sphere_outside_view(matrix: Floats, sphere: Floats) -> bool:
-    """Whether a sphere in a body's axes is entirely beyond one border, or behind the camera.
-
-    ``matrix`` (4, 4) leads to clip coordinates. Each border is a plane in the body's axes.
-    """
-    centre = np.empty(4, np.float32)
-    _transform(matrix, sphere, centre)
-    reach = _BORDER * centre[3]
-    for axis in range(2):
-        for sign in (-_ONE, _ONE):
-            inside = matrix[3, :3] * _BORDER + matrix[axis, :3] * sign
-            length = math.sqrt(inside[0] ** 2 + inside[1] ** 2 + inside[2] ** 2)
-            if reach + sign * centre[axis] < -length * sphere[3]:
-                return True
-    ahead = matrix[3]
-    length = math.sqrt(ahead[0] ** 2 + ahead[1] ** 2 + ahead[2] ** 2)
-    return bool(centre[3] < -length * sphere[3])
 
 
 @numba.njit(cache=True)

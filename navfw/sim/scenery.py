@@ -1,4 +1,4 @@
-"""The visual model of a world: textured meshes, merged by texture.
+"""The visual model of a world: textured meshes in parts, of which the visible ones are drawn.
 
 The meshes are in a rasteriser, apart from the physics: there they would add to the cost of every
 step, here their number is free. A display window shows them as well.
@@ -12,15 +12,18 @@ import numpy as np
 
 from navfw.features.landmark_appearance import plate_image
 from navfw.meshes.furniture_meshes import furniture_mesh
-from navfw.numerics import Image
+from navfw.numerics import Array, Image
+from navfw.signals import Pose
 from navfw.sim import textures
 from navfw.sim.engine import Display, quaternion
 from navfw.sim.raster import Raster
+from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import Solid, solids_of
 from navfw.sim.surface_patches import (
     drop_patches,
     floor_patches,
     merged_parts,
+    plate_bounds,
     plate_mesh,
     solid_mesh,
     solid_patch,
@@ -28,43 +31,71 @@ from navfw.sim.surface_patches import (
     wall_patches,
 )
 from navfw.sim.textured_mesh import TexturedMesh, cylinder_mesh, triangle_mesh
+from navfw.sim.visibility import PartBounds, Visibility
 from navfw.sim.worldspec import TextureSpec, WalkerSpec, WorldSpec
 
 _MAX_SINGLE = 24
-"""With more boxes and cylinders than this, they are merged by texture."""
+"""With more boxes and cylinders than this, they are merged by texture and area."""
 _KEPT_WORLDS = 8
 """Number of worlds whose surfaces are kept, up to 5 MB each: one for each of some environments."""
-_known_surfaces: dict[str, tuple[tuple[str, TexturedMesh], ...]] = {}
+_known_surfaces: dict[str, tuple[tuple[str, TexturedMesh, PartBounds], ...]] = {}
 _COVER_DISTANCE = 0.003
 """Distance [m] of a textureless cover from the surface that it hides."""
 
 
 class Scenery:
-    """The visible bodies of a world, in ``raster`` and, if given, in ``display``."""
+    """The visible bodies of a world, in ``raster`` and, if given, in ``display``.
 
-    def __init__(self, world: WorldSpec, display: Display | None = None) -> None:
+    ``cull`` False draws everything always, as the display does.
+    """
+
+    def __init__(self, world: WorldSpec, display: Display | None = None, cull: bool = True) -> None:
         self.world = world
         self.raster = Raster()
         self._display = display
         self._displayed: dict[int, int] = {}
+        self._cull = cull
         self._textures: dict[str, int] = {}
         self._periods: dict[int, tuple[float, float]] = {}
         self._images: list[Image] = []
-        furniture = [s for s in solids_of(world) if s.kind in ("box", "cylinder")]
+        solids = solids_of(world)
+        furniture = [s for s in solids if s.kind in ("box", "cylinder")]
+        self._bodies: list[int] = []
+        bounds: list[PartBounds] = []
         # roughly front to back: surfaces drawn later are then seldom visible, and not shaded
         for mark in world.landmarks:
             grey = plate_image(mark.kind, mark.id)
             plate = self._load_image(np.repeat(grey[..., None], 3, axis=2))
-            self._add(plate_mesh(mark), plate)
+            self._bodies.append(self._add(plate_mesh(mark), plate))
+            bounds.append(plate_bounds(mark))
         for thing in world.meshes:
             triangles = furniture_mesh(thing.file, thing.scale, thing.up)
             visible = triangle_mesh(triangles.corners, texture_shift(thing.name))
-            self._add(visible, thing.texture, (*thing.at, thing.base), thing.yaw)
+            place = (*thing.at, thing.base)
+            self._bodies.append(self._add(visible, thing.texture, place, thing.yaw))
+            points = Pose(*thing.at, thing.yaw).points_to_parent(triangles.vertices[:, :2])
+            bounds.append(PartBounds.around(points))
         if len(furniture) <= _MAX_SINGLE:
             for solid in furniture:
-                self.add_solid(solid)
-        for texture, mesh in _surfaces(world):
-            self._add(mesh, texture)
+                self._bodies.append(self.add_solid(solid))
+                bounds.append(PartBounds(solid.shape.corners))
+        for texture, mesh, part_bounds in _surfaces(world):
+            self._bodies.append(self._add(mesh, texture))
+            bounds.append(part_bounds)
+        self._visibility = _visibility(world, solids, bounds)
+        self._visible = np.ones(len(bounds), np.bool_)
+
+    def update_visible(self, eye: Array, middle: float, half: float) -> None:
+        """Select the parts to draw from ``eye`` (3,) [m].
+
+        The field of view extends ``half`` [rad] to both sides of the bearing ``middle`` [rad].
+        """
+        if not self._cull:
+            return
+        visible = self._visibility.visible(eye, middle, half)
+        if (visible != self._visible).any():
+            self.raster.hide([self._bodies[i] for i in np.flatnonzero(~visible)])
+            self._visible = visible
 
     def add_solid(self, solid: Solid) -> int:
         """Add a solid as a body of its own; returns the body."""
@@ -133,8 +164,8 @@ class Scenery:
         return self.raster.add_texture(image)
 
 
-def _surfaces(world: WorldSpec) -> tuple[tuple[str, TexturedMesh], ...]:
-    """Walls, floor, drops, and furniture where there is much of it, merged by texture.
+def _surfaces(world: WorldSpec) -> tuple[tuple[str, TexturedMesh, PartBounds], ...]:
+    """Walls, floor, drops, and furniture where there is much of it, merged by texture and area.
 
     Kept for the next runs in an equal world: making them takes half of a run's set-up.
     """
@@ -150,3 +181,17 @@ def _surfaces(world: WorldSpec) -> tuple[tuple[str, TexturedMesh], ...]:
         patches += [*floor_patches(world), *drop_patches(world)]
         _known_surfaces[key] = tuple(merged_parts(patches))
     return _known_surfaces[key]
+
+
+def _visibility(
+    world: WorldSpec, solids: Sequence[Solid], bounds: Sequence[PartBounds]
+) -> Visibility:
+    """Visibility with the walls that nothing overtops as occluders."""
+    walls, walkers = (wall.height for wall in world.walls), (m.height for m in world.movers)
+    highest = max([0.0, *walls, *walkers, *(solid.top for solid in solids)])
+    occluders = [
+        solid.shape
+        for solid in solids
+        if solid.kind == "wall" and solid.top >= highest and isinstance(solid.shape, Rectangle)
+    ]
+    return Visibility(occluders, highest, bounds)

@@ -1,4 +1,4 @@
-"""Surfaces of a world as textured patches, and their merging into few meshes.
+"""Surfaces of a world as textured patches, and their grouping into the parts that are culled.
 
 Walls may have skirting boards and door frames; landmarks are plates on them.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -28,6 +28,7 @@ from navfw.sim.textured_mesh import (
     side_count,
     split_positions,
 )
+from navfw.sim.visibility import PartBounds
 
 _STAND_OFF = 0.006
 """Distance of a plate from its wall [m]: more than that of the textureless cover of a wall."""
@@ -49,6 +50,14 @@ def plate_mesh(mark: worldspec.LandmarkPlateSpec) -> TexturedMesh:
         uvs=[[low, low], [high, low], [high, high], [low, high]],
         indices=[0, 1, 2, 0, 2, 3],
     )
+
+
+def plate_bounds(mark: worldspec.LandmarkPlateSpec) -> PartBounds:
+    """The plate's bounds in the plane, with the plane in front of which it is visible."""
+    _, normal = plate_axes(mark)
+    points = np.array(plate_mesh(mark).vertices)
+    plane = (float(normal[0]), float(normal[1]), 0.0, float(product(points[0], normal)))
+    return PartBounds.around(points, mark.yaw + 0.5 * math.pi, plane)
 
 
 def plate_axes(mark: worldspec.LandmarkPlateSpec) -> tuple[Array, Array]:
@@ -130,18 +139,19 @@ def _frame_strips(
 
 
 _MAX_PARTS = 192
-"""Largest number of parts of the merged surfaces."""
+"""Largest number of parts: with more, the visibility test costs more than culling saves."""
 _GROUPINGS = (
     *((by_plane, edge) for by_plane in (True, False) for edge in (4.0, 8.0, 16.0)),
     (False, math.inf),
 )
 """Whether patches are grouped by plane, and the edge [m] of the squares by which they are.
 
-From many parts to few; the first grouping with few enough counts. The order of the parts decides
-which of two surfaces at equal depth is seen, on the edge between them.
+From many parts to few; the first grouping with few enough counts.
 """
 _NARROW = 0.4
 """Faces narrower than this [m] are grouped with others regardless of their plane."""
+_PLANE_MARGIN = 1e-5
+"""Distance [m] behind a part's plane from which it still counts as visible, for rounding."""
 _FLOOR_PATCH = 1.0
 """Largest edge of a patch of the floor [m]: large ones near the camera are slow to draw."""
 _NO_SHIFT = np.zeros(2)
@@ -302,7 +312,7 @@ def texture_shift(name: str) -> Array:
 # --- grouping ---------------------------------------------------------------------------------
 
 
-def merged_parts(patches: Sequence[SurfacePatch]) -> Iterator[tuple[str, TexturedMesh]]:
+def merged_parts(patches: Sequence[SurfacePatch]) -> Iterable[tuple[str, TexturedMesh, PartBounds]]:
     """Patches of one texture merged: by plane if that gives few enough parts, else by area."""
     for by_plane, edge in _GROUPINGS:
         parts: dict[tuple[object, ...], list[SurfacePatch]] = {}
@@ -314,18 +324,30 @@ def merged_parts(patches: Sequence[SurfacePatch]) -> Iterator[tuple[str, Texture
         mesh = TexturedMesh()
         for patch in group:
             mesh.append(patch.mesh)
-        yield group[0].texture, mesh
+        planes = {_rounded(patch.plane) for patch in group}
+        plane = group[0].plane if len(planes) == 1 else None
+        direction = 0.0
+        if plane is not None:
+            direction = math.atan2(plane[0], -plane[1]) if abs(plane[2]) < 0.5 else 0.0
+            plane = (*plane[:3], plane[3] - _PLANE_MARGIN)
+        yield (
+            group[0].texture,
+            mesh,
+            PartBounds.around(np.array(mesh.vertices), direction, plane),
+        )
 
 
 def _part_key(patch: SurfacePatch, by_plane: bool, edge: float) -> tuple[object, ...]:
     """What the patches of one part have in common; ``edge`` [m] is that of the squares."""
     plane = patch.plane if by_plane else None
     if plane is not None and plane[2] > 0.5 and plane[3] > 0.0:
-        return ("top",)
+        return ("top",)  # tops of walls are never visible to the robot
     vertices = np.array(patch.mesh.vertices)[:, :2]
-    if plane is not None and np.ptp(vertices, axis=0).max() >= _NARROW:
-        plane_key = tuple(round(value, 6) + 0.0 for value in plane)
-    else:
-        plane_key = None
+    if np.ptp(vertices, axis=0).max() < _NARROW:
+        plane = None
     x, y = np.mean(vertices, axis=0).tolist()
-    return plane_key, math.floor(x / edge), math.floor(y / edge)
+    return _rounded(plane), math.floor(x / edge), math.floor(y / edge)
+
+
+def _rounded(plane: Plane | None) -> tuple[float, ...] | None:
+    return None if plane is None else tuple(round(value, 6) + 0.0 for value in plane)
