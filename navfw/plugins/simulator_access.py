@@ -7,7 +7,7 @@ marks the result of a run as that of an oracle.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -59,8 +59,12 @@ def simulator_imports(file: Path) -> tuple[tuple[int, str], ...]:
 
     A file that cannot be read or parsed has none.
     """
+    return _imports_in(_nodes(file))
+
+
+def _imports_in(nodes: Sequence[ast.AST]) -> tuple[tuple[int, str], ...]:
     uses = []
-    for node in _nodes(file):
+    for node in nodes:
         named = filter(_is_simulator, _modules(node))
         uses += [(node.lineno, name) for name in islice(named, 1)]  # type: ignore[attr-defined]
     return tuple(sorted(uses))
@@ -96,10 +100,11 @@ def _uses(file: Path, seen: set[Path]) -> bool:
     if file in seen:
         return False
     seen.add(file)
+    nodes = _nodes(file)
     helpers = {
         file.parent / f"{name}.py"
-        for node in _nodes(file)
+        for node in nodes
         if isinstance(node, ast.ImportFrom) and node.level == 1
         for name in ([node.module] if node.module else [one.name for one in node.names])
     }
-    return bool(simulator_imports(file)) or any(_uses(helper, seen) for helper in helpers)
+    return bool(_imports_in(nodes)) or any(_uses(helper, seen) for helper in helpers)
