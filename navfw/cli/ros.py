@@ -25,7 +25,7 @@ group = options.command_group("Drive a robot of ROS 2, or be one.")
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add the group."""
+    """Add the commands ``navfw ros ...`` to the command line."""
     app.add_typer(group, name="ros")
 
 

@@ -56,7 +56,7 @@ def write(
     bold: bool = False,
     halo: Colour | None = None,
 ) -> None:
-    """Write into ``image``; ``at`` (x, y) [px] is the left end of the base line.
+    """Write ``text`` into ``image``; ``at`` (x, y) [px] is the left end of its base line.
 
     ``halo`` is the colour of an outline that keeps the text readable on any background.
     """
