@@ -121,6 +121,8 @@ _SMOOTHED_TEXTURE = 0.5
 #: For the quadratic peak alone: least standard deviation [px], factor of the estimated sigma, and
 #: share of the flow's variation within a window that counts as standard deviation of its vector.
 _PEAK_FLOOR, _PEAK_SCALE, _PEAK_SPREAD = 0.05, 2.0, 0.3
+#: Sampling interval of registration [px], and sigma of its weights [half windows].
+_STRIDE, _WEIGHT_WIDTH = 3, 0.6
 
 
 class BlockMatching(MatchedFlow):
@@ -145,7 +147,7 @@ class BlockMatching(MatchedFlow):
     name: ClassVar[str] = "block_matching"
 
     class Params(MatchedFlow.Params):
-        """Grid, windows, search range, and limits of the confidence (METHOD 2.9)."""
+        """Grid, windows, search range, and refinement."""
 
         window: Annotated[int, Field(ge=6, le=128, description="side of a window [px]")] = 24
         search: Annotated[
@@ -158,14 +160,6 @@ class BlockMatching(MatchedFlow):
             Literal["affine", "peak"],
             Field(description="refinement by affine registration or by the peak's quadratic"),
         ] = "affine"
-        stride: Annotated[
-            int,
-            Field(ge=1, le=8, description="sampling interval of registration [px]"),
-        ] = 3
-        weight_width: Annotated[
-            float,
-            Field(ge=0.2, le=10.0, description="sigma of registration's weights [half windows]"),
-        ] = 0.6
 
     params: Params
 
@@ -212,7 +206,6 @@ class BlockMatching(MatchedFlow):
         textured: Mask,
     ) -> tuple[Array, Array, Array]:
         """Vectors, confidence and sigma by affine registration from the correlation's peaks."""
-        p = self.params
         _, start, height, second, _, inner = find_peaks(scores)
         registration = register_windows(
             now,
@@ -222,14 +215,14 @@ class BlockMatching(MatchedFlow):
             start,
             (height > _PEAK_CORRELATION[0]) & textured,
             visible,
-            p.stride,
-            p.weight_width,
+            _STRIDE,
+            _WEIGHT_WIDTH,
         )
         confidence, sigma = judge_registration(
             registration.score,
             registration.share,
             registration.mixture,
-            registration.sigma * np.sqrt(max(_CORRELATION_LENGTH / p.stride, 1.0)),
+            registration.sigma * np.sqrt(max(_CORRELATION_LENGTH / _STRIDE, 1.0)),
             registration.vectors - start,
             height,
             uniqueness(height, second, inner),

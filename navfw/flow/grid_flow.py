@@ -11,12 +11,12 @@ import functools
 import math
 from abc import abstractmethod
 from dataclasses import replace
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from navfw import interfaces
 from navfw.camera_geometry.rotations import rotate_points, turn_point
@@ -256,20 +256,10 @@ class GridFlow(interfaces.FlowProcessor):
     """Base of processors whose field has one vector per cell of a regular grid."""
 
     class Params(interfaces.FlowProcessor.Params):
-        """The grid. Each field ``..._low`` is checked to be less than its ``..._high``."""
+        """The grid."""
 
         rows: Annotated[int, Field(ge=2, le=120, description="rows of the grid")] = 12
         cols: Annotated[int, Field(ge=2, le=160, description="columns of the grid")] = 16
-
-        @model_validator(mode="after")
-        def _ramps_rise(self) -> Self:
-            for low in type(self).model_fields:
-                high = low.removesuffix("_low") + "_high"
-                if low.endswith("_low") and getattr(self, low) >= getattr(self, high):
-                    raise ValueError(
-                        f"{low} {getattr(self, low)} is not below {high} {getattr(self, high)}"
-                    )
-            return self
 
     params: Params
 

@@ -21,23 +21,21 @@ _SIGMA_SCALE = 1.5
 #: Share of the standard deviation of the flow within a cell that counts as error of its mean.
 _SPREAD_SHARE = 0.45
 
+TEXTURE = 0.8, 2.5
+"""Gradients across the weakest direction [grey levels/px]: no texture, ample texture."""
+
+_MATCH = 0.6, 0.85
+"""Correlations of a cell with its match: no match, certain match."""
+
+_SPREAD = 1.0, 2.5
+"""Spreads of the flow within a cell [px]: one motion, several motions."""
+
 PRESETS = {
     "ultrafast": cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
     "fast": cv2.DISOPTICAL_FLOW_PRESET_FAST,
     "medium": cv2.DISOPTICAL_FLOW_PRESET_MEDIUM,
 }
 """OpenCV's presets of DIS by name."""
-
-
-class TextureParams(grid_flow.MatchedFlow.Params):
-    """Grid, and the gradients across the weakest direction between which confidence rises."""
-
-    gradient_low: Annotated[
-        float, Field(ge=0.1, le=255.0, description="gradient: no texture [grey levels/px]")
-    ] = 0.8
-    gradient_high: Annotated[
-        float, Field(gt=0.1, le=255.0, description="gradient: ample texture [grey levels/px]")
-    ] = 2.5
 
 
 class DenseFlow(grid_flow.MatchedFlow):
@@ -48,25 +46,9 @@ class DenseFlow(grid_flow.MatchedFlow):
     spread of the flow within the cell.
     """
 
-    class Params(TextureParams):
-        """Grid, and limits of the confidence (METHOD 2.9)."""
-
-        match_low: Annotated[float, Field(ge=0.0, lt=1.0, description="correlation: no match")] = (
-            0.6
-        )
-        match_high: Annotated[
-            float, Field(gt=0.0, le=1.0, description="correlation: certain match")
-        ] = 0.85
-        spread_low: Annotated[
-            float, Field(ge=0.0, le=100.0, description="spread within a cell: one motion [px]")
-        ] = 1.0
-        spread_high: Annotated[
-            float, Field(gt=0.0, le=100.0, description="spread within a cell: several motions [px]")
-        ] = 2.5
-
-    params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+    def __init__(
+        self, robot: RobotModel, params: grid_flow.MatchedFlow.Params | None = None
+    ) -> None:
         super().__init__(robot, params)
         y, x = np.mgrid[: robot.camera.height, : robot.camera.width].astype(np.float32)
         self._pixel_x, self._pixel_y = x, y
@@ -78,22 +60,19 @@ class DenseFlow(grid_flow.MatchedFlow):
     def _match(
         self, now: Image, past: Image, visible: tuple[int, int, int, int]
     ) -> tuple[Array, Array, Array]:
-        p = self.params
         dense = self.dense(now, past)
         source_x, source_y = self._pixel_x + dense[..., 0], self._pixel_y + dense[..., 1]
         moved = cv2.remap(past, source_x, source_y, cv2.INTER_LINEAR).astype(np.uint8)
         seen = grid_flow.is_visible(source_x, source_y, visible).astype(np.float32)
-        cells = _Cells(p.rows, p.cols, seen)
+        cells = _Cells(self.params.rows, self.params.cols, seen)
         back = np.stack([cells.mean(dense[..., 0]), cells.mean(dense[..., 1])], axis=-1)
         spread = np.sqrt(cells.variance(dense[..., 0]) + cells.variance(dense[..., 1]))
         score, texture = _agreement(cells, now, moved)
         gradient, curvature = _structure(cells, now, texture)
 
-        confidence = grid_flow.ramp(cells.share, 0.5, 0.9) * grid_flow.ramp(
-            score, p.match_low, p.match_high
-        )
-        confidence *= grid_flow.ramp(gradient, p.gradient_low, p.gradient_high)
-        confidence *= 1.0 - grid_flow.ramp(spread, p.spread_low, p.spread_high)
+        confidence = grid_flow.ramp(cells.share, 0.5, 0.9) * grid_flow.ramp(score, *_MATCH)
+        confidence *= grid_flow.ramp(gradient, *TEXTURE)
+        confidence *= 1.0 - grid_flow.ramp(spread, *_SPREAD)
         noise = _SIGMA_SCALE * grid_flow.match_sigma(score, curvature, cells.pixels)
         sigma = np.sqrt(noise**2 + (_SPREAD_SHARE * spread) ** 2 + SIGMA_FLOOR**2)
         return -back, confidence, sigma
@@ -149,8 +128,8 @@ class Dis(DenseFlow):
 
     name: ClassVar[str] = "dis"
 
-    class Params(DenseFlow.Params):
-        """Grid, limits of the confidence (METHOD 2.9), and OpenCV's settings."""
+    class Params(grid_flow.MatchedFlow.Params):
+        """Grid, and OpenCV's settings."""
 
         preset: Annotated[
             Literal["ultrafast", "fast", "medium"], Field(description="OpenCV's preset")

@@ -141,6 +141,10 @@ _SIGMA_SHARES = (0.84, 0.59, 0.26, 0.0074, 0.65, 0.22, 0.086, 630.0)
 #: Least score and least share inside the past image of the vectors that are compared with others.
 #: All others have confidence 0.
 _LIKELY_CELL = 0.8, 0.6
+#: Sampling interval of registration [px], and sigma of its weights [half windows].
+_STRIDE, _WEIGHT_WIDTH = 2, 0.8
+#: Largest sigma [px] of full confidence, and of a useful vector.
+_FULL_SIGMA, _MAX_SIGMA = 0.154, 1.0
 
 
 class Registered(MatchedFlow):
@@ -163,22 +167,9 @@ class Registered(MatchedFlow):
     name: ClassVar[str] = "registered"
 
     class Params(MatchedFlow.Params):
-        """Grid, windows, and limits of the confidence (METHOD 2.9)."""
+        """Grid and windows."""
 
         window: Annotated[int, Field(ge=6, le=128, description="side of a window [px]")] = 20
-        stride: Annotated[
-            int, Field(ge=1, le=8, description="sampling interval of registration [px]")
-        ] = 2
-        weight_width: Annotated[
-            float,
-            Field(ge=0.2, le=10.0, description="sigma of registration's weights [half windows]"),
-        ] = 0.8
-        sigma_full: Annotated[
-            float, Field(gt=0.0, le=10.0, description="largest sigma of full confidence [px]")
-        ] = 0.154
-        sigma_max: Annotated[
-            float, Field(gt=0.0, le=10.0, description="largest sigma of a useful vector [px]")
-        ] = 1.0
 
     params: Params
 
@@ -200,7 +191,6 @@ class Registered(MatchedFlow):
     def _match(
         self, now: Image, past: Image, visible: tuple[int, int, int, int]
     ) -> tuple[Array, Array, Array]:
-        p = self.params
         now, past = np.ascontiguousarray(now), np.ascontiguousarray(past)
         windows = register_windows(
             now,
@@ -210,15 +200,15 @@ class Registered(MatchedFlow):
             self._coarse(now, past),
             self._all,
             visible,
-            p.stride,
-            p.weight_width,
+            _STRIDE,
+            _WEIGHT_WIDTH,
         )
         likely = (windows.score > _LIKELY_CELL[0]) & (windows.share > _LIKELY_CELL[1])
         shown = (windows.sigma, windows.sensitivity, windows.score, windows.mixture)
         sigma = vector_sigma(windows.vectors, *shown, likely, _SIGMA_SHARES)
         confidence = ramp(windows.score, REGISTERED_LOW, REGISTERED_HIGH)
         confidence *= ramp(windows.share, 0.6, 0.9)
-        confidence *= np.minimum((p.sigma_full / sigma) ** 2, 1.0) * (sigma <= p.sigma_max)
+        confidence *= np.minimum((_FULL_SIGMA / sigma) ** 2, 1.0) * (sigma <= _MAX_SIGMA)
         return windows.vectors, confidence, sigma
 
     def _coarse(self, now: Image, past: Image) -> Array:

@@ -63,20 +63,12 @@ class MotionParams(Params):
         Field(description="of the distance driven [m per root of m; default: by robot.odometry]"),
     ] = None
     aside: Annotated[NonNegative, Field(description="of sideways slip [m per root of m]")] = 0.01
-    yaw_by_time: Annotated[
-        NonNegative | None,
-        Field(description="of yaw by the gyro's noise [rad per root of s; by robot.odometry]"),
-    ] = None
     yaw_by_turning: Annotated[
         NonNegative, Field(description="of yaw by turning [rad per root of rad]")
     ] = 0.005
     bias: Annotated[
         NonNegative | None,
         Field(description="of the gyro's bias after a rest [rad/s; by robot.odometry]"),
-    ] = None
-    bias_walk: Annotated[
-        NonNegative | None,
-        Field(description="of the bias' random walk [rad/s per root of s; by robot.odometry]"),
     ] = None
     margin: Annotated[
         float, Field(ge=1.0, le=10.0, description="factor on the data sheets' values")
@@ -85,7 +77,11 @@ class MotionParams(Params):
 
 @dataclass(frozen=True, slots=True)
 class MotionNoise:
-    """Process noise without open values; meaning and units as in ``MotionParams``."""
+    """Process noise without open values; meaning and units as in ``MotionParams``.
+
+    Besides: ``yaw_by_time`` [rad per root of s] by the gyro's noise, ``bias_walk`` [rad/s per root
+    of s] by its bias' random walk, and ``aside_by_turning`` [m per root of rad] by skidding.
+    """
 
     along: float
     aside: float
@@ -110,10 +106,10 @@ def motion_noise(params: MotionParams, robot: RobotModel) -> MotionNoise:
         or_derived(params.along, slipping + _INTEGRATION**2),
         params.aside,
         params.margin * robot.skid * math.sqrt(_TURN_MEMORY),
-        or_derived(params.yaw_by_time, noise),
+        params.margin * math.sqrt(noise),
         params.yaw_by_turning,
         or_derived(params.bias, noise / REST + lag),
-        or_derived(params.bias_walk, sheet.gyro_bias_walk**2),
+        params.margin * sheet.gyro_bias_walk,
     )
 
 
@@ -192,10 +188,6 @@ class DeadReckoning(place_probabilities.PlaceLocalizer):
         yaw_by_turning: Annotated[
             NonNegative, Field(description="of yaw by turning [rad per root of rad]")
         ] = 0.01
-        place_radius: Annotated[
-            float,
-            Field(gt=0.0, le=20.0, description="of the position of a robot at a place [m]"),
-        ] = place_probabilities.PLACE_RADIUS
         places: Annotated[
             int, Field(ge=1, le=1000, description="number of places that the belief lists")
         ] = place_probabilities.COUNT
@@ -217,9 +209,7 @@ class DeadReckoning(place_probabilities.PlaceLocalizer):
             pose, self.name, "a localizer that recognises landmarks"
         )
         p = self.params
-        self._posterior = place_probabilities.PlacePosterior(
-            topo_map, p.place_radius, p.places, p.refresh
-        )
+        self._posterior = place_probabilities.PlacePosterior(topo_map, p.places, p.refresh)
         self._map_from_odom = pose.frame_of(odometry.pose)
         self._last = odometry.pose
         self._covariance = np.diag([p.start_xy**2, p.start_xy**2, p.start_yaw**2])

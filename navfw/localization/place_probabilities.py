@@ -29,7 +29,7 @@ from navfw.numerics.products import product
 from navfw.signals import Percept, Pose, position_sigma
 from navfw.topomap import PLACE_KINDS, TopoMap
 
-PLACE_RADIUS = 1.0
+_PLACE_RADIUS = 1.0
 """Standard deviation [m] of the robot's position when it is at a place."""
 
 COUNT = 8
@@ -46,15 +46,13 @@ def likeliest_places(
     topo_map: TopoMap,
     pose: Pose,
     covariance: Array,
-    radius: float = PLACE_RADIUS,
     count: int = COUNT,
 ) -> Mapping[str, float]:
     """The ``count`` likeliest places with their probabilities, likeliest first; they sum to 1.
 
-    ``covariance`` (3, 3) is that of ``pose`` (x, y, yaw); ``radius`` [m] is the standard deviation
-    of the position of a robot at a place.
+    ``covariance`` (3, 3) is that of ``pose`` (x, y, yaw).
     """
-    spread = radius**2 + 0.5 * float(covariance[0, 0] + covariance[1, 1])
+    spread = _PLACE_RADIUS**2 + 0.5 * float(covariance[0, 0] + covariance[1, 1])
     squared = topo_map.place_distances(pose.x, pose.y) ** 2
     count = min(count, len(squared))
     likeliest = np.argsort(squared, kind="stable")[:count]
@@ -68,22 +66,16 @@ def likeliest_places(
 class PlacePosterior:
     """The likeliest places of a moving pose, computed again after ``refresh`` [m] only."""
 
-    def __init__(
-        self,
-        topo_map: TopoMap,
-        radius: float = PLACE_RADIUS,
-        count: int = COUNT,
-        refresh: float = REFRESH,
-    ) -> None:
+    def __init__(self, topo_map: TopoMap, count: int = COUNT, refresh: float = REFRESH) -> None:
         self._map = topo_map
-        self._radius, self._count, self._refresh = radius, count, refresh
+        self._count, self._refresh = count, refresh
         self._computed_at = (math.inf, math.inf)
         self._places: Mapping[str, float] = {}
 
     def at(self, pose: Pose, covariance: Array) -> Mapping[str, float]:
         """Place probabilities (``likeliest_places``) for ``pose`` with ``covariance`` (3, 3)."""
         if math.dist((pose.x, pose.y), self._computed_at) > self._refresh:
-            self._places = likeliest_places(self._map, pose, covariance, self._radius, self._count)
+            self._places = likeliest_places(self._map, pose, covariance, self._count)
             self._computed_at = (pose.x, pose.y)
         return self._places
 

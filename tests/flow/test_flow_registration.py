@@ -7,6 +7,7 @@ from flow_scene import STILL, blurred_noise, cell_truth, room, turn_about, wall
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from navfw.flow import registration
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.registration import Registered, Registration, grid_windows, register_windows
 from navfw.numerics import Array, Image
@@ -175,10 +176,14 @@ def test_a_displacement_beyond_the_reach_of_block_matching() -> None:
     assert (BlockMatching(ROBOT).compute(pair).confidence >= 0.3).mean() < 0.2
 
 
-def test_a_large_sigma_is_not_trusted() -> None:
+def test_a_large_sigma_is_not_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
     pair, _ = shaken(3.0, 2)
-    loose = Registered(ROBOT, Registered.Params(sigma_full=5.0, sigma_max=5.0)).compute(pair)
-    strict = Registered(ROBOT, Registered.Params(sigma_full=0.05, sigma_max=0.1)).compute(pair)
+    found = []
+    for full, most in ((5.0, 5.0), (0.05, 0.1)):
+        monkeypatch.setattr(registration, "_FULL_SIGMA", full)
+        monkeypatch.setattr(registration, "_MAX_SIGMA", most)
+        found.append(Registered(ROBOT).compute(pair))
+    loose, strict = found
     kept = strict.confidence > 0.0
     expected = loose.confidence * np.minimum(0.05 / strict.sigma, 1.0) ** 2
     np.testing.assert_allclose(strict.confidence[kept], expected[kept])

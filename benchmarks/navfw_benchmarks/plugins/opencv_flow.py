@@ -10,7 +10,7 @@ from pydantic import Field
 
 from navfw import Array, Image, RobotModel
 from navfw.flow import grid_flow
-from navfw.flow.opencv_flow import SIGMA_FLOOR, DenseFlow, TextureParams
+from navfw.flow.opencv_flow import SIGMA_FLOOR, TEXTURE, DenseFlow
 from navfw.numerics.arrays import Floats
 
 
@@ -23,7 +23,7 @@ class Farneback(DenseFlow):
 
     name: ClassVar[str] = "farneback"
 
-    class Params(DenseFlow.Params):
+    class Params(grid_flow.MatchedFlow.Params):
         """Grid, limits of the confidence (METHOD 2.9), and the averaging window."""
 
         window: Annotated[int, Field(ge=5, le=63, description="averaging window [px]")] = 9
@@ -70,26 +70,22 @@ class LucasKanade(grid_flow.MatchedFlow):
 
     name: ClassVar[str] = "lucas_kanade"
 
-    class Params(TextureParams):
-        """Grid, and limits of the confidence (METHOD 2.9)."""
-
-    params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+    def __init__(
+        self, robot: RobotModel, params: grid_flow.MatchedFlow.Params | None = None
+    ) -> None:
         super().__init__(robot, params)
         self._seeds = self._points + 0.5 * np.array([robot.camera.width, robot.camera.height]) - 0.5
 
     def _match(
         self, now: Image, past: Image, visible: tuple[int, int, int, int]
     ) -> tuple[Array, Array, Array]:
-        p = self.params
         origins, returned, residual = self._track(now, past, visible)
         gradient, contrast = _texture(now, self._seeds, _WINDOW)
         trust = 1.0 - grid_flow.ramp(returned, _RETURN_LOW, _RETURN_HIGH)
         trust *= 1.0 - grid_flow.ramp(
             residual / np.maximum(contrast, 1.0), _RESIDUAL_LOW, _RESIDUAL_HIGH
         )
-        trust *= grid_flow.ramp(gradient, p.gradient_low, p.gradient_high)
+        trust *= grid_flow.ramp(gradient, *TEXTURE)
         noise = _NOISE_SCALE * residual / (np.maximum(gradient, 0.1) * _WINDOW)
         variance = noise**2 + (_RETURN_SHARE * np.minimum(returned, grid_flow.SIGMA_UNKNOWN)) ** 2
         vectors = self._seeds - origins
