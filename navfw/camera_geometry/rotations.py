@@ -15,7 +15,7 @@ from navfw.numerics.arrays import Array
 from navfw.robot import CameraModel
 from navfw.signals import FlowField
 
-_SMALL = 1e-12
+_SMALL = 1e-12  # derived
 """Angle [rad] or sine below which the first-order formula is exact."""
 
 
@@ -52,7 +52,7 @@ def rotation_vector(r: Array) -> Array:
     return vector
 
 
-_BEHIND = 1e-9
+_BEHIND = 1e-9  # derived
 """Depth of a turned ray, in focal lengths, up to which it has no image."""
 
 

@@ -23,13 +23,13 @@ from navfw.signals.immutability import Sealed, read_only
 if TYPE_CHECKING:
     from navfw.localmap import Arcs, LocalGoal, Ranges
 
-TURN_RATE = 1.2
+TURN_RATE = 1.2  # chosen
 """Top turning rate used [rad/s]."""
 
-_SPEED_STEP = 0.0625
+_SPEED_STEP = 0.0625  # chosen
 """Largest step [m/s] between forward speeds: from standstill the robot begins with one step."""
 
-_MIN_FORWARD, _MAX_FORWARD = 9, 40
+_MIN_FORWARD, _MAX_FORWARD = 9, 40  # chosen
 """Bounds of the number of forward speeds that follows from the top speed."""
 
 
@@ -146,7 +146,7 @@ def triangle(value: float, values: Array, width: float) -> Array:
 _LEFT, _RIGHT = ("P2", "P3"), ("P1", "P4")
 # the inner parts of each quadrant (see navfw.offis)
 _INNER = ("sP12", "sP13", "sP21", "sP24", "sP31", "sP34", "sP42", "sP43")
-_UNKNOWN = 0.5
+_UNKNOWN = 0.5  # chosen
 
 
 @dataclass(frozen=True, slots=True)

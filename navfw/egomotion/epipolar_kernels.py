@@ -23,17 +23,17 @@ from navfw.camera_geometry.rotations import (
 from navfw.numerics.algebra_kernels import bilinear, dot, multiply, solve_system
 from navfw.numerics.arrays import Array
 
-CAUCHY = 2.385**2
+CAUCHY = 2.385**2  # derived
 """Squared width of the Cauchy weights [sigma^2]; 2.385 sigma is 95 % efficient on normal errors."""
 
-_COARSE = 0.5
+_COARSE = 0.5  # chosen
 """Standard deviation [px] of residuals because the directions searched are not the right one."""
 
-_HOLE = 4.0
+_HOLE = 4.0  # chosen
 """Radius around the focus of expansion [px] within which the epipolar line has no direction: there
 the whole derotated vector is residual, since it has to be short."""
 
-_MEDIAN_LENGTH = 1.18
+_MEDIAN_LENGTH = 1.18  # derived
 """Median length of vectors whose components are normal with standard deviation 1."""
 
 

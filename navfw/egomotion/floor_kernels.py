@@ -16,7 +16,7 @@ from navfw.egomotion.epipolar_kernels import CAUCHY
 from navfw.numerics.algebra_kernels import dot, solve_system
 from navfw.numerics.arrays import Array, Floats
 
-UNKNOWNS = 5
+UNKNOWNS = 5  # defined
 """x, y [m], yaw [rad] of the robot in its past base_link; gain - 1 and offset [grey levels] of the
 past image's brightness."""
 
@@ -25,22 +25,22 @@ SLANT = UNKNOWNS
 shows something nearer than the floor by the factor (distance / nearest)^s, ``nearest`` being the
 distance of the nearest floor in view. 0 is the floor, 1 a wall that stands there."""
 
-_DEVIATION = 0.6745
+_DEVIATION = 0.6745  # derived
 """Median absolute deviation of a normal distribution of standard deviation 1."""
 
-_CONVERGED = 2e-5
+_CONVERGED = 2e-5  # chosen
 """Step of the motion [m and rad] below which the fit has converged."""
 
-_MIN_GREY = 0.7
+_MIN_GREY = 0.7  # chosen
 """Least standard deviation of a residual [grey levels]: noise of both images after smoothing."""
 
-_ITERATIONS = 10
+_ITERATIONS = 10  # chosen
 """Largest number of Gauss-Newton steps."""
 
-_WIDE = 3
+_WIDE = 3  # chosen
 """Number of steps with Cauchy weights, which reach far; the others have Welsch weights."""
 
-_WELSCH = 2.985**2
+_WELSCH = 2.985**2  # derived
 """Squared width of the Welsch weights [sigma^2]: 95 % efficient on normal errors."""
 
 

@@ -24,55 +24,55 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Odometry, Pose, Twist, YawCorrection, wrap_angle
 
-_KEY_DISTANCE = 0.12
+_KEY_DISTANCE = 0.12  # chosen
 """Distance [m] from the key frame at which the present frame becomes the next one."""
 
-_KEY_TURN = math.radians(8.0)
+_KEY_TURN = math.radians(8.0)  # chosen
 """The same for the turn [rad]: beyond, too little of the floor is in both images."""
 
-_LOST_DISTANCE = 0.3
+_LOST_DISTANCE = 0.3  # chosen
 """Distance [m] at which a key frame is given up that no frame could be registered to."""
 
-_GATE = 16.0
+_GATE = 16.0  # derived
 """Largest squared Mahalanobis distance of a measurement, of 3 degrees of freedom (0.1 %)."""
 
-_WIDENED = 4.0
+_WIDENED = 4.0  # chosen
 """Factor on the predicted covariance within which the floor's motion is searched."""
 
-_MIN_SEARCH_SIGMA = np.array([5e-4, 2e-4, 5e-4])
+_MIN_SEARCH_SIGMA = np.array([5e-4, 2e-4, 5e-4])  # chosen
 """Least standard deviations of that search: x, y [m], yaw [rad]."""
 
-_SLIPPED = 0.3
+_SLIPPED = 0.3  # chosen
 """Standard deviation of the wheels' distance, as a part of it, where they are found slipping."""
 
-_CLEAR_SHARE, _CLEAR_EXPLAINED = 0.85, 0.985
+_CLEAR_SHARE, _CLEAR_EXPLAINED = 0.85, 0.985  # chosen
 """Least share of agreeing pixels, and of the variance that they explain, of an image that shows the
 floor so clearly that it is believed against the wheels."""
 
-_SURPRISE = 16.0
+_SURPRISE = 16.0  # chosen
 """Squared ratio of a yaw correction to its standard deviation above which the bias has jumped."""
 
-_CONVINCED = 3
+_CONVINCED = 3  # chosen
 """Number of such frames in a row after which the wheels count as slipping."""
 
-_FLOW_SHARE = 0.5
+_FLOW_SHARE = 0.5  # measured
 """Error of the yaw by the whole flow field, as a part of the standard deviation that comes with it,
 which allows for errors that neighbours share (measured on drives through the office)."""
 
-_DOUBT_MEMORY = 15.0
+_DOUBT_MEMORY = 15.0  # chosen
 """Number of frames over which contradictions are averaged."""
 
-_DOUBTED, _TRUSTED = 0.4, 0.15
+_DOUBTED, _TRUSTED = 0.4, 0.15  # chosen
 """Mean share of contradictions, slip apart, above which the floor is not believed, and below
 which it is believed again."""
 
-_CALIBRATION = 0.02
+_CALIBRATION = 0.02  # chosen
 """Prior standard deviation of k: slip and tyres of a data sheet that is only about right."""
 
-_CALIBRATION_WALK = 5e-4
+_CALIBRATION_WALK = 5e-4  # chosen
 """Random walk of k [per root of m]: floors differ."""
 
-_BIAS_MARGIN = 1.5
+_BIAS_MARGIN = 1.5  # chosen
 """Factor on the data sheet's random walk of the gyro's bias."""
 
 

@@ -23,48 +23,48 @@ from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.signals.immutability import read_only
 
-_STRIDE = 2
+_STRIDE = 2  # chosen
 """Distance [px] between the pixels used, along rows and columns: neighbours are alike."""
 
-_REACH = 3.2
+_REACH = 3.2  # chosen
 """Farthest point of the floor that is used, in heights of the camera. Beyond, a pixel covers more
 of the floor than the finest detail of its texture."""
 
-_SMOOTHING = 1.0
+_SMOOTHING = 1.0  # chosen
 """Standard deviation of the smoothing of images [px]: gradients are then linear over a pixel."""
 
-_SMOOTHED = 8
+_SMOOTHED = 8  # chosen
 """Rows above the horizon [px] that are kept, so that smoothing at the border changes no floor."""
 
-_CORRELATION = 4.0
+_CORRELATION = 4.0  # chosen
 """Number of neighbouring pixels with a common error, by smoothing and by the texture's sampling."""
 
-_GAIN, _OFFSET = 0.05, 5.0
+_GAIN, _OFFSET = 0.05, 5.0  # chosen
 """Standard deviations of the change of brightness: of the gain, and of the offset [grey levels]."""
 
-_MIN_SHARE = 0.5
+_MIN_SHARE = 0.5  # chosen
 """Least share of the pixels that agree with one motion of the floor."""
 
-_MIN_EXPLAINED = 0.5
+_MIN_EXPLAINED = 0.5  # chosen
 """Least share of the variance of the grey levels that the motion explains: a wall in front of the
 robot moves otherwise than the floor."""
 
-_SLANT_SIGMA, _MAX_SLANT = 0.5, 0.25
+_SLANT_SIGMA, _MAX_SLANT = 0.5, 0.25  # measured
 """Standard deviation of the slant (``floor_kernels.SLANT``) of what is seen before it is measured,
 and the slant beyond which it is no floor. Measured: 0.0 to 0.1 of floors, 0.5 to 1.0 of walls that
 fill the view."""
 
-_MIN_PIXELS = 100
+_MIN_PIXELS = 100  # chosen
 """Least number of pixels that could show the floor."""
 
-_SCALE_SIGMA = 1.5e-3
+_SCALE_SIGMA = 1.5e-3  # chosen
 """Error of height and pitch of the camera, as a share of the distance; it does not average out."""
 
-_ROCKING_SHARE = 2.5
+_ROCKING_SHARE = 2.5  # chosen
 """The same of a body that rocks, per amplitude of rocking [1/rad]: what a wrong pitch makes of
 distances at twice the height of the camera."""
 
-_MIN_SIGMA = np.array([1e-4, 1e-4, 5e-4])
+_MIN_SIGMA = np.array([1e-4, 1e-4, 5e-4])  # chosen
 """Least standard deviations of x, y [m] and yaw [rad]: of the interpolation of grey values."""
 
 

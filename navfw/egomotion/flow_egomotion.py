@@ -22,51 +22,51 @@ from navfw.numerics import Array
 from navfw.numerics.linear_systems import inverse, solve
 from navfw.numerics.products import product
 
-_DIRECTIONS = 128
+_DIRECTIONS = 128  # chosen
 """Number of directions of the global search, on a hemisphere: 13 deg apart."""
 
-_STARTS = 5
+_STARTS = 5  # chosen
 """Number of minima of the search that are refined."""
 
-_APART = math.cos(math.radians(25.0))
+_APART = math.cos(math.radians(25.0))  # chosen
 """Cosine of the least angle between two of them."""
 
-_MODEL_SIGMA = 0.1
+_MODEL_SIGMA = 0.1  # chosen
 """Standard deviation [px] of residuals beside the flow's own: distortion, rolling shutter."""
 
-FREE_TURN = 0.15
+FREE_TURN = 0.15  # chosen
 """Standard deviation [rad] of a rotation about which nothing is known."""
 
-_BOUND = 3.5
+_BOUND = 3.5  # chosen
 """Residual [sigma] above which a point counts as an outlier when minima are compared."""
 
-_DECISIVE = 3.0
+_DECISIVE = 3.0  # chosen
 """Least difference of log likelihoods between two directions for the better one to be known."""
 
-_MIN_PARALLAX = 0.3
+_MIN_PARALLAX = 0.3  # chosen
 """Least 90th percentile [px] of the flow that a pure rotation leaves, for a translation."""
 
-_MIN_FLOW = 0.25
+_MIN_FLOW = 0.25  # chosen
 """Least 90th percentile [px] of the flow, for a motion."""
 
-MIN_VECTORS = 12
+MIN_VECTORS = 12  # chosen
 """Least number of vectors with confidence."""
 
-_BLOCKS = 4, 2
+_BLOCKS = 4, 2  # chosen
 """Columns and rows of the blocks of an image; each is left out once: the errors of points
 that are near to each other are alike (rolling shutter, distortion, things that move)."""
 
-_FEW_BLOCKS = 1.16
+_FEW_BLOCKS = 1.16  # derived
 """Factor of standard deviations from so few blocks: by Student's t, 97 % are then within 2.15."""
 
-_CENTRE_SIGMA = math.radians(0.7)
+_CENTRE_SIGMA = math.radians(0.7)  # chosen
 """Standard deviation [rad] of the heading by a principal point off the centre of the image."""
 
-_MIN_EVIDENCE = 2.0
+_MIN_EVIDENCE = 2.0  # chosen
 """Least 90th percentile of the vectors' parts along the lines through the focus of expansion, over
 that of the parts across, for a translation."""
 
-_SIGN_SHARE = 0.6
+_SIGN_SHARE = 0.6  # chosen
 """Least share of the vectors that point away from, or towards, the focus of expansion."""
 
 

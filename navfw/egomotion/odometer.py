@@ -18,29 +18,29 @@ from operator import attrgetter
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Inertial, Odometry, Pose, Twist, YawCorrection, wrap_angle
 
-_LEVEL_MEMORY = 15.0
+_LEVEL_MEMORY = 15.0  # chosen
 """Time constant after which a pitch that lasts counts as level [s]."""
 
-_BIAS_TIME = 30.0
+_BIAS_TIME = 30.0  # chosen
 """Time [s] that sets how fast it counts as bias of the pitch rate: by 1 / _BIAS_TIME^2."""
 
-_TURN_GAIN = 2.0
+_TURN_GAIN = 2.0  # chosen
 """Rate [1/s] at which the pitch follows the roll rate in a turn, per squared rate of turning."""
 
-_REST_MEMORY, _KNOWN_AFTER = 10.0, 2.0
+_REST_MEMORY, _KNOWN_AFTER = 10.0, 2.0  # chosen
 """Time over which biases are averaged at rest, and after which they are known [s]."""
 
-_MAX_REST_RATE = 0.02
+_MAX_REST_RATE = 0.02  # chosen
 """Largest rate [rad/s] beside the bias that is averaged: a body may rock on its wheels at rest."""
 
-_SWING, _NOTICED = 2.0, math.radians(0.4)
+_SWING, _NOTICED = 2.0, math.radians(0.4)  # derived
 """Time [s] within which a body rocks, and the least change in it [rad] that counts as rocking:
 0.5 px of a 160 px image, and more than the bias feigns."""
 
-_KEPT = 30.0
+_KEPT = 30.0  # chosen
 """Time constant with which the amplitude of rocking is forgotten [s]."""
 
-_MAX_PITCH = 0.2
+_MAX_PITCH = 0.2  # chosen
 """Bound of the pitch [rad]: a body that leans further has fallen, or the rates are wrong."""
 
 
@@ -101,7 +101,7 @@ class RockingFilter:
 
 
 #: Time [s] for which odometry is kept. An older frame is assigned the oldest entry.
-_MEMORY = 3.0
+_MEMORY = 3.0  # chosen
 
 
 class OdometryHistory:
@@ -132,12 +132,12 @@ class OdometryHistory:
 
 
 #: Least commanded rim speed [m/s] that counts as evidence: friction may stop a slower wheel.
-_MIN_SPEED = 0.03
+_MIN_SPEED = 0.03  # chosen
 #: Commanded travel of the rim [m] without a tick after which an encoder counts as silent.
-_SILENT = 0.03
+_SILENT = 0.03  # chosen
 #: Commanded travel of the rim [m] without a tick after which a constant count no longer proves
 #: that the wheel is at rest.
-_DOUBT = 0.01
+_DOUBT = 0.01  # chosen
 
 
 class EncoderFaultDetector:
@@ -183,31 +183,31 @@ class EncoderFaultDetector:
 
 
 #: Time for which the wheels must have rested before the robot counts as still [s].
-_REST = 0.3
+_REST = 0.3  # chosen
 #: Change of an encoder at rest [ticks]: it may flicker between two neighbouring ticks.
-_FLICKER = 1
+_FLICKER = 1  # chosen
 #: Largest bias of the gyro [rad/s]; a higher rate at rest is an external turn of the robot.
-_MAX_BIAS = 0.15
+_MAX_BIAS = 0.15  # chosen
 #: Time over which the bias is averaged at rest [s]; it drifts, so a longer mean is no better.
-_BIAS_MEMORY = 10.0
+_BIAS_MEMORY = 10.0  # chosen
 #: Time constant that smooths encoder steps out of the measured speed [s].
-_SPEED_SMOOTHING = 0.05
+_SPEED_SMOOTHING = 0.05  # chosen
 #: Age of a gyro reading from which it is stale [s].
-_STALE = 0.1
+_STALE = 0.1  # chosen
 #: Time constant of the mean gyro residual [s].
-_RESIDUAL_MEMORY = 1.5
+_RESIDUAL_MEMORY = 1.5  # chosen
 #: Spread of turning rates [rad/s] below which bias and scale error cannot be distinguished.
-_RATE_FLOOR = 0.02
+_RATE_FLOOR = 0.02  # chosen
 #: Mean gyro residual [rad/s] from which it is significant: the bias has changed.
-_SIGNIFICANT = 0.003
+_SIGNIFICANT = 0.003  # chosen
 #: Mean gyro residual [rad/s] down to which the bias is then corrected.
-_SETTLED = 0.0005
+_SETTLED = 0.0005  # chosen
 #: Largest turn per distance [rad/m] of wheels that seem to roll straight: 2 % unequal radii.
-_MAX_SKEW = 0.08
+_MAX_SKEW = 0.08  # chosen
 #: Smallest divisor [m] of a correction of the skew.
-_MIN_DISTANCE = 0.04
+_MIN_DISTANCE = 0.04  # chosen
 #: Share of the mean gyro residual that corrects the bias at every pair of frames.
-_GAIN = 0.1
+_GAIN = 0.1  # chosen
 
 
 class Odometer:

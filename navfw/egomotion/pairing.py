@@ -20,22 +20,22 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Odometry, Pose, wrap_angle
 
-MIN_BASELINE = 0.02
+MIN_BASELINE = 0.02  # chosen
 """Smallest baseline of a pair [m]."""
-MAX_AGE = 2.0
+MAX_AGE = 2.0  # chosen
 """Largest time between the frames [s]."""
-MIN_STEP = 0.002
+MIN_STEP = 0.002  # chosen
 """Least distance driven since the last pair [m]."""
 
 #: Standard deviation of the gyro's error once its bias is removed, a constant rate [rad/s].
-YAW_RATE_SIGMA = 0.003
+YAW_RATE_SIGMA = 0.003  # chosen
 #: Standard deviation of the wheels' slip, relative to the distance driven.
-SLIP = 0.03
+SLIP = 0.03  # chosen
 #: Standard deviation of the shortest baseline [m]: encoder resolution and play in the wheels.
-_TRANSLATION_FLOOR = 5e-4
+_TRANSLATION_FLOOR = 5e-4  # chosen
 
 #: One standard deviation of a turn measured by the wheels, through slip and unequal radii [rad/m].
-_WHEELS_YAW_SIGMA = 0.1
+_WHEELS_YAW_SIGMA = 0.1  # chosen
 
 
 def yaw_rotation(angle: float) -> Array:
@@ -112,10 +112,10 @@ def with_yaw_sigma(flow: FlowField, odometry: Odometry) -> FlowField:
 
 Length = Annotated[float, Field(gt=0.0, le=1.0)]
 
-_BASELINE_SHARE = 0.9
+_BASELINE_SHARE = 0.9  # chosen
 """Share of the largest baseline that successive frames may be apart: commands and poses vary."""
 
-_MAX_HEIGHTS = 0.32
+_MAX_HEIGHTS = 0.32  # derived
 """Largest desired baseline in heights of the camera: beyond, the motion of near floor between the
 frames exceeds the flow's range (METHOD 2.7)."""
 

@@ -19,15 +19,15 @@ from navfw.numerics import Array
 from navfw.numerics.linear_systems import solve
 from navfw.numerics.products import product
 
-_PLANE_STEPS = 6
-_PLANE_ERROR, _PLANE_SHARE, _PLANE_INLIERS = 0.3, 0.1, 0.85
+_PLANE_STEPS = 6  # chosen
+_PLANE_ERROR, _PLANE_SHARE, _PLANE_INLIERS = 0.3, 0.1, 0.85  # chosen
 """Error [px], and share of the expansion, up to which a point belongs to a plane across the axis;
 least share of such points."""
 
-_MAX_SLANT = 0.35
+_MAX_SLANT = 0.35  # chosen
 """Slant [rad] that an unexpected turn may stand for: turn over expansion."""
 
-_MIN_EXPANSION = 0.02
+_MIN_EXPANSION = 0.02  # chosen
 """Smallest relative growth of the image of a plane that is approached."""
 
 

@@ -17,12 +17,12 @@ from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, FlowField
 
-_ITERATIONS = 6
+_ITERATIONS = 6  # chosen
 """Number of reweightings."""
-_CERTAIN, _DOUBT = 3.0, 0.1
+_CERTAIN, _DOUBT = 3.0, 0.1  # chosen
 """Standard deviations that the residual of an inconsistent vector exceeds, and what is added to
 each [px]."""
-_MIN_SIGMA = 1e-6
+_MIN_SIGMA = 1e-6  # chosen
 """Least standard deviation of a residual [px]: a processor may call its vectors exact."""
 
 

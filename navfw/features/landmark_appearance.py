@@ -19,17 +19,17 @@ from navfw.interfaces import LandmarkKind
 from navfw.numerics import Image
 from navfw.robot import RobotModel
 
-_ARUCO_IDS = 1000
+_ARUCO_IDS = 1000  # defined
 """Number of ids in the largest dictionary; the smaller ones of 4 x 4 modules are its first part."""
-_DICTIONARIES = {
+_DICTIONARIES = {  # defined
     50: cv2.aruco.DICT_4X4_50,
     100: cv2.aruco.DICT_4X4_100,
     250: cv2.aruco.DICT_4X4_250,
     1000: cv2.aruco.DICT_4X4_1000,
 }
-_MODULES = 6
+_MODULES = 6  # defined
 """Modules along a marker's side, with its black border."""
-_MODULE = 32
+_MODULE = 32  # chosen
 """Texels along a module's side."""
 
 

@@ -26,17 +26,17 @@ from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Frame, LandmarkDetection
 from navfw.topomap import TopoMap
 
-CORNER_SIGMA = 0.4
+CORNER_SIGMA = 0.4  # chosen
 """Standard deviation of a corner [px]."""
-MIN_SIDE = 10.0
+MIN_SIDE = 10.0  # chosen
 """Least height of a marker [px]."""
 
-_STEP = 0.25
+_STEP = 0.25  # chosen
 """Step of the numerical derivative [px]."""
-_MAX_LEAN = 0.25
+_MAX_LEAN = 0.25  # chosen
 """Largest lean of a side (horizontal over vertical extent): camera and plates are upright."""
-_BEARING_FLOOR = math.radians(0.3)
-_RANGE_FLOOR = 0.01
+_BEARING_FLOOR = math.radians(0.3)  # chosen
+_RANGE_FLOOR = 0.01  # chosen
 """Standard deviations of errors other than the corners': camera mount, focal length, plate. Bearing
 in rad, range as a share."""
 

@@ -18,41 +18,41 @@ from navfw.numerics.arrays import Array, Floats, Mask
 from navfw.robot import RobotModel
 from navfw.signals.immutability import read_only
 
-TEXTURE_LOW = 2.0
+TEXTURE_LOW = 2.0  # chosen
 """Grey deviation: no texture [grey levels]."""
-TEXTURE_HIGH = 6.0
+TEXTURE_HIGH = 6.0  # chosen
 """Grey deviation: ample texture [grey levels]."""
-PEAK_LOW = 0.7
+PEAK_LOW = 0.7  # chosen
 """Peak correlation: no match."""
-PEAK_HIGH = 0.9
+PEAK_HIGH = 0.9  # chosen
 """Peak correlation: certain match."""
-REGISTERED_LOW = 0.85
+REGISTERED_LOW = 0.85  # chosen
 """Registered correlation: no match."""
-REGISTERED_HIGH = 0.97
+REGISTERED_HIGH = 0.97  # chosen
 """Registered correlation: certain match."""
 
 #: Correlation of a peak: confidence rises from 0 at the first to 1 at the second value. Below the
 #: first there is no registration: an affine motion can also be fitted to an accidental similarity.
-_PEAK_CORRELATION = (0.4, 0.6)
+_PEAK_CORRELATION = (0.4, 0.6)  # chosen
 #: Share of a window's samples inside the past image: confidence rises from 0 to 1.
-_SAMPLES_INSIDE = (0.6, 0.9)
+_SAMPLES_INSIDE = (0.6, 0.9)  # chosen
 #: Distance [px] from the correlation peak to the registered position: confidence falls from 1 at
 #: the first to 0 at the second value.
-_REGISTRATION_SHIFT = (1.5, 3.0)
+_REGISTRATION_SHIFT = (1.5, 3.0)  # chosen
 #: Variance [px^2] of a registered vector, however well the window fits.
-_REGISTRATION_FLOOR = 0.05**2
+_REGISTRATION_FLOOR = 0.05**2  # chosen
 #: Factors of the estimated sigma and of its square [1/px] in the error of a registered vector,
 #: fitted to rendered frames. The square is there because the affine model holds the less, the worse
 #: a window fits.
-_REGISTRATION_SCALE, _REGISTRATION_EXCESS = 1.0, 3.4
+_REGISTRATION_SCALE, _REGISTRATION_EXCESS = 1.0, 3.4  # measured
 #: Disagreement with both neighbours [px] (see ``find_mixtures``): confidence falls from 1 at the
 #: first to 0 at the second value, where the window certainly spans two surfaces.
-_MIXTURE = (0.5, 2.0)
+_MIXTURE = (0.5, 2.0)  # chosen
 #: Share of the disagreement with both neighbours that counts as standard deviation.
-_MIXTURE_SHARE = 0.4
+_MIXTURE_SHARE = 0.4  # chosen
 #: Ratio of mismatches at which a peak begins to be, and is, unique; the same at the edge of the
 #: search range, where it is known on one side only.
-_UNIQUE_INSIDE, _UNIQUE_AT_EDGE = (1.0, 1.5), (1.3, 2.2)
+_UNIQUE_INSIDE, _UNIQUE_AT_EDGE = (1.0, 1.5), (1.3, 2.2)  # chosen
 
 _ramp: Any = numba.njit(cache=True, error_model="numpy")(ramp)
 
@@ -109,20 +109,20 @@ def judge_registration(
 
 
 #: Correlation length of the errors of grey values [px]: nearer samples share their errors.
-_CORRELATION_LENGTH = 3.0
+_CORRELATION_LENGTH = 3.0  # chosen
 #: Share of the windows in the lower half of the image, mostly floor, with a deviation below
 #: ``TEXTURE_HIGH`` above which both images are smoothed; usual frames have next to none.
-_WEAK_SHARE = 0.4
+_WEAK_SHARE = 0.4  # chosen
 #: Standard deviation of the smoothing [px]: it leaves 0.28 of the noise, and most of the texture.
-_SMOOTHING = 1.0
+_SMOOTHING = 1.0  # chosen
 #: Factor of ``TEXTURE_LOW`` and ``TEXTURE_HIGH`` in smoothed images: 0.28, and the rounding to
 #: whole grey levels.
-_SMOOTHED_TEXTURE = 0.5
+_SMOOTHED_TEXTURE = 0.5  # derived
 #: For the quadratic peak alone: least standard deviation [px], factor of the estimated sigma, and
 #: share of the flow's variation within a window that counts as standard deviation of its vector.
-_PEAK_FLOOR, _PEAK_SCALE, _PEAK_SPREAD = 0.05, 2.0, 0.3
+_PEAK_FLOOR, _PEAK_SCALE, _PEAK_SPREAD = 0.05, 2.0, 0.3  # chosen
 #: Sampling interval of registration [px], and sigma of its weights [half windows].
-_STRIDE, _WEIGHT_WIDTH = 3, 0.6
+_STRIDE, _WEIGHT_WIDTH = 3, 0.6  # chosen
 
 
 class BlockMatching(MatchedFlow):

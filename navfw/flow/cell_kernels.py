@@ -7,11 +7,11 @@ import numpy as np
 
 from navfw.numerics.arrays import Array, Bytes, Floats, Mask
 
-CELL = 4
+CELL = 4  # chosen
 """Side of the cells [px] over which flow is averaged."""
-_DIFFERENCE = 8.0
+_DIFFERENCE = 8.0  # chosen
 """Largest mean absolute difference [grey levels] between a cell and its match."""
-_GRADIENT = 1.5
+_GRADIENT = 1.5  # chosen
 """Least root mean square gradient [grey levels/px] of a cell that can be matched."""
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from navfw.numerics.arrays import Array, Bytes, Floats, Indices, Int32s, Mask
 
 #: Score of displacements whose window would leave the visible part of the past image.
-_OUTSIDE = np.float32(-2.0)
+_OUTSIDE = np.float32(-2.0)  # defined
 
-_LOW = np.int64((1 << 32) - 1)
+_LOW = np.int64((1 << 32) - 1)  # defined
 
 
 @numba.njit(cache=True)

@@ -24,18 +24,18 @@ from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, FramePair
 from navfw.signals.immutability import read_only
 
-_CELLS_ABOVE = 3
+_CELLS_ABOVE = 3  # chosen
 """Rows of cells above the horizon. Near objects visible further up also extend down to here."""
-_MIN_ROWS = 4
+_MIN_ROWS = 4  # chosen
 """Least number of cell rows below the horizon; with fewer the floor is hardly visible."""
-_EDGE = 5
+_EDGE = 5  # chosen
 """Margin at the image's border [px] in which matches are unreliable and discarded."""
-_COARSE_STRIDE = 8
+_COARSE_STRIDE = 8  # chosen
 """Distance [px] between matched patches in coarse mode: the patches do not overlap."""
-_SIGMA = 0.2
+_SIGMA = 0.2  # measured
 """Standard deviation of a cell's mean flow [px], measured on rendered frames."""
 
-_UNIT = np.eye(3)
+_UNIT = np.eye(3)  # defined
 
 
 class FloorAlignedFlow:

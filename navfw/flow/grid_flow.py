@@ -32,7 +32,7 @@ from navfw.signals.immutability import read_only
 Pixels = npt.NDArray[Any]
 
 #: Largest rotational flow in the image [px] that is not compensated before matching.
-_NEGLIGIBLE = 0.05
+_NEGLIGIBLE = 0.05  # chosen
 
 
 def rotation_matters(rotation: Array, camera: CameraModel) -> bool:
@@ -126,9 +126,9 @@ def smaller_eigenvalue(xx: Floating, yy: Floating, xy: Floating) -> Floating:
 
 
 #: Standard deviation of vectors of confidence 0, and upper limit of all others [px].
-SIGMA_UNKNOWN = 10.0
+SIGMA_UNKNOWN = 10.0  # chosen
 #: Baseline [m] beyond which two images of a working camera are never identical.
-_SURELY_MOVED = 0.005
+_SURELY_MOVED = 0.005  # chosen
 
 
 def ramp(value: Array, low: float, high: float) -> Array:

@@ -21,20 +21,20 @@ from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair
 
 #: Standard deviation reported with ideal flow [px].
-SIGMA = 0.02
-_DENSITY = 0.78
+SIGMA = 0.02  # measured
+_DENSITY = 0.78  # measured
 """Share of cells that block matching measures. This and the next from 841 rendered pairs of rooms,
 clutter, corridors, poles; each cell of each pair is independent, which real flow is not."""
-_LOG_SIGMA = (-1.66, 0.65)
+_LOG_SIGMA = (-1.66, 0.65)  # measured
 """Mean and standard deviation of the logarithm of block matching's sigma [px]."""
-_ERROR = 0.72
+_ERROR = 0.72  # measured
 """Standard deviation of its errors, outliers left out, as a share of its sigma."""
-_OUTLIERS, _OUTLIER = 0.02, 2.0
+_OUTLIERS, _OUTLIER = 0.02, 2.0  # measured
 """Share of its errors beyond four sigma, and their mean length [px]."""
-_CONFIDENCE = (0.9, -0.58, 0.6)
+_CONFIDENCE = (0.9, -0.58, 0.6)  # measured
 """Mean, spread, and correlation with the logarithm of sigma, of its confidence before clipping."""
 #: Largest ratio of the nearness of neighbouring pixels of one surface.
-_ONE_SURFACE = 1.15
+_ONE_SURFACE = 1.15  # chosen
 
 
 class TruthSource(Protocol):

@@ -14,20 +14,20 @@ from navfw.numerics import Array, Image
 from navfw.numerics.arrays import Floats
 from navfw.robot import RobotModel
 
-SIGMA_FLOOR = 0.05
+SIGMA_FLOOR = 0.05  # chosen
 """Least standard deviation of a cell's mean vector, or of a tracked one [px]."""
 #: Factor that scales the noise model to the errors measured on rendered frames.
-_SIGMA_SCALE = 1.5
+_SIGMA_SCALE = 1.5  # measured
 #: Share of the standard deviation of the flow within a cell that counts as error of its mean.
-_SPREAD_SHARE = 0.45
+_SPREAD_SHARE = 0.45  # chosen
 
-TEXTURE = 0.8, 2.5
+TEXTURE = 0.8, 2.5  # chosen
 """Gradients across the weakest direction [grey levels/px]: no texture, ample texture."""
 
-_MATCH = 0.6, 0.85
+_MATCH = 0.6, 0.85  # chosen
 """Correlations of a cell with its match: no match, certain match."""
 
-_SPREAD = 1.0, 2.5
+_SPREAD = 1.0, 2.5  # chosen
 """Spreads of the flow within a cell [px]: one motion, several motions."""
 
 PRESETS = {

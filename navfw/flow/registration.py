@@ -22,29 +22,29 @@ from navfw.numerics.functions import exp
 from navfw.robot import RobotModel
 from navfw.signals.immutability import read_only
 
-START_LEVEL = 2
+START_LEVEL = 2  # chosen
 """Finest level of the search, in halvings."""
-REGISTERED_LOW = 0.85
+REGISTERED_LOW = 0.85  # chosen
 """Registered correlation: no match."""
-REGISTERED_HIGH = 0.95
+REGISTERED_HIGH = 0.95  # chosen
 """Registered correlation: certain match."""
 
 #: Standard deviation of the smoothing before registration [px]: without it interpolation is wrong
 #: at edges.
-_SMOOTHING = 0.8
+_SMOOTHING = 0.8  # chosen
 #: Regularisation of the affine part, as a mean gradient [grey/px]: less texture does not justify a
 #: deformation of the window.
-_STIFFNESS = 0.5
-_ITERATIONS = 6
+_STIFFNESS = 0.5  # chosen
+_ITERATIONS = 6  # chosen
 #: Step of the displacement [px] below which the iteration ends.
-_TOLERANCE = 0.05
+_TOLERANCE = 0.05  # chosen
 #: Largest distance from the starting displacement [px]; a window that moves further is lost.
-_REACH = 3.0
+_REACH = 3.0  # chosen
 #: Least score of the windows that are compared with their neighbours.
-_LIKELY = 0.8
+_LIKELY = 0.8  # chosen
 
-_PLACES = np.arange(-3.0, 4.0)
-_BELL = exp(-0.5 * (_PLACES / _SMOOTHING) ** 2)
+_PLACES = np.arange(-3.0, 4.0)  # defined
+_BELL = exp(-0.5 * (_PLACES / _SMOOTHING) ** 2)  # derived
 _BELL /= _BELL.sum()
 # derivative of the bell, scaled to give 1 for a slope of 1
 _SLOPE = _PLACES * _BELL
@@ -137,14 +137,14 @@ def _filtered(image: Image, along_x: Array, along_y: Array) -> Floats:
 
 #: ``shares`` of ``vector_sigma``, fitted to the logarithms of the errors of the odd recorded pairs
 #: of ``navfw bench flow``, and of rendered ones of other seeds, forwards and backwards.
-_SIGMA_SHARES = (0.84, 0.59, 0.26, 0.0074, 0.65, 0.22, 0.086, 630.0)
+_SIGMA_SHARES = (0.84, 0.59, 0.26, 0.0074, 0.65, 0.22, 0.086, 630.0)  # measured
 #: Least score and least share inside the past image of the vectors that are compared with others.
 #: All others have confidence 0.
-_LIKELY_CELL = 0.8, 0.6
+_LIKELY_CELL = 0.8, 0.6  # chosen
 #: Sampling interval of registration [px], and sigma of its weights [half windows].
-_STRIDE, _WEIGHT_WIDTH = 2, 0.8
+_STRIDE, _WEIGHT_WIDTH = 2, 0.8  # chosen
 #: Largest sigma [px] of full confidence, and of a useful vector.
-_FULL_SIGMA, _MAX_SIGMA = 0.154, 1.0
+_FULL_SIGMA, _MAX_SIGMA = 0.154, 1.0  # chosen
 
 
 class Registered(MatchedFlow):

@@ -11,12 +11,12 @@ from navfw.numerics.algebra_kernels import dot, fma
 from navfw.numerics.arrays import Array, Floats, Indices, Mask
 
 #: Number of unknowns: displacement (x, y), then the change of each over half a window in x and y.
-_UNKNOWNS = 6
+_UNKNOWNS = 6  # defined
 #: Largest gain of the brightness between the frames, and its reciprocal the least; the offset is
 #: free.
-_GAIN = 2.0
+_GAIN = 2.0  # chosen
 #: Least variance [grey^2] of a window's grey levels that counts, as equal images do not show it.
-_MIN_CONTRAST = 16.0
+_MIN_CONTRAST = 16.0  # chosen
 
 
 @numba.njit(cache=True, error_model="numpy")

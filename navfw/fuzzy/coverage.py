@@ -25,8 +25,8 @@ from navfw.fuzzy.rulebase import And, Clause, Is, Not, Or, RuleBase, Variable, a
 
 Classes = npt.NDArray[np.int8]
 # Classes of degrees. They are ordered, so AND is min, OR is max, and NOT is 2 - class.
-_ZERO, _BETWEEN, _ONE = 0, 1, 2
-_MAX_COMBINATIONS = 4_000_000
+_ZERO, _BETWEEN, _ONE = 0, 1, 2  # defined
+_MAX_COMBINATIONS = 4_000_000  # chosen
 """Largest number of combinations of cells to search; more would take seconds."""
 
 

@@ -19,20 +19,20 @@ from navfw.numerics import Array
 from navfw.numerics.arrays import Indices
 
 # Opcodes of antecedents in postfix form; an opcode >= 0 pushes the degree of that literal.
-AND_MIN, AND_PROD, OR_MAX, NOT = -1, -2, -3, -4
+AND_MIN, AND_PROD, OR_MAX, NOT = -1, -2, -3, -4  # defined
 
-FIRING_FLOOR = 1e-9
+FIRING_FLOOR = 1e-9  # derived
 """Activation up to which a term counts as not concluded.
 
 Below it, scikit-fuzzy's guard against division by zero falsifies the centroid.
 """
 
-_REMEMBERED = 16
+_REMEMBERED = 16  # chosen
 """Samples whose results are kept for reuse: where inputs saturate, many samples are equal."""
 
-CENTROID, BISECTOR, MOM, SOM, LOM = 0, 1, 2, 3, 4
+CENTROID, BISECTOR, MOM, SOM, LOM = 0, 1, 2, 3, 4  # defined
 
-_MIN_POSITIVE = 5e-324
+_MIN_POSITIVE = 5e-324  # defined
 """The smallest positive number."""
 
 

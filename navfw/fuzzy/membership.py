@@ -18,10 +18,10 @@ import numpy as np
 from navfw.numerics import Array
 from navfw.numerics.functions import exp
 
-_EDGE_WIDTH = 1e-9
+_EDGE_WIDTH = 1e-9  # chosen
 """Width of the ramp that represents a vertical edge, relative to the range of the variable."""
 
-_SAME = 1e-13
+_SAME = 1e-13  # chosen
 """Distance, relative to the range of the variable, below which two samples count as one."""
 
 

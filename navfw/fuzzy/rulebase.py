@@ -30,7 +30,7 @@ from navfw.numerics import Array
 
 KEYWORDS = frozenset({"IF", "IS", "AND", "OR", "NOT", "THEN", "WITH", "WEIGHT"})
 NAME_PATTERN = r"[A-Za-z_][A-Za-z0-9_]*"
-_MAX_NESTING = 50
+_MAX_NESTING = 50  # derived
 """Largest depth of NOT and parentheses, below Python's limit of recursion."""
 
 _TOKEN = re.compile(

@@ -19,7 +19,7 @@ from navfw.fuzzy.membership import SHAPES, Shape, make_shape
 from navfw.fuzzy.rulebase import Rule, RuleBase, SentenceError, Variable, atoms, parse_rule
 from navfw.fuzzy.rulespec import InputSpec, OutputSpec, RuleBaseSpec, check_name
 
-_MAX_KEPT = 64
+_MAX_KEPT = 64  # chosen
 """Number of rule bases kept for the next stack."""
 
 TermCorners = Mapping[str, Mapping[str, Sequence[float]]]

@@ -11,10 +11,10 @@ from navfw.config.strict_model import StrictModel
 from navfw.fuzzy.membership import HEDGES
 from navfw.fuzzy.rulebase import KEYWORDS, NAME_PATTERN
 
-_MIN_WIDTH = 1e-6
+_MIN_WIDTH = 1e-6  # chosen
 """Least width of a range, in its unit: rounding would merge the samples of a narrower one."""
 
-_MAX_SIZE = 1e12
+_MAX_SIZE = 1e12  # derived
 """Largest magnitude of a bound, and of a bound over the width of the range, for that reason."""
 
 

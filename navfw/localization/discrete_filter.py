@@ -27,30 +27,30 @@ from navfw.numerics.products import product
 from navfw.signals import Odometry, Pose
 from navfw.topomap import TopoMap
 
-HEADINGS = 24
+HEADINGS = 24  # chosen
 """Number of heading bins."""
-LEAK = 1e-4
+LEAK = 1e-4  # chosen
 """Probability spread over the whole map, per cell driven."""
-SITUATION_EVERY = 1.0
+SITUATION_EVERY = 1.0  # chosen
 """Distance between two uses of OFFIS' situations [m]."""
-SITUATION_WEIGHT = 0.5
+SITUATION_WEIGHT = 0.5  # chosen
 """Exponent on their likelihood: uses are not independent."""
 
-_FACING = math.radians(80.0)
+_FACING = math.radians(80.0)  # chosen
 """A landmark is visible from its front only, up to this angle off its normal [rad]."""
 
-_SUPPORT_DISTANCE = 0.75
+_SUPPORT_DISTANCE = 0.75  # chosen
 """An observation supports a pose if it puts the landmark within this distance [m], plus a tenth of
 the range, of its mapped position."""
 
-_SUPPORT_MEMORY = 30.0
+_SUPPORT_MEMORY = 30.0  # chosen
 """Distance driven [m] for which an observation can support a pose."""
 
-_MIN_EXISTENCE = 0.3
+_MIN_EXISTENCE = 0.3  # chosen
 """Lower bound on the existence probability used here: if all landmarks were discounted after a
 wrong start, the filter could not find the right pose."""
 
-_CLUSTER_RADIUS = 1.0
+_CLUSTER_RADIUS = 1.0  # chosen
 """Radius of the cluster around the likeliest cell [m]."""
 
 

@@ -21,49 +21,49 @@ from navfw.numerics.products import product
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, Twist, wrap_angle
 from navfw.topomap import TopoMap
 
-CONTRADICTED_BELOW = -0.1
+CONTRADICTED_BELOW = -0.1  # chosen
 """Mean fit of the scans: contradicted below."""
-LOST_BELOW = 0.4
+LOST_BELOW = 0.4  # chosen
 """Confidence below which the belief is lost."""
 
-MIN_POINTS = 8
+MIN_POINTS = 8  # chosen
 """Least number of points of a scan that is matched."""
 
-GATE = 16.0
+GATE = 16.0  # chosen
 """Squared Mahalanobis distance of a fit from the prediction above which it is not used."""
 
-_BLOCKED_COST = 2.0
+_BLOCKED_COST = 2.0  # chosen
 """How much more a ray that a wall would have blocked speaks against a pose than a point that does
 not belong to the plan: furniture explains the point, nothing explains the ray."""
 
-MIN_SHARE = 0.25
+MIN_SHARE = 0.25  # chosen
 """Share of the points that belong to the plan below which a scan shows furniture, and says nothing
 of the pose."""
 
-_MAX_SKID = 0.1
+_MAX_SKID = 0.1  # chosen
 """Sigma of the camera's lateral displacement, as a share of its displacement, up to which a scan is
 matched: a camera that has moved in another direction distorts the whole scan."""
 
-INFLATION = 2.0
+INFLATION = 2.0  # chosen
 """Factor on the covariance after a fit that was not used: the pose may be wrong."""
 
-_CLEARLY_BETTER = 0.5
+_CLEARLY_BETTER = 0.5  # chosen
 """Mean log likelihood of the points that another pose has to fit better than the tracked one
 to take its place. Things that the plan does not show cost the tracked pose less; a wrong pose fits
 worse by 1 and more."""
 
-_DRIFT_XY, _DRIFT_YAW = 0.1, 0.02
+_DRIFT_XY, _DRIFT_YAW = 0.1, 0.02  # chosen
 """Standard deviations [m, rad] that are added to the pose's from scan to scan while the plan
 contradicts it."""
 
-_MIN_TRUST = 0.02
+_MIN_TRUST = 0.02  # chosen
 """Factor on the confidence in a pose that the plan contradicts."""
 
-_TRUSTED_SHARE, _TRUSTED_XY = 0.5, 0.15
+_TRUSTED_SHARE, _TRUSTED_XY = 0.5, 0.15  # chosen
 """Share of the points that belong to the plan, and standard deviation [m] of the position, with
 which a wall that was seen through is not there."""
 
-_SEARCH_XY, _SEARCH_YAW = 0.15, 0.05
+_SEARCH_XY, _SEARCH_YAW = 0.15, 0.05  # chosen
 """Standard deviations [m, rad] of a pose that the search has found."""
 
 

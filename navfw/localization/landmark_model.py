@@ -25,15 +25,15 @@ from navfw.numerics.products import product
 from navfw.signals import LandmarkDetection, Odometry, Pose, wrap_angle
 from navfw.topomap import Landmark, TopoMap
 
-_MAX_GAIN, _MAX_LOSS = 1.0, -1.5
+_MAX_GAIN, _MAX_LOSS = 1.0, -1.5  # chosen
 """Bounds on the log-odds that one observation adds."""
 
-_MIN_LOG_ODDS, _MAX_LOG_ODDS = -5.0, 4.0
+_MIN_LOG_ODDS, _MAX_LOG_ODDS = -5.0, 4.0  # derived
 """Bounds on the log-odds of a landmark: probabilities 0.007 and 0.98."""
 
-_TINY = 1e-30
+_TINY = 1e-30  # chosen
 
-MAP_SIGMA = 0.03
+MAP_SIGMA = 0.03  # chosen
 """Standard deviation of the landmarks' mapped positions [m]."""
 
 
@@ -65,11 +65,11 @@ class LandmarkExistence:
                 del self._odds[identity]
 
 
-GATE = 9.0
+GATE = 9.0  # derived
 """Association gate: squared Mahalanobis distance of (bearing, range) beyond which a detection is
 rejected. 99 % of correct detections are nearer (chi-square, two degrees of freedom)."""
 
-ELSEWHERE_DENSITY = 0.05
+ELSEWHERE_DENSITY = 0.05  # chosen
 """Density [1/(rad m)] of detections of a landmark that is not where the map has it."""
 
 
@@ -146,16 +146,16 @@ def associate(
     return Association(moved, mixed, distance, ratio, probability)
 
 
-MAX_AGE = 2.0
+MAX_AGE = 2.0  # chosen
 """Largest age of a detection [s]; older ones are dropped."""
 
-_REPEAT_INTERVAL = 1.0
+_REPEAT_INTERVAL = 1.0  # chosen
 """Time between two detections of one landmark from which they count as independent [s]."""
 
-_DISTANCE_TOLERANCE = 0.05
+_DISTANCE_TOLERANCE = 0.05  # chosen
 """Allowed error [m], beyond three sigmas, of the measured distance between two landmarks."""
 
-_ODOMETRY_ERROR = 0.03
+_ODOMETRY_ERROR = 0.03  # chosen
 """Odometry error between two observations, as a share of the distance driven."""
 
 

@@ -16,19 +16,19 @@ from navfw.numerics import Array
 from navfw.numerics.arrays import Floats
 from navfw.topomap import TopoMap
 
-_MAX_HALF_WIDTH = 1.5
+_MAX_HALF_WIDTH = 1.5  # chosen
 """Upper bound on a passage's half width [m]; also used where the width is unknown."""
 
-PLACE_RADIUS = 1.0
+PLACE_RADIUS = 1.0  # chosen
 """Radius of the domain around a place [m]."""
 
-_FRINGE = 0.75
+_FRINGE = 0.75  # chosen
 """Width of the fringe beside passages and places [m], where the robot is less likely."""
 
-_FRINGE_LOSS = 0.9
+_FRINGE_LOSS = 0.9  # chosen
 """Factor on the probability for each cell's length driven in the fringe."""
 
-MAX_STATES = 3_000_000
+MAX_STATES = 3_000_000  # chosen
 """Bound on the number of states: larger maps get larger cells."""
 
 

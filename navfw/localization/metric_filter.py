@@ -32,15 +32,15 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Odometry, Pose, wrap_angle
 
-INFLATION = 4.0
+INFLATION = 4.0  # chosen
 """Factor on the pose covariance, at each observation, while consistent landmarks contradict the
 pose: the filter then follows the landmarks."""
 
-SURPRISE = 4.0
+SURPRISE = 4.0  # chosen
 """Squared Mahalanobis distance from which a single landmark is not used: it may be displaced. When
 two or more consistent landmarks exceed it, the pose is wrong instead."""
 
-_SURPRISE_DISTANCE = 10.0
+_SURPRISE_DISTANCE = 10.0  # chosen
 """Distance driven [m] for which a surprising observation is kept for comparison with others."""
 
 

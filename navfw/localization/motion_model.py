@@ -34,24 +34,24 @@ from navfw.topomap import TopoMap
 NonNegative = Annotated[float, Field(ge=0.0, le=10.0)]
 """Sigmas in metres and radians, and of their growth: 10 says that nothing is known."""
 
-_BETWEEN = 5.0
+_BETWEEN = 5.0  # chosen
 """Usual distance driven between two landmark observations [m]."""
 
-REST = 1.0
+REST = 1.0  # chosen
 """Shortest rest in which odometry estimates the gyro's bias, and the interval between two uses of
 that estimate while the robot rests [s]."""
 
-MEMORY = 10.0
+MEMORY = 10.0  # chosen
 """Averaging time of odometry's bias estimate [s]: it lags behind a bias that drifts."""
 
-_TURN_MEMORY = 0.5
+_TURN_MEMORY = 0.5  # chosen
 """Turn [rad] over which the point keeps its place about which skidding wheels turn the robot."""
 
-BY_FLOOR = 0.01
+BY_FLOOR = 0.01  # measured
 """Error of the distance that the floor's motion in the images measures [m per root of m]: measured
 0.002 to 0.004."""
 
-_INTEGRATION = 0.002
+_INTEGRATION = 0.002  # chosen
 """Error of encoder quantisation and midpoint integration [m per root of m]."""
 
 

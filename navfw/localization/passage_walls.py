@@ -25,36 +25,36 @@ from navfw.signals import Belief, Pose, wrap_angle
 from navfw.topomap import Passage, Place, TopoMap
 from navfw.topomap.occupancy_map import OccupancyMap
 
-MAX_WIDTH = 3.0
+MAX_WIDTH = 3.0  # chosen
 """Largest width [m] of a passage between walls."""
 
-_ALIGNED = 0.1
+_ALIGNED = 0.1  # chosen
 """Largest distance [m] of the ends of collinear passages from their common line."""
 
-TOLERANCE = 0.2
+TOLERANCE = 0.2  # chosen
 """Largest difference [m] of the distance between two walls from the width on the map."""
 
-_SPREAD = 0.1
+_SPREAD = 0.1  # chosen
 """Scale [m] of the residuals of points that belong to a wall: skirting, frames, posters."""
 
-_MIN_SPAN = 0.6
+_MIN_SPAN = 0.6  # chosen
 """Least length [m] of wall that gives a heading."""
 
-MIN_POINTS = 6
+MIN_POINTS = 6  # chosen
 """Least number of points on a wall."""
 
-_AXIS_SIGMA, _AXIS_YAW_SIGMA = 0.05, 0.02
+_AXIS_SIGMA, _AXIS_YAW_SIGMA = 0.05, 0.02  # chosen
 """Standard deviations [m, rad] of an edge of the map from the middle between the walls, and of its
 direction: places are set by hand."""
 
-_DOOR_SIGMA = 0.06
+_DOOR_SIGMA = 0.06  # chosen
 """Standard deviation [m] of the middle between two seen door posts."""
 
-_POST = 0.1
+_POST = 0.1  # chosen
 """Quantile of the distances of a wall's points from the middle of a door that is its post: single
 points are wrong."""
 
-_FATTENING = 0.4
+_FATTENING = 0.4  # chosen
 """How much narrower [m] than it is a gap may look: cells of the image reach over its edges."""
 
 
@@ -232,9 +232,9 @@ def door_fix(axis: PassageAxis, pose: Pose, scan: PlanScan) -> PassageFix | None
     return PassageFix(axis, 0.0, math.inf, -0.5 * (posts[0] - posts[1]), _DOOR_SIGMA)
 
 
-REACH = 2.0
+REACH = 2.0  # chosen
 """Distance [m] from the robot up to which walls count."""
-SURE_XY, SURE_YAW = 0.1, 0.1
+SURE_XY, SURE_YAW = 0.1, 0.1  # chosen
 """Largest standard deviations [m, rad] of the pose with which they count."""
 
 

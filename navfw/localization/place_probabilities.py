@@ -29,16 +29,16 @@ from navfw.numerics.products import product
 from navfw.signals import Percept, Pose, position_sigma
 from navfw.topomap import PLACE_KINDS, TopoMap
 
-_PLACE_RADIUS = 1.0
+_PLACE_RADIUS = 1.0  # chosen
 """Standard deviation [m] of the robot's position when it is at a place."""
 
-COUNT = 8
+COUNT = 8  # chosen
 """Number of places that a belief lists, likeliest first."""
 
-REFRESH = 0.05
+REFRESH = 0.05  # chosen
 """Distance moved [m] after which the place posterior is computed again."""
 
-_CONFIDENCE_RADIUS = 1.0
+_CONFIDENCE_RADIUS = 1.0  # chosen
 """A belief's confidence is the probability that its position error is below this [m]."""
 
 
@@ -121,7 +121,7 @@ def probability_within(covariance: Array, radius: float = _CONFIDENCE_RADIUS) ->
     return 1.0 if sigma == 0.0 else -math.expm1(-0.5 * (radius / sigma) ** 2)
 
 
-FLOOR = 0.05
+FLOOR = 0.05  # chosen
 """Least likelihood of a place: OFFIS' situations are too uncertain to exclude one."""
 
 SITUATIONS = (
@@ -136,7 +136,7 @@ SITUATIONS = (
 )
 """OFFIS' elementary situations that carry information: all but "unknown"."""
 
-SMOOTHING = 20.0
+SMOOTHING = 20.0  # chosen
 """Pseudo-observations, distributed as the mean of all kinds, that are added to each kind."""
 
 LEARNT, _NO_TABLE = "learnt", "none"

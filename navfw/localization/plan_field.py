@@ -20,17 +20,17 @@ from navfw.robot import RobotModel
 from navfw.signals import Label, Percept, Pose
 from navfw.topomap.occupancy_map import OccupancyMap
 
-_MIN_HEIGHT, MAX_HEIGHT = 0.12, 2.0
+_MIN_HEIGHT, MAX_HEIGHT = 0.12, 2.0  # chosen
 """Heights [m above the floor] between which seen points count: below is the floor with its error,
 above may be the ceiling."""
 
-MAX_DEPTH = 4.0
+MAX_DEPTH = 4.0  # chosen
 """Largest depth [m] of a point."""
 
-MIN_CONFIDENCE = 0.3
+MIN_CONFIDENCE = 0.3  # chosen
 """Least confidence of a cell."""
 
-MIN_SIGMA = 0.03
+MIN_SIGMA = 0.03  # chosen
 """Least standard deviation of a depth, as a part of it: what the cells of a percept share."""
 
 
@@ -112,13 +112,13 @@ class ScanMemory:
         return PlanScan(*map(np.ascontiguousarray, picked))
 
 
-CORRELATION = 12.0
+CORRELATION = 12.0  # chosen
 """Number of points with a common error: a column of cells shows one wall, by one pair of frames."""
 
-SCALE_SIGMA = 0.06
+SCALE_SIGMA = 0.06  # chosen
 """Standard deviation of the distances' common scale: that of the motion between the frames."""
 
-_SEEN_THROUGH = 12
+_SEEN_THROUGH = 12  # chosen
 """Number of rays through a wall, above that of points on it, that shows that it is gone."""
 
 

@@ -17,20 +17,20 @@ from navfw.numerics import Array
 from navfw.numerics.algebra_kernels import dot, solve_system
 from navfw.numerics.arrays import Floats
 
-PLAN_SIGMA = 0.04
+PLAN_SIGMA = 0.04  # chosen
 """Standard deviation [m] of the walls in a plan: its cells, skirting, doors left ajar."""
 
-_OTHER = 0.1
+_OTHER = 0.1  # chosen
 """Density of points of furniture, the same at all distances, relative to the peak of those of
 walls."""
 
-SHORT = 0.25
+SHORT = 0.25  # chosen
 """Part of a ray next to its point [m] in which no wall counts as blocking it."""
 
-NEAR = 0.1
+NEAR = 0.1  # chosen
 """Distance [m] up to which a point belongs to a wall; rays and points count so far around."""
 
-_ITERATIONS = 8
+_ITERATIONS = 8  # chosen
 """Number of Gauss-Newton steps."""
 
 

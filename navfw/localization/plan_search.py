@@ -17,70 +17,70 @@ from navfw.numerics import Array
 from navfw.signals import Pose, wrap_angle
 from navfw.topomap.occupancy_map import OccupancyMap
 
-MEMORY = 8.0
+MEMORY = 8.0  # chosen
 """Distance driven [m] for which scans are kept: odometry is exact enough over it."""
 
-EVERY = 0.75
+EVERY = 0.75  # chosen
 """Distance driven [m] between two searches."""
 
-_MIN_SCANS = 10
+_MIN_SCANS = 10  # chosen
 """Least number of scans for a search."""
 
-SPACING = 0.25
+SPACING = 0.25  # chosen
 """Distance [m] between the poses of the coarse search; more on plans with more than _MAX_POSES."""
 
-HEADINGS = 24
+HEADINGS = 24  # chosen
 """Number of headings of the coarse search."""
 
-_MAX_POSES = 250_000
+_MAX_POSES = 250_000  # chosen
 """Largest number of poses of the coarse search."""
 
-_COARSE_SIGMA, _FINE_SIGMA = 0.25, 0.06
+_COARSE_SIGMA, _FINE_SIGMA = 0.25, 0.06  # chosen
 """Standard deviation [m] of the walls in the coarse rating, whose poses are off by as much, and in
 the fine one."""
 
-_COARSE_POINTS, _FINE_POINTS = 80, 400
+_COARSE_POINTS, _FINE_POINTS = 80, 400  # chosen
 """Number of points in the two ratings."""
 
-_MAX_RATED = 4000
+_MAX_RATED = 4000  # chosen
 """Number of coarse poses whose rays are followed."""
 
-_CANDIDATES = 40
+_CANDIDATES = 40  # chosen
 """Number of coarse poses that are refined."""
 
-APART = 0.6, math.radians(25.0)
+APART = 0.6, math.radians(25.0)  # chosen
 """Distance [m] and angle [rad] beyond which two poses are different ones."""
 
-_LOOSE = np.diag([0.2**-2, 0.2**-2, 0.12**-2])
+_LOOSE = np.diag([0.2**-2, 0.2**-2, 0.12**-2])  # chosen
 """Information of a coarse pose."""
 
-_EVIDENCE = 2.0
+_EVIDENCE = 2.0  # chosen
 """Number of independent points of a scan: its columns of cells share walls and errors."""
 
-_MAX_EVIDENCE = 40.0
+_MAX_EVIDENCE = 40.0  # chosen
 """Largest number of independent points of all scans: things that the plan does not show are in many
 of them, at the same place."""
 
-_BLOCKED = 4.0
+_BLOCKED = 4.0  # chosen
 """Log likelihood that a ray costs which a wall of the plan would have blocked: the plan may show
 walls that are not there."""
 
-_THROUGH_WALLS = 0.5
+_THROUGH_WALLS = 0.5  # chosen
 """Log likelihood that it costs if the robot's path leads through walls of the plan."""
 
-_MIN_CLEARANCE = 0.08
+_MIN_CLEARANCE = 0.08  # chosen
 """Clearance [m] below which the robot cannot have stood at a point of the plan."""
 
-_AGREEING = 3
+_AGREEING = 3  # chosen
 """Number of searches in a row that must find the same pose."""
 
-CERTAIN = 0.98
+CERTAIN = 0.98  # chosen
 """Probability above which a pose is found."""
 
-_RATED_AT_ONCE, _FOLLOWED_AT_ONCE, _REFINED_AT_ONCE = 2000, 200, 2
+_RATED_AT_ONCE, _FOLLOWED_AT_ONCE, _REFINED_AT_ONCE = 2000, 200, 2  # chosen
 """Poses that one part of a search rates, whose rays it follows, and that it refines: some 5 ms."""
 
-_PARTS, _MAX_PARTS = 60.0, 12
+_PARTS, _MAX_PARTS = 60.0, 12  # chosen
 """Parts of a search in a second, and in one call: all of it at once would stop a robot."""
 
 

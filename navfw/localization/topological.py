@@ -27,28 +27,28 @@ from navfw.robot import RobotModel
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap
 
-ADOPT_ABOVE = 0.9
+ADOPT_ABOVE = 0.9  # chosen
 """Probability from which its pose is adopted."""
-LOST_BELOW = 0.4
+LOST_BELOW = 0.4  # chosen
 """Confidence below which the belief is lost."""
 
 
-_SCAN_EVERY = 0.1
+_SCAN_EVERY = 0.1  # chosen
 """Distance driven [m] between two scans."""
 
-MEMORY, POINTS = 2.0, 2000
+MEMORY, POINTS = 2.0, 2000  # chosen
 """Distance driven [m] whose scans show a corridor, and their number of points."""
 
-_CORRIDOR_EVERY, _DOOR_EVERY = 1.0, 0.3
+_CORRIDOR_EVERY, _DOOR_EVERY = 1.0, 0.3  # chosen
 """Distance driven [m] between two fixes: nearer ones would share most of their points."""
 
-_ALONG = 0.6
+_ALONG = 0.6  # chosen
 """Largest angle [rad] between heading and passage: the camera sees both of its sides."""
 
-MARGIN = 0.2
+MARGIN = 0.2  # chosen
 """Distance [m] beyond the passage at which the believed pose may be, as it may be wrong."""
 
-_MIN_DOOR_DISTANCE, _MAX_DOOR_DISTANCE = 0.4, 2.0
+_MIN_DOOR_DISTANCE, _MAX_DOOR_DISTANCE = 0.4, 2.0  # chosen
 """Distances [m] ahead between which a door's posts are in view and seen well."""
 
 
@@ -115,13 +115,13 @@ def _is_ahead(axis: passage_walls.PassageAxis, pose: Pose) -> bool:
     return in_front and axis.heading_off(pose) <= _ALONG
 
 
-_SAME_POSE_DISTANCE = 1.5
+_SAME_POSE_DISTANCE = 1.5  # chosen
 """Distance [m] up to which the poses of both filters count as the same."""
 
-_SAME_POSE_ANGLE = math.radians(40.0)
+_SAME_POSE_ANGLE = math.radians(40.0)  # chosen
 """Heading difference [rad] up to which the poses of both filters count as the same."""
 
-_ESTABLISHED_SUPPORT = 4
+_ESTABLISHED_SUPPORT = 4  # chosen
 """Number of supporting landmarks from which a tracked pose counts as established. An established
 pose, or a given start, needs one more supporting landmark elsewhere to be replaced."""
 

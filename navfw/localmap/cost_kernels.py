@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from navfw.numerics import Array
 
-NARROW_PRICE = 4.0
+NARROW_PRICE = 4.0  # chosen
 """Extra price of a cell that just fits."""
 
 

@@ -27,9 +27,9 @@ from navfw.robot import RobotModel
 from navfw.signals import Pose, Twist
 from navfw.signals.immutability import freeze, read_only
 
-_SECTORS = 48
+_SECTORS = 48  # chosen
 
-_BEARINGS = read_only(np.linspace(-math.pi, math.pi, _SECTORS + 1)[1:])
+_BEARINGS = read_only(np.linspace(-math.pi, math.pi, _SECTORS + 1)[1:])  # defined
 
 
 @dataclass(frozen=True, slots=True)

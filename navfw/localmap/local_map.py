@@ -32,51 +32,51 @@ from navfw.signals import (
     Twist,
 )
 
-SPOT = 0.25
+SPOT = 0.25  # chosen
 """Side of a square spot of floor [m]."""
 
-RANGE = 1.6
+RANGE = 1.6  # chosen
 """Largest distance of a spot that is judged [m]; farther off the floor is seen at too flat an
 angle."""
 
-CONFIDENCE = 0.3
+CONFIDENCE = 0.3  # chosen
 """Least confidence of a flow cell that counts."""
 
-INTERVAL = 0.1
+INTERVAL = 0.1  # chosen
 """Least time between two votes [s]: nearer observations share their flow."""
 
-_ROUNDING = 1e-6
+_ROUNDING = 1e-6  # chosen
 """Tolerance [s] for frames that come exactly at the interval."""
 
-_CLEAR_SIGMAS = 5.0
-CLEAR_SHARE = 0.85
+_CLEAR_SIGMAS = 5.0  # chosen
+CLEAR_SHARE = 0.85  # chosen
 """A point is clearly below the floor when its nearness is _CLEAR_SIGMAS standard deviations and a
 factor of CLEAR_SHARE below the floor's. False positives on existing floor are very rare."""
 
-_MIN_SIGMA = 0.02
+_MIN_SIGMA = 0.02  # chosen
 """Lower bound of the sigma of nearness [1/m]."""
 
-CLEAR_VOTES = 2
+CLEAR_VOTES = 2  # chosen
 """Votes of an observation that is clearly below the floor."""
 
-CERTAIN = 4
+CERTAIN = 4  # chosen
 """Net votes from which the floor of a spot counts as missing."""
 
-_MAX_FLOOR_VOTES = 2
+_MAX_FLOOR_VOTES = 2  # chosen
 """Bound of the votes for existing floor: from far away a drop may look like floor."""
 
 FLOOR, DROP = int(Label.FLOOR), int(Label.DROP)
 
-_MIN_FALL = 1e-3
+_MIN_FALL = 1e-3  # chosen
 """Least fall of a ray per metre of depth [m] at which its floor point is computed."""
 
-_DISC_RADIUS = 0.6
+_DISC_RADIUS = 0.6  # chosen
 """Radius of a missing spot as an obstacle, in sides of the spot: nearly up to its corners."""
 
-_MIN_SPEED, _MAX_TURN = 0.15, 0.4
+_MIN_SPEED, _MAX_TURN = 0.15, 0.4  # chosen
 """Speed [m/s] and rate of turn [rad/s] between which the robot drives straight on."""
 
-_COVERED = 1.5
+_COVERED = 1.5  # chosen
 """Distance [m] up to which the map says that something stands on the end of a leg."""
 
 

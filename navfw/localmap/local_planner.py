@@ -26,37 +26,37 @@ from navfw.localmap.ray_kernels import SLACK, Ground, body_room
 from navfw.numerics import Array, Mask
 from navfw.signals import OccupiedDisc, Pose, wrap_angle
 
-TURN_PRICE = 0.25
+TURN_PRICE = 0.25  # chosen
 """Extra price of the first turn [m/rad]."""
-LEAVE_PRICE = 0.15
+LEAVE_PRICE = 0.15  # chosen
 """Extra price of a cell off the last plan's path."""
 
-_GAPS = np.ones((3, 3), np.uint8)
-_NO_WAY: Array = np.empty((0, 4))
-_PROGRESS = 2.0
+_GAPS = np.ones((3, 3), np.uint8)  # defined
+_NO_WAY: Array = np.empty((0, 4))  # defined
+_PROGRESS = 2.0  # chosen
 """Distance [m] by which a path comes nearer to the waypoint."""
-_OFF = 0.12
+_OFF = 0.12  # chosen
 """Distance [m] off the path, a radian off its heading as _LEVER [m], at which it is left."""
-_LEVER = 0.3
-_GOAL_MOVED = 0.4
+_LEVER = 0.3  # chosen
+_GOAL_MOVED = 0.4  # chosen
 """Distance [m] by which the waypoint moves before the path is planned anew."""
-_RETRY = 30
+_RETRY = 30  # chosen
 """Plans between two searches when there was no path."""
-_LEAD = 0.25
+_LEAD = 0.25  # chosen
 """Distance [m] along the path of the point to head for."""
-_WINDOW = 8
+_WINDOW = 8  # chosen
 """Poses ahead on the path among which the robot looks for its own."""
-_SPARE = (0.06, 0.0)
+_SPARE = (0.06, 0.0)  # chosen
 """Clearances [m] beyond the margin, in order; the first with a path is kept."""
-_TOUCH = 0.02
+_TOUCH = 0.02  # chosen
 """Distance [m], with each radian of a turn as _LEVER [m], within which the body stands."""
-_STALLED = 90
+_STALLED = 90  # chosen
 """Plans that a body stands before its path is dropped, for as many plans."""
-_AHEAD = 15
+_AHEAD = 15  # chosen
 """Poses ahead on the path that decide whether it is narrow."""
-_FAR = 8
+_FAR = 8  # chosen
 """Poses ahead on the path of the point to head for where there is room."""
-_TIGHT = 0.15
+_TIGHT = 0.15  # chosen
 """Clearance [m] beyond the margin below which the body keeps to the path at a manoeuvre's speed."""
 
 
@@ -155,14 +155,14 @@ class Manoeuvres:
         return float(x), float(y), gear
 
 
-_LEG = 0.4
+_LEG = 0.4  # chosen
 """Length [m] of the first leg, which decides among several paths of similar cost."""
-_OTHER_WAY = math.radians(40.0)
+_OTHER_WAY = math.radians(40.0)  # chosen
 """Angle [rad] between a first leg and the cheapest path beyond which it is another path."""
-_BESIDE = 0.35
+_BESIDE = 0.35  # chosen
 """Distance [m] from the last plan's path within which a cell belongs to it."""
-_BEARINGS = np.linspace(-math.pi, math.pi, 49)[:-1]
-_AROUND = np.ones((3, 3), np.uint8)
+_BEARINGS = np.linspace(-math.pi, math.pi, 49)[:-1]  # defined
+_AROUND = np.ones((3, 3), np.uint8)  # defined
 
 
 class LocalPlannerParams(StrictModel):

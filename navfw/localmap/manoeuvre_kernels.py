@@ -16,31 +16,31 @@ import numpy.typing as npt
 from navfw.localmap.ray_kernels import SLACK, Ground, body_room
 from navfw.numerics import Array
 
-STEP = 0.1
+STEP = 0.1  # chosen
 """Length [m] of a primitive: it leaves its cell of the lattice in any direction."""
-_CELL = 0.05
+_CELL = 0.05  # chosen
 """Side [m] of a cell of the lattice."""
-HEADINGS = 32
+HEADINGS = 32  # chosen
 """Headings of the lattice; a primitive turns by one of them, or by none."""
-_TURN = 2.0 * math.pi / HEADINGS
-PRIMITIVES = (
+_TURN = 2.0 * math.pi / HEADINGS  # derived
+PRIMITIVES = (  # defined
     (1.0, -_TURN), (1.0, 0.0), (1.0, _TURN),
     (-1.0, -_TURN), (-1.0, 0.0), (-1.0, _TURN),
     (0.0, -_TURN), (0.0, _TURN),
 )  # fmt: skip
 """Gear (1 ahead, -1 back, 0 on the spot) and turn [rad] of each primitive."""
-_SIDE = 100
+_SIDE = 100  # chosen
 """Cells along each side of the lattice, the robot in the middle."""
-_MAX_EXPANDED = 12000
+_MAX_EXPANDED = 12000  # chosen
 """States expanded at most: a search without a result ends."""
-_COMFORT = 0.25
+_COMFORT = 0.25  # chosen
 """Clearance [m] of the body from which a state costs no more."""
-_NARROW, _BACKWARD, _SPOT, _SWITCH = 6.0, 3.0, 0.15, 0.2
+_NARROW, _BACKWARD, _SPOT, _SWITCH = 6.0, 3.0, 0.15, 0.2  # chosen
 """Extra price of a state that just fits; share by which a way backward is dearer; prices [m] of one
 heading's turn on the spot, and of a change of gear."""
-_AT = 0.08
+_AT = 0.08  # chosen
 """Cost-to-go [m] at which a state is at the waypoint."""
-_GREED = 1.3
+_GREED = 1.3  # chosen
 """Weight of the cost-to-go: a way may cost more than the cheapest by this factor."""
 
 

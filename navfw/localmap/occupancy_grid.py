@@ -22,52 +22,52 @@ from navfw.numerics import Array, Mask
 from navfw.robot import CameraModel, Footprint, RobotModel
 from navfw.signals import OccupiedDisc, Percept, Pose, Stixels
 
-CLAMP_MIN = -1.5
+CLAMP_MIN = -1.5  # chosen
 """Lower bound of the log-odds."""
-CLAMP_MAX = 3.0
+CLAMP_MAX = 3.0  # chosen
 """Upper bound of the log-odds."""
-OBSERVED_FREE = -0.25
+OBSERVED_FREE = -0.25  # chosen
 """Log-odds up to which a cell is observed free."""
-HIT_WIDTH = 0.7
+HIT_WIDTH = 0.7  # chosen
 """Depth interval that a hit covers, each side [sigma]."""
-VIEW_DECAY = 1.0
+VIEW_DECAY = 1.0  # chosen
 """Time constant of free evidence within the view [s]."""
-MIN_CONFIDENCE = 0.15
+MIN_CONFIDENCE = 0.15  # chosen
 """Least confidence integrated."""
-OVER_WEIGHT = 0.2
+OVER_WEIGHT = 0.2  # chosen
 """Weight of free evidence of a ray at camera height."""
-DROP_WEIGHT = 0.2
+DROP_WEIGHT = 0.2  # chosen
 """Weight as a hit of a point below the floor."""
-MAX_HEIGHT = 1.5
+MAX_HEIGHT = 1.5  # chosen
 """Height above which points are ignored [m]."""
 
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]
 """Log-odds, lengths [m] and times [s]: beyond 100 nothing changes any more."""
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
-_MIN_SIGMA = 0.02
+_MIN_SIGMA = 0.02  # chosen
 """Lower bound of the sigma of nearness [1/m]: no measurement is taken to be more exact."""
-_FREE_WEIGHTS = np.array([1.0, 1.0, 1.0, 1.0, 0.5])
+_FREE_WEIGHTS = np.array([1.0, 1.0, 1.0, 1.0, 0.5])  # chosen
 """Weight of the free evidence along a ray, by ``Label`` of its end point. The ray is free up to the
 point regardless of its height, so UNKNOWN counts in full; ABOVE passes over much of the floor."""
-_WEAK_SIGHT = np.array([0.0, 1.0, 1.0, 0.0, 0.0])
+_WEAK_SIGHT = np.array([0.0, 1.0, 1.0, 0.0, 0.0])  # chosen
 """The same where there is little texture: a window then takes the motion of the strongest edge in
 it, often of something far behind, and its ray would pass through the nearer surface."""
-_WEAK_OCCUPIED = 0.3
+_WEAK_OCCUPIED = 0.3  # chosen
 """Log-odds from which a cell is occupied where there is little texture: matches are too few there
 for the evidence of a surface to add up before the robot has reached it."""
-_GAP = np.ones((3, 3), np.uint8)
+_GAP = np.ones((3, 3), np.uint8)  # defined
 """Structuring element that closes gaps of one cell between the rays of a sparse flow grid."""
-_SIDE_MARGIN = 0.1
+_SIDE_MARGIN = 0.1  # measured
 """Distance [m] beside a path within which the floor has to be observed. Wider margins were
 tried: the robot then creeps."""
-_LOW_PASS = 0.15
+_LOW_PASS = 0.15  # chosen
 """Height [m] below which a passing ray is full evidence for a free cell."""
-_WALL_DEPTH = 0.15
+_WALL_DEPTH = 0.15  # chosen
 """Depth [m] behind what is seen of a wall that may be wall as well, unless it is observed free."""
-_DOUBT = 1.6
+_DOUBT = 1.6  # chosen
 """Distance [m] from the camera up to which the floor is in doubt when something has appeared."""
-_SHIFT = 0.4
+_SHIFT = 0.4  # chosen
 """Distance [m] from the grid's centre at which the grid is shifted; shifting costs a copy."""
 
 

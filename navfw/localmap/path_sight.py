@@ -13,38 +13,38 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Percept, Sight
 
-REACH = 2.0
+REACH = 2.0  # chosen
 """Distance ahead [m] up to which the floor of the path counts."""
-_BESIDE = 0.1
+_BESIDE = 0.1  # chosen
 """Width of the path beside the body, each side [m]."""
-CONFIDENCE = 0.01
+CONFIDENCE = 0.01  # chosen
 """Least confidence of a cell with texture above the noise: it has been matched, however weakly."""
-_WEAK, SEEN = 0.6, 0.2
+_WEAK, SEEN = 0.6, 0.2  # chosen
 """Shares of the path's cells with texture below which sight is weak, and below which there is none.
 Usual texture gives nearly all cells, and edges between surfaces without texture single ones."""
-_FAINT = 7.0
+_FAINT = 7.0  # measured
 """Contrast [grey levels] of the path's image below which sight is weak. Usual texture gives 15 and
 more, a contrast of 6 under a noise of 2 about 5.5, a contrast of 3 about 3.3."""
-_BARE = 0.6
+_BARE = 0.6  # measured
 """Covariance of neighbouring pixels [grey levels^2] of the path's image below which it shows noise
 alone. A contrast of 3 gives 1 and more, surfaces without texture 0.5 at most, at any noise."""
-CLEAR = 12.0
+CLEAR = 12.0  # chosen
 """Contrast [grey levels] from which on the path is seen whatever share of its cells is matched:
 cells without a match are then out of the flow's range, as those of near floor under a low camera,
 or late; what they do not observe stays unknown."""
-WIDTH = 160
+WIDTH = 160  # chosen
 """Width of an image [px] for which the windows are given; they grow with that of the camera."""
-WINDOW = 13
+WINDOW = 13  # chosen
 """Side of the windows [px] in which the contrast is measured."""
-_STRIDE = 4
+_STRIDE = 4  # chosen
 """Every so many pixels [px] a window counts."""
-_SUDDEN = 0.5
+_SUDDEN = 0.5  # chosen
 """Ratio of the newest percept's share of cells to the mean below which the path has changed: pairs
 of frames from before and after something appeared there do not match."""
-_APPEARED, _STEADY = 0.6, 0.87
+_APPEARED, _STEADY = 0.6, 0.87  # measured
 """The same of two percepts in a row to the two before, below which something has appeared if the
 mean was steady: at least the second value. Turning, or over coarse texture, shares fall slowly."""
-SHARE = 0.15
+SHARE = 0.15  # chosen
 """Weight of the newest percept in the mean over the percepts so far: single ones vary."""
 
 

@@ -99,10 +99,10 @@ def follow_arc(
     return length, length if observed_until < 0.0 else observed_until, least - radius
 
 
-SLACK = 0.005
+SLACK = 0.005  # chosen
 """Length [m] by which a body may be nearer than it was, or than its rim: interpolation errs."""
 
-TURN = 0.5
+TURN = 0.5  # chosen
 """Angle [rad] of a turn on the spot by which the room to turn is judged."""
 
 

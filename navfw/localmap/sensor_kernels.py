@@ -14,7 +14,7 @@ import numpy as np
 
 from navfw.numerics import Array
 
-_PEAK = 1.0 / math.sqrt(2.0 * math.pi)
+_PEAK = 1.0 / math.sqrt(2.0 * math.pi)  # defined
 
 
 @numba.njit(cache=True)

@@ -22,23 +22,23 @@ from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.numerics.arrays import Array, Bytes, Indices
 from navfw.signals import Belief, PassageQuery, PassageStatus, Pose
 
-MAX_SIGMA = 0.4
+MAX_SIGMA = 0.4  # chosen
 """Sigma of the position above which nothing is checked [m]."""
-MAX_HALF_WIDTH = 1.0
+MAX_HALF_WIDTH = 1.0  # chosen
 """Largest half width of the strip, before slack [m]."""
 
 Metres = Annotated[float, Field(ge=0.0, le=5.0)]
 
-_MIN_LENGTH = 0.3
+_MIN_LENGTH = 0.3  # chosen
 """Length of a leg [m] below which its status is unknown: too few cells to judge."""
 
-_RADIUS_TOLERANCE = 0.03
+_RADIUS_TOLERANCE = 0.03  # chosen
 """A leg is closed only if it is so for a robot with a radius smaller by this [m]."""
 
-_ROUNDING = 1e-6
+_ROUNDING = 1e-6  # chosen
 """Tolerance [s] for frames that come exactly at the interval."""
 
-_START_RADIUS = 0.5
+_START_RADIUS = 0.5  # chosen
 """Radius [m] around the robot within which a path may begin: false obstacles beside the robot must
 not close every leg."""
 

@@ -13,15 +13,15 @@ from navfw.robot import RobotModel
 from navfw.signals import Command, Encoders, Odometry, Twist
 
 #: Time over which commanded and measured rotation of a wheel are compared [s].
-WINDOW = 0.6
+WINDOW = 0.6  # chosen
 #: Least commanded distance of a wheel for a comparison [m].
-MIN_DISTANCE = 0.06
+MIN_DISTANCE = 0.06  # chosen
 #: Share of the speed from which a wheel is healthy: slip and unequal radii explain the rest.
-_HEALTHY = 0.88
+_HEALTHY = 0.88  # chosen
 #: Share of the speed below which a wheel is blocked or its encoder silent, not weak.
-MIN_SHARE = 0.4
+MIN_SHARE = 0.4  # chosen
 #: Time constant of the estimate of a wheel's share [s].
-TIME_CONSTANT = 0.5
+TIME_CONSTANT = 0.5  # chosen
 
 
 class WheelTrim:

@@ -15,9 +15,9 @@ from navfw.numerics import Array, Mask
 from navfw.numerics.products import product, sum_in_order
 from navfw.signals import Command, Proposal, Twist
 
-CUT = 0.5
+CUT = 0.5  # chosen
 """Prohibition from which a command is excluded."""
-LOYALTY = 0.3
+LOYALTY = 0.3  # chosen
 """Bonus of the region with the previous command."""
 
 Proposals = Mapping[str, Proposal]

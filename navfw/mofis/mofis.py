@@ -22,11 +22,11 @@ from navfw.robot import RobotModel
 
 AnswerT = TypeVar("AnswerT")
 
-MOVING = 0.08
+MOVING = 0.08  # chosen
 """Commanded speed [m/s] from which the wheels are expected to follow."""
-_FOLLOWING = 0.15
+_FOLLOWING = 0.15  # chosen
 """Share of the commanded speed below which the wheels do not follow."""
-STEP = 0.1
+STEP = 0.1  # chosen
 """Decrease of the cost-to-go [m] that counts as progress."""
 
 

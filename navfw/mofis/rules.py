@@ -23,7 +23,7 @@ from navfw.numerics.products import sum_in_order
 from navfw.robot import RobotModel
 from navfw.signals import Explain
 
-_CACHE_SIZE = 64
+_CACHE_SIZE = 64  # chosen
 """Number of sets of terms kept for the next call."""
 
 

@@ -21,13 +21,13 @@ from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Conflicts, Odometry
 
-_STEP = 0.1
+_STEP = 0.1  # chosen
 """Time step of the prediction [s]."""
-_TURN_DURATIONS = 1.0, 1.5, 2.0
+_TURN_DURATIONS = 1.0, 1.5, 2.0  # chosen
 """Candidate durations of a turn on the spot before driving off [s]; the best of them counts."""
-_CLOSE = 0.4
+_CLOSE = 0.4  # chosen
 """Distance [m] below which a moving obstacle counts as close by: reachable within _MOMENT."""
-_MOMENT = 0.5
+_MOMENT = 0.5  # chosen
 """Time over which the approach to close obstacles is taken [s]."""
 
 

@@ -23,34 +23,34 @@ from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import FlowField, MovingObject
 
-_MIN_CELLS = 6
+_MIN_CELLS = 6  # chosen
 """Least number of connected cells of one object; fewer are mismatches."""
-_FLAT, _FLAT_GATE = 3, 60.0
+_FLAT, _FLAT_GATE = 3, 60.0  # chosen
 """Height of an object [cells] below which its vectors must be this far from rest, as a sum of
 squares [sigma^2]: mismatches along edges on the floor are flat."""
-_FITTED = 0.75
+_FITTED = 0.75  # chosen
 """Share of the cells, those that agree best, which give the velocity: at outlines
 vectors are mixed with those of the background."""
-_MAX_UNEXPLAINED, _FIT_ERROR = 0.03, 0.4
+_MAX_UNEXPLAINED, _FIT_ERROR = 0.03, 0.4  # chosen
 """Largest share of these cells' squares against rest that one velocity leaves, and the error [px]
 of a vector up to which it may always leave them: mismatches do not agree with each other."""
-_MIN_FALL = 0.10
+_MIN_FALL = 0.10  # chosen
 """Least fall per metre of depth of the ray to a foot point; flatter rays give no usable
 distance."""
-_BORDER = 9.0
+_BORDER = 9.0  # chosen
 """Distance of cells from the lower image border [px] below which the foot point may be out of view:
 flow is not computed there."""
-_BELOW_IMAGE = 0.8
+_BELOW_IMAGE = 0.8  # chosen
 """Factor on the distance of an object whose foot point is below the image: it stands nearer than
 the nearest floor in view."""
-_SPEEDS = 0.15, 1.5
+_SPEEDS = 0.15, 1.5  # chosen
 """Least and largest speed of a moving object [m/s]: slower ones are noise, or left to the occupancy
 grid, faster ones are mismatches."""
-_SHARED_ERRORS = 4.0
+_SHARED_ERRORS = 4.0  # chosen
 """Number of neighbouring cells that share one error."""
-_FLOW_ERROR = 0.5
+_FLOW_ERROR = 0.5  # chosen
 """Error of the vectors on an object's body, which is no plane [px]."""
-_WEIGHT = 1.0 / (_SHARED_ERRORS * _FLOW_ERROR**2)
+_WEIGHT = 1.0 / (_SHARED_ERRORS * _FLOW_ERROR**2)  # derived
 """Information of one vector [px^-2]."""
 
 
@@ -136,10 +136,10 @@ def _evidence(design: Array, residual: Array) -> tuple[Array, Array, float]:
     return product(weighted, rows), product(weighted, values), squares
 
 
-BORDER_ANGLE = math.radians(7.0)
+BORDER_ANGLE = math.radians(7.0)  # chosen
 """Angle [rad] from an image's border within which flow is not computed: a detection that ends there
 may be cut off."""
-_MAX_RATIO = 2.0
+_MAX_RATIO = 2.0  # chosen
 """Largest ratio of the distances of two parts of one object."""
 
 

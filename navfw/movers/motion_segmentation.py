@@ -25,29 +25,29 @@ from navfw.numerics import Array, Mask
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, FlowField
 
-_GATE, _GATE_SIGMA = 3.0, 0.05
+_GATE, _GATE_SIGMA = 3.0, 0.05  # chosen
 """Residual of a single vector from which it is moving [sigma], and the sigma [px] added to its
 own."""
-_SLIP, _SEEN_SLIP = 0.05, 0.015
+_SLIP, _SEEN_SLIP = 0.05, 0.015  # chosen
 """Relative error of the way driven by the wheels, and so of the floor's flow; and that left where
 the floor's own flow confirms the way."""
-_FLOOR_CELLS, _FLOOR_FLOW = 40, 3.0
+_FLOOR_CELLS, _FLOOR_FLOW = 40, 3.0  # chosen
 """Number of floor cells from which they confirm the way, each with at least this flow [px]."""
-_MIN_BASELINE = 0.002
+_MIN_BASELINE = 0.002  # chosen
 """Baseline [m] below which the camera counts as standing: static points then have no flow."""
-_PATCH_GATE, _PATCH_SIGMA = 2.5, 0.1
+_PATCH_GATE, _PATCH_SIGMA = 2.5, 0.1  # chosen
 """The same for patches [sigma, px]."""
-_PATCH, _PATCH_CELLS = np.ones((3, 3), np.uint8), 7
+_PATCH, _PATCH_CELLS = np.ones((3, 3), np.uint8), 7  # chosen
 """Structuring element of a patch (sides are odd, or the result would be shifted), and the number of
 its cells that are moving at least: some have no match."""
-_FOE_RADIUS = 4.0
+_FOE_RADIUS = 4.0  # chosen
 """Distance from the focus of expansion [px] within which epipolar directions are undefined."""
-_NEARER, _NEARER_GATE = 1.25, 3.0
+_NEARER, _NEARER_GATE = 1.25, 3.0  # chosen
 """Factor on the nearness of the floor below, and sigmas, from which a cell cannot stand there; the
 factor is beyond _FLOOR_TOLERANCE, within which the lowest cells of an object pass for floor."""
-_FLOOR_TOLERANCE = 0.2
+_FLOOR_TOLERANCE = 0.2  # chosen
 """Relative difference from the floor's nearness up to which a cell is the floor."""
-_VERTICAL = np.array([0.0, 1.0, 0.0])
+_VERTICAL = np.array([0.0, 1.0, 0.0])  # defined
 """The axis of yaw, in the axes of a level camera."""
 
 

@@ -21,13 +21,13 @@ from navfw.movers.stixels import find_stixels
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Frame, FramePair, MovingObject, Odometry, Stixels
 
-_INTERVAL = 0.2
+_INTERVAL = 0.2  # chosen
 """Time between the frames of a pair [s]: a walking person moves far enough to be segmented."""
-_NEAR_INTERVAL = 0.1
+_NEAR_INTERVAL = 0.1  # chosen
 """The same for near objects [s], whose image motion would leave the search range."""
-_MAX_INTERVAL = 0.4
+_MAX_INTERVAL = 0.4  # chosen
 """Age [s] from which frames are dropped: images differ too much to be matched."""
-_MAX_TURN = 0.35
+_MAX_TURN = 0.35  # chosen
 """Largest turn between the frames of a pair [rad]: beyond it they share too little."""
 
 
@@ -72,10 +72,10 @@ DetectionMode = Literal["full", "coarse", "idle"]
 """``full``: search the frame; ``coarse``: search it at low resolution first, and fully only if that
 finds something; ``idle``: leave it out."""
 
-QUIET_TIME = 2.0
+QUIET_TIME = 2.0  # chosen
 """Time without a detection [s] after which frames are searched coarsely, and every other one
 not."""
-NEAR = 0.9
+NEAR = 0.9  # chosen
 """Distance [m] below which moving objects are searched for over a shorter time between frames."""
 
 
@@ -116,10 +116,10 @@ class DetectionSchedule:
         self._nearest = min((detection.distance for detection in detections), default=math.inf)
 
 
-_SIDEWAYS = 0.05
+_SIDEWAYS = 0.05  # chosen
 """Sideways displacement of the camera [m] beyond which near points leave the search range."""
 
-_SHARED_ERRORS = 25.0
+_SHARED_ERRORS = 25.0  # chosen
 """Number of neighbouring cells of the dense flow that share one error: cells are small."""
 
 _REFINEMENT = RefinementParams(overlap=_SHARED_ERRORS)
@@ -185,7 +185,7 @@ class MovingObjectDetector:
         return self._frames.pair(near=True)
 
 
-_STIXEL_BASELINE = 0.05
+_STIXEL_BASELINE = 0.05  # chosen
 """Baseline [m] from which the frames searched for moving objects also give stixels."""
 
 

@@ -20,25 +20,25 @@ from navfw.numerics import Array
 from navfw.robot import CameraModel
 from navfw.signals import FlowField, Stixels
 
-_MAX_PITCH = 0.15
+_MAX_PITCH = 0.15  # chosen
 """Pitch [rad] of the camera beyond which upright edges cross image columns."""
-_NEARNESS = np.array([0.3 * (5.0 / 0.3) ** (k / 56) for k in range(57)])
+_NEARNESS = np.array([0.3 * (5.0 / 0.3) ** (k / 56) for k in range(57)])  # chosen
 """Candidates of nearness [1/m, ahead of the camera] that every column is fitted with."""
-_FARTHER = 0.7
+_FARTHER = 0.7  # chosen
 """The fit is compared with the best candidate of at most this share of its nearness."""
-_OUTLIER = 9.0
+_OUTLIER = 9.0  # chosen
 """Bound of one cell's squared residual: three standard deviations."""
-_MODEL_SIGMA = 0.1
+_MODEL_SIGMA = 0.1  # chosen
 """Model error of a cell [px] beside its flow's sigma: uneven floor, cells with two depths."""
-_MIN_CELLS = 5
+_MIN_CELLS = 5  # chosen
 """Least number of valid cells in a column that is fitted."""
-_GAIN_RANGE = 6.0, 14.0
+_GAIN_RANGE = 6.0, 14.0  # chosen
 """Gain of the fit [sigma^2] at which confidence begins to rise from 0, and where it reaches 1."""
-_MAX_DIFFERENCE = 0.2
+_MAX_DIFFERENCE = 0.2  # chosen
 """Largest relative difference in nearness of neighbouring columns that support each other."""
-_RELATIVE_SIGMA = 0.08
+_RELATIVE_SIGMA = 0.08  # measured
 """Relative sigma of nearness, measured against the floor plan in rendered drives."""
-_MIN_BASELINE = 0.03
+_MIN_BASELINE = 0.03  # chosen
 """Baseline [m] below which flow gives no usable distances."""
 
 

@@ -22,36 +22,36 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import MovingObject, OccupiedDisc, Pose
 
-MAX_AGE_OUT_OF_VIEW = 4.0
+MAX_AGE_OUT_OF_VIEW = 4.0  # chosen
 """Life of a track that has left the view [s]."""
-BEARING_SIGMA = 0.06
+BEARING_SIGMA = 0.06  # chosen
 """Error of a detected bearing [rad]."""
-SPEED_SIGMA = 0.4
+SPEED_SIGMA = 0.4  # chosen
 """Prior of the speed, one sigma per axis [m/s]."""
-ACCELERATION_SIGMA = 0.5
+ACCELERATION_SIGMA = 0.5  # chosen
 """Process noise: acceleration, one sigma [m/s^2]."""
-PATH_TIME = 0.6
+PATH_TIME = 0.6  # chosen
 """Time over which a track's path is occupied [s]."""
 
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]
 """Sigmas and speeds [m/s]: beyond 100 nothing changes any more."""
 
-_MERGE_DISTANCE = 0.3
+_MERGE_DISTANCE = 0.3  # chosen
 """Tracks nearer to each other than this [m] are one object: people keep farther apart."""
-_MAX_AGE, _OVERLAP = 0.25, 0.03
+_MAX_AGE, _OVERLAP = 0.25, 0.03  # chosen
 """A track not updated for the first [s] whose predicted place overlaps the robot by more than the
 second [m] is dropped: the object has gone elsewhere."""
-_GATE_DISTANCE = 0.8
+_GATE_DISTANCE = 0.8  # chosen
 """Largest distance [m] between a detection and the predicted place of its track. The covariance of
 an old track by itself would admit detections from anywhere."""
-_VELOCITY_SIGMA = 0.2
+_VELOCITY_SIGMA = 0.2  # chosen
 """Change of velocity [m/s] that costs as much in association as one sigma of position."""
-_MAX_CHANGE = 0.45
+_MAX_CHANGE = 0.45  # chosen
 """Largest change of velocity [m/s] between the detections that confirm a track: mismatches on a
 static object show another velocity in each frame."""
-_SHAPE_SIGMA = 0.06
+_SHAPE_SIGMA = 0.06  # chosen
 """Error of a position [m] because the body is no disc and is seen in part from near."""
-_MAX_RANGE = 2.0
+_MAX_RANGE = 2.0  # chosen
 """Distance [m] up to which a moving object in view is expected to be detected."""
 
 

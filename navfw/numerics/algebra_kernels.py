@@ -16,7 +16,7 @@ from navfw.numerics.arrays import Array
 
 Vector = npt.NDArray[np.float32] | Array
 
-LANES = 16
+LANES = 16  # derived
 """Number of partial sums of a scalar product. Two of AVX2's registers of float32, four of float64:
 as many additions as have to be under way at once for the loop to wait for memory alone."""
 

@@ -119,7 +119,7 @@ TABLE = (
 )
 """The distinct entries of the paper's Table 1."""
 
-FLOOR_IN_FRONT = 0.5
+FLOOR_IN_FRONT = 0.5  # chosen
 """Least degree of floor in front for the report to contain "Floor in front"."""
 
 ELEMENTARY = (

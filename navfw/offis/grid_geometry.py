@@ -23,10 +23,10 @@ from navfw.offis.pyramid import Pyramid
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import FlowField
 
-MINIMUM_CONFIDENCE = 0.15
+MINIMUM_CONFIDENCE = 0.15  # chosen
 """Least confidence of a known cell [1]."""
-_SIGMAS, _DROP_SIGMAS, _FLOOR_TOLERANCE, _FLOOR_RESOLUTION = 2.0, 3.0, 0.04, 0.10
-_LOW_CAMERA = 0.2
+_SIGMAS, _DROP_SIGMAS, _FLOOR_TOLERANCE, _FLOOR_RESOLUTION = 2.0, 3.0, 0.04, 0.10  # chosen
+_LOW_CAMERA = 0.2  # chosen
 """Height of a camera [m] below which the tolerances of the floor are relative to it."""
 
 
@@ -90,7 +90,7 @@ class FloorModel:
         return height.reshape(shape), label.reshape(shape)
 
 
-_LOW_SHARE = 0.3
+_LOW_SHARE = 0.3  # chosen
 """Weight of cells below the horizon in the fits of planes.
 
 There, noise lets cells of the floor pass as obstacles, always nearer than the walls."""
@@ -178,11 +178,11 @@ class GridGeometry:
         )
 
 
-_BEYOND = 1.4
+_BEYOND = 1.4  # measured
 """Nearness of such an obstacle relative to the least nearness outside the search range; a typical
 value from measurements."""
 
-_SLACK = 1.5
+_SLACK = 1.5  # chosen
 """Distance [px] beyond the outermost column up to which the past image still shows enough of it."""
 
 

@@ -25,9 +25,9 @@ from navfw.signals import FlowField
 
 TERMS = ("near", "middle", "far")
 
-MINIMUM_BASELINE = 0.005
+MINIMUM_BASELINE = 0.005  # chosen
 """Least translation for depth to be known [m]."""
-_REJECTION = 3.0
+_REJECTION = 3.0  # chosen
 """Largest residual of a consistent vector [sigma]."""
 
 
@@ -118,7 +118,7 @@ def _flat(values: Array) -> Array:
     return np.ascontiguousarray(values, dtype=np.float64).reshape(-1)
 
 
-_ALIKE = 0.7
+_ALIKE = 0.7  # chosen
 """Least size of a region that joins the nearest object, relative to the biggest region.
 
 The rule base compares direct neighbours only; this limit also holds along a chain of neighbours."""

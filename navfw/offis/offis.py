@@ -27,7 +27,7 @@ from navfw.offis.walls import SIDES, find_walls, slopes_of_means, slopes_of_wall
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Percept, Twist
 
-HEADROOM = 0.05
+HEADROOM = 0.05  # chosen
 """Clearance above the robot [m]."""
 
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]

@@ -108,7 +108,7 @@ def _slope(results: OffisResults) -> dict[str, Any]:
     }
 
 
-_PARTS: dict[str, Callable[[OffisResults], Any]] = {
+_PARTS: dict[str, Callable[[OffisResults], Any]] = {  # defined
     "mode": lambda results: results.mode,
     "report": _report,
     "regions": _regions,

@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from navfw.numerics.arrays import Array, Indices, Mask
 
-SIGMA_LIMIT = 20.0
+SIGMA_LIMIT = 20.0  # chosen
 """Sigma [1/m] of unknown cells, and upper limit of all others: no surface is nearer than 5 cm."""
 
-_UNKNOWN, _FLOOR, _OBSTACLE, _DROP, _ABOVE = 0, 1, 2, 3, 4
+_UNKNOWN, _FLOOR, _OBSTACLE, _DROP, _ABOVE = 0, 1, 2, 3, 4  # defined
 
 
 @numba.njit(cache=True)
@@ -145,10 +145,10 @@ def object_cells(
     return cells
 
 
-_NEAR_SHARE = 0.125
+_NEAR_SHARE = 0.125  # chosen
 """Share of a region's object cells in its nearest part."""
 
-_MIN_NEAR_WEIGHT = 2.5
+_MIN_NEAR_WEIGHT = 2.5  # chosen
 """Least weight of that part [cells of confidence 1]; missing weight counts as empty space."""
 
 

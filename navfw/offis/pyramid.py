@@ -19,7 +19,7 @@ from navfw.offis.percept_kernels import region_moments
 QUADRANTS = ("P1", "P2", "P3", "P4")
 """P1 upper right, P2 upper left, P3 lower left, P4 lower right (METHOD R4)."""
 
-NEIGHBOURS = ((0, 1), (1, 2), (2, 3), (3, 0))
+NEIGHBOURS = ((0, 1), (1, 2), (2, 3), (3, 0))  # defined
 """Pairs of the four sibling regions that share a side, by index."""
 
 Rectangle = tuple[int, int, int, int]

@@ -34,10 +34,10 @@ from navfw.offis.nearness import Nearness
 from navfw.offis.pyramid import RegionStatistics
 from navfw.offis.wall_kernels import find_wall_planes
 
-_ENOUGH = 0.06
+_ENOUGH = 0.06  # chosen
 """Share of the cells of a half in its plane above which the plane has full support."""
 
-_MAX_WALL_OFFSET, _SURE_WALL = 0.05, 0.10
+_MAX_WALL_OFFSET, _SURE_WALL = 0.05, 0.10  # chosen
 """Nearness [1/m] of a plane: its support rises from 0 at the first to full at the second value."""
 
 

@@ -18,19 +18,19 @@ from navfw.numerics.products import product
 from navfw.papfis.edge_costs import EdgeCosts
 from navfw.topomap import Passage, PassageProjection, Place, TopoMap
 
-_DISTANCE_SLACK = 0.1
+_DISTANCE_SLACK = 0.1  # chosen
 """Passages up to this much farther than the nearest accessible one are used too [m]."""
 
-_SEARCH_RANGE = 3.0
+_SEARCH_RANGE = 3.0  # chosen
 """Passages up to this much farther than the nearest are tried where walls hide nearer ones [m]."""
 
-OFF_PASSAGE_COST = 2.0
+OFF_PASSAGE_COST = 2.0  # chosen
 """Cost per metre off the passages, where the map does not guarantee free space."""
 
-AT_PLACE = 0.05
+AT_PLACE = 0.05  # chosen
 """Distance up to which a point counts as at its place [m]."""
 
-_WALL_REACH = 3.5
+_WALL_REACH = 3.5  # chosen
 """Assumed extent of a door's wall to each side of the door [m]."""
 
 

@@ -28,7 +28,7 @@ from navfw.topomap import Passage, TopoMap
 
 RULE_BASE = Path(__file__).parent / "rules" / "edge_cost.yaml"
 
-_AVOID_ABOVE = 0.5
+_AVOID_ABOVE = 0.5  # chosen
 """A passage is avoided when the degree of the term 'extreme' of its penalty exceeds this."""
 
 

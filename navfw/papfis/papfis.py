@@ -17,26 +17,26 @@ from navfw.papfis.tour import PassingTolerances, Tour
 from navfw.signals import Belief, PassageQuery, PassageReport, PassageStatus, Waypoint
 from navfw.topomap import Passage, TopoMap
 
-DOOR_PASSING = 0.25
+DOOR_PASSING = 0.25  # chosen
 """Tolerance in doors [m]."""
-PASSING_REACH = 1.0
+PASSING_REACH = 1.0  # chosen
 """A waypoint left behind within this counts as passed [m]."""
-CLOSING_VOTES = 3.0
+CLOSING_VOTES = 3.0  # chosen
 """Net votes that close a passage."""
 
-_BARRIER_AHEAD = 0.4
+_BARRIER_AHEAD = 0.4  # chosen
 """Assumed distance [m] from the robot to what blocks a passage that is reported closed."""
 
-_BARRIER_RANGE = 2.0
+_BARRIER_RANGE = 2.0  # chosen
 """Distance [m] to a passage's barrier up to which a report on the passage is used."""
 
-_DROP_REACH = 0.3
+_DROP_REACH = 0.3  # chosen
 """A drop endangers a passage up to this distance [m] beyond its edge."""
 
-MAX_WIDTH = 2.0
+MAX_WIDTH = 2.0  # chosen
 """Upper bound on a passage's width [m] in deciding whether a drop lies in it."""
 
-_ROUNDING = 1e-6
+_ROUNDING = 1e-6  # chosen
 """Tolerance [s] for report times that are multiples of the interval."""
 
 ChangedPassages = set[frozenset[str]]

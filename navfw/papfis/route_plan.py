@@ -20,7 +20,7 @@ from navfw.papfis.routes import Endpoint, Route, Router
 from navfw.robot import RobotModel
 from navfw.topomap import Passage, TopoMap
 
-_MAX_OFF_MAP = 8.0
+_MAX_OFF_MAP = 8.0  # chosen
 """Largest distance of start and goal from the map [m]."""
 
 _NUMBER = r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"

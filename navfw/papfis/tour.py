@@ -16,14 +16,14 @@ from navfw.topomap import Passage, TopoMap
 
 Point = tuple[float, float]
 
-_MAX_TURN = math.radians(120.0)
+_MAX_TURN = math.radians(120.0)  # chosen
 """Largest turn at a waypoint for which its bisector decides whether it is passed [rad]."""
 
-_FULL_TOLERANCE_CLEARANCE = 0.27
+_FULL_TOLERANCE_CLEARANCE = 0.27  # chosen
 """Free width [m] between the body and each post of a door above which the tolerance beside it is
 the whole one: a wide robot that comes from aside does not fit through."""
 
-MIN_SHARE = 0.3
+MIN_SHARE = 0.3  # chosen
 """Least share of the tolerance beside a door."""
 
 
@@ -165,9 +165,9 @@ def _unit(x: float, y: float) -> Point | None:
     return None if length < 1e-9 else (x / length, y / length)
 
 
-_MAX_COVERED = 2
+_MAX_COVERED = 2  # chosen
 """Reports in a row of something on a waypoint, before it is passed over."""
-_QUERY_RANGE = 2.5
+_QUERY_RANGE = 2.5  # chosen
 """Distance along the path up to which passages are queried [m] (METHOD 4.3)."""
 
 

@@ -23,20 +23,20 @@ from navfw.numerics import Image
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Odometry, Pose, SensorReading, Twist, wrap_angle
 
-BLIND_ADVANCE = 0.3
+BLIND_ADVANCE = 0.3  # chosen
 """Longest advance with nothing of the path seen [m]."""
-WEAK_SIGHT = 0.25
+WEAK_SIGHT = 0.25  # chosen
 """Speed while little is seen of the path [m/s]."""
-STALL, STALL_REST = 0.8, 1.0
+STALL, STALL_REST = 0.8, 1.0  # chosen
 """Time of wheels not following: stop [s]; standstill after a stall [s]."""
 
-_DARK, BRIGHT = 8.0, 247.0
+_DARK, BRIGHT = 8.0, 247.0  # chosen
 """Mean grey levels below and above which an image is invalid."""
-_FLAT = 2.5
+_FLAT = 2.5  # chosen
 """Standard deviation [grey levels] below which an image has no contrast (noise has some)."""
-MOVED = (0.02, 0.035)
+MOVED = (0.02, 0.035)  # chosen
 """Displacement [m] and turn [rad] after which an unchanged image is frozen."""
-MOVED_SLIGHTLY = 0.002
+MOVED_SLIGHTLY = 0.002  # chosen
 """Displacement [m] or turn [rad] after which an unchanged image is not used for flow."""
 
 
@@ -121,7 +121,7 @@ class Senses:
 
 Seconds = Annotated[float, Field(gt=0.0, le=60.0)]
 
-_PROBE_PERIOD, _PROBE_TIME = 3.0, 0.3
+_PROBE_PERIOD, _PROBE_TIME = 3.0, 0.3  # chosen
 """Period and duration [s] of the probes whether silent encoders count again."""
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from navfw.signals import SensorReading, Twist
 from navfw.stack.stack import Stack
 
-_STAND = Twist(0.0, 0.0)
+_STAND = Twist(0.0, 0.0)  # defined
 
 
 def halt(stack: Stack) -> None:

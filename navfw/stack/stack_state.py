@@ -47,13 +47,13 @@ class StackState:
     detection_counts: Mapping[str, int] = field(default_factory=dict)
 
 
-STUCK_AFTER = 60.0
+STUCK_AFTER = 60.0  # chosen
 """Time without progress toward a waypoint [s] after which the stack gives up."""
 
-NO_ROUTE_AFTER = 20.0
+NO_ROUTE_AFTER = 20.0  # chosen
 """Time without a route [s] after which the stack gives up; a passage may have been misjudged."""
 
-_DETOUR = 1.5
+_DETOUR = 1.5  # chosen
 """Distance [m] beyond which the robot is on a detour around what closes its route, and goes on."""
 
 
