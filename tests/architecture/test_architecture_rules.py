@@ -247,7 +247,7 @@ def test_bounds_are_named_min_and_max() -> None:
 
 
 def test_constants_of_the_robot_say_where_their_values_come_from() -> None:
-    numeric = re.compile(r"^_?[A-Z][A-Z0-9_]*(?:, _?[A-Z][A-Z0-9_]*)*(?:: [^=]+)? = [^"']*\d")
+    numeric = re.compile(r"^_?[A-Z][A-Z0-9_]*(?:, _?[A-Z][A-Z0-9_]*)*(?:: [^=]+)? = [^\"']*\d")
     origin = re.compile(r"  # (?:chosen|defined|derived|measured)\b")
     lines = [
         (shown(path), line)
