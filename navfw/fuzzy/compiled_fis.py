@@ -29,15 +29,6 @@ class FiredRule(TypedDict):
     strength: float
 
 
-_METHODS = {
-    "centroid": inference_kernels.CENTROID,
-    "bisector": inference_kernels.BISECTOR,
-    "mom": inference_kernels.MOM,
-    "som": inference_kernels.SOM,
-    "lom": inference_kernels.LOM,
-}
-
-
 def _pack(arrays: Sequence[npt.NDArray[Any]], dtype: type[Any]) -> npt.NDArray[Any]:
     """``arrays`` one after the other in one, flat, preceded by where each begins and the end.
 
@@ -85,7 +76,6 @@ def _tables_of(rule_base: RuleBase) -> tuple[Array, Indices]:
     term_ys = _padded([output.sampled(term) for output, term in pairs])
     longest = max(output.universe.size for output in outputs)
     modes = (
-        _METHODS[rule_base.defuzzify],
         rule_base.implication == "prod",
         max(len(program) for program in programs),
         longest * (1 + max(len(names) for names in terms)),
@@ -107,7 +97,7 @@ def _tables_of(rule_base: RuleBase) -> tuple[Array, Indices]:
         _starts([variable.universe.size for variable in outputs]),
         _starts([len(names) for names in terms]),  # terms are grouped by output
         np.array([(row.nonzero()[0][0], row.nonzero()[0][-1]) for row in term_ys]),  # above zero
-        np.array(modes),  # defuzzification, implication is prod, depth of stack, workspace
+        np.array(modes),  # implication is prod, depth of stack, workspace
     ]
     return _pack(reals, np.float64), _pack(indices, np.int64)
 

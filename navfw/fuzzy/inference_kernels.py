@@ -2,9 +2,8 @@
 
 Sampled membership functions are evaluated by ``np.interp``'s operations. scikit-fuzzy adds to an
 output's universe the points where a term crosses its activation, samples every clipped term there
-by linear interpolation, joins them by maximum, and defuzzifies. The mean of maximum averages the
-samples that equal the maximum exactly, and so depends on the last bit of an interpolated degree:
-the expressions below keep numpy's order of operations (no fastmath).
+by linear interpolation, joins them by maximum, and takes the centroid of the area below. The
+expressions below keep numpy's order of operations (no fastmath).
 """
 
 from __future__ import annotations
@@ -29,11 +28,6 @@ Below it, scikit-fuzzy's guard against division by zero falsifies the centroid.
 
 _REMEMBERED = 16  # chosen
 """Samples whose results are kept for reuse: where inputs saturate, many samples are equal."""
-
-CENTROID, BISECTOR, MOM, SOM, LOM = 0, 1, 2, 3, 4  # defined
-
-_MIN_POSITIVE = 5e-324  # defined
-"""The smallest positive number."""
 
 
 @numba.njit(cache=True)
@@ -64,7 +58,6 @@ def _join(
     support: Indices,
     cuts: Array,
     scale: bool,
-    lean: bool,
     px: Array,
     py: Array,
     extra: Array,
@@ -73,8 +66,6 @@ def _join(
 
     ``terms`` (T, M) over ``xs`` (M,), zero outside their ``support`` (T, 2), are clipped (``scale``
     False) or scaled by their activations ``cuts`` (T,). ``extra`` is workspace for the crossings.
-    ``lean`` leaves out the crossings of terms with activation 0: these repeat samples up to
-    rounding, which does not change the centroid.
     """
     size = xs.size
     py[:size] = 0.0
@@ -83,14 +74,14 @@ def _join(
         cut = cuts[t]
         term = terms[t]
         first, last = support[t, 0], support[t, 1]
-        if cut > 0.0:
-            if scale:
-                for i in range(first, last + 1):
-                    py[i] = max(py[i], cut * term[i])
-            else:
-                for i in range(first, last + 1):
-                    py[i] = max(py[i], min(cut, term[i]))
-        if not scale and (cut > 0.0 or not lean):
+        if not cut > 0.0:
+            continue
+        if scale:
+            for i in range(first, last + 1):
+                py[i] = max(py[i], cut * term[i])
+        else:
+            for i in range(first, last + 1):
+                py[i] = max(py[i], min(cut, term[i]))
             count = _add_crossings(xs, term, max(first - 1, 0), last, cut, extra, count)
     if count == 0:
         px[:size] = xs
@@ -103,10 +94,9 @@ def _add_crossings(
     xs: Array, term: Array, first: int, last: int, cut: float, extra: Array, count: int
 ) -> int:
     """Insert the crossings of ``term`` and ``cut`` into increasing ``extra``; returns its size."""
-    level = cut if cut > 0.0 else _MIN_POSITIVE  # for activation 0: where the term leaves zero
-    was_above = term[first] >= level
+    was_above = term[first] >= cut
     for i in range(first, min(last + 1, xs.size - 1)):
-        is_above = term[i + 1] >= level
+        is_above = term[i + 1] >= cut
         if is_above == was_above:
             continue
         was_above = is_above
@@ -174,73 +164,6 @@ def _centroid(px: Array, py: Array, size: int) -> float:
         area += area_below
         moment += area_below * px[i] + width * width * (left + 2.0 * right) / 6.0
     return moment / area
-
-
-@numba.njit(cache=True)
-def _bisector(px: Array, py: Array, size: int) -> float:
-    """Abscissa that halves the area under the polyline, by scikit-fuzzy's formulae."""
-    total = 0.0
-    for i in range(size - 1):
-        total += _area(px, py, i)
-    half = total / 2.0
-    before = 0.0
-    i = 0
-    while i < size - 2:
-        reached = before + _area(px, py, i)
-        if reached >= half:
-            break
-        before = reached
-        i += 1
-    x1, x2, y1, y2 = px[i], px[i + 1], py[i], py[i + 1]
-    rest = half - before
-    width = x2 - x1
-    if y1 == y2:
-        return float(rest / y1 + x1)
-    if y1 == 0.0:
-        return float(x1 + math.sqrt(2.0 * rest * width / y2))
-    if y2 == 0.0:
-        return float(x2 - math.sqrt(max(0.0, width * width - (2.0 * rest * width / y1))))
-    slope = (y2 - y1) / width
-    return float(x1 - (y1 - math.sqrt(max(0.0, y1 * y1 + 2.0 * slope * rest))) / slope)
-
-
-@numba.njit(cache=True)
-def _area(px: Array, py: Array, i: int) -> float:
-    if py[i] == py[i + 1]:
-        return float((px[i + 1] - px[i]) * py[i])
-    return float(0.5 * (px[i + 1] - px[i]) * (py[i] + py[i + 1]))
-
-
-@numba.njit(cache=True)
-def _of_maximum(px: Array, py: Array, size: int, method: int) -> float:
-    """Mean, smallest or largest abscissa of the samples at the maximum."""
-    top = py[0]
-    for i in range(1, size):
-        top = max(top, py[i])
-    total = 0.0
-    count = 0
-    smallest = math.nan
-    largest = math.nan
-    for i in range(size):
-        if py[i] == top:
-            if count == 0:
-                smallest = px[i]
-            largest = px[i]
-            total += px[i]
-            count += 1
-    if method == MOM:
-        return total / count
-    return smallest if method == SOM else largest
-
-
-@numba.njit(cache=True)
-def _defuzzify(px: Array, py: Array, size: int, method: int) -> float:
-    """The crisp value of a union of conclusions (not empty)."""
-    if method == CENTROID:
-        return _centroid(px, py, size)
-    if method == BISECTOR:
-        return _bisector(px, py, size)
-    return _of_maximum(px, py, size, method)
 
 
 @numba.njit(cache=True)
@@ -322,7 +245,7 @@ def infer(x: Array, reals: Array, indices: Indices) -> Array:
     output_starts, term_starts = _part(indices, 5), _part(indices, 6)
     literal_ys = _part(reals, 1).reshape(literal_starts[-1], -1)
     term_ys = _part(reals, 4).reshape(term_starts[-1], -1)
-    method, scale, depth, workspace = _part(indices, 8)
+    scale, depth, workspace = _part(indices, 8)
     samples, rules, terms = x.shape[1], weights.size, support.shape[0]
     table = np.zeros((samples, rules + terms + defaults.size))
     literals, stack = np.empty(literal_starts[-1]), np.empty(depth)
@@ -359,9 +282,7 @@ def infer(x: Array, reals: Array, indices: Indices) -> Array:
                 continue
             xs = output_xs[output_starts[o] : output_starts[o + 1]]
             ys = term_ys[first:last, : xs.size]
-            lean = method == CENTROID
-            size = _join(
-                xs, ys, support[first:last], cuts[first:last], scale == 1, lean, px, py, extra
-            )
-            crisp[o] = min(max(_defuzzify(px, py, size, method), xs[0]), xs[-1])
+            cut, reached = cuts[first:last], support[first:last]
+            size = _join(xs, ys, reached, cut, scale == 1, px, py, extra)
+            crisp[o] = min(max(_centroid(px, py, size), xs[0]), xs[-1])
     return table

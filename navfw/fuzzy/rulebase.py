@@ -295,9 +295,6 @@ class _Parser:
         return value
 
 
-Defuzzification: TypeAlias = Literal["centroid", "bisector", "mom", "som", "lom"]
-"""Centroid, bisector, mean / smallest / largest of maximum."""
-
 Norm: TypeAlias = Literal["min", "prod"]
 """A t-norm: minimum or product."""
 
@@ -359,5 +356,4 @@ class RuleBase:
     rules: tuple[Rule, ...]
     conjunction: Norm = "min"
     implication: Norm = "min"
-    defuzzify: Defuzzification = "centroid"
     file: str | None = field(default=None, compare=False)

@@ -124,7 +124,6 @@ class _RuleBaseBuilder:
             rules=rules,
             conjunction=spec.and_,
             implication=spec.implication,
-            defuzzify=spec.defuzzify,
             file=self._document.file,
         )
 

@@ -74,7 +74,7 @@ class RuleBaseSpec(StrictModel):
             "how the firing strength limits a conclusion: min clips it (Mamdani), prod scales it"
         ),
     )
-    defuzzify: Literal["centroid", "bisector", "mom", "som", "lom"] = Field(
+    defuzzify: Literal["centroid"] = Field(
         "centroid", description="how the union of the conclusions becomes one number"
     )
     inputs: dict[str, InputSpec] = Field(min_length=1, description="input variables by name")

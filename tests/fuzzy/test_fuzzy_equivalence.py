@@ -108,11 +108,7 @@ def assert_same(rule_base: RuleBase, reference: ReferenceFis, inputs: dict[str, 
             np.testing.assert_allclose(ours.degrees[name][term], expected, atol=TOLERANCE)
         scale = variable.high - variable.low
         crisp, expected = ours.outputs[name][0], theirs.outputs[name][0]
-        if rule_base.defuzzify == "bisector" and np.isnan(expected):
-            # scikit-fuzzy took the root of a number just below zero; ours must still be sound
-            assert variable.low <= crisp <= variable.high
-        else:
-            assert abs(crisp - expected) <= TOLERANCE * max(1.0, scale), (name, inputs)
+        assert abs(crisp - expected) <= TOLERANCE * max(1.0, scale), (name, inputs)
 
 
 @pytest.mark.parametrize("implication", ["min", "prod"])
@@ -125,10 +121,9 @@ def test_equals_scikit_fuzzy_on_random_rule_bases(implication: str, data: st.Dat
         assert_same(rule_base, reference, inputs)
 
 
-@pytest.mark.parametrize("method", ["centroid", "bisector", "mom", "som", "lom"])
 @pytest.mark.parametrize("conjunction", ["min", "prod"])
-def test_equals_scikit_fuzzy_at_the_corners(method: str, conjunction: str) -> None:
-    rule_base = rule_base_of(small(**{"and": conjunction, "defuzzify": method}))
+def test_equals_scikit_fuzzy_at_the_corners(conjunction: str) -> None:
+    rule_base = rule_base_of(small(**{"and": conjunction}))
     reference = ReferenceFis(rule_base)
     corners = dict(corner_values(rule_base))
     for distance in corners["distance"][::2]:

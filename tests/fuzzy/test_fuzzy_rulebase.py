@@ -143,7 +143,7 @@ def test_a_file_or_mapping_becomes_variables_and_rules(tmp_path: Path) -> None:
     distance = rule_base.inputs["distance"]
     assert (distance.low, distance.high, distance.unit) == (0.0, 2.0, "m")
     assert list(distance.terms) == ["near", "far"]
-    assert (rule_base.conjunction, rule_base.defuzzify) == ("min", "centroid")
+    assert rule_base.conjunction == "min"
     first, second = rule_base.rules
     assert first.sentence == "IF distance IS near THEN turn IS left"
     assert (first.weight, first.line) == (1.0, 17)

@@ -126,7 +126,6 @@ def rule_bases(draw: st.DrawFn, /, **fixed: Any) -> RuleBase:
         "name": "random",
         "and": draw(st.sampled_from(["min", "prod"])),
         "implication": "min",
-        "defuzzify": draw(st.sampled_from(["centroid", "bisector", "mom", "som", "lom"])),
         "inputs": {name: inputs[name] for name in sorted(used)},
         "outputs": {name: outputs[name] for name in sorted(concluded)},
         "rules": rules,

@@ -3,20 +3,11 @@
 ``navfw.fuzzy.compiled_fis`` must agree with it. Peculiarities of scikit-fuzzy 0.5.0, and how both
 evaluators handle them:
 
-- The universe of an output is widened by the points where a term crosses its activation, and the
-  mean of maximum is the mean of the *samples* at the maximum, not the middle of the plateau. It
-  depends on where samples lie, down to rounding; smallest and largest of maximum are sharper.
-- Where no rule fires, centroid and bisector raise inside (and the output is missing), while
-  mom / som / lom return the middle / ends of the universe. Here: the output's default, or NaN,
-  whenever no term is activated above ``FIRING_FLOOR``.
+- The universe of an output is widened by the points where a term crosses its activation.
+- Where no rule fires, the centroid raises inside (and the output is missing). Here: the output's
+  default, or NaN, whenever no term is activated above ``FIRING_FLOOR``.
 - The area is guarded by ``max(area, 2.2e-16)``, so the centroid of an almost empty conclusion
   moves toward zero, even out of the range. ``FIRING_FLOOR`` excludes such conclusions.
-- The bisector is wrong when the conclusion has a gap right before the segment that is bisected: the
-  area up to there is taken as 0 (``accum_area`` is not carried over empty segments). Here the
-  conclusion is raised by 1e-300, which leaves no segment empty and changes nothing else.
-- The bisector's formula loses its digits on an almost flat segment: the result can leave the range,
-  or be NaN, the root of a number just below 0. Results are clipped to the range; NaN stays NaN
-  here, and the compiled evaluator takes the root of 0.
 - Only terms that a rule concludes take part. ``NOT`` is 1 - degree; ``AND`` / ``OR`` are fmin /
   fmax, which ignore a NaN: a sample with a NaN input is not computed at all.
 - Only clipping (min implication) exists; for ``implication: prod`` the activations come from the
@@ -46,9 +37,6 @@ from navfw.numerics import Array
 _RESET_EVERY = 500
 """Samples after which the past results of the simulation are dropped, to bound its memory."""
 
-_LIFT = 1e-300
-"""Least degree of a joined conclusion given to ``skfuzzy.defuzz``; see the bisector above."""
-
 
 class ReferenceInference(NamedTuple):
     """``Inference`` of the compiled evaluator, for one sample: arrays of length 1."""
@@ -64,10 +52,8 @@ class ReferenceFis:
     def __init__(self, rule_base: RuleBase) -> None:
         with _without_warnings():
             from skfuzzy import control, defuzz
-            from skfuzzy.control.controlsystem import CrispValueCalculator
 
             self._control = control
-            self._calculator = CrispValueCalculator
             self._defuzz = defuzz
             self.rule_base = rule_base
             self._inputs = {v.name: self._antecedent(v) for v in rule_base.inputs.values()}
@@ -112,9 +98,7 @@ class ReferenceFis:
         return antecedent
 
     def _consequent(self, variable: Variable) -> Any:
-        consequent = self._control.Consequent(
-            variable.universe, variable.name, defuzzify_method=self.rule_base.defuzzify
-        )
+        consequent = self._control.Consequent(variable.universe, variable.name)
         for term in variable.terms:
             consequent[term] = variable.sampled(term)
         return consequent
@@ -169,14 +153,8 @@ class ReferenceFis:
             return np.nan if variable.default is None else variable.default
         if self.rule_base.implication == "prod":
             scaled = [float(cut[0]) * variable.sampled(term) for term, cut in degrees.items()]
-            joined = np.maximum(np.max(scaled, axis=0), _LIFT)
             with _without_warnings():
-                crisp = self._defuzz(variable.universe, joined, self.rule_base.defuzzify)
-        elif self.rule_base.defuzzify == "bisector":
-            with _without_warnings():
-                calculator = self._calculator(self._outputs[name], self.simulation)
-                universe, joined, _ = calculator.find_memberships()
-                crisp = self._defuzz(universe, np.maximum(joined, _LIFT), "bisector")
+                crisp = self._defuzz(variable.universe, np.max(scaled, axis=0), "centroid")
         else:
             crisp = self.simulation.output[name]
         return float(np.clip(crisp, variable.low, variable.high))
@@ -238,7 +216,7 @@ def compare(rule_base: RuleBase, samples: int, rng: np.random.Generator) -> FisC
     """Evaluate ``samples`` random inputs by both evaluators; times and largest difference.
 
     The reference takes milliseconds per sample. A sample counts as ``undecided`` where exactly one
-    of the evaluators gives NaN, as scikit-fuzzy's bisector does at times although rules fired.
+    of the evaluators gives NaN.
 
     Raises:
         ValueError: ``samples`` is not positive.
