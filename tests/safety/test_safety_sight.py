@@ -12,7 +12,7 @@ from navfw.localmap import LocalMap
 from navfw.localmap.path_sight import PathSight
 from navfw.numerics import Array, Image
 from navfw.safety import SafetyMonitor
-from navfw.safety.monitor import MOVED, MOVED_SLIGHTLY, Senses
+from navfw.safety.monitor import Senses
 from navfw.signals import Percept, Twist
 
 RATE = 60.0
@@ -82,9 +82,11 @@ def test_weak_sight_limits_the_speed_and_allows_no_creeping_into_the_unobserved(
     assert (verdict.twist, verdict.reason) == (Twist(speed, 0.3), reason)
 
 
-@pytest.mark.parametrize("way", [0.1, 0.3])
-def test_on_the_first_way_it_creeps_with_weak_sight_all_the_same(way: float) -> None:
-    monitor, driven = monitor_with(unobserved=0.0, start_creep=way), 0.0
+@pytest.mark.parametrize(("way", "settings"), [(0.1, {"start_creep": 0.1}), (0.3, {})])
+def test_on_the_first_way_it_creeps_with_weak_sight_all_the_same(
+    way: float, settings: dict[str, float]
+) -> None:
+    monitor, driven = monitor_with(unobserved=0.0, **settings), 0.0
     monitor.local_map.sight.observe(percept(0.4))
     for tick in range(200):
         time = tick / RATE
@@ -271,16 +273,16 @@ def test_images_are_valid_within_brightness_and_contrast(image: Image, trouble: 
 @pytest.mark.parametrize(
     ("x", "yaw", "frozen", "used"),
     [
-        (0.9 * MOVED_SLIGHTLY, 0.0, False, True),
-        (1.1 * MOVED_SLIGHTLY, 0.0, False, False),
-        (0.0, 0.9 * MOVED_SLIGHTLY, False, True),
-        (0.0, 1.1 * MOVED_SLIGHTLY, False, False),
-        (0.0, -1.1 * MOVED_SLIGHTLY, False, False),
-        (0.9 * MOVED[0], 0.0, False, False),
-        (1.1 * MOVED[0], 0.0, True, False),
-        (-1.1 * MOVED[0], 0.0, True, False),
-        (0.0, 0.9 * MOVED[1], False, False),
-        (0.0, 1.1 * MOVED[1], True, False),
+        (0.0018, 0.0, False, True),
+        (0.0022, 0.0, False, False),
+        (0.0, 0.0018, False, True),
+        (0.0, 0.0022, False, False),
+        (0.0, -0.0022, False, False),
+        (0.018, 0.0, False, False),
+        (0.022, 0.0, True, False),
+        (-0.022, 0.0, True, False),
+        (0.0, 0.032, False, False),
+        (0.0, 0.039, True, False),
     ],
 )
 def test_an_unchanged_image_is_frozen_once_the_robot_has_moved(
