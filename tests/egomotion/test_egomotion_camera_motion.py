@@ -20,18 +20,14 @@ from navfw.egomotion.flow_egomotion import (
     PointMotion,
     estimate_egomotion,
 )
-from navfw.egomotion.pairing import (
-    MAX_AGE,
-    MIN_BASELINE,
-    FrameBuffer,
-    PairingParams,
-    camera_motion,
-    yaw_rotation,
-)
+from navfw.egomotion.pairing import FrameBuffer, PairingParams, camera_motion, yaw_rotation
 from navfw.egomotion.plane_approach import towards_plane
 from navfw.numerics import Array
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Frame, FramePair, Odometry, Pose, Twist
+
+MAX_AGE = 2.0
+MIN_BASELINE = 0.02
 
 ROBOT = RobotModel()
 IMAGE = np.zeros((120, 160), np.uint8)

@@ -20,7 +20,8 @@ from hypothesis import strategies as st
 from navfw.errors import RuleBaseError, UnknownNameError
 from navfw.fuzzy import CompiledFis
 from navfw.fuzzy.coverage import uncovered_region
-from navfw.fuzzy.inference_kernels import FIRING_FLOOR
+
+FIRING_FLOOR = 1e-09
 
 FIS = CompiledFis(rule_base_of(small()))
 

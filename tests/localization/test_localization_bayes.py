@@ -14,9 +14,8 @@ from navfw_benchmarks.plugins.localizers import Bayes
 from navfw.errors import ConfigError, InputError, UnknownNameError
 from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_model import LandmarkExistence, LandmarkObserver
-from navfw.localization.lattice import MAX_STATES, Lattice
+from navfw.localization.lattice import Lattice
 from navfw.localization.place_probabilities import (
-    FLOOR,
     SITUATIONS,
     SituationTable,
     learn_table,
@@ -29,6 +28,9 @@ from navfw.offis.elementary_situations import ELEMENTARY
 from navfw.robot import RobotModel
 from navfw.signals import Pose, wrap_angle
 from navfw.topomap import PLACE_KINDS, Landmark, Passage, Place, TopoMap, load_map
+
+MAX_STATES = 3000000
+FLOOR = 0.05
 
 PLACES = [
     Place("west", 0.0, 0.0, "room"),

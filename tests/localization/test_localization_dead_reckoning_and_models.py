@@ -13,15 +13,12 @@ from localization_drives import odometry
 
 from navfw.errors import InputError
 from navfw.localization.landmark_model import (
-    ELSEWHERE_DENSITY,
-    GATE,
     LandmarkExistence,
     associate,
     expected_measurement,
     joseph,
 )
 from navfw.localization.motion_model import (
-    BY_FLOOR,
     DeadReckoning,
     MotionParams,
     motion_noise,
@@ -33,6 +30,10 @@ from navfw.numerics import Array
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Odometry, Pose, Twist, position_sigma, wrap_angle
 from navfw.topomap import Place, TopoMap
+
+ELSEWHERE_DENSITY = 0.05
+GATE = 9.0
+BY_FLOOR = 0.01
 
 coordinates = st.floats(-20.0, 20.0)
 angles = st.floats(-3.0, 3.0)

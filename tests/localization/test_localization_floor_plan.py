@@ -13,7 +13,7 @@ from plan_samples import MAP, PLAN, ROBOT, START, arcs, building, wall_percept
 from navfw.config import find
 from navfw.errors import MapError
 from navfw.localization.floor_plan import FloorPlanLocalizer
-from navfw.localization.passage_walls import SURE_XY, SURE_YAW, KnownWalls
+from navfw.localization.passage_walls import KnownWalls
 from navfw.localization.plan_field import PlanField, PlanScan, scan_of
 from navfw.numerics import Array
 from navfw.plugins import default_registry
@@ -22,6 +22,9 @@ from navfw.signals import Belief, Odometry, Pose, Twist, wrap_angle
 from navfw.stack import load_stack
 from navfw.topomap import TopoMap
 from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
+
+SURE_XY = 0.1
+SURE_YAW = 0.1
 
 ROUND = [(2.0, 0.5, 0.3), (4.0, 0.5, 0.35), (3.0, 0.5, 0.5), (4.0, 0.5, 0.3), (4.0, 0.5, 0.6)]
 """A round through the large room."""

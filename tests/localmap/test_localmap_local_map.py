@@ -9,7 +9,7 @@ import pytest
 from localmap_samples import ORIGIN, ROBOT, grid_with, metric_percept
 
 from navfw.localmap import LocalGoal, LocalMap, LocalMapParams, Ranges
-from navfw.localmap.local_map import CERTAIN, CLEAR_VOTES, INTERVAL, SPOT, DropMap
+from navfw.localmap.local_map import DropMap
 from navfw.localmap.occupancy_grid import OccupancyParams
 from navfw.offis import Offis
 from navfw.robot import RobotModel
@@ -24,6 +24,11 @@ from navfw.signals import (
     Twist,
 )
 from navfw.testing.behavior_scenes import wall_flow
+
+CERTAIN = 4
+CLEAR_VOTES = 2
+INTERVAL = 0.1
+SPOT = 0.25
 
 TARGET = (3.0, 1.0)
 AHEAD = Twist(0.3, 0.0)

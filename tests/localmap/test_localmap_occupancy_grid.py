@@ -10,8 +10,11 @@ from hypothesis import strategies as st
 from localmap_samples import ORIGIN, ROBOT, grid_with, metric_percept
 
 from navfw.localmap import OccupancyGrid
-from navfw.localmap.occupancy_grid import CLAMP_MIN, OBSERVED_FREE, OccupancyParams
+from navfw.localmap.occupancy_grid import OccupancyParams
 from navfw.signals import Label, OccupiedDisc, Percept, Pose, Stixels
+
+CLAMP_MIN = -1.5
+OBSERVED_FREE = -0.25
 
 CAMERA_AHEAD = ROBOT.camera.mount_forward
 POSES = st.builds(Pose, st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.1, 3.1))

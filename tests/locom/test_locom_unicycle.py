@@ -7,9 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.locom.unicycle import MIN_DISTANCE, MIN_SHARE, TIME_CONSTANT, WINDOW, Unicycle, WheelTrim
+from navfw.locom.unicycle import Unicycle, WheelTrim
 from navfw.robot import RobotModel
 from navfw.signals import Command, Encoders, Odometry, Pose, Twist
+
+MIN_DISTANCE = 0.06
+MIN_SHARE = 0.4
+TIME_CONSTANT = 0.5
+WINDOW = 0.6
 
 ROBOT = RobotModel()
 DT = 1.0 / ROBOT.control_rate

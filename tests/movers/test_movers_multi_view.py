@@ -12,8 +12,6 @@ from movers_detections import detection
 from navfw.egomotion.pairing import FrameBuffer, PairingParams
 from navfw.movers import MultiViewDetector
 from navfw.movers.multi_view import (
-    NEAR,
-    QUIET_TIME,
     DetectionMode,
     DetectionSchedule,
     MovingObjectDetector,
@@ -21,6 +19,9 @@ from navfw.movers.multi_view import (
 )
 from navfw.robot import CameraModel, RobotModel, SideViews
 from navfw.signals import Frame, MovingObject, Odometry, Pose, Stixels, Twist
+
+NEAR = 0.9
+QUIET_TIME = 2.0
 
 
 def frame_at(

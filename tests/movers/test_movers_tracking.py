@@ -10,16 +10,14 @@ from hypothesis import strategies as st
 from movers_detections import AHEAD, ROBOT, START, cross, detection
 
 from navfw.movers import Tracker
-from navfw.movers.tracking import (
-    ACCELERATION_SIGMA,
-    BEARING_SIGMA,
-    MAX_AGE_OUT_OF_VIEW,
-    PATH_TIME,
-    SPEED_SIGMA,
-    Track,
-    TrackerParams,
-)
+from navfw.movers.tracking import Track, TrackerParams
 from navfw.signals import Pose
+
+ACCELERATION_SIGMA = 0.5
+BEARING_SIGMA = 0.06
+MAX_AGE_OUT_OF_VIEW = 4.0
+PATH_TIME = 0.6
+SPEED_SIGMA = 0.4
 
 POSES = st.builds(Pose, st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.1, 3.1))
 

@@ -9,14 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.camera_geometry.rotations import rotation_matrix
-from navfw.egomotion.flow_egomotion import FREE_TURN, Egomotion, MotionKind
+from navfw.egomotion.flow_egomotion import Egomotion, MotionKind
 from navfw.errors import InputError
 from navfw.flow import grid_points
 from navfw.flow.ideal import true_vectors
 from navfw.numerics import Array, Image
 from navfw.perceive.pair_motion import (
-    DEVIATION,
-    RATE_DRIFT,
     PairMotion,
     PairMotionEstimator,
     ScaleEstimator,
@@ -27,6 +25,10 @@ from navfw.perceive.pair_motion import (
 from navfw.perceive.perceiver_options import PerceiverOptions, WorkingSize
 from navfw.robot import CameraModel
 from navfw.signals import CameraMotion, FlowField
+
+FREE_TURN = 0.15
+DEVIATION = 3.0
+RATE_DRIFT = 0.35
 
 SIZE = WorkingSize.of(640, 480, 12, 16)
 SIDES = st.integers(60, 4000)

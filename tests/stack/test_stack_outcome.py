@@ -20,7 +20,10 @@ from navfw.safety import PersistentFailure
 from navfw.signals import Belief, Encoders, Inertial, Pose, Stixels, Twist, Waypoint
 from navfw.stack import StackState
 from navfw.stack.stack import TIMED
-from navfw.stack.stack_state import NO_ROUTE_AFTER, STUCK_AFTER, ProgressWatch
+from navfw.stack.stack_state import ProgressWatch
+
+NO_ROUTE_AFTER = 20.0
+STUCK_AFTER = 60.0
 
 # --- giving up -----------------------------------------------------------------------------------
 

@@ -8,7 +8,6 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from navfw.localmap import CLAMP_MAX
 from navfw.missions import MissionResult, prepare
 from navfw.missions.outcome import FaultKind, MissionVerdict, Outcome
 from navfw.missions.session import Session
@@ -28,6 +27,8 @@ from navfw.suite.failure_causes import (
     classify,
 )
 from navfw.suite.failure_symptoms import collect_symptoms
+
+CLAMP_MAX = 3.0
 
 
 def collision(**values: Any) -> CollisionSymptoms:

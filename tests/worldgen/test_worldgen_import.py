@@ -16,8 +16,10 @@ from navfw.missions import prepare
 from navfw.signals import Pose
 from navfw.sim import SceneGeometry, load_world
 from navfw.sim.shapes import Circle, Rectangle
-from navfw.worldgen.gazebo_import import POLE_HEIGHT, import_world, reference_length
+from navfw.worldgen.gazebo_import import import_world, reference_length
 from navfw.worldgen.sdf_reader import read_sdf
+
+POLE_HEIGHT = 1.0
 
 GROUND = """
 <model name='ground_plane'><static>1</static><link name='link'><collision name='collision'>

@@ -17,7 +17,9 @@ from navfw.sim import SceneGeometry
 from navfw.sim.shapes import Circle, Rectangle
 from navfw.worldgen import sdf_reader
 from navfw.worldgen.gazebo_import import ImportedWorld, import_world
-from navfw.worldgen.upright_parts import MAX_PARTS, UprightPart, mesh_solids
+from navfw.worldgen.upright_parts import UprightPart, mesh_solids
+
+MAX_PARTS = 2000
 
 POINT = tuple[float, float]
 
