@@ -16,7 +16,6 @@ from navfw.localmap import LocalGoal
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Twist, Waypoint
-from navfw.stack import load_stack
 
 ROBOT = RobotModel()
 OPEN, CORRIDOR = scene(ticks=20), scene(ticks=20, left=0.7, right=0.7)
@@ -210,35 +209,6 @@ def test_react_leaves_a_wall_for_a_waypoint_that_is_faced_with_nothing_near_ahea
 
 # --- in a user's own folder ----------------------------------------------------------------------
 
-TIMID = '''
-"""Timid: a composite in a user's own folder."""
-
-from collections.abc import Mapping
-from typing import ClassVar
-
-from navfw import Composite, Context
-
-
-class Timid(Composite):
-    """Weighs the goal by the free distance ahead."""
-
-    name: ClassVar[str] = "timid"
-
-    def weigh(self, context: Context) -> Mapping[str, float]:
-        return {"go_to_xy": min(1.0, context.ranges.front), "peek": 1.0}
-'''
-
-
-def test_a_composite_in_a_users_folder_is_found_chosen_and_listed(tmp_path: Path) -> None:
-    (tmp_path / "timid.py").write_text(TIMID)
-    registry = default_registry([tmp_path])
-    listed = [entry for entry in registry.listing("composite") if entry["name"] == "timid"]
-    assert [entry["status"] for entry in listed] == ["ok"]
-    config = load_stack("navfw/stack/stacks/default.yaml", registry, ["composite={timid: }"])
-    assert config.stages["composite"].name == "timid"
-    assert config.stages["composite"].plugin(ROBOT).weigh(CORRIDOR)["peek"] == 1.0  # type: ignore[attr-defined]
-
-
 RULED = '''
 """Wary: a composite in a user's own folder, by rules."""
 
@@ -301,13 +271,3 @@ def test_a_composite_by_rules_without_inputs_is_refused_at_once(
     (tmp_path / "wary.py").write_text(RULED.replace("def inputs(self, context)", instead))
     (broken,) = broken_rows(default_registry([tmp_path]))
     assert message in broken["error"]
-
-
-def test_a_broken_composite_is_listed_and_others_still_load(tmp_path: Path) -> None:
-    text = TIMID.replace("def weigh(self, context", "def weigh(self, it")
-    (tmp_path / "timid.py").write_text(text)
-    registry = default_registry([tmp_path])
-    (broken,) = (entry for entry in registry.listing("composite") if entry["status"] == "broken")
-    assert "weigh" in broken["error"]
-    assert "context" in broken["error"]
-    assert registry.get("composite", "travel")

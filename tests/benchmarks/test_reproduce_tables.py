@@ -15,9 +15,7 @@ from navfw_benchmarks.reproduce.metric_comparison import (
 from navfw_benchmarks.reproduce.paper_scenes import FAST_TURN, WAYPOINTS, drive
 from navfw_benchmarks.reproduce.paper_tables import (
     FAST,
-    SceneRow,
-    WaypointRow,
-    as_data,
+    PaperRow,
     checks,
     table2,
     table3,
@@ -37,12 +35,12 @@ from navfw.sim import SceneGeometry, load_world
 
 
 @pytest.fixture(scope="module")
-def waypoints() -> list[WaypointRow]:
+def waypoints() -> list[PaperRow]:
     return table2(seed=0)
 
 
 @pytest.fixture(scope="module")
-def scenes() -> list[SceneRow]:
+def scenes() -> list[PaperRow]:
     return table3(seed=0)
 
 
@@ -65,26 +63,26 @@ def test_waypoint_3_is_the_fast_left_turn() -> None:
 
 
 def test_fast_turn_reads_wrong_without_derotation_and_right_with(
-    waypoints: list[WaypointRow],
+    waypoints: list[PaperRow],
 ) -> None:
     found = checks(waypoints)
     assert all(found.values()), found
-    fast = next(row for row in waypoints if row.waypoint.number == FAST)
+    fast = next(row for row in waypoints if row.number == FAST)
     for kind in ("ideal", "block matching"):
         right = fast.percepts[kind, "removed", "normalised"]
-        assert front_of(right.percept) != "unknown"
-        assert right.percept.floor_in_front > 0.5
+        assert front_of(right) != "unknown"
+        assert right.floor_in_front > 0.5
     # the paper's own way to read it: everything near, nothing recognised
-    false = fast.percepts["ideal", "left in", "raw means"].percept
+    false = fast.percepts["ideal", "left in", "raw means"]
     assert set(false.obstacles["layer1"]) == {"P1", "P2", "P3", "P4"}
     assert set(false.obstacles["layer1"].values()) == {"near"}
 
 
-def test_ideal_flow_is_translation_and_rotation(waypoints: list[WaypointRow]) -> None:
+def test_ideal_flow_is_translation_and_rotation(waypoints: list[PaperRow]) -> None:
     robot = RobotModel()
     for row in waypoints:
         whole = true_flow(row.view, robot)
-        rest = row.percepts["ideal", "removed", "normalised"].flow
+        rest = row.flows["ideal", "removed"]
         turned = rotational_flow(whole.points, whole.motion.rotation, robot.camera.focal)
         # exact derotation and the rotational flow differ in second order only
         limit = 0.02 + 0.1 * np.abs(turned).max()
@@ -93,23 +91,23 @@ def test_ideal_flow_is_translation_and_rotation(waypoints: list[WaypointRow]) ->
 
 
 def test_the_same_seed_gives_the_same_readings(
-    waypoints: list[WaypointRow], scenes: list[SceneRow]
+    waypoints: list[PaperRow], scenes: list[PaperRow]
 ) -> None:
-    again = as_data(table2(seed=0), table3(seed=0))
-    assert again == as_data(waypoints, scenes)
+    again = [*table2(seed=0), *table3(seed=0)]
+    assert [row.as_data() for row in again] == [row.as_data() for row in (*waypoints, *scenes)]
     image = waypoints[0].view.pair.now.image
     assert (table2(seed=1)[0].view.pair.now.image != image).any()
 
 
-def test_the_three_situations(scenes: list[SceneRow]) -> None:
-    assert [row.scene.number for row in scenes] == [1, 2, 3]
+def test_the_three_situations(scenes: list[PaperRow]) -> None:
+    assert [row.number for row in scenes] == [1, 2, 3]
     for row in scenes:
         assert row.view.pair.now.image.shape == (100, 135)
         for kind in ("ideal", "block matching"):
-            checked = row.percepts[kind, "normalised"]
-            assert checked.flow.shape == (10, 15)
-            assert checked.right, (row.scene.title, checked.percept.sentence)
-    corridor, chair, door = (row.percepts["ideal", "normalised"].percept for row in scenes)
+            assert row.flows[kind,].shape == (10, 15)
+            said = row.percepts[kind, "normalised"].sentence
+            assert row.right(kind, "normalised"), (row.about, said)
+    corridor, chair, door = (row.percepts["ideal", "normalised"] for row in scenes)
     # as the paper prints them
     assert corridor.obstacles["layer1"] == {"P2": "middle"}
     assert chair.obstacles["layer1"] == {"P3": "near"}
@@ -121,23 +119,23 @@ def test_the_three_situations(scenes: list[SceneRow]) -> None:
 
 
 def test_every_place_has_a_verdict_and_a_reason_where_table_1_has_nothing(
-    waypoints: list[WaypointRow], scenes: list[SceneRow]
+    waypoints: list[PaperRow], scenes: list[PaperRow]
 ) -> None:
-    found = as_data(waypoints, scenes)
-    assert [row["waypoint"] for row in found["table2"]] == list(range(1, 11))
-    for row in [*found["table2"], *found["table3"]]:
+    table = [row.as_data() for row in waypoints]
+    assert [row["waypoint"] for row in table] == list(range(1, 11))
+    for row in [*table, *(scene.as_data() for scene in scenes)]:
         truth = row["truth"]
         assert bool(truth["situations"]) != bool(truth["no_situation"])
         for reading in row["readings"]:
             assert reading["statements"].keys() == {"nearest", "distance", "front"}
             right = sum(reading["statements"].values())
             assert reading["verdict"] == ("wrong", "partly", "partly", "right")[right]
-    none = [row for row in found["table2"] if row["truth"]["no_situation"]]
+    none = [row for row in table if row["truth"]["no_situation"]]
     assert none, "the room has views that Table 1 does not name"
     assert all(re.search(r"\d+ ?%", row["truth"]["no_situation"]) for row in none)
 
 
-def test_pictures(waypoints: list[WaypointRow], scenes: list[SceneRow]) -> None:
+def test_pictures(waypoints: list[PaperRow], scenes: list[PaperRow]) -> None:
     picture = waypoint_picture(waypoints[0])
     assert picture.shape == (2 * (480 + 30), 2 * 640 + 8, 3)
     assert scene_picture(scenes[0]).shape == (430, 2 * 540 + 8, 3)

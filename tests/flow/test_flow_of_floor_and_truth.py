@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,11 +16,9 @@ from navfw.flow.ideal import Ideal, nearness_at, true_vectors
 from navfw.missions import SimulatorTruth, prepare
 from navfw.missions.oracle import reveal
 from navfw.numerics import Array
-from navfw.plugins import default_registry
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import CameraMotion, Frame, FramePair, Pose
 from navfw.sim import SensorParams, Simulation, load_world
-from navfw.stack import load_stack
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera
@@ -137,37 +134,7 @@ def test_the_infinitely_far_only_turns_and_nearness_is_not_mixed_across_an_edge(
     np.testing.assert_allclose(nearness_at(points, depth, CAMERA), [1.0, 0.25, 1.0])
 
 
-def stack_file(folder: Path, extra: str = "") -> Path:
-    text = find("stack", "default").read_text(encoding="utf-8")
-    lines = text.splitlines()
-    at = next(i for i, line in enumerate(lines) if line.startswith("flow:"))
-    lines[at + 1] = "  ideal:"
-    file = folder / "ideal.yaml"
-    file.write_text("\n".join([*lines, extra, ""]), encoding="utf-8")
-    return file
-
-
-def test_a_stack_that_does_not_admit_to_it_is_refused(tmp_path: Path) -> None:
-    file = stack_file(tmp_path)
-    with pytest.raises(ConfigError, match=r"ideal needs the simulator's truth.*oracle: true") as e:
-        load_stack(file, default_registry())
-    lines = file.read_text(encoding="utf-8").splitlines()
-    assert e.value.line == 1 + lines.index("  ideal:")
-    assert load_stack(file, default_registry(), ["oracle=true"]).settings.oracle
-
-
-def test_an_oracle_mission_is_marked(tmp_path: Path) -> None:
-    file = stack_file(tmp_path, "oracle: true")
-    session = prepare("office", "lobby-to-lab", stack=file, overrides=["mission.timeout=4.5"])
-    result = session.run()
-    assert result.summary()["oracle"] is True
-    assert not result.verdict.trace
-    flows = session.stack.state.flows
-    assert flows
-    assert (flows[0].confidence > 0).mean() > 0.7
-
-
-def test_an_honest_mission_is_given_nothing(tmp_path: Path) -> None:
+def test_an_honest_mission_is_given_nothing() -> None:
     session = prepare("office", "lobby-to-lab", overrides=["mission.timeout=0.2"])
     assert session.run().summary()["oracle"] is False
     session.stack.vision.flow.plugin = Ideal(ROBOT)  # slipped past the stack file

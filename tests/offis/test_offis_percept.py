@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 from offis_scenes import Scene, Wall, box, corner, corridor, door, ideal_flow, motion, wall_ahead
 from pydantic import ValidationError
 
-from navfw.flow import grid_points
 from navfw.offis import Offis
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
 from navfw.robot import RobotModel
-from navfw.signals import FlowField, Label, Percept, Twist
+from navfw.signals import FlowField, Percept, Twist
 
 ROBOT = RobotModel()
 SLOW = Twist(0.3, 0.0)
@@ -192,24 +191,6 @@ def test_sentences_are_the_papers() -> None:
         "lower right in middle distance; Front is a wall; Floor in front"
     )
     assert "Front is a door; Floor in front" in perceive(door(1.4)).sentence
-
-
-def test_a_black_image_is_unknown() -> None:
-    points = grid_points(ROBOT.camera, 12, 16)
-    zeros = np.zeros((12, 16))
-    black = FlowField(
-        0.0, points, np.zeros((12, 16, 2)), zeros, zeros + 9.0, motion(), derotated=True
-    )
-    percept = Offis(ROBOT).perceive(black, SLOW)
-    assert (percept.label == Label.UNKNOWN).all()
-    assert percept.situations["unknown"] == pytest.approx(1.0)
-    assert sum(percept.situations.values()) == pytest.approx(1.0)
-    assert percept.floor_in_front == pytest.approx(0.0)
-    assert not any(any(degrees.values()) for degrees in percept.quadrants.values())
-    assert percept.slopes == {"left": "unknown", "right": "unknown"}
-    assert percept.sentence == (
-        "Layer1: nearest object is unknown; Layer2: nearest object is unknown; Front is unknown"
-    )
 
 
 @given(st.integers(0, 2**31), st.sampled_from(["nearness", "paper"]))

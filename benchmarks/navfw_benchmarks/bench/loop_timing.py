@@ -7,10 +7,9 @@ the same images faster, so the loop is compared with both.
 from __future__ import annotations
 
 import contextlib
-import math
 import os
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from statistics import median
 from typing import Any
 
@@ -19,9 +18,11 @@ import numpy as np
 from navfw.missions.runner import MissionLoop
 from navfw.missions.session import Session
 from navfw.process.process_resources import peak_memory_mb
+from navfw.process.result_table import Column, ResultTable
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.recording.run_observers import RunLog
 from navfw.signals import Pose
+from navfw.sim.camera_rig import Timings
 from navfw.sim.world_changes import WalkerTrack
 from navfw_benchmarks.bench.reference_renderer import ReferenceRenderer
 
@@ -35,36 +36,8 @@ _WARM_UP_VIEWS = 3
 """Number of views rendered by PyBullet before its time is measured."""
 
 
-@dataclass(frozen=True, slots=True)
-class Lap:
-    """One repetition: simulated time, wall times and computing time by stage [s].
-
-    ``frames`` is the number of rendered frames, ``pybullet_frame`` [s] PyBullet's time for one.
-    """
-
-    sim_time: float
-    wall_time: float
-    render_time: float
-    physics_time: float
-    frames: int
-    pybullet_frame: float
-    stages: dict[str, float]
-    outcome: str
-
-    @property
-    def reference_time(self) -> float:
-        """PyBullet's rendering and physics [s]."""
-        return self.frames * self.pybullet_frame + self.physics_time
-
-    @property
-    def ratio(self) -> float:
-        """Wall time of the loop relative to PyBullet's rendering and physics."""
-        return self.wall_time / self.reference_time
-
-    @property
-    def own_ratio(self) -> float:
-        """Wall time of the loop relative to navfw's rendering and physics."""
-        return self.wall_time / (self.render_time + self.physics_time)
+_RATIOS = ("loop_over_render", "loop_over_own_render", "real_time_factor")
+"""Figures whose extremes over the laps are given, too."""
 
 
 def bench_loop(
@@ -72,58 +45,73 @@ def bench_loop(
 ) -> dict[str, Any]:
     """Drive the first ``seconds`` [s] of a mission ``repeats`` times on one core.
 
-    ``report`` is called with each lap. Returns ``summarize`` of the laps.
+    ``report`` is called with each lap. Returns medians over the laps, with the extremes of the
+    ratios under ``spread``; ``stage_ms`` is computing time by stage and camera frame.
     """
-    laps: list[Lap] = []
+    laps: list[dict[str, float]] = []
+    stages: list[dict[str, float]] = []
     spec = session.mission.spec
     with one_core() as pinned, contextlib.ExitStack() as opened:
         report("warming up")
         _drive(session, min(_WARM_UP, seconds))
         reference, memory = None, None
         for _ in with_progress(range(repeats), "laps", report):
-            lap, log, movers = _drive(session, seconds)
+            run, spent, movers = _drive(session, seconds)
             if reference is None:
                 memory = peak_memory_mb()  # before PyBullet's renderer is loaded
                 camera, sensors = spec.robot.camera, spec.sensors.resolved()
                 renderer = ReferenceRenderer(session.world, camera, sensors.supersample)
                 reference = opened.enter_context(renderer)
             # right after the lap: the speed of the machine changes over minutes
-            frame = _pybullet_frame(log, movers, reference)
-            laps.append(replace(lap, pybullet_frame=frame))
+            frame = _pybullet_frame(run.log, movers, reference)
+            laps.append(_lap(run, spent, frame))
+            own = {"render": spent.render, "physics": spent.physics, "sensors": spent.sensors}
+            frames = max(1.0, run.sim_time * spec.robot.camera.rate)
+            timed = own | session.stack.timings
+            stages.append({name: 1e3 * timed[name] / frames for name in timed})
     return {
         "world": session.world_name,
         "mission": session.mission_name,
         "seed": session.seed,
-        **summarize(laps, spec.robot.camera.rate),
+        "outcome": str(run.verdict.outcome),
+        "repeats": repeats,
+        **_medians(laps),
+        "stage_ms": _medians(stages),
+        "spread": {name: [f(lap[name] for lap in laps) for f in (min, max)] for name in _RATIOS},
         "one_core": pinned,
         "peak_memory_mb": memory,
     }
 
 
-def _drive(session: Session, seconds: float) -> tuple[Lap, RunLog, WalkerTrack]:
-    """A lap without PyBullet's frame time, and the poses of the robot and of the movers."""
+def _drive(session: Session, seconds: float) -> tuple[MissionLoop, Timings, WalkerTrack]:
+    """A lap: the run, the simulator's wall times [s], and the poses of the movers."""
     task = replace(session.task, timeout=seconds)
     with session.simulation() as simulator, session.stack.guard.watchdog.on_duty():
-        before = replace(simulator.timings)
         run = MissionLoop(task, session.stack, simulator).run()
-        spent = simulator.timings
-        movers = simulator.walker_track()
-    lap = Lap(
-        sim_time=run.sim_time,
-        wall_time=run.wall_time,
-        render_time=spent.render - before.render,
-        physics_time=spent.physics - before.physics,
-        frames=spent.frames - before.frames,
-        pybullet_frame=math.nan,
-        stages={
-            "render": spent.render,
-            "physics": spent.physics,
-            "sensors": spent.sensors,
-            **session.stack.timings,
-        },
-        outcome=str(run.verdict.outcome),
-    )
-    return lap, run.log, movers
+        return run, simulator.timings, simulator.walker_track()
+
+
+def _lap(run: MissionLoop, spent: Timings, frame: float) -> dict[str, float]:
+    """The figures of a lap; ``frame`` [s] is PyBullet's wall time for one of its frames.
+
+    ``loop_over_render`` compares with PyBullet's rendering and physics (``render_physics_wall_s``),
+    ``loop_over_own_render`` with navfw's rendering and physics (``own_render_physics_wall_s``).
+    """
+    pybullet, own = spent.frames * frame + spent.physics, spent.render + spent.physics
+    return {
+        "sim_time_s": run.sim_time,
+        "loop_wall_s": run.wall_time,
+        "render_physics_wall_s": pybullet,
+        "own_render_physics_wall_s": own,
+        "pybullet_render_ms": 1e3 * frame,
+        "loop_over_render": run.wall_time / pybullet,
+        "loop_over_own_render": run.wall_time / own,
+        "real_time_factor": run.sim_time / run.wall_time,
+    }
+
+
+def _medians(laps: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    return {name: median(lap[name] for lap in laps) for name in laps[0]}
 
 
 def _pybullet_frame(log: RunLog, movers: WalkerTrack, reference: ReferenceRenderer) -> float:
@@ -145,40 +133,22 @@ def _pybullet_frame(log: RunLog, movers: WalkerTrack, reference: ReferenceRender
     return median(times)
 
 
-def summarize(laps: Sequence[Lap], frame_rate: float) -> dict[str, Any]:
-    """Medians over the laps, with extremes under ``spread``; stages in ms per camera frame.
-
-    ``loop_over_render`` compares with PyBullet's rendering and physics (``render_physics_wall_s``),
-    ``loop_over_own_render`` with navfw's rendering and physics (``own_render_physics_wall_s``).
-    """
-
-    def frames(lap: Lap) -> float:
-        return max(1.0, lap.sim_time * frame_rate)
-
-    ratios = [lap.ratio for lap in laps]
-    own_ratios = [lap.own_ratio for lap in laps]
-    speeds = [lap.sim_time / lap.wall_time for lap in laps]
-    names = list(laps[0].stages)
-    return {
-        "outcome": laps[-1].outcome,
-        "repeats": len(laps),
-        "sim_time_s": median(lap.sim_time for lap in laps),
-        "loop_wall_s": median(lap.wall_time for lap in laps),
-        "render_physics_wall_s": median(lap.reference_time for lap in laps),
-        "own_render_physics_wall_s": median(lap.render_time + lap.physics_time for lap in laps),
-        "pybullet_render_ms": median(1e3 * lap.pybullet_frame for lap in laps),
-        "loop_over_render": median(ratios),
-        "loop_over_own_render": median(own_ratios),
-        "real_time_factor": median(speeds),
-        "stage_ms": {
-            name: median(1e3 * lap.stages[name] / frames(lap) for lap in laps) for name in names
-        },
-        "spread": {
-            "loop_over_render": [min(ratios), max(ratios)],
-            "loop_over_own_render": [min(own_ratios), max(own_ratios)],
-            "real_time_factor": [min(speeds), max(speeds)],
-        },
-    }
+def tables(result: Mapping[str, Any]) -> Iterator[ResultTable]:
+    """The medians, with the extremes of the ratios, and the computing time of each stage."""
+    columns = [
+        Column("", "name"),
+        Column("median", "median", ".2f"),
+        Column("least", "least", ".2f"),
+        Column("most", "most", ".2f"),
+    ]
+    figures = []
+    for name, value in result.items():
+        if isinstance(value, float):
+            least, most = result["spread"].get(name, (None, None))
+            figures.append({"name": name, "median": value, "least": least, "most": most})
+    yield ResultTable("the loop", columns, figures)
+    stages = [{"name": name, "median": ms} for name, ms in result["stage_ms"].items()]
+    yield ResultTable("computing time per camera frame [ms]", columns[:2], stages)
 
 
 @contextlib.contextmanager

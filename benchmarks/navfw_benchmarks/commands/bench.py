@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from navfw.cli.options import Json, NoiseSeed, Robot, Stack, command_group, of_robot
-from navfw.cli.output import echo, print_json, print_tables, quiet_stdout
+from navfw.cli.output import print_json, print_tables, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
 
@@ -26,11 +26,11 @@ def _bench(
     command: str,
     options: Mapping[str, object],
     measure: Callable[[ProgressCallback], dict[str, Any]],
-    tables: Callable[[dict[str, Any]], Iterable[ResultTable]] | None,
+    tables: Callable[[dict[str, Any]], Iterable[ResultTable]],
     *,
     json: bool,
     quiet: bool,
-) -> dict[str, Any]:
+) -> None:
     """Measure with a progress bar, add the provenance, and print the result as JSON or ``tables``.
 
     ``options`` are those that repeat the measurement.
@@ -50,9 +50,8 @@ def _bench(
         }
     if json:
         print_json(result)
-    elif tables is not None:
+    else:
         print_tables(tables(result))
-    return result
 
 
 def loop(
@@ -71,37 +70,14 @@ def loop(
     """Time the whole loop, and rendering with physics only. Runs on one core."""
     with quiet_stdout():
         from navfw.missions.session_setup import prepare
-        from navfw_benchmarks.bench.loop_timing import bench_loop
+        from navfw_benchmarks.bench.loop_timing import bench_loop, tables
 
         session = prepare(world, mission, seed=seed, stack=stack, overrides=of_robot(robot))
     options = {"world": world, "mission": mission, "seed": seed, "stack": stack}
     options |= {} if robot is None else {"robot": robot}
     options |= {"seconds": f"{seconds:g}", "repeats": repeats}
     measure = partial(bench_loop, session, seconds, repeats)
-    result = _bench("loop", options, measure, None, json=json, quiet=quiet)
-    if not json:
-        _print_loop(result)
-
-
-def _print_loop(result: dict[str, Any]) -> None:
-    echo(
-        f"loop {result['loop_wall_s']:.2f} s for {result['sim_time_s']:.1f} s simulated:"
-        f" {result['real_time_factor']:.1f} x real time"
-    )
-    for raster, wall, ratio in (
-        ("PyBullet", "render_physics_wall_s", "loop_over_render"),
-        ("navfw's raster", "own_render_physics_wall_s", "loop_over_own_render"),
-    ):
-        low, high = result["spread"][ratio]
-        echo(
-            f"rendering by {raster} and physics only {result[wall]:.2f} s:"
-            f" the loop takes {result[ratio]:.2f} times that ({low:.2f} to {high:.2f})"
-        )
-    echo(f"rendering by PyBullet {result['pybullet_render_ms']:.2f} ms per frame")
-    echo("computing time per camera frame:")
-    for stage, milliseconds in result["stage_ms"].items():
-        echo(f"  {stage:<12} {milliseconds:7.2f} ms")
-    echo(f"peak memory {result['peak_memory_mb']:.0f} MB")
+    _bench("loop", options, measure, tables, json=json, quiet=quiet)
 
 
 def gym(

@@ -24,7 +24,7 @@ from navfw.sim.worldfile import load_world
 from navfw_benchmarks.bench.fuzzy_reference import median_ms
 from navfw_benchmarks.bench.perception_accuracy import judge_percept, no_situation
 from navfw_benchmarks.bench.real_labels import Judgement, SentenceVerdict
-from navfw_benchmarks.bench.true_pairs import MovingPose, exposed, true_field
+from navfw_benchmarks.bench.true_pairs import exposed, true_field
 from navfw_benchmarks.bench.view_truth import ViewTruth, WallGeometry, truth_of
 from navfw_benchmarks.reproduce import paper_scenes
 
@@ -44,18 +44,58 @@ class RenderedPair:
     truth: ViewTruth
 
 
+Flows = Mapping[tuple[str, ...], FlowField]
+
+
 @dataclass(frozen=True, slots=True)
-class CheckedPercept:
-    """A percept of OFFIS from ``flow``, judged by the truth of its view."""
+class PaperRow:
+    """A waypoint of Table 2, or a situation of Table 3, with its percepts.
 
-    flow: FlowField
-    percept: Percept
-    judgement: Judgement
+    ``about`` says which, as plain data. Keys of ``flows`` are flow and, in Table 2, rotation; those
+    of ``percepts`` have the mode besides: flow "ideal" or "block matching", rotation "removed" or
+    "left in", mode "normalised" or "raw means".
+    """
 
-    @property
-    def right(self) -> bool:
-        """Whether no statement is wrong."""
-        return self.judgement.verdict is SentenceVerdict.RIGHT
+    number: int
+    about: Mapping[str, Any]
+    view: RenderedPair
+    flows: Flows
+    percepts: Mapping[tuple[str, ...], Percept]
+
+    def judgement(self, *key: str) -> Judgement:
+        """The percept of that key, judged by the truth of the view."""
+        return judge_percept(self.percepts[key], self.view.truth)
+
+    def right(self, *key: str) -> bool:
+        """Whether no statement of that percept is wrong."""
+        return self.judgement(*key).verdict is SentenceVerdict.RIGHT
+
+    def as_data(self) -> dict[str, Any]:
+        """The row as plain data; ``no_situation`` says why the view shows none, else it is None."""
+        truth, readings = self.view.truth, []
+        for key, percept in self.percepts.items():
+            names = ("flow", "mode") if len(key) == 2 else ("flow", "rotation", "mode")
+            judged = self.judgement(*key)
+            readings.append(
+                {
+                    **dict(zip(names, key, strict=True)),
+                    "sentence": percept.sentence,
+                    "verdict": str(judged.verdict),
+                    "statements": dict(judged.statements),
+                }
+            )
+        return {
+            **self.about,
+            "truth": {
+                "quadrants": sorted(truth.certain),
+                "possible": sorted(truth.possible),
+                "term": truth.term,
+                "distance_m": round(truth.distance, 3),
+                "situations": list(truth.situations) if truth.clear else [],
+                "no_situation": no_situation(truth),
+            },
+            "readings": readings,
+        }
 
 
 SENSORS = SensorParams(supersample=2)
@@ -83,15 +123,6 @@ def true_flow(view: RenderedPair, robot: RobotModel, rows: int = 12, cols: int =
     return true_field(points, view.depth, view.motion, camera, view.pair.now.time)
 
 
-def _matched_flow(
-    view: RenderedPair, robot: RobotModel, params: BlockMatching.Params, *, gyro: bool
-) -> FlowField:
-    """Flow of ``view`` by block matching; without ``gyro`` no rotation is predicted."""
-    motion = view.motion if gyro else _unturned(view.motion)
-    pair = replace(view.pair, motion=motion)
-    return BlockMatching(robot, params).compute(pair)
-
-
 def _refined(flow: FlowField, robot: RobotModel) -> FlowField:
     """``flow`` without its rotational part, that of the gyro refined by the flow."""
     return refine(flow, robot.camera).apply(flow, robot.camera)
@@ -106,13 +137,6 @@ def _unturned(motion: CameraMotion) -> CameraMotion:
     return replace(motion, rotation=np.eye(3))
 
 
-def _checked_percept(offis: Offis, flow: FlowField, view: RenderedPair) -> CheckedPercept:
-    """The percept of ``offis`` from derotated ``flow``, judged by the truth of ``view``."""
-    offis.reset()
-    percept = offis.perceive(flow, view.twist)
-    return CheckedPercept(flow, percept, judge_percept(percept, view.truth))
-
-
 PERIOD = 0.15
 """Time between the two images at a waypoint [s]."""
 FAST = 3
@@ -121,30 +145,7 @@ _SEARCH = 16
 """Search range [px] of block matching at the waypoints: enough for the fast turn without gyro."""
 
 
-@dataclass(frozen=True, slots=True)
-class WaypointRow:
-    """A waypoint of Table 2 with its percepts.
-
-    Keys of ``percepts``: (flow, rotation, mode) with flow "ideal" or "block matching", rotation
-    "removed" or "left in", mode "normalised" or "raw means".
-    """
-
-    waypoint: paper_scenes.TrajectoryWaypoint
-    point: MovingPose
-    view: RenderedPair
-    percepts: Mapping[tuple[str, str, str], CheckedPercept]
-
-
-@dataclass(frozen=True, slots=True)
-class SceneRow:
-    """A situation of Table 3; keys of ``percepts``: (flow, mode) as in ``WaypointRow``."""
-
-    scene: paper_scenes.OfficeScene
-    view: RenderedPair
-    percepts: Mapping[tuple[str, str], CheckedPercept]
-
-
-def table2(seed: int) -> list[WaypointRow]:
+def table2(seed: int) -> list[PaperRow]:
     """Every waypoint of the trajectory through the paper's room, with and without derotation.
 
     Images 120 x 160, grid 12 x 16, two layers.
@@ -152,7 +153,7 @@ def table2(seed: int) -> list[WaypointRow]:
     robot = RobotModel()
     trajectory = paper_scenes.drive()
     modes = _modes(robot, _SEARCH)
-    params = BlockMatching.Params(search=_SEARCH)
+    matching = BlockMatching(robot, BlockMatching.Params(search=_SEARCH))
     rows = []
     rng = np.random.default_rng(seed)
     with Simulation(
@@ -162,48 +163,58 @@ def table2(seed: int) -> list[WaypointRow]:
             point = trajectory[round(waypoint.time * 60.0)]
             view = rendered_view(sim, rng, point.before(PERIOD), point.pose, PERIOD)
             true = true_flow(view, robot)
-            with_gyro = _matched_flow(view, robot, params, gyro=True)
-            flows = {
+            without_gyro = replace(view.pair, motion=_unturned(view.motion))
+            flows: Flows = {
                 ("ideal", "removed"): derotate(true, robot.camera),
                 ("ideal", "left in"): _not_derotated(true),
-                ("block matching", "removed"): _refined(with_gyro, robot),
-                ("block matching", "left in"): _not_derotated(
-                    _matched_flow(view, robot, params, gyro=False)
-                ),
+                ("block matching", "removed"): _refined(matching.compute(view.pair), robot),
+                ("block matching", "left in"): _not_derotated(matching.compute(without_gyro)),
             }
-            percepts = {
-                (kind, rotation, mode): _checked_percept(offis, flow, view)
-                for (kind, rotation), flow in flows.items()
-                for mode, offis in modes.items()
+            about = {
+                "waypoint": waypoint.number,
+                "doing": waypoint.doing,
+                "pose": [round(value, 4) for value in astuple(point.pose)],
+                "twist": [round(value, 4) for value in astuple(point.twist)],
             }
-            rows.append(WaypointRow(waypoint, point, view, percepts))
+            rows.append(_row(waypoint.number, about, view, flows, modes))
     return rows
 
 
-def table3(seed: int) -> list[SceneRow]:
+def table3(seed: int) -> list[PaperRow]:
     """The three office situations, strictly forward motion, grid 10 x 15, 24 px windows."""
     robot = paper_scenes.hand_held()
     modes = _modes(robot)
     params = BlockMatching.Params(rows=paper_scenes.ROWS, cols=paper_scenes.COLS, window=24)
+    matching = BlockMatching(robot, params)
     rows = []
     for scene in paper_scenes.SCENES:
         past = scene.pose.compose(Pose(-paper_scenes.STEP, 0.0, 0.0))
         rng = np.random.default_rng(seed + scene.number)
         with Simulation(scene.world, robot, scene.pose, 0, SENSORS) as sim:
             view = rendered_view(sim, rng, past, scene.pose, paper_scenes.STEP / paper_scenes.SPEED)
-        flows = {
-            "ideal": derotate(
-                true_flow(view, robot, paper_scenes.ROWS, paper_scenes.COLS), robot.camera
-            ),
-            "block matching": _refined(_matched_flow(view, robot, params, gyro=True), robot),
+        true = true_flow(view, robot, paper_scenes.ROWS, paper_scenes.COLS)
+        flows: Flows = {
+            ("ideal",): derotate(true, robot.camera),
+            ("block matching",): _refined(matching.compute(view.pair), robot),
         }
-        percepts = {
-            (kind, mode): _checked_percept(offis, flow, view)
-            for kind, flow in flows.items()
-            for mode, offis in modes.items()
-        }
-        rows.append(SceneRow(scene, view, percepts))
+        about = {"situation": scene.number, "title": scene.title, "paper": scene.paper}
+        rows.append(_row(scene.number, about, view, flows, modes))
     return rows
+
+
+def _row(
+    number: int,
+    about: Mapping[str, Any],
+    view: RenderedPair,
+    flows: Flows,
+    modes: Mapping[str, Offis],
+) -> PaperRow:
+    percepts = {}
+    for key, flow in flows.items():
+        for mode, offis in modes.items():
+            offis.reset()
+            percepts[*key, mode] = offis.perceive(flow, view.twist)
+    return PaperRow(number, about, view, flows, percepts)
 
 
 def _modes(robot: RobotModel, search: int = 8) -> dict[str, Offis]:
@@ -213,43 +224,40 @@ def _modes(robot: RobotModel, search: int = 8) -> dict[str, Offis]:
     }
 
 
-def checks(rows: list[WaypointRow]) -> dict[str, bool]:
+def checks(rows: list[PaperRow]) -> dict[str, bool]:
     """The checks of the reproduction: the fast turn is wrong without derotation, right with it.
 
     At the other waypoints the nearest object and its distance have to be right, and the front
     where the geometry forms one of Table 1's situations.
     """
-    fast = next(row for row in rows if row.waypoint.number == FAST)
-    others = [row for row in rows if row is not fast]
+    fast = next(row for row in rows if row.number == FAST)
     results = {}
     for kind in ("ideal", "block matching"):
-        results[f"fast turn: correct with derotation, {kind} flow"] = fast.percepts[
-            kind, "removed", "normalised"
-        ].right
+        right = fast.right(kind, "removed", "normalised")
+        results[f"fast turn: correct with derotation, {kind} flow"] = right
         for mode in ("normalised", "raw means"):
-            results[
-                f"fast turn: wrong without derotation, {kind} flow, {mode}"
-            ] = not fast.percepts[kind, "left in", mode].right
+            wrong = not fast.right(kind, "left in", mode)
+            results[f"fast turn: wrong without derotation, {kind} flow, {mode}"] = wrong
     for rotation, name in (("removed", "with"), ("left in", "without")):
         results[
             f"other waypoints: nearest object, and front where Table 1 has it, correct {name}"
             " derotation, ideal flow"
-        ] = all(_as_table1(row, rotation) for row in others)
+        ] = all(_as_table1(row, rotation) for row in rows if row is not fast)
     return results
 
 
-def _as_table1(row: WaypointRow, rotation: str) -> bool:
+def _as_table1(row: PaperRow, rotation: str) -> bool:
     """Whether all is right but the front where the geometry forms no situation of Table 1."""
-    statements = row.percepts["ideal", rotation, "normalised"].judgement.statements
+    statements = row.judgement("ideal", rotation, "normalised").statements
     return all(true for name, true in statements.items() if name != "front" or row.view.truth.clear)
 
 
-def timings(rows: list[WaypointRow], scenes: list[SceneRow], repeats: int = 30) -> dict[str, float]:
+def timings(rows: list[PaperRow], scenes: list[PaperRow], repeats: int = 30) -> dict[str, float]:
     """Median times [ms] of one OFFIS inference (obstacles and situation), and of one flow field."""
-    robot, held = RobotModel(), paper_scenes.hand_held()
-    offis, other, matching = Offis(robot), Offis(held), BlockMatching(robot)
-    normal = [(row.percepts["ideal", "removed", "normalised"].flow, row.view.twist) for row in rows]
-    small = [(row.percepts["block matching", "normalised"].flow, row.view.twist) for row in scenes]
+    offis, other = Offis(RobotModel()), Offis(paper_scenes.hand_held())
+    matching = BlockMatching(RobotModel())
+    normal = [(row.flows["ideal", "removed"], row.view.twist) for row in rows]
+    small = [(row.flows["block matching",], row.view.twist) for row in scenes]
     pairs = [row.view.pair for row in rows]
     matched = max(repeats // 3, 3) * len(pairs)
     return {
@@ -262,58 +270,4 @@ def timings(rows: list[WaypointRow], scenes: list[SceneRow], repeats: int = 30) 
         "block_matching_12x16_ms": median_ms(
             lambda k: matching.compute(pairs[k % len(pairs)]), matched
         ),
-    }
-
-
-def as_data(rows: list[WaypointRow], scenes: list[SceneRow]) -> dict[str, Any]:
-    """Both tables as plain data."""
-    return {
-        "table2": [
-            {
-                "waypoint": row.waypoint.number,
-                "doing": row.waypoint.doing,
-                "pose": [round(value, 4) for value in astuple(row.point.pose)],
-                "twist": [round(value, 4) for value in astuple(row.point.twist)],
-                "truth": _truth(row.view),
-                "readings": [
-                    {"flow": kind, "rotation": rotation, "mode": mode, **_reading(checked)}
-                    for (kind, rotation, mode), checked in row.percepts.items()
-                ],
-            }
-            for row in rows
-        ],
-        "table3": [
-            {
-                "situation": row.scene.number,
-                "title": row.scene.title,
-                "paper": row.scene.paper,
-                "truth": _truth(row.view),
-                "readings": [
-                    {"flow": kind, "mode": mode, **_reading(checked)}
-                    for (kind, mode), checked in row.percepts.items()
-                ],
-            }
-            for row in scenes
-        ],
-    }
-
-
-def _truth(view: RenderedPair) -> dict[str, Any]:
-    """The truth of a view; ``no_situation`` says why it shows none, else it is None."""
-    truth = view.truth
-    return {
-        "quadrants": sorted(truth.certain),
-        "possible": sorted(truth.possible),
-        "term": truth.term,
-        "distance_m": round(truth.distance, 3),
-        "situations": list(truth.situations) if truth.clear else [],
-        "no_situation": no_situation(truth),
-    }
-
-
-def _reading(checked: CheckedPercept) -> dict[str, Any]:
-    return {
-        "sentence": checked.percept.sentence,
-        "verdict": str(checked.judgement.verdict),
-        "statements": dict(checked.judgement.statements),
     }

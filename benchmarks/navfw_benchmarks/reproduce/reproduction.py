@@ -31,7 +31,7 @@ from navfw.recording.plan_picture import draw_arrow, draw_shapes, plan_axes
 from navfw.recording.run_folder import plain_json
 from navfw.recording.top_view import Line, Marks, Style
 from navfw.report import report_page
-from navfw.signals import FlowField
+from navfw.signals import FlowField, Pose
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import WorldSpec
@@ -171,26 +171,26 @@ _PAPER, _INK = (255, 255, 255), (40, 40, 40)
 _WAYPOINT = "#D00000"
 
 
-def waypoint_picture(row: paper_tables.WaypointRow) -> Image:
+def waypoint_picture(row: paper_tables.PaperRow) -> Image:
     """The image; its ideal flow without and with rotation; the flow of block matching."""
     image = row.view.pair.now.image
-    parts = [_panel(image, None, f"waypoint {row.waypoint.number}")]
+    parts = [_panel(image, None, f"waypoint {row.number}")]
     for kind, rotation, title in (
         ("ideal", "removed", "ideal flow, rotation removed"),
         ("ideal", "left in", "ideal flow, rotation left in"),
         ("block matching", "removed", "block matching, rotation removed"),
     ):
-        parts.append(_panel(image, row.percepts[kind, rotation, "normalised"].flow, title))
+        parts.append(_panel(image, row.flows[kind, rotation], title))
     return np.concatenate([_beside(parts[:2]), _beside(parts[2:])])
 
 
-def scene_picture(row: paper_tables.SceneRow) -> Image:
+def scene_picture(row: paper_tables.PaperRow) -> Image:
     """The image, and the flow of block matching over it, as in the paper's Fig. 18."""
     image = row.view.pair.now.image
-    flow = row.percepts["block matching", "normalised"].flow
+    flow = row.flows["block matching",]
     return _beside(
         [
-            _panel(image, None, f"situation {row.scene.number}"),
+            _panel(image, None, f"situation {row.number}"),
             _panel(image, flow, "block matching, 10 x 15"),
         ]
     )
@@ -218,24 +218,24 @@ def _beside(panels: list[Image]) -> Image:
 
 
 def draw_map(
-    world: WorldSpec, trajectory: list[MovingPose], rows: list[paper_tables.WaypointRow]
+    world: WorldSpec, trajectory: list[MovingPose], rows: list[paper_tables.PaperRow]
 ) -> Image:
     """The room from above with trajectory and waypoints (Fig. 16)."""
     outline = outline_of(SceneGeometry.from_world(world, 2.0))
     low, high = np.array([world.x, world.y]).T
     figure, axes = plan_axes((9.0, 5.4), (0.04, 0.06, 0.94, 0.92), low, high)
     path = Line(np.array([(m.pose.x, m.pose.y) for m in trajectory]), Style("#0072B2", width=1.5))
-    points = np.array([(row.point.pose.x, row.point.pose.y) for row in rows])
+    points = np.array([row.about["pose"][:2] for row in rows])
     waypoints = Marks(points, Style(_WAYPOINT, size=7.0))
     draw_shapes(axes, [*outline.shapes(), path, waypoints], zorder=1.0)
     for row in rows:
-        pose = row.point.pose
-        fast = row.waypoint.number == paper_tables.FAST
+        pose = Pose(*row.about["pose"])
+        fast = row.number == paper_tables.FAST
         draw_arrow(axes, pose.to_parent(0.2, 0.0), pose.yaw, _WAYPOINT, zorder=3.0)
         # label beside the trajectory
         side = 14.0 * math.sin(pose.yaw) - 4.0, -14.0 * math.cos(pose.yaw) - 4.0
         axes.annotate(
-            f"{row.waypoint.number}{' fast left turn' if fast else ''}",
+            f"{row.number}{' fast left turn' if fast else ''}",
             (pose.x, pose.y),
             (-34.0, -36.0) if fast else side,
             textcoords="offset points",
@@ -321,7 +321,8 @@ def reproduce(
         scenes = paper_tables.table3(seed)
         experiments = {
             "seed": seed,
-            **paper_tables.as_data(rows, scenes),
+            "table2": [row.as_data() for row in rows],
+            "table3": [row.as_data() for row in scenes],
             "real": None if data is None else real_as_data(real),
             "metrics": compare_metrics(views, seed, report),
             "checks": paper_tables.checks(rows),
@@ -340,15 +341,15 @@ def reproduce(
 
 
 def _pictures(
-    rows: list[paper_tables.WaypointRow],
-    scenes: list[paper_tables.SceneRow],
+    rows: list[paper_tables.PaperRow],
+    scenes: list[paper_tables.PaperRow],
     real: Mapping[FrameLabel, RealScene],
 ) -> dict[str, Image]:
     """The pictures of the page by name; frames that may not be shown have none."""
     shown = [(k, real[label].picture) for k, label in enumerate(chosen_frames(list(real)))]
     return {
         "map": draw_map(load_world(find("world", "paper-room")), drive(), rows),
-        **{f"waypoint-{row.waypoint.number}": waypoint_picture(row) for row in rows},
-        **{f"scene-{row.scene.number}": scene_picture(row) for row in scenes},
+        **{f"waypoint-{row.number}": waypoint_picture(row) for row in rows},
+        **{f"scene-{row.number}": scene_picture(row) for row in scenes},
         **{f"real-{k}": picture for k, picture in shown if picture is not None},
     }
