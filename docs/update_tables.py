@@ -72,7 +72,7 @@ def keys_table(model: type[BaseModel]) -> str:
 def channels_table() -> str:
     """A Markdown table of the channels of a recording."""
     rows = ["| channel | schema | rate | content |", "|---|---|---|---|"]
-    rows += [f"| `{c.topic}` | `{c.schema}` | {c.rate} | {c.content} |" for c in CHANNELS]
+    rows += [f"| `{c}` | `{c.schema}` | {c.rate} | {c.content} |" for c in CHANNELS]
     return "\n".join(rows) + "\n"
 
 

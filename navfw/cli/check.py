@@ -129,7 +129,7 @@ def _answers_elsewhere(
     folders: list[Path], rows: list[Checked], registry: Registry
 ) -> dict[str, Answers]:
     """What the sound behaviours and composites answer in another process, by name."""
-    from navfw.testing.other_process import answers_elsewhere
+    from navfw.testing.behavior_check import answers_elsewhere
 
     tried = [row for row in rows if row["error"] is None and row["kind"] in _TRIED]
     tried = [row for row in tried if not _needs_parameters(row, registry)]

@@ -244,17 +244,17 @@ def learn_landmarks(
 ) -> None:
     """Add detected landmarks to a map. Drives a mission, and writes its map with them."""
     with quiet_stdout():
-        from navfw.missions.learning_drives import learn_landmarks as learn
         from navfw.missions.session_setup import prepare
+        from navfw.suite.learning_drives import learn_landmarks as learn
         from navfw.topomap.map_formats import save_map
 
         session = prepare(world, mission, seed=seed, stack=stack)
         name = Path(session.stack.topo_map.name).name
         path = out or Path(f"{name}-learnt.yaml")
         output_file(path, "--out")
-        drive = learn(session, least=least)
-        save_map(drive.topo_map, path)
-        result = plain_json({**drive.as_data(session), "file": str(path)})
+        topo_map, data = learn(session, least=least)
+        save_map(topo_map, path)
+        result = plain_json({**data, "file": str(path)})
     if json:
         print_json(result)
         return
@@ -287,7 +287,7 @@ def learn_situations(
     """Learn the situations at places. The table says how often OFFIS infers each (METHOD 4.4)."""
     with quiet_stdout():
         from navfw.plugins import default_registry
-        from navfw.suite.situation_learning import learn_situations, tables
+        from navfw.suite.learning_drives import learn_situations, tables
         from navfw.suite.suite_plan import plan_runs
         from navfw.suite.suitefile import load_suite, parse_seeds
 
@@ -295,13 +295,13 @@ def learn_situations(
         registry = default_registry()
         plan = plan_runs(load_suite(suite), parse_seeds(seeds), registry)
         with ProgressBar("learn", quiet=quiet) as bar:
-            learnt = learn_situations(plan, registry, bar.show_part)
-        provenance = f"navfw map learn-situations {suite} --seeds {seeds}: {learnt.drives} drives"
-        write_text(out, learnt.table.text(provenance), parents=True)
+            table, data = learn_situations(plan, registry, bar.show_part)
+        provenance = f"navfw map learn-situations {suite} --seeds {seeds}: {data['drives']} drives"
+        write_text(out, table.text(provenance), parents=True)
     if json:
-        print_json({"file": str(out), **learnt.as_data()})
+        print_json({"file": str(out), **data})
     else:
-        print_tables(tables(learnt))
+        print_tables(tables(data))
         echo(f"table: {out}; use it with --set topological.discrete.situations={out}")
 
 

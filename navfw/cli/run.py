@@ -151,6 +151,7 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
 
     Returns the result, the folder with it, None if it could not be written, and what is missing.
     """
+    from navfw.missions.pilot import watcher_of
     from navfw.missions.run_report import RecordedFolder, default_folder, write_run
     from navfw.missions.session_setup import prepare
     from navfw.recording.video_output import check_video
@@ -186,11 +187,11 @@ def _drive(request: RunOptions) -> tuple[MissionResult, Path | None, tuple[str, 
             show = partial(_show, bar, session.mission.goals[-1], time.monotonic())
             with bar, ended_after(request.limit + PATIENCE):
                 result = session.run(
+                    *([] if server is None else [watcher_of(server.observe)]),
                     show,
                     gui=request.gui,
                     record=False if recorded is None else recorded.recorder,
                     told=(lambda _: None) if recorded is None else recorded.told,
-                    observers=() if server is None else (server,),
                     limit=request.limit,
                 )
             announce(driven=True)

@@ -218,7 +218,7 @@ def _beginning(out: Path | None, *, resume: bool, extend: bool, restart: bool) -
 
 
 def _print_result(done: SuiteResult, table: Path, *, json: bool) -> None:
-    from navfw.suite.run_journal import columns_of, table_cells
+    from navfw.suite.run_row import columns_of, table_cells
 
     if json:
         columns = columns_of(done.rows)

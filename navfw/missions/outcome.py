@@ -1,4 +1,4 @@
-"""The outcome of a mission and its reason; goals visited and progress made, by the true pose."""
+"""The outcome of a mission, its reason and cause; goals visited and progress, by the true pose."""
 
 from __future__ import annotations
 
@@ -37,28 +37,73 @@ class Outcome(StrEnum):
         return self is Outcome.REACHED
 
 
-class FaultKind(StrEnum):
-    """What ended a run with the outcome fault."""
+class Cause(StrEnum):
+    """Why a run failed."""
 
-    EXCEPTION = "exception"
-    """an exception"""
-    PLUGIN_FAILED = "plugin_failed"
-    """a plugin failed at the start of the run, or a stage failed for too long"""
-    SENSOR_FAILED = "sensor_failed"
-    """the stack stopped, because a sensor had failed for good"""
+    MOVER = "mover"
+    """collided: a mover ran into a robot that was not driving towards it"""
+    REVERSED_INTO = "reversed_into"
+    """collided: driving backwards, with the object behind it"""
+    TURNED_INTO = "turned_into"
+    """collided: with an object in the local map, beside the field of view"""
+    DROVE_INTO = "drove_into"
+    """collided: with an object in the local map, ahead"""
+    MAPPED_AS_FREE = "mapped_as_free"
+    """collided: the local map has the object's place as free"""
+    UNSEEN = "unseen_obstacle"
+    """collided: the local map has the object's place as unknown"""
+    OBSTACLE = "obstacle"
+    """collided: with an object; there is no local map to compare with"""
+    PHANTOM_OBSTACLES = "phantom_obstacles"
+    """stuck, timeout: occupied cells far from any object block or lengthen the path"""
+    BLURRED_MAP = "blurred_map"
+    """stuck, timeout: occupied cells beside the outlines of objects block or lengthen the path"""
+    LOCAL_GOAL_UNREACHABLE = "local_goal_unreachable"
+    """stuck, timeout: correctly mapped objects block every path to the local goal"""
+    ESTIMATE_UNCERTAIN = "estimate_uncertain"
+    """the position estimate at the goal was too uncertain to say that it is reached"""
+    ESTIMATE_ERROR = "estimate_error"
+    """lost, stuck, timeout: the position estimate is wrong"""
+    GOAL_MISSED = "goal_missed"
+    """lost: the position estimate is right, but a goal was not approached closely enough"""
     NOTHING_SEEN = "nothing_seen"
-    """the stack stopped, because nothing could be seen of the path ahead"""
+    """fault, stuck, timeout: next to nothing could be seen of the path ahead"""
+    LITTLE_SEEN = "little_seen"
+    """stuck, timeout: the robot was not approaching the goal, and little could be seen of the path
+    ahead, so that it drives only over floor observed as such"""
+    OSCILLATING = "oscillating"
+    """stuck, timeout: the robot drives or turns without approaching the goal"""
+    VETOED = "vetoed"
+    """stuck, timeout: the safety monitor held the robot, although the local map has a path"""
+    STANDSTILL = "standstill"
+    """stuck, timeout: the robot stands still, although the local map has a path"""
+    SLOW = "slow"
+    """timeout: the robot was approaching the goal"""
+    EXCEPTION = "exception"
+    """fault: an exception"""
+    SENSOR_FAILED = "sensor_failed"
+    """fault: the stack stopped, because a sensor had failed for good"""
+    PLUGIN_FAILED = "plugin_failed"
+    """fault: a plugin failed at the start of the run, or a stage failed for too long"""
     BAD_COMMAND = "bad_command"
-    """the stack commanded a value that is not finite"""
+    """fault: the stack commanded a value that is not finite"""
+    BAD_INPUT = "bad_input"
+    """fault: world, mission or stack was refused"""
+    PROCESS_DIED = "process_died"
+    """fault: the process of the run ended without a result"""
     TOO_LONG = "too_long"
-    """the run exceeded its wall-clock limit"""
+    """fault: the run exceeded its wall-clock limit"""
+    TOO_MUCH_MEMORY = "too_much_memory"
+    """fault: the run exceeded its limit of memory, or the machine had none left"""
+    UNKNOWN = "unknown"
+    """the symptoms do not show the cause"""
 
 
 @dataclass(frozen=True, slots=True)
 class MissionVerdict:
     """The outcome with its ``reason``, the last leading behaviour, the control tick and time [s].
 
-    ``fault`` is the kind of a fault, None for other outcomes. ``trace`` is the Python traceback of
+    ``fault`` is the cause of a fault, None for other outcomes. ``trace`` is the Python traceback of
     an exception, empty otherwise.
     """
 
@@ -67,7 +112,7 @@ class MissionVerdict:
     behavior: str
     tick: int
     time: float
-    fault: FaultKind | None = None
+    fault: Cause | None = None
     trace: str = ""
 
     def __str__(self) -> str:

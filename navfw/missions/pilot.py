@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 
@@ -108,3 +108,14 @@ class TickView:
             return None
         pose = self.state.belief.pose
         return np.array([pose.x, pose.y, pose.yaw])
+
+
+Watcher: TypeAlias = Callable[[TickView], object]
+"""Takes in every control tick of a run, after the stack; it must change nothing in it."""
+
+
+def watcher_of(observe: Callable[[SensorReading, Twist, Pose], object]) -> Watcher:
+    """Calls ``observe``, of a recorder or a viewer, with the reading, the twist, the true pose."""
+    return lambda tick: observe(
+        tick.reading, Twist(*tick.twist.tolist()), Pose(*tick.true_pose.tolist())
+    )

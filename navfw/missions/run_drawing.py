@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 from navfw.recording import palette
 from navfw.recording.top_view import Disc, Line, Marks, WorldOutline, way_shapes
-from navfw.signals import Pose, SensorReading, Twist
+from navfw.signals import Pose
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.shapes import Circle
 
 if TYPE_CHECKING:
+    from navfw.missions.pilot import TickView
     from navfw.sim.engine import Point3, SimulatorWindow
     from navfw.sim.world_changes import Walker
     from navfw.stack import Stack
@@ -41,7 +42,7 @@ def discs_of(walkers: Iterable[Walker]) -> list[tuple[float, float, float]]:
 
 
 class WindowOverlay:
-    """An observer of a run of ``stack`` that shows it in ``window``; its camera follows.
+    """Shows a run of ``stack`` in ``window``; its camera follows.
 
     The path is the true one, in the colours of the leading behaviours; the way ahead and the local
     goal are where the robot believes them to be.
@@ -53,19 +54,17 @@ class WindowOverlay:
         self._drawn: Pose | None = None
         self._lines: dict[str, list[Point3]] = {}
 
-    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
+    def draw(self, tick: TickView) -> None:
         """Draw what is new once per camera frame."""
-        if reading.frame is None:
+        if tick.image is None:
             return
+        pose = Pose(*tick.true_pose.tolist())
         self._window.follow(pose.x, pose.y)
         self._draw_path(pose)
         self._draw_way()
         command = self._stack.state.command
         does = "no command" if command is None else f"{command.leader}: {command.reason}"
-        self._window.say(f"{reading.time:.1f} s  {does}")
-
-    def close(self) -> None:
-        """The window closes with the simulator."""
+        self._window.say(f"{tick.time:.1f} s  {does}")
 
     def _draw_path(self, pose: Pose) -> None:
         last = self._drawn

@@ -1,16 +1,21 @@
-"""Metrics of a run: success weighted by path length, clearance, estimation errors (METHOD 5).
+"""Result of a run, with its metrics: path length, clearance, estimation errors (METHOD 5).
 
-Computed from the true poses after the run; the stack gets none of it.
+Its fields have the names of ``navfw run --json``: the JSON, the row of a suite, the page and the
+lines of the terminal are views of it. Metrics are computed from the true poses after the run; the
+stack gets none of it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
+from navfw.missions.mission_events import EventRecord
+from navfw.missions.outcome import Outcome
 from navfw.numerics import Array
 from navfw.recording.run_observers import Contact, RunLog
 from navfw.sim.scene_geometry import SceneGeometry
@@ -71,6 +76,48 @@ class RunMetrics:
     emergencies: int
     route_changes: int
     stage_ms: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunResult(RunMetrics):
+    """Outcome and metrics of a run, as plain data.
+
+    ``collision_cause`` is "mover" when a mover ran into a robot that was not driving towards it,
+    "robot" for any other collision, None without one; ``contacts`` has the first contact of each.
+    ``oracle_plugins`` names the plugins that use the simulator's truth, declared or by their
+    source. ``faults`` are what plugins did wrong, ``objections`` the plugins that failed in more
+    than a tenth of their calls, but for those that the mission's events made fail.
+    """
+
+    outcome: Outcome
+    reason: str
+    world: str
+    mission: str
+    seed: int
+    behavior: str
+    tick: int
+    sim_time_s: float
+    wall_time_s: float
+    real_time_factor: float
+    collision_cause: str | None
+    contacts: tuple[Contact, ...]
+    command_hash: str
+    oracle: bool
+    oracle_plugins: tuple[str, ...]
+    faults: tuple[str, ...]
+    objections: tuple[str, ...]
+    events: tuple[EventRecord, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """The content of ``navfw run --json``: one flat object, the outcome first."""
+        metrics = {one.name for one in fields(RunMetrics)}
+        names = sorted((one.name for one in fields(RunResult)), key=metrics.__contains__)
+        return {
+            **{name: getattr(self, name) for name in names},
+            "outcome": str(self.outcome),
+            "contacts": [*map(asdict, self.contacts)],
+            "events": [event.as_data() for event in self.events],
+        }
 
 
 def path_length(points: Array) -> float:

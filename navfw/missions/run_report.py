@@ -1,13 +1,20 @@
-"""The files of a run folder: ``result.json``, the picture, and the inputs of a replay."""
+"""The files of a run folder: ``result.json``, the picture, and the inputs of a replay.
+
+The picture has the true path coloured by leading behaviour, with times; and what moved.
+"""
 
 from __future__ import annotations
 
+import math
 import platform
-from collections.abc import Callable, Sequence
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext, suppress
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from navfw.config.extras import pybullet_version
 from navfw.missions.mission_events import EventRecord
@@ -15,10 +22,13 @@ from navfw.missions.run_drawing import outline_of
 from navfw.missions.session import MissionResult, Session
 from navfw.process.atomic import writing
 from navfw.process.interruption import deferred, interruptible
+from navfw.recording import palette, plan_picture, top_view
 from navfw.recording.provenance import code_revision, machine_kind
 from navfw.recording.run_folder import MAP, PICTURE, RECORDING, RESULT, RunFolder
-from navfw.recording.run_observers import RunRecorder
-from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
+from navfw.recording.run_observers import RunLog, RunRecorder
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _LIBRARIES = ("numpy", "numba", "opencv-python-headless", "scikit-fuzzy", "networkx")
 """Libraries whose versions are recorded."""
@@ -88,7 +98,7 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
             inputs = result.session.stack.config, result.session.mission.topo_map
             writers[MAP] = lambda _: target.write_inputs(*inputs)
         writers[RECORDING] = result.recorder.save
-    writers[PICTURE] = lambda path: draw(result, path)
+    writers[PICTURE] = lambda path: draw_trajectory(result, path)
     with deferred():  # a recording without its inputs could not be replayed
         missing = [
             (name, _why_missing(target.path / name, write)) for name, write in writers.items()
@@ -129,32 +139,6 @@ def _why_missing(path: Path, write: Callable[[Path], object]) -> str:
     return why
 
 
-def draw(result: MissionResult, path: Path) -> None:
-    """Write the run's picture as PNG."""
-    mission, movers = result.session.mission, result.movers
-    numbers = [
-        f"{result.path_length_m:.1f} m in {result.sim_time_s:.1f} s",
-        f"shortest {result.shortest_path_m:.1f} m, SPL {result.spl:.2f}",
-        f"smallest clearance {result.min_clearance_m:.2f} m",
-        f"final estimate error {result.estimate_error_m:.2f} m",
-    ]
-    picture = TrajectoryPicture(
-        title=f"{result.world} / {result.mission}, seed {result.seed}: {result.outcome}",
-        reason=result.reason,
-        numbers="  ·  ".join(numbers),
-        good=result.outcome.succeeded,
-        outline=outline_of(result.session.plan),
-        start=mission.start,
-        goals=[(goal.x, goal.y) for goal in mission.goals],
-        zone=mission.spec.success.within,
-        robot_radius=mission.spec.robot.radius,
-        places={p.name: (p.x, p.y) for p in mission.topo_map.places.values()},
-        tracks=() if movers is None else list(movers.points.swapaxes(0, 1)),
-        track_radii=() if movers is None else movers.radii.tolist(),
-    )
-    draw_trajectory(path, result.log, picture)
-
-
 def versions() -> dict[str, str]:
     """Versions of Python and of the libraries that a result depends on."""
     by_name = {"python": platform.python_version(), "machine": platform.machine()}
@@ -164,3 +148,146 @@ def versions() -> dict[str, str]:
         except metadata.PackageNotFoundError:
             by_name[library] = "not installed"
     return {**by_name, "pybullet": pybullet_version()}
+
+
+_PLACE, _TIME = "#7A7A7A", "#1C2430"
+_PLACES = top_view.Style(_PLACE, size=2.5)
+_ZONE = top_view.Style(palette.GOAL, opacity=0.13)
+_START = top_view.Style("white", palette.START, width=1.6, label="start")
+_END = top_view.Style(edge="#111111", width=1.4)
+_ESTIMATE = top_view.Style(palette.ESTIMATE, width=0.9, dashed=True, label="estimate")
+_CONTACT = top_view.Style(palette.CONTACT, "white", marker="cross", size=11.0, label="contact")
+
+_BAD_OUTCOME, _GOOD_OUTCOME = "#B00020", "#2E7D32"
+
+_LINE = 0.23
+"""Distance of lines above the picture [inch]."""
+_LETTER_WIDTH = 0.08
+"""Mean width of a letter of the reason, with the margin [inch]."""
+_BELOW = 0.95
+"""Height of the room below the picture, for axis and legend [inch]."""
+
+_TIME_STEPS = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0)
+"""Intervals between two times on the path [s]."""
+_MAX_TIMES = 10
+"""Largest number of times on the path."""
+_DIRECTION_OVER = 0.5
+"""Time over which the direction of the path is taken, each way [s]."""
+_STANDING = 0.02
+"""Length [m] up to which a part of the path has no direction."""
+
+
+def draw_trajectory(result: MissionResult, path: Path) -> None:
+    """Write the picture of a run as PNG to ``path``."""
+    log, mission, movers = result.log, result.session.mission, result.movers
+    outline, goals = outline_of(result.session.plan), [(goal.x, goal.y) for goal in mission.goals]
+    shown = log.every(0.1)
+    points = [log.true[:, :2], log.estimate[:, :2], np.array(goals)]
+    at_start = np.array([mission.start.x, mission.start.y])
+    low, high = outline.bounds(0.4, *points, at_start)
+    width, height = high - low
+    scale = min(11.0 / width, 8.0 / height)
+    wide = max(8.5, width * scale) + 0.6
+    header = _header(result, wide)
+    above = 0.16 + _LINE * len(header)
+    inches = max(3.0, height * scale) + _BELOW + above
+    frame = (0.05, _BELOW / inches, 0.92, 1.0 - (_BELOW + above) / inches)
+    figure, axes = plan_picture.plan_axes((wide, inches), frame, low, high)
+    places = np.array([(place.x, place.y) for place in mission.topo_map.places.values()])
+    marks = top_view.Marks(places.reshape(-1, 2), _PLACES)
+    plan_picture.draw_shapes(axes, [*outline.shapes(), marks], zorder=2.0)
+    zones = [top_view.Disc(x, y, mission.spec.success.within, _ZONE) for x, y in goals]
+    tracks = [] if movers is None else zip(movers.points.swapaxes(0, 1), movers.radii, strict=True)
+    went = [
+        shape
+        for track, radius in tracks
+        for shape in top_view.mover_shapes(track, (track[-1, 0], track[-1, 1]), radius, 0.35)
+    ]
+    plan_picture.draw_shapes(axes, [*went, *zones], zorder=3.0)
+    if len(shown) > 1:
+        leaders = [log.leaders[leader] for leader in log.leader[shown]]
+        paths = top_view.led_lines(log.true[shown, :2], leaders)
+        estimate = top_view.Line(log.estimate[shown, :2], _ESTIMATE)
+        plan_picture.draw_shapes(axes, [*paths, estimate], zorder=4.0)
+    plan_picture.draw_shapes(axes, _marks(result, goals), zorder=6.0)
+    _write_labels(axes, result, goals)
+    axes.set_xlabel("x [m]", fontsize=8, color="#666666", labelpad=1)
+    axes.set_ylabel("y [m]", fontsize=8, color="#666666", labelpad=1)
+    for number, (text, size, ink) in enumerate(header):
+        weight = "bold" if number == 0 else "normal"
+        y = 1.0 - (0.34 + _LINE * number) / inches
+        figure.text(0.03, y, text, fontsize=size, color=ink, weight=weight)
+    plan_picture.write_legend(figure, axes)
+    figure.savefig(path, dpi=130, format="png", metadata={"Software": "navfw"})
+
+
+def _header(result: MissionResult, wide: float) -> list[tuple[str, float, str]]:
+    """The lines above the picture, with size [pt] and colour; ``wide`` is its width [inch]."""
+    letters = int(wide / _LETTER_WIDTH)
+    reason = textwrap.wrap(result.reason, letters, max_lines=3, placeholder=" ...") or [""]
+    numbers = [
+        f"{result.path_length_m:.1f} m in {result.sim_time_s:.1f} s",
+        f"shortest {result.shortest_path_m:.1f} m, SPL {result.spl:.2f}",
+        f"smallest clearance {result.min_clearance_m:.2f} m",
+        f"final estimate error {result.estimate_error_m:.2f} m",
+    ]
+    title = f"{result.world} / {result.mission}, seed {result.seed}: {result.outcome}"
+    return [
+        (title, 13.0, _GOOD_OUTCOME if result.outcome.succeeded else _BAD_OUTCOME),
+        *((line, 9.5, "#222222") for line in reason),
+        ("  ·  ".join(numbers), 9.0, "#666666"),
+    ]
+
+
+def _marks(result: MissionResult, goals: Sequence[top_view.Point]) -> Iterator[top_view.Shape]:
+    log, start = result.log, result.session.mission.start
+    radius = result.session.mission.spec.robot.radius
+    yield from top_view.robot_shapes(start, radius, 1.9 * radius, _START)
+    yield top_view.waypoint_marks((w.x, w.y) for w in log.waypoints if w.kind != "goal")
+    yield top_view.goal_marks(goals)
+    if log.ticks:
+        yield top_view.Disc(log.true[-1, 0], log.true[-1, 1], radius, _END)
+    yield top_view.Marks(np.array([(c.x, c.y) for c in log.contacts]).reshape(-1, 2), _CONTACT)
+
+
+def _write_labels(axes: Axes, result: MissionResult, goals: Sequence[top_view.Point]) -> None:
+    """Name the places of the way, goals first, and write times with arrows on the path."""
+    log, mission = result.log, result.session.mission
+    path = log.true[log.every(0.1), :2]
+    if len(path):
+        turn = np.linspace(0.0, 2.0 * math.pi, 13)
+        body = mission.spec.robot.radius * np.column_stack([np.cos(turn), np.sin(turn)])
+        path = np.vstack([path[0] + body, path, path[-1] + body])
+    labels = plan_picture.PathLabels(axes, path, zorder=10)
+    for waypoint in log.waypoints:
+        labels.keep_clear((waypoint.x, waypoint.y))
+    for contact in log.contacts[:1]:
+        labels.write(contact.body, (contact.x, contact.y), palette.CONTACT)
+    passed = {waypoint.place for waypoint in log.waypoints}
+    places = {place.name: (place.x, place.y) for place in mission.topo_map.places.values()}
+    named = [name for name, point in places.items() if point in goals]
+    for name in dict.fromkeys((*named, *(name for name in places if name in passed))):
+        labels.write(name, places[name], _PLACE)
+    for tick in _timed_ticks(log):
+        x, y, _ = log.true[tick]
+        if labels.write(f"{log.time[tick]:.0f} s", (x, y), _TIME):
+            plan_picture.draw_arrow(axes, (x, y), _direction(log, tick), _TIME, zorder=5.0)
+
+
+def _timed_ticks(log: RunLog) -> list[int]:
+    """The ticks at whole times, neither the first nor the last one."""
+    if log.ticks < 2:
+        return []
+    step = next((s for s in _TIME_STEPS if log.time[-1] / s <= _MAX_TIMES), _TIME_STEPS[-1])
+    times = np.arange(step, log.time[-1] - 0.3 * step, step)
+    return [int(tick) for tick in np.searchsorted(log.time, times)]
+
+
+def _direction(log: RunLog, tick: int) -> float:
+    """The direction of the path [rad]; of the robot's nose where it stands."""
+    now = log.time[tick]
+    before, after = np.searchsorted(log.time, (now - _DIRECTION_OVER, now + _DIRECTION_OVER))
+    dx, dy = log.true[min(after, log.ticks - 1), :2] - log.true[before, :2]
+    if math.hypot(dx, dy) < _STANDING:
+        return float(log.true[tick, 2])
+    return math.atan2(dy, dx)

@@ -6,7 +6,7 @@ import gc
 import math
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Self
@@ -17,16 +17,16 @@ from navfw.errors import InputError
 from navfw.guard import PluginCallError
 from navfw.missions.mission_events import EventClock
 from navfw.missions.outcome import (
-    FaultKind,
+    Cause,
     GoalChecker,
     MissionVerdict,
     Outcome,
     ProgressChecker,
     goal_name,
 )
-from navfw.missions.pilot import Pilot, Simulator, TickView
+from navfw.missions.pilot import Pilot, Simulator, TickView, Watcher
 from navfw.process.interruption import check_interrupted, interruptible
-from navfw.recording.run_observers import Contact, RunLog, RunLogger, RunObserver
+from navfw.recording.run_observers import Contact, RunLog, RunLogger
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
 
@@ -37,11 +37,11 @@ _EMERGENCY = "emergency"
 """Name of the behaviour whose commands count as emergency commands."""
 
 _FAULTS = {
-    "sensor": FaultKind.SENSOR_FAILED,
-    "sight": FaultKind.NOTHING_SEEN,
-    "stage": FaultKind.PLUGIN_FAILED,
+    "sensor": Cause.SENSOR_FAILED,
+    "sight": Cause.NOTHING_SEEN,
+    "stage": Cause.PLUGIN_FAILED,
 }
-"""Kind of the fault by the part of the stack that has failed for good."""
+"""Cause of the fault by the part of the stack that has failed for good."""
 
 _STILL = 0.02
 """Commanded speed [m/s] and turning rate [rad/s] up to which the robot counts as standing still."""
@@ -76,8 +76,8 @@ class Task:
 class MissionLoop:
     """One run, an iterator over its control ticks; ``verdict`` is that of a mission that has ended.
 
-    ``observers``, ``on_tick`` and ``events`` take in every tick. A run that takes longer than
-    ``limit`` [s] of wall-clock time ends as a fault; otherwise that time is used in reports only.
+    ``watchers`` and ``events`` take in every tick. A run that takes longer than ``limit`` [s] of
+    wall-clock time ends as a fault; otherwise that time is used in reports only.
     """
 
     def __init__(
@@ -85,17 +85,14 @@ class MissionLoop:
         task: Task,
         pilot: Pilot,
         simulator: Simulator,
-        on_tick: Callable[[TickView], object] | None = None,
-        *,
-        observers: Sequence[RunObserver] = (),
+        *watchers: Watcher,
         events: EventClock | None = None,
         limit: float = math.inf,
     ) -> None:
         self.task = task
         self.pilot = pilot
         self.simulator = simulator
-        self.on_tick = on_tick
-        self.observers = observers
+        self.watchers = watchers
         self.events = events or EventClock(())
         self.limit = limit
         self._verdict: MissionVerdict | None = None
@@ -183,13 +180,13 @@ class MissionLoop:
         except KeyboardInterrupt:
             self._verdict = self._end(Outcome.CANCELLED, "stopped by the user")
         except PluginCallError as error:
-            self._verdict = self._fault(FaultKind.PLUGIN_FAILED, str(error))
+            self._verdict = self._fault(Cause.PLUGIN_FAILED, str(error))
         except Exception as error:  # a plugin may raise anything; the run still gives a result
             if isinstance(error, InputError) and self.logger.ticks == 0:
                 raise
             what = f"{type(error).__name__}: {error}".splitlines()[0]
             trace = traceback.format_exc()
-            self._verdict = self._fault(FaultKind.EXCEPTION, f"exception: {what}", trace)
+            self._verdict = self._fault(Cause.EXCEPTION, f"exception: {what}", trace)
 
     def _contained_ticks(self) -> Iterator[TickView]:
         with self._contained():
@@ -206,7 +203,7 @@ class MissionLoop:
             twist = pilot.step(reading)
             if not (math.isfinite(twist.v) and math.isfinite(twist.w)):
                 what = f"the stack commanded v = {twist.v}, w = {twist.w}"
-                self._verdict = self._fault(FaultKind.BAD_COMMAND, what)
+                self._verdict = self._fault(Cause.BAD_COMMAND, what)
                 return
             tick = TickView(
                 reading,
@@ -215,15 +212,15 @@ class MissionLoop:
                 np.array([pose.x, pose.y, pose.yaw]),
             )
             self._record(reading, pose, twist)
-            if self.on_tick is not None:
-                self.on_tick(tick)
+            for watch in self.watchers:
+                watch(tick)
             simulator.drive(*task.robot.wheel_speeds(twist))
             simulator.advance(1.0 / task.robot.control_rate)
             self._verdict = self._judge(reading.time, simulator.true_pose(), twist)
             self.wall_time = time.perf_counter() - self.began
             if self._verdict is None and self.wall_time > self.limit:
                 what = f"wall-clock limit of {self.limit:g} s"
-                self._verdict = self._fault(FaultKind.TOO_LONG, what)
+                self._verdict = self._fault(Cause.TOO_LONG, what)
             yield tick
 
     def _record(self, reading: SensorReading, pose: Pose, twist: Twist) -> None:
@@ -243,8 +240,6 @@ class MissionLoop:
             vetoed=bool(state.veto),
         )
         self.logger.add_waypoints(state.path)
-        for observer in self.observers:
-            observer.observe(reading, twist, pose)
 
     def _judge(self, now: float, pose: Pose, twist: Twist) -> MissionVerdict | None:
         """The verdict if the mission ends at this tick; a collision takes precedence."""
@@ -298,7 +293,7 @@ class MissionLoop:
             return self._end(Outcome.REACHED, f"stopped {off:.2f} m from {goal_name(goal)}")
         return self._end(Outcome.LOST, missed)
 
-    def _fault(self, kind: FaultKind, reason: str, trace: str = "") -> MissionVerdict:
+    def _fault(self, kind: Cause, reason: str, trace: str = "") -> MissionVerdict:
         return replace(self._end(Outcome.FAULT, reason), fault=kind, trace=trace)
 
     def _end(self, outcome: Outcome, reason: str) -> MissionVerdict:

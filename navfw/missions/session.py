@@ -19,10 +19,9 @@ from navfw.missions.mission_events import Event, EventClock, EventRecord
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import MissionVerdict, Outcome
-from navfw.missions.pilot import TickView
+from navfw.missions.pilot import TickView, Watcher, watcher_of
 from navfw.missions.run_drawing import WindowOverlay, discs_of, outline_of
-from navfw.missions.run_metrics import first_contacts, measure
-from navfw.missions.run_result import RunResult
+from navfw.missions.run_metrics import RunResult, first_contacts, measure
 from navfw.missions.runner import MissionLoop, Task
 from navfw.plugins.fault_injection import inject_faults
 from navfw.plugins.simulator_access import plugin_files, simulator_users
@@ -31,7 +30,7 @@ from navfw.process.interruption import INTERRUPTED
 from navfw.process.last_trace import name_plugins
 from navfw.recording.channel_list import SeenRun
 from navfw.recording.run_folder import plain_json
-from navfw.recording.run_observers import RunLog, RunObserver, RunRecorder
+from navfw.recording.run_observers import RunLog, RunRecorder
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.simulation import Simulation
 from navfw.sim.world_changes import ChangeTrack, Walker, WalkerTrack
@@ -119,37 +118,34 @@ class Session:
 
     def run(
         self,
-        on_tick: Callable[[TickView], object] | None = None,
-        *,
+        *watchers: Watcher,
         gui: bool = False,
         record: bool | RunRecorder = False,
-        observers: Sequence[RunObserver] = (),
         limit: float = math.inf,
         told: Callable[[Sequence[EventRecord]], object] = lambda _: None,
     ) -> MissionResult:
         """Drive the mission once; with ``record`` it is recorded, for a replay and for viewers.
 
-        The recording is in a temporary file, or that of a ``recorder``. ``on_tick`` and
-        ``observers`` take in every tick, ``told`` the events so far when one has begun or ended. A
-        run that takes longer than ``limit`` [s] of wall-clock time ends as a fault.
+        The recording is in a temporary file, or that of a ``recorder``. ``watchers`` take in every
+        tick, ``told`` the events so far when one has begun or ended. A run that takes longer than
+        ``limit`` [s] of wall-clock time ends as a fault.
 
         Raises:
             InputError: the stack refuses the mission before the robot has moved.
 
         """
         recorder = RunRecorder(self.description, self.seen) if record is True else record or None
-        observers = (*observers, *((recorder,) if recorder else ()))
+        if recorder is not None:
+            watchers = (*watchers, watcher_of(recorder.observe))
         name_plugins(plugin_files(plugins_of(self.stack)))
         with (
             recorder or nullcontext(),
-            SteppedSession(
-                self, on_tick, gui=gui, observers=observers, limit=limit, told=told
-            ) as drive,
+            SteppedSession(self, *watchers, gui=gui, limit=limit, told=told) as drive,
             self.stack.guard.watchdog.on_duty(),
         ):
             drive.run()
-            for observer in observers:
-                observer.close()
+            if recorder is not None:
+                recorder.close()
             return replace(drive.result, recorder=recorder)
 
 
@@ -164,10 +160,8 @@ class SteppedSession(MissionLoop):
     def __init__(
         self,
         session: Session,
-        on_tick: Callable[[TickView], object] | None = None,
-        *,
+        *watchers: Watcher,
         gui: bool = False,
-        observers: Sequence[RunObserver] = (),
         limit: float = math.inf,
         told: Callable[[Sequence[EventRecord]], object] = lambda _: None,
         compiled: bool = False,
@@ -178,7 +172,7 @@ class SteppedSession(MissionLoop):
         stack, self._simulation = session.stack, session.simulation(gui)
         self._open = True
         if self._simulation.window is not None:
-            observers = (*observers, WindowOverlay(self._simulation.window, stack))
+            watchers = (*watchers, WindowOverlay(self._simulation.window, stack).draw)
         targets = (
             inject_faults(stack.mofis.behaviors, event.behavior)
             if event.behavior
@@ -186,8 +180,8 @@ class SteppedSession(MissionLoop):
             for event in session.events
         )
         events = EventClock(zip(session.events, targets, strict=True), told)
-        arguments = (session.task, stack, self._simulation, on_tick)
-        super().__init__(*arguments, observers=observers, events=events, limit=limit)
+        driven = session.task, stack, self._simulation
+        super().__init__(*driven, *watchers, events=events, limit=limit)
 
     def __enter__(self) -> Self:
         return self

@@ -29,7 +29,6 @@ from navfw.sim.world_check import check_world
 from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
-from navfw.stack.stackfile import load_stack
 
 Mission: TypeAlias = str | Path | tuple[float, float]
 """A mission's name or file; or the point x, y [m] that a mission from the world's start leads to,
@@ -121,9 +120,14 @@ def prepare(
 
     """
     texts = override_texts(overrides)
-    world_file, world_spec, loaded = _load(world, mission, texts)
-    registry = registry or default_registry()
-    return session_of(world_spec, loaded, world_file.parent.name, seed, stack, texts, registry)
+    for_mission, _ = split_overrides(texts)
+    world_file = find("world", world)
+    if isinstance(mission, tuple):
+        loaded = mission_to(world, mission, for_mission)
+    else:
+        loaded = load_mission(find_mission(world, mission), for_mission)
+    spec, name = load_world(world_file), world_file.parent.name
+    return session_of(spec, loaded, name, seed, stack, texts, registry or default_registry())
 
 
 def session_of(
@@ -164,40 +168,6 @@ def session_of(
         overrides=overrides,
         events=resolve_events(mission, world, built, registry),
     )
-
-
-def check_inputs(
-    world: str | Path,
-    mission: Mission,
-    *,
-    stack: str | Path | None = None,
-    overrides: Settings = (),
-) -> None:
-    """Check the files that ``prepare`` reads, in a part of its time.
-
-    What shows only in the floor plan, such as a goal within a wall, is not checked.
-
-    Raises:
-        InputError: one of them does not exist, breaks its schema, or contradicts another.
-
-    """
-    texts = override_texts(overrides)
-    _, world_spec, loaded = _load(world, mission, texts)
-    with_drops(world_spec, loaded)
-    load_stack(chosen_stack(loaded, stack), default_registry(), split_overrides(texts)[1])
-
-
-def _load(
-    world: str | Path, mission: Mission, overrides: Sequence[str]
-) -> tuple[Path, WorldSpec, MissionFile]:
-    """The file of the world, the world, and the mission with those ``overrides`` that apply."""
-    for_mission, _ = split_overrides(overrides)
-    world_file = find("world", world)
-    if isinstance(mission, tuple):
-        loaded = mission_to(world, mission, for_mission)
-    else:
-        loaded = load_mission(find_mission(world, mission), for_mission)
-    return world_file, load_world(world_file), loaded
 
 
 def with_drops(world: WorldSpec, mission: MissionFile) -> WorldSpec:

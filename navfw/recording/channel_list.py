@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntFlag
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 if TYPE_CHECKING:
     from navfw.recording.top_view import WorldOutline
@@ -52,95 +52,77 @@ RUN = "navfw.run"
 END = "navfw.end"
 """Name of the metadata at the end of the data; without them the run is not complete."""
 
-READING = "/sensors/reading"
-CAMERA_IMAGE = "/camera/image"
-LANDMARK_IMAGE = "/camera/landmarks/image"
-LEFT_IMAGE = "/camera/left/image"
-RIGHT_IMAGE = "/camera/right/image"
-SIDE_IMAGES = (LEFT_IMAGE, RIGHT_IMAGE)
-IMAGES = (CAMERA_IMAGE, LANDMARK_IMAGE, *SIDE_IMAGES)
-FLOW = "/flow"
-CELLS = "/percept/cells"
-PERCEPT = "/percept"
-LOCAL_MAP = "/local_map"
-LOCAL_GOAL = "/local_goal"
-OBSTACLES = "/moving_obstacles"
-TRUE_OBSTACLES = "/moving_obstacles/true"
-TRANSFORMS = "/tf"
-POSE = "/pose"
-TRUE_POSE = "/pose/true"
-PATH = "/path"
-WORLD = "/world"
-PROPOSALS = "/proposals"
-COMMAND = "/command"
-RULES = "/command/rules"
-IMU = "/imu"
-JOINTS = "/joint_states"
-ODOMETRY = "/odom"
-TWIST = "/cmd_vel"
-DRIVEN = "/cmd_vel/driven"
-CAMERA_INFO = "/camera/camera_info"
-LOG = "/rosout"
 
+class Topic(str):
+    """The topic of a channel, with the name of its schema, how often, and what is in it."""
 
-@dataclass(frozen=True, slots=True)
-class ChannelInfo:
-    """A channel: its ``topic``, the name of its ``schema``, how often, and what is in it."""
-
-    topic: str
+    __slots__ = ("content", "rate", "schema")
     schema: str
     rate: str
     content: str
 
+    def __new__(cls, topic: str, schema: str, rate: str, content: str) -> Self:
+        """A channel called ``topic``."""
+        info = super().__new__(cls, topic)
+        info.schema, info.rate, info.content = schema, rate, content
+        return info
 
-_ANNOTATIONS = "foxglove.ImageAnnotations"
+
 IMAGE_SCHEMA = "sensor_msgs/msg/CompressedImage"
+_ANNOTATIONS, _SCENE = "foxglove.ImageAnnotations", "foxglove.SceneUpdate"
+_TWIST = "geometry_msgs/msg/TwistStamped"
 
-SENSOR_CHANNELS = (
-    ChannelInfo(READING, SCHEMA_NAME, "60 Hz", "gyro, encoders, and the command of the stack"),
-    ChannelInfo(CAMERA_IMAGE, IMAGE_SCHEMA, "10 Hz", "the camera's image, PNG"),
-    ChannelInfo(LANDMARK_IMAGE, IMAGE_SCHEMA, "1.25 Hz", "the larger image for landmarks, if any"),
-    ChannelInfo(LEFT_IMAGE, IMAGE_SCHEMA, "10 Hz", "left side view, of a wide lens"),
-    ChannelInfo(RIGHT_IMAGE, IMAGE_SCHEMA, "10 Hz", "right side view, of a wide lens"),
+
+READING = Topic(
+    "/sensors/reading", SCHEMA_NAME, "60 Hz", "gyro, encoders, and the command of the stack"
 )
+CAMERA_IMAGE = Topic("/camera/image", IMAGE_SCHEMA, "10 Hz", "the camera's image, PNG")
+LANDMARK_IMAGE = Topic(
+    "/camera/landmarks/image", IMAGE_SCHEMA, "1.25 Hz", "the larger image for landmarks, if any"
+)
+LEFT_IMAGE = Topic("/camera/left/image", IMAGE_SCHEMA, "10 Hz", "left side view, of a wide lens")
+RIGHT_IMAGE = Topic("/camera/right/image", IMAGE_SCHEMA, "10 Hz", "right side view, of a wide lens")
+SIDE_IMAGES = (LEFT_IMAGE, RIGHT_IMAGE)
+IMAGES = (CAMERA_IMAGE, LANDMARK_IMAGE, *SIDE_IMAGES)
+SENSOR_CHANNELS = (READING, *IMAGES)
 """What a replay needs, bit for bit."""
 
-VIEWER_CHANNELS = (
-    ChannelInfo(FLOW, _ANNOTATIONS, "5 Hz", "derotated flow, lines over the camera's image"),
-    ChannelInfo(CELLS, _ANNOTATIONS, "5 Hz", "what each flow cell shows, by colour"),
-    ChannelInfo(PERCEPT, "navfw.Percept", "5 Hz", "OFFIS: sentence, quadrants, situations"),
-    ChannelInfo(LOCAL_MAP, "foxglove.Grid", "2 Hz", "`occupancy` in percent, in `odom`"),
-    ChannelInfo(LOCAL_GOAL, "foxglove.PoseInFrame", "10 Hz", "local goal, in `base_link`"),
-    ChannelInfo(OBSTACLES, "foxglove.SceneUpdate", "10 Hz", "moving obstacles, with velocity"),
-    ChannelInfo(TRUE_OBSTACLES, "foxglove.SceneUpdate", "10 Hz", "those of the simulator, if any"),
-    ChannelInfo(
-        TRANSFORMS,
-        "tf2_msgs/msg/TFMessage",
-        "10 Hz",
-        "`map` to `odom` to `base_link` to `camera`",
-    ),
-    ChannelInfo(POSE, "foxglove.Odometry", "10 Hz", "estimated pose with covariance, twist"),
-    ChannelInfo(TRUE_POSE, "foxglove.PoseInFrame", "10 Hz", "true pose"),
-    ChannelInfo(PATH, "foxglove.PosesInFrame", "10 Hz", "estimated position and waypoints ahead"),
-    ChannelInfo(WORLD, "foxglove.SceneUpdate", "0.2 Hz", "walls and furniture"),
-    ChannelInfo(PROPOSALS, "foxglove.Grid", "5 Hz", "each behaviour's rating of all commands"),
-    ChannelInfo(COMMAND, "navfw.Command", "10 Hz", "the command, its leader, weights and reasons"),
-    ChannelInfo(RULES, "navfw.FiredRules", "5 Hz", "rules that fired, as `navfw explain --json`"),
-    ChannelInfo(IMU, "sensor_msgs/msg/Imu", "60 Hz", "gyro"),
-    ChannelInfo(JOINTS, "sensor_msgs/msg/JointState", "60 Hz", "wheels"),
-    ChannelInfo(ODOMETRY, "nav_msgs/msg/Odometry", "10 Hz", "dead reckoning"),
-    ChannelInfo(TWIST, "geometry_msgs/msg/TwistStamped", "60 Hz", "command"),
-    ChannelInfo(CAMERA_INFO, "sensor_msgs/msg/CameraInfo", "10 Hz", "camera"),
-    ChannelInfo(LOG, "rcl_interfaces/msg/Log", "1 Hz", "what it does"),
+FLOW = Topic("/flow", _ANNOTATIONS, "5 Hz", "derotated flow, lines over the camera's image")
+CELLS = Topic("/percept/cells", _ANNOTATIONS, "5 Hz", "what each flow cell shows, by colour")
+PERCEPT = Topic("/percept", "navfw.Percept", "5 Hz", "OFFIS: sentence, quadrants, situations")
+LOCAL_MAP = Topic("/local_map", "foxglove.Grid", "2 Hz", "`occupancy` in percent, in `odom`")
+LOCAL_GOAL = Topic("/local_goal", "foxglove.PoseInFrame", "10 Hz", "local goal, in `base_link`")
+OBSTACLES = Topic("/moving_obstacles", _SCENE, "10 Hz", "moving obstacles, with velocity")
+TRUE_OBSTACLES = Topic("/moving_obstacles/true", _SCENE, "10 Hz", "those of the simulator, if any")
+TRANSFORMS = Topic(
+    "/tf", "tf2_msgs/msg/TFMessage", "10 Hz", "`map` to `odom` to `base_link` to `camera`"
 )
-"""What people and tools look at."""
-DRIVEN_CHANNEL = ChannelInfo(
-    DRIVEN, "geometry_msgs/msg/TwistStamped", "10 Hz", "of a bag's replay: the bag's `cmd_vel`"
+POSE = Topic("/pose", "foxglove.Odometry", "10 Hz", "estimated pose with covariance, twist")
+TRUE_POSE = Topic("/pose/true", "foxglove.PoseInFrame", "10 Hz", "true pose")
+PATH = Topic("/path", "foxglove.PosesInFrame", "10 Hz", "estimated position and waypoints ahead")
+WORLD = Topic("/world", _SCENE, "0.2 Hz", "walls and furniture")
+PROPOSALS = Topic("/proposals", "foxglove.Grid", "5 Hz", "each behaviour's rating of all commands")
+COMMAND = Topic(
+    "/command", "navfw.Command", "10 Hz", "the command, its leader, weights and reasons"
 )
+RULES = Topic(
+    "/command/rules", "navfw.FiredRules", "5 Hz", "rules that fired, as `navfw explain --json`"
+)
+IMU = Topic("/imu", "sensor_msgs/msg/Imu", "60 Hz", "gyro")
+JOINTS = Topic("/joint_states", "sensor_msgs/msg/JointState", "60 Hz", "wheels")
+ODOMETRY = Topic("/odom", "nav_msgs/msg/Odometry", "10 Hz", "dead reckoning")
+TWIST = Topic("/cmd_vel", _TWIST, "60 Hz", "command")
+CAMERA_INFO = Topic("/camera/camera_info", "sensor_msgs/msg/CameraInfo", "10 Hz", "camera")
+LOG = Topic("/rosout", "rcl_interfaces/msg/Log", "1 Hz", "what it does")
+DRIVEN = Topic("/cmd_vel/driven", _TWIST, "10 Hz", "of a bag's replay: the bag's `cmd_vel`")
 """What the robot was commanded in its stead while the stack was not in command."""
 
-CHANNELS = SENSOR_CHANNELS + VIEWER_CHANNELS
-"""All channels of a run."""
+CHANNELS = (
+    *(*SENSOR_CHANNELS, FLOW, CELLS, PERCEPT, LOCAL_MAP, LOCAL_GOAL, OBSTACLES, TRUE_OBSTACLES),
+    *(TRANSFORMS, POSE, TRUE_POSE, PATH, WORLD, PROPOSALS, COMMAND, RULES),
+    *(IMU, JOINTS, ODOMETRY, TWIST, CAMERA_INFO, LOG),
+)
+"""All channels of a run: what a replay needs, and what people and tools look at."""
 
 
 @dataclass(frozen=True, slots=True)

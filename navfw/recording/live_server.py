@@ -22,7 +22,7 @@ from navfw.config.extras import extra_imports
 from navfw.errors import InputError
 from navfw.process.interruption import deferred, interruptible
 from navfw.recording import channel_list as topics
-from navfw.recording.channel_list import ChannelInfo, SeenRun
+from navfw.recording.channel_list import SeenRun, Topic
 from navfw.signals import Pose, SensorReading, Twist
 
 with extra_imports("record"):
@@ -63,13 +63,13 @@ _HEADERS = {
 class _LiveChannel:
     """A channel with its receivers, each with the start of its messages: opcode, subscription."""
 
-    def __init__(self, number: int, info: ChannelInfo) -> None:
+    def __init__(self, number: int, info: Topic) -> None:
         encoding, schema = channel_schema(info)
         text = b64encode(schema.data) if encoding == "protobuf" else schema.data
         self.receivers: dict[ServerConnection, bytes] = {}
         self.advertised = {
             "id": number,
-            "topic": info.topic,
+            "topic": info,
             "encoding": encoding,
             "schemaName": schema.name,
             "schemaEncoding": schema.encoding,
@@ -183,10 +183,6 @@ class LiveServer:
         while self._speed is not None and (ahead := self._due - time.monotonic()) > 0.0:
             self.serve(min(ahead, _PERIOD))
 
-    def close(self) -> None:
-        """Send what still waits: the run is over."""
-        self.serve(0.0)
-
     def end(self, message: str = "the run has ended", *, stay: bool = False) -> None:
         """Tell how the run ended, and end the server; with ``stay`` not before Ctrl-C."""
         self._ended = message
@@ -218,8 +214,8 @@ class LiveServer:
             self._channels.observe(*self._last)
         self._joined = False
 
-    def _channel(self, info: ChannelInfo) -> _LiveChannel:
-        return self._open.setdefault(info.topic, _LiveChannel(len(self._open), info))
+    def _channel(self, info: Topic) -> _LiveChannel:
+        return self._open.setdefault(info, _LiveChannel(len(self._open), info))
 
     def _answer(self, client: ServerConnection, request: Request) -> Response | None:
         """The page, or a refusal; None for a viewer."""

@@ -31,13 +31,13 @@ _IMAGE_FORMAT = "png"
 """Format of the images. It loses nothing; WebP and JPEG 2000 are a tenth smaller and take five to
 ten times as long, an eighth of the run."""
 
-OpenChannel = Callable[[topics.ChannelInfo], Any]
+OpenChannel = Callable[[topics.Topic], Any]
 """Opens a channel: it has ``has_sinks()``, and ``log(data, log_time=...)`` with a time [ns]."""
 
 
-_PERIODS = {
-    info.topic: 1.0 / rate
-    for info in topics.VIEWER_CHANNELS
+_PERIODS: dict[str, float] = {
+    info: 1.0 / rate
+    for info in topics.CHANNELS
     if (rate := float(info.rate.partition(" ")[0])) < 10.0
 }
 """Intervals [s] of what is not logged at every frame: it costs most, or serves who joins."""
@@ -56,7 +56,7 @@ class RunChannels:
         self._seen = seen
         self._guard = PluginGuard()
         opened = topics.SENSOR_CHANNELS if seen is None else topics.CHANNELS
-        self._channels = {info.topic: open_channel(info) for info in opened}
+        self._channels: dict[str, Any] = {info: open_channel(info) for info in opened}
         self.restart()
 
     def restart(self) -> None:
@@ -67,7 +67,9 @@ class RunChannels:
         """Log one control tick: the reading, the stack's command, the true pose if it is known."""
         now = topics.nanoseconds(reading.time)
         frame, landmarks = reading.frame, reading.landmark_frame
-        images = {} if landmarks is None else {topics.LANDMARK_IMAGE: landmarks.image}
+        images: dict[str, Image] = {}
+        if landmarks is not None:
+            images[topics.LANDMARK_IMAGE] = landmarks.image
         if frame is not None:
             images[topics.CAMERA_IMAGE] = frame.image
             images |= zip(topics.SIDE_IMAGES, frame.sides, strict=False)
@@ -91,7 +93,7 @@ class RunChannels:
     def log_driven(self, twist: Twist, time: float) -> None:
         """Log what the robot was commanded at ``time`` [s] while the stack was not in command."""
         if topics.DRIVEN not in self._channels:
-            self._channels[topics.DRIVEN] = self._open_channel(topics.DRIVEN_CHANNEL)
+            self._channels[topics.DRIVEN] = self._open_channel(topics.DRIVEN)
         now = topics.nanoseconds(time)
         self._log(topics.DRIVEN, now, partial(ros.command_message, twist, now))
 
@@ -155,20 +157,20 @@ def _views(
 def context_channels(context: Context) -> OpenChannel:
     """Channels whose sinks are those of ``context``."""
 
-    def open_channel(info: topics.ChannelInfo) -> Channel:
+    def open_channel(info: topics.Topic) -> Channel:
         encoding, schema = channel_schema(info)
-        return Channel(info.topic, schema=schema, message_encoding=encoding, context=context)
+        return Channel(info, schema=schema, message_encoding=encoding, context=context)
 
     return open_channel
 
 
-def channel_schema(info: topics.ChannelInfo) -> tuple[str, Schema]:
+def channel_schema(info: topics.Topic) -> tuple[str, Schema]:
     """Encoding and schema of messages: Foxglove's, of ROS 2, or JSON by ``json_schemas``."""
     namespace, _, name = info.schema.partition(".")
     if namespace == "foxglove":
         return "protobuf", getattr(typed, name).get_schema()
     if "/msg/" in info.schema:
-        text = topics.SCHEMA if info.topic == topics.READING else ros.schema_text(info.schema)
+        text = topics.SCHEMA if info == topics.READING else ros.schema_text(info.schema)
         return "cdr", Schema(name=info.schema, encoding="ros2msg", data=text.encode())
     data = json.dumps(json_schemas()[info.schema]).encode()
     return "json", Schema(name=info.schema, encoding="jsonschema", data=data)

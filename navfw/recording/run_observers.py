@@ -11,7 +11,7 @@ from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -203,18 +203,6 @@ _CHUNK = 1 << 18
 """Size of a chunk before compression [byte]: a second or two, which a cut file loses at most."""
 _ROOM = 1 << 20
 """What a recording gives back to a full disk [byte], for the result and the picture."""
-
-
-class RunObserver(Protocol):
-    """Takes in every control tick of a run, after the stack; it must change nothing in it."""
-
-    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
-        """Take in one control tick: reading, the stack's command for it, and the true pose."""
-        ...
-
-    def close(self) -> None:
-        """End: the run is over."""
-        ...
 
 
 class _RecordingFile:

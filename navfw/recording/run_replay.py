@@ -155,8 +155,7 @@ def replay(folder: str | Path) -> ReplayResult:
 
     """
     stack, recording, faults = _started(Path(folder))
-    commands = replay_commands(stack.step, recording, faults.update)
-    return compare_commands(recording, commands)
+    return replay_by(stack.step, recording, faults.update)
 
 
 def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
@@ -250,12 +249,12 @@ class _FaultReplay:
             self._waiting.remove(due)
 
 
-def replay_commands(
+def replay_by(
     step: Callable[[SensorReading], Twist],
     recording: SensorRecording,
     before: Callable[[float], None] = lambda time: None,
-) -> Array:
-    """(n, 2) the commands v [m/s], w [rad/s] that ``step`` gives for the recorded readings.
+) -> ReplayResult:
+    """Compare the commands that ``step`` gives for the recorded readings, bit by bit.
 
     ``before`` is called with the time [s] of each reading before its step.
     """
@@ -263,16 +262,12 @@ def replay_commands(
     for reading in recording.readings:
         before(reading.time)
         twists.append(step(reading))
-    return np.array([(twist.v, twist.w) for twist in twists], dtype=np.float64).reshape(-1, 2)
-
-
-def compare_commands(recording: SensorRecording, commands: Array) -> ReplayResult:
-    """Compare ``commands`` (n, 2) with the recorded ones, bit by bit."""
-    times, recorded = recording.times[:, None], recording.commands
-    differ = np.flatnonzero((commands != recorded).any(axis=1))
+    table = np.array([(twist.v, twist.w) for twist in twists], dtype=np.float64)
+    commands, times = table.reshape(-1, 2), recording.times[:, None]
+    differ = np.flatnonzero((commands != recording.commands).any(axis=1))
     return ReplayResult(
         command_hash=hash_commands(np.hstack([times, commands])),
-        recorded_hash=hash_commands(np.hstack([times, recorded])),
+        recorded_hash=hash_commands(np.hstack([times, recording.commands])),
         ticks=len(recording),
         first_difference=int(differ[0]) if len(differ) else None,
         complete=recording.complete,

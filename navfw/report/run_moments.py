@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from navfw.recording import channel_list as topics
 from navfw.recording import palette
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of, located_damage
 from navfw.report.report_page import reduced_source
-from navfw.report.run_timeline import RunEvent, planar_pose
+from navfw.report.run_timeline import RunEvent, newest_pose, planar_pose
 from navfw.signals import Pose
 
 _MAX_MOMENTS = 240
@@ -74,43 +75,19 @@ class Rating:
         return np.concatenate([backward, forward]), np.linspace(self.w[0], last, turns)
 
 
-@dataclass(slots=True)
-class RunMoment:
-    """What was known at ``time`` [s].
+def read_moments(
+    run: RecordedRun, events: Iterable[RunEvent] = (), limit: int = _MAX_MOMENTS
+) -> list[dict[str, Any]]:
+    """At most ``limit`` moments of ``run``, evenly among the camera's images, and each event's.
 
+    Moments are those of images at which ratings were recorded as well: their command is that of
+    these ratings. Each is what was known at ``time`` [s], by name as the page's script reads it.
     ``image`` is a data URL of ``size`` (width, height) [px of the camera]. ``flow`` holds lines
     (x0, y0, x1, y1), ``cells`` groups of points (x, y) with their CSS colour, both in sixteenths of
     a pixel from the upper left corner. ``robot`` is its true pose, ``estimate`` the believed one,
     ``way`` the points of the way ahead, x, y [m]. ``movers`` are discs (x, y, radius), ``courses``
     where each goes in a second, ``walkers`` the true discs; ``map`` is the local map, with its
-    lowest corner, yaw and size.
-    """
-
-    time: float
-    image: str
-    size: tuple[int, int]
-    flow: list[int] = field(default_factory=list)
-    cells: list[tuple[str, list[int]]] = field(default_factory=list)
-    sentence: str = ""
-    rules: str = ""
-    command: dict[str, Any] = field(default_factory=dict)
-    robot: Pose | None = None
-    estimate: Pose | None = None
-    way: list[tuple[float, float]] = field(default_factory=list)
-    movers: list[tuple[float, float, float]] = field(default_factory=list)
-    courses: list[Any] = field(default_factory=list)
-    walkers: list[tuple[float, float, float]] = field(default_factory=list)
-    map: tuple[str, Pose, tuple[float, float]] | None = None
-    rating: Rating | None = None
-
-
-def read_moments(
-    run: RecordedRun, events: Iterable[RunEvent] = (), limit: int = _MAX_MOMENTS
-) -> list[RunMoment]:
-    """At most ``limit`` moments of ``run``, evenly among the camera's images, and each event's.
-
-    Moments are those of images at which ratings were recorded as well: their command is that of
-    these ratings.
+    lowest corner, yaw and size; ``rating`` a ``Rating``; None where one of these is not known.
 
     Raises:
         ConfigError: the recording is damaged.
@@ -127,7 +104,7 @@ def read_moments(
     at = np.array([topics.nanoseconds(event.time) for event in events], dtype=np.int64)
     of_events = shown[np.minimum(np.searchsorted(images[shown], at), len(shown) - 1)]
     wanted = (*SHOWN, topics.RULES, topics.PROPOSALS)
-    moments: list[RunMoment] = []
+    moments: list[dict[str, Any]] = []
     maps: dict[float, str] = {}
     for newest in newest_at_images(run, wanted, {*kept.tolist(), *of_events.tolist()}):
         with located_damage(run.path, f"a message before {newest[topics.CAMERA_IMAGE].time:.2f} s"):
@@ -154,53 +131,54 @@ def newest_at_images(
             yield newest | {topics.CAMERA_IMAGE: image}
 
 
+_NOTHING = SimpleNamespace(points=(), entities=(), poses=())
+"""A message without content."""
+
+
 def _moment(
     newest: dict[str, RecordedMessage], run: RecordedRun, maps: dict[float, str]
-) -> RunMoment:
+) -> dict[str, Any]:
     """The moment of the ``newest`` messages; ``maps`` are pictures of local maps by their time."""
     picture = newest[topics.CAMERA_IMAGE]
     image = image_of(picture, run.path)
-    source = reduced_source(image, _WIDTH, quality=_QUALITY)
-    moment = RunMoment(picture.time, source, (image.shape[1], image.shape[0]))
     content = {topic: message.content for topic, message in newest.items()}
-    if topics.FLOW in content:
-        moment.flow = _points(content[topics.FLOW].points[0], 2 * _MAX_POINTS)
-    if topics.CELLS in content:
-        groups = content[topics.CELLS].points
-        moment.cells = [(_css(g.outline_color), _points(g, _MAX_POINTS)) for g in groups]
     said = [newest[topic] for topic in (topics.PERCEPT, topics.RULES) if topic in newest]
-    if said:  # percepts are recorded more seldom than they decide
-        latest = max(said, key=lambda message: message.time).content
-        moment.sentence = str(latest.get("perception", latest).get("sentence", ""))
-    if topics.COMMAND in content:
-        moment.command = dict(content[topics.COMMAND])
-    if content.get(topics.RULES):
-        moment.rules = "\n".join(explanation_lines(content[topics.RULES]))[:_MAX_TEXT]
-    if topics.TRUE_POSE in content:
-        moment.robot = planar_pose(content[topics.TRUE_POSE])
-    if topics.POSE in content:
-        moment.estimate = planar_pose(content[topics.POSE])
-    if topics.TRUE_OBSTACLES in content:
-        bodies = [body for e in content[topics.TRUE_OBSTACLES].entities for body in e.cylinders]
-        moment.walkers = [(b.pose.position.x, b.pose.position.y, 0.5 * b.size.x) for b in bodies]
-    if topics.TRANSFORMS in content:
-        odom = planar_pose(content[topics.TRANSFORMS].transforms[0].transform)
-        _surround(moment, newest, odom, maps)
-    if topics.PATH in content:
-        moment.way = [(p.position.x, p.position.y) for p in content[topics.PATH].poses]
-    if topics.PROPOSALS in content:
-        moment.rating = _rating(content[topics.PROPOSALS])
-    return moment
+    # percepts are recorded more seldom than they decide
+    latest = max(said, key=lambda message: message.time).content if said else {}
+    rules = content.get(topics.RULES)
+    groups = content.get(topics.CELLS, _NOTHING).points
+    entities = content.get(topics.TRUE_OBSTACLES, _NOTHING).entities
+    bodies = [body for entity in entities for body in entity.cylinders]
+    flow = [_points(group, 2 * _MAX_POINTS) for group in content.get(topics.FLOW, _NOTHING).points]
+    robot, estimate = (newest_pose(content, name) for name in (topics.TRUE_POSE, topics.POSE))
+    return {
+        "time": picture.time,
+        "image": reduced_source(image, _WIDTH, quality=_QUALITY),
+        "size": image.shape[::-1],
+        "flow": flow[0] if flow else [],
+        "cells": [(_css(group.outline_color), _points(group, _MAX_POINTS)) for group in groups],
+        "sentence": str(latest.get("perception", latest).get("sentence", "")),
+        "rules": "\n".join(explanation_lines(rules))[:_MAX_TEXT] if rules else "",
+        "command": dict(content.get(topics.COMMAND, {})),
+        "robot": None if robot is None else asdict(robot),
+        "estimate": None if estimate is None else asdict(estimate),
+        "way": [(p.position.x, p.position.y) for p in content.get(topics.PATH, _NOTHING).poses],
+        "walkers": [(b.pose.position.x, b.pose.position.y, 0.5 * b.size.x) for b in bodies],
+        **_surroundings(newest, maps),
+        "rating": _rating(content[topics.PROPOSALS]) if topics.PROPOSALS in content else None,
+    }
 
 
-def _surround(
-    moment: RunMoment, newest: Mapping[str, RecordedMessage], odom: Pose, maps: dict[float, str]
-) -> None:
-    """Add what is known of the surroundings in ``odom``, a frame in ``map``."""
+def _surroundings(newest: Mapping[str, RecordedMessage], maps: dict[float, str]) -> dict[str, Any]:
+    """What is known of the surroundings, where ``odom`` is known in ``map``."""
+    shown: dict[str, Any] = {"movers": [], "courses": [], "map": None}
+    if topics.TRANSFORMS not in newest:
+        return shown
+    odom = planar_pose(newest[topics.TRANSFORMS].content.transforms[0].transform)
     if topics.OBSTACLES in newest:
         for ends, (x, y), radius in moving_obstacles(newest[topics.OBSTACLES].content, odom):
-            moment.movers.append((x, y, radius))
-            moment.courses.append(ends.tolist())
+            shown["movers"].append((x, y, radius))
+            shown["courses"].append(ends.tolist())
     if topics.LOCAL_MAP in newest:
         time, grid = newest[topics.LOCAL_MAP].time, newest[topics.LOCAL_MAP].content
         picture = local_map_picture(grid)
@@ -209,7 +187,8 @@ def _surround(
         at = odom.to_parent(grid.pose.position.x, grid.pose.position.y)
         rows, columns = picture.shape[:2]
         size = grid.cell_size.x * columns, grid.cell_size.y * rows
-        moment.map = (maps[time], Pose(*at, odom.yaw), size)
+        shown["map"] = (maps[time], asdict(Pose(*at, odom.yaw)), size)
+    return shown
 
 
 def moving_obstacles(scene: Any, odom: Pose) -> Iterator[tuple[Array, tuple[float, float], float]]:

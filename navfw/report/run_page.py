@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from navfw.recording.recorded_run import RecordedRun, located_damage, open_run
 from navfw.recording.run_folder import MAP, PICTURE, RECORDING, plain_json, read_result
 from navfw.report import run_timeline
 from navfw.report.report_page import reduced_source, render_page
-from navfw.report.run_moments import RunMoment, read_moments
+from navfw.report.run_moments import read_moments
 from navfw.topomap import TopoMap, load_map
 
 
@@ -148,7 +148,7 @@ def _recorded(
         return {}  # of a bag without images
     if not moments:
         raise ConfigError("has no camera images; record the run again", file=run.path)
-    ruled = next((moment.time for moment in moments if moment.rules), 0.0)
+    ruled = next((moment["time"] for moment in moments if moment["rules"]), 0.0)
     first = min(events, key=lambda event: event.rank).time if events else ruled
     data: dict[str, Any] = {"events": [asdict(event) for event in events], "first": first}
     with located_damage(run.path, "the configuration in its result"):
@@ -179,25 +179,25 @@ def _columns(timeline: run_timeline.RunTimeline) -> dict[str, Any]:
     return {**dict(zip(_ROWS.split(), table.T, strict=True)), "leader": timeline.leaders}
 
 
-def _moments_data(moments: Sequence[RunMoment], stack: Mapping[str, Any]) -> dict[str, Any]:
-    """The moments of a run with the ``stack`` as the page's script reads them."""
-    maps = list(dict.fromkeys(moment.map[0] for moment in moments if moment.map is not None))
-    data: dict[str, Any] = {"size": moments[0].size, "flow": palette.FLOW, "maps": maps}
-    data["moments"] = [_moment_data(moment, maps) for moment in moments]
-    rating = next((moment.rating for moment in moments if moment.rating is not None), None)
-    if rating is not None:
-        fusion, settings = next(iter(stack.get("fusion", {}).items()), ("", {}))
-        v, w = rating.commands(int(stack.get("commands", {}).get("reverse", 0)))
-        data["fusion"] = {**settings, "name": fusion}
-        data["grid"] = {"names": rating.names, "v": v, "w": w}
-    return data
+def _moments_data(moments: list[dict[str, Any]], stack: Mapping[str, Any]) -> dict[str, Any]:
+    """The moments of a run with the ``stack`` as the page's script reads them.
 
-
-def _moment_data(moment: RunMoment, maps: list[str]) -> dict[str, Any]:
-    """A moment, its ratings as bytes in base64, of its map the number among ``maps``."""
-    data = asdict(replace(moment, rating=None))
-    if moment.map is not None:
-        data["map"] = (maps.index(moment.map[0]), *data["map"][1:])
-    for name in ("desirability", "prohibition") if moment.rating is not None else ():
-        data[name] = base64.b64encode(getattr(moment.rating, name).tobytes()).decode("ascii")
+    The ratings of a moment are bytes in base64, of its map there is the number among ``maps``.
+    """
+    maps = list(dict.fromkeys(moment["map"][0] for moment in moments if moment["map"] is not None))
+    data: dict[str, Any] = {"size": moments[0]["size"], "flow": palette.FLOW, "maps": maps}
+    data["moments"] = moments
+    for moment in moments:
+        rating = moment.pop("rating")
+        if moment["map"] is not None:
+            moment["map"] = (maps.index(moment["map"][0]), *moment["map"][1:])
+        if rating is None:
+            continue
+        if "grid" not in data:
+            fusion, settings = next(iter(stack.get("fusion", {}).items()), ("", {}))
+            v, w = rating.commands(int(stack.get("commands", {}).get("reverse", 0)))
+            data["fusion"] = {**settings, "name": fusion}
+            data["grid"] = {"names": rating.names, "v": v, "w": w}
+        for name in ("desirability", "prohibition"):
+            moment[name] = base64.b64encode(getattr(rating, name).tobytes()).decode("ascii")
     return data

@@ -193,6 +193,11 @@ def planar_pose(message: Any) -> Pose:
     return Pose(place.x, place.y, 2.0 * math.atan2(turn.z, turn.w))
 
 
+def newest_pose(content: Mapping[str, Any], topic: str) -> Pose | None:
+    """The planar pose on a channel, of the newest ``content`` of each; None without one."""
+    return planar_pose(content[topic]) if topic in content else None
+
+
 def _clearance(points: Array, outline: WorldOutline) -> Array:
     """The distance [m] of each of ``points`` (n, 2) to the nearest object; nan without any."""
     contours = [

@@ -84,8 +84,8 @@ class VideoPlan:
         """The plan at ``time`` [s]; ``content`` has what is newest on each channel."""
         image = np.full(self._shape, _PAPER, dtype=np.uint8)
         write_key(image, self._key, (10.0, self._shape[0] - _KEY_HEIGHT + 22.0), 12.0, _INK)
-        true = _pose(content, topics.TRUE_POSE)
-        believed = _pose(content, topics.POSE)
+        true = run_timeline.newest_pose(content, topics.TRUE_POSE)
+        believed = run_timeline.newest_pose(content, topics.POSE)
         self._draw_courses(image[self._room : self._shape[0] - _KEY_HEIGHT], time)
         canvas = _Canvas(image[: self._room], self._corner(true or believed), self._scale)
         canvas.image[:] = palette.bgr(palette.FLOOR)
@@ -212,14 +212,9 @@ def _way(content: Mapping[str, Any], believed: Pose | None) -> list[top_view.Sha
     if topics.PATH not in content:
         return []
     robot, *waypoints = [(p.position.x, p.position.y) for p in content[topics.PATH].poses]
-    goal = _pose(content, topics.LOCAL_GOAL)
+    goal = run_timeline.newest_pose(content, topics.LOCAL_GOAL)
     point = None if goal is None or believed is None else believed.to_parent(goal.x, goal.y)
     return top_view.way_shapes(robot, waypoints, point)
-
-
-def _pose(content: Mapping[str, Any], topic: str) -> Pose | None:
-    """The newest pose on a channel; None without one."""
-    return run_timeline.planar_pose(content[topic]) if topic in content else None
 
 
 _TEXT_HEIGHT = 240

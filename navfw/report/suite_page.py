@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -26,25 +26,6 @@ _WIDTH, _QUALITY = 640, 60
 """Width [px] and quality (WebP, of 100) of an embedded picture: its labels can be read."""
 
 
-@dataclass(frozen=True, slots=True)
-class RunLine:
-    """One run on a page.
-
-    ``image`` is a data URL, ``link`` the relative URL of the picture's file, and ``report`` that of
-    the report of a recorded run; "" without one.
-    """
-
-    row: RunRow
-    image: str
-    link: str
-    report: str
-
-    @property
-    def name(self) -> str:
-        """Entry, world and mission, each once."""
-        return " / ".join(dict.fromkeys((self.row.entry, self.row.world, self.row.mission)))
-
-
 class RunLines:
     """Makes the lines of the suite in ``folder`` for a page in the folder ``page``.
 
@@ -57,15 +38,21 @@ class RunLines:
         self._left = _MAX_PICTURES
         self.damaged: list[str] = []
 
-    def line(self, row: RunRow) -> RunLine:
-        """The line of one run."""
+    def line(self, row: RunRow) -> dict[str, Any]:
+        """The line of one run: its ``row``, and its ``name``: entry, world and mission, each once.
+
+        ``image`` is a data URL, ``link`` the relative URL of the picture's file, and ``report``
+        that of the report of a recorded run; "" without one.
+        """
         recording = self._folder.recording(row)
         recorded = is_file(recording / RECORDING) or is_file(recording / REPORT)
         report = relative_link(recording / REPORT, self._page) if recorded else ""
+        name = " / ".join(dict.fromkeys((row.entry, row.world, row.mission)))
+        line = {"row": row, "name": name, "image": "", "link": "", "report": report}
         file = self._folder.pictures / Path(row.picture).name
-        if not row.picture or not is_file(file):
-            return RunLine(row, "", "", report)
-        return RunLine(row, self._image(file), relative_link(file, self._page), report)
+        if row.picture and is_file(file):
+            line |= {"image": self._image(file), "link": relative_link(file, self._page)}
+        return line
 
     def _image(self, file: Path) -> str:
         """The picture as a data URL; "" where there are too many, or it cannot be read."""

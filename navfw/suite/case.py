@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from navfw.missions.outcome import Outcome
-from navfw.suite.failure_causes import Cause
+from navfw.missions.outcome import Cause, Outcome
 from navfw.suite.run_row import RunKey, RunRow
 
 if TYPE_CHECKING:

@@ -71,7 +71,7 @@ class DaskEngine:
     cases: Sequence[Case]
     limit: float
     memory: float
-    work: str = "navfw.suite.case_worker:run_job"
+    work: str = "navfw.suite.suite_run:run_job"
     _client: Any = field(init=False, default=None)  # the library has no types
     _files: FilesOnWorker = field(init=False)
 

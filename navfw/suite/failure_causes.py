@@ -1,18 +1,31 @@
-"""Causes of failed runs, classified from the symptoms of a run.
+"""Causes of failed runs, classified from their symptoms.
 
-``navfw.suite.failure_symptoms`` computes the symptoms from a run's log, the true geometry and the
-stack's own local map. Where they show nothing, the cause is ``unknown``.
+The symptoms are computed after the run, for evaluation only, from its log, the true geometry and
+the stack's own local map. Where they show nothing, the cause is ``unknown``.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
-from typing import Literal
+from typing import Any, Literal
 
-from navfw.missions.outcome import FaultKind, Outcome
-from navfw.signals import Sight
+import numpy as np
+
+from navfw.errors import WorldError
+from navfw.localmap import LocalMap
+from navfw.localmap.local_planner import LocalPlanner
+from navfw.localmap.occupancy_grid import OccupancyGrid
+from navfw.missions.outcome import Cause, Outcome
+from navfw.missions.run_metrics import path_length
+from navfw.missions.session import MissionResult
+from navfw.numerics import Array, Mask
+from navfw.recording.run_observers import Contact, RunLog
+from navfw.signals import Odometry, Pose, Sight, wrap_angle
+from navfw.sim.scene_geometry import SceneGeometry
+from navfw.sim.shapes import Circle
+from navfw.sim.solids import Solid
 
 _REVERSING = 0.05
 """Backward speed [m/s] above which a robot counts as reversing at a collision."""
@@ -23,137 +36,54 @@ _MEAN_SPEED, _MEAN_RATE = 0.02, 0.1
 _DETOUR = 1.5
 """Ratio of path costs, with and without errors of the local map, above which they are the cause."""
 
-
-class Cause(StrEnum):
-    """Why a run failed."""
-
-    MOVER = "mover"
-    """collided: a mover ran into a robot that was not driving towards it"""
-    REVERSED_INTO = "reversed_into"
-    """collided: driving backwards, with the object behind it"""
-    TURNED_INTO = "turned_into"
-    """collided: with an object in the local map, beside the field of view"""
-    DROVE_INTO = "drove_into"
-    """collided: with an object in the local map, ahead"""
-    MAPPED_AS_FREE = "mapped_as_free"
-    """collided: the local map has the object's place as free"""
-    UNSEEN = "unseen_obstacle"
-    """collided: the local map has the object's place as unknown"""
-    OBSTACLE = "obstacle"
-    """collided: with an object; there is no local map to compare with"""
-    PHANTOM_OBSTACLES = "phantom_obstacles"
-    """stuck, timeout: occupied cells far from any object block or lengthen the path"""
-    BLURRED_MAP = "blurred_map"
-    """stuck, timeout: occupied cells beside the outlines of objects block or lengthen the path"""
-    LOCAL_GOAL_UNREACHABLE = "local_goal_unreachable"
-    """stuck, timeout: correctly mapped objects block every path to the local goal"""
-    ESTIMATE_UNCERTAIN = "estimate_uncertain"
-    """the position estimate at the goal was too uncertain to say that it is reached"""
-    ESTIMATE_ERROR = "estimate_error"
-    """lost, stuck, timeout: the position estimate is wrong"""
-    GOAL_MISSED = "goal_missed"
-    """lost: the position estimate is right, but a goal was not approached closely enough"""
-    NOTHING_SEEN = "nothing_seen"
-    """fault, stuck, timeout: next to nothing could be seen of the path ahead"""
-    LITTLE_SEEN = "little_seen"
-    """stuck, timeout: the robot was not approaching the goal, and little could be seen of the path
-    ahead, so that it drives only over floor observed as such"""
-    OSCILLATING = "oscillating"
-    """stuck, timeout: the robot drives or turns without approaching the goal"""
-    VETOED = "vetoed"
-    """stuck, timeout: the safety monitor held the robot, although the local map has a path"""
-    STANDSTILL = "standstill"
-    """stuck, timeout: the robot stands still, although the local map has a path"""
-    SLOW = "slow"
-    """timeout: the robot was approaching the goal"""
-    EXCEPTION = "exception"
-    """fault: an exception"""
-    SENSOR_FAILED = "sensor_failed"
-    """fault: the stack stopped, because a sensor had failed for good"""
-    PLUGIN_FAILED = "plugin_failed"
-    """fault: a plugin failed at the start of the run, or a stage failed for too long"""
-    BAD_COMMAND = "bad_command"
-    """fault: the stack commanded a value that is not finite"""
-    BAD_INPUT = "bad_input"
-    """fault: world, mission or stack was refused"""
-    PROCESS_DIED = "process_died"
-    """fault: the process of the run ended without a result"""
-    TOO_LONG = "too_long"
-    """fault: the run exceeded its wall-clock limit"""
-    TOO_MUCH_MEMORY = "too_much_memory"
-    """fault: the run exceeded its limit of memory, or the machine had none left"""
-    UNKNOWN = "unknown"
-    """the symptoms do not show the cause"""
-
-
-@dataclass(frozen=True, slots=True)
-class CollisionSymptoms:
-    """Circumstances of a collision.
-
-    ``by_mover``: a mover ran into a robot that was not driving towards it. ``bearing`` [rad, left
-    positive] is that of the object's nearest point, ``speed`` [m/s] the robot's forward speed,
-    negative backwards. ``mapped`` is the state of the local map at that point, "" without a map.
-    """
-
-    by_mover: bool
-    bearing: float
-    speed: float
-    mapped: Literal["occupied", "free", "unknown", ""] = ""
-
-
-@dataclass(frozen=True, slots=True)
-class PathSymptoms:
-    """Cost of the local path to the waypoint at the end of a run; infinite without a path.
-
-    ``without_phantoms`` is the cost once occupied cells far from any object are cleared,
-    ``sharpened`` the cost once those beside the outlines of objects are cleared too.
-    """
-
-    cost: float
-    without_phantoms: float
-    sharpened: float
-
-
-@dataclass(frozen=True, slots=True)
-class MotionSymptoms:
-    """Distance ``driven`` [m], and decrease ``gained`` [m] of the shortest path to the last goal.
-
-    ``recent_driven`` [m] and ``recent_turned`` [rad] are over the last ``recent`` [s], and
-    ``vetoed`` the share of it in which the safety monitor held the robot.
-    """
-
-    driven: float
-    gained: float
-    recent: float
-    recent_driven: float
-    recent_turned: float
-    vetoed: float = 0.0
+Mapped = Literal["occupied", "free", "unknown", ""]
+"""The state of a place in the local map; "" without a map."""
 
 
 @dataclass(frozen=True, slots=True)
 class FailureSymptoms:
-    """Symptoms of a failed run; estimate errors in metres.
+    """Symptoms of a failed run; those of a collision, path or motion only if there was one.
 
-    ``slack`` [m] is the largest position error with which the mission can still succeed. ``sight``
-    of the path ahead is the median over the end of the run.
+    Estimate errors are in metres; ``slack`` [m] is the largest position error with which the
+    mission can still succeed. ``sight`` of the path ahead is the median over the end of the run.
+
+    Of a collision, ``by_mover``: a mover ran into a robot that was not driving towards it.
+    ``bearing`` [rad, left positive] is that of the object's nearest point, where the local map is
+    ``mapped`` so, and ``speed`` [m/s] the robot's forward speed, negative backwards.
+
+    ``path_costs`` are of the local path to the waypoint at the end, infinite without a path: as it
+    is, once occupied cells far from any object are cleared, and once those beside the outlines of
+    objects are cleared too.
+
+    The robot has ``driven`` [m] and the shortest path to the last goal decreased by ``gained`` [m].
+    ``recent_driven`` [m] and ``recent_turned`` [rad] are over the last ``recent`` [s], and
+    ``vetoed`` the share of it in which the safety monitor held the robot.
     """
 
     outcome: Outcome
+    fault: Cause | None = None
     estimate_error: float = 0.0
     estimate_error_max: float = 0.0
     slack: float = 0.1
-    collision: CollisionSymptoms | None = None
-    path: PathSymptoms | None = None
-    motion: MotionSymptoms | None = None
     sight: Sight = Sight.ENOUGH
-    fault: FaultKind | None = None
+    by_mover: bool = False
+    bearing: float = 0.0
+    speed: float = 0.0
+    mapped: Mapped | None = None
+    path_costs: tuple[float, float, float] | None = None
+    driven: float = 0.0
+    gained: float = 0.0
+    recent: float = 0.0
+    recent_driven: float = 0.0
+    recent_turned: float = 0.0
+    vetoed: float = 0.0
 
 
 def classify(symptoms: FailureSymptoms) -> Cause | None:
     """The cause of a failure; None for a run that succeeded or was stopped by the user."""
     match symptoms.outcome:
         case Outcome.COLLIDED:
-            return _of_collision(symptoms.collision)
+            return _of_collision(symptoms)
         case Outcome.LOST:
             off = symptoms.estimate_error_max >= 0.9 * symptoms.slack
             return Cause.ESTIMATE_ERROR if off else Cause.GOAL_MISSED
@@ -162,22 +92,22 @@ def classify(symptoms: FailureSymptoms) -> Cause | None:
         case Outcome.UNSURE:
             return Cause.ESTIMATE_UNCERTAIN
         case Outcome.FAULT:
-            return Cause.UNKNOWN if symptoms.fault is None else Cause(symptoms.fault)
+            return Cause.UNKNOWN if symptoms.fault is None else symptoms.fault
         case _:
             return None
 
 
-def _of_collision(collision: CollisionSymptoms | None) -> Cause:
-    if collision is None:
+def _of_collision(symptoms: FailureSymptoms) -> Cause:
+    if symptoms.mapped is None:
         return Cause.UNKNOWN
-    if collision.by_mover:
+    if symptoms.by_mover:
         return Cause.MOVER
-    aside = abs(collision.bearing)
-    if collision.speed < -_REVERSING and aside > 0.5 * math.pi:
+    aside = abs(symptoms.bearing)
+    if symptoms.speed < -_REVERSING and aside > 0.5 * math.pi:
         return Cause.REVERSED_INTO
-    if collision.mapped == "occupied" and aside > 0.25 * math.pi:
+    if symptoms.mapped == "occupied" and aside > 0.25 * math.pi:
         return Cause.TURNED_INTO
-    return _BY_MAP[collision.mapped]
+    return _BY_MAP[symptoms.mapped]
 
 
 _BY_MAP = {
@@ -197,30 +127,237 @@ def _of_delay(symptoms: FailureSymptoms) -> Cause:
         return Cause.ESTIMATE_ERROR
     if symptoms.sight is Sight.NOTHING:
         return Cause.NOTHING_SEEN
-    return _of_path(symptoms.path) or _of_motion(symptoms)
-
-
-def _of_path(path: PathSymptoms | None) -> Cause | None:
-    if path is None:
-        return None
-    if path.cost > _DETOUR * path.without_phantoms:
+    cost, without_phantoms, sharpened = symptoms.path_costs or (0.0, 0.0, 0.0)
+    if cost > _DETOUR * without_phantoms:
         return Cause.PHANTOM_OBSTACLES
-    if path.cost > _DETOUR * path.sharpened:
+    if cost > _DETOUR * sharpened:
         return Cause.BLURRED_MAP
-    return Cause.LOCAL_GOAL_UNREACHABLE if math.isinf(path.cost) else None
+    return Cause.LOCAL_GOAL_UNREACHABLE if math.isinf(cost) else _of_motion(symptoms)
 
 
 def _of_motion(symptoms: FailureSymptoms) -> Cause:
-    motion = symptoms.motion
-    if motion is None:
+    if not symptoms.recent:
         return Cause.UNKNOWN
-    moved = motion.recent_driven >= _MEAN_SPEED * motion.recent
-    approaching = moved and motion.gained > 0.5 * motion.driven
+    moved = symptoms.recent_driven >= _MEAN_SPEED * symptoms.recent
+    approaching = moved and symptoms.gained > 0.5 * symptoms.driven
     if symptoms.outcome is Outcome.TIMEOUT and approaching:
         return Cause.SLOW
-    if motion.vetoed > 0.5:
+    if symptoms.vetoed > 0.5:
         return Cause.VETOED
     if symptoms.sight is Sight.LITTLE:
         return Cause.LITTLE_SEEN
-    turned = motion.recent_turned >= _MEAN_RATE * motion.recent
+    turned = symptoms.recent_turned >= _MEAN_RATE * symptoms.recent
     return Cause.OSCILLATING if moved or turned else Cause.STANDSTILL
+
+
+# --- symptoms ------------------------------------------------------------------------------------
+
+_RECENT = 30.0
+"""Duration [s] of the end of a run over which its recent motion and sight are measured."""
+
+APPROACH = 0.25
+"""Time [s] before a contact over which the robot's speed is averaged."""
+
+_PHANTOM, _BLUR = 0.25, 0.1
+"""Distances [m] to the nearest object beyond which an occupied cell is a phantom, or a blur."""
+
+REACH = 0.12
+"""Radius [m] about a point of contact within which the local map is evaluated."""
+
+
+def collect_symptoms(result: MissionResult) -> FailureSymptoms:
+    """The symptoms of ``result``. Clears wrong cells of the stack's local map as a side effect."""
+    session, log = result.session, result.log
+    spec = session.mission.spec
+    stack = session.stack
+    odometry = stack.state.odometry
+    decided = int(np.searchsorted(log.time, stack.state.time - 1e-9))
+    now = Pose(*log.true[decided]) if decided < log.ticks else None  # the log may end before it
+    measured: dict[str, Any] = {}
+    if log.ticks:
+        measured |= {**_motion(result), "sight": Sight(int(np.median(log.sight[_late(log)])))}
+    if log.contacts and now is not None:
+        measured |= _collision(result, now)
+    elif odometry is not None and now is not None:
+        measured["path_costs"] = _path_costs(result, odometry, now)
+    return FailureSymptoms(
+        outcome=result.outcome,
+        estimate_error=result.estimate_error_m,
+        estimate_error_max=result.estimate_error_max_m,
+        slack=max(0.0, spec.success.within - spec.tolerance),
+        fault=result.verdict.fault,
+        **measured,
+    )
+
+
+# --- collisions ----------------------------------------------------------------------------------
+
+
+def _collision(result: MissionResult, now: Pose) -> dict[str, Any]:
+    session, log = result.session, result.log
+    contact = log.contacts[0]
+    since = min(int(np.searchsorted(log.time, contact.time - APPROACH)), log.ticks - 1)
+    yaw = float(log.true[-1, 2])
+    moved = np.array([contact.x, contact.y]) - log.true[since, :2]
+    elapsed = max(contact.time - float(log.time[since]), 1e-3)
+    point = _touched_point(result, contact)
+    toward = point - (contact.x, contact.y)
+    return {
+        "by_mover": result.collision_cause == "mover",
+        "bearing": wrap_angle(math.atan2(toward[1], toward[0]) - yaw),
+        "speed": float(moved @ (math.cos(yaw), math.sin(yaw))) / elapsed,
+        "mapped": _mapped(session.stack.local_map, session.stack.state.odometry, now, point),
+    }
+
+
+def _touched_point(result: MissionResult, contact: Contact) -> Array:
+    """The point [m, map frame] of the touched object that is nearest to the robot's centre.
+
+    The robot's centre itself if the object's outline is not known.
+    """
+    movers, plan, changes = result.movers, result.session.plan, result.changes
+    if movers is not None and contact.body in movers.names:
+        index = movers.names.index(contact.body)
+        x, y = movers.at(np.array([contact.time]))[0, index]
+        shapes = [Solid(contact.body, "mover", Circle(x, y, float(movers.radii[index])))]
+    else:
+        shapes = [solid for solid in plan.solids if solid.name == contact.body]
+        shapes += [
+            Solid(contact.body, "box", presence.shape)
+            for presence in (changes.presences if changes is not None else ())
+            if presence.name == contact.body
+        ]
+    if not shapes:
+        return np.array([contact.x, contact.y])
+    return _nearest_point(SceneGeometry(plan.bounds, tuple(shapes)), contact.x, contact.y)
+
+
+def _nearest_point(plan: SceneGeometry, x: float, y: float) -> Array:
+    """The point of the plan's solids that is nearest to (x, y), along the distance's gradient."""
+    step = 1e-4
+    around = np.array([[x, y], [x + step, y], [x - step, y], [x, y + step], [x, y - step]])
+    distance = plan.clearances(around)
+    gradient = np.array([distance[1] - distance[2], distance[3] - distance[4]]) / (2.0 * step)
+    nearest: Array = np.array([x, y]) - distance[0] * gradient
+    return nearest
+
+
+def _mapped(local_map: LocalMap, odometry: Odometry | None, now: Pose, point: Array) -> Mapped:
+    """State of the local map about a true ``point`` (map frame), outside the robot's own body."""
+    if odometry is None:
+        return ""
+    occupancy, pose = local_map.occupancy, odometry.pose
+    x, y = pose.to_parent(*now.to_local(*point))
+    columns, rows = _cells(occupancy)
+    away = np.hypot(columns - x, rows - y)
+    outside = np.hypot(columns - pose.x, rows - pose.y) > occupancy.robot.radius
+    near = (away <= REACH) & outside
+    if not near.any():
+        return "unknown"
+    if occupancy.occupied[near].any():
+        return "occupied"
+    return "free" if occupancy.observed[near].mean() > 0.5 else "unknown"
+
+
+def _cells(occupancy: OccupancyGrid) -> tuple[Array, Array]:
+    """(n, n) odom x and y [m] of the centres of the local map's cells."""
+    index = np.arange(occupancy.size) * occupancy.params.cell
+    x, y = np.meshgrid(occupancy.origin[0] + index, occupancy.origin[1] + index)
+    return x, y
+
+
+# --- the local path -------------------------------------------------------------------------------
+
+
+def _path_costs(result: MissionResult, odometry: Odometry, now: Pose) -> tuple[float, ...] | None:
+    """Costs of the local path with the local map as it is, and with wrong cells cleared."""
+    stack = result.session.stack
+    local_map, context = stack.local_map, stack.mofis.context
+    if context is None or context.waypoint is None or context.local_goal is None:
+        return None
+    occupancy, pose = local_map.occupancy, odometry.pose
+    x, y = pose.to_parent(*context.waypoint_local)
+    off = _distance_from_truth(result, occupancy, pose, now)
+    costs = []
+    for limit in (math.inf, _PHANTOM, _BLUR):
+        occupancy.log_odds[off > limit] = 0.0
+        occupancy.update(pose, odometry.time)  # drops what was derived from the log-odds
+        goal = LocalPlanner(local_map.params.local_planner).plan(occupancy, pose, x, y)
+        costs.append(goal.cost if goal.reachable else math.inf)
+    return tuple(costs)
+
+
+def _distance_from_truth(
+    result: MissionResult, occupancy: OccupancyGrid, pose: Pose, now: Pose
+) -> Array:
+    """(n, n) true distance [m] of occupied cells to the nearest object; 0 for all other cells.
+
+    ``pose`` is the robot's in odom, ``now`` its true one.
+    """
+    plan, movers = result.session.plan, result.movers
+    distance: Array = np.zeros((occupancy.size, occupancy.size))
+    occupied = occupancy.occupied
+    x, y = (axis[occupied] for axis in _cells(occupancy))
+    if not x.size:
+        return distance
+    true = now.points_to_parent(pose.points_to_local(np.column_stack([x, y])))
+    away = plan.clearances(true)
+    if movers is not None:
+        ended = np.full(len(true), result.session.stack.state.time)
+        away = np.minimum(away, movers.clearances(true, ended))
+    distance[occupied] = away
+    return distance
+
+
+# --- motion and sight --------------------------------------------------------------------------
+
+
+def _motion(result: MissionResult) -> dict[str, Any]:
+    session, log = result.session, result.log
+    sampled = log.every(0.1)
+    true, time = log.true[sampled], log.time[sampled]
+    late = time >= time[-1] - _RECENT
+    recent = true[late]
+    turned = np.abs([wrap_angle(step) for step in np.diff(recent[:, 2])]).sum()
+    goals = [(goal.x, goal.y) for goal in session.mission.goals]
+    task = session.task
+    remaining = _remaining(session.plan, true, goals, task.success_radius, task.robot.radius)
+    return {
+        "driven": path_length(true),
+        "gained": session.shortest - remaining,
+        "recent": float(time[-1] - time[late][0]),
+        "recent_driven": path_length(recent),
+        "recent_turned": float(turned),
+        "vetoed": float(log.vetoed[_late(log)].mean()),
+    }
+
+
+def _late(log: RunLog) -> Mask:
+    """Which ticks (n,) belong to the end of the run."""
+    late: Mask = log.time >= log.time[-1] - _RECENT
+    return late
+
+
+def _remaining(
+    plan: SceneGeometry,
+    true: Array,
+    goals: Sequence[tuple[float, float]],
+    within: float,
+    radius: float,
+) -> float:
+    """Length [m] of the shortest path from the end of ``true`` through the goals not yet visited.
+
+    Straight distances where the robot is too close to an object for a path search.
+    """
+    ahead = list(goals)
+    for x, y in true[:, :2]:
+        if len(ahead) > 1 and math.dist((x, y), ahead[0]) <= within:
+            ahead.pop(0)
+    total, point = 0.0, (float(true[-1, 0]), float(true[-1, 1]))
+    for goal in ahead:
+        try:
+            total += plan.shortest_path(point, goal, radius)[0]
+        except WorldError:
+            total += math.dist(point, goal)
+        point = goal
+    return total

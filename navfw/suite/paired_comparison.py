@@ -219,36 +219,32 @@ def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[st
 def _numbers(pairs: Sequence[RunPair]) -> dict[str, Any]:
     """The comparison of ``pairs``, at least one."""
     changes = paired_changes(pairs)
-    lost, gained = len(changes["lost"]), len(changes["gained"])
-    times = [
-        (pair.a.sim_time_s, pair.b.sim_time_s)
-        for pair in pairs
-        if pair.a.succeeded and pair.b.succeeded and pair.a.sim_time_s and pair.b.sim_time_s
-    ]
-    count = len(pairs)
-    success_a = sum(pair.a.succeeded for pair in pairs) / count
-    success_b = sum(pair.b.succeeded for pair in pairs) / count
+    lost, gained, count = len(changes["lost"]), len(changes["gained"]), len(pairs)
+    both = [pair for pair in pairs if pair.a.succeeded and pair.b.succeeded]
+    times = [(p.a.sim_time_s, p.b.sim_time_s) for p in both if p.a.sim_time_s and p.b.sim_time_s]
+    longer = [b - a for a, b in times]
+    differences = [pair.spl_difference for pair in pairs]
+    sides: dict[str, Any] = {}
+    for side, rows in (("a", [pair.a for pair in pairs]), ("b", [pair.b for pair in pairs])):
+        spl = [row.spl or 0.0 for row in rows]
+        sides[f"success_{side}"] = sum(row.succeeded for row in rows) / count
+        sides[f"mean_spl_{side}"], sides[f"spl_{side}"] = fmean(spl), median(spl)
+        sides[f"time_{side}_s"] = (
+            median(time["ab".index(side)] for time in times) if times else None
+        )
+        sides[f"collisions_{side}"] = sum(row.collisions or 0 for row in rows)
     return {
         "pairs": count,
-        "success_a": success_a,
-        "success_b": success_b,
-        "success_difference": success_b - success_a,
+        **sides,
+        "success_difference": sides["success_b"] - sides["success_a"],
         "success_interval": paired_interval(lost, gained, count) if count >= MIN_RUNS else None,
         "p": mcnemar_exact(lost, gained),
-        "mean_spl_a": fmean(pair.a.spl or 0.0 for pair in pairs),
-        "mean_spl_b": fmean(pair.b.spl or 0.0 for pair in pairs),
-        "spl_a": median(pair.a.spl or 0.0 for pair in pairs),
-        "spl_b": median(pair.b.spl or 0.0 for pair in pairs),
-        "spl_difference": median(pair.spl_difference for pair in pairs),
-        "spl_interval": median_interval([pair.spl_difference for pair in pairs]),
+        "spl_difference": median(differences),
+        "spl_interval": median_interval(differences),
         "both_reached": len(times),
-        "time_a_s": median(a for a, _ in times) if times else None,
-        "time_b_s": median(b for _, b in times) if times else None,
-        "time_difference_s": median(b - a for a, b in times) if times else None,
-        "time_interval_s": median_interval([b - a for a, b in times]),
+        "time_difference_s": median(longer) if times else None,
+        "time_interval_s": median_interval(longer),
         "time_ratio": median(b / a for a, b in times) if times else None,
-        "collisions_a": sum(pair.a.collisions or 0 for pair in pairs),
-        "collisions_b": sum(pair.b.collisions or 0 for pair in pairs),
         "same_commands": sum(pair.a.command_hash == pair.b.command_hash != "" for pair in pairs),
         **{
             name: [_named(pair.a if name == "gained" else pair.b) for pair in changed]

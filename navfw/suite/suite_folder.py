@@ -1,6 +1,6 @@
 """The folder of a suite: table, summary, configuration, pictures and reports.
 
-``journal.sqlite`` has every run that has ended (``navfw.suite.run_journal``); rows are read from
+``journal.sqlite`` has every run that has ended (``navfw.suite.run_row``); rows are read from
 it alone. ``table.csv``, one row per run, is exported from it, ``summary.json`` is the summary,
 ``table.md`` the summary as Markdown.
 ``suite.json`` identifies worlds, missions and stacks, so that an interrupted suite is continued
@@ -23,8 +23,7 @@ from navfw.process.target_lock import TargetInUseError, TargetLock, sweep
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import REPORT, plain_json
 from navfw.suite.case import RECORDINGS
-from navfw.suite.run_journal import RunJournal, table_cells
-from navfw.suite.run_row import RunRow
+from navfw.suite.run_row import RunJournal, RunRow, table_cells
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import brief_table
 

@@ -8,9 +8,8 @@ from functools import partial
 from statistics import fmean, median
 from typing import Any
 
-from navfw.missions.outcome import Outcome
+from navfw.missions.outcome import Cause, Outcome
 from navfw.process.result_table import Column, ResultTable, named, shown
-from navfw.suite.failure_causes import Cause
 from navfw.suite.paired_comparison import MIN_RUNS, mcnemar_exact, wilson
 from navfw.suite.run_row import RunRow
 from navfw.suite.suitefile import Expect

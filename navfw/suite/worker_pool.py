@@ -23,10 +23,10 @@ from multiprocessing import connection, resource_tracker
 from typing import Any, Generic, Self, TypeVar
 
 from navfw.errors import SimulationError
+from navfw.missions.outcome import Cause
 from navfw.process.interruption import check_interrupted, interruptible
 from navfw.process.last_trace import dump_trace, ended_after, keep_trace, last_call
 from navfw.process.process_resources import peak_memory_mb
-from navfw.suite.failure_causes import Cause
 
 _RECYCLE = 100
 """Number of jobs after which a process is replaced: the simulator's libraries leak memory."""

@@ -76,15 +76,11 @@ class MissionCase:
         )
 
     def check(self) -> str:
-        """What is wrong with world, mission, stack or overrides; "" if nothing is.
-
-        What shows only in the floor plan, such as a goal within a wall, is not checked.
-        """
+        """What is wrong with world, mission, stack or overrides; "" if nothing is."""
         from navfw.errors import InputError
-        from navfw.missions.session_setup import check_inputs
 
         try:
-            check_inputs(self.world, self.mission, stack=self.stack, overrides=self.overrides)
+            self.prepare()
         except InputError as error:
             return str(error)
         return ""

@@ -12,20 +12,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields
 from functools import cached_property
+from importlib import util
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from navfw.errors import UnknownNameError
+from navfw.missions.outcome import MissionVerdict
+from navfw.missions.run_metrics import RunResult
 from navfw.missions.session import MissionResult, Session
 from navfw.mofis.mofis import explanation_lines
+from navfw.numerics import Array
 from navfw.recording.run_folder import PICTURE, RECORDING, RunFolder
 from navfw.recording.run_observers import RunLog
-from navfw.testing.mission_cache import DrivenRun, drive
 from navfw.testing.mission_case import MissionCase
 
 DECISIONS = 6
@@ -33,20 +37,62 @@ DECISIONS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
-class MissionRun(DrivenRun):
-    """The value of the ``mission`` fixture: the run of one mission.
+class MissionRun(RunResult):
+    """The value of the ``mission`` fixture: what a test may ask of the run of one mission.
 
-    ``folder`` is where ``save`` writes its run folder. ``cached`` tells that this run was driven
-    earlier, and is taken from pytest's cache.
+    ``stack`` is the name of the stack that drove; ``stack_named`` tells whether the mission names
+    one. ``faults`` are those of plugins, each with file and line, that the mission's events did not
+    inject; a test fails of ``objections`` unless its marker says ``allow_faults=True``.
+    ``behaviors`` are the names of all behaviours of the stack, ``places`` x, y [m] of the map's
+    places by name. ``explanation`` is that of the last command (``Stack.explain``). ``log`` has one
+    row per control tick. ``folder`` is where ``save`` writes its run folder. ``cached`` tells that
+    this run was driven earlier, and is taken from pytest's cache.
     """
 
+    stack: str
+    stack_named: bool
+    verdict: MissionVerdict
+    behaviors: tuple[str, ...]
+    places: Mapping[str, tuple[float, float]]
+    explanation: dict[str, Any]
+    log: RunLog
     case: MissionCase
     folder: Path
     cached: bool = False
     driven: list[MissionResult] = field(default_factory=list, repr=False)
 
+    @classmethod
+    def of(cls, result: MissionResult, case: MissionCase, folder: Path) -> MissionRun:
+        """The run of ``case`` with a ``result``, right after it."""
+        session = result.session
+        plain = {one.name: getattr(result, one.name) for one in fields(RunResult)}
+        places = session.mission.topo_map.places.values()
+        return cls(
+            **{**plain, "faults": session.uninvited(result.faults)},
+            stack=session.stack_file.stem,
+            stack_named=session.mission.spec.stack is not None,
+            verdict=result.verdict,
+            behaviors=tuple(session.stack.mofis.behaviors),
+            places={place.name: (place.x, place.y) for place in places},
+            explanation=session.stack.explain(),
+            log=result.log,
+            case=case,
+            folder=folder,
+            driven=[result],
+        )
+
     def __repr__(self) -> str:
         return f"<{self.title}: {self.outcome}: {self.reason}>"
+
+    @property
+    def path(self) -> Array:
+        """(n, 3) true poses x, y [m], yaw [rad] in the map, one per control tick."""
+        return self.log.true
+
+    @property
+    def commands(self) -> Array:
+        """(n, 3) time [s], v [m/s], w [rad/s], one per control tick."""
+        return self.log.command_stream
 
     @property
     def title(self) -> str:
@@ -73,6 +119,20 @@ class MissionRun(DrivenRun):
             with RunFolder(self.folder) as target:
                 write_run(self.result, target)
         return self.folder
+
+
+def drive(case: MissionCase) -> MissionResult:
+    """Drive the mission of ``case``; it is recorded where the extra record is installed.
+
+    Raises:
+        InputError: the mission cannot be driven.
+        KeyboardInterrupt: the user has stopped the run.
+
+    """
+    result = case.prepare().run(record=util.find_spec("foxglove") is not None)
+    if result.outcome == "cancelled":  # caught by the runner; pytest has to stop as well
+        raise KeyboardInterrupt
+    return result
 
 
 def properties(run: MissionRun) -> list[tuple[str, str]]:

@@ -229,7 +229,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
     """The run of ``case`` for a test: driven before in this session, cached, or driven now."""
     from navfw.errors import InputError
-    from navfw.testing.mission_run import MissionRun, properties
+    from navfw.testing.mission_run import properties
 
     config = item.config
     keep = config.getoption("mission_runs")
@@ -238,17 +238,15 @@ def run_for(item: pytest.Item, case: MissionCase) -> MissionRun:
     parent = Path(keep) if keep else temporary.mktemp("mission", numbered=True)
     cache = _cache_of(config)
     try:
-        run, result, cached = cache.run(case)
+        run = cache.run(case, parent / case.folder_name)
     except InputError as error:  # from None, or pytest shows the cause a second time
         what = f"the mission cannot be driven: {error}"
         raise pytest.fail.Exception(what, pytrace=False) from None
-    folder, results = parent / case.folder_name, [] if result is None else [result]
-    driven = MissionRun(**vars(run), case=case, folder=folder, cached=cached, driven=results)
-    item.stash[_RUN] = driven
-    item.user_properties.extend(properties(driven))
+    item.stash[_RUN] = run
+    item.user_properties.extend(properties(run))
     if keep:
-        driven.save()
-    return driven
+        run.save()
+    return run
 
 
 def _cache_of(config: pytest.Config) -> MissionCache:

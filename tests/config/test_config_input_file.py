@@ -30,7 +30,7 @@ from navfw.perceive.motion_record import load_gyro_record
 from navfw.recording import read_result
 from navfw.recording.run_replay import load_recording
 from navfw.suite import load_suite
-from navfw.suite.run_journal import RunJournal
+from navfw.suite.run_row import RunJournal
 from navfw.topomap.map_formats import load_any_map
 from navfw.worldgen.sdf_reader import read_sdf
 
@@ -67,7 +67,6 @@ ALLOWED = """
     suite/dask_engine.py:picture.read_bytes
     suite/dask_engine.py:zipfile.ZipFile
     suite/worker_pool.py:open
-    testing/mission_cache.py:np.load
     tune/stack_study.py:Objectives.parse
 """
 """Calls of these names that open no input: outputs, devices, packages, and what is read already."""

@@ -131,7 +131,7 @@ def test_the_world_can_be_driven_from_room_to_room() -> None:
     assert result.outcome is Outcome.TIMEOUT
     ahead = [waypoint.place for waypoint in session.stack.state.path]
     assert {"door", "east"} <= set(ahead)
-    assert result.metrics.collisions == 0
+    assert result.collisions == 0
 
 
 def test_the_tests_of_the_behaviour_pass(project: Path) -> None:

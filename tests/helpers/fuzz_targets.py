@@ -24,7 +24,7 @@ from navfw.recording import RunFolder
 from navfw.robot import load_robot
 from navfw.stack import load_stack
 from navfw.suite import load_suite
-from navfw.suite.run_journal import RunJournal
+from navfw.suite.run_row import RunJournal
 from navfw.suite.suite_plan import plan_runs
 from navfw.topomap.map_formats import load_any_map, save_map
 from navfw.tune.stack_study import open_study

@@ -149,7 +149,7 @@ class WindowOnPaper(SimulatorWindow):
 def test_the_overlay_has_the_path_the_way_and_the_local_goal() -> None:
     session = prepare("paper-room", "through-the-door", seed=5, overrides=["mission.timeout=6"])
     window = WindowOnPaper()
-    log = session.run(observers=[WindowOverlay(window, session.stack)]).log
+    log = session.run(WindowOverlay(window, session.stack).draw).log
     # once per camera frame, where the robot truly is
     at_frames = log.true[:, :2].tolist()
     assert len(window.seen_from) == pytest.approx(10.0 * log.time[-1], rel=0.1)

@@ -21,8 +21,8 @@ MORE_SEEDS = [pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 10
 @pytest.mark.mission(world="office", mission="lobby-to-lab", seeds=[1, *MORE_SEEDS])
 def test_the_robot_drives_from_the_lobby_to_the_lab(mission: MissionRun) -> None:
     assert mission.outcome == "reached"
-    assert mission.metrics.collisions == 0
-    assert mission.metrics.path_length_m >= 15.0
+    assert mission.collisions == 0
+    assert mission.path_length_m >= 15.0
     through_lobby_door = np.hypot(mission.path[:, 0] - 3.2, mission.path[:, 1] - 4.2) < 0.5
     through_lab_door = np.hypot(mission.path[:, 0] - 14.4, mission.path[:, 1] - 5.8) < 0.5
     assert through_lobby_door.any()
@@ -51,15 +51,15 @@ def test_the_other_missions_of_the_office(mission: MissionRun) -> None:
 @pytest.mark.mission(world="paper-room", mission="through-the-door", seeds=[0, 1, *MORE_SEEDS])
 def test_the_robot_finds_out_through_the_door(mission: MissionRun) -> None:
     assert mission.outcome == "reached"
-    assert mission.metrics.min_clearance_m > 0.05
+    assert mission.min_clearance_m > 0.05
     assert mission.path[-1, 0] > 6.0, "it should stand beyond the partition"
 
 
 @pytest.mark.mission(world="paper-room", mission="around-objects", seeds=[0, *MORE_SEEDS])
 def test_objects_are_passed_without_contact(mission: MissionRun) -> None:
     assert mission.outcome == "reached"
-    assert mission.metrics.collisions == 0
-    assert mission.metrics.spl > 0.6
+    assert mission.collisions == 0
+    assert mission.spl > 0.6
 
 
 @pytest.mark.slow
@@ -208,7 +208,7 @@ def cross(workdir: Path, *barred: float) -> MissionResult:
 def test_a_blocked_passage_is_detected_and_avoided(workdir: Path) -> None:
     result = cross(workdir, 1.5)
     assert result.outcome is Outcome.REACHED, result.reason
-    assert result.metrics.collisions == 0
+    assert result.collisions == 0
     planner = result.session.stack.planner.plugin
     assert isinstance(planner, Papfis)
     assert planner.replans >= 1
@@ -252,11 +252,11 @@ def test_a_robot_hit_by_a_mover_is_not_the_cause(tmp_path: Path) -> None:
     assert result.collision_cause == "mover"
     assert result.summary()["collision_cause"] == "mover"
     # the static plan alone, which is empty, would give an infinite clearance
-    assert result.metrics.min_clearance_m == pytest.approx(0.0, abs=0.02)
+    assert result.min_clearance_m == pytest.approx(0.0, abs=0.02)
 
 
 def test_without_collision_there_is_no_cause(tmp_path: Path) -> None:
     result = go_up(tmp_path, WALKED.replace("yields: false", "yields: true"))
     assert result.outcome is Outcome.TIMEOUT
     assert result.collision_cause is None
-    assert 0.5 < result.metrics.min_clearance_m < 0.7
+    assert 0.5 < result.min_clearance_m < 0.7

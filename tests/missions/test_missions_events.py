@@ -231,7 +231,7 @@ def test_a_permanent_sensor_failure_ends_the_mission_without_collision(
     result = run(event)
     assert result.outcome == "fault"
     assert reason in result.reason
-    assert result.metrics.collisions == 0
+    assert result.collisions == 0
     assert result.verdict.trace == ""
 
 
@@ -250,12 +250,12 @@ def test_a_permanent_sensor_failure_ends_the_mission_without_collision(
 @pytest.mark.slow
 def test_the_mission_continues_after_a_temporary_fault(event: str) -> None:
     result = run(event, timeout=90)
-    assert (result.outcome, result.metrics.collisions) == ("reached", 0)
+    assert (result.outcome, result.collisions) == ("reached", 0)
 
 
 @pytest.mark.slow
 def test_clearance_includes_temporary_obstacles() -> None:
-    metrics = run("{at: 3, lasting: 4, obstacle: {ahead: 0.7, radius: 0.1}}", timeout=7).metrics
+    metrics = run("{at: 3, lasting: 4, obstacle: {ahead: 0.7, radius: 0.1}}", timeout=7)
     assert metrics.min_clearance_m < 0.55
     assert metrics.collisions == 0
     assert math.isfinite(metrics.clearance_p05_m)

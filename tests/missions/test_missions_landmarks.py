@@ -15,7 +15,6 @@ from navfw.errors import InputError, MapError
 from navfw.features.recognizers import Aruco
 from navfw.localization.place_probabilities import learn_table, load_table, situation_table
 from navfw.missions import prepare
-from navfw.missions.learning_drives import SituationDrive, learn_landmarks, record_situations
 from navfw.missions.missionfile import start_candidates
 from navfw.missions.run_report import write_run
 from navfw.missions.session import Session
@@ -25,7 +24,13 @@ from navfw.recording.run_replay import load_recording, replay
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Pose
 from navfw.sim import Simulation
-from navfw.suite.situation_learning import learn_situations, place_accuracy
+from navfw.suite.learning_drives import (
+    SituationDrive,
+    learn_landmarks,
+    learn_situations,
+    place_accuracy,
+    record_situations,
+)
 from navfw.topomap import Place, TopoMap, load_map
 
 

@@ -45,7 +45,7 @@ def test_a_stepped_session_drives_the_same_commands(result: navfw.MissionResult)
         assert session.step() is None
     log = session.result.log
     assert log.command_hash == result.log.command_hash
-    assert session.result.metrics.path_length_m == result.metrics.path_length_m
+    assert session.result.path_length_m == result.path_length_m
     assert np.array_equal([tick.true_pose for tick in ticks], log.true)
     assert np.array_equal([tick.twist for tick in ticks], log.commands)
     shown = [tick for tick in ticks if tick.image is not None]

@@ -16,7 +16,7 @@ from scripted_run import FakeSimulator, Posts, ScriptedPilot
 from navfw.errors import MapError
 from navfw.guard import PluginCallError
 from navfw.missions import MissionLoop
-from navfw.missions.outcome import FaultKind, Outcome
+from navfw.missions.outcome import Cause, Outcome
 from navfw.missions.run_metrics import RunMetrics, first_contacts, measure
 from navfw.missions.runner import Task
 from navfw.recording.run_observers import Contact, RunLog, RunLogger
@@ -143,22 +143,22 @@ class BrokenPilot(ScriptedPilot):
 @pytest.mark.parametrize(
     ("breakage", "fault", "reason"),
     [
-        (ValueError("bad cell"), FaultKind.EXCEPTION, "ValueError: bad cell"),
-        (MapError("no way left"), FaultKind.EXCEPTION, "no way left"),
-        (PluginCallError("planner mine: gone"), FaultKind.PLUGIN_FAILED, "planner mine: gone"),
-        (Twist(math.nan, 0.0), FaultKind.BAD_COMMAND, "v = nan"),
+        (ValueError("bad cell"), Cause.EXCEPTION, "ValueError: bad cell"),
+        (MapError("no way left"), Cause.EXCEPTION, "no way left"),
+        (PluginCallError("planner mine: gone"), Cause.PLUGIN_FAILED, "planner mine: gone"),
+        (Twist(math.nan, 0.0), Cause.BAD_COMMAND, "v = nan"),
         (KeyboardInterrupt(), None, "by the user"),
     ],
 )
 def test_an_exception_or_bad_command_ends_the_run_with_a_result(
-    breakage: BaseException | Twist, fault: FaultKind | None, reason: str
+    breakage: BaseException | Twist, fault: Cause | None, reason: str
 ) -> None:
     run = drive(BrokenPilot(breakage))
     assert run.verdict.outcome is (Outcome.CANCELLED if fault is None else Outcome.FAULT)
     assert run.verdict.fault is fault
     assert reason in run.verdict.reason
     assert run.log.ticks == 5
-    assert ("Traceback" in run.verdict.trace) == (fault is FaultKind.EXCEPTION)
+    assert ("Traceback" in run.verdict.trace) == (fault is Cause.EXCEPTION)
 
 
 def test_an_error_in_place_of_an_interruption_cancels_the_run() -> None:

@@ -14,6 +14,7 @@ from fuzz_mutations import mutate_data
 from websockets.frames import Frame, Opcode
 
 from navfw.missions import prepare
+from navfw.missions.pilot import watcher_of
 from navfw.recording.live_server import LiveServer
 from navfw.signals import Pose, SensorReading, Twist
 
@@ -181,7 +182,8 @@ def run_under_fire(
     plain = shown.run()
     server = LiveServer(shown.seen, 0, page="<p>" * 20_000)
     attacker = Attacker(server.url, seed=48)
-    result = shown.run(observers=[attacker, server])
+    result = shown.run(watcher_of(attacker.observe), watcher_of(server.observe))
+    attacker.close()
     server.end()
     assert (result.outcome, result.reason) == (plain.outcome, plain.reason), result.verdict
     assert result.log.command_hash == plain.log.command_hash

@@ -24,6 +24,7 @@ from websockets.typing import Origin, Subprotocol
 
 from navfw.errors import InputError
 from navfw.missions import prepare
+from navfw.missions.pilot import watcher_of
 from navfw.missions.session import Session
 from navfw.recording import channel_list as topics
 from navfw.recording import deserialize_cdr
@@ -113,7 +114,7 @@ def test_a_client_receives_the_run_and_changes_no_command() -> None:
         server.serve(0.01)
     with closing(socket.create_connection(("127.0.0.1", port_of(server)))) as reader:
         reader.sendall(request(server))
-        result = watched.run(observers=[server])
+        result = watched.run(watcher_of(server.observe))
         server.end(f"{result.outcome}: {result.reason}")
         assert reader.recv(99).startswith(b"HTTP/1.1 200 OK")
     viewer.thread.join(10)
@@ -122,9 +123,9 @@ def test_a_client_receives_the_run_and_changes_no_command() -> None:
     assert result.log.command_hash == plain.log.command_hash
     assert result.faults == ()
 
-    assert set(viewer.advertised) == {info.topic for info in topics.CHANNELS}
+    assert set(viewer.advertised) == set(topics.CHANNELS)
     schemas = {topic: channel["schemaName"] for topic, channel in viewer.advertised.items()}
-    assert schemas == {info.topic: info.schema for info in topics.CHANNELS}
+    assert schemas == {info: info.schema for info in topics.CHANNELS}
     log = result.log
     commands = dict(zip(log.time.tolist(), map(tuple, log.commands.tolist()), strict=True))
     rows = [
@@ -214,7 +215,7 @@ def test_a_run_is_as_fast_as_asked_for(idle: Session) -> None:
     shown = prepare("empty", "straight", overrides=["mission.timeout=2"])
     server = LiveServer(shown.seen, 0, speed=4.0)
     began = time.monotonic()
-    shown.run(observers=[server])
+    shown.run(watcher_of(server.observe))
     server.end()
     assert time.monotonic() - began > 0.25
 
@@ -272,7 +273,7 @@ def test_in_a_browser_the_own_page_shows_the_run_and_others_read_nothing(tmp_pat
     server = LiveServer(shown.seen, 0, page=page, speed=1.0, wait=True)
 
     def drive() -> None:
-        server.end(str(shown.run(observers=[server]).outcome))
+        server.end(str(shown.run(watcher_of(server.observe)).outcome))
 
     class Quiet(SimpleHTTPRequestHandler):
         def log_message(self, *words: object) -> None:

@@ -55,16 +55,16 @@ def test_all_channels_have_their_schema_rate_and_simulated_time(driven: Driven) 
     for message in run.messages():
         times.setdefault(message.topic, []).append(message.time)
     unused = {topics.LANDMARK_IMAGE, *topics.SIDE_IMAGES, topics.TRUE_OBSTACLES}
-    used = [info for info in topics.CHANNELS if info.topic not in unused]
-    assert set(times) == {info.topic for info in used}
+    used = [info for info in topics.CHANNELS if info not in unused]
+    assert set(times) == set(used)
     for info in used:
-        assert run.topics[info.topic] == info.schema
-        stamps = times[info.topic]
+        assert run.topics[info] == info.schema
+        stamps = times[info]
         assert stamps == sorted(stamps)
         assert stamps[-1] <= TIME + 1e-6
         if len(stamps) > 1:
             rate = (len(stamps) - 1) / (stamps[-1] - stamps[0])
-            assert rate == pytest.approx(float(info.rate.split()[0]), rel=0.1), info.topic
+            assert rate == pytest.approx(float(info.rate.split()[0]), rel=0.1), info
 
 
 def test_the_command_is_that_of_the_run_with_reasons_and_rules(driven: Driven) -> None:

@@ -23,7 +23,7 @@ from navfw.recording.channel_list import (
 )
 from navfw.recording.recorded_run import RecordedRun
 from navfw.recording.ros_messages import message_types, reading_message
-from navfw.recording.run_replay import compare_commands, load_recording, replay_commands
+from navfw.recording.run_replay import load_recording, replay_by
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist
 
 TICKS = 40
@@ -200,7 +200,7 @@ def test_a_pilot_gives_the_same_commands_to_recorded_readings(tmp_path: Path) ->
     recorder.save(tmp_path / "run.mcap")
     recording = load_recording(tmp_path / "run.mcap")
     for v, first_difference in ((0.2, None), (0.3, 0)):
-        replayed = compare_commands(recording, replay_commands(partial(step, v=v), recording))
+        replayed = replay_by(partial(step, v=v), recording)
         assert replayed.same is (first_difference is None)
         assert replayed.first_difference == first_difference
 

@@ -1,12 +1,9 @@
-"""Pictures of runs: trajectories, and the view from above."""
+"""The log of a run; labels and colours of pictures."""
 
 import hashlib
 import struct
 from itertools import combinations
-from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,14 +11,12 @@ from hypothesis import strategies as st
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from picture_colors import share_of
 
 from navfw.numerics import Array
-from navfw.recording import WorldOutline, hash_commands
-from navfw.recording.palette import FLOOR, MOVING, behavior_color, bgr, rgb
+from navfw.recording import hash_commands
+from navfw.recording.palette import behavior_color, bgr
 from navfw.recording.plan_picture import PathLabels
 from navfw.recording.run_observers import Contact, RunLog, RunLogger
-from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
 from navfw.signals import Pose, Twist, Waypoint
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -72,54 +67,6 @@ def test_a_log_keeps_what_was_added() -> None:
     assert np.flatnonzero(log.emergency).tolist() == [7]
     assert len(log.waypoints) == 1
     assert log.command_stream.shape == (300, 3)
-
-
-def picture(**changes: Any) -> TrajectoryPicture:
-    square = np.array([[0.0, 0.0], [0.4, 0.0], [0.4, 0.4], [0.0, 0.4]])
-    wall, table = square + np.array([1.5, 1.0]), square + np.array([0.5, -1.2])
-    values: dict[str, Any] = {
-        "title": "here / there, seed 1: reached",
-        "reason": "stopped 0.1 m from 'there'",
-        "numbers": "3.1 m in 5.0 s",
-        "good": True,
-        "outline": WorldOutline([wall], [table], [(2.5, 1.0, 0.2)]),
-        "start": Pose(0.0, 0.0, 0.0),
-        "goals": [(3.0, 0.2)],
-        "zone": 0.5,
-        "robot_radius": 0.18,
-        "places": {"there": (3.0, 0.2), "door": (1.0, 0.0), "doorway": (1.01, 0.0)},
-    }
-    return TrajectoryPicture(**(values | changes))
-
-
-def drawn(path: Path, log: RunLog, shown: TrajectoryPicture) -> Array:
-    draw_trajectory(path, log, shown)
-    image = cv2.imread(str(path))
-    assert image is not None
-    return image[:, :, ::-1].astype(np.float64)
-
-
-def test_the_path_has_the_colours_of_the_leading_behaviours(tmp_path: Path) -> None:
-    image = drawn(tmp_path / "a.png", curved_log(), picture())
-    assert min(image.shape[:2]) > 400
-    for color in ("#0072B2", "#E69F00", "#4A4A4A", "#D9D2C5", "#D00000"):
-        assert share_of(image, color) > 1e-4, color
-    # the picture of an empty log has none of the leaders' colours
-    bare = drawn(tmp_path / "b.png", RunLogger().log(), picture())
-    assert share_of(bare, "#E69F00") < 1e-5
-    # the same run gives the same picture
-    draw_trajectory(tmp_path / "c.png", curved_log(), picture())
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "c.png").read_bytes()
-
-
-def test_moving_obstacles_are_drawn_where_they_went(tmp_path: Path) -> None:
-    track = np.column_stack([np.linspace(0.5, 2.5, 50), np.full(50, -0.8)])
-    shown = drawn(tmp_path / "a.png", curved_log(), picture(tracks=[track], track_radii=[0.2]))
-    bare = drawn(tmp_path / "b.png", curved_log(), picture())
-    # seven tenths of the colour over the floor
-    parts = [0.7 * a + 0.3 * b for a, b in zip(rgb(MOVING), rgb(FLOOR), strict=True)]
-    mixed = "#" + "".join(f"{round(part):02X}" for part in parts)
-    assert share_of(shown, mixed) > 5e-4 > share_of(bare, mixed)
 
 
 NO_PATH = np.empty((0, 2))

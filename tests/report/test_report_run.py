@@ -72,15 +72,15 @@ def test_in_a_browser_all_panels_show_one_moment_and_go_from_event_to_event(
     assert int(left["wide"]) <= 0
     assert [line for line in seen.console if "setting log level" not in line] == []
     moment = read_moments(open_run(run_folder))[int(left["at"])]
-    assert moment.rating is not None
-    weights = [moment.command["weights"][name] for name in moment.rating.names]
-    worst = moment.rating.prohibition.max(axis=0) / 255.0
-    desire = np.tensordot(weights, moment.rating.desirability / 255.0, axes=1)
+    assert moment["rating"] is not None
+    weights = [moment["command"]["weights"][name] for name in moment["rating"].names]
+    worst = moment["rating"].prohibition.max(axis=0) / 255.0
+    desire = np.tensordot(weights, moment["rating"].desirability / 255.0, axes=1)
     support = np.where(worst > 0.5, 0.0, desire * (1.0 - worst))
     assert float(left["best"]) == pytest.approx(support.max(), abs=6e-4)
     # the cross is within a region of what comes near the best
-    v, w = moment.rating.commands(2)
-    near = np.abs(v - moment.command["v"]).argmin(), np.abs(w - moment.command["w"]).argmin()
+    v, w = moment["rating"].commands(2)
+    near = np.abs(v - moment["command"]["v"]).argmin(), np.abs(w - moment["command"]["w"]).argmin()
     assert support[near] > 0.7 * support.max()
 
 
@@ -123,10 +123,10 @@ def test_all_of_a_moment_is_of_its_time_and_walkers_that_nobody_tracks_are_in_th
     put_files(tmp_path, {"hall/world.yaml": WALKED, "hall/missions/ahead.yaml": AHEAD})
     assert invoke("run", tmp_path / "hall", "ahead", "--record", "--out", tmp_path / "o").exit_code
     moments = read_moments(open_run(tmp_path / "o"))
-    assert not any(moment.movers for moment in moments), "she is behind the robot"
-    assert all(len(moment.walkers) == 1 for moment in moments)
-    assert moments[-1].walkers[0] == pytest.approx(
-        (-2.0, -2.0 + 0.6 * moments[-1].time, 0.25), abs=0.1
+    assert not any(moment["movers"] for moment in moments), "she is behind the robot"
+    assert all(len(moment["walkers"]) == 1 for moment in moments)
+    assert moments[-1]["walkers"][0] == pytest.approx(
+        (-2.0, -2.0 + 0.6 * moments[-1]["time"], 0.25), abs=0.1
     )
     assert invoke("report", tmp_path / "o").exit_code == 0
     seen = seen_in_browser(tmp_path / "o" / REPORT, MOMENTS, tmp_path / "profile")
@@ -138,12 +138,12 @@ def test_all_of_a_moment_is_of_its_time_and_walkers_that_nobody_tracks_are_in_th
 
 def test_the_rules_are_told_with_what_was_perceived(run_folder: Path) -> None:
     moments = read_moments(open_run(run_folder))
-    told = [moment for moment in moments if moment.rules and moment.sentence]
+    told = [moment for moment in moments if moment["rules"] and moment["sentence"]]
     assert told
     for moment in told:
-        assert "perceived  Layer1" in moment.rules
-        assert moment.rules.startswith(f"at {moment.time:.1f} s: ")
-        assert moment.sentence in moment.rules
+        assert "perceived  Layer1" in moment["rules"]
+        assert moment["rules"].startswith(f"at {moment['time']:.1f} s: ")
+        assert moment["sentence"] in moment["rules"]
 
 
 def test_texts_of_a_run_are_no_code_on_its_page(run_folder: Path, tmp_path: Path) -> None:

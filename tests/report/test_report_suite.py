@@ -13,8 +13,7 @@ from cli_calls import invoke, output, put_files, refusal, sole_refusal
 from report_browser import seen_in_browser
 from suite_samples import row
 
-from navfw.suite.run_journal import RunJournal
-from navfw.suite.run_row import RunRow
+from navfw.suite.run_row import RunJournal, RunRow
 from navfw.suite.suite_folder import SuiteFolder
 
 PROBE = """

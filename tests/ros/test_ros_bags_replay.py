@@ -139,7 +139,7 @@ def test_messages_in_json_are_of_their_schema(driven: Path) -> None:
 
 def test_the_layout_shows_channels_that_there_are(driven: Path) -> None:
     layout = json.loads((driven / "foxglove_layout.json").read_text())
-    known = {info.topic for info in (*topics.CHANNELS, topics.DRIVEN_CHANNEL)}
+    known = {*topics.CHANNELS, topics.DRIVEN}
     shown = {text for text in strings(layout["configById"]) if text.startswith("/")}
     assert len(shown) > 10
     assert {text.partition(".")[0] for text in shown} <= known

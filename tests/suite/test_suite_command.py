@@ -13,7 +13,7 @@ from suite_samples import row
 from navfw.missions import prepare
 from navfw.plugins import default_registry
 from navfw.suite import load_suite
-from navfw.suite.run_journal import columns_of
+from navfw.suite.run_row import columns_of
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import plan_runs
 
@@ -39,7 +39,7 @@ def test_a_suite_runs_and_its_runs_are_those_of_navfw_run(folder: Path) -> None:
     alone = prepare("empty", "straight", seed=5, overrides=["mission.timeout=3"]).run()
     assert runs[1]["command_hash"] == alone.log.command_hash
     assert runs[0]["command_hash"] != runs[1]["command_hash"]
-    assert runs[1]["path_length_m"] == pytest.approx(alone.metrics.path_length_m, abs=1e-12)
+    assert runs[1]["path_length_m"] == pytest.approx(alone.path_length_m, abs=1e-12)
     assert "2 of 2 runs" in done.stderr
     out = folder / "runs" / "tiny-4-6"
     assert summary["table"] == "runs/tiny-4-6/table.csv"

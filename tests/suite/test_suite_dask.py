@@ -105,7 +105,7 @@ def test_tls_without_certificates_is_told_before_connecting() -> None:
 
 
 def test_a_worker_itself_imports_no_simulator(tmp_path: Path) -> None:
-    work = "navfw.suite.case_worker:run_job"
+    work = "navfw.suite.suite_run:run_job"
     plugin = FilesOnWorker([samples.case(1)], work, 10.0, 1000.0)
     (tmp_path / "plugin").write_bytes(pickle.dumps(plugin))
     code = "import pickle, sys; pickle.load(open(sys.argv[1], 'rb')); print('numba' in sys.modules)"

@@ -21,9 +21,8 @@ from suite_samples import row
 
 from navfw.errors import InputError
 from navfw.process.atomic import write_text
-from navfw.suite import run_journal, suite_folder
-from navfw.suite.run_journal import RunJournal, table_cells
-from navfw.suite.run_row import COLUMNS
+from navfw.suite import run_row, suite_folder
+from navfw.suite.run_row import COLUMNS, RunJournal, table_cells
 from navfw.suite.suite_folder import StartMode, SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_run import SuiteResult
@@ -82,7 +81,7 @@ def test_a_row_replaces_an_earlier_one_of_the_same_run(journal: RunJournal) -> N
 
 
 @pytest.mark.parametrize(
-    ("module", "last"), [(suite_folder, "write_text"), (run_journal, "atomic_file")]
+    ("module", "last"), [(suite_folder, "write_text"), (run_row, "atomic_file")]
 )
 def test_a_suite_that_dies_as_it_begins_is_resumed(
     out: SuiteFolder, monkeypatch: pytest.MonkeyPatch, module: ModuleType, last: str

@@ -13,9 +13,9 @@ from cli_calls import put_files
 from suite_plans import drive
 
 from navfw.errors import InputError
+from navfw.missions.outcome import Cause
 from navfw.recording import machine_kind
 from navfw.suite.case import Case
-from navfw.suite.failure_causes import Cause
 from navfw.suite.run_row import RunRow
 from navfw.suite.suite_folder import StartMode, SuiteFolder
 from navfw.suite.suite_plan import SuitePlan

@@ -18,8 +18,8 @@ from navfw.sim import WorldSpec
 from navfw.sim.worldspec import BoxSpec, Look, TextureSpec
 from navfw.suite import load_suite
 from navfw.suite.case import Job, draw_difficulty
-from navfw.suite.case_worker import run_job
 from navfw.suite.suite_plan import SuitePlan, plan_runs
+from navfw.suite.suite_run import run_job
 from navfw.suite.suite_summary import summarize
 from navfw.suite.suitefile import Expect, parse_seeds
 from navfw.topomap import Passage, Place, TopoMap

@@ -10,8 +10,8 @@ import yaml
 from suite_plans import drive, planned
 
 from navfw.config.lookup import shipped_folder
-from navfw.suite.case_worker import run_job
 from navfw.suite.suite_folder import SuiteFolder
+from navfw.suite.suite_run import run_job
 
 RUNS = 40
 TOLERANCE = 0.5

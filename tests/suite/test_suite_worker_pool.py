@@ -12,8 +12,8 @@ import suite_samples as samples
 from processes import printed
 
 from navfw.errors import SimulationError
+from navfw.missions.outcome import Cause
 from navfw.process.process_resources import peak_memory_mb
-from navfw.suite.failure_causes import Cause
 from navfw.suite.worker_pool import WorkerFailure, WorkerPool
 
 

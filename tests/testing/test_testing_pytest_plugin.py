@@ -14,10 +14,11 @@ from processes import printed
 
 from navfw.config.lookup import shipped_folder
 from navfw.missions import MissionResult, prepare
-from navfw.missions.run_report import draw
+from navfw.missions.run_report import draw_trajectory
 from navfw.testing import mission_cache, mission_run
-from navfw.testing.mission_cache import DrivenRun, read_run, store_run
+from navfw.testing.mission_cache import read_run, store_run
 from navfw.testing.mission_case import MissionCase
+from navfw.testing.mission_run import MissionRun
 
 pytest_plugins = "pytester"
 
@@ -47,7 +48,7 @@ class Hover(Behavior):
 def _everything_imported(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Pytester removes modules imported inside it, and numpy cannot be imported twice."""
     result = prepare("empty", "straight", overrides=["mission.timeout=1.5"]).run()
-    draw(result, tmp_path_factory.mktemp("warm") / "trajectory.png")
+    draw_trajectory(result, tmp_path_factory.mktemp("warm") / "trajectory.png")
 
 
 @pytest.fixture
@@ -59,7 +60,7 @@ def drives(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         driven.append(case.label)
         return original(case)
 
-    original = mission_cache.drive
+    original = mission_run.drive
     for module in (mission_run, mission_cache):
         monkeypatch.setattr(module, "drive", drive)
     return driven
@@ -194,20 +195,18 @@ def test_the_stack_of_the_mission_counts_unless_the_test_names_one(
 
 def test_a_stored_run_is_the_same(tmp_path: Path) -> None:
     result = prepare("empty", "straight", overrides={"mission.timeout": 1.5}).run()
-    run = DrivenRun.of(result)
-    store_run(run, tmp_path)
-    read = read_run(tmp_path)
+    case, file = MissionCase("empty", "straight"), tmp_path / "run.json"
+    store_run(MissionRun.of(result, case, tmp_path), file)
+    read = read_run(file, case, tmp_path)
     assert read is not None
     assert read.log.command_hash == result.log.command_hash
     assert read.summary() == result.summary()
     assert (read.verdict, read.log.waypoints) == (result.verdict, result.log.waypoints)
     assert np.array_equal(read.log.leader, result.log.leader)
-    for name in ("run.json", "log.npz"):
-        whole = (tmp_path / name).read_bytes()
-        (tmp_path / name).write_bytes(whole[: len(whole) // 2])
-        assert read_run(tmp_path) is None
-        (tmp_path / name).write_bytes(whole)
-    assert read_run(tmp_path / "none") is None
+    assert read.log.sight.dtype == result.log.sight.dtype
+    file.write_bytes(file.read_bytes()[:-100])
+    assert read_run(file, case, tmp_path) is None
+    assert read_run(tmp_path / "none", case, tmp_path) is None
 
 
 @pytest.mark.slow
@@ -228,7 +227,7 @@ def test_the_fixture_gives_outcome_metrics_path_and_commands(pytester: pytest.Py
             assert mission.seed == 3
             assert mission.path.shape == mission.commands.shape == (mission.log.ticks, 3)
             assert mission.commands[-1, 0] == pytest.approx(1.5, abs=0.05)
-            assert mission.metrics.collisions == 0
+            assert mission.collisions == 0
 
         def test_the_same_run_is_driven_once(self, mission, request):
             from navfw.testing.pytest_plugin import CACHE

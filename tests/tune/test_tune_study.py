@@ -17,12 +17,12 @@ from navfw.config import find
 from navfw.config.overrides import parse_override
 from navfw.errors import InputError, RuleBaseError, UnknownNameError
 from navfw.fuzzy import load_rule_base
+from navfw.missions.outcome import Cause
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.stack import load_stack
 from navfw.suite import load_suite
 from navfw.suite.case import Case, Job
-from navfw.suite.failure_causes import Cause
 from navfw.suite.run_row import RunRow
 from navfw.suite.worker_pool import WorkerFailure
 
