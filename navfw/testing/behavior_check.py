@@ -50,6 +50,7 @@ _BUDGET = 0.05
 _TIME = 60.0
 """Wall time limit of all scenes [s]."""
 
+_ROBOT = RobotModel()
 _ELSEWHERE = Pose(5.0, -3.0, 2.0)
 _LAYERS = ("applicability", "desirability", "prohibition")
 _CHANCE = {
@@ -73,17 +74,12 @@ _LIMIT = 12
 
 
 def check_behavior(
-    cls: type[Behavior],
-    params: Behavior.Params | None = None,
-    *,
-    robot: RobotModel | None = None,
-    budget: float = _BUDGET,
-    elsewhere: Answers | None = None,
+    cls: type[Behavior], *, budget: float = _BUDGET, elsewhere: Answers | None = None
 ) -> None:
     """Run a behaviour in many scenes; return if it keeps the contract of behaviours.
 
     Checked besides the verification at registration: every parameter has a description; the
-    behaviour can be built with ``params``, or its defaults; in each scene of
+    behaviour can be built with its defaults; in each scene of
     ``navfw.testing.behavior_scenes`` it returns a valid proposal, gives a reason of one line and an
     explanation in plain data; its proposals are the same in a new instance and after ``reset()``,
     and wherever robot and waypoint stand in the map, if they do not depend on the place; and its
@@ -99,8 +95,8 @@ def check_behavior(
     """
     durations: list[float] = []
     propose = partial(_propose, durations=durations)
-    problems = _problems(cls, params, robot, propose, elsewhere)
-    if not problems and _reads_map_as_robot(cls(robot or RobotModel(), params)):
+    problems = _problems(cls, propose, elsewhere)
+    if not problems and _reads_map_as_robot(cls(_ROBOT)):
         problems.append(_FRAMES)
     if durations and median(durations) > budget:
         usual = 1e3 * median(durations)
@@ -110,13 +106,7 @@ def check_behavior(
     _raise_if_any(cls, "behaviour", problems)
 
 
-def check_composite(
-    cls: type[Composite],
-    params: Composite.Params | None = None,
-    *,
-    robot: RobotModel | None = None,
-    elsewhere: Answers | None = None,
-) -> None:
+def check_composite(cls: type[Composite], *, elsewhere: Answers | None = None) -> None:
     """Run a composite in many scenes; return if it keeps the contract of composites.
 
     As in ``check_behavior``: in each scene its weights are numbers in [0, 1] by the names of
@@ -127,14 +117,14 @@ def check_composite(
         PluginError: it breaks the contract; the message lists everything that was found.
 
     """
-    _raise_if_any(cls, "composite", _problems(cls, params, robot, _weighing(), elsewhere))
+    _raise_if_any(cls, "composite", _problems(cls, _weighing(), elsewhere))
 
 
-def scene_answers(cls: type[Plugin], robot: RobotModel | None = None) -> Answers:
+def scene_answers(cls: type[Plugin]) -> Answers:
     """What a behaviour or composite answers in each scene: a digest of each part."""
-    plugin: Any = cls(robot or RobotModel())
+    plugin: Any = cls(_ROBOT)
     run: Any = _weighing() if issubclass(cls, Composite) else partial(_propose, durations=[])
-    return {scene.name: run(plugin, contexts_of(scene, plugin.robot))[1] for scene in SCENES}
+    return {scene.name: run(plugin, contexts_of(scene))[1] for scene in SCENES}
 
 
 def _raise_if_any(cls: type[Plugin], kind: str, problems: Sequence[str]) -> None:
@@ -153,14 +143,11 @@ def _raise_if_any(cls: type[Plugin], kind: str, problems: Sequence[str]) -> None
 
 def _problems(
     cls: type[PluginT],
-    params: Plugin.Params | None,
-    robot: RobotModel | None,
     run: Callable[[PluginT, Sequence[Context]], Answered],
     elsewhere: Answers | None,
 ) -> list[str]:
     """Problems of a plugin; ``run`` gives those in the contexts of a scene, and its answers."""
     verify(cls)
-    body = robot or RobotModel()
 
     def in_scenes() -> list[str]:
         problems = [
@@ -169,12 +156,12 @@ def _problems(
             if not info.description
         ]
         try:
-            plugin, other = cls(body, params), cls(body, params)
+            plugin, other = cls(_ROBOT), cls(_ROBOT)
         except Exception as error:  # the class may do anything
-            return [*problems, f"{cls.__name__}(robot, params) raised {_raised(error, cls)}"]
+            return [*problems, f"{cls.__name__}(robot) raised {_raised(error, cls)}"]
         scenes: dict[str, list[str]] = {}
         for scene in SCENES:
-            contexts = contexts_of(scene, body)
+            contexts = contexts_of(scene)
             wrong, first = run(plugin, contexts)
             if not wrong:
                 again = {
@@ -216,7 +203,7 @@ def _reads_map_as_robot(behavior: Behavior) -> bool:
         layers = []
         for start in (Pose(0.0, 0.0, 0.0), _ELSEWHERE):
             behavior.reset()
-            proposals = [behavior.propose(c) for c in contexts_of(blind, behavior.robot, start)]
+            proposals = [behavior.propose(c) for c in contexts_of(blind, start=start)]
             layers.append(
                 np.array([(p.applicability * p.desirability, p.prohibition) for p in proposals])
             )
