@@ -9,7 +9,18 @@ from hypothesis import strategies as st
 
 from navfw.errors import RuleBaseError
 from navfw.fuzzy import load_rule_base, parse_rule_base
-from navfw.fuzzy.rulebase import KEYWORDS, And, Clause, Is, Not, Or, Rule, SentenceError, parse_rule
+from navfw.fuzzy.rulebase import (
+    KEYWORDS,
+    And,
+    Clause,
+    Is,
+    Not,
+    Or,
+    Rule,
+    SentenceError,
+    atoms,
+    parse_rule,
+)
 
 INPUTS = {"distance": ("near", "far"), "side": ("left", "middle", "right")}
 OUTPUTS = {"turn": ("left", "right"), "speed": ("slow", "fast")}
@@ -216,3 +227,8 @@ def test_a_file_that_was_changed_is_read_again_and_a_missing_one_refused(tmp_pat
     assert load_rule_base(path).name == f"other_{first.name}"
     with pytest.raises(RuleBaseError, match="no such file"):
         load_rule_base(tmp_path / "none.yaml")
+
+
+def test_literals_come_with_the_number_of_nots_around_them() -> None:
+    a, b = Is("x", "low"), Is("y", "high")
+    assert list(atoms(And(Not(Not(a)), Not(Or(b, Not(a)))))) == [(a, 2), (b, 1), (a, 2)]

@@ -58,6 +58,9 @@ def test_only_the_turn_that_leads_to_the_wall_is_barred() -> None:
     arcs = arcs_of(occupancy, ORIGIN, COMMANDS.v, COMMANDS.w, 0.0)
     standing = arcs.free[COMMANDS.v == 0.0][0]
     assert standing[-1] < 0.5 * arcs.reach
+    # the whole reach stands for half a radian
+    expected = arcs.reach * free_turn(occupancy, ORIGIN, COMMANDS.w.max()) / 0.5
+    assert standing[-1] == pytest.approx(expected, abs=0.1 * arcs.reach)
     assert standing[0] == arcs.reach
 
 

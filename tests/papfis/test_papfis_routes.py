@@ -81,6 +81,22 @@ def test_unconnected_parts_are_named() -> None:
     assert "add an edge" in message
 
 
+def test_of_a_large_part_five_places_are_named() -> None:
+    near = [Place(f"p{k}", 2.0 * k, 0) for k in range(7)]
+    far = [Place("x", 90, 0), Place("y", 94, 0)]
+    router = Router(TopoMap("m", [*near, *far], [*line(*near), joined(*far)]), ROBOT)
+    with pytest.raises(MapError, match=r"the part with p0, p1, p2, p3, p4, \S+ \(7 places\)"):
+        router.route(Endpoint(0, 0, "p0"), Endpoint(90, 0, "x"))
+
+
+@pytest.mark.parametrize("aside", [0.5, 3.0])
+def test_a_metre_off_the_passages_costs_two(aside: float) -> None:
+    a, b = Place("a", 0, 0), Place("b", 8, 0)
+    router = Router(TopoMap("m", [a, b], [joined(a, b)]), ROBOT)
+    on, off = (router.route(Endpoint(4, y), Endpoint(8, 0, "b")).cost for y in (0.0, aside))
+    assert off - on == pytest.approx(2.0 * aside)
+
+
 def test_passages_that_are_too_narrow_are_named() -> None:
     with pytest.raises(MapError, match=r"wide enough .*0\.36 m.* too narrow: a - b \(0\.3 m\)"):
         narrow_pair().route(Endpoint(0, 0, "a"), Endpoint(4, 0, "b"))
