@@ -10,7 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.camera_geometry.rotations import derotate, rotation_matrix, turn_point
-from navfw.egomotion.epipolar_kernels import epipolar_residual, fit_motion, fit_reweighted
+from navfw.egomotion.epipolar_kernels import (
+    _direction_slopes,
+    epipolar_residual,
+    fit_motion,
+    fit_reweighted,
+)
 from navfw.egomotion.flow_egomotion import (
     EgomotionPrior,
     MotionKind,
@@ -52,6 +57,24 @@ def test_a_residual_is_a_distance_and_its_slopes_are_derivatives(
             rest = (x - px, y - py), FOCAL, translation, 4.0, UNIT, np.zeros(3)
             ends.append(epipolar_residual((x, y), *rest))
         assert row[axis] == pytest.approx((ends[1] - ends[0]) / 2e-6, abs=1e-3)
+
+
+@given(SIDE, SIDE, SMALL, SMALL, st.floats(-0.8, 0.8), st.floats(-0.8, 0.8))
+def test_slopes_along_directions_are_derivatives(
+    x: float, y: float, u: float, v: float, right: float, down: float
+) -> None:
+    ahead, slopes, basis = np.array([right, down, 0.6]), np.zeros(2), np.eye(3)[[0, 2]]
+    _direction_slopes((x, y), (u, v), FOCAL, ahead, basis, slopes)
+    if np.hypot(*(0.6 * np.array([x, y]) - FOCAL * ahead[:2])) < 5.0:
+        return
+    for axis, slope in zip(basis, slopes, strict=True):
+        low, high = (
+            epipolar_residual(
+                (x, y), (u, v), FOCAL, ahead + off * axis, 4.0, np.zeros((0, 3)), np.zeros(3)
+            )
+            for off in (-1e-6, 1e-6)
+        )
+        assert slope == pytest.approx((high - low) / 2e-6, rel=1e-3, abs=1e-3)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
