@@ -12,7 +12,6 @@ from navfw_benchmarks.bench.flow_comparison import (
     all_processors,
     measure_set,
     recorded_sets,
-    rendered_set,
 )
 from navfw_benchmarks.bench.perception_benchmark import match_windows, time_flow
 from navfw_benchmarks.bench.planning_time import bench_planning, large_map
@@ -123,14 +122,6 @@ def test_a_recording_that_lacks_something_is_refused(tum: Path, tmp_path: Path) 
 
 
 ROBOT = RobotModel()
-
-
-def test_block_matching_is_good_and_knows_how_good() -> None:
-    drawn = rendered_set(2, 5, worlds=("corridor",))
-    (measured,) = measure_set(drawn, {"own": BlockMatching(ROBOT)})["processors"].values()
-    assert measured["epe_median"] < 0.15
-    assert measured["coverage"] > 0.7
-    assert 0.88 < measured["within_2_sigma"] <= 1.0
 
 
 def test_every_processor_that_ships_is_measured() -> None:

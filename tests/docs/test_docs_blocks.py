@@ -232,21 +232,6 @@ def test_no_inner_module_is_imported() -> None:
     assert wrong == []
 
 
-def test_the_public_names_are_those_of_the_stubs() -> None:
-    for module in PUBLIC:
-        stub = Path(importlib.import_module(module).__file__ or "").with_suffix(".pyi")
-        listed = [
-            alias
-            for node in ast.parse(stub.read_text(encoding="utf-8")).body
-            if isinstance(node, ast.ImportFrom)
-            for alias in node.names
-        ]
-        assert all(alias.name == alias.asname for alias in listed), module
-        names = [alias.name for alias in listed]
-        assert sorted(set(names)) == sorted(names)
-        assert all(getattr(importlib.import_module(module), name) is not None for name in names)
-
-
 def test_the_cells_of_the_notebook_run(capsys: pytest.CaptureFixture[str]) -> None:
     assert [cell for cell in NOTEBOOK if cell.get("outputs")] == [], "clear all outputs"
     names: dict[str, Any] = {}
