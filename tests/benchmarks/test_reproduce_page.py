@@ -83,7 +83,7 @@ class Outline(HTMLParser):
 
 @pytest.mark.thorough
 def test_the_same_recordings_give_the_same_result_and_digest(written: Written) -> None:
-    again = real_scenes(written.data, default_registry(), silent)
+    again, _ = real_scenes(written.data, default_registry(), silent)
     assert plain_json(real_as_data(again)) == written.result["real"]
     facts = {k: v for k, v in written.result.items() if k not in ("digest", "timings")}
     text = json.dumps(facts, sort_keys=True).encode()

@@ -11,10 +11,9 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from statistics import median
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -48,43 +47,29 @@ TRUSTED = 0.3
 """Least confidence of the vectors that are evaluated."""
 
 
-@dataclass(frozen=True, slots=True)
-class FlowAnswer:
+class FlowAnswer(NamedTuple):
     """The answer of a processor on one pair, or on n: arrays (rows, cols) or (n, rows, cols).
 
-    ``off`` (..., 2) [px] is measured minus true flow at ``points``, ``true`` (..., 2) [px] the
-    latter, ``sigma`` [px] the processor's own estimate of the error. ``valid`` is where there is a
-    truth, ``trusted`` where the processor has a confidence of TRUSTED as well; ``ms`` the CPU time
-    of the call, or the median of n.
+    ``error`` [px] is the end-point error, ``length`` [px] that of the true flow, ``sigma`` [px] the
+    processor's own estimate of the error. ``valid`` is where there is a truth, ``trusted`` where
+    the processor has a confidence of TRUSTED as well; ``ms`` the CPU time of the call, or (n,).
     """
 
-    points: Array
-    off: Array
-    true: Array
+    error: Array
+    length: Array
     sigma: Array
     valid: Mask
     trusted: Mask
-    ms: float
-
-    @classmethod
-    def stacked(cls, answers: Sequence[FlowAnswer]) -> FlowAnswer:
-        """The answers on n pairs as one."""
-        names = [field.name for field in fields(cls) if field.name != "ms"]
-        arrays: dict[str, Any] = {n: np.stack([getattr(a, n) for a in answers]) for n in names}
-        return cls(**arrays, ms=median(a.ms for a in answers))
-
-    @property
-    def error(self) -> Array:
-        """End-point errors [px]."""
-        return np.asarray(np.hypot(self.off[..., 0], self.off[..., 1]))
+    ms: Array
 
 
 def answer(processor: FlowProcessor, pair: true_pairs.TruePair) -> FlowAnswer:
     """The answer of ``processor`` on a pair, compared with the true flow."""
     spent, flow = cpu_ms(processor.compute, pair.pair)
     true, valid = true_pairs.true_flow(flow.points, pair, processor.robot.camera)
+    error, length = (np.hypot(v[..., 0], v[..., 1]) for v in (flow.vectors - true, true))
     trusted = (flow.confidence >= TRUSTED) & valid
-    return FlowAnswer(flow.points, flow.vectors - true, true, flow.sigma, valid, trusted, spent)
+    return FlowAnswer(error, length, flow.sigma, valid, trusted, np.array(spent))
 
 
 def all_processors(robot: RobotModel) -> dict[str, FlowProcessor]:
@@ -298,14 +283,14 @@ def measure_set(
         for name, processor in processors.items():
             answers[name].append(answer(processor, pair))
     plain = frozenset(plain_processors(chosen.robot))
-    stacked = {name: FlowAnswer.stacked(of_pairs) for name, of_pairs in answers.items()}
+    stacked = {n: FlowAnswer(*map(np.stack, zip(*of, strict=True))) for n, of in answers.items()}
     common = np.logical_and.reduce([s.trusted for name, s in stacked.items() if name not in plain])
     last = [*stacked.values()][-1]
     return {
         "pairs": len(chosen.pairs),
         "width": chosen.robot.camera.width,
         "height": chosen.robot.camera.height,
-        "flow_median_px": float(np.median(np.hypot(*np.moveaxis(last.true[last.valid], -1, 0)))),
+        "flow_median_px": float(np.median(last.length[last.valid])),
         "common": int(common.sum()),
         "processors": {name: _figures(name, stacked, common, plain) for name in processors},
     }
@@ -315,16 +300,16 @@ def _figures(
     name: str, answers: Mapping[str, FlowAnswer], common: Mask, plain: frozenset[str]
 ) -> dict[str, Any]:
     own, first = answers[name], next(iter(answers.values()))
-    error = own.error
+    error, ms = own.error, float(np.median(own.ms))
     mean, points = _mean(error[own.trusted]), int(own.valid.sum())
     beaten_by = []
     for other in plain & answers.keys() - {name}:
         rival = answers[other]
         better = _mean(rival.error[own.trusted & rival.trusted])
-        if mean is not None and better is not None and rival.ms < own.ms and better < mean:
+        if mean is not None and better is not None and np.median(rival.ms) < ms and better < mean:
             beaten_by.append(other)
     return {
-        "ms": own.ms,
+        "ms": ms,
         "coverage": float(own.trusted.sum()) / points if points else 0.0,
         "epe": mean,
         "epe_median": float(np.median(error[own.trusted])) if own.trusted.any() else None,

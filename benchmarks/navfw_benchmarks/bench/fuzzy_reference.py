@@ -9,7 +9,7 @@ evaluators handle them:
 - The area is guarded by ``max(area, 2.2e-16)``, so the centroid of an almost empty conclusion
   moves toward zero, even out of the range. ``FIRING_FLOOR`` excludes such conclusions.
 - Only terms that a rule concludes take part. ``NOT`` is 1 - degree; ``AND`` / ``OR`` are fmin /
-  fmax, which ignore a NaN: a sample with a NaN input is not computed at all.
+  fmax, which ignore a NaN: inputs have to be numbers.
 - Only clipping (min implication) exists; for ``implication: prod`` the activations come from the
   simulation, and the scaled terms are joined here and given to ``skfuzzy.defuzz``.
 - Simulations keep every past result, and terms are never freed (class-level dictionaries keyed by
@@ -25,7 +25,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any, NamedTuple, TypedDict
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -71,8 +71,6 @@ class ReferenceFis:
             ValueError: an input is missing or unknown (from scikit-fuzzy).
 
         """
-        if any(np.isnan(value) for value in inputs.values()):
-            return self._nothing_fired()
         self.compute(inputs)
         return self.read()
 
@@ -159,14 +157,6 @@ class ReferenceFis:
             crisp = self.simulation.output[name]
         return float(np.clip(crisp, variable.low, variable.high))
 
-    def _nothing_fired(self) -> ReferenceInference:
-        degrees = {
-            name: {term: np.zeros(1) for term in variable.terms}
-            for name, variable in self.rule_base.outputs.items()
-        }
-        outputs = {name: np.array([self._crisp(name, cuts)]) for name, cuts in degrees.items()}
-        return ReferenceInference(outputs, np.zeros((1, len(self._rules))), degrees)
-
 
 @contextmanager
 def _without_warnings() -> Iterator[None]:
@@ -184,21 +174,6 @@ _BATCH = 16
 """Samples in one call: about the number of regions in a frame."""
 
 
-class FisComparison(TypedDict):
-    """The result of ``compare``; times are medians [ms] on the present machine."""
-
-    name: str
-    samples: int
-    compiled_ms: float  # one call with one sample
-    compiled_batch_ms: float  # one call with ``batch`` samples
-    batch: int
-    reference_ms: float  # one set of inputs and compute() of scikit-fuzzy
-    ratio: float  # reference_ms / compiled_ms, one sample each
-    batch_ratio: float  # the same per sample of a batch
-    max_abs_diff: float  # over all crisp outputs and firing strengths
-    undecided: int  # samples for which exactly one evaluator gave a number
-
-
 def random_inputs(rule_base: RuleBase, samples: int, rng: np.random.Generator) -> Array:
     """Rows (inputs, samples): half uniform in the ranges, half at or next to terms' corners."""
     rows = []
@@ -212,11 +187,14 @@ def random_inputs(rule_base: RuleBase, samples: int, rng: np.random.Generator) -
     return np.array(rows)
 
 
-def compare(rule_base: RuleBase, samples: int, rng: np.random.Generator) -> FisComparison:
-    """Evaluate ``samples`` random inputs by both evaluators; times and largest difference.
+def compare(rule_base: RuleBase, samples: int, rng: np.random.Generator) -> dict[str, Any]:
+    """Evaluate ``samples`` random inputs by both evaluators; plain data.
 
-    The reference takes milliseconds per sample. A sample counts as ``undecided`` where exactly one
-    of the evaluators gives NaN.
+    Keys: ``name``, ``samples``; medians [ms]: ``compiled_ms`` of one sample, ``compiled_batch_ms``
+    of ``batch`` samples in one call, ``reference_ms`` of one sample; ``ratio`` of the reference's
+    time to the compiled one's, ``batch_ratio`` the same per sample of a batch; ``max_abs_diff``
+    over all crisp outputs and firing strengths; ``undecided``, the samples for which exactly one
+    evaluator gives a number.
 
     Raises:
         ValueError: ``samples`` is not positive.
@@ -249,18 +227,18 @@ def compare(rule_base: RuleBase, samples: int, rng: np.random.Generator) -> FisC
     batch = {name: np.resize(row, _BATCH) for name, row in zip(rule_base.inputs, rows, strict=True)}
     together = median_ms(lambda _: compiled.evaluate(batch), 200)
     one = statistics.median(seconds) * 1e3
-    return FisComparison(
-        name=rule_base.name,
-        samples=samples,
-        compiled_ms=single,
-        compiled_batch_ms=together,
-        batch=_BATCH,
-        reference_ms=one,
-        ratio=one / single,
-        batch_ratio=one * _BATCH / together,
-        max_abs_diff=largest,
-        undecided=undecided,
-    )
+    return {
+        "name": rule_base.name,
+        "samples": samples,
+        "compiled_ms": single,
+        "compiled_batch_ms": together,
+        "batch": _BATCH,
+        "reference_ms": one,
+        "ratio": one / single,
+        "batch_ratio": one * _BATCH / together,
+        "max_abs_diff": largest,
+        "undecided": undecided,
+    }
 
 
 def median_ms(call: Callable[[int], object], repeats: int) -> float:

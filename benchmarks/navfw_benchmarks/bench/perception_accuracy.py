@@ -17,14 +17,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from itertools import islice
 from typing import Any
 
 import numpy as np
 
-from navfw.interfaces import Perception
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
 from navfw.offis.nearness import TERMS
 from navfw.offis.offis import Offis
@@ -32,7 +30,7 @@ from navfw.offis.percept_explanation import front_in
 from navfw.offis.pyramid import QUADRANTS
 from navfw.process.work_progress import ProgressCallback, silent, with_progress
 from navfw.robot import RobotModel
-from navfw.signals import FlowField, Percept, Twist
+from navfw.signals import Percept
 from navfw_benchmarks.bench.perception_samples import drawn_samples
 from navfw_benchmarks.bench.real_labels import Judgement
 from navfw_benchmarks.bench.view_truth import DOMINANT, HIDDEN, ViewTruth
@@ -42,22 +40,6 @@ HELD_OUT_SEED = 101
 
 NONE = "none"
 """The distance term of a percept without a named quadrant."""
-
-
-@dataclass(frozen=True, slots=True)
-class PerceptScore:
-    """What OFFIS inferred of one view, and which parts are correct.
-
-    ``table`` is the most probable entry of Table 1, ``elementary`` the most probable elementary
-    situation; ``right`` says of "quadrant", "distance" and, where the situation is clear, "table"
-    and "elementary" whether they are correct.
-    """
-
-    quadrants: frozenset[str]
-    term: str
-    table: str
-    elementary: str
-    right: Mapping[str, bool]
 
 
 def run(
@@ -76,62 +58,58 @@ def run(
     The result does not depend on ``workers``, the number of processes. ``report`` is called with
     the number of views done so far.
     """
-    robot = RobotModel()
-    offis, ideal = Offis(robot), Offis(robot)
-    samples, measured, perfect = [], [], []
+    offis = Offis(RobotModel())
+    truths: list[ViewTruth] = []
+    measured: list[Percept] = []
+    perfect: list[Percept] = []
     drawn = islice(drawn_samples(seed, workers), poses)
     for sample in with_progress(drawn, "accuracy over views", report, poses):
-        samples.append(sample.truth)
-        measured.append(_score_percept(offis, sample.flow, sample.twist, sample.truth))
-        perfect.append(_score_percept(ideal, sample.ideal, sample.view.twist, sample.truth))
+        truths.append(sample.truth)
+        for percepts, flow, twist in (
+            (measured, sample.flow, sample.twist),
+            (perfect, sample.ideal, sample.view.twist),
+        ):
+            offis.reset()
+            percepts.append(offis.perceive(flow, twist))
     return {
-        "poses": len(samples),
+        "poses": len(truths),
         "seed": seed,
-        **score(samples, measured),
-        "ideal": score(samples, perfect),
+        **score(truths, measured),
+        "ideal": score(truths, perfect),
     }
-
-
-def _score_percept(
-    offis: Perception, flow: FlowField, twist: Twist, truth: ViewTruth
-) -> PerceptScore:
-    offis.reset()
-    percept = offis.perceive(flow, twist)
-    table = _strongest(percept, TABLE)
-    elementary = _strongest(percept, ELEMENTARY)
-    quadrant, distance, _ = check_percept(percept, truth)
-    right = {"quadrant": quadrant, "distance": distance}
-    if truth.clear:
-        right["table"] = any(name in truth.situations for name in table.split(" or "))
-        right["elementary"] = elementary in truth.situations
-    quadrants = frozenset(percept.obstacles["layer1"])
-    return PerceptScore(quadrants, nearest_term(percept), table, elementary, right)
 
 
 def _strongest(percept: Percept, names: Sequence[str]) -> str:
     return max(names, key=percept.situations.__getitem__)
 
 
-def score(truths: Sequence[ViewTruth], scores: Sequence[PerceptScore]) -> dict[str, Any]:
-    """The values that ``run`` returns, from truths and percept scores of the same views."""
-    both = list(zip(truths, scores, strict=True))
-    clear = [(t, a) for t, a in both if t.clear]
-    farther = [TERMS.index(a.term) - TERMS.index(t.term) for t, a in both if a.term != NONE]
-    exact = [a.quadrants >= t.certain and a.quadrants <= t.possible for t, a in both]
+def score(truths: Sequence[ViewTruth], percepts: Sequence[Percept]) -> dict[str, Any]:
+    """The values that ``run`` returns, from truths and percepts of the same views."""
+    both = list(zip(truths, percepts, strict=True))
+    checked = [check_percept(p, t) for t, p in both]
+    named = [(t, frozenset(p.obstacles["layer1"])) for t, p in both]
+    terms = [(t.term, nearest_term(p)) for t, p in both]
+    farther = [TERMS.index(term) - TERMS.index(true) for true, term in terms if term != NONE]
+    table = [(t, _strongest(p, TABLE)) for t, p in both]
+    elementary = [(t, _strongest(p, ELEMENTARY)) for t, p in both]
     return {
-        "nearest_quadrant_accuracy": _share(a.right["quadrant"] for _, a in both),
-        "nearest_quadrant_exact": _share(exact),
-        "distance_accuracy": _share(a.right["distance"] for _, a in both),
+        "nearest_quadrant_accuracy": _share(quadrant for quadrant, _, _ in checked),
+        "nearest_quadrant_exact": _share(t.certain <= q <= t.possible for t, q in named),
+        "distance_accuracy": _share(distance for _, distance, _ in checked),
         "far_for_near": sum(step == 2 for step in farther) / max(len(both), 1),
         "one_term_too_far": sum(step == 1 for step in farther) / max(len(both), 1),
-        "situation_contains_truth": _share(a.right["table"] for _, a in clear),
-        "situation_top1": _share(a.right["elementary"] for _, a in clear),
-        "situations": len(clear),
+        "situation_contains_truth": _share(
+            any(name in t.situations for name in entry.split(" or "))
+            for t, entry in table
+            if t.clear
+        ),
+        "situation_top1": _share(name in t.situations for t, name in elementary if t.clear),
+        "situations": sum(t.clear for t in truths),
         "confusion": {
-            "quadrant": _confusion((_names(t.certain), _names(a.quadrants)) for t, a in both),
-            "distance": _confusion((t.term, a.term) for t, a in both),
-            "table": _confusion((" + ".join(t.situations), a.table) for t, a in both),
-            "situation": _confusion((" + ".join(t.situations), a.elementary) for t, a in both),
+            "quadrant": _confusion((_names(t.certain), _names(q)) for t, q in named),
+            "distance": _confusion(terms),
+            "table": _confusion((" + ".join(t.situations), entry) for t, entry in table),
+            "situation": _confusion((" + ".join(t.situations), name) for t, name in elementary),
         },
     }
 

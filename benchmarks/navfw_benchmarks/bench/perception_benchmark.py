@@ -25,7 +25,7 @@ from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Twist
 from navfw_benchmarks.bench import perception_accuracy
 from navfw_benchmarks.bench.flow_comparison import cpu_ms
-from navfw_benchmarks.bench.fuzzy_reference import FisComparison, ReferenceFis, compare, median_ms
+from navfw_benchmarks.bench.fuzzy_reference import ReferenceFis, compare, median_ms
 from navfw_benchmarks.bench.perception_samples import samples_of_world
 
 MAX_DIFFERENCE = 1e-6
@@ -52,7 +52,7 @@ def time_perception(comparisons: int, workers: int) -> dict[str, Any]:
         **time_offis(),
         "offis_max_abs_diff": max(result["max_abs_diff"] for result in compared),
         "comparisons": comparisons,
-        "rule_bases": {result["name"]: dict(result) for result in compared},
+        "rule_bases": {result["name"]: result for result in compared},
         **time_flow([_textured_pair()] * 200),
     }
 
@@ -99,7 +99,7 @@ def _by_reference(
             reference.compute({name: float(x[k]) for name, x in evaluation.inputs.items()})
 
 
-def compare_rule_bases(samples: int, workers: int = 1) -> list[FisComparison]:
+def compare_rule_bases(samples: int, workers: int = 1) -> list[dict[str, Any]]:
     """Every rule base of OFFIS against scikit-fuzzy on ``samples`` random inputs each."""
     files, compared = sorted(RULES.glob("*.yaml")), partial(_compare, samples=samples)
     if workers <= 1:
@@ -108,7 +108,7 @@ def compare_rule_bases(samples: int, workers: int = 1) -> list[FisComparison]:
         return pool.map(compared, files, chunksize=1)
 
 
-def _compare(file: Path, samples: int) -> FisComparison:
+def _compare(file: Path, samples: int) -> dict[str, Any]:
     return compare(load_rule_base(file), samples, np.random.default_rng(_SEED))
 
 

@@ -30,20 +30,11 @@ _SHAPES = 70
 """Number of shapes on a poster."""
 _SIDES = (160, 64)
 """Sides [px] of the templates: one for near, one for distant posters."""
-
-
 _ENLARGED = 2
 """Factor by which frames are enlarged: ORB's patches are 31 px wide, like distant posters. At this
 factor OpenCV's cubic interpolation is exact on every processor; at others it is not."""
-
-
-_FRAME_FEATURES = 800
-
-
-_TEMPLATE_FEATURES = 250
+_FRAME_FEATURES, _TEMPLATE_FEATURES = 800, 250
 """Number of features extracted from a frame, and from a template at each size."""
-
-
 _INLIERS, _INLIER_DISTANCE = 12, 3.0
 """Least number of inliers of the homography; their largest reprojection error [px, enlarged]."""
 _RATIO = 0.8

@@ -34,28 +34,19 @@ _SPEED, _REACHED, _GAIN, _TICK = 0.4, 0.12, 4.0, 1.0 / 60.0
 _MAX_TIME = 60.0
 
 
-@dataclass(frozen=True, slots=True)
-class TrajectoryWaypoint:
-    """A marked point: number, time [s] at which the robot passes it, the robot's action."""
-
-    number: int
-    time: float
-    doing: str
-
-
 WAYPOINTS = (
-    TrajectoryWaypoint(1, 3.0, "goes on between the box and the column"),
-    TrajectoryWaypoint(2, 8.0, "heads for the corner"),
-    TrajectoryWaypoint(3, 11.3, "turns left, fast"),
-    TrajectoryWaypoint(4, 13.2, "goes on along the partition"),
-    TrajectoryWaypoint(5, 14.5, "comes up to the door, which is on its right"),
-    TrajectoryWaypoint(6, 17.4, "goes through the door"),
-    TrajectoryWaypoint(7, 18.7, "leaves the door behind"),
-    TrajectoryWaypoint(8, 20.0, "goes to the wall of the next room"),
-    TrajectoryWaypoint(9, 23.0, "goes to its corner"),
-    TrajectoryWaypoint(10, 23.8, "arrives"),
+    (3.0, "goes on between the box and the column"),
+    (8.0, "heads for the corner"),
+    (11.3, "turns left, fast"),
+    (13.2, "goes on along the partition"),
+    (14.5, "comes up to the door, which is on its right"),
+    (17.4, "goes through the door"),
+    (18.7, "leaves the door behind"),
+    (20.0, "goes to the wall of the next room"),
+    (23.0, "goes to its corner"),
+    (23.8, "arrives"),
 )
-"""The marked points, in order."""
+"""The marked points, from number 1 on: time [s] at which the robot passes, and its action."""
 
 
 def drive() -> list[MovingPose]:

@@ -159,8 +159,8 @@ def table2(seed: int) -> list[PaperRow]:
     with Simulation(
         load_world(find("world", "paper-room")), robot, paper_scenes.START, 0, SENSORS
     ) as sim:
-        for waypoint in paper_scenes.WAYPOINTS:
-            point = trajectory[round(waypoint.time * 60.0)]
+        for number, (time, doing) in enumerate(paper_scenes.WAYPOINTS, start=1):
+            point = trajectory[round(time * 60.0)]
             view = rendered_view(sim, rng, point.before(PERIOD), point.pose, PERIOD)
             true = true_flow(view, robot)
             without_gyro = replace(view.pair, motion=_unturned(view.motion))
@@ -171,12 +171,12 @@ def table2(seed: int) -> list[PaperRow]:
                 ("block matching", "left in"): _not_derotated(matching.compute(without_gyro)),
             }
             about = {
-                "waypoint": waypoint.number,
-                "doing": waypoint.doing,
+                "waypoint": number,
+                "doing": doing,
                 "pose": [round(value, 4) for value in astuple(point.pose)],
                 "twist": [round(value, 4) for value in astuple(point.twist)],
             }
-            rows.append(_row(waypoint.number, about, view, flows, modes))
+            rows.append(_row(number, about, view, flows, modes))
     return rows
 
 

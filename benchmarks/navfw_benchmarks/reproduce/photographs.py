@@ -9,8 +9,7 @@ total: nothing should be said about them.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
 from navfw.numerics import Image
 from navfw.perceive.overlay import draw
+from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.plugins import Registry
 from navfw.process.work_progress import ProgressCallback
@@ -27,18 +27,7 @@ from navfw_benchmarks.bench.real_benchmark import (
     labelled_parts,
     open_part,
 )
-from navfw_benchmarks.bench.real_labels import FrameLabel, Judgement, SentenceVerdict
-
-
-@dataclass(frozen=True, slots=True)
-class RealScene:
-    """A labelled frame: its sentence, judged; ``picture`` is the overlay, None if not shown."""
-
-    label: FrameLabel
-    sentence: str
-    notes: tuple[str, ...]
-    judgement: Judgement
-    picture: Image | None
+from navfw_benchmarks.bench.real_labels import FrameLabel, SentenceVerdict
 
 
 def chosen_frames(labels: Sequence[FrameLabel]) -> list[FrameLabel]:
@@ -55,8 +44,10 @@ def chosen_frames(labels: Sequence[FrameLabel]) -> list[FrameLabel]:
 
 def real_scenes(
     data: Path, registry: Registry, report: ProgressCallback
-) -> dict[FrameLabel, RealScene]:
-    """Every labelled frame of the recordings in ``data``; pictures of the chosen ones.
+) -> tuple[dict[FrameLabel, dict[str, Any]], dict[FrameLabel, Image]]:
+    """What is said of every labelled frame in ``data``, as plain data; pictures of chosen ones.
+
+    A frame that may not be shown has no picture.
 
     Raises:
         ConfigError: there are no recordings in ``data``, or a labelled image is missing.
@@ -78,37 +69,38 @@ def real_scenes(
             key="--data",
         )
     chosen = set(chosen_frames([label for labels in parts.values() for label in labels]))
-    scenes: dict[FrameLabel, RealScene] = {}
+    scenes: dict[FrameLabel, dict[str, Any]] = {}
+    pictures: dict[FrameLabel, Image] = {}
     for part, labels in parts.items():
         report(f"Table 3 on photographs: {part}")
-        scenes |= _part_scenes(data, labels, chosen, registry)
-    return scenes
+        named = {label.file: label for label in labels}
+        scenes |= {label: _said(None, label) for label in labels}
+        perceiver, _ = open_part(data, labels, PerceiverOptions().flow, registry)
+        for item, result in perceiver.results():
+            label = named.get(Path(item.name).name)
+            if label is None:
+                continue
+            scenes[label] = _said(result, label)
+            shown = label in chosen and RECORDINGS[label.folder].licence is not None
+            if shown and perceiver.size is not None:
+                pictures[label] = draw(item.image, result, perceiver.size)
+    return scenes, pictures
 
 
-def _part_scenes(
-    data: Path, labels: Sequence[FrameLabel], chosen: set[FrameLabel], registry: Registry
-) -> dict[FrameLabel, RealScene]:
-    """The labelled frames of one part; silent where there is no result."""
-    named = {label.file: label for label in labels}
-    scenes = {label: RealScene(label, "", (), Judgement({}), None) for label in labels}
-    perceiver, _ = open_part(data, labels, PerceiverOptions().flow, registry)
-    for item, result in perceiver.results():
-        label = named.get(Path(item.name).name)
-        if label is None:
-            continue
-        picture = None
-        shown = label in chosen and RECORDINGS[label.folder].licence is not None
-        if shown and perceiver.size is not None:
-            picture = draw(item.image, result, perceiver.size)
-        sentence, judged = result.percept.sentence, judge_result(result, label)
-        scenes[label] = RealScene(label, sentence, result.notes, judged, picture)
-    return scenes
+def _said(result: PairResult | None, label: FrameLabel) -> dict[str, Any]:
+    """The sentence of a frame, judged; silent without a result."""
+    judged = judge_result(result, label)
+    return {
+        "sentence": "" if result is None else result.percept.sentence,
+        "notes": [] if result is None else list(result.notes),
+        "verdict": str(judged.verdict),
+        "statements": dict(judged.statements),
+    }
 
 
-def real_as_data(scenes: Mapping[FrameLabel, RealScene]) -> dict[str, Any]:
+def real_as_data(scenes: Mapping[FrameLabel, dict[str, Any]]) -> dict[str, Any]:
     """The verdicts of all frames by recording, and the chosen frames, as plain data."""
     folders = {label.folder for label in scenes}
-    shown = [scenes[label] for label in chosen_frames(list(scenes))]
     return {
         "flow": PerceiverOptions().flow,
         "missing": [folder for folder in RECORDINGS if folder not in folders],
@@ -119,23 +111,22 @@ def real_as_data(scenes: Mapping[FrameLabel, RealScene]) -> dict[str, Any]:
                 "source": recording.source,
                 "licence": recording.licence,
                 "single": any(s.single for s in scenes if s.folder == folder),
-                "verdicts": _verdicts([s for s in scenes.values() if s.label.folder == folder]),
+                "verdicts": _verdicts(scenes[s] for s in scenes if s.folder == folder),
             }
             for folder, recording in RECORDINGS.items()
             if folder in folders
         ],
-        "total": _verdicts([s for s in scenes.values() if not s.label.single]),
-        "scenes": [_as_data(scene) for scene in shown],
+        "total": _verdicts(scenes[s] for s in scenes if not s.single),
+        "scenes": [_about(label) | scenes[label] for label in chosen_frames(list(scenes))],
     }
 
 
-def _verdicts(scenes: Sequence[RealScene]) -> dict[str, int]:
-    counts = Counter(str(scene.judgement.verdict) for scene in scenes)
+def _verdicts(scenes: Iterable[Mapping[str, Any]]) -> dict[str, int]:
+    counts = Counter(scene["verdict"] for scene in scenes)
     return {str(verdict): counts[verdict] for verdict in SentenceVerdict}
 
 
-def _as_data(scene: RealScene) -> dict[str, Any]:
-    label = scene.label
+def _about(label: FrameLabel) -> dict[str, Any]:
     return {
         "folder": label.folder,
         "file": label.file,
@@ -147,8 +138,4 @@ def _as_data(scene: RealScene) -> dict[str, Any]:
             "front": label.front,
             "front_also": sorted(label.front_also),
         },
-        "sentence": scene.sentence,
-        "notes": list(scene.notes),
-        "verdict": str(scene.judgement.verdict),
-        "statements": dict(scene.judgement.statements),
     }

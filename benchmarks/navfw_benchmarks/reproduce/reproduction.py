@@ -35,17 +35,12 @@ from navfw.signals import FlowField, Pose
 from navfw.sim.scene_geometry import SceneGeometry
 from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import WorldSpec
-from navfw_benchmarks.bench.real_labels import FrameLabel, SentenceVerdict
+from navfw_benchmarks.bench.real_labels import SentenceVerdict
 from navfw_benchmarks.bench.true_pairs import MovingPose
 from navfw_benchmarks.reproduce import paper_tables
 from navfw_benchmarks.reproduce.metric_comparison import compare_metrics
 from navfw_benchmarks.reproduce.paper_scenes import drive
-from navfw_benchmarks.reproduce.photographs import (
-    RealScene,
-    chosen_frames,
-    real_as_data,
-    real_scenes,
-)
+from navfw_benchmarks.reproduce.photographs import chosen_frames, real_as_data, real_scenes
 
 with extra_imports("report", key="navfw reproduce"):
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -314,7 +309,7 @@ def reproduce(
     """
     with AtomicFolder(out, _OURS, "--out") as folder:
         # first, since it can fail
-        real = {} if data is None else real_scenes(data, default_registry(), report)
+        real, photographs = real_scenes(data, default_registry(), report) if data else ({}, {})
         report("Table 2: the trajectory")
         rows = paper_tables.table2(seed)
         report("Table 3: the office")
@@ -333,23 +328,18 @@ def reproduce(
         times = {**paper_tables.timings(rows, scenes), "paper": dict(_PAPER_TIMES)}
         result |= {"digest": digest, "timings": times}
         report("pictures")
-        page = write_page(result, _pictures(rows, scenes, real))
+        pictures = {
+            "map": draw_map(load_world(find("world", "paper-room")), drive(), rows),
+            **{f"waypoint-{row.number}": waypoint_picture(row) for row in rows},
+            **{f"scene-{row.number}": scene_picture(row) for row in scenes},
+            **{
+                f"real-{k}": photographs[label]
+                for k, label in enumerate(chosen_frames(list(real)))
+                if label in photographs
+            },
+        }
+        page = write_page(result, pictures)
         (folder.path / "index.html").write_text(page, encoding="utf-8")
         text = json.dumps(result, indent=2, allow_nan=False)
         (folder.path / "result.json").write_text(text + "\n", encoding="utf-8")
     return dict(result)
-
-
-def _pictures(
-    rows: list[paper_tables.PaperRow],
-    scenes: list[paper_tables.PaperRow],
-    real: Mapping[FrameLabel, RealScene],
-) -> dict[str, Image]:
-    """The pictures of the page by name; frames that may not be shown have none."""
-    shown = [(k, real[label].picture) for k, label in enumerate(chosen_frames(list(real)))]
-    return {
-        "map": draw_map(load_world(find("world", "paper-room")), drive(), rows),
-        **{f"waypoint-{row.number}": waypoint_picture(row) for row in rows},
-        **{f"scene-{row.number}": scene_picture(row) for row in scenes},
-        **{f"real-{k}": picture for k, picture in shown if picture is not None},
-    }
