@@ -302,7 +302,7 @@ def test_a_pole_straight_ahead_is_found_where_single_vectors_are_short() -> None
     found, partly = 0, False
     for seed in range(20):
         stixels = stixels_of(boards_on_floor(0.08, [(0.9, 0.0, 0.15)], noise=0.15, seed=seed))
-        partly |= ((stixels.confidence > 0.1) & (stixels.confidence < 0.9)).any()
+        partly |= bool(((stixels.confidence > 0.1) & (stixels.confidence < 0.9)).any())
         middle = np.abs(stixels.slope) < 0.06
         found += bool((stixels.confidence[middle] > 0.3).any())
         wrong = (stixels.confidence > 0.3) & (stixels.nearness > 1.4 / 0.9)

@@ -83,7 +83,7 @@ def test_unconnected_parts_are_named() -> None:
 
 def test_of_a_large_part_five_places_are_named() -> None:
     near = [Place(f"p{k}", 2.0 * k, 0) for k in range(7)]
-    far = [Place("x", 90, 0), Place("y", 94, 0)]
+    far = Place("x", 90, 0), Place("y", 94, 0)
     router = Router(TopoMap("m", [*near, *far], [*line(*near), joined(*far)]), ROBOT)
     with pytest.raises(MapError, match=r"the part with p0, p1, p2, p3, p4, \S+ \(7 places\)"):
         router.route(Endpoint(0, 0, "p0"), Endpoint(90, 0, "x"))
