@@ -1,7 +1,7 @@
 """The context of a decision: what behaviours know, and the commands they choose from.
 
 Plain data that the stack hands to the plugins of MOFIS; it depends on signals, robot and local map
-alone, so that interfaces and MOFIS share it without a circle.
+only, so that interfaces and MOFIS share it without a circle.
 """
 
 import lazy_loader

@@ -55,9 +55,9 @@ class CommandGridParams(StrictModel):
 
 
 class CommandGrid(Sealed):
-    """Speeds ``v`` (n_v,) [m/s] ascending and turning rates ``w`` (n_w,) [rad/s] ascending.
+    """The commands to choose from: all pairs of ``v`` (n_v,) [m/s] and ``w`` (n_w,) [rad/s].
 
-    ``relative_v`` and ``relative_w`` are the same in units of the top speed and top turning rate:
+    Both ascend. ``relative_v`` and ``relative_w`` are in units of the top speed and turning rate:
     the units of ``speed`` and ``turn`` in behaviours' rule bases. ``backward_rows`` and
     ``forward_rows`` are the slices of ``v`` with that sign; the one speed between them is zero.
     The top speed is the least of ``params.cruise``, that of the robot, and ``seeing_speed`` [m/s],
@@ -86,39 +86,39 @@ class CommandGrid(Sealed):
         self._seal()
 
     def zeros(self) -> Array:
-        """A (n_v, n_w) layer of zeros: nothing desired, nothing prohibited."""
+        """Return a layer (n_v, n_w) of zeros: nothing desired, nothing prohibited."""
         return np.zeros(self.shape)
 
     def product(self, speed: Array, turn: Array) -> Array:
-        """Desirability (n_v, n_w) from a set over speeds (n_v,) and one over turns (n_w,)."""
+        """Multiply fuzzy sets over speeds (n_v,) and turns (n_w,) to a desirability (n_v, n_w)."""
         return speed[:, None] * turn
 
     def around(self, speed: float, turn: float) -> Array:
-        """Desirability (n_v, n_w) of one command and of its neighbours on the grid.
+        """Return desirability (n_v, n_w): near 1 at one command, less at its neighbours, else 0.
 
         ``speed`` and ``turn`` are in units of the top speed and top turning rate.
         """
         return self.product(peak(speed, self.relative_v), peak(turn, self.relative_w))
 
     def turning(self, turn: float, width: float = 0.3) -> Array:
-        """A set over turns (n_w,): a triangle about ``turn`` of half width ``width``.
+        """Return a fuzzy set over turns (n_w,): a triangle about ``turn`` of half width ``width``.
 
         Both are in units of the top turning rate.
         """
         return triangle(turn, self.relative_w, width)
 
     def on_the_spot(self, turn: float, width: float = 0.3) -> Array:
-        """Desirability (n_v, n_w) of no speed, with the set of turns that ``turning`` gives."""
+        """Return the desirability (n_v, n_w) of turns on the spot; parameters as of ``turning``."""
         return self.product(1.0 * (self.v == 0.0), self.turning(turn, width))
 
     def forward(self) -> Array:
-        """A layer (n_v, n_w) that is 1 for forward commands: a prohibition of driving forward."""
+        """Return a layer (n_v, n_w) that is 1 for forward commands, else 0: to prohibit them."""
         layer = self.zeros()
         layer[self.forward_rows] = 1.0
         return layer
 
     def nearest(self, twist: Twist) -> tuple[int, int]:
-        """Indices of the grid command nearest to ``twist``."""
+        """Return the indices (into ``v``, into ``w``) of the grid command nearest to ``twist``."""
         return (
             int(np.abs(self.v - twist.v).argmin()),
             int(np.abs(self.w - twist.w).argmin()),
@@ -126,20 +126,20 @@ class CommandGrid(Sealed):
 
 
 def _forward_speeds(max_v: float) -> int:
-    """Number of forward speeds up to ``max_v`` [m/s], standstill included, _SPEED_STEP apart."""
+    """Return the number of forward speeds up to ``max_v`` [m/s], standstill included."""
     return min(max(math.ceil(max_v / _SPEED_STEP) + 1, _MIN_FORWARD), _MAX_FORWARD)
 
 
 def peak(value: float, values: Array, steps: float = 1.5) -> Array:
-    """A triangle about ``value`` at ``values`` (n,) ascending, of half width ``steps`` steps.
+    """Evaluate a triangle about ``value`` at ``values`` (n,) ascending; half width ``steps`` steps.
 
-    With more than half a step its support always contains at least one of them.
+    With ``steps`` above 0.5 at least one result is above 0 for a ``value`` in their range.
     """
     return triangle(value, values, steps * float(np.diff(values).max()))
 
 
 def triangle(value: float, values: Array, width: float) -> Array:
-    """A triangle about ``value`` at ``values`` (n,), 1 there and 0 from ``width`` off."""
+    """Evaluate a triangle at ``values`` (n,): 1 at ``value``, 0 from ``width`` off it on."""
     return np.maximum(0.0, 1.0 - np.abs(values - value) / width)
 
 
@@ -153,8 +153,8 @@ _UNKNOWN = 0.5  # chosen
 class QuadrantDistances:
     """Fuzzy distances in [0, 1]: 0 is near, 0.5 middle, 1 far (paper sec 4.5).
 
-    ``left`` and ``right`` are of the nearest object in that half of the image; ``ahead`` of the
-    nearest object, if it is in the inner part of the image. An unknown distance is 0.5: neither
+    ``left`` and ``right`` are of the nearest object in that half of the image; ``ahead`` is of the
+    nearest object if in the inner part of the image, else 1. An unknown distance is 0.5: neither
     near nor free. ``floor`` is the degree of "Floor in front", ``age`` [s] that of the percept.
     """
 
@@ -166,7 +166,7 @@ class QuadrantDistances:
 
 
 def quadrant_distances(percept: Percept, time: float) -> QuadrantDistances:
-    """The distances of ``percept`` at ``time`` [s], from the contents of the paper's report."""
+    """Compute the distances of ``percept`` at ``time`` [s] from what the paper's OFFIS reports."""
     left, right = _side(percept, _LEFT), _side(percept, _RIGHT)
     deeper = [names for layer, names in percept.obstacles.items() if layer != "layer1"]
     # one layer has no inner parts: an object is ahead if it is near on both sides
@@ -184,7 +184,7 @@ def _side(percept: Percept, quadrants: tuple[str, ...]) -> float:
 
 
 def _distance(degrees: Mapping[str, float]) -> float:
-    """The mean of near (0), middle (0.5) and far (1), weighted by their degrees."""
+    """Return the mean of near (0), middle (0.5) and far (1), weighted by their degrees."""
     total = sum_in_order(degrees.values())
     if total <= 0.0:
         return _UNKNOWN
@@ -193,7 +193,7 @@ def _distance(degrees: Mapping[str, float]) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """The present state as seen from the robot (base_link: x ahead, y left), read only.
+    """What behaviours and fusion may know when a command is decided; read only.
 
     ``percept`` is OFFIS' newest with any depth (None before the robot has moved); it may be older
     than ``time``, as a turn on the spot shows no depth. ``flow`` is the derotated flow field it was
@@ -223,34 +223,34 @@ class Context:
 
     @property
     def quadrant_distances(self) -> QuadrantDistances | None:
-        """The percept's fuzzy distances left, right and ahead; None before the first percept."""
+        """Fuzzy distances left, right and ahead, by the percept; None before the first percept."""
         return None if self.percept is None else quadrant_distances(self.percept, self.time)
 
     @property
     def waypoint_local(self) -> tuple[float, float]:
-        """The waypoint in base_link [m]; (0, 0) when there is none."""
+        """Position (x, y) [m] of the waypoint in base_link; (0, 0) if there is none."""
         if self.waypoint is None:
             return 0.0, 0.0
         return self.belief.pose.to_local(self.waypoint.x, self.waypoint.y)
 
     @property
     def waypoint_distance(self) -> float:
-        """Distance [m] to the waypoint; infinite when there is none."""
+        """Straight distance [m] from base_link to the waypoint; infinite if there is none."""
         return math.inf if self.waypoint is None else math.hypot(*self.waypoint_local)
 
     @property
     def waypoint_bearing(self) -> float:
-        """Bearing [rad, left positive] of the waypoint; 0 when there is none."""
+        """Bearing [rad, left positive] of the waypoint from ahead; 0 if there is none."""
         x, y = self.waypoint_local
         return math.atan2(y, x)
 
     def turn_to(self, yaw: float) -> float:
-        """The turn [rad, left positive] from the present heading to ``yaw`` in odom."""
+        """Return the turn [rad, left positive] in [-pi, pi) from the heading to odom ``yaw``."""
         return (yaw - self.pose.yaw + math.pi) % (2.0 * math.pi) - math.pi
 
     @property
     def door_distance(self) -> float:
-        """Distance [m] to the door that is the waypoint; infinite when it is none."""
+        """Distance [m] to the waypoint if it is a door, else infinite."""
         at_door = self.waypoint is not None and self.waypoint.kind == "door"
         return self.waypoint_distance if at_door else math.inf
 

@@ -25,9 +25,9 @@ TIME_CONSTANT = 0.5  # chosen
 
 
 class WheelTrim:
-    """Estimates by the encoders which share of its speed each wheel reaches, and compensates.
+    """Estimates by the encoders which share of its commanded speed each wheel reaches.
 
-    Commands of healthy wheels are not changed.
+    Commands of weak wheels are raised accordingly, those of healthy wheels are not changed.
     """
 
     def __init__(self, robot: RobotModel) -> None:
@@ -36,7 +36,7 @@ class WheelTrim:
         self.reset()
 
     def reset(self) -> None:
-        """Back to two healthy wheels."""
+        """Take both wheels for healthy, and forget all readings."""
         self._shares = [1.0, 1.0]
         self._commanded = (0.0, 0.0)
         self._sums = (0.0, 0.0)
@@ -45,12 +45,12 @@ class WheelTrim:
 
     @property
     def shares(self) -> tuple[float, float]:
-        """Share of its speed that each wheel (left, right) reaches, as estimated."""
+        """Estimated share of the commanded speed that each wheel (left, right) reaches."""
         left, right = self._shares
         return left, right
 
     def update(self, encoders: Encoders) -> None:
-        """Take in the newest encoder reading."""
+        """Update the estimate by the newest encoder reading."""
         turned = self._radians_per_tick
         measured = (encoders.left * turned, encoders.right * turned)
         dt = 0.0
@@ -68,7 +68,7 @@ class WheelTrim:
                 self._estimate(index, dt)
 
     def apply(self, twist: Twist) -> Twist:
-        """The twist to command so that the robot drives ``twist``."""
+        """Return the twist to command so that the robot drives ``twist``; remember it."""
         speeds = self._robot.wheel_speeds(twist)
         if min(self._shares) < _HEALTHY:
             weak = [share if share < _HEALTHY else 1.0 for share in self._shares]
@@ -93,10 +93,10 @@ class WheelTrim:
 class Unicycle(Controller):
     """Follows the fused command as fast as the drive's limits allow.
 
-    Speed and turning rate move toward the command with bounded acceleration; forward speed is
-    limited in curves so that lateral acceleration stays within bounds; slowing down is as hard as
-    braking, speeding up is gentler. A command older than ``stale`` is void, and an emergency
-    command never drives forward.
+    Speed and turning rate approach the command with bounded acceleration, and deceleration up to
+    the robot's ``max_brake``; forward speed is limited in curves so that lateral acceleration stays
+    within bounds. A command older than ``stale`` is void: the robot brakes to a standstill. An
+    emergency command never drives forward.
     """
 
     name: ClassVar[str] = "unicycle"
@@ -115,12 +115,12 @@ class Unicycle(Controller):
         self.reset()
 
     def reset(self) -> None:
-        """Back to standstill."""
+        """Start again from a standstill."""
         self._v = 0.0
         self._w = 0.0
 
     def control(self, command: Command | None, odometry: Odometry, dt: float) -> Twist:
-        """The next twist toward ``command``; without a fresh one, brake to a standstill."""
+        """Return the twist for the next ``dt`` [s] toward ``command``; brake if it is not fresh."""
         v = w = 0.0
         if command is not None and odometry.time - command.time <= self.params.stale:
             v, w = self._within_limits(command.twist)
@@ -132,7 +132,7 @@ class Unicycle(Controller):
         return Twist(self._v, self._w)
 
     def _within_limits(self, twist: Twist) -> tuple[float, float]:
-        """(v, w) within the drive's speeds and the cornering limit; standstill if not finite."""
+        """Limit (v, w) to the drive's speeds and the cornering limit; standstill if not finite."""
         robot = self.robot
         if not (math.isfinite(twist.v) and math.isfinite(twist.w)):
             return 0.0, 0.0
@@ -141,7 +141,7 @@ class Unicycle(Controller):
         return min(max(twist.v, -robot.max_reverse), top), w
 
     def _ramp_speed(self, target: float, dt: float) -> float:
-        """Forward speed one step nearer to ``target``; slowing down may be as hard as braking."""
+        """Move the speed one step toward ``target``; slowing down may be as hard as braking."""
         v = self._v
         slowing = abs(target) < abs(v) or target * v < 0.0
         step = (self.robot.max_brake if slowing else self.robot.max_accel) * dt

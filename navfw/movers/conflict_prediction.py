@@ -59,7 +59,7 @@ class MoverParams(BaseModel):
 
 
 class ConflictPredictor:
-    """Predicts conflicts of one robot's commands."""
+    """Predicts how near each command would bring a robot to moving obstacles."""
 
     def __init__(self, robot: RobotModel, params: ConflictParams | None = None) -> None:
         p = self.params = params or ConflictParams()
@@ -70,10 +70,10 @@ class ConflictPredictor:
     def predict(
         self, tracks: Sequence[Track], odometry: Odometry, speeds: Array, turns: Array
     ) -> Conflicts | None:
-        """Closest approach for all commands (``speeds`` x ``turns``); None without ``tracks``.
+        """Predict the closest approach of every command to ``tracks``; None without tracks.
 
-        ``speeds`` (n_v,) [m/s] and ``turns`` (n_w,) [rad/s] start from the pose, twist and time of
-        ``odometry``.
+        Commands are all pairs of ``speeds`` (n_v,) [m/s] and ``turns`` (n_w,) [rad/s]; the robot
+        starts with pose, twist and time of ``odometry``, the tracks keep their velocity.
         """
         if not tracks:
             return None
@@ -147,7 +147,7 @@ def _predict(
 def _follow(
     moving: Array, start: Array, way: Array, heading: Array, radius: float, uncertainty: float
 ) -> tuple[float, float]:
-    """Distance [m] and time [s] at closest approach on one way; at contact, its time."""
+    """Return distance [m] and time [s] at closest approach on one path; of a contact, its time."""
     x, y = start
     least, when = math.inf, 0.0
     for k in range(way.size):
@@ -189,7 +189,7 @@ def _ways(
     onward_speed: float,
     steps: int,
 ) -> Array:
-    """(n_v, steps + 1) length [m] of each step, accelerating from ``v`` to each of ``speeds``.
+    """Compute the length [m] of each step (n_v, steps + 1) on the way from ``v`` to ``speeds``.
 
     A speed of zero becomes ``onward_speed`` [m/s] after ``turn_time`` [s].
     """
@@ -208,7 +208,7 @@ def _ways(
 def _headings(
     turns: Array, yaw: float, w: float, turn_accel: float, turn_time: float, steps: int
 ) -> Array:
-    """(n_w, steps + 1, 2) the direction of each step; ``turns`` last for ``turn_time`` [s]."""
+    """Compute unit directions (n_w, steps + 1, 2) of all steps; turns last ``turn_time`` [s]."""
     headings = np.empty((turns.size, steps + 1, 2))
     for j in range(turns.size):
         direction, now = yaw, w

@@ -4,8 +4,6 @@ Connected cells that the motion segmentation (``navfw.movers.motion_segmentation
 object. Its depth cannot be triangulated, but its foot point is on the floor: a ray that falls by
 ``g`` per metre of depth (``CameraModel.fall_per_depth``) meets the floor at depth ``h / g``. With
 the distance known, the vectors give the velocity.
-
-An object that shows in two adjacent images is one detection.
 """
 
 from __future__ import annotations
@@ -55,9 +53,9 @@ _WEIGHT = 1.0 / (_SHARED_ERRORS * _FLOW_ERROR**2)  # derived
 
 
 def locate_moving_objects(flow: FlowField, camera: CameraModel) -> tuple[MovingObject, ...]:
-    """Moving objects in ``flow`` (derotated, dense), left to right.
+    """Detect the moving objects in ``flow`` (derotated, dense); return them from left to right.
 
-    Raises ValueError when ``flow`` still contains rotation.
+    Raises ValueError if ``flow`` is not marked as derotated.
     """
     if not flow.derotated:
         raise ValueError("moving objects need derotated flow (navfw.camera_geometry.rotations)")
@@ -79,7 +77,7 @@ def locate_moving_objects(flow: FlowField, camera: CameraModel) -> tuple[MovingO
 
 
 def _locate(flow: FlowField, fall: Array, cells: Mask, camera: CameraModel) -> MovingObject | None:
-    """The object in these ``cells``; None if it is too far away, or is not one moving body."""
+    """Locate the object in ``cells``; None if it is too far away, or not one moving body."""
     points = flow.points[cells]
     half_cell = 0.5 * abs(flow.points[0, 1, 0] - flow.points[0, 0, 0])
     # the foot point is at the lower border of the lowest cells, but for one in twenty
@@ -146,9 +144,10 @@ _MAX_RATIO = 2.0  # chosen
 def merge_views(
     views: Sequence[Sequence[MovingObject]], cameras: Sequence[CameraModel]
 ) -> tuple[MovingObject, ...]:
-    """All detections of ``views``, one for each of ``cameras`` (at one place); left to right.
+    """Merge the detections in all views into one tuple, from left to right.
 
-    Two detections that end at the border between adjacent views, at similar distances, become one.
+    ``views`` has the detections of each of ``cameras``, which stand at one place. Two that end at
+    the border between adjacent views, at similar distances, become one.
     """
     bearings = [camera.bearing for camera in cameras]
     order = sorted(range(len(cameras)), key=lambda k: -bearings[k])
@@ -173,7 +172,7 @@ def merge_views(
 
 
 def _merge(left: MovingObject, right: MovingObject) -> MovingObject:
-    """The object of two adjacent parts; its distance is their mean, weighted by width."""
+    """Join two adjacent parts of an object; its distance is their mean, weighted by width."""
     edges = _left_edge(left), min(_right_edge(left), _right_edge(right))
     share = left.width / max(left.width + right.width, 1e-9)
     return MovingObject(

@@ -52,16 +52,16 @@ _VERTICAL = np.array([0.0, 1.0, 0.0])  # defined
 
 
 def direction_sigma(motion: CameraMotion) -> float:
-    """Sigma [rad] of the camera's direction of motion; large for a short baseline."""
+    """Return the sigma [rad] of the camera's direction of motion; large for a short baseline."""
     baseline = max(motion.baseline, 1e-4)
     return min(math.hypot(0.03 + 0.003 / baseline, motion.skid_sigma / baseline), 1.0)
 
 
 def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
-    """(rows, cols) cells of ``flow`` (derotated) that no static point can explain.
+    """Mark the cells (rows, cols) of ``flow`` (derotated) that no static point can explain.
 
-    ``fall`` (rows, cols) is ``camera.fall_per_depth`` there. ``flow.inconsistency``
-    marks vectors off their epipolar lines already (``navfw.egomotion.refinement``).
+    ``fall`` (rows, cols) is ``camera.fall_per_depth`` of its points. Vectors that the refinement
+    marked in ``flow.inconsistency``, being off their epipolar lines, are marked too.
     """
     motion = flow.motion
     standing = motion.baseline < _MIN_BASELINE
@@ -85,7 +85,7 @@ def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
 
 
 def _patches(moving: Mask) -> Mask:
-    """Those of the ``moving`` cells (rows, cols) that fill patches, but for a few."""
+    """Return those of the ``moving`` cells (rows, cols) that fill patches, but for a few."""
     cells = moving.view(np.uint8)
     count = cv2.filter2D(cells, -1, _PATCH, borderType=cv2.BORDER_CONSTANT)
     patches = cv2.dilate((np.asarray(count) >= _PATCH_CELLS).view(np.uint8), _PATCH)
@@ -94,7 +94,7 @@ def _patches(moving: Mask) -> Mask:
 
 @numba.njit(cache=True)
 def epipolar(x: float, y: float, translation: Array, focal: float) -> tuple[float, float, float]:
-    """Unit vector (x, y) away from the focus of expansion, and flow times depth [px m] there."""
+    """Return at (x, y) [px] the unit vector away from the FOE, and flow times depth [px m]."""
     ex = x * translation[2] - focal * translation[0]
     ey = y * translation[2] - focal * translation[1]
     lever = max(math.hypot(ex, ey), 1e-9)
@@ -103,7 +103,7 @@ def epipolar(x: float, y: float, translation: Array, focal: float) -> tuple[floa
 
 @numba.njit(cache=True)
 def yaw_flow(x: float, y: float, ex: float, ey: float, focal: float) -> float:
-    """Motion [px/rad] of the image point (x, y) along (ex, ey) while the camera yaws."""
+    """Return the motion [px/rad] along (ex, ey) of the image point (x, y) as the camera yaws."""
     u, v = turning_slope(x, y, _VERTICAL, focal)
     return float(u * ex + v * ey)
 

@@ -32,7 +32,7 @@ _MAX_TURN = 0.35  # chosen
 
 
 class RecentFrames:
-    """Keeps the frames of the last _MAX_INTERVAL s and pairs the newest with one of them.
+    """Keeps the frames of the last 0.4 s and pairs the newest with one of them.
 
     Of ``params`` only the errors of gyro and wheels are used.
     """
@@ -54,9 +54,9 @@ class RecentFrames:
         self._frames.append(now)
 
     def pair(self, near: bool = False) -> FramePair | None:
-        """The newest frame with one _INTERVAL s older, or _NEAR_INTERVAL s for ``near`` objects.
+        """Pair the newest frame with one about 0.2 s older, or 0.1 s older for ``near`` objects.
 
-        None if there is none, or if the robot has turned too far in between.
+        Returns None without an older frame, or if the robot turned by over 0.35 rad in between.
         """
         interval = _NEAR_INTERVAL if near else _INTERVAL
         if len(self._frames) < 2:
@@ -80,10 +80,10 @@ NEAR = 0.9  # chosen
 
 
 class DetectionSchedule:
-    """Searches every frame fully while something moves; else every other frame, coarsely.
+    """Decides how to search frames: all fully while something moves, else every other coarsely.
 
     The price is a delay of a few frames when an object enters the view. With ``always_full`` every
-    frame is searched fully.
+    frame is searched fully. Call ``next_mode`` before a search and ``update`` after it.
     """
 
     def __init__(self, always_full: bool = False) -> None:
@@ -91,18 +91,18 @@ class DetectionSchedule:
         self.reset()
 
     def reset(self) -> None:
-        """Back to the state before the first detection."""
+        """Return to the state before the first detection."""
         self._last_detection = -math.inf
         self._skipped = False
         self._nearest = math.inf
 
     @property
     def near(self) -> bool:
-        """Whether the frame searched last showed a moving object that is near."""
+        """Whether the frame searched last showed a moving object nearer than 0.9 m."""
         return self._nearest < NEAR
 
     def next_mode(self, time: float) -> DetectionMode:
-        """How to search the next frame, of ``time`` [s]; to be called once a frame."""
+        """Decide how to search the next frame, of ``time`` [s]; call it once per frame."""
         quiet = not self._always_full and time - self._last_detection > QUIET_TIME
         self._skipped = quiet and not self._skipped
         if self._skipped:
@@ -110,7 +110,7 @@ class DetectionSchedule:
         return "coarse" if quiet else "full"
 
     def update(self, detections: Sequence[MovingObject], time: float) -> None:
-        """Set what the search of the frame of ``time`` [s] found."""
+        """Record what the search of the frame of ``time`` [s] has found."""
         if detections:
             self._last_detection = time
         self._nearest = min((detection.distance for detection in detections), default=math.inf)
@@ -149,7 +149,7 @@ class MovingObjectDetector:
         self.flow = None
 
     def detect(self, frame: Frame, odometry: Odometry) -> tuple[MovingObject, ...]:
-        """The moving objects in ``frame``; ``odometry`` is of (about) the same time."""
+        """Detect moving objects in ``frame``, if it is searched; ``odometry`` is of that time."""
         self.flow = None
         if not self._floor_aligned.floor_visible:
             return ()
@@ -166,18 +166,18 @@ class MovingObjectDetector:
         return detections
 
     def dense_flow(self, pair: FramePair, odometry: Odometry, *, coarse: bool = False) -> FlowField:
-        """Dense flow of the lower image between the frames of ``pair``, refined and derotated."""
+        """Compute dense, refined, derotated flow of the lower image between a pair's frames."""
         flow = with_yaw_sigma(self._floor_aligned.compute(pair, coarse), odometry)
         params = replace(_REFINEMENT, direction_sigma=direction_sigma(flow.motion))
         return refine(flow, self.camera, params).apply(flow, self.camera)
 
     def _coarse_search(self, pair: FramePair, odometry: Odometry) -> bool:
-        """Whether anything is detected between these frames at low resolution."""
+        """Return whether anything is detected between these frames at low resolution."""
         flow = self.dense_flow(pair, odometry, coarse=True)
         return bool(locate_moving_objects(flow, self.camera))
 
     def _pair(self) -> FramePair | None:
-        """The pair of frames to search; over a shorter time where image motion is large."""
+        """Choose the pair of frames to search; over a shorter time where image motion is large."""
         near = self._schedule.near
         pair = self._frames.pair(near)
         if near or pair is None or abs(pair.motion.translation[0]) <= _SIDEWAYS:
@@ -190,7 +190,7 @@ _STIXEL_BASELINE = 0.05  # chosen
 
 
 class MultiViewDetector:
-    """One detector for the camera's image, and one for each side view.
+    """Detects moving objects in the camera's image and all side views, and stixels ahead.
 
     ``moving_objects`` and ``stixels`` switch on the detection of each.
     """
@@ -215,7 +215,7 @@ class MultiViewDetector:
             detector.reset()
 
     def detect(self, frame: Frame, odometry: Odometry) -> tuple[MovingObject, ...]:
-        """Moving objects in all views of ``frame``, left to right; call it for every frame."""
+        """Detect moving objects in all views of ``frame``, left to right; call it every frame."""
         images = (frame.image, *frame.sides)
         views = [
             detector.detect(Frame(frame.time, image), odometry)
@@ -226,10 +226,10 @@ class MultiViewDetector:
         return merge_views(views, self._cameras[: len(views)])
 
     def stixels(self, pairs: Sequence[FramePair], odometry: Odometry) -> Stixels | None:
-        """Stixels of the frame given to ``detect`` last; None if unknown, or not wanted.
+        """Find the stixels of the frame given to ``detect`` last; None if unknown or switched off.
 
-        They take the flow of the search for moving objects where its baseline is long enough, else
-        that of the first of ``pairs``.
+        They are found in the flow of the search for moving objects if its baseline is at least
+        0.05 m, else in that of the first of ``pairs``.
         """
         if not self._stixels:
             return None

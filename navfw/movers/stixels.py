@@ -43,9 +43,10 @@ _MIN_BASELINE = 0.03  # chosen
 
 
 def find_stixels(flow: FlowField, camera: CameraModel) -> Stixels | None:
-    """The stixel of each column of ``flow`` (derotated, dense, floor-aligned); None if unknown.
+    """Fit a stixel to each column of ``flow`` (derotated, dense, floor-aligned).
 
-    Raises ValueError when ``flow`` still contains rotation.
+    Returns None for a baseline below 0.03 m or a camera pitched by over 0.15 rad. Raises ValueError
+    if ``flow`` is not marked as derotated.
     """
     if not flow.derotated:
         raise ValueError("stixels need derotated flow (navfw.camera_geometry.rotations)")
@@ -81,7 +82,7 @@ def find_stixels(flow: FlowField, camera: CameraModel) -> Stixels | None:
 
 
 def _supported(nearness: Array, gain: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """(n,) which columns have a neighbour of similar nearness and some gain."""
+    """Return which columns (n,) have a neighbour of similar nearness and some gain."""
     alike = np.abs(np.diff(nearness)) < _MAX_DIFFERENCE * np.minimum(nearness[1:], nearness[:-1])
     alike &= np.minimum(gain[1:], gain[:-1]) > 0.5 * _GAIN_RANGE[0]
     supported = np.zeros(nearness.size, np.bool_)

@@ -82,9 +82,9 @@ class TrackerParams(BaseModel):
 
 @dataclass(slots=True, eq=False)
 class Track:
-    """One moving object: ``state`` (x, y, vx, vy) [m, m/s] in odom at ``time`` [s].
+    """A moving object as a disc: ``state`` (x, y, vx, vy) [m, m/s] in odom at ``time`` [s].
 
-    ``covariance`` (4, 4) is that of the state; ``hits`` counts the detections associated with it.
+    ``covariance`` (4, 4) is of the state, ``radius`` [m] of the disc; ``hits`` counts detections.
     """
 
     state: Array
@@ -94,14 +94,14 @@ class Track:
     hits: int = 1
 
     def predict(self, time: float) -> tuple[float, float]:
-        """Predicted position (x, y) [m] at ``time`` [s]."""
+        """Predict the position (x, y) [m] in odom at ``time`` [s]."""
         dt = time - self.time
         x, y, vx, vy = self.state.tolist()
         return x + vx * dt, y + vy * dt
 
     @property
     def velocity(self) -> tuple[float, float]:
-        """(vx, vy) [m/s] in odom."""
+        """Velocity (vx, vy) [m/s] in odom."""
         return float(self.state[2]), float(self.state[3])
 
 
@@ -122,7 +122,7 @@ class _Measurement:
 
 
 class Tracker:
-    """All tracks of the last seconds."""
+    """Associates detections with tracks in odom, and keeps the tracks of the last seconds."""
 
     def __init__(self, robot: RobotModel, params: TrackerParams | None = None) -> None:
         self.params = params or TrackerParams()
@@ -138,11 +138,11 @@ class Tracker:
         self.reset()
 
     def reset(self) -> None:
-        """Back to no tracks."""
+        """Drop all tracks."""
         self.tracks: list[Track] = []
 
     def update(self, detections: Iterable[MovingObject], pose: Pose) -> None:
-        """Associate ``detections``, made from odom ``pose``, with tracks; begin new ones."""
+        """Associate ``detections``, seen from odom ``pose``, with tracks; begin missing tracks."""
         measurements = [self._measure(detection, pose) for detection in detections]
         associated = self._associate(measurements)
         for index, measurement in enumerate(measurements):
@@ -155,7 +155,7 @@ class Tracker:
             self._merge_into(track)
 
     def _associate(self, measurements: Sequence[_Measurement]) -> dict[int, Track]:
-        """The track of each measurement, by its index: greedy, least association cost first."""
+        """Find the track of each measurement, by its index: greedy, least cost first."""
         costs = [
             (self._association_cost(track, measurement), index, number)
             for index, measurement in enumerate(measurements)
@@ -186,7 +186,7 @@ class Tracker:
         self.tracks = [other for other in self.tracks if other not in duplicates]
 
     def prune(self, time: float, pose: Pose) -> None:
-        """Drop tracks past their life time, and those that the robot at odom ``pose`` overlaps."""
+        """Drop tracks past their life time, and old ones that overlap the robot (odom ``pose``)."""
         p = self.params
         self.tracks = [
             track
@@ -197,21 +197,21 @@ class Tracker:
         ]
 
     def _plausible(self, track: Track, time: float, pose: Pose) -> bool:
-        """Whether the track is recent or its predicted place does not overlap the robot."""
+        """Return whether the track is recent or its predicted place does not overlap the robot."""
         away = math.dist(track.predict(time), (pose.x, pose.y))
         return time - track.time <= _MAX_AGE or away > self._radius + track.radius - _OVERLAP
 
     @property
     def confirmed(self) -> tuple[Track, ...]:
-        """Tracks with enough hits to be taken for real objects."""
+        """Tracks with at least ``min_hits`` detections, taken for real objects."""
         return tuple(track for track in self.tracks if track.hits >= self.params.min_hits)
 
     def occupied_discs(self, time: float) -> tuple[OccupiedDisc, ...]:
-        """The floor that confirmed tracks occupy now and over the path time."""
+        """Return odom discs that confirmed tracks occupy from ``time`` [s] over the next 0.6 s."""
         return tuple(disc for track in self.confirmed for disc in self._path(track, time))
 
     def _in_view(self, track: Track, time: float, pose: Pose) -> bool:
-        """Whether the object should be detected if it is where the track predicts it."""
+        """Return whether the object should be detected if it is where the track predicts it."""
         ahead, left = pose.to_local(*track.predict(time))
         ahead -= self._camera.mount_forward
         near, far = self._reach
@@ -220,7 +220,7 @@ class Tracker:
         )
 
     def _measure(self, detection: MovingObject, pose: Pose) -> _Measurement:
-        """The detection in odom; its distance is that of the object's visible front."""
+        """Convert the detection to odom; its distance is that of the object's visible front."""
         p = self.params
         radius = min(max(detection.distance * math.tan(detection.width), p.radius[0]), p.radius[1])
         away = detection.distance + radius
@@ -243,14 +243,14 @@ class Tracker:
         )
 
     def _begin(self, measurement: _Measurement) -> Track:
-        """A new track; the prior of its velocity is that of the speed only."""
+        """Begin a track; the prior of its velocity is that of the speed only."""
         prior = np.zeros((4, 4))
         prior[2:, 2:] = np.eye(2) / SPEED_SIGMA**2
         state, covariance = _joined(prior, np.zeros(4), measurement)
         return Track(state, covariance, measurement.radius, measurement.time)
 
     def _predicted(self, track: Track, time: float) -> tuple[Array, Array]:
-        """Predicted state and covariance at ``time`` [s]."""
+        """Predict state and covariance at ``time`` [s]."""
         dt = time - track.time
         step = np.eye(4)
         step[0, 2] = step[1, 3] = dt
@@ -260,7 +260,7 @@ class Tracker:
         return product(step, track.state), covariance
 
     def _association_cost(self, track: Track, measurement: _Measurement) -> float:
-        """Cost [sigma] of associating ``measurement`` with ``track``; inf outside the gates.
+        """Compute the cost [sigma] of associating these two; inf outside the gates.
 
         The Mahalanobis distance of the positions, plus the change of velocity in units of
         _VELOCITY_SIGMA. The latter distinguishes objects that pass each other; it is bounded by the
@@ -278,7 +278,7 @@ class Tracker:
         return distance + min(change / _VELOCITY_SIGMA, self.params.gate)
 
     def _correct(self, track: Track, measurement: _Measurement) -> None:
-        """The Kalman filter's correction of ``track`` by ``measurement``."""
+        """Correct ``track`` by ``measurement`` (Kalman filter)."""
         state, covariance = self._predicted(track, measurement.time)
         prior: Array = np.asarray(inverse(covariance), dtype=np.float64)
         track.state, track.covariance = _joined(prior, product(prior, state), measurement)
@@ -290,7 +290,7 @@ class Tracker:
         track.hits += 1
 
     def _path(self, track: Track, time: float) -> Iterable[OccupiedDisc]:
-        """Discs along the track's predicted path, from ``time`` over the path time."""
+        """Yield discs along the track's predicted path, from ``time`` over the path time."""
         length = math.hypot(*track.velocity) * PATH_TIME
         steps = max(1, math.ceil(length / max(track.radius, 0.05)))
         for k in range(steps + 1):
@@ -299,7 +299,7 @@ class Tracker:
 
 
 def _joined(information: Array, evidence: Array, measurement: _Measurement) -> tuple[Array, Array]:
-    """State and covariance from a prior in information form and one measurement."""
+    """Compute state and covariance from a prior in information form and one measurement."""
     information, evidence = information.copy(), evidence.copy()
     information[:2, :2] += measurement.position_information
     information[2:, 2:] += measurement.velocity_information

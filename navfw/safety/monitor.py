@@ -41,21 +41,21 @@ MOVED_SLIGHTLY = 0.002  # chosen
 
 
 class Senses:
-    """The age [s] of the last valid reading of each sensor.
+    """Follows the age [s] of each sensor's last valid reading, counted from its time stamp.
 
-    A frame is invalid if it is missing, dark, over-exposed, without contrast, or equal to the one
-    before although the robot has moved. A gyro or encoder reading with an old time stamp is
-    invalid. A frame's age counts from its own time stamp, however late it arrives.
+    A frame is invalid if it is dark, over-exposed, without contrast, or equal to the one before
+    although the robot has moved; ``trouble`` says why the newest is, and is empty if it is valid.
+    ``silence`` [s] is how long the encoders have not counted although commanded to move.
 
-    ``seeing`` says whether the newest frame may be used for flow: the slightest motion must change
-    an image, although only a clear one counts as ``trouble``.
+    ``seeing`` says whether the newest frame may be used for flow: not if it is unchanged after the
+    slightest motion, although only a clear one counts as ``trouble``.
     """
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Back to the start of a run."""
+        """Return to the state before the first reading."""
         self.camera_age = 0.0
         self.gyro_age = 0.0
         self.encoder_age = 0.0
@@ -70,7 +70,7 @@ class Senses:
         self._pose: Odometry | None = None
 
     def update(self, reading: SensorReading, odometry: Odometry) -> None:
-        """Take in one reading, and the ``odometry`` made of it."""
+        """Update all ages by one reading and the ``odometry`` computed from it."""
         time = reading.time
         if self._last_useful is None:
             self._last_useful = self._last_count = time
@@ -100,7 +100,7 @@ class Senses:
         self._pose = odometry
 
     def _fault_of(self, frame: Frame) -> str:
-        """Why ``frame`` is invalid; an empty text if it is valid."""
+        """Return why ``frame`` is invalid; an empty text if it is valid."""
         image = frame.image
         # every fourth pixel is enough for mean and spread
         mean, spread = (value.item() for value in cv2.meanStdDev(image[::4, ::4]))
@@ -126,7 +126,7 @@ _PROBE_PERIOD, _PROBE_TIME = 3.0, 0.3  # chosen
 
 
 class SafetyParams(StrictModel):
-    """Thresholds of the monitor."""
+    """Thresholds of the safety monitor."""
 
     latency: Annotated[
         float, Field(ge=0.0, le=1.0, description="delay until the wheels brake [s]")
@@ -182,9 +182,9 @@ class SafetyParams(StrictModel):
 
 @dataclass(frozen=True, slots=True)
 class SafetyVerdict:
-    """The twist that may be driven; ``reason`` is why it differs from the one given, or empty.
+    """The twist that may be driven; ``reason`` says why it differs from the one given, or is empty.
 
-    ``stopped`` is true when a forward speed was reduced to zero.
+    ``stopped`` is true if a forward speed was reduced to zero, or the command was not finite.
     """
 
     twist: Twist
@@ -194,17 +194,17 @@ class SafetyVerdict:
 
 @dataclass(frozen=True, slots=True)
 class PersistentFailure:
-    """What has failed for too long for the run to go on: the part, and the ``reason`` in words."""
+    """A failure that has lasted too long for the run to go on: of what, and why in words."""
 
     part: Literal["sensor", "sight", "stage"]
     reason: str
 
 
 class SafetyMonitor:
-    """Checks readings and limits twists at the control rate; it may only take speed away.
+    """Checks readings and limits twists at the control rate; it may only reduce speeds.
 
-    Free distances come from ``local_map``. While that knows nothing there is no room to drive: the
-    monitor fails closed.
+    Free distances come from ``local_map``. Before its first update nothing is known to be free, and
+    the monitor allows no translation.
     """
 
     def __init__(
@@ -217,7 +217,7 @@ class SafetyMonitor:
         self.reset()
 
     def reset(self) -> None:
-        """Back to the start of a run."""
+        """Return to the state before the first reading of a run."""
         self.senses.reset()
         self._last_twist = Twist(0.0, 0.0)
         self._stalled_since: float | None = None
@@ -235,7 +235,7 @@ class SafetyMonitor:
         odometry: Odometry,
         failing: tuple[FailingStage, ...] = (),
     ) -> None:
-        """Take in the newest reading, and the stages of the stack that fail at present."""
+        """Check the newest reading with its odometry, and the stages that fail at present."""
         self.senses.update(reading, odometry)
         self._watch_sight(odometry)
         self._failing = min(failing, key=lambda stage: stage.since, default=None)
@@ -243,13 +243,13 @@ class SafetyMonitor:
         self._watch_way(odometry)
 
     def limit(self, twist: Twist, time: float, pose: Pose) -> SafetyVerdict:
-        """``twist`` as far as it is safe at ``time`` [s] from odom ``pose``."""
+        """Reduce ``twist`` to what is safe at ``time`` [s] from odom ``pose``."""
         verdict = self._limited(twist, time, pose)
         self._last_twist = verdict.twist
         return verdict
 
     def follow(self, twist: Twist) -> None:
-        """Take ``twist`` for the one that was driven since, instead of that allowed last."""
+        """Assume that the robot was given ``twist``, instead of the twist allowed last."""
         self._last_twist = twist
 
     def _limited(self, twist: Twist, time: float, pose: Pose) -> SafetyVerdict:
@@ -294,7 +294,7 @@ class SafetyMonitor:
 
     @property
     def failure(self) -> PersistentFailure | None:
-        """What has failed for too long for the run to go on; None without."""
+        """The failure that has lasted too long for the run to go on; None if there is none."""
         senses, patience = self.senses, self.params.give_up
         if senses.camera_age > patience:
             trouble = senses.trouble or "the camera is silent"
@@ -312,11 +312,11 @@ class SafetyMonitor:
         return None
 
     def _elapsed(self, since: float | None) -> float:
-        """Time [s] from ``since`` to the last reading; 0 without either."""
+        """Return the time [s] from ``since`` to the last reading; 0 without either."""
         return 0.0 if since is None or self._last_time is None else self._last_time - since
 
     def _silence_cap(self) -> float:
-        """Top speed in either direction [m/s] while encoders are silent: zero but for short probes.
+        """Return the top speed [m/s], forward or back, with silent encoders: 0 but for probes.
 
         Only a turning wheel can show that its encoder counts again, so the robot moves by a few
         millimetres now and then.
@@ -327,7 +327,7 @@ class SafetyMonitor:
         return self.params.probe if silence % _PROBE_PERIOD > _PROBE_PERIOD - _PROBE_TIME else 0.0
 
     def _source_cap(self) -> tuple[float, str]:
-        """Top forward speed [m/s] that the state of sensors and stages allows, and why."""
+        """Return the top forward speed [m/s] that sensors and stages allow, and why."""
         p, senses = self.params, self.senses
         if senses.encoder_age > p.encoder_stop:
             return 0.0, "the wheel encoders are silent"
@@ -343,7 +343,7 @@ class SafetyMonitor:
         return math.inf, ""
 
     def _sight_cap(self) -> tuple[float, str]:
-        """Top forward speed [m/s] that the sight of the path allows, and why."""
+        """Return the top forward speed [m/s] that the sight of the path allows, and why."""
         sight = self.local_map.sight
         trouble = sight.judgement.trouble
         if self._sightless_since is not None:
@@ -353,7 +353,7 @@ class SafetyMonitor:
         return (WEAK_SIGHT if sight.weak else math.inf), trouble
 
     def _stall_cap(self, time: float) -> tuple[float, str]:
-        """Standstill for a moment after the wheels did not follow."""
+        """Return 0 [m/s] for a moment after the wheels did not follow, else inf, and why."""
         if self._stalled_since is not None and time - self._stalled_since > STALL:
             self._rest_until = time + STALL_REST
             self._stalled_since = None
@@ -388,11 +388,11 @@ class SafetyMonitor:
             self._sightless_since = odometry.time
 
     def _braking_speed(self, room: float) -> float:
-        """Top speed [m/s] from which full braking ends at the gap before ``room`` [m]."""
+        """Return the top speed [m/s] from which full braking ends ``gap`` before ``room`` [m]."""
         return self._stopping_speed(room - self.params.gap, self.robot.max_brake)
 
     def _stopping_speed(self, room: float, brake: float) -> float:
-        """Top speed from which the deceleration ``brake`` ends within ``room`` (METHOD 2.13).
+        """Return the top speed from which deceleration ``brake`` ends in ``room`` (METHOD 2.13).
 
         Solves ``v latency + v^2 / (2 brake) = room``, in metres or in radians.
         """

@@ -1,4 +1,4 @@
-"""A stack whose commands are not those that the robot was given."""
+"""A stack whose commands do not drive the robot, and a halt that overrides a stack's command."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ _STAND = Twist(0.0, 0.0)  # defined
 
 
 def halt(stack: Stack) -> None:
-    """Report to ``stack`` that the robot was commanded to stand, in place of its last command.
+    """Tell ``stack`` that the robot was commanded to stand, instead of its last command.
 
-    That its wheels do not turn is then no fault.
+    So the stack does not take wheels that do not turn for a fault.
     """
     stack.verdict = replace(stack.verdict, twist=_STAND)
     stack.safety.follow(_STAND)
@@ -22,10 +22,10 @@ def halt(stack: Stack) -> None:
 
 
 class ShadowStack(Stack):
-    """A stack that is not in command.
+    """A stack that only watches, while something else drives the robot.
 
-    The robot's own motion takes the place of the twist that was given to the wheels: that they do
-    not follow the stack is no fault of theirs.
+    It takes the robot's measured twist for the one that was commanded, so it does not take wheels
+    that do not follow its own twists for a fault.
     """
 
     def _step(self, reading: SensorReading) -> Twist:

@@ -57,7 +57,7 @@ TIMED = (
 
 
 class Stack:
-    """Composes the stages, every ``period`` [s], from sensor readings and the map file only."""
+    """Runs all stages, one tick every ``period`` [s], on sensor readings and the map file only."""
 
     def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
         self.guard = PluginGuard()
@@ -133,7 +133,7 @@ class Stack:
         plugins: PluginSource,
         overrides: Sequence[str] = (),
     ) -> Stack:
-        """The stack of that name or file; raises as ``navfw.stack.stackfile.load_stack``."""
+        """Build the stack of that name or file; raises like ``stackfile.load_stack``."""
         path = find("stack", name)
         config = load_stack(path, plugins, overrides)
         try:
@@ -145,13 +145,13 @@ class Stack:
 
     @property
     def config(self) -> dict[str, Any]:
-        """The resolved configuration as plain data."""
+        """The stack's resolved configuration as plain data."""
         return self.resolved.as_data()
 
     def explain(self) -> dict[str, Any]:
-        """Why the last command was given: percept, proposals, weights, and the rules that fired.
+        """Explain the last command: percept, proposals, weights, and the rules that fired.
 
-        Plain data, made on request; empty before the first command.
+        Returns plain data, as ``explanation_lines`` takes it; empty before the first command.
         """
         state = self._decided
         if state is None or state.command is None or state.proposals is None:
@@ -207,7 +207,7 @@ class Stack:
         self.timings.update(dict.fromkeys(TIMED, 0.0))
 
     def step(self, reading: SensorReading) -> Twist:
-        """One control tick: the twist to drive until the next reading."""
+        """Run one control tick; return the twist to drive until the next reading."""
         self.guard.time = reading.time
         if self.guard.watchdog.active:
             return self._step(reading)

@@ -25,7 +25,7 @@ STAGES = (
 
 
 def read_stack(path: str | Path) -> YamlDocument:
-    """The stack file at ``path`` on top of the stack it is based on, not checked yet.
+    """Read the stack file at ``path`` and merge it into its base; plugins are not checked yet.
 
     Raises:
         ConfigError: the file is no YAML, or its base is not.

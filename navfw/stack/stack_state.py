@@ -16,13 +16,13 @@ from navfw.safety import PersistentFailure
 
 @dataclass(frozen=True, slots=True)
 class StackState:
-    """State and decision of the stack at its last step; read only, for displays and records.
+    """What the stack knew and decided at its last frame; read only, for displays and records.
 
     ``flows`` are the newest derotated flow fields; ``stuck`` is why the stack gave up, ``veto`` why
-    the safety monitor stops the robot, ``fault`` which sensor has failed for good, or None.
-    ``unsure`` is whether the robot is at its goal by an estimate that is too uncertain to say so.
-    ``sight`` is how well the camera shows the path ahead. ``landmark_detections`` are those of the
-    last frame, known to the map or not; ``detection_counts`` counts all so far, by identity.
+    the safety monitor stops the robot, ``fault`` what has failed for too long, ``faults`` are those
+    of plugins. ``unsure``: the estimate is at the goal, but too uncertain to count. ``sight`` is
+    how well the camera shows the path ahead. ``landmark_detections`` are the last frame's, in the
+    map or not; ``detection_counts`` counts all so far, by identity.
     """
 
     time: float
@@ -58,10 +58,10 @@ _DETOUR = 1.5  # chosen
 
 
 class ProgressWatch:
-    """Watches waypoint and route from frame to frame.
+    """Watches from frame to frame whether the robot makes progress on its route.
 
-    ``give_up_reason`` is why the robot gives up, None while it does not. It is ``unsure`` at a goal
-    if the estimate is too uncertain for the planner to count the goal as reached.
+    ``give_up_reason`` says why the robot gives up; None while it does not. The watch is ``unsure``
+    at a goal if the estimate is too uncertain for the planner to count the goal as reached.
     """
 
     def __init__(self) -> None:
@@ -72,7 +72,7 @@ class ProgressWatch:
 
     @property
     def unsure(self) -> bool:
-        """Whether the robot is, or was before it looked around, at its goal by the estimate."""
+        """Whether the estimate is at the goal, which is not counted as reached, or just was."""
         return self._unsure_of is not None
 
     def update(
@@ -84,9 +84,9 @@ class ProgressWatch:
         no_route_reason: str | None,
         veto: str = "",
     ) -> None:
-        """Take in a frame at ``now`` [s]; ``idle`` [s] is the time without progress.
+        """Update the reasons by a frame at ``now`` [s]; ``idle`` [s] is the time without progress.
 
-        ``veto`` is why the safety monitor holds the robot, empty if it does not.
+        ``no_route_reason`` is the planner's, ``veto`` the safety monitor's for a stop (else empty).
         """
         if idle == 0.0:
             self._vetoes.clear()
@@ -112,19 +112,19 @@ class ProgressWatch:
                 self.give_up_reason = f"{what}{because}{self._held()}"
 
     def _held(self) -> str:
-        """The veto of the safety monitor in most frames without progress, in words."""
+        """Return in words the veto of most frames without progress; empty if there is none."""
         veto, frames = self._vetoes.most_common(1)[0]
         held = bool(veto) and 2 * frames > self._vetoes.total()
         return f"; held by the safety monitor: {veto}" if held else ""
 
 
 def _is_at(belief: signals.Belief, waypoint: signals.Waypoint | None) -> bool:
-    """Whether the robot is at a goal that the planner does not count as reached."""
+    """Return whether the estimate is within the tolerance of a goal, the present waypoint."""
     if waypoint is None or not waypoint.final:
         return False
     return _away(belief, waypoint) <= waypoint.tolerance
 
 
 def _away(belief: signals.Belief, point: signals.Pose | signals.Waypoint) -> float:
-    """Distance [m] of a point of the map from the estimated position."""
+    """Return the distance [m] of a point of the map from the estimated position."""
     return math.hypot(point.x - belief.pose.x, point.y - belief.pose.y)

@@ -47,7 +47,7 @@ Chosen = Annotated[_Plugins, BeforeValidator(_one_plugin), Field(min_length=1, m
 
 
 class StackSettings(StrictModel):
-    """Settings of the stack beside those of its plugins."""
+    """Settings of the stack itself, beside the parameters of its plugins."""
 
     pairing: PairingParams = PairingParams()
     local_map: LocalMapParams = LocalMapParams()
@@ -105,27 +105,27 @@ class StackSpec(StackSettings):
 
 
 class PluginSource(Protocol):
-    """Where plugin classes come from: the registry."""
+    """Provides plugin classes by kind and name, as the registry does."""
 
     def get(self, kind: str, name: str) -> type[Plugin]:
-        """The plugin class; raises UnknownNameError or PluginError."""
+        """Return the class of a plugin; raises UnknownNameError or PluginError."""
         ...
 
     def names(self, kind: str) -> list[str]:
-        """The names of all plugins of a kind."""
+        """Return the names of all plugins of ``kind``."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One plugin with its validated parameters."""
+    """One plugin that a stack file chooses, with its validated parameters."""
 
     name: str
     plugin: type[Plugin]
     params: Plugin.Params
 
     def as_data(self) -> dict[str, Any]:
-        """Name and every parameter, as plain data."""
+        """Return name and all parameters as plain data."""
         return {self.name: self.params.model_dump(mode="json")}
 
 
@@ -143,11 +143,11 @@ class StackConfig:
 
     @property
     def plugins(self) -> tuple[type[Plugin], ...]:
-        """The classes of all plugins of the stack."""
+        """Classes of all plugins of the stack."""
         return tuple(choice.plugin for choice in (*self.stages.values(), *self.behaviors.values()))
 
     def as_data(self) -> dict[str, Any]:
-        """The resolved configuration as plain data; written as YAML it is a stack file again."""
+        """Return the configuration as plain data; written as YAML it is a stack file again."""
         return {
             **{stage: choice.as_data() for stage, choice in self.stages.items()},
             "behaviors": {
@@ -161,7 +161,7 @@ class StackConfig:
 def load_stack(
     path: str | Path, plugins: PluginSource, overrides: Sequence[str] = ()
 ) -> StackConfig:
-    """The stack file at ``path`` with ``overrides`` (``offis.layers=1``) applied.
+    """Load the stack file at ``path`` and apply ``overrides``, such as ``offis.layers=1``.
 
     The first name of an override is a plugin of the stack or a section of the file.
 
@@ -203,7 +203,7 @@ def _refuse_oracles(document: YamlDocument, choices: Mapping[str, Choice]) -> No
 def _choose(
     document: YamlDocument, plugins: PluginSource, kind: str, section: str, name: str
 ) -> Choice:
-    """The plugin chosen in ``section``, with its parameters checked against its own model."""
+    """Return the plugin ``name`` of ``section``, its parameters checked against its own model."""
     at: KeyPath = (section, name)
     with document.locating(at, key=section, only=UnknownNameError):
         plugin = plugins.get(kind, name)
@@ -211,7 +211,7 @@ def _choose(
 
 
 def _placed(override: Override, document: YamlDocument) -> Override:
-    """``override`` completed: plugins and parts of settings may be named directly.
+    """Complete the path of ``override``: plugins and parts of settings may be named directly.
 
     A stage may be given only the name of a plugin, which then has its defaults.
     """

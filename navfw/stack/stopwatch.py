@@ -6,7 +6,7 @@ import time
 
 
 class timed:  # noqa: N801 - reads as a statement: with timed(account, "flow")
-    """Add the wall time [s] spent inside to ``account[stage]``.
+    """A context manager that adds the wall time [s] spent inside it to ``account[stage]``.
 
     A class, because a generator-based context manager takes three times as long, and stages are
     many and short.

@@ -29,10 +29,10 @@ from navfw.stack.stopwatch import timed
 def straight_reading(
     reading: signals.SensorReading, lens: Undistortion | None
 ) -> signals.SensorReading:
-    """``reading`` with its frame as a pinhole camera would show it; nothing without a ``lens``.
+    """Return ``reading`` with its frame undistorted, as a pinhole camera would show it.
 
-    A frame of another size than the camera's stays: the flow refuses it. Side views and landmark
-    frames are straight already.
+    Without ``lens``, or with a frame of another size (the flow refuses it), it is returned
+    unchanged. Side views and landmark frames are straight already.
     """
     frame = reading.frame
     if lens is None or frame is None or frame.image.shape != lens.shape:
@@ -43,9 +43,9 @@ def straight_reading(
 def ready_frame(
     frame: signals.Frame | None, robot: RobotModel, factor: int, history: OdometryHistory
 ) -> signals.Frame | None:
-    """``frame`` reduced by ``factor``, as a level camera of the reduced ``robot`` would take it.
+    """Reduce ``frame`` by ``factor`` and turn it as if the camera of ``robot`` were level.
 
-    The pitch is that of the time of the frame in ``history``.
+    ``robot`` has reduced images; its body's pitch at the time of the frame is in ``history``.
     """
     if frame is None:
         return None
@@ -62,7 +62,7 @@ def ready_frame(
 
 
 def _level(image: Image, camera: CameraModel, pitch: float) -> Image:
-    """``image`` of a camera on a body of this pitch, as if it had turned back."""
+    """Warp ``image`` of a camera on a body of this pitch [rad] as if the body were level."""
     axes = camera.base_from_camera
     return align_past(image, product(axes.T, pitch_rotation(pitch), axes), camera)
 
@@ -90,13 +90,13 @@ class View:
 
 
 MoverDetection = Callable[[signals.Frame, signals.Odometry], tuple[signals.MovingObject, ...]]
-"""Moving objects in a frame, seen from (about) there."""
+"""Detects the moving objects in a frame; the odometry is of (about) its time."""
 
 
 class Vision:
-    """The stages flow and perception, and what comes before and between them.
+    """Runs the stages flow and perception, with pairing before and derotation between them.
 
-    ``detect`` finds moving objects; without drawing the simulator's truth takes its place.
+    ``detect`` detects moving objects; a simulation without rendering sets it to return the truth.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ class Vision:
         self._detector.reset()
 
     def process(self, frame: signals.Frame, odometry: signals.Odometry) -> View:
-        """The view of ``frame``; ``odometry`` is of (about) the same time."""
+        """Compare ``frame`` with earlier ones; ``odometry`` is of (about) the same time."""
         flows: list[signals.FlowField] = []
         percepts: list[signals.Percept] = []
         corrections: list[signals.YawCorrection] = []
@@ -160,7 +160,7 @@ class Vision:
     def _derotated(
         self, flow: signals.FlowField, odometry: signals.Odometry
     ) -> tuple[signals.FlowField, signals.YawCorrection | None]:
-        """``flow`` without its rotational part, and the correction of the gyro's yaw.
+        """Remove the rotational part of ``flow``; return it and the correction of the gyro's yaw.
 
         With ``derotate: false`` all flow counts as translational, as for a robot without a gyro;
         with ``floor_model: false`` only the flow above the horizon is kept.
