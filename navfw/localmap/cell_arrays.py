@@ -1,4 +1,4 @@
-"""Arrays of square cells: discs, distances, and grids that are moved by whole cells."""
+"""Arrays of square cells: discs, distances, and grids that are shifted by whole cells."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from navfw.numerics import Array, Mask
 
 
 def cell_disc(radius: int) -> Mask:
-    """(2 radius + 1, 2 radius + 1) True within ``radius`` [cells] of the centre."""
+    """Return a disc: (2 radius + 1, 2 radius + 1), True within ``radius`` [cells] of the centre."""
     offsets = np.arange(-radius, radius + 1)
     within: Mask = offsets[:, None] ** 2 + offsets[None, :] ** 2 <= radius**2
     return within
 
 
 def distances(occupied: Mask, cell: float, farthest: float) -> Array:
-    """(n, n) distance [m] from each cell to the nearest of ``occupied`` (n, n).
+    """Compute distances (n, n) [m] from each cell to the nearest of ``occupied`` (n, n).
 
-    ``cell`` [m] is the side of a cell, ``farthest`` [m] the answer where nothing is occupied.
+    ``cell`` [m] is the side of a cell; all distances are ``farthest`` [m] if no cell is occupied.
     """
     if not occupied.any():
         return np.full(occupied.shape, farthest)
@@ -27,7 +27,7 @@ def distances(occupied: Mask, cell: float, farthest: float) -> Array:
 
 
 def shifted(grid: Array, columns: int, rows: int) -> Array:
-    """``grid`` with its origin moved by (columns, rows); cells that come in are zero (unknown)."""
+    """Shift the origin of ``grid`` (n, n) by (columns, rows); new cells are zero (unknown)."""
     n = grid.shape[0]
     moved = np.zeros_like(grid)
     if abs(columns) >= n or abs(rows) >= n:

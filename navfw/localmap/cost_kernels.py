@@ -27,11 +27,11 @@ def price_cells(
     margin: float,
     unobserved_price: float,
 ) -> Array:
-    """Price (m, m) of crossing each second cell of the grid (n, n); infinite where barred.
+    """Compute the prices (m, m) of crossing every second cell of a grid (n, n); inf where barred.
 
-    Barred is a cell nearer to an obstacle than ``radius`` plus ``margin`` [m]. From there up to a
-    rim clearance of ``clear`` [m] the extra price falls quadratically from NARROW_PRICE to 0; a
-    cell that is not ``observed`` costs ``unobserved_price`` more.
+    A cell costs 1. It is barred if nearer to an obstacle than ``radius`` plus ``margin`` [m]. From
+    there to a rim clearance of ``clear`` [m] the extra price falls quadratically from NARROW_PRICE
+    to 0. A cell that is not ``observed`` is passable, but costs ``unobserved_price`` more.
     """
     n = clearance.shape[0]
     m = (n + 1) // 2
@@ -113,9 +113,9 @@ def _unlock(stale: npt.NDArray[np.bool_], row: int, column: int) -> None:
 
 @numba.njit(cache=True)
 def _downhill(value: Array, row: float, column: float) -> tuple[float, float]:
-    """Unit direction (row, column) of steepest descent at a point between cells.
+    """Return the unit direction (row, column) of steepest descent at a point between cells.
 
-    The gradient of the bilinear surface through the four cells around; (0, 0) where one of them is
+    It follows the bilinear surface through the four cells around; (0, 0) where one of them is
     outside or barred.
     """
     n = value.shape[0]
@@ -137,7 +137,7 @@ def _downhill(value: Array, row: float, column: float) -> tuple[float, float]:
 
 @numba.njit(cache=True)
 def _lowest_around(value: Array, row: float, column: float) -> tuple[float, float]:
-    """Unit direction (row, column) to the lowest of the cells up to two away; (0, 0) if none is.
+    """Return the unit direction to the lowest cell up to two away; (0, 0) if none is lower.
 
     Used beside barred cells, where there is no gradient. From within a barred cell it points to
     the nearest passable cell.
@@ -180,9 +180,9 @@ def first_leg(
     length: float,
     turn_price: float,
 ) -> tuple[float, float, float]:
-    """The cheapest straight leg of ``length`` [cells] from (row, column).
+    """Find the cheapest straight leg of ``length`` [cells] from (row, column).
 
-    Of all ``bearings`` [rad, from ``yaw``], the one with the least sum of the prices on the leg,
+    It has of all ``bearings`` [rad, from ``yaw``] the least sum of the prices on the leg,
     the cost-to-go at its end and ``turn_price`` [cells/rad] for the turn to it. Returns its end
     (row, column) and its bearing; a row of -1 where every leg is barred.
     """
@@ -215,7 +215,7 @@ def first_leg(
 
 @numba.njit(cache=True)
 def descend(value: Array, row: float, column: float, steps: int, path: Array) -> int:
-    """Descend ``value`` from (row, column) in half-cell steps; fills ``path`` (steps, 2).
+    """Descend ``value`` from (row, column) in half-cell steps; write them to ``path`` (steps, 2).
 
     Returns the number of points written: fewer than ``steps`` at a minimum.
     """

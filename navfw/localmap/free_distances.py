@@ -36,10 +36,11 @@ _BEARINGS = read_only(np.linspace(-math.pi, math.pi, _SECTORS + 1)[1:])  # defin
 class Arcs:
     """Free distance along the arc of every command; arrays (n_v, n_w) [m] but for ``turn``.
 
-    ``free`` is the length until the body would touch something, ``observed`` the length until its
-    centre would enter a cell not observed free, both at most ``reach``; ``clearance`` is the least
-    distance from the body's rim to anything over the first stretch. ``turn`` (n_w,) [rad] is the
-    angle until the body would touch something by a turn on the spot; inf beyond half a radian.
+    ``free`` is the length until the body would touch an occupied cell (driving backward, also one
+    not observed free), ``observed`` that until its centre, or the middle of the leading end of a
+    body that is not round, would enter a cell not observed free, both at most ``reach``.
+    ``clearance`` is the least distance from the body's rim to an occupied cell over the first 0.6
+    m. ``turn`` (n_w,) [rad] is the angle until a turn on the spot touches one; inf beyond 0.5 rad.
     """
 
     free: Array
@@ -53,7 +54,7 @@ class Arcs:
 
 
 class FreeDistance(NamedTuple):
-    """Distance [m] along one twist until ``contact``, and until the first cell ``unobserved``."""
+    """Lengths [m] of one twist's arc until ``contact``, and until the first cell ``unobserved``."""
 
     contact: float
     unobserved: float
@@ -64,8 +65,8 @@ def arcs_of(
 ) -> Arcs:
     """Sweep the robot's body, widened by ``margin`` [m], along the arc of every command.
 
-    ``speeds`` (n_v,) [m/s] ascending and ``turns`` (n_w,) [rad/s] span the commands; clearances are
-    taken over the first part.
+    Arcs begin at odom ``pose``; ``speeds`` (n_v,) [m/s] ascending and ``turns`` (n_w,) [rad/s] span
+    the commands.
     """
     reach, horizon = 1.6, 0.6  # of the arcs, and of clearances [m]
     free, observed, clearance = np.empty((3, speeds.size, turns.size))
@@ -97,11 +98,11 @@ def arcs_of(
 def free_distance(
     occupancy: OccupancyGrid, pose: Pose, twist: Twist, reach: float = 1.0
 ) -> FreeDistance:
-    """Free distance [m] of ``twist`` from odom ``pose``, at most ``reach``.
+    """Follow the arc of ``twist`` from odom ``pose`` to the first contact, at most ``reach`` [m].
 
-    Zero while the grid has no position, and where ``pose`` is outside it: an unknown map offers no
-    room. A turn on the spot of a round body needs none, so its free distance is ``reach``; that of
-    another one is less in proportion to the room (see ``free_turn``).
+    Both lengths are 0 while the grid has no position, and if ``pose`` is outside it: an unknown map
+    offers no room. A turn on the spot of a round body needs none, so its lengths are ``reach``;
+    those of another body are less in proportion to the room (see ``free_turn``).
     """
     if not (occupancy.located and occupancy.contains(pose.x, pose.y)):
         return FreeDistance(0.0, 0.0)
@@ -123,9 +124,9 @@ def free_distance(
 
 
 def free_turn(occupancy: OccupancyGrid, pose: Pose, w: float) -> float:
-    """Angle [rad] until a turn on the spot in the sense of ``w`` touches something.
+    """Return the angle [rad] until a turn on the spot in the sense of ``w`` touches something.
 
-    It is judged up to ``TURN``, and inf beyond. A round body may always turn.
+    It is inf if at least ``TURN`` (0.5 rad) is free, and always for a round body.
     """
     if occupancy.robot.footprint is None:
         return math.inf
@@ -134,19 +135,19 @@ def free_turn(occupancy: OccupancyGrid, pose: Pose, w: float) -> float:
 
 
 def _angle(free: Array, reach: float) -> Array:
-    """Angles [rad] of turns on the spot with free lengths ``free``; inf where they are whole."""
+    """Convert free lengths of turns on the spot to angles [rad]; inf where nothing is touched."""
     return np.where(free >= reach, math.inf, TURN * free / reach)
 
 
 def ground_of(
     occupancy: OccupancyGrid, observed: npt.NDArray[np.uint8], clearance: Array
 ) -> Ground:
-    """The arrays that rays are cast through; ``observed`` (n, n) says where floor was seen."""
+    """Return the arrays to cast rays through; ``observed`` (n, n) says where floor was seen."""
     return clearance, observed, *occupancy.origin, occupancy.params.cell
 
 
 def blind_ground(occupancy: OccupancyGrid) -> Ground:
-    """The arrays for turns on the spot, and for reversing, of a body that is not round.
+    """Return the arrays for turns on the spot, and reversing, of a body that is not round.
 
     Beside a doorway the camera has seen a wall's near side only; the corners of a long body turn
     towards its far side.
@@ -160,10 +161,10 @@ def _start(pose: Pose) -> Start:
 
 @dataclass(frozen=True)  # without slots: the cached properties serve many behaviours
 class Ranges:
-    """Distance [m] from the robot's rim to the nearest obstacle, all around.
+    """Distances [m] from the robot's rim in all directions, by rays of ``limit`` from base_link.
 
-    ``bearings`` (n,) [rad, left positive] in (-pi, pi]; ``free`` (n,) [m] to what is occupied,
-    ``observed`` (n,) [m] to the first cell not observed free; both at most ``limit``.
+    ``bearings`` (n,) [rad, left positive] in (-pi, pi]; ``free`` (n,) to the first occupied cell,
+    where unobserved cells count as free; ``observed`` (n,) to the first cell not observed free.
     """
 
     bearings: Array
@@ -175,7 +176,7 @@ class Ranges:
         freeze(self, "bearings", "free", "observed")
 
     def nearest(self, low: float, high: float) -> float:
-        """Least free distance [m] for bearings in [low, high] [rad]."""
+        """Return the least ``free`` [m] for bearings in [low, high] [rad]; ``limit`` if none is."""
         return least_within(self.bearings, self.free, low, high, self.limit)
 
     @cached_property
@@ -186,22 +187,22 @@ class Ranges:
 
     @cached_property
     def front(self) -> float:
-        """Least free distance [m] within 30 degrees of straight ahead."""
+        """Least ``free`` [m], from the rim, within +-30 degrees of ahead; unobserved is free."""
         return self.nearest(-math.radians(30), math.radians(30))
 
     @cached_property
     def left(self) -> float:
-        """Least free distance [m] on the left side (30 to 120 degrees)."""
+        """Least ``free`` [m], from the rim, at 30 to 120 degrees left; unobserved is free."""
         return self.nearest(math.radians(30), math.radians(120))
 
     @cached_property
     def right(self) -> float:
-        """Least free distance [m] on the right side (30 to 120 degrees)."""
+        """Least ``free`` [m], from the rim, at 30 to 120 degrees right; unobserved is free."""
         return self.nearest(-math.radians(120), -math.radians(30))
 
 
 def ranges_around(occupancy: OccupancyGrid, pose: Pose, limit: float = 3.0) -> Ranges:
-    """Ranges in ``_SECTORS`` directions around odom ``pose``, at most ``limit`` [m]."""
+    """Cast 48 rays of ``limit`` [m] around odom ``pose``; RuntimeError without a grid position."""
     free, observed = np.empty((2, _SECTORS))
     ground = ground_of(occupancy, occupancy.observed, occupancy.clearance)
     cast_ranges(ground, _start(pose), _BEARINGS, limit, free, observed)
@@ -210,7 +211,7 @@ def ranges_around(occupancy: OccupancyGrid, pose: Pose, limit: float = 3.0) -> R
 
 
 def _rim(robot: RobotModel) -> float | Array:
-    """Distance [m] from base_link to the body's rim, at each bearing where they differ."""
+    """Return the distance [m] from base_link to the body's rim; at each bearing if not round."""
     footprint = robot.footprint
     if footprint is None:
         return robot.radius

@@ -94,14 +94,14 @@ class DropMap:
         self.reset()
 
     def reset(self) -> None:
-        """Back to no votes."""
+        """Drop all votes."""
         self._votes: dict[tuple[int, int], int] = {}
         # read at every frame, but changing seldom
         self._points: list[tuple[float, float]] = []
         self._time = -math.inf
 
     def integrate(self, percept: Percept, pose: Pose) -> None:
-        """Count the votes of ``percept``, observed from odom ``pose``."""
+        """Count the votes of ``percept``, seen from odom ``pose``; at most once in 0.1 s."""
         if percept.time - self._time < INTERVAL - _ROUNDING:
             return
         self._time = percept.time
@@ -130,11 +130,11 @@ class DropMap:
             ]
 
     def points(self) -> list[tuple[float, float]]:
-        """The centres (x, y) [m] in odom of the spots whose floor is missing."""
+        """Return the centres (x, y) [m] in odom of the spots whose floor is missing."""
         return list(self._points)
 
     def discs(self) -> tuple[OccupiedDisc, ...]:
-        """The missing spots as obstacles, in odom."""
+        """Return the spots whose floor is missing as occupied discs in odom."""
         return tuple(OccupiedDisc(x, y, _DISC_RADIUS * SPOT) for x, y in self._points)
 
 
@@ -149,7 +149,7 @@ def _votes(
     camera: tuple[float, float, float],
     pose: tuple[float, float, float, float],
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Spots (k, 2) of floor that the cells of a percept show, and one vote (k,) for each.
+    """Find the spots (k, 2) of floor that a percept's cells show, and a vote (k,) for each.
 
     The vote follows the majority of the spot's cells; a tie is 0. ``turn`` is ``base_from_camera``;
     ``camera`` its focal length [px], height, place ahead [m]; ``pose`` x, y, cos yaw, sin yaw.
@@ -217,7 +217,7 @@ class LocalMapParams(StrictModel):
 
 
 class LocalMap:
-    """Occupancy, drops, free distance, local planning and traversability around one robot."""
+    """What is known of the floor around one robot, in ``odom``: it is updated, then queried."""
 
     def __init__(self, robot: RobotModel, params: LocalMapParams | None = None) -> None:
         self.params = params or LocalMapParams()
@@ -228,7 +228,7 @@ class LocalMap:
         self.traversability = TraversabilityCheck(self.params.traversability)
 
     def reset(self) -> None:
-        """Back to an empty map without a position."""
+        """Empty the map; it has no position until the next ``update``."""
         for part in (self.occupancy, self.drops, self.sight, self.traversability):
             part.reset()
         self.local_planner.reset()
@@ -240,10 +240,9 @@ class LocalMap:
         stixels: Stixels | None,
         seen_from: Pose,
     ) -> None:
-        """Follow the robot and integrate what the newest frame shows.
+        """Move the map with the robot and integrate what the newest frame shows.
 
-        ``seen_from`` is the odom pose at the time of the frame. Percepts without depth are left
-        out.
+        ``seen_from`` is the odom pose of the frame. Percepts without depth add no evidence.
         """
         if not self.params.memory:
             self.occupancy.reset()
@@ -267,19 +266,19 @@ class LocalMap:
     # --- queries ---------------------------------------------------------------------------------
 
     def free_distance(self, pose: Pose, twist: Twist) -> free_distances.FreeDistance:
-        """Free distance [m] of ``twist`` from odom ``pose``; 0 while nothing is known."""
+        """Return the free lengths [m] of ``twist`` from odom ``pose``; 0 before any ``update``."""
         return free_distances.free_distance(self.occupancy, pose, twist)
 
     def free_turn(self, pose: Pose, w: float) -> float:
-        """Angle [rad] that the robot may turn on the spot in the sense of ``w``."""
+        """Return the angle [rad] that the robot may turn on the spot in the sense of ``w``."""
         return free_distances.free_turn(self.occupancy, pose, w)
 
     def arcs(self, pose: Pose, speeds: Array, turns: Array) -> free_distances.Arcs:
-        """Free distance along the arc of every command (``speeds`` x ``turns``)."""
+        """Sweep the body along all commands' arcs; RuntimeError before any ``update``."""
         return free_distances.arcs_of(self.occupancy, pose, speeds, turns, self.params.margin)
 
     def ranges(self, pose: Pose) -> free_distances.Ranges:
-        """Free distance in all directions around odom ``pose``."""
+        """Measure from the rim in all directions at odom ``pose``; raises like ``arcs``."""
         return free_distances.ranges_around(self.occupancy, pose)
 
     def local_goal(
@@ -288,9 +287,9 @@ class LocalMap:
         target: tuple[float, float],
         moving_obstacles: tuple[OccupiedDisc, ...] = (),
     ) -> LocalGoal:
-        """The local goal on the way to ``target``, x, y [m] in base_link, from odom ``pose``.
+        """Plan from odom ``pose`` to ``target`` (x, y) [m, base_link]; return the local goal.
 
-        ``moving_obstacles`` bar the way, although arcs and ranges may not count them.
+        ``moving_obstacles`` bar the path, although arcs and ranges may not count them.
         """
         if not self.params.planning:
             return LocalGoal(*target, math.hypot(*target), reachable=True, detour=1.0)
@@ -300,9 +299,9 @@ class LocalMap:
     def passage_report(
         self, queries: Callable[[], Sequence[PassageQuery]], odometry: Odometry, belief: Belief
     ) -> PassageReport | None:
-        """Status of the queried legs, and drops in the map frame; None until the next check is due.
+        """Check the legs of the route if a check is due; None if not, or before any ``update``.
 
-        ``queries``, asked for then, are the legs of the route in order, the first from the robot.
+        ``queries`` returns the legs in order, the first from the robot. Drops are reported too.
         """
         pose, time = odometry.pose, odometry.time
         if not (self.occupancy.located and self.traversability.due(time)):
@@ -315,7 +314,7 @@ class LocalMap:
         return PassageReport(time, passages, in_map, tuple(covered))
 
     def _covers(self, end: tuple[float, float], pose: Pose, belief: Belief) -> bool:
-        """Whether something near stands on ``end`` [m, map], so that the body has no room there."""
+        """Return whether something near stands on ``end`` [m, map]: the body has no room there."""
         grid, local = self.occupancy, belief.pose.to_local(*end)
         at = pose.to_parent(*local)
         if math.hypot(*local) > _COVERED or not grid.contains(*at):

@@ -61,13 +61,13 @@ _TIGHT = 0.15  # chosen
 
 
 class Manoeuvres:
-    """The path of one long body to the waypoint; it is kept until it is driven, barred or left."""
+    """Plans and keeps the path of one long body until it is driven, barred or left."""
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Back to no path."""
+        """Drop the path."""
         self._way: Array = _NO_WAY
         self._goal = (math.inf, math.inf)
         self._wait = 0
@@ -82,10 +82,10 @@ class Manoeuvres:
         value: Array,
         margin: float,
     ) -> tuple[float, float, int | None] | None:
-        """The odom point (x, y) [m] to head for from odom ``pose``, and the gear to it.
+        """Find the odom point (x, y) [m] to head for from odom ``pose``, and the gear to it.
 
         The gear is 1 ahead, -1 back and 0 for a turn on the spot toward the point; None where there
-        is room, and the body may drive as it likes. No point: there is no path to ``goal`` (odom).
+        is room to drive freely. Returns None if there is no path to ``goal`` (odom).
         ``value`` is the local planner's cost-to-go; the body keeps ``margin`` [m].
         """
         seen = cv2.dilate(occupancy.observed, _GAPS).astype(np.uint8, copy=False)
@@ -116,7 +116,7 @@ class Manoeuvres:
         return self._lead(pose)
 
     def _holds(self, ground: Ground, discs: Array, margin: float, pose: Pose) -> bool:
-        """Whether the robot is on the path, with a rest of it, and the rest is free."""
+        """Return whether the robot is on the path, with a rest of it, and the rest is free."""
         if len(self._way) < 2:
             return False
         away = np.hypot(self._way[:, 0] - pose.x, self._way[:, 1] - pose.y)
@@ -130,7 +130,7 @@ class Manoeuvres:
         return min(rooms) >= min(0.0, rooms[0]) - SLACK
 
     def _stalled(self, pose: Pose) -> bool:
-        """Whether the body has stood for _STALLED plans since this was last so."""
+        """Return whether the body has stood for _STALLED plans since this was last so."""
         at, count = self._stood
         if math.hypot(pose.x - at.x, pose.y - at.y) + _LEVER * abs(pose.yaw - at.yaw) > _TOUCH:
             self._stood = pose, 0
@@ -139,7 +139,7 @@ class Manoeuvres:
         return count + 1 == _STALLED
 
     def _lead(self, pose: Pose) -> tuple[float, float, int]:
-        """The point of the first run of one gear that is _LEAD ahead, or its end."""
+        """Return the point of the first run of one gear that is _LEAD ahead, or its end."""
         gear = int(self._way[1, 3])
         run = 1
         length = 0.0
@@ -184,7 +184,7 @@ class LocalPlannerParams(StrictModel):
 
 @dataclass(frozen=True, slots=True)
 class LocalGoal:
-    """The point to head for now, in base_link: x, y [m]; ``cost`` [m, priced] to the waypoint.
+    """The point x, y [m] in base_link to head for now; ``cost`` [m, priced] is to the waypoint.
 
     ``reachable`` is false when occupied cells bar every path; the goal then lies straight toward
     the waypoint. ``detour`` is the path's cost over the straight distance, at least 1. ``gear`` is
@@ -200,20 +200,20 @@ class LocalGoal:
 
     @property
     def distance(self) -> float:
-        """Distance [m] of the local goal."""
+        """Distance [m] of the local goal from base_link."""
         return math.hypot(self.x, self.y)
 
     @property
     def bearing(self) -> float:
-        """Bearing [rad, left positive] of the local goal."""
+        """Bearing [rad, left positive] of the local goal from base_link's x axis."""
         return math.atan2(self.y, self.x)
 
 
 class LocalPlanner:
-    """Finds the local goal for a waypoint in the odom frame.
+    """Finds the local goal: the next point on the cheapest path to a waypoint in the odom frame.
 
-    It is committed to the path of its last plan: cells off it cost more, so it is left when it is
-    barred, or when another one is cheaper by a margin, the path back to it included.
+    The planner keeps to the path of its last plan: cells off it cost more, so it changes only if
+    that path is barred, or another one is cheaper by a margin.
     """
 
     def __init__(self, params: LocalPlannerParams | None = None) -> None:
@@ -222,7 +222,7 @@ class LocalPlanner:
         self.reset()
 
     def reset(self) -> None:
-        """Back to no path."""
+        """Drop the path."""
         self._way: Array = np.empty((0, 2))
         self._manoeuvres.reset()
 
@@ -234,7 +234,7 @@ class LocalPlanner:
         y: float,
         moving_obstacles: tuple[OccupiedDisc, ...] = (),
     ) -> LocalGoal:
-        """The local goal for the odom point (x, y) [m] from odom ``pose``.
+        """Plan from odom ``pose`` to the odom point (x, y) [m]; return the local goal.
 
         ``moving_obstacles`` count as occupied beside the grid's own cells.
         """
@@ -283,7 +283,7 @@ class LocalPlanner:
         steps: int,
         cell: float,
     ) -> tuple[Array, int]:
-        """The path ahead (steps, 2) [cells], and the number of its valid rows.
+        """Find the path ahead (steps, 2) [cells], and the number of its valid rows.
 
         The cheapest path, unless another one is cheaper once the first turn is priced: of two paths
         round an obstacle at about equal cost the robot keeps to the one it faces.
@@ -305,7 +305,7 @@ class LocalPlanner:
         return path, count
 
     def _beside_way(self, occupancy: OccupancyGrid, shape: tuple[int, int]) -> Mask:
-        """(m, m) cells within _BESIDE of the path of the last plan."""
+        """Return the cells (m, m) within _BESIDE of the path of the last plan."""
         cell = 2.0 * occupancy.params.cell
         beside = np.zeros(shape, np.uint8)
         points = np.rint((self._way - occupancy.origin) / cell).astype(np.int32)
@@ -322,7 +322,7 @@ class LocalPlanner:
     def _prices(
         self, occupancy: OccupancyGrid, moving_obstacles: tuple[OccupiedDisc, ...]
     ) -> Array:
-        """(m, m) price of each cell of twice the grid's cell size; infinite where barred."""
+        """Compute the price (m, m) of each cell of twice the grid's size; infinite where barred."""
         p = self.params
         radius = occupancy.robot.radius
         # rays diverge with distance and leave gaps: a cell with an observed neighbour is observed
@@ -332,7 +332,7 @@ class LocalPlanner:
 
 
 def _sources(n: int, origin: tuple[float, float], cell: float, x: float, y: float) -> Array:
-    """(n, n) boundary values [cells]: 0 at the waypoint, or its distance on the grid's border."""
+    """Return boundary values (n, n) [cells]: 0 at the waypoint, or its distance on the border."""
     value = np.full((n, n), np.inf)
     column, row = (x - origin[0]) / cell, (y - origin[1]) / cell
     if 0 <= round(row) < n and 0 <= round(column) < n:

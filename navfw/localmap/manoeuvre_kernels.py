@@ -46,7 +46,7 @@ _GREED = 1.3  # chosen
 
 @numba.njit(cache=True)
 def _to_go(value: Array, ground: Ground, x: float, y: float) -> float:
-    """Cost-to-go [m] at odom (x, y); ``value`` [cells] has cells of twice the grid's."""
+    """Return the cost-to-go [m] at odom (x, y); ``value`` [cells] has cells of twice the grid's."""
     size = 2.0 * ground[4]
     row, column = int(round((y - ground[3]) / size)), int(round((x - ground[2]) / size))
     if row < 0 or column < 0 or row >= value.shape[0] or column >= value.shape[1]:
@@ -64,12 +64,12 @@ def search_lattice(
     start: tuple[float, float, float],
     progress: float,
 ) -> Array:
-    """Poses (k, 4) of a way from ``start`` that comes ``progress`` [m] nearer by the cost-to-go.
+    """Search a path from ``start`` that comes ``progress`` [m] nearer by the cost-to-go ``value``.
 
-    Rows are x, y [m], yaw [rad] in odom and the gear that leads there: 1 ahead, -1 back, 0 a turn
-    on the spot; the first row is ``start``. Each keeps ``margin`` [m] from what is occupied, or
-    what ``start`` has where that is less; backward and on the spot by the ``blind`` ground. The
-    last one is at the waypoint, or heads down the cost-to-go ``value``. No rows: no way was found.
+    Returns poses (k, 4): x, y [m], yaw [rad] in odom and the gear that leads there: 1 ahead, -1
+    back, 0 a turn on the spot; the first row is ``start``. Each keeps ``margin`` [m] from occupied
+    cells, or what ``start`` has where that is less; backward and on the spot by the ``blind``
+    ground. The last is at the waypoint, or heads down ``value``. No rows: no path was found.
     """
     cells = _SIDE * _SIDE * HEADINGS
     price = np.full(cells, np.inf)
@@ -136,7 +136,7 @@ def _enter(state: Array, key: int, x: float, y: float, yaw: float, gear: float) 
 
 @numba.njit(cache=True)
 def _key(x: float, y: float, yaw: float) -> int:
-    """Index of the lattice's cell with a pose; -1 outside."""
+    """Return the index of the lattice's cell with a pose; -1 outside."""
     column, row = int(math.floor(x / _CELL)), int(math.floor(y / _CELL))
     if row < 0 or column < 0 or row >= _SIDE or column >= _SIDE:
         return -1
@@ -146,7 +146,7 @@ def _key(x: float, y: float, yaw: float) -> int:
 
 @numba.njit(cache=True)
 def _seen(ground: Ground, discs: Array, x: float, y: float, yaw: float) -> bool:
-    """Whether the floor under the body was observed: the camera does not look back or aside."""
+    """Return whether the floor under the body was observed: no camera looks back or aside."""
     _, observed, left, bottom, cell = ground
     n = observed.shape[0]
     c, s = math.cos(yaw), math.sin(yaw)
@@ -161,7 +161,7 @@ def _seen(ground: Ground, discs: Array, x: float, y: float, yaw: float) -> bool:
 
 @numba.njit(cache=True)
 def _way_to(last: int, parent: npt.NDArray[np.int32], state: Array) -> Array:
-    """(k, 4) states from the start to ``last``."""
+    """Return the states (k, 4) from the start to ``last``."""
     count, node = 0, last
     while node >= 0:
         count += 1

@@ -97,10 +97,11 @@ class OccupancyParams(StrictModel):
 
 
 class OccupancyGrid:
-    """Log-odds of occupancy around the robot; clearances are derived from it on demand.
+    """A square of log-odds of occupancy that rolls with the robot; clearances are derived from it.
 
     ``log_odds`` and all other arrays are (n, n), indexed [row, column] = [y, x]; ``origin`` is the
-    odom position [m] of the centre of cell [0, 0].
+    odom position [m] of the centre of cell [0, 0]. A cell without evidence has log-odds 0: neither
+    occupied nor observed free.
     """
 
     def __init__(self, robot: RobotModel, params: OccupancyParams | None = None) -> None:
@@ -122,7 +123,7 @@ class OccupancyGrid:
         self.reset()
 
     def reset(self) -> None:
-        """Back to an empty grid without a position."""
+        """Empty the grid; it has no position until the next ``update``."""
         self.log_odds: Array = np.zeros((self.size, self.size))
         self._origin: tuple[float, float] | None = None
         self._time: float | None = None
@@ -139,7 +140,7 @@ class OccupancyGrid:
     # --- writing ---------------------------------------------------------------------------------
 
     def update(self, pose: Pose, time: float) -> None:
-        """Follow the robot to odom ``pose``, decay the evidence, mark the footprint as free."""
+        """Move the grid with odom ``pose``, decay the evidence, mark the footprint as free."""
         cell = self.params.cell
         half = self.size // 2
         corner = (round(pose.x / cell) - half) * cell, (round(pose.y / cell) - half) * cell
@@ -177,9 +178,9 @@ class OccupancyGrid:
         self.log_odds[under > 0] = CLAMP_MIN
 
     def integrate(self, percept: Percept, pose: Pose, *, weak: bool = False) -> None:
-        """Add the evidence of ``percept``, observed from odom ``pose`` (call ``update`` first).
+        """Add the evidence of ``percept``, seen from odom ``pose`` (call ``update`` first).
 
-        With ``weak`` sight only rays to floor and to obstacles are evidence for free space, little
+        If sight is ``weak``, only rays to floor and to obstacles are evidence for free space, less
         evidence makes a cell occupied, and floor has to be observed under the whole body.
         """
         self._weak_sight = weak
@@ -206,7 +207,7 @@ class OccupancyGrid:
         self._cast(self._camera_position(pose), rays, nearness, sigma, hit, free)
 
     def doubt_view(self, pose: Pose) -> None:
-        """From now on the floor in view from odom ``pose`` is occupied unless it is observed free.
+        """From now on count floor in view from odom ``pose`` as occupied unless observed free.
 
         What has appeared there hides most of the floor that it stands on, and a robot that stops
         before it has no parallax to see its near side either.
@@ -218,7 +219,7 @@ class OccupancyGrid:
         self._forget_derived()
 
     def integrate_stixels(self, stixels: Stixels, pose: Pose) -> None:
-        """Add the evidence of ``stixels``, observed from odom ``pose``: hits, no free space."""
+        """Add the evidence of ``stixels``, seen from odom ``pose``: hits, no free space."""
         kept = (stixels.confidence > 0.0) & (stixels.nearness > 1e-3)
         if not kept.any():
             return
@@ -235,7 +236,7 @@ class OccupancyGrid:
         )
 
     def _camera_position(self, pose: Pose) -> tuple[float, float]:
-        """(x, y) [m] of the camera in odom."""
+        """Return the position (x, y) [m] of the camera in odom."""
         return pose.to_parent(self.robot.camera.mount_forward, 0.0)
 
     def _cast(
@@ -264,7 +265,7 @@ class OccupancyGrid:
         self._obstacles = discs
 
     def set_walls(self, points: Array) -> None:
-        """Take odom ``points`` (n, 2) [m] for those of walls until the next call."""
+        """Set odom ``points`` (n, 2) [m] of known walls, for ``blind_clearance``."""
         self._walls = points
         self._blind_clearance = None
 
@@ -276,10 +277,10 @@ class OccupancyGrid:
 
     @property
     def origin(self) -> tuple[float, float]:
-        """Odom position [m] of the centre of cell [0, 0].
+        """Odom position (x, y) [m] of the centre of cell [0, 0].
 
         Raises:
-            RuntimeError: there is none before the first ``update``.
+            RuntimeError: the grid has no position before the first ``update``.
 
         """
         if self._origin is None:
@@ -292,19 +293,19 @@ class OccupancyGrid:
         return self._origin is not None
 
     def contains(self, x: float, y: float) -> bool:
-        """Whether the odom point (x, y) [m] lies on the grid; call it once there is an origin."""
+        """Return whether the odom point (x, y) [m] lies on the grid; raises like ``origin``."""
         left, bottom = self.origin
         side = (self.size - 1) * self.params.cell
         return 0.0 <= x - left <= side and 0.0 <= y - bottom <= side
 
     def index(self, x: float, y: float) -> tuple[int, int]:
-        """(row, column) of the odom point (x, y) [m]; may lie outside the grid."""
+        """Return (row, column) of the odom point (x, y) [m], which may lie outside the grid."""
         cell = self.params.cell
         return round((y - self.origin[1]) / cell), round((x - self.origin[0]) / cell)
 
     @property
     def occupied(self) -> Mask:
-        """(n, n) True where a cell is occupied, by log-odds, in doubt, or by a set obstacle."""
+        """Which cells (n, n) are occupied: by log-odds, in doubt, or by a set obstacle."""
         least = min(self.params.occupied, _WEAK_OCCUPIED if self._weak_sight else math.inf)
         occupied = self.log_odds >= least
         if self._doubted.any():
@@ -312,7 +313,7 @@ class OccupancyGrid:
         return self._painted(occupied, self._obstacles)
 
     def _painted(self, occupied: Mask, discs: tuple[OccupiedDisc, ...]) -> Mask:
-        """``occupied`` (n, n) and all cells within ``discs``."""
+        """Return ``occupied`` (n, n) with all cells within ``discs`` added."""
         if not discs:
             return occupied
         painted = occupied.astype(np.uint8)
@@ -323,18 +324,17 @@ class OccupancyGrid:
 
     @property
     def observed(self) -> npt.NDArray[np.uint8]:
-        """(n, n) 1 where the cell has been observed free, else 0."""
+        """Array (n, n): 1 where the cell has been observed free, else 0."""
         if self._observed is None:
             self._observed = (self.log_odds <= OBSERVED_FREE).view(np.uint8)
         return self._observed
 
     @property
     def footprint_observed(self) -> npt.NDArray[np.uint8]:
-        """(n, n) 1 where the cell and its surroundings have been observed free, else 0.
+        """Array (n, n): 1 where a cell and its surroundings have been observed free, else 0.
 
-        Gaps of one cell between the rays of a sparse flow grid are closed first. A robot whose
-        centre keeps to such cells passes nothing unobserved within the side margin, and with weak
-        sight has nothing unobserved under its body.
+        The surroundings are a square of +-0.1 m, with weak sight the body's circle. Gaps of one
+        cell between the rays of a sparse flow grid are closed first.
         """
         if self._footprint_observed is None:
             closed = cv2.dilate(self.observed, _GAP)
@@ -344,13 +344,13 @@ class OccupancyGrid:
 
     @property
     def clearance(self) -> Array:
-        """(n, n) distance [m] from each cell to the nearest occupied cell."""
+        """Distance (n, n) [m] from each cell to the nearest occupied cell; unobserved is free."""
         if self._clearance is None:
             self._clearance = self._distances(self.occupied)
         return self._clearance
 
     def clearance_near(self, x: float, y: float, away: float) -> Array:
-        """(n, n) ``clearance`` of obstacles up to ``away`` [m] off odom x, y along either axis."""
+        """Compute ``clearance`` (n, n) within +-``away`` [m] of odom x, y; farther off large."""
         if self._clearance is not None:
             return self._clearance
         half = math.ceil(away / self.params.cell)
@@ -361,10 +361,10 @@ class OccupancyGrid:
 
     @property
     def blind_clearance(self) -> Array:
-        """(n, n) ``clearance`` for parts of a body that go where the camera does not look.
+        """Clearance (n, n) [m] for parts of a body that go where the camera does not look.
 
-        Cells that are not observed free are occupied as well, where they are behind what is seen of
-        a wall, or in a wall that was set.
+        Cells that are not observed free count as occupied too, if they are within 0.15 m of an
+        occupied cell, or in a wall that was set.
         """
         if self._blind_clearance is None:
             cells = np.rint((self._walls - self.origin) / self.params.cell).astype(np.intp)
@@ -375,7 +375,7 @@ class OccupancyGrid:
         return self._blind_clearance
 
     def clearance_with(self, discs: tuple[OccupiedDisc, ...]) -> Array:
-        """(n, n) ``clearance`` if ``discs`` were occupied as well."""
+        """Compute the ``clearance`` (n, n) [m] as if ``discs`` were occupied as well."""
         if not discs:
             return self.clearance
         return self._distances(self._painted(self.occupied, discs))
@@ -385,7 +385,7 @@ class OccupancyGrid:
 
 
 def _floor_in_view_from(camera: CameraModel) -> float:
-    """Distance [m] from the camera at which the floor comes into view; infinite if it does not."""
+    """Return the distance [m] from the camera from which on floor is in view; inf if never."""
     edge = np.array([0.0, 0.5 * camera.height])
     fall = float(camera.fall_per_depth(edge))
     ahead = math.cos(camera.pitch) - edge[1] / camera.focal * math.sin(camera.pitch)

@@ -49,12 +49,12 @@ SHARE = 0.15  # chosen
 
 
 class PathSight:
-    """``texture``: the share of the path's cells that the newest percepts have matched.
+    """Judges how well the camera shows the path ahead, from percepts and images.
 
-    ``contrast`` [grey levels]: the median standard deviation of the path's image in small windows.
-    ``covariance`` [grey levels^2]: the median covariance of horizontal neighbours in them. Texture
-    that the lens resolves is alike from one pixel to the next, noise is not.
-
+    ``texture`` is the mean share of the path's cells that percepts have matched. ``contrast`` [grey
+    levels] is the median standard deviation of the path's image in small windows, ``covariance``
+    [grey levels^2] the median covariance of horizontal neighbours in them: texture that the lens
+    resolves is alike from one pixel to the next, noise is not.
     The path is the floor that the robot would drive over. A cell of the image that shows it, or
     what stands on it, has a confidence above 0 only with texture above the noise.
     """
@@ -74,13 +74,13 @@ class PathSight:
         self.reset()
 
     def reset(self) -> None:
-        """Back to the start of a run: before the first percept there is no judgement."""
+        """Return to the start of a run: until the first percept the path counts as well seen."""
         self.texture, self.contrast, self.covariance = 1.0, math.inf, math.inf
         self._shares, self._means = [1.0] * 4, [-1.0] * 2
 
     @property
     def weak(self) -> bool:
-        """Whether the path is seen so poorly that only floor seen as such is free."""
+        """Whether the path is seen poorly: then only rays to floor or obstacles show free space."""
         return self.contrast < _FAINT or (self.texture < _WEAK and not self._clear)
 
     @property
@@ -90,13 +90,13 @@ class PathSight:
 
     @property
     def appeared(self) -> bool:
-        """Whether something has appeared on the path, which was well seen driving straight on."""
+        """Whether two percepts match far less of the path than those before, which saw it well."""
         steady = not self.weak and self._means[0] >= _STEADY
         return steady and max(self._shares[2:]) < _APPEARED * min(self._shares[:2])
 
     @property
     def none(self) -> bool:
-        """Whether next to nothing of the path is seen."""
+        """Whether next to nothing of the path is seen: no texture, or only noise."""
         unmatched = self.texture < SEEN and not self._clear
         return unmatched or (self.contrast < _FAINT and self.covariance < _BARE)
 
@@ -106,13 +106,13 @@ class PathSight:
 
     @property
     def judgement(self) -> Sight:
-        """How well the path is seen."""
+        """How well the path is seen, as ``none``, ``weak`` or enough."""
         if self.none:
             return Sight.NOTHING
         return Sight.LITTLE if self.weak else Sight.ENOUGH
 
     def observe(self, percept: Percept) -> None:
-        """Take in the newest percept."""
+        """Update the texture by the newest percept; nothing changes if the camera sees no floor."""
         if percept.points is not self._points:
             self._points, self._path = percept.points, self._path_of(percept.points)
         confidence = percept.confidence[self._path]
@@ -124,7 +124,7 @@ class PathSight:
         self.texture = share if first else self.texture + SHARE * (share - self.texture)
 
     def observe_image(self, image: Image) -> None:
-        """Take in the newest valid image."""
+        """Update contrast and covariance by the newest valid image (height, width)."""
         if not self._centres.size:
             return  # a camera that sees no floor
         variance, covariance = _median_spread(image, self._centres, self._half)
@@ -135,7 +135,7 @@ class PathSight:
         self.covariance += SHARE * (covariance - self.covariance)
 
     def _path_of(self, points: Array) -> npt.NDArray[np.bool_]:
-        """(rows, cols) True for cells whose rays meet the floor of the path."""
+        """Return which cells (rows, cols) have rays that meet the floor of the path."""
         camera = self._robot.camera
         fall = camera.fall_per_depth(points)
         depth = camera.mount_height / np.maximum(fall, 1e-6)
@@ -150,10 +150,10 @@ class PathSight:
 def _median_spread(
     image: Image, centres: npt.NDArray[np.int64], half: int
 ) -> tuple[float, float]:  # pragma: no cover - compiled
-    """Medians over windows around ``centres`` (n, 2) [px: x, y] of the grey values' variance.
+    """Return the medians, over windows, of grey values' variance and of neighbours' covariance.
 
-    And of the covariance of horizontal neighbours. The windows reach ``half`` pixels to each side,
-    and end at the image's border.
+    Neighbours are horizontal. The windows reach ``half`` pixels to each side of ``centres`` (n, 2)
+    [px: x, y], and end at the image's border.
     """
     height, width = image.shape
     variances, covariances = np.empty(centres.shape[0]), np.empty(centres.shape[0])

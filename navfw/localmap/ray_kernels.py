@@ -53,7 +53,7 @@ def sweep_arcs(
 def follow_arc(
     ground: Ground, start: Start, v: float, w: float, radius: float, reach: float, horizon: float
 ) -> tuple[float, float, float]:
-    """Free length, observed length and clearance [m] of one command; see ``sweep_arcs``."""
+    """Return free length, observed length and clearance [m] of one command; see ``sweep_arcs``."""
     clearance, observed, origin_x, origin_y, cell = ground
     px, py, yaw = start
     size = clearance.shape[0]
@@ -120,7 +120,7 @@ def sweep_body(
     observed_length: Array,
     arc_clearance: Array,
 ) -> None:
-    """Like ``sweep_arcs`` for a body covered by ``discs``; see ``follow_body``."""
+    """Sweep a body covered by ``discs``, like ``sweep_arcs``; see ``follow_body``."""
     for i in range(speeds.shape[0]):
         for j in range(turns.shape[0]):
             free_length[i, j], observed_length[i, j], arc_clearance[i, j] = follow_body(
@@ -139,11 +139,11 @@ def follow_body(
     reach: float,
     horizon: float,
 ) -> tuple[float, float, float]:
-    """Like ``follow_arc`` for ``discs`` (n, 3): centre in base_link, radius [m].
+    """Follow one command with a body of ``discs`` (n, 3), like ``follow_arc``.
 
-    Each disc is widened by ``margin`` [m]. ``observed`` counts for the middle of the front, driving
-    backward of the rear. The free length of a turn on the spot is ``reach``, or less in
-    proportion to the share of ``TURN`` for which there is room.
+    Rows are the centre in base_link and the radius [m], widened by ``margin`` [m]. The observed
+    length is that of the middle of the front, backward of the rear. The free length of a turn on
+    the spot is ``reach``, or less in proportion to the share of ``TURN`` for which there is room.
     """
     _, observed, origin_x, origin_y, cell = ground
     size = observed.shape[0]
@@ -190,7 +190,7 @@ def follow_body(
 
 @numba.njit(cache=True)
 def body_room(ground: Ground, x: float, y: float, yaw: float, discs: Array, margin: float) -> float:
-    """Least distance [m] from the rim of the widened ``discs`` at this pose to anything."""
+    """Return the least distance [m] from the rim of widened ``discs`` to an occupied cell."""
     clearance, _, origin_x, origin_y, cell = ground
     size = clearance.shape[0]
     c, s = math.cos(yaw), math.sin(yaw)
@@ -207,9 +207,9 @@ def body_room(ground: Ground, x: float, y: float, yaw: float, discs: Array, marg
 
 @numba.njit(cache=True)
 def _interpolated(field: Array, row: float, column: float) -> float:
-    """Bilinear value of ``field`` (n, n) at (row, column) [cells] inside of it.
+    """Interpolate ``field`` (n, n) bilinearly at (row, column) [cells] inside of it.
 
-    Taken from the nearest cell alone, the room beside a moving body would jump by half a cell.
+    Taken from the nearest cell only, the room beside a moving body would jump by half a cell.
     """
     i, j = int(row), int(column)
     down, right = row - i, column - j
@@ -224,8 +224,8 @@ def cast_ranges(
 ) -> None:
     """Cast a ray along each of ``bearings`` (n,) [rad, from ``start.yaw``] up to ``limit`` [m].
 
-    Fills ``free`` (n,) [m], the distance to the first occupied cell, and ``seen`` (n,) [m], that to
-    the first cell not observed free. Steps are as long as the clearance allows.
+    Fills ``free`` (n,) [m], the distance from ``start`` to the first occupied cell, and ``seen``
+    (n,) [m], that to the first cell not observed free; ``limit`` if the ray meets none.
     """
     clearance, observed, origin_x, origin_y, cell = ground
     x, y, yaw = start
@@ -256,7 +256,7 @@ def cast_ranges(
 
 @numba.njit(cache=True)
 def least_within(bearings: Array, ranges: Array, low: float, high: float, default: float) -> float:
-    """The least of ``ranges`` (n,) whose bearing (n,) is in [low, high]; ``default`` if none is."""
+    """Return the least of ``ranges`` (n,) at bearings in [low, high]; ``default`` if none is."""
     least = np.inf
     for i in range(bearings.shape[0]):
         if low <= bearings[i] <= high:

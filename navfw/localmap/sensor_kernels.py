@@ -21,7 +21,7 @@ _PEAK = 1.0 / math.sqrt(2.0 * math.pi)  # defined
 def rays_of(
     points: Array, aside: float, focal: float, base_from_camera: Array, yaw: float
 ) -> Array:
-    """(3 N, 3): advance in odom x, y and height per metre of depth, for three rays a point.
+    """Compute three rays per point (3 N, 3): advance in odom x, y and height per metre of depth.
 
     The rays go through ``points`` (N, 2) [px] and through points ``aside`` [px] to the left and
     right of them; the robot heads to ``yaw`` [rad, odom].

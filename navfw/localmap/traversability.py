@@ -65,11 +65,11 @@ class TraversabilityCheck:
         self.reset()
 
     def reset(self) -> None:
-        """Back to the state before the first check."""
+        """Return to the state before the first check."""
         self._last = -math.inf
 
     def due(self, time: float) -> bool:
-        """Whether the interval has passed at ``time`` [s]."""
+        """Return whether the interval since the last check has passed at ``time`` [s]."""
         return not time - self._last < self.params.interval - _ROUNDING
 
     def check(
@@ -80,11 +80,11 @@ class TraversabilityCheck:
         belief: Belief,
         time: float,
     ) -> tuple[tuple[PassageQuery, PassageStatus], ...]:
-        """Status of each of the ``queries`` that could be judged, in order.
+        """Judge the ``queries`` in order; return the status of each that could be judged.
 
         ``queries`` are the legs of the route, the first from the robot on; ``pose`` (odom) and
-        ``belief`` (map) are of the same ``time`` [s]. With a position less certain than
-        ``max_sigma`` nothing is judged: it is not known which passage is in view.
+        ``belief`` (map) are of the same ``time`` [s]. If the position's sigma is above 0.4 m,
+        nothing is judged: it is not known which passage is in view.
         """
         self._last = time
         sigma = belief.sigma
@@ -112,7 +112,7 @@ Gate = tuple[float, ...]
 def _passage_statuses(
     occupancy: OccupancyGrid, pose: Pose, legs: Sequence[Leg], reach: float, slack: float
 ) -> list[PassageStatus]:
-    """The status of each leg (start, end in odom [m], half width [m]) that can be judged.
+    """Judge each leg (start, end in odom [m], half width [m]) that can be judged.
 
     Legs are judged up to ``reach`` [m] from odom ``pose``; the first closed one is the last of the
     list, as the camera does not see behind it.
@@ -147,7 +147,7 @@ def _passage_statuses(
 def _cut(
     pose: Pose, start: tuple[float, float], end: tuple[float, float], reach: float
 ) -> tuple[float, float] | None:
-    """The leg's end, or where it leaves the circle of ``reach`` [m]; None if it starts outside."""
+    """Return the leg's end, or where it leaves the ``reach`` [m]; None if it starts outside."""
     ax, ay = start[0] - pose.x, start[1] - pose.y
     if math.hypot(ax, ay) > reach:
         return None
@@ -160,7 +160,7 @@ def _cut(
 
 
 def _gate(occupancy: OccupancyGrid, leg: Leg) -> Gate:
-    """The gate across the end of ``leg``."""
+    """Return the gate across the end of ``leg``."""
     start, end, half = leg
     length = math.dist(start, end)
     ux, uy = (end[0] - start[0]) / length, (end[1] - start[1]) / length
@@ -169,7 +169,7 @@ def _gate(occupancy: OccupancyGrid, leg: Leg) -> Gate:
 
 @numba.njit(cache=True)
 def _in_gate(gate: Gate, row: int, column: int) -> bool:  # pragma: no cover - compiled
-    """Whether a cell is in the gate: a path that reaches one of its cells has passed."""
+    """Return whether a cell is in the gate: a path that reaches one of its cells has passed."""
     left, bottom, cell, end_x, end_y, ux, uy, half = gate
     x, y = left + cell * column - end_x, bottom + cell * row - end_y
     return -cell <= ux * x + uy * y <= 2.0 * cell and abs(uy * x - ux * y) <= half
@@ -179,7 +179,7 @@ def _in_gate(gate: Gate, row: int, column: int) -> bool:  # pragma: no cover - c
 def _leads(
     strip: Bytes, near: Indices, clearance: Array, least: float, observed: Bytes, gate: Gate
 ) -> tuple[bool, bool]:  # pragma: no cover - compiled
-    """Whether a path may begin at one of the cells ``near``, and whether one leads to the gate.
+    """Return whether a path may begin at one of the cells ``near``, and whether one leads there.
 
     It leads over cells of ``strip`` that are ``observed``; ``near`` (k,) are flat indices.
     """
