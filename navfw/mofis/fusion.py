@@ -24,7 +24,7 @@ Proposals = Mapping[str, Proposal]
 
 
 def joint_prohibition(context: Context, proposals: Proposals) -> Array:
-    """(n_v, n_w): the strongest prohibition of any behaviour; never averaged (METHOD 3.6)."""
+    """Return the strongest prohibition (n_v, n_w) of any behaviour; never averaged (METHOD 3.6)."""
     result = context.commands.zeros()
     for proposal in proposals.values():
         np.maximum(result, proposal.prohibition, out=result)
@@ -32,13 +32,13 @@ def joint_prohibition(context: Context, proposals: Proposals) -> Array:
 
 
 def shares(proposals: Proposals) -> dict[str, float]:
-    """Each behaviour's share of all applicabilities."""
+    """Return each behaviour's share of the sum of all applicabilities; 0 if that is 0."""
     total = sum_in_order(proposal.applicability for proposal in proposals.values())
     return {name: p.applicability / max(total, 1e-9) for name, p in proposals.items()}
 
 
 def _leader_at(proposals: Proposals, row: int, column: int) -> str:
-    """The behaviour with the largest weighted desire for the command at (row, column)."""
+    """Return the behaviour with the largest weighted desire for the command at (row, column)."""
     return max(
         proposals,
         key=lambda name: proposals[name].applicability * proposals[name].desirability[row, column],
@@ -50,7 +50,7 @@ def _at_fraction(values: Array, position: float) -> float:
 
 
 def best_of(values: Array) -> tuple[float, float]:
-    """(row, column) of the largest of ``values`` (n_v, n_w)."""
+    """Return (row, column) of the largest of ``values`` (n_v, n_w)."""
     row, column = np.unravel_index(int(values.argmax()), values.shape)
     return float(row), float(column)
 
@@ -63,10 +63,10 @@ def command_at(
     explanation: Mapping[str, Any] | None = None,
     leader: str | None = None,
 ) -> Command:
-    """The command at a (row, column) of the grid, which may be fractional.
+    """Build the command at ``position``, a (row, column) of the grid that may be fractional.
 
     ``forbidden`` (n_v, n_w) marks excluded commands. If all forward commands are excluded it is an
-    emergency, and LOCOM brakes fully.
+    emergency, and LOCOM never drives forward. ``leader`` is by default whoever desires it most.
     """
     row, column = position
     grid = context.commands
@@ -83,7 +83,7 @@ def command_at(
 
 
 def no_command(context: Context, proposals: Proposals, forbidden: Mask) -> Command:
-    """Stand still: no command is both desired and allowed."""
+    """Build the command to stand still, because none is both desired and allowed."""
     return Command(
         time=context.time,
         twist=Twist(0.0, 0.0),
@@ -126,7 +126,7 @@ class FuzzyFusion(Fusion):
     params: Params
 
     def fuse(self, context: Context, proposals: Proposals) -> Command:
-        """The centroid of the allowed region with the largest desire."""
+        """Return the centroid of the allowed region with the largest desire; stand without one."""
         prohibition = joint_prohibition(context, proposals)
         forbidden = prohibition > CUT
         desire = self._desire(context, proposals)
@@ -140,7 +140,7 @@ class FuzzyFusion(Fusion):
         return command_at(context, proposals, position, forbidden, explanation)
 
     def _desire(self, context: Context, proposals: Proposals) -> Array:
-        """(n_v, n_w) blended desirability."""
+        """Blend the desirabilities (n_v, n_w)."""
         desire = context.commands.zeros()
         if self.params.blend == "max":
             for proposal in proposals.values():
@@ -155,7 +155,7 @@ class FuzzyFusion(Fusion):
     def _centre(
         self, context: Context, support: Array, best: float, forbidden: Mask
     ) -> tuple[float, float]:
-        """(row, column), fractional, of the command chosen from ``support`` (n_v, n_w)."""
+        """Choose the command (row, column), fractional, from ``support`` (n_v, n_w)."""
         joined = (support >= self.params.level * best).astype(np.uint8)
         _, regions = cv2.connectedComponents(joined, connectivity=4)
         mass = np.bincount(regions.ravel(), weights=support.ravel())[1:]

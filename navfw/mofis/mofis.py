@@ -31,13 +31,13 @@ STEP = 0.1  # chosen
 
 
 class ProgressMonitor:
-    """Follows wheel speeds against commands, and the cost-to-go toward each waypoint."""
+    """Measures how long the wheels have not followed commands, and progress has not been made."""
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Back to the start of a run."""
+        """Return to the start of a run."""
         self._stalled_since: float | None = None
         self._goal: tuple[float, float] | None = None
         self._best = math.inf
@@ -50,10 +50,10 @@ class ProgressMonitor:
         waypoint: signals.Waypoint | None,
         local_goal: LocalGoal | None,
     ) -> tuple[float, float]:
-        """(stalled, idle) [s]: since when wheels do not follow, and no progress was made.
+        """Return (stalled, idle) [s]: how long wheels have not followed, and progress was missing.
 
-        ``driven`` is the last command to the wheels: wheels that are not to turn are not
-        blocked.
+        Progress is a fall of the local goal's cost; ``driven`` is the last command to the wheels:
+        wheels that are not to turn are not blocked.
         """
         time, wanted = odometry.time, 0.0 if driven is None else driven.v
         if abs(wanted) > MOVING and abs(odometry.twist.v) < _FOLLOWING * abs(wanted):
@@ -73,7 +73,7 @@ class ProgressMonitor:
 
 @dataclass(frozen=True, slots=True)
 class DecisionInputs:
-    """What a decision starts from.
+    """What one decision of MOFIS is based on.
 
     ``percept`` and ``flow`` are the newest with any depth, None before the robot has moved.
     ``conflicts`` are those of all commands with moving obstacles, None without any;
@@ -92,9 +92,9 @@ class DecisionInputs:
 
 
 class Mofis:
-    """Decides once per camera frame, by the behaviours' proposals and the local map.
+    """Decides once per camera frame: asks all behaviours for proposals and fuses them.
 
-    A behaviour that fails, in the sense of ``guard``, loses the tick; the others decide without it.
+    A behaviour that fails (see ``guard``) makes no proposal; the others decide without it.
     ``known`` are the names of all behaviours that a composite may weigh, these or others.
     """
 
@@ -134,7 +134,7 @@ class Mofis:
         self._previous: signals.Command | None = None
 
     def reset(self) -> None:
-        """Back to the start of a run, all plugins included.
+        """Return to the start of a run, all plugins included.
 
         Raises:
             PluginCallError: a plugin fails, so the run cannot begin.
@@ -152,7 +152,7 @@ class Mofis:
     def handles_moving_obstacles(self) -> bool:
         """Whether a behaviour that handles moving obstacles made a proposal in the last decision.
 
-        One that fails handles none. A fusion without proposals stands for all behaviours.
+        With a fusion that needs no proposals: whether there is any such behaviour.
         """
         names = self.proposals if self.fusion.needs_proposals else self.behaviors
         return any(self.behaviors[name].handles_moving_obstacles for name in names)
@@ -163,7 +163,7 @@ class Mofis:
         return 0.0 if self.context is None else self.context.idle
 
     def decide(self, inputs: DecisionInputs) -> signals.Command | None:
-        """The command for now; None when the fusion fails."""
+        """Decide on the present command; None if the fusion fails."""
         context = self.context = self._context(inputs)
         self.proposals = {}
         asked = self.fusion.needs_proposals
@@ -213,7 +213,7 @@ class Mofis:
         )
 
     def _weigh(self, context: Context) -> Mapping[str, float]:
-        """The composite's weight of each primitive; none when it fails or there is none."""
+        """Ask the composite for each primitive's weight; empty if it fails or there is none."""
         if self.composite is None:
             return {}
         weigh, check = self.composite.weigh, self._check_weights
@@ -227,7 +227,7 @@ class Mofis:
         check: Callable[[Any], AnswerT],
         vital: bool = False,
     ) -> AnswerT | None:
-        """The plugin's answer; None when it fails."""
+        """Call the plugin and return its answer; None if it fails."""
         try:
             return self.guard.call(plugin, function, *arguments, check=check, vital=vital)
         except PluginCallError:
@@ -235,9 +235,9 @@ class Mofis:
 
 
 def explanation_lines(explanation: dict[str, Any]) -> list[str]:
-    """The lines: the command, what was perceived, then weights, reasons and rules.
+    """Format an explanation as lines: command, what was perceived, weights, reasons and rules.
 
-    ``explanation`` is that of ``Stack.explain``. Behaviours come in the order of their weights.
+    ``explanation`` is the result of ``Stack.explain``. Behaviours are ordered by weight.
     """
     perceived = explanation.get("perception", {}).get("sentence", "")
     lines = [
@@ -267,12 +267,12 @@ def explain_command(
     mofis: Mofis,
     guard: PluginGuard | None = None,
 ) -> dict[str, Any]:
-    """The command as plain data, with the rating of it by every behaviour.
+    """Explain ``command`` as plain data: how each behaviour rated it, and by which rules.
 
-    For each behaviour: applicability, desirability and prohibition of this command, its largest
-    desirability of any, the reason, and the rules that fired for it, strongest first. With a
-    composite: the weights of the primitives, and the rules that fired for them. A plugin that fails
-    to explain gives no rules; the fault is noted by ``guard``, given none by that of ``mofis``.
+    For each behaviour: applicability, desirability and prohibition of this command, the largest
+    desirability of any command (``best``), the reason, and the rules that fired, strongest first.
+    With a composite: the primitives' weights, and the rules that fired for them. If a plugin fails
+    to explain, its error replaces the rules; ``guard`` (default: that of ``mofis``) records it.
     """
     guard = mofis.guard if guard is None else guard
     row, column = mofis.commands.nearest(command.twist)
@@ -308,7 +308,7 @@ def explain_command(
 def _rules(
     guard: PluginGuard, plugin: str, explain: Callable[..., object], *command: int
 ) -> list[dict[str, Any]]:
-    """The rules that a plugin says fired; when it fails, how it failed in place of a rule."""
+    """Return the rules that a plugin says fired; if it fails, its error in place of a rule."""
     try:
         return guard.call(plugin, explain, *command, check=_check_rules)
     except PluginCallError as error:

@@ -29,7 +29,7 @@ _CACHE_SIZE = 64  # chosen
 
 @numba.njit(cache=True)
 def _cut_and_joined(terms: Array, cuts: Array) -> Array:
-    """(n,) the largest of ``terms`` (t, n) at each place, none of them above its cut (t,)."""
+    """Cut each of ``terms`` (t, n) at its cut (t,), and return their maximum (n,)."""
     joined = np.zeros(terms.shape[1])
     for t in range(cuts.size):
         for i in range(joined.size):
@@ -48,13 +48,13 @@ class Verdict:
         self._shape = shape
 
     def value(self, output: str) -> float:
-        """The crisp value of ``output``."""
+        """Return the crisp (defuzzified) value of ``output``."""
         return float(self._result.crisp(output)[0])
 
     def degree(self, output: str) -> float:
-        """``output`` as the mean of its terms' peaks, weighted by their activations.
+        """Return the mean of the peaks of the terms of ``output``, weighted by their activations.
 
-        Unlike the centroid it reaches the ends of the range: the term ``none`` alone gives 0.
+        Unlike the centroid it reaches the ends of the range: a term ``none`` by itself gives 0.
         """
         peaks = self._rules.peaks(output)
         degrees = self._result.activations(output)
@@ -62,19 +62,19 @@ class Verdict:
         return shared / max(sum_in_order(degrees), 1e-9)
 
     def values(self, output: str) -> Array:
-        """The crisp values of ``output``, in the shape of the inputs."""
+        """Return the crisp (defuzzified) values of ``output``, in the shape of the inputs."""
         return self._result.crisp(output).reshape(self._shape)
 
     def over(self, output: str, values: Array) -> Array:
-        """The fuzzy set of ``output`` at ``values`` (n,): each term cut at its rules' strength."""
+        """Evaluate the fuzzy set of ``output`` at ``values`` (n,): terms cut at their strength."""
         cut = np.array(self._result.activations(output))
         result: Array = _cut_and_joined(self._rules.terms(output, values), cut)
         return result
 
     def command(self, commands: CommandGrid) -> Array:
-        """Desirability (n_v, n_w): the sets of the outputs ``speed`` and ``turn``, multiplied.
+        """Multiply the sets of the outputs ``speed`` and ``turn`` to desirability (n_v, n_w).
 
-        Scaled to a maximum of 1, as the weight beside other behaviours is the applicability's.
+        It is scaled to a maximum of 1: only the applicability weighs against other behaviours.
         Between two terms both sets are cut low; without the scaling a behaviour would there be
         outweighed by behaviours without a preference.
         """
@@ -84,13 +84,13 @@ class Verdict:
         return desired / max(float(desired.max()), 1e-3)
 
     def explain(self, row: int = 0, column: int = 0) -> list[dict[str, Any]]:
-        """The rules that fired, strongest first; for one of the inputs of ``evaluate_all``."""
+        """Return the rules that fired, strongest first, at (row, column) of ``evaluate_all``."""
         index = 0 if self._shape == (1,) else int(np.ravel_multi_index((row, column), self._shape))
         return [dict(rule) for rule in self._rules.fis.explain(self._result, index)]
 
 
 class BehaviorRules:
-    """A rule base for a behaviour, from a YAML file or text.
+    """A rule base of a behaviour or composite, loaded from a YAML file or text.
 
     Outputs called ``speed`` and ``turn`` are relative: 1 is the command grid's top speed (negative:
     backwards) and top turning rate (positive: left).
@@ -104,25 +104,25 @@ class BehaviorRules:
 
     @classmethod
     def beside(cls, module_file: str, terms: fuzzy.TermCorners | None = None) -> BehaviorRules:
-        """The rule base in the YAML file beside a module: ``BehaviorRules.beside(__file__)``.
+        """Load the YAML file beside a module, as ``BehaviorRules.beside(__file__)``.
 
-        ``terms`` has corners of terms of inputs, instead of those in the file.
+        ``terms`` are corners of terms of inputs that replace those in the file.
         """
         return cls(fuzzy.load_rule_base(cls.file_beside(module_file), terms))
 
     @staticmethod
     def file_beside(module_file: str) -> Path:
-        """The YAML file beside a module."""
+        """Return the path of the YAML file beside a module; it need not exist."""
         return Path(module_file).with_suffix(".yaml")
 
     @classmethod
     def parse(cls, text: str, source: str | None = None) -> BehaviorRules:
-        """The rule base written as YAML in ``text``; ``source`` is its name in errors."""
+        """Parse the rule base written as YAML in ``text``; ``source`` is its name in errors."""
         return cls(fuzzy.parse_rule_base(text, source))
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """The names of all outputs, in the order of the file."""
+        """Names of all outputs, in the order of the file."""
         return tuple(self.base.outputs)
 
     def evaluate(self, **inputs: float) -> Verdict:
@@ -135,7 +135,7 @@ class BehaviorRules:
         return Verdict(self, self.fis.evaluate({k: v.ravel() for k, v in inputs.items()}), shape)
 
     def peaks(self, output: str) -> tuple[float, ...]:
-        """Position of the peak of each term of ``output``, within the range."""
+        """Return the position of the peak of each term of ``output``, within its range."""
         if output not in self._peaks:
             universe = self.base.outputs[output].universe
             self._peaks[output] = tuple(
@@ -145,7 +145,7 @@ class BehaviorRules:
         return self._peaks[output]
 
     def terms(self, output: str, values: Array) -> Array:
-        """Each term of ``output`` at ``values`` (n,): (terms, n), kept for the next call."""
+        """Evaluate all terms of ``output`` at ``values`` (n,): degrees (terms, n), cached."""
         key = (output, values.tobytes())
         if key not in self._terms:
             if len(self._terms) >= _CACHE_SIZE:  # the values differ at every call
@@ -195,7 +195,7 @@ class _Ruled(Plugin):
             fuzzy.load_rule_base(BehaviorRules.file_beside(inspect.getfile(cls)))
 
     def load_rules(self) -> BehaviorRules:
-        """The rules; override it if they are not in the YAML file beside the class.
+        """Load the rules; override it if they are not in the YAML file beside the class.
 
         Raises:
             InputError: they cannot be read, do not cover their inputs, or have no such terms.
@@ -205,34 +205,34 @@ class _Ruled(Plugin):
 
 
 class RuledBehavior(_Ruled, Behavior):
-    """A behaviour with ``rules``, those in the YAML file beside the class' own file."""
+    """Base class of behaviours whose ``rules`` are in the YAML file beside the class' own file."""
 
 
 class RuledComposite(_Ruled, Composite):
-    """A composite whose rules weigh the primitives; a subclass gives their ``inputs``.
+    """Base class of composites whose rules weigh the primitives; a subclass defines ``inputs``.
 
     The rule base is the YAML file beside the class' own file. Each output is named after a
     primitive, ranges over [0, 1], and its degree (``Verdict.degree``) is that primitive's weight.
     """
 
     def reset(self) -> None:
-        """Back to the state before the first ``weigh``; overrides must call it."""
+        """Return to the state before the first ``weigh``; overrides must call it."""
         self._fired: Explain | None = None
 
     @abstractmethod
     def inputs(self, context: Context) -> Mapping[str, float]:
-        """A value for each input of the rules; called once per camera frame.
+        """Return a value for each input of the rules; called once per camera frame.
 
         A value beyond an input's range, an infinite one too, is clipped to the range.
         """
 
     def weigh(self, context: Context) -> Mapping[str, float]:
-        """The degree of applicability of each primitive named in the rules."""
+        """Return the weight in [0, 1] of each primitive that is an output of the rules."""
         values = {name: float(value) for name, value in self.inputs(context).items()}
         verdict = self.rules.evaluate(**values)
         self._fired = verdict.explain
         return {name: verdict.degree(name) for name in self.rules.outputs}
 
     def explain(self) -> Sequence[Mapping[str, Any]]:
-        """The rules that fired for the last weights, strongest first."""
+        """Return the rules that fired for the last weights, strongest first."""
         return () if self._fired is None else self._fired(0, 0)

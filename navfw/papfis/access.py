@@ -36,12 +36,11 @@ _WALL_REACH = 3.5  # chosen
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """How a point is connected to the map.
+    """How a point in free space is connected to the map: the places that it can reach directly.
 
-    ``costs`` has each directly reachable place with the cost between it and the point, at least the
-    straight distance; ``projections`` are those onto the accessible passages, nearest first (empty
-    where only places without passages are reachable); ``distance`` [m] is that to the nearest of
-    all these.
+    ``costs`` has the cost between the point and each of them, at least the straight distance;
+    ``projections`` are those onto the accessible passages, nearest first (empty if only places
+    without passages are reachable); ``distance`` [m] is that to the nearest of all these.
     """
 
     costs: Mapping[str, float]
@@ -49,13 +48,13 @@ class Access:
     distance: float
 
     def passage_to(self, place: str) -> Passage | None:
-        """The narrowest accessible passage that ends at ``place``; None without one."""
+        """Return the narrowest accessible passage that ends at ``place``; None without one."""
         passages = [p.passage for p in self.projections if place in p.passage.ends]
         return min(passages, key=lambda passage: passage.width, default=None)
 
 
 class Doorways:
-    """The doors of a map as segments of the walls that they stand in."""
+    """Knows in which walls the doors of a map stand, to judge whether a wall separates points."""
 
     def __init__(self, topo_map: TopoMap) -> None:
         centers, normals = [], []
@@ -68,7 +67,7 @@ class Doorways:
         self._normals = np.array(normals, dtype=np.float64).reshape(-1, 2)
 
     def separate(self, start: tuple[float, float], end: tuple[float, float]) -> bool:
-        """Whether the line from ``start`` to ``end`` [m] crosses a door's wall near that door."""
+        """Return whether the line ``start`` to ``end`` [m] crosses a door's wall near the door."""
         from_start = np.array(start) - self._centers
         leg = np.array(end) - np.array(start)
         before = np.sum(from_start * self._normals, axis=1)
@@ -90,11 +89,11 @@ def find_access(
     place: str | None = None,
     component: frozenset[str] | None = None,
 ) -> Access:
-    """How (x, y) [m] is connected to the map: by the nearest passages that no wall hides.
+    """Connect ``point`` (x, y) [m] to the map: by the nearest passages that no wall hides.
 
-    A known ``place`` restricts the choice to that place and the passages that end there; a
-    connected ``component`` (place names) to its places and passages. A point at its known
-    place has access to that place only.
+    If walls hide all passages, the nearest are used. A known ``place`` restricts the choice to it
+    and the passages that end there; a connected ``component`` (place names) to its places and
+    passages. A point within 5 cm of its known place has access to that place only.
     """
     among: Sequence[Passage] | None = None
     if place is not None:
@@ -132,7 +131,7 @@ def _reachable_ends(
     point: tuple[float, float],
     projection: PassageProjection,
 ) -> list[str]:
-    """The ends of the passage that the point can reach directly; none if a wall hides it."""
+    """Return the ends of the passage that the point can reach directly; none behind a wall."""
     passage = projection.passage
     ends = [passage.a, passage.b]
     if not math.isfinite(costs.of(passage)):  # impassable: only the end on this side
@@ -170,14 +169,14 @@ def _nearest_isolated(
 
 
 def _foot(topo_map: TopoMap, projection: PassageProjection) -> tuple[float, float]:
-    """The projected point (x, y) [m]."""
+    """Return the projected point (x, y) [m]."""
     a, b = topo_map.places[projection.passage.a], topo_map.places[projection.passage.b]
     share = projection.share
     return a.x + share * (b.x - a.x), a.y + share * (b.y - a.y)
 
 
 def _door_normal(topo_map: TopoMap, door: Place) -> tuple[float, float] | None:
-    """The unit direction through a door, from its one or two passages; None if that is unclear."""
+    """Return the unit direction through a door, by its one or two passages; None if unclear."""
     beyond = [topo_map.places[p.other(door.name)] for p in topo_map.passages_at(door.name)]
     if len(beyond) not in {1, 2}:
         return None

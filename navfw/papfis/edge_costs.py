@@ -34,9 +34,9 @@ _AVOID_ABOVE = 0.5  # chosen
 
 @dataclass(frozen=True, slots=True)
 class CostParams:
-    """Weights of the costs.
+    """Weights of the costs of passages.
 
-    The worst passage costs 1 + ``aversion`` times its length, one of high danger ``avoidance``
+    The worst passage costs (1 + ``aversion``) times its length, one of high danger ``avoidance``
     times its length more.
     """
 
@@ -45,7 +45,7 @@ class CostParams:
 
 
 class EdgeCosts:
-    """The costs of all passages of a map for one robot, inferred once.
+    """The costs [m] of all passages of a map for one robot, inferred once from the rules.
 
     ``values`` (passages,) are in the order of the map; infinite where the robot does not fit
     through and where a passage is closed. ``close``, ``reopen`` and ``revise`` change the cost of
@@ -72,11 +72,11 @@ class EdgeCosts:
         self.values: Array = np.where(self._fits, self._lengths * self._factors(), math.inf)
 
     def of(self, passage: Passage) -> float:
-        """The cost of a passage of the map; infinite if it is impassable."""
+        """Return the cost [m] of a passage of the map; infinite if it is impassable."""
         return float(self.values[self._index[passage.ends]])
 
     def factor(self, passage: Passage) -> float:
-        """The passage's cost over its length: at least 1."""
+        """Return the passage's cost divided by its length: at least 1."""
         return self.of(passage) / passage.length
 
     def close(self, passage: Passage, barrier: float | None = None) -> None:
@@ -86,13 +86,13 @@ class EdgeCosts:
         self.values[index] = math.inf
 
     def reopen(self, passage: Passage) -> None:
-        """Give a closed passage the cost of its rules again."""
+        """Set the cost of a closed passage to that of the rules again."""
         index = self._index[passage.ends]
         self._barriers.pop(index, None)
         self._update_cost(index)
 
     def revise(self, passage: Passage, **inputs: float) -> None:
-        """Replace some of the map's inputs to the rules (``danger``, ``uncertainty``)."""
+        """Infer a passage's cost again, with these ``inputs`` (``danger``, ``uncertainty``)."""
         index = self._index[passage.ends]
         for name, value in inputs.items():
             self._inputs[name][index] = value
@@ -103,11 +103,11 @@ class EdgeCosts:
         self._update_cost(index)
 
     def barrier(self, passage: Passage) -> float | None:
-        """Position of what blocks a closed passage [m from its place ``a``]; None if unknown."""
+        """Return where a closed passage is blocked [m from its place ``a``]; None if unknown."""
         return self._barriers.get(self._index[passage.ends])
 
     def is_closed(self, passage: Passage) -> bool:
-        """Whether the passage has been closed."""
+        """Return whether the passage is closed at present."""
         return self._index[passage.ends] in self._barriers
 
     def _update_cost(self, index: int) -> None:
@@ -122,7 +122,7 @@ class EdgeCosts:
         return np.asarray(1.0 + p.aversion * penalties + p.avoidance * avoided)
 
     def explain(self, passage: Passage) -> dict[str, Any]:
-        """The passage's cost, inputs and fired rules, strongest first, as plain data."""
+        """Return the passage's cost, inputs and fired rules, strongest first, as plain data."""
         index = self._index[passage.ends]
         cost = self.of(passage)
         return {
@@ -144,14 +144,14 @@ class EdgeCosts:
 
 
 def _penalties(result: Inference, peaks: Array) -> tuple[Array, Mask]:
-    """Penalty in [0, 1] and whether to avoid the passage, (N,) each."""
+    """Compute the penalty in [0, 1], and whether to avoid the passage, (N,) each."""
     firing = result.firing
     penalties = np.clip(product(firing, peaks) / firing.sum(axis=1), 0.0, 1.0)
     return penalties, result.degrees["penalty"]["extreme"] > _AVOID_ABOVE
 
 
 def inputs_of(passages: Sequence[Passage], robot: RobotModel) -> dict[str, Array]:
-    """The inputs of the rule base for each passage: arrays (passages,)."""
+    """Compute the inputs of the rule base for all passages, by name: arrays (passages,)."""
     widths = np.array([passage.width for passage in passages], dtype=np.float64)
     # an unknown width counts as unlimited; clearance saturates at the end of the input's range
     clearance = np.clip(0.5 * widths - robot.radius, 0.0, 100.0)
@@ -165,7 +165,7 @@ def inputs_of(passages: Sequence[Passage], robot: RobotModel) -> dict[str, Array
 
 @functools.cache
 def _inference() -> tuple[CompiledFis, Array]:
-    """The inference system, and the peak of each rule's penalty term (rules,)."""
+    """Build the inference system; return it and the peak of each rule's penalty term (rules,)."""
     rule_base = load_rule_base(RULE_BASE)
     penalty = rule_base.outputs["penalty"]
     peaks = {}

@@ -66,11 +66,11 @@ class Blockages:
 
     @property
     def closed(self) -> tuple[Passage, ...]:
-        """The passages that are closed now, in the order of closing."""
+        """Passages that are closed now, in the order of closing."""
         return tuple(self._router.topo_map.passage(*sorted(ends)) for ends in self._until)
 
     def expire(self, time: float) -> ChangedPassages:
-        """Reopen, as uncertain, the passages closed for long enough; returns which."""
+        """Reopen, as uncertain, passages that were closed long enough by ``time``; return which."""
         over = [ends for ends, until in self._until.items() if time >= until]
         for ends in over:
             self._open(ends, votes=max(CLOSING_VOTES - 2.0, 0.0))
@@ -78,7 +78,7 @@ class Blockages:
         return set(over)
 
     def update(self, report: PassageReport, time: float) -> ChangedPassages:
-        """Count the votes of a report at ``time`` [s]; returns the passages that changed."""
+        """Count the votes of a report at ``time`` [s]; return the passages that changed."""
         changed: ChangedPassages = set()
         for query, status in report.passages:
             if self._vote(query, status, time):
@@ -88,7 +88,7 @@ class Blockages:
         return changed
 
     def _vote(self, query: PassageQuery, status: PassageStatus, time: float) -> bool:
-        """Count one vote; whether it closed or opened the passage."""
+        """Count one vote; return whether it closed or opened the passage."""
         ends = frozenset(query.passage)
         since = time - self._voted.get(ends, -math.inf)
         if status == "unknown" or since < self._interval - _ROUNDING:
@@ -119,13 +119,13 @@ class Blockages:
         self._router.reopen(self._passage(ends))
 
     def _barrier(self, passage: Passage, query: PassageQuery) -> float:
-        """Position of what blocks the passage [m from ``a``]: a little ahead of the robot."""
+        """Guess where the passage is blocked [m from ``a``]: a little ahead of the robot."""
         start, end = (self._along(passage, point) for point in (query.start, query.end))
         barrier = start + _BARRIER_AHEAD if end >= start else start - _BARRIER_AHEAD
         return min(max(barrier, 0.0), passage.length)
 
     def _covers_barrier(self, query: PassageQuery) -> bool:
-        """Whether the leg leads past the passage's barrier, and that is near."""
+        """Return whether the leg leads past the passage's barrier, and that is near."""
         passage = self._passage(frozenset(query.passage))
         barrier = self._router.costs.barrier(passage)
         if barrier is None:
@@ -136,7 +136,7 @@ class Blockages:
         )
 
     def _along(self, passage: Passage, point: tuple[float, float]) -> float:
-        """The point's projection on the passage [m from ``a``, scaled to the passage's length]."""
+        """Project the point onto the passage [m from ``a``, scaled to the passage's length]."""
         a, b = (self._router.topo_map.places[name] for name in (passage.a, passage.b))
         dx, dy = b.x - a.x, b.y - a.y
         square = dx * dx + dy * dy
@@ -166,7 +166,7 @@ Metres = Annotated[float, Field(gt=0.0, le=10.0)]
 
 
 class Papfis(Planner):
-    """A* over fuzzy edge costs; gives one waypoint after the other, and replans off the path.
+    """Plans by A* over fuzzy edge costs, sets one waypoint after the other, replans off the path.
 
     The route enters the map where that is cheapest from the estimated position, at the ends of the
     passages beside the robot, so places already passed do not appear in it. Passages reported
@@ -229,14 +229,14 @@ class Papfis(Planner):
     _tour: Tour | None = None
 
     def reset(self) -> None:
-        """Back to the state before ``start``."""
+        """Return to the state before ``start``."""
         self._tour = None
         self._blockages = None
         self._report = None
         self._at = None
 
     def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
-        """Start a mission; a goal's ``place`` names a place of the map, or is only a label.
+        """Start a mission to ``goals`` in order; a goal's ``place`` is of the map, or a label only.
 
         Raises:
             MapError: two goals are not connected, or a goal is far from everything in the map.
@@ -251,7 +251,7 @@ class Papfis(Planner):
         self._blockages = Blockages(router, p.vote_interval, p.closed_for)
 
     def update(self, belief: Belief) -> Waypoint | None:
-        """The waypoint to drive to; None when the last goal is reached.
+        """Return the waypoint to drive to from the believed pose; None past the last goal.
 
         Raises:
             MapError: at the first call: the map does not connect this position with the goal.
@@ -275,33 +275,33 @@ class Papfis(Planner):
 
     @property
     def queries(self) -> Sequence[PassageQuery]:
-        """The legs ahead that begin within a few metres of the robot."""
+        """Legs ahead, to be checked by the local map: those that begin within 2.5 m of path."""
         if self._tour is None or self._at is None:
             return ()
         return self._tour.queries(self._at)
 
     @property
     def no_route_reason(self) -> str | None:
-        """Message naming the closed passages on the only route; None while there is a route."""
+        """A message that names the closed passages on the only route; None if there is a route."""
         return None if self._tour is None else self._tour.no_route_reason
 
     @property
     def closed(self) -> Sequence[Passage]:
-        """The passages that are closed now."""
+        """Passages that are closed now, in the order of closing."""
         return () if self._blockages is None else self._blockages.closed
 
     @property
     def path(self) -> Sequence[Waypoint]:
-        """All waypoints still ahead, nearest first, through to the last goal."""
+        """All waypoints still ahead, next first, up to the last goal."""
         return () if self._tour is None else self._tour.path
 
     @property
     def replans(self) -> int:
-        """Number of replans: the robot left its path, or a passage on it changed."""
+        """Number of replans so far: the robot left its path, or a passage on it changed."""
         return 0 if self._tour is None else self._tour.replans
 
     def explain(self) -> dict[str, Any]:
-        """The route to the present goal as plain data: each passage with its cost, rule by rule."""
+        """Explain the route to the present goal as plain data: costs of passages, rule by rule."""
         if self._tour is None or self._tour.route is None:
             return {}
         return RoutePlan(self._tour.route, self._tour.router).explain()

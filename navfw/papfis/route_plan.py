@@ -29,13 +29,13 @@ _POINT = re.compile(_NUMBER + "," + _NUMBER)
 
 @dataclass(frozen=True, slots=True)
 class RoutePlan:
-    """A route, and the costs that decided for it."""
+    """A planned route, and the router whose costs decided for it."""
 
     route: Route
     router: Router
 
     def explain(self) -> dict[str, Any]:
-        """The route and the cost of each passage, rule by rule, as plain data."""
+        """Return the route and the cost of each passage, rule by rule, as plain data."""
         route = self.route
         return {
             "start": [route.start.x, route.start.y],
@@ -59,9 +59,9 @@ def plan_route(
     robot: RobotModel | None = None,
     params: CostParams | None = None,
 ) -> RoutePlan:
-    """The cheapest route from ``start`` to ``goal`` that uses none of the passages in ``avoid``.
+    """Plan the cheapest route from ``start`` to ``goal`` without the passages in ``avoid``.
 
-    Start and goal may be given as a place's name or ``x,y`` [m], passages as ``PLACE:PLACE``.
+    Start and goal may be a place's name or ``x,y`` [m] as text, passages ``PLACE:PLACE``.
 
     Raises:
         UnknownNameError: there is no place of that name.
@@ -81,7 +81,7 @@ def plan_route(
 
 
 def parse_endpoint(topo_map: TopoMap, text: str) -> Endpoint:
-    """The endpoint of a route from a place's name or ``x,y`` [m].
+    """Parse an endpoint of a route: a place's name or ``x,y`` [m].
 
     Raises:
         UnknownNameError: ``text`` is neither.
@@ -94,7 +94,7 @@ def parse_endpoint(topo_map: TopoMap, text: str) -> Endpoint:
 
 
 def parse_passage(topo_map: TopoMap, text: str) -> Passage:
-    """The passage ``PLACE:PLACE`` of the map, in either order.
+    """Find the passage ``PLACE:PLACE`` of the map, in either order.
 
     Raises:
         MapError: ``text`` is not of that form, or there is no passage between the two.

@@ -21,14 +21,14 @@ from navfw.topomap import Passage, PassageProjection, TopoMap
 
 @dataclass(frozen=True, slots=True)
 class SearchResult:
-    """The places on the cheapest path, in order, and its total cost with entry and exit."""
+    """The places on the cheapest path, in order, and its cost [m], entry and exit included."""
 
     places: tuple[str, ...]
     cost: float
 
 
 class CostGraph:
-    """The map's graph as adjacency lists with one cost per passage.
+    """The map's graph with one cost [m] per passage, to search for cheapest paths in.
 
     ``costs`` (passages,) is in the order of ``topo_map.passages``; infinite means impassable. Each
     cost must be at least the straight distance between its places: that keeps the straight-line
@@ -52,7 +52,7 @@ class CostGraph:
     def cheapest_path(
         self, entries: Mapping[str, float], exits: Mapping[str, float], goal: tuple[float, float]
     ) -> SearchResult | None:
-        """The cheapest path from one of ``entries`` to one of ``exits``; None without one.
+        """Find the cheapest path from one of ``entries`` to one of ``exits``; None without one.
 
         Both map places to costs: from the start to the place, and from the place to the goal. The
         ``goal`` is at (x, y) [m]; no exit costs less than the straight distance to it.
@@ -106,7 +106,7 @@ class Endpoint:
 
     @property
     def point(self) -> tuple[float, float]:
-        """(x, y)."""
+        """(x, y) [m]."""
         return self.x, self.y
 
     def __str__(self) -> str:
@@ -116,12 +116,12 @@ class Endpoint:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """The places to pass, in order, and the ``passages`` between them.
+    """A route from ``start`` to ``goal``: the places to pass, and the ``passages`` between them.
 
-    No places: straight to the goal. ``legs`` has the passage that leads to each place and, last, to
-    the goal; None for a leg off all passages. ``cost`` is the total with the legs onto and off the
-    map, ``length`` [m] the route's length. ``entry_cost`` is that of the leg from the start to the
-    first place, ``exit_cost`` that of the leg from the last place to the goal.
+    Without places it leads straight to the goal. ``legs`` has the passage to each place and, last,
+    to the goal; None for a leg off all passages. ``cost`` [m] is the total, legs onto and off the
+    map included, ``length`` [m] the route's length. ``entry_cost`` is the cost of the leg from the
+    start to the first place, ``exit_cost`` of that from the last place to the goal.
     """
 
     start: Endpoint
@@ -136,12 +136,12 @@ class Route:
 
     @property
     def widths(self) -> tuple[float, ...]:
-        """Width [m] of each leg, from the map; inf off the passages."""
+        """Width [m] of each of ``legs`` by the map; inf off the passages."""
         return tuple(math.inf if leg is None else leg.width for leg in self.legs)
 
 
 class Router:
-    """Plans routes in one map for one robot.
+    """Plans cheapest routes in one map for one robot.
 
     All edge costs are inferred once, by the constructor; ``close``, ``reopen`` and ``revise``
     change single ones.
@@ -160,7 +160,7 @@ class Router:
         self._doorways = Doorways(topo_map)
 
     def access(self, end: Endpoint, component: frozenset[str] | None = None) -> Access:
-        """How ``end`` is connected to the map, or to one connected ``component`` of it.
+        """Connect ``end`` to the map, or to one connected ``component`` of it (place names).
 
         Raises:
             UnknownNameError: the map has no place ``end.place``.
@@ -186,12 +186,12 @@ class Router:
             )
 
     def part_at(self, end: Endpoint) -> frozenset[str]:
-        """The connected part of the map that ``end`` belongs to, as place names."""
+        """Return the connected part of the map that ``end`` belongs to, as place names."""
         by_cost = ((cost, name) for name, cost in self.access(end).costs.items())
         return self.topo_map.part_of(min(by_cost)[1])
 
     def route(self, start: Endpoint, goal: Endpoint) -> Route:
-        """The cheapest route; passages of high danger only where there is no other.
+        """Plan the cheapest route; passages of high danger only where there is no other.
 
         Raises:
             MapError: there is none; the message names the parts of the map that are not connected,
@@ -201,7 +201,7 @@ class Router:
         return self._route(start, goal, self.access(start), self.access(goal))
 
     def route_within(self, start: Endpoint, goal: Endpoint) -> Route:
-        """Like ``route``, but the start is connected only to the part of the map with the goal.
+        """Plan like ``route``, but connect the start only to the part of the map with the goal.
 
         For a position estimate that lies in another part of the map, which the robot cannot be in.
         """
@@ -210,7 +210,7 @@ class Router:
 
     @property
     def closed(self) -> list[Passage]:
-        """The passages that are closed now, in the order of the map."""
+        """Passages that are closed now, in the order of the map."""
         return [passage for passage in self.topo_map.passages if self.costs.is_closed(passage)]
 
     def close(self, passage: Passage, barrier: float | None = None) -> None:
@@ -219,17 +219,17 @@ class Router:
         self._graph.set_cost(passage, math.inf)
 
     def reopen(self, passage: Passage) -> None:
-        """Give a closed passage the cost of its rules again."""
+        """Set the cost of a closed passage to that of the rules again."""
         self.costs.reopen(passage)
         self._graph.set_cost(passage, self.costs.of(passage))
 
     def revise(self, passage: Passage, **inputs: float) -> None:
-        """Replace some inputs of the cost rules (``danger``, ``uncertainty``) for one passage."""
+        """Infer a passage's cost again, with these ``inputs`` (``danger``, ``uncertainty``)."""
         self.costs.revise(passage, **inputs)
         self._graph.set_cost(passage, self.costs.of(passage))
 
     def explain(self, route: Route) -> list[dict[str, Any]]:
-        """The cost of each passage of the route, rule by rule, as plain data.
+        """Explain the cost of each passage of the route, rule by rule, as plain data.
 
         Passages are in the order of travel, and ``from`` and ``to`` are in its direction.
         """
@@ -263,7 +263,7 @@ class Router:
         return Route(start, goal, path.places, passages, legs, path.cost, length, *end_costs)
 
     def _direct_cost(self, entry: Access, leave: Access) -> tuple[float, Passage] | None:
-        """Cost and passage of a route along one passage that start and goal both project onto."""
+        """Return cost and passage of a route along one passage beside both start and goal."""
         options = [
             (self._cost_between(a, b), a.passage)
             for a in entry.projections
@@ -308,5 +308,5 @@ def _part_text(component: frozenset[str]) -> str:
 
 
 def first_names(items: Sequence[object], count: int) -> str:
-    """The first ``count`` of ``items``, for messages; an ellipsis stands for the rest."""
+    """List the first ``count`` of ``items`` for messages; an ellipsis stands for the rest."""
     return ", ".join(map(str, items[:count])) + (", ..." if len(items) > count else "")

@@ -43,14 +43,14 @@ class PassingTolerances:
     body: float = 0.0
 
     def tolerances(self, kinds: Sequence[str], widths: Sequence[float]) -> list[float]:
-        """The tolerances [m] at a route's places of these ``kinds`` and ``widths`` [m]."""
+        """Return the tolerances [m] at a route's places of these ``kinds`` and ``widths`` [m]."""
         return [
             self._tolerance(kind, [widths[k] for k in (i - 1, i + 1) if _is_door(kinds, k)])
             for i, kind in enumerate(kinds)
         ]
 
     def _tolerance(self, kind: str, doors: Sequence[float]) -> float:
-        """The tolerance [m] at a place of that kind, beside doors of these widths [m]."""
+        """Return the tolerance [m] at a place of that kind, beside doors of these widths [m]."""
         if kind == "door":
             return self.door
         if not doors:
@@ -68,7 +68,7 @@ def _is_door(kinds: Sequence[str], index: int) -> bool:
 def waypoints_of(
     route: Route, goal: Waypoint, topo_map: TopoMap, passing: PassingTolerances
 ) -> list[Waypoint]:
-    """The waypoints of ``route``, the goal last.
+    """Convert ``route`` to waypoints, the goal last.
 
     A door's width is that of the narrower passage at it. A first place where the route starts is
     left out, and so is a last place within the goal's tolerance.
@@ -116,11 +116,11 @@ def has_passed(
     after: Waypoint | None,
     passing: PassingTolerances,
 ) -> bool:
-    """Whether the robot, ``at`` (x, y) [m] on its leg from ``came_from``, has passed ``waypoint``.
+    """Return whether a robot ``at`` (x, y) [m], on its leg from ``came_from``, passed ``waypoint``.
 
-    It has when nearer than the tolerance, or when it has crossed the line through the waypoint that
-    bisects the turn from this leg to the next (towards ``after``), at most ``passing.reach`` from
-    it (a door: within the gap). A final waypoint must be reached.
+    It has if it is within the tolerance, or has crossed the line through the waypoint that bisects
+    the turn from this leg to the next (towards ``after``), at most ``passing.reach`` from it (a
+    door: within the gap). A final waypoint must be reached.
     """
     dx, dy = at[0] - waypoint.x, at[1] - waypoint.y
     if math.hypot(dx, dy) <= waypoint.tolerance:
@@ -135,7 +135,7 @@ def has_passed(
 
 
 def distance_to_leg(at: Point, start: Point, end: Point) -> float:
-    """Distance [m] from ``at`` to the straight leg from ``start`` to ``end``."""
+    """Return the distance [m] from ``at`` to the straight leg from ``start`` to ``end``."""
     dx, dy = end[0] - start[0], end[1] - start[1]
     squared = dx * dx + dy * dy
     share = 0.0
@@ -146,7 +146,7 @@ def distance_to_leg(at: Point, start: Point, end: Point) -> float:
 
 
 def _bisector(before: Point, corner: Point, after: Point) -> Point | None:
-    """The unit direction halfway between the legs to and from ``corner``.
+    """Return the unit direction halfway between the legs to and from ``corner``.
 
     None for turns beyond ``_MAX_TURN``.
     """
@@ -172,7 +172,7 @@ _QUERY_RANGE = 2.5  # chosen
 
 
 class Tour:
-    """Goals to visit in order, and the waypoints still ahead.
+    """Follows a mission: goals to visit in order, and the waypoints still ahead.
 
     A goal's ``place`` names a place of the map, or is only a label. Each goal's route is planned
     from the robot's position when the goal before has been reached; the routes between later goals
@@ -214,11 +214,11 @@ class Tour:
 
     @property
     def path(self) -> list[Waypoint]:
-        """All waypoints still ahead, nearest first, through to the last goal."""
+        """All waypoints still ahead, next first, up to the last goal."""
         return [*self._ahead, *(waypoint for leg in self._later for waypoint in leg)]
 
     def queries(self, at: Point) -> list[PassageQuery]:
-        """The legs from ``at`` to the present goal that begin within ``_QUERY_RANGE``."""
+        """Return the legs from ``at`` to the present goal that begin within 2.5 m of path."""
         queries, start, so_far = [], at, 0.0
         for waypoint in self._ahead:
             if so_far >= _QUERY_RANGE:
@@ -233,7 +233,7 @@ class Tour:
     def replan_if_changed(self, at: Point, changed: AbstractSet[frozenset[str]]) -> None:
         """Replan from ``at`` if the path ahead uses one of the ``changed`` passages.
 
-        While there is no route, any change causes it. Where no route is found, the old one is kept,
+        While there is no route, any change causes it. If no route is found, the old one is kept,
         and ``no_route_reason`` names the closed passages.
         """
         ahead = {frozenset(w.passage) for w in self._ahead if w.passage is not None}
@@ -241,9 +241,9 @@ class Tour:
             self._replan(at)
 
     def pass_over(self, covered: Sequence[Point], at: Point) -> None:
-        """Pass the next waypoint over from ``at`` if it stays ``covered``, but no goal and no door.
+        """Skip the next waypoint if it is ``covered`` by an obstacle in two reports in a row.
 
-        The path around what stands on it leads to the waypoint after it.
+        Goals and doors are never skipped. The robot, ``at`` (x, y) [m], heads for the one after it.
         """
         ahead = next(iter(self._ahead), None)
         if ahead is None or ahead.final or ahead.kind == "door":
@@ -255,7 +255,7 @@ class Tour:
             self._came_from = at
 
     def next_waypoint(self, at: Point, *, sure: bool = True) -> Waypoint | None:
-        """The waypoint to drive to from ``at`` (x, y) [m]; None when the last goal is reached.
+        """Return the waypoint to drive to from ``at`` (x, y) [m]; None past the last goal.
 
         While the robot is not ``sure`` of its position, no goal counts as reached.
 
@@ -275,10 +275,10 @@ class Tour:
         return self._ahead[0] if self._ahead else None
 
     def _passed(self, at: Point, sure: bool) -> int:
-        """Number of waypoints passed: all up to the last one within its tolerance.
+        """Count the waypoints passed: all up to the last one within its tolerance.
 
         A robot that avoids an obstacle may reach a later waypoint first. Doors are never skipped
-        that direction.
+        like that.
         """
         count = 0
         for index, waypoint in enumerate(self._ahead):
@@ -325,7 +325,7 @@ class Tour:
         self.no_route_reason = None
 
     def _closed_on_route(self) -> str | None:
-        """Message with the closed passages on the planned route; None if none is closed."""
+        """Return a message with the closed passages on the route; None if none is closed."""
         closed = self.router.closed
         ahead = {frozenset(w.passage) for w in self._ahead if w.passage is not None}
         named = [passage for passage in closed if passage.ends in ahead] or closed

@@ -37,11 +37,11 @@ class ClearanceGrid:
         near_clearances: Callable[[Array, Array, float], Array],
         cell: float = 0.05,
     ) -> ClearanceGrid:
-        """The grid within ``bounds`` (x0, y0, x1, y1) [m]; the boundary counts as a wall.
+        """Compute the grid within ``bounds`` (x0, y0, x1, y1) [m]; the boundary counts as a wall.
 
-        ``near_clearances`` gives the distances (len(y), len(x)) [m] to the nearest obstacle at the
-        points of a grid with these x and y [m], no more than the third argument [m]. Beyond
-        ``_EXACT`` distances are those between cells, to half a cell.
+        ``near_clearances`` returns the distances (len(y), len(x)) [m] to the nearest obstacle at
+        the points of a grid with these x and y [m], at most its third argument [m]. Distances above
+        1 m are those between cells, to half a cell.
         """
         x0, y0, x1, y1 = bounds
         x = np.arange(x0 + 0.5 * cell, x1, cell)
@@ -54,7 +54,7 @@ class ClearanceGrid:
         return cls((float(x[0]), float(y[0])), cell, np.minimum(clearance, edge))
 
     def without_columns(self) -> ClearanceGrid:
-        """The same space without columns; clearances that grow by that are to half a cell."""
+        """Return the grid without columns; clearances that grow by that are to half a cell."""
         solid = np.pad(self.clearance < 0.5 * self.cell, 1, constant_values=True)
         _, labels, stats, _ = cv2.connectedComponentsWithStats(solid.astype(np.uint8))
         extent = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1) * self.cell
@@ -65,11 +65,11 @@ class ClearanceGrid:
         return replace(self, clearance=np.where(larger, clearance, self.clearance))
 
     def point(self, row: float, column: float) -> tuple[float, float]:
-        """(x, y) [m] of the centre of a cell."""
+        """Return the centre (x, y) [m] of a cell."""
         return self.origin[0] + column * self.cell, self.origin[1] + row * self.cell
 
     def at(self, x: float, y: float) -> float:
-        """Clearance [m] at a point, from the nearest cell; 0 outside the grid."""
+        """Return the clearance [m] at a point (x, y) [m], of the nearest cell; 0 off the grid."""
         row = round((y - self.origin[1]) / self.cell)
         column = round((x - self.origin[0]) / self.cell)
         rows, columns = self.clearance.shape
@@ -77,14 +77,14 @@ class ClearanceGrid:
         return float(self.clearance[row, column]) if inside else 0.0
 
     def along(self, a: tuple[float, float], b: tuple[float, float]) -> float:
-        """Least clearance [m] on the straight line between two points."""
+        """Return the least clearance [m] on the straight line between two points [m]."""
         count = max(math.ceil(math.dist(a, b) / (0.5 * self.cell)), 1)
         share = np.linspace(0.0, 1.0, count + 1)
         x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
         return float(self.at_points(np.stack([x, y], axis=1)).min())
 
     def at_points(self, points: Array) -> Array:
-        """Clearances (...) [m] at points (..., 2), from the nearest cells, outside at the edge."""
+        """Return clearances (...) [m] at points (..., 2) [m]; off the grid those at its edge."""
         rows, columns = self.clearance.shape
         j = np.rint((points[..., 0] - self.origin[0]) / self.cell).astype(int)
         i = np.rint((points[..., 1] - self.origin[1]) / self.cell).astype(int)
@@ -106,7 +106,7 @@ _BITS = 1 << np.arange(8)
 
 
 def _removable(first: bool) -> Mask:
-    """By code: whether a cell goes in the first or the second half of a step of thinning."""
+    """Return by code whether a cell goes in the first or second half of a step of thinning."""
     n = (np.arange(256)[:, None] & _BITS) > 0
     count = n.sum(axis=1)
     rises = (~n & np.roll(n, -1, axis=1)).sum(axis=1)
@@ -123,7 +123,7 @@ _REMOVABLE = (_removable(True), _removable(False))
 
 
 def skeleton_graph(grid: ClearanceGrid, clearance: float) -> nx.MultiGraph:
-    """The paths of a robot that keeps ``clearance`` [m], as lines midway between obstacles.
+    """Trace the paths of a robot that keeps ``clearance`` [m]: lines midway between obstacles.
 
     Nodes have ``at`` (x, y) [m]; edges have ``line`` (n, 2) [m], from the node with the smaller
     number to the other. Spurs into the corners of rooms are removed.
@@ -135,7 +135,7 @@ def skeleton_graph(grid: ClearanceGrid, clearance: float) -> nx.MultiGraph:
 
 
 def _traced(grid: ClearanceGrid, skeleton: Mask) -> nx.MultiGraph:
-    """The skeleton as a graph: its nodes are the cells with other than two neighbours."""
+    """Convert the skeleton to a graph: nodes are cells with other than two neighbours."""
     cells = _neighbours(skeleton)
     nodes = [cell for cell, near in cells.items() if len(near) != 2]
     numbers = {cell: number for number, cell in enumerate(nodes)}
@@ -165,7 +165,7 @@ def _traced(grid: ClearanceGrid, skeleton: Mask) -> nx.MultiGraph:
 
 
 def _neighbours(skeleton: Mask) -> dict[Cell, list[Cell]]:
-    """Each cell's neighbours: by edge, or by corner where no edge neighbour connects the two."""
+    """Find each cell's neighbours: by edge, or by corner if no edge neighbour connects the two."""
     rows, columns = np.nonzero(skeleton)
     inside = set(zip(rows.tolist(), columns.tolist(), strict=True))
     neighbours: dict[Cell, list[Cell]] = {}
@@ -183,7 +183,7 @@ def _neighbours(skeleton: Mask) -> dict[Cell, list[Cell]]:
 def _walk(
     cells: dict[Cell, list[Cell]], start: Cell, first: Cell, stops: dict[Cell, int]
 ) -> list[Cell]:
-    """The cells from ``start`` through ``first`` to the next of ``stops``."""
+    """Follow the cells from ``start`` through ``first`` to the next of ``stops``."""
     path = [start, first]
     while path[-1] not in stops:
         path.append(next(cell for cell in cells[path[-1]] if cell != path[-2]))
@@ -222,7 +222,7 @@ def _merge_lines(graph: nx.MultiGraph) -> None:
 
 
 def thinned(mask: Mask) -> Mask:
-    """The skeleton of ``mask``, one cell wide, same connectivity (Zhang and Suen 1984).
+    """Thin ``mask`` to a skeleton one cell wide, of equal connectivity (Zhang and Suen 1984).
 
     Only cells at the border can go, so only these, and those that a removal uncovers, are examined.
     """

@@ -21,7 +21,7 @@ PLACE_KINDS: tuple[PlaceKind, ...] = get_args(PlaceKind)
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A named point x, y [m] that a robot can drive to; it avoids ``danger`` places."""
+    """A named point x, y [m, map] to drive to; the planner avoids those of kind ``danger``."""
 
     name: str
     x: float
@@ -29,7 +29,7 @@ class Place:
     kind: PlaceKind = "room"
 
     def distance(self, x: float, y: float) -> float:
-        """Straight distance [m] to the point (x, y)."""
+        """Return the straight distance [m] to the point (x, y) [m]."""
         return math.hypot(self.x - x, self.y - y)
 
 
@@ -57,7 +57,7 @@ class Passage:
         return frozenset((self.a, self.b))
 
     def other(self, place: str) -> str:
-        """The end that is not ``place``."""
+        """Return the name of the end that is not ``place``."""
         return self.b if place == self.a else self.a
 
     def __str__(self) -> str:
@@ -84,7 +84,7 @@ class Landmark:
 
     @property
     def identity(self) -> str:
-        """The identity in detections: kind and id, as in ``aruco-7``."""
+        """Identity in detections: kind and id, as in ``aruco-7``."""
         return f"{self.kind}-{self.id}"
 
 
@@ -96,9 +96,9 @@ KeyPath: TypeAlias = tuple[str | int, ...]
 
 @dataclass(frozen=True, slots=True)
 class MapViolation:
-    """One error in a map; ``where`` is its path in a map file's structure.
+    """One error in a map; ``where`` is the path of keys to it in a map file.
 
-    ``first`` is the path of the earlier entry, where two entries exclude each other.
+    ``first`` is the path to the earlier entry if two entries exclude each other.
     """
 
     where: KeyPath
@@ -112,7 +112,7 @@ class MapViolation:
 def map_violations(
     places: Sequence[Place], passages: Sequence[Passage], landmarks: Sequence[Landmark] = ()
 ) -> list[MapViolation]:
-    """All violations, in the order of the map; empty for a valid map."""
+    """Check the elements of a map; return all violations in their order, none if it is valid."""
     if not places:
         return [MapViolation(("places",), "expected at least one place, got none")]
     return [

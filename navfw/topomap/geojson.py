@@ -26,7 +26,7 @@ _EDGES = ("MultiLineString", "LineString")
 
 
 def geojson_text(topo_map: TopoMap, plan_file: str | None = None) -> str:
-    """The map as the text of a GeoJSON file, a line a feature; its floor plan is ``plan_file``."""
+    """Write the map as GeoJSON text, one line per feature; its floor plan is in ``plan_file``."""
     ids = {name: number for number, name in enumerate(topo_map.places)}
     features: list[dict[str, Any]] = [
         _feature(
@@ -98,7 +98,7 @@ class _Feature:
 
     @property
     def geometry(self) -> dict[str, Any]:
-        """The geometry: a Point or an edge."""
+        """Geometry of a Point or an edge; any other raises MapError."""
         geometry = self.data.get("geometry") if isinstance(self.data, dict) else None
         kind = geometry.get("type") if isinstance(geometry, dict) else None
         if isinstance(geometry, dict) and kind in ("Point", *_EDGES):
@@ -107,7 +107,7 @@ class _Feature:
         raise self.error("geometry.type", what)
 
     def number(self, key: str) -> int:
-        """A property that is an id."""
+        """Return the id at ``key`` of the properties; MapError if it is no integer from 0 on."""
         properties = self.data.get("properties")
         value = properties.get(key) if isinstance(properties, dict) else None
         if isinstance(value, int) and not isinstance(value, bool) and value >= 0:
@@ -122,10 +122,10 @@ class _Feature:
 
 
 def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
-    """The map in the ``text`` of a ``file``.
+    """Read the map in the GeoJSON ``text`` of ``file``, which errors name.
 
     A node without a name gets its number as name, an edge without a length its straight distance.
-    With ``both_ways`` a one-way edge is a passage.
+    With ``both_ways`` a one-way edge becomes a passage.
 
     Raises:
         ConfigError: it is not JSON, or a value is out of bounds.
@@ -165,7 +165,7 @@ def read_geojson(text: str, file: str, both_ways: bool) -> TopoMap:
 
 
 def _add_place(importer: MapImporter, node: _Feature, number: int) -> str:
-    """Add the place of a node; its name."""
+    """Add the place of a node; return its name."""
     at = node.geometry.get("coordinates")
     numbers = at[:2] if isinstance(at, list) else []
     if len(numbers) < 2 or not all(type(number) in (int, float) for number in numbers):
@@ -186,5 +186,5 @@ def _end_of(edge: _Feature, key: str, names: dict[int, str]) -> str:
 
 
 def _line_of(text: str, member: str) -> int:
-    """The line of a member of the collection."""
+    """Return the line of a member of the collection."""
     return text.count("\n", 0, max(text.find(f'"{member}"'), 0)) + 1

@@ -55,7 +55,7 @@ class LandmarkEstimate:
 
 @dataclass(slots=True)
 class LandmarkMapper:
-    """Collects the detections of a drive that began at ``start`` (map)."""
+    """Collects detections of a drive that began at ``start`` (map) to estimate landmark poses."""
 
     start: Pose
     _poses: list[Pose] = field(init=False, default_factory=list)
@@ -68,7 +68,7 @@ class LandmarkMapper:
             self._detections.append(tuple(detections))
 
     def estimate(self, least: int = 3) -> list[LandmarkEstimate]:
-        """All landmarks with at least ``least`` detections, ordered by identity."""
+        """Estimate all landmarks with at least ``least`` detections, ordered by identity."""
         stride = max(1, math.ceil(len(self._poses) / _MAX_POSES))
         poses, images = self._poses[::stride], self._detections[::stride]
         counts = Counter(detection.identity for detections in images for detection in detections)
@@ -113,7 +113,7 @@ class _PoseGraph:
         self._spread: Array = np.zeros((0, 0))
 
     def solve(self) -> None:
-        """Gauss-Newton iterations with Huber weights."""
+        """Solve by Gauss-Newton iterations with Huber weights."""
         poses = len(self._poses)
         size = 3 * poses + 2 * len(self._index)
         for _ in range(_ITERATIONS):
@@ -137,7 +137,7 @@ class _PoseGraph:
         self._spread = np.asarray(inverse(normal), np.float64)
 
     def estimate(self, identity: str, observations: int) -> LandmarkEstimate:
-        """The estimate of one landmark."""
+        """Return the estimate of one landmark."""
         j = self._index[identity]
         x, y = self._marks[j].tolist()
         first = 3 * len(self._poses) + 2 * j
@@ -152,7 +152,7 @@ class _PoseGraph:
         return LandmarkEstimate(identity, x, y, yaw, sigma, observations)
 
     def _step_factor(self, i: int) -> tuple[npt.NDArray[np.int64], Array, Array, Array]:
-        """Columns, jacobian, residual and information of an odometry step."""
+        """Return columns, Jacobian, residual and information of an odometry step."""
         a = self._start if i == 0 else self._poses[i - 1]
         b, step = self._poses[i], self._steps[i]
         relative = a.relative(b)
@@ -191,9 +191,9 @@ def with_landmarks(
     estimates: Sequence[LandmarkEstimate],
     default_size: Callable[[str], float],
 ) -> TopoMap:
-    """The map with the estimates: known landmarks moved (size and height kept), others added.
+    """Return the map with the estimates: known landmarks moved (size, height kept), others added.
 
-    ``default_size`` gives the side [m] of new landmarks by their kind.
+    ``default_size`` returns the side [m] of a new landmark by its kind; its height is 0.35 m.
 
     Raises:
         MapError: an identity is not of the form ``KIND-NUMBER``, as ``aruco-7``.
@@ -229,6 +229,6 @@ def _parsed(identity: str) -> tuple[str, int]:
 
 
 def _unused(wanted: str, taken: set[str]) -> str:
-    """``wanted``, with a number added where a landmark has that name already."""
+    """Return ``wanted``, with a number added if a landmark has that name already."""
     names = chain([wanted], (f"{wanted}-{number}" for number in count(2)))
     return next(name for name in names if name not in taken)

@@ -52,10 +52,10 @@ def build_map(
     rooms: Mapping[str, Bounds] | None = None,
     report: ProgressCallback = silent,
 ) -> TopoMap:
-    """The map of the free space in ``grid`` for the default robot.
+    """Derive a map of the free space in ``grid`` for the default robot.
 
-    ``rooms`` (x0, x1, y0, y1) [m] by name, where given, provide the names of places; else regions
-    are called room, hall or corridor, with numbers. ``report`` is called with each part.
+    Only its largest connected part is mapped. ``rooms`` (x0, x1, y0, y1) [m] by name, if given,
+    provide the names of places; else they are room, hall or corridor, numbered.
 
     Raises:
         MapError: there is no free space for the robot.
@@ -95,7 +95,7 @@ class _StraightLines:
         self._count = 0
 
     def point_of(self, skeleton: nx.MultiGraph, node: int) -> int:
-        """The point at a node of the skeleton."""
+        """Return the point at a node of the skeleton, added if it is new."""
         if node not in self._point_of_node:
             self._point_of_node[node] = self._point(skeleton.nodes[node]["at"])
         return self._point_of_node[node]
@@ -125,7 +125,7 @@ class _StraightLines:
         return None if self.grid.along(at, (x, y)) < self.need else self._point((x, y))
 
     def _follow(self, start: int, end: int | None, line: Array) -> int:
-        """Add straight segments along ``line`` from one point to another; returns the last."""
+        """Add straight segments along ``line`` from one point to another; return the last."""
         points = [self._at(start), *((float(x), float(y)) for x, y in line[1:-1])]
         if end is not None:
             points.append(self._at(end))
@@ -140,7 +140,7 @@ class _StraightLines:
         return last
 
     def _farthest(self, points: list[Point], begin: int) -> int:
-        """The last of the points in a straight line from ``begin`` with enough clearance."""
+        """Return the last of the points in a straight line from ``begin`` with enough clearance."""
         low, walked, best = math.inf, 0.0, begin + 1
         for ahead in range(begin + 1, len(points)):
             low = min(low, self.grid.at(*points[ahead]))
@@ -180,7 +180,7 @@ class _StraightLines:
                 break
 
     def _can_replace(self, kept: int, gone: int) -> bool:
-        """Whether the lines from ``kept`` to all neighbours of ``gone`` are free."""
+        """Return whether the lines from ``kept`` to all neighbours of ``gone`` are free."""
         return all(
             self.grid.along(self._at(kept), self._at(other)) >= self.need - 0.03
             for other in self.graph[gone]
@@ -219,7 +219,7 @@ class _StraightLines:
         )
 
     def _key_points(self, regions: Regions) -> list[int]:
-        """Doors and the points beside them, centres of rooms, and others ``SPACING`` apart.
+        """Choose doors and the points beside them, centres of rooms, and others ``SPACING`` apart.
 
         Of the others in a region, junctions come first, and those in wide ground before those near
         walls. In a hall only those count that none of its points sees past the columns.
@@ -248,7 +248,7 @@ class _StraightLines:
         return Regions(self.open, doors)
 
     def finish(self, name: str, rooms: Mapping[str, Bounds]) -> TopoMap:
-        """The map of all points, named after ``rooms``."""
+        """Make the map of all points, named after ``rooms``."""
         regions = self._regions()
         names = PlaceNames(rooms, regions)
         places: dict[int, Place] = {}
@@ -277,7 +277,7 @@ class _StraightLines:
         return Passage(a.name, b.name, length, max(width, 0.05), doorness=doorness)
 
     def _centres(self, regions: Regions) -> dict[int, int]:
-        """By region: the point that represents it, in its widest ground; of corridors none."""
+        """Choose the point that represents each region, in its widest ground; none in corridors."""
         points: dict[int, list[int]] = {}
         for point in self.graph:
             region = regions.at(*self._at(point))
@@ -291,7 +291,7 @@ class _StraightLines:
         }
 
     def _hall_centre(self, members: list[int]) -> int:
-        """Of the points in the wide part of a hall the one with free lines to most of its doors."""
+        """Choose the point in the wide part of a hall with free lines to most of its doors."""
         beside = {point for door in self.doors for point in self.graph[door]}.intersection(members)
         wide = {point: self.open.at(*self._at(point)) for point in members}
 
@@ -330,7 +330,7 @@ class _StraightLines:
 
 
 def _beyond_door(line: Array, index: int, step: int) -> int:
-    """Index of the first point of ``line`` at least ``BEFORE_DOOR`` from ``index``."""
+    """Return the index of the first point of ``line`` at least ``BEFORE_DOOR`` from ``index``."""
     beyond = index
     while 0 < beyond < len(line) - 1 and math.dist(line[beyond], line[index]) < BEFORE_DOOR:
         beyond += step

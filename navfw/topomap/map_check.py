@@ -46,14 +46,14 @@ class MapProblem:
     message: str
 
     def as_data(self) -> dict[str, str]:
-        """The problem as plain data."""
+        """Return the problem as plain data."""
         return {"kind": self.kind, "where": self.where, "message": self.message}
 
 
 def check_map(topo_map: TopoMap, clearances: Clearances | None = None) -> list[MapProblem]:
-    """All problems of ``topo_map`` for the default robot; empty if none.
+    """Check ``topo_map`` for the default robot; return all problems, none if it is sound.
 
-    With ``clearances``, those of the mapped world, walls are checked too.
+    With ``clearances`` of the mapped world, places and straight passages are checked against walls.
     """
     radius = RobotModel().radius
     problems = [*_unconnected_parts(topo_map), *_narrow_passages(topo_map, radius)]

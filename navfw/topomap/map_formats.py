@@ -34,7 +34,7 @@ _TEXTS = ("kind", "landmarks", "floor_plan")
 
 
 def graphml_text(topo_map: TopoMap, plan_file: str | None = None) -> str:
-    """The map as the text of a GraphML file, with its floor plan in ``plan_file``."""
+    """Write the map as GraphML text; its floor plan is in ``plan_file``."""
     root = Element("graphml", xmlns="http://graphml.graphdrawing.org/xmlns")
     graph_keys = ("landmarks", "floor_plan")
     for owner, keys in (
@@ -119,7 +119,7 @@ class _GraphmlReader:
         self._importer.add_landmarks(landmarks, line)
 
     def _values(self, element: Element) -> dict[str, Any]:
-        """The <data> of an element by name, as the types that their keys declare."""
+        """Return the <data> of an element by name, as the types that their keys declare."""
         values: dict[str, Any] = {}
         for data in element:
             if data.tag.rpartition(":")[2] != "data":
@@ -162,10 +162,10 @@ SUFFIXES: tuple[str, ...] = tuple(_WRITERS)
 def load_any_map(
     path: str | Path, both_ways: bool = False, check_kind: mapfile.KindCheck | None = None
 ) -> TopoMap:
-    """The map in a file of any format, chosen by its suffix.
+    """Load the map in a file of any format, chosen by its suffix.
 
     With ``both_ways`` a one-way edge becomes a passage, which is always two-way. ``check_kind``
-    knows the kinds of landmark of YAML maps; other formats have the shipped ones alone.
+    knows the kinds of landmark of YAML maps; other formats have only the shipped ones.
 
     Raises:
         ConfigError: the file cannot be read, is not of its format, declares XML entities, or a

@@ -40,7 +40,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Door:
-    """A door on a line: the index of its point on it, its middle [m], and the unit direction."""
+    """A door on a line: index of the nearest point of it, middle [m], unit direction through it."""
 
     index: int
     at: Point
@@ -48,10 +48,10 @@ class Door:
 
 
 def doors_on(grid: ClearanceGrid, line: Array) -> list[Door]:
-    """The doors on ``line`` (N, 2) [m], in its order.
+    """Find the doors on ``line`` (N, 2) [m], in its order.
 
-    A door is the narrowest part of a gap between jambs on both sides that widens within
-    ``_DOOR_DEPTH``; it lies in the middle of the wall.
+    A door is the narrowest part of a gap between jambs on both sides that becomes wider within 1.7
+    m; it lies in the middle of the wall.
     """
     clearance = np.array([grid.at(*point) for point in line])
     doors: list[Door] = []
@@ -81,7 +81,7 @@ def doors_on(grid: ClearanceGrid, line: Array) -> list[Door]:
 def _until_wider(
     grid: ClearanceGrid, at: Point, through: Point, sign: int, clearance: float
 ) -> float:
-    """Distance [m] from a point to where the gap is wider; infinite beyond ``_DOOR_DEPTH``."""
+    """Return the distance [m] to where the gap is wider; infinite beyond ``_DOOR_DEPTH``."""
     for step in np.arange(grid.cell, _DOOR_DEPTH, grid.cell):
         x, y = at[0] + sign * step * through[0], at[1] + sign * step * through[1]
         if grid.at(x, y) >= clearance + _WIDER:
@@ -92,9 +92,9 @@ def _until_wider(
 def _jambs(
     grid: ClearanceGrid, line: Array, index: int, reach: float
 ) -> tuple[Array, Array] | None:
-    """The nearest solid points [m] right and left of ``line`` at one of its points, within reach.
+    """Find the nearest solid points [m] right and left of ``line`` at ``index``, within reach.
 
-    None where there is nothing solid on one of the sides.
+    Returns None if there is nothing solid on one of the sides.
     """
     at = line[index]
     ahead = line[min(index + 6, len(line) - 1)] - line[max(index - 6, 0)]
@@ -113,7 +113,7 @@ def _jambs(
 
 
 def _across(right: Array, left: Array) -> tuple[Point, Point]:
-    """The middle [m] between two jambs, and the unit direction through them.
+    """Return the middle [m] between two jambs, and the unit direction through them.
 
     The direction is along an axis if it nearly is (``_SQUARE``).
     """
@@ -141,7 +141,7 @@ SMALL = 1.0
 
 
 class Regions:
-    """The regions of free space between the doors: 0 where occupied, else a region's number."""
+    """Divides free space at the doors into numbered regions; occupied space is region 0."""
 
     def __init__(self, grid: ClearanceGrid, doors: Iterable[tuple[Point, Point]]) -> None:
         self._grid = grid
@@ -160,15 +160,15 @@ class Regions:
         self._corridors: dict[int, bool] = {}
 
     def at(self, x: float, y: float) -> int:
-        """The region at a point [m]."""
+        """Return the number of the region at a point [m] of the grid."""
         return int(self._labels[self._index(x, y)])
 
     def area(self, region: int) -> float:
-        """Area [m^2] of a region."""
+        """Return the area [m^2] of a region."""
         return float(self._areas[region])
 
     def is_corridor(self, region: int) -> bool:
-        """Whether the region is narrow, and long for its width."""
+        """Return whether the region is at most 3.5 m wide, and long for its width."""
         if region not in self._corridors:
             width = 2.0 * float(self._grid.clearance[self._labels == region].max())
             long = self._areas[region] > _CORRIDOR_RATIO * width * width
@@ -176,11 +176,11 @@ class Regions:
         return self._corridors[region]
 
     def is_hall(self, region: int) -> bool:
-        """Whether the region is large, and no corridor."""
+        """Return whether the region has at least 60 m^2 and is no corridor."""
         return bool(region) and self._areas[region] >= HALL and not self.is_corridor(region)
 
     def names(self) -> dict[int, str]:
-        """Names by kind and number, from the upper left to the lower right: ``room-3``."""
+        """Name regions from 1 m^2 on by kind and number, from upper left to lower right: room-3."""
         large = [r for r in range(1, len(self._areas)) if self._areas[r] >= SMALL]
         large.sort(key=lambda r: (-round(self._centres[r][1]), self._centres[r][0]))
         kinds = {region: self._kind(region) for region in large}
@@ -202,7 +202,7 @@ class Regions:
 
 
 class PlaceNames:
-    """Unique names for places, after the rooms that contain them."""
+    """Makes unique names for places, after the rooms or else the regions that contain them."""
 
     def __init__(self, rooms: Mapping[str, Bounds], regions: Regions) -> None:
         # smallest first: of nested rooms the inner one gives the name
@@ -213,18 +213,18 @@ class PlaceNames:
         self._taken: set[str] = set()
 
     def centre(self, at: Point, kind: str) -> str:
-        """The name of the place that represents a room."""
+        """Return a name for the place that represents a room."""
         return self._free(self._room(*at) or kind, first=True)
 
     def place(self, at: Point, kind: str) -> str:
-        """The name of any other place."""
+        """Return a name for any other place."""
         stem = self._room(*at) or kind
         if self._region_names and kind in {"corner", "junction"} and stem != kind:
             stem = f"{stem}-{kind}"
         return self._free(stem, first=False)
 
     def door(self, at: Point, through: Point) -> str:
-        """The name of a door: that of the rooms on its sides."""
+        """Return a name for a door, after the rooms on its two sides."""
         sides = []
         for sign in (-1, 1):
             room = self._room(at[0] + sign * 0.7 * through[0], at[1] + sign * 0.7 * through[1])

@@ -56,7 +56,7 @@ def _shipped_kind(name: str) -> str:
 
 
 def load_map(name: str | Path, check_kind: KindCheck = _shipped_kind) -> TopoMap:
-    """The map of that name or file; ``check_kind`` knows the kinds of landmark.
+    """Load the map of that name or file; ``check_kind`` knows the kinds of landmark.
 
     Raises:
         UnknownNameError: there is no map of that name.
@@ -69,7 +69,7 @@ def load_map(name: str | Path, check_kind: KindCheck = _shipped_kind) -> TopoMap
 
 
 def read_map(document: YamlDocument, check_kind: KindCheck = _shipped_kind) -> TopoMap:
-    """The map in a parsed document; raises like ``load_map``."""
+    """Check a parsed document and return its map; raises like ``load_map``."""
     spec = validate(document, MapSpec)
     for name, at in spec.landmarks.items():
         try:
@@ -94,7 +94,7 @@ def read_map(document: YamlDocument, check_kind: KindCheck = _shipped_kind) -> T
 
 
 def map_data(topo_map: TopoMap, plan_file: str | None = None) -> dict[str, Any]:
-    """``topo_map`` as plain data with the keys of a map file, without values that are defaults.
+    """Convert ``topo_map`` to plain data with the keys of a map file; defaults are left out.
 
     ``plan_file`` is the yaml file of its floor plan, relative to the map file.
     """
@@ -116,7 +116,7 @@ def map_data(topo_map: TopoMap, plan_file: str | None = None) -> dict[str, Any]:
 
 
 def map_text(topo_map: TopoMap, plan_file: str | None = None) -> str:
-    """The text of a map file, one line for each place, edge and landmark (see ``map_data``)."""
+    """Write a map file's text, one line for each place, edge and landmark (see ``map_data``)."""
     return write_yaml_text(map_data(topo_map, plan_file), width=sys.maxsize)
 
 
@@ -148,7 +148,7 @@ def _passage(edge: EdgeSpec, places: dict[str, Place]) -> Passage:
 
 
 def _map_error(document: YamlDocument, violations: Sequence[MapViolation]) -> MapError:
-    """One error with all violations, in the order of the file, one a line."""
+    """Make one error of all violations, in the order of the file, one per line."""
     errors = []
     for violation in violations:
         first = None if violation.first is None else document.line_of(violation.first)
@@ -180,7 +180,7 @@ class MapImporter:
         self._directed: set[tuple[str, str]] = set()
 
     def add_place(self, name: str, values: dict[str, Any], line: int, key: str) -> None:
-        """Add a place; ``key`` names it in error messages.
+        """Add a place of ``line`` in the file; ``key`` names it in error messages.
 
         Raises:
             MapError: there is already a place of that name.
@@ -214,18 +214,18 @@ class MapImporter:
         self._edges.append({"from": a, "to": b, **_kept(values, EDGE_KEYS)})
 
     def add_landmarks(self, landmarks: dict[str, Any], line: int) -> None:
-        """Add landmarks by name; one that is no mapping lacks all values."""
+        """Add landmarks by name; ``finish`` refuses one that is no mapping: it lacks all values."""
         for name, values in landmarks.items():
             self._landmarks[name] = _kept(values, _LANDMARK_KEYS)
             self._origins["landmarks", name] = Origin(self._file, line)
 
     def set_floor_plan(self, name: Any, line: int) -> None:
-        """Set the file of the floor plan; None: the map has none."""
+        """Set the file name of the floor plan; None: the map has none."""
         self._floor_plan = name
         self._origins["floor_plan",] = Origin(self._file, line)
 
     def finish(self, name: str) -> TopoMap:
-        """The map.
+        """Check what was collected and return the map, called ``name``.
 
         Raises:
             ConfigError: a value is missing or out of bounds.

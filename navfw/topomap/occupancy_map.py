@@ -78,23 +78,23 @@ class OccupancyMap:
 
     @property
     def free(self) -> Mask:
-        """The cells (rows, columns) that are known to be free."""
+        """Which cells (rows, columns) are known to be free."""
         free: Mask = self.cells == FREE
         return free
 
     @property
     def occupied(self) -> Mask:
-        """The cells (rows, columns) that are known to be occupied."""
+        """Which cells (rows, columns) are known to be occupied."""
         occupied: Mask = self.cells == OCCUPIED
         return occupied
 
     def centres(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Array:
-        """(N, 2) centres [m] of cells in the frame ``map``."""
+        """Return the centres (N, 2) [m] of cells in the frame ``map``."""
         along_axes = np.stack([columns + 0.5, rows + 0.5], axis=1) * self.resolution
         return self.origin.points_to_parent(along_axes)
 
     def state(self, points: Array) -> Cells:
-        """(N,) state of points (N, 2) [m] of the frame ``map``; unknown outside of the grid."""
+        """Return the states (N,) at points (N, 2) [m, map]; ``UNKNOWN`` outside the grid."""
         local = self.origin.points_to_local(points)
         index = np.floor(local[:, ::-1] / self.resolution).astype(np.intp)  # row, column
         inside = np.all((index >= 0) & (index < self.cells.shape), axis=1)
@@ -107,16 +107,16 @@ Angle = Annotated[float, Field(ge=-100.0, le=100.0)]
 
 
 def _truth(value: Any) -> Any:
-    """A truth value as 0 or 1: Nav2 reads ``negate`` as either."""
+    """Convert a truth value to 0 or 1: Nav2 reads ``negate`` as either."""
     return int(value) if isinstance(value, bool) else value
 
 
 class RosMapSpec(StrictModel):
-    """The keys that are used; map_server ignores others, such as ``map_type``, and so does navfw.
+    """The keys of a floor plan's yaml file that are used; others are ignored, as by map_server.
 
-    Mode ``trinary`` has free, occupied and unknown cells. In ``scale`` the cells between the
-    thresholds, and transparent ones, are unknown. In ``raw`` the grey levels 0 to 100 are per cent
-    of occupancy, and all others unknown.
+    In mode ``trinary`` cells between the thresholds, and of the grey level 205, are unknown; in
+    ``scale`` those between them, and transparent ones. In ``raw`` the grey levels 0 to 100 are per
+    cent of occupancy, and all others unknown.
     """
 
     model_config = ConfigDict(extra="ignore")
@@ -165,7 +165,7 @@ _LEVELS = {FREE: 254, OCCUPIED: 0, UNKNOWN: _UNKNOWN_GREY}
 
 
 def load_ros_map(path: str | Path) -> OccupancyMap:
-    """The floor plan in a yaml file of map_server.
+    """Load the floor plan in a yaml file of map_server, and its image.
 
     The image lies in the folder of the yaml file, or anywhere below the folder above it.
 
@@ -180,7 +180,7 @@ def load_ros_map(path: str | Path) -> OccupancyMap:
 
 
 def plan_of_image(image: Path, spec: RosMapSpec, file: Path) -> OccupancyMap:
-    """The floor plan in an image that is read as ``spec`` says; ``file`` is named in errors.
+    """Read the floor plan in ``image`` as ``spec`` says; ``file`` is its yaml file.
 
     Raises:
         ConfigError: the image cannot be read.
@@ -205,7 +205,7 @@ def plan_of_image(image: Path, spec: RosMapSpec, file: Path) -> OccupancyMap:
 
 
 def save_ros_map(plan: OccupancyMap, path: str | Path, suffix: str = ".png") -> Path:
-    """Write a plan's yaml file at ``path``, and beside it its image; returns the image.
+    """Write a plan's yaml file at ``path`` and its image beside it; return the image's path.
 
     ``suffix`` is one of ``IMAGE_SUFFIXES``.
 
@@ -242,7 +242,7 @@ def save_ros_map(plan: OccupancyMap, path: str | Path, suffix: str = ".png") -> 
 
 
 def _image_path(path: Path, name: str) -> Path:
-    """The image of a yaml file, which names it relative to its own folder or the one above."""
+    """Return the image's path, which is relative to the folder of the yaml file or that above."""
     steps = PurePosixPath(name)
     if steps.is_absolute() or ".." in steps.parts[1:]:
         raise ConfigError(
@@ -255,7 +255,7 @@ def _image_path(path: Path, name: str) -> Path:
 
 
 def _grey_levels(pixels: npt.NDArray[Any]) -> tuple[Array, Mask]:
-    """Grey levels 0 to 255 (mean of the colours), and which pixels are transparent at all."""
+    """Return grey levels 0 to 255 (mean of colours), and which pixels are at all transparent."""
     scaled = pixels.astype(np.float64) / (257.0 if pixels.dtype == np.uint16 else 1.0)
     if scaled.ndim == 2:
         return scaled, np.zeros(scaled.shape, dtype=np.bool_)
@@ -265,7 +265,7 @@ def _grey_levels(pixels: npt.NDArray[Any]) -> tuple[Array, Mask]:
 
 
 def _states(grey: Array, transparent: Mask, spec: RosMapSpec) -> Cells:
-    """The states of all pixels, by their occupancy and the thresholds."""
+    """Compute the states of all pixels from their occupancy and the thresholds."""
     if spec.mode == "raw":
         occupancy = np.round(grey) / 100.0
         unknown = occupancy > 1.0

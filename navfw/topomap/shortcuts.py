@@ -1,9 +1,9 @@
-"""A graph of few points whose ways are nearly as short as the shortest ones.
+"""A graph of few points whose paths are nearly as short as the shortest ones.
 
 Lines midway between obstacles lead far round in wide ground, and have many points. The shortest
-ways follow straight lines from corner to corner of the obstacles (visibility graph; Lozano-Perez
-and Wesley 1979). Of these the ones are taken without which a way between two of the points that
-matter would be too long (greedy spanner; Althofer et al. 1993).
+paths follow straight lines from corner to corner of the obstacles (visibility graph; Lozano-Perez
+and Wesley 1979). Of these lines only those are taken without which a path between two of the points
+that matter would be too long (greedy spanner; Althofer et al. 1993).
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ def spanner(
     doors: Mapping[int, Segment],
     in_hall: Callable[[Point], bool],
 ) -> nx.Graph:
-    """The graph of ``keys``, and of what lies on the ways between them; the edges are straight.
+    """Build a sparser graph that connects ``keys``, points of ``graph``, by short straight edges.
 
-    ``graph`` is connected and has points ``at`` [m]; of the others, and of the corners of
-    obstacles, only those are taken that the ways need. ``doors`` are segments [m] by their points,
-    that no line crosses but the given edges at that point, which stay. Points ``in_hall`` are taken
-    only where the ways would be long without them.
+    ``graph`` is connected, its points have ``at`` (x, y) [m]. Of its other points, and of corners
+    of obstacles, only those are taken that short paths need. ``doors`` are segments [m] by their
+    points, which only the given edges at that point cross; those edges stay. Points ``in_hall`` are
+    taken only if paths would be long without them.
     """
     points = list(graph)
     at = np.array([graph.nodes[point]["at"] for point in points]).reshape(-1, 2)
@@ -78,14 +78,14 @@ def spanner(
 
 
 def _without(lengths: Array, nodes: Mask, kept: list[int]) -> Array:
-    """The lengths (N, N) [m] without lines from and to ``nodes``, except those that are kept."""
+    """Return lengths (N, N) [m] without lines from and to ``nodes``, except those ``kept``."""
     gone = nodes.copy()
     gone[kept] = False
     return np.where(gone | gone[:, None], np.inf, lengths)
 
 
 class _Spanner:
-    """A growing graph of some of the ``nodes`` (N, 2) [m], and the lengths of all its ways.
+    """A growing graph of some of the ``nodes`` (N, 2) [m], and the lengths of all its paths.
 
     ``points`` are the numbers of the first nodes in the graph; the others get further ones.
     """
@@ -99,11 +99,11 @@ class _Spanner:
 
     @property
     def numbers(self) -> list[int]:
-        """The numbers of the nodes in the graph."""
+        """Numbers of the nodes in the graph."""
         return [number for number, point in enumerate(self._points) if point in self.graph]
 
     def add(self, keys: list[int], lengths: Array, stretch: float = _STRETCH) -> None:
-        """Add the shortest ways between ``keys`` that are too long in the graph, short ones first.
+        """Add shortest paths between ``keys`` that are too long in the graph, short ones first.
 
         ``lengths`` (N, N) [m] are those of the lines between nodes, inf where there is none.
         """
@@ -147,7 +147,7 @@ class _Spanner:
 
 
 def _corners(grid: ClearanceGrid) -> Array:
-    """(N, 2) points [m] at the corners of obstacles, with ``_COMFORT`` from them."""
+    """Find points (N, 2) [m] at the corners of obstacles, ``_COMFORT`` from them."""
     ground = (grid.clearance >= _COMFORT + 0.5 * grid.cell).astype(np.uint8)
     outlines, _ = cv2.findContours(ground, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     corners: list[tuple[float, float]] = []
@@ -161,7 +161,7 @@ def _corners(grid: ClearanceGrid) -> Array:
 
 
 def _visible_lengths(nodes: Array, grid: ClearanceGrid, closed: list[Segment]) -> Array:
-    """(N, N) distances between nodes where the straight line is clear; inf where it is not."""
+    """Compute distances (N, N) [m] of nodes with a clear straight line between them, else inf."""
     lengths = np.full((len(nodes), len(nodes)), np.inf)
     for i in range(len(nodes) - 1):
         others = nodes[i + 1 :]
@@ -174,7 +174,7 @@ def _visible_lengths(nodes: Array, grid: ClearanceGrid, closed: list[Segment]) -
 
 
 def _clear(start: Array, ends: Array, grid: ClearanceGrid) -> Mask:
-    """Whether the lines from ``start`` to ``ends`` (N, 2) [m] have ``_COMFORT`` everywhere."""
+    """Return which lines from ``start`` to ``ends`` (N, 2) [m] have ``_COMFORT`` everywhere."""
     spans = np.linalg.norm(ends - start, axis=1)
     clear = np.ones(len(ends), dtype=np.bool_)
     step = grid.cell

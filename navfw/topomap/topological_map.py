@@ -36,20 +36,20 @@ class PassageProjection:
 
     @property
     def share(self) -> float:
-        """Where the projected point lies between the ends: 0 at place ``a``, 1 at the other."""
+        """Position of the projected point between the ends: 0 at place ``a``, 1 at the other."""
         return 0.0 if self.span == 0.0 else self.along / self.span
 
     def to_end(self, place: str) -> float:
-        """Distance [m] from the projected point to an end, scaled to the passage's length."""
+        """Return the distance [m] along the passage, scaled to its length, to the end ``place``."""
         share = self.share
         return self.passage.length * (share if place == self.passage.a else 1.0 - share)
 
 
 class TopoMap(Sealed):
-    """An undirected topological map over a networkx graph.
+    """An undirected graph of places and passages, with landmarks: the map that a robot is given.
 
     A map is immutable: closed passages and changed costs are state of the planner. ``floor_plan``
-    is the geometry that it comes with, None for a map of places and passages alone.
+    is the plan of the walls that comes with the map, or None.
 
     >>> hall, door = Place("hall", 0.0, 0.0), Place("door", 3.0, 0.0, "door")
     >>> office = TopoMap("office", [hall, door], [Passage("hall", "door", 3.0, width=0.9)])
@@ -104,7 +104,7 @@ class TopoMap(Sealed):
         return self._graph.copy()
 
     def place(self, name: str) -> Place:
-        """The place of that name.
+        """Return the place called ``name``.
 
         Raises:
             UnknownNameError: the map has none; the message names the nearest one.
@@ -117,11 +117,11 @@ class TopoMap(Sealed):
 
     @functools.cached_property
     def landmarks_by_identity(self) -> Mapping[str, Landmark]:
-        """The landmarks by their identity in detections (``aruco-7``)."""
+        """Landmarks by their identity in detections (``aruco-7``)."""
         return MappingProxyType({mark.identity: mark for mark in self.landmarks.values()})
 
     def passage(self, a: str, b: str) -> Passage:
-        """The passage between two places, given in either order.
+        """Return the passage between two places, given in either order.
 
         Raises:
             UnknownNameError: there is no such place.
@@ -140,43 +140,43 @@ class TopoMap(Sealed):
         return passage
 
     def passages_at(self, place: str) -> tuple[Passage, ...]:
-        """The passages that end at ``place``, in the order of the map."""
+        """Return the passages that end at ``place``, in the order of the map."""
         self.place(place)
         return tuple(data["passage"] for data in self._graph[place].values())
 
     @functools.cached_property
     def parts(self) -> tuple[frozenset[str], ...]:
-        """The map's connected parts as sets of place names, largest first."""
+        """Connected parts of the map as sets of place names, largest first."""
         parts = [frozenset(names) for names in nx.connected_components(self._graph)]
         return tuple(sorted(parts, key=len, reverse=True))
 
     def part_of(self, place: str) -> frozenset[str]:
-        """The names of all places connected with ``place``, including itself."""
+        """Return the names of all places connected with ``place``, itself included."""
         self.place(place)
         return next(part for part in self.parts if place in part)
 
     @functools.cached_property
     def isolated(self) -> frozenset[str]:
-        """The places without passages."""
+        """Names of the places without passages."""
         return frozenset(nx.isolates(self._graph))
 
     def place_distances(self, x: float, y: float) -> Array:
-        """(places,) straight distances [m] from (x, y) to all places, in the map's order."""
+        """Return straight distances (places,) [m] from (x, y) to all places, in the map's order."""
         return np.hypot(self._points[:, 0] - x, self._points[:, 1] - y)
 
     def nearest_place(self, x: float, y: float) -> Place:
-        """The place at the smallest straight distance, regardless of walls."""
+        """Return the place at the least straight distance from (x, y) [m], regardless of walls."""
         return list(self.places.values())[int(np.argmin(self.place_distances(x, y)))]
 
     def nearest_passage(self, x: float, y: float) -> PassageProjection | None:
-        """The projection onto the nearest passage; None in a map without passages."""
+        """Project (x, y) [m] onto the nearest passage; None in a map without passages."""
         projections = self.project_onto_passages(x, y, slack=0.0)
         return projections[0] if projections else None
 
     def project_onto_passages(
         self, x: float, y: float, slack: float, among: Sequence[Passage] | None = None
     ) -> list[PassageProjection]:
-        """Projections onto the nearest passage and those up to ``slack`` [m] farther, by distance.
+        """Project onto the nearest passage and those up to ``slack`` [m] farther, by distance.
 
         ``among`` restricts the choice to some of the map's passages.
         """
@@ -197,7 +197,7 @@ class TopoMap(Sealed):
         ]
 
     def _project(self, x: float, y: float) -> tuple[Array, Array]:
-        """Projections onto all passages: distances along and aside, (passages,) [m] each.
+        """Project onto all passages: distances along and aside, (passages,) [m] each.
 
         A passage between two places at the same point has its projection at the first.
         """
