@@ -75,7 +75,7 @@ class DiscreteParams(Params):
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """The likeliest pose (map) and the probability ``mass`` within ``_CLUSTER_RADIUS`` of it.
+    """The likeliest pose (map) and the probability ``mass`` within 1 m and 2 headings of it.
 
     ``covariance`` (3, 3) of (x, y, yaw) is that within the cluster, ``spread`` (3, 3) the second
     moments of the whole belief about ``pose``.
@@ -88,10 +88,10 @@ class Cluster:
 
 
 class DiscreteFilter:
-    """Belief (headings, rows, columns) over the robot's pose at the time of the last shift.
+    """Bayes filter over a lattice of poses, to find an unknown pose by odometry and observations.
 
-    The belief is shifted only after each cell's length driven, as more frequent interpolation would
-    blur it; the motion since the last shift is kept beside it. ``prior`` is the landmarks' prior
+    ``belief`` (headings, rows, columns) is shifted only after each cell's length driven, as more
+    frequent shifts would blur it; the motion since is kept beside it. ``prior`` is the landmarks'
     existence probability, ``table`` the probabilities of OFFIS' situations (None: not used).
     ``version`` is a new object after every change of the belief.
     """
@@ -116,7 +116,7 @@ class DiscreteFilter:
         self._observed: dict[str, tuple[LandmarkObservation, float]] = {}
 
     def initialize(self, pose: Pose | None, odometry: Odometry, sigma: float = 0.2) -> None:
-        """Start around ``pose`` (map) with ``sigma`` [m], or uniformly over the map if None."""
+        """Start around ``pose`` (map) with ``sigma`` [m]; uniformly over the map if it is None."""
         self._shifted_at = odometry.pose
         self._last = odometry.pose
         self._driven = 0.0
@@ -140,7 +140,7 @@ class DiscreteFilter:
         self._normalise()
 
     def predict(self, odometry: Odometry) -> None:
-        """Shift the belief by the odometry since the last shift, once that is a cell's length."""
+        """Add the newest odometry; shift the belief once the motion is a cell's length."""
         self._driven += math.hypot(odometry.pose.x - self._last.x, odometry.pose.y - self._last.y)
         self._last = odometry.pose
         dx, dy = odometry.pose.x - self._shifted_at.x, odometry.pose.y - self._shifted_at.y
@@ -149,7 +149,7 @@ class DiscreteFilter:
             self._shifted_at = odometry.pose
 
     def observe_situations(self, situations: Mapping[str, float] | None) -> None:
-        """Correct the belief by OFFIS' ``situations``, degrees by name, every ``SITUATION_EVERY``.
+        """Correct the belief by OFFIS' ``situations``, degrees by name, once per metre driven.
 
         None (no percept, or one without depth) changes nothing.
         """
@@ -170,7 +170,7 @@ class DiscreteFilter:
             self._correct(observation, max(self.existence.probability(identity), _MIN_EXISTENCE))
 
     def support_probability(self, pose: Pose) -> float:
-        """The probability that at least one landmark supporting ``pose`` (map) is in its place.
+        """Return the probability that a landmark that supports ``pose`` (map) is in its place.
 
         Uses the prior, not the current existence probabilities: the metric filter lowers those of
         correct landmarks while it is itself at a wrong pose.
@@ -178,7 +178,7 @@ class DiscreteFilter:
         return float(1.0 - (1.0 - self.prior) ** len(self.supporting(pose)))
 
     def supporting(self, pose: Pose) -> list[str]:
-        """Identities of recently observed landmarks that fit their mapped positions from ``pose``.
+        """Return identities of landmarks observed in the last 30 m that fit the map from ``pose``.
 
         Only mutually consistent observations count: a pose halfway between the poses that two
         landmarks suggest is supported by neither.
@@ -192,14 +192,14 @@ class DiscreteFilter:
 
     @property
     def cluster(self) -> Cluster:
-        """The cluster around the likeliest pose now (computed when the belief has changed)."""
+        """The cluster around the likeliest pose, moved by odometry to the present."""
         if self._cluster is None:
             self._cluster = self._find_cluster()
         return self._at_present(self._cluster)
 
     @property
     def place_probabilities(self) -> Array:
-        """(places,) the probability of being nearest to each place, in the map's order."""
+        """Probability (places,) of being nearest to each place, in the map's order."""
         layer = self.belief.sum(axis=0)
         place = self.lattice.place.ravel()
         sums = np.bincount(place, weights=layer.ravel(), minlength=len(self._names))
@@ -207,7 +207,7 @@ class DiscreteFilter:
 
     @property
     def places(self) -> Mapping[str, float]:
-        """The likeliest places, likeliest first (computed when the belief has changed)."""
+        """Probabilities of the 8 likeliest places by name, likeliest first."""
         if self._places is None:
             sums = self.place_probabilities
             order = np.argsort(-sums, kind="stable")[:COUNT].tolist()
@@ -257,7 +257,7 @@ class DiscreteFilter:
         self._normalise()
 
     def _window(self, x: float, y: float, radius: float) -> tuple[slice, slice]:
-        """The (rows, columns) within ``radius`` [m] of the point, and a margin."""
+        """Return the (rows, columns) within ``radius`` [m] of the point, and a margin."""
         lattice = self.lattice
         rows, columns = (
             slice(
@@ -281,7 +281,7 @@ class DiscreteFilter:
         self.belief *= np.float32(1.0 / total)
 
     def _find_cluster(self) -> Cluster:
-        """The cluster around the likeliest cell, at the time of the last shift."""
+        """Compute the cluster around the likeliest cell, at the time of the last shift."""
         lattice = self.lattice
         heading, row, column = np.unravel_index(int(self.belief.argmax()), self.belief.shape)
         near = np.arange(-2, 3)
@@ -309,7 +309,7 @@ class DiscreteFilter:
         )
 
     def _spread(self, pose: Pose) -> Array:
-        """(3, 3) second moments of the whole belief about ``pose``."""
+        """Compute the second moments (3, 3) of the whole belief about ``pose``."""
         layer = self.belief.sum(axis=0, dtype=np.float64)
         dx, dy = self.lattice.x - pose.x, self.lattice.y - pose.y
         along_x, along_y = layer.sum(axis=0), layer.sum(axis=1)
@@ -321,7 +321,7 @@ class DiscreteFilter:
         return spread
 
     def _at_present(self, cluster: Cluster) -> Cluster:
-        """The cluster moved by the odometry since the last shift; its yaw becomes the robot's."""
+        """Move the cluster by the odometry since the last shift; its yaw becomes the robot's."""
         dx, dy = self._last.x - self._shifted_at.x, self._last.y - self._shifted_at.y
         pose = cluster.pose.compose(Pose(dx, dy, self._last.yaw))
         return Cluster(pose, cluster.mass, cluster.covariance, cluster.spread)
@@ -335,5 +335,5 @@ class DiscreteFilter:
 
 
 def _wrapped(angle: npt.NDArray[np.float64]) -> Array:
-    """Angles [rad] in [-pi, pi)."""
+    """Wrap angles [rad] to [-pi, pi)."""
     return np.asarray((angle + math.pi) % (2.0 * math.pi) - math.pi)

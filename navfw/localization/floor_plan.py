@@ -99,7 +99,7 @@ class FloorPlanLocalizer(place_probabilities.PlaceLocalizer):
     params: Params
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
-        """Start at ``pose`` (map frame), or anywhere when None.
+        """Start at ``pose`` (map), or with a search of the whole plan if it is None.
 
         Raises:
             MapError: the map has no floor plan.
@@ -127,7 +127,7 @@ class FloorPlanLocalizer(place_probabilities.PlaceLocalizer):
     def update(
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
-        """The belief after the newest odometry and, where there is one, percept."""
+        """Return the belief after the newest odometry and ``percept``; detections are unused."""
         posterior = self.posterior
         last, self._last = self._last, odometry
         self._driven += math.dist((last.pose.x, last.pose.y), (odometry.pose.x, odometry.pose.y))
@@ -144,7 +144,7 @@ class FloorPlanLocalizer(place_probabilities.PlaceLocalizer):
         return self._belief(posterior, odometry)
 
     def _scan(self, percept: Percept | None, twist: Twist) -> PlanScan | None:
-        """The points of ``percept``, if the robot has moved on far enough since the last scan."""
+        """Return the points of ``percept``, if the last scan is far enough behind."""
         if percept is None or self._driven - self._scanned_at < self.params.every:
             return None
         if self._skidding(twist):
@@ -156,7 +156,7 @@ class FloorPlanLocalizer(place_probabilities.PlaceLocalizer):
         return scan
 
     def _skidding(self, twist: Twist) -> bool:
-        """Whether wheels that skid in a turn leave open in which direction the camera has moved."""
+        """Return whether wheels skid so much in a turn that the camera's direction is unclear."""
         speed = math.hypot(twist.v, twist.w * self.robot.camera.mount_forward)
         return self.robot.skid * abs(twist.w) > _MAX_SKID * speed
 
@@ -192,7 +192,7 @@ class FloorPlanLocalizer(place_probabilities.PlaceLocalizer):
                 self._search.forget(self._driven - self.params.memory * self.params.every)
 
     def _trust(self, fit: float) -> float:
-        """How far a fit is trusted: 1 from ``doubt_below`` on, 0 where nothing fits."""
+        """Return how far a fit is trusted: 1 from ``doubt_below`` on, 0 if nothing fits."""
         return min(max(fit / max(self.params.doubt_below, 1e-6), 0.0), 1.0)
 
     @property

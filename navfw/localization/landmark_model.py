@@ -38,28 +38,28 @@ MAP_SIGMA = 0.03  # chosen
 
 
 class LandmarkExistence:
-    """Log-odds of each landmark by identity; all start at the ``prior`` probability, in (0, 1)."""
+    """Estimates whether each landmark stands where mapped, from ``prior`` in (0, 1) on."""
 
     def __init__(self, prior: float) -> None:
         self._prior = math.log(prior / (1.0 - prior))
         self._odds: dict[str, float] = {}
 
     def probability(self, identity: str) -> float:
-        """The probability that the landmark stands where the map has it."""
+        """Return the probability that the landmark stands where the map has it."""
         return 1.0 / (1.0 + math.exp(-self._odds.get(identity, self._prior)))
 
     def update(self, identity: str, likelihood_ratio: float, weight: float = 1.0) -> None:
-        """Add an observation to the log-odds.
+        """Update the landmark's probability by an observation.
 
-        ``likelihood_ratio`` is that of the observation with the landmark in its place, over that
-        with it elsewhere; ``weight`` in (0, 1] scales its logarithm.
+        ``likelihood_ratio`` is the observation's likelihood with the landmark in its place, over
+        that with it elsewhere; ``weight`` in (0, 1] scales its logarithm.
         """
         evidence = min(max(math.log(max(likelihood_ratio, _TINY)), _MAX_LOSS), _MAX_GAIN)
         odds = self._odds.get(identity, self._prior) + weight * evidence
         self._odds[identity] = min(max(odds, _MIN_LOG_ODDS), _MAX_LOG_ODDS)
 
     def reset(self, fits: Callable[[str], bool]) -> None:
-        """Set landmarks below the prior back to it where ``fits``: the pose was wrong, not they."""
+        """Reset landmarks below the prior if ``fits(identity)``: the pose was wrong, not they."""
         for identity in [name for name, odds in self._odds.items() if odds < self._prior]:
             if fits(identity):
                 del self._odds[identity]
@@ -74,7 +74,7 @@ ELSEWHERE_DENSITY = 0.05  # chosen
 
 
 def expected_measurement(state: Array, x: float, y: float) -> tuple[Array, Array]:
-    """Bearing and range (2,) of the point (x, y) from ``state`` (4,), and their Jacobian (2, 4)."""
+    """Predict bearing, range (2,) of the point (x, y) from ``state`` (4,), and Jacobian (2, 4)."""
     dx, dy = x - state[0], y - state[1]
     squared = max(dx * dx + dy * dy, 1e-6)
     distance = math.sqrt(squared)
@@ -89,7 +89,7 @@ def expected_measurement(state: Array, x: float, y: float) -> tuple[Array, Array
 
 
 def joseph(covariance: Array, gain: Array, jacobian: Array, noise: Array) -> Array:
-    """The covariance after an update: symmetric and positive semidefinite for any ``gain``."""
+    """Update a covariance in Joseph's form: symmetric, positive semidefinite for any ``gain``."""
     left = np.eye(len(covariance)) - product(gain, jacobian)
     updated = product(left, covariance, left.T) + product(gain, noise, gain.T)
     return np.asarray(0.5 * (updated + updated.T))
@@ -161,11 +161,11 @@ _ODOMETRY_ERROR = 0.03  # chosen
 
 @dataclass(frozen=True, slots=True)
 class LandmarkObservation:
-    """A mapped landmark, observed from the robot's present pose.
+    """An observation of a mapped landmark, moved by odometry to the robot's present pose.
 
-    ``measured`` (2,) is (bearing [rad], range [m]) in base_link, ``noise`` (2, 2) its covariance;
-    ``x``, ``y`` [m] is the observed position in ``odom``. ``weight`` in (0, 1] is the share of new
-    information, given the last observation of the same landmark.
+    ``measured`` (2,) is its bearing [rad] and range [m] in base_link, ``noise`` (2, 2) their
+    covariance, with that of the mapped position; ``x``, ``y`` [m] is where it was seen in ``odom``.
+    ``weight`` in (0, 1] is the share of new information: 1 from 1 s after the last observation on.
     """
 
     landmark: Landmark
@@ -177,7 +177,7 @@ class LandmarkObservation:
 
 
 class LandmarkObserver:
-    """Turns detections into observations of mapped landmarks."""
+    """Converts landmark detections to observations of mapped landmarks."""
 
     def __init__(self, topo_map: TopoMap) -> None:
         self._marks = topo_map.landmarks_by_identity
@@ -187,9 +187,9 @@ class LandmarkObserver:
     def observe(
         self, odometry: Odometry, detections: Sequence[LandmarkDetection]
     ) -> list[LandmarkObservation]:
-        """Observations from ``detections``, at the time of ``odometry``.
+        """Convert ``detections`` to observations at the time of ``odometry``.
 
-        Detections of unmapped landmarks and those older than ``MAX_AGE`` give none.
+        Those of unmapped landmarks, older than 2 s, seen before or nearer than 0.1 m are dropped.
         """
         self._trail.append((odometry.time, odometry.pose))
         while self._trail[0][0] < odometry.time - MAX_AGE:
@@ -217,14 +217,14 @@ class LandmarkObserver:
         return observations
 
     def _pose_at(self, time: float) -> Pose:
-        """The odometry pose nearest in time; camera frames are stamped with odometry's times."""
+        """Return the odometry pose nearest in time; frames are stamped with odometry's times."""
         return min(self._trail, key=lambda entry: abs(entry[0] - time))[1]
 
 
 def consistent_observations(
     observations: Sequence[tuple[LandmarkObservation, float]],
 ) -> list[LandmarkObservation]:
-    """The largest set of pairwise consistent observations, by greedy search from each of them.
+    """Return the largest set of pairwise consistent observations, by greedy search from each.
 
     Each observation comes with the distance driven [m] when it was made. Two are consistent when
     the distance between their landmarks in ``odom`` agrees with that in the map.

@@ -33,10 +33,10 @@ MAX_STATES = 3_000_000  # chosen
 
 
 class Lattice:
-    """Cells of ``cell`` [m] over a map, times ``headings`` directions.
+    """Cells of ``cell`` [m] over a map (larger on a large map), times ``headings`` directions.
 
     ``domain`` (rows, columns) is True where the robot can be; ``keep`` (rows, columns) is the
-    factor on the probability for each cell's length driven: 1, ``_FRINGE_LOSS``, or 0 outside.
+    factor on the probability for each cell's length driven: 1, 0.9 in the fringe, or 0 outside.
     ``place`` (rows, columns) is the index of the nearest place. ``x`` (columns,) and ``y`` (rows,)
     are the cells' centres [m, map].
     """
@@ -66,20 +66,20 @@ class Lattice:
         return int(self.domain.sum()) * self.headings
 
     def uniform(self) -> Floats:
-        """(headings, rows, columns) uniform distribution over the domain."""
+        """Return the uniform distribution (headings, rows, columns) over the domain."""
         layer = self.domain.astype(np.float32) / np.float32(self.states)
         return np.repeat(layer[None], self.headings, axis=0)
 
     def column(self, x: float) -> float:
-        """The fractional column index of x [m]."""
+        """Return the fractional column index of ``x`` [m, map]."""
         return float((x - self.x[0]) / self.cell)
 
     def row(self, y: float) -> float:
-        """The fractional row index of y [m]."""
+        """Return the fractional row index of ``y`` [m, map]."""
         return float((y - self.y[0]) / self.cell)
 
     def _excess(self, topo_map: TopoMap) -> Array:
-        """(rows, columns) distance [m] to the nearest passage or place; negative inside."""
+        """Compute the distance (rows, columns) [m] to the nearest passage or place; inside < 0."""
         excess = np.full(self.shape, np.inf)
         for place in topo_map.places.values():
             self._lower(excess, (place.x, place.y), (place.x, place.y), PLACE_RADIUS)
@@ -108,7 +108,7 @@ class Lattice:
         np.minimum(excess[rows, columns], distance, out=excess[rows, columns])
 
     def _nearest(self, points: Array) -> npt.NDArray[np.intp]:
-        """(rows, columns) index of the nearest of ``points`` (n, 2)."""
+        """Find the index (rows, columns) of the nearest of ``points`` (n, 2)."""
         from scipy.spatial import cKDTree
 
         xx, yy = np.meshgrid(self.x, self.y)

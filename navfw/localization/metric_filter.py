@@ -62,7 +62,7 @@ class MetricFilterParams(MotionParams):
 
 
 class MetricFilter:
-    """EKF with state (x [m], y [m], yaw [rad], gyro bias [rad/s]) in ``map``.
+    """EKF that tracks a known pose: state (x [m], y [m], yaw [rad], gyro bias [rad/s]) in ``map``.
 
     ``state`` is (4,), ``covariance`` (4, 4). ``existence`` holds the landmarks' existence
     probabilities; it may be shared with another filter.
@@ -89,12 +89,12 @@ class MetricFilter:
 
     @property
     def pose(self) -> Pose:
-        """The pose in ``map``."""
+        """Estimated pose in ``map``."""
         return Pose(*self.state[:3].tolist())
 
     @property
     def pose_covariance(self) -> Array:
-        """(3, 3) covariance of (x, y, yaw)."""
+        """Covariance (3, 3) of (x, y, yaw) in ``map``."""
         return self.covariance[:3, :3].copy()
 
     def predict(self, odometry: Odometry) -> None:
@@ -132,10 +132,10 @@ class MetricFilter:
         self.updates += 1
 
     def adopt(self, pose: Pose, information: Array) -> None:
-        """Take in a fit of the pose that began from this filter's own.
+        """Correct the state by a pose that was fitted with this filter's pose as the prior.
 
-        ``pose`` is the most probable one, given the filter and the observation; ``information``
-        (3, 3) is that of the observation by itself, and may be singular.
+        ``pose`` (map) is the most probable one, given the filter and the observation;
+        ``information`` (3, 3) is that of the observation by itself, and may be singular.
         """
         prior, columns = self.covariance[:3, :3], self.covariance[:, :3]
         off = np.array((pose.x, pose.y, pose.yaw)) - self.state[:3]
@@ -152,7 +152,7 @@ class MetricFilter:
         self.covariance[:, :3] *= math.sqrt(factor)
 
     def diffuse(self, xy: float, yaw: float) -> None:
-        """Add standard deviations ``xy`` [m] and ``yaw`` [rad] to the pose's."""
+        """Add the variances of sigmas ``xy`` [m] and ``yaw`` [rad] to those of the pose."""
         self.covariance[:3, :3] += np.diag([xy**2, xy**2, yaw**2])
 
     def _correct(self, step: Array, reduction: Array) -> None:
@@ -186,7 +186,7 @@ class MetricFilter:
         return associate(self.state, self.covariance, observation.measured, noise, at, existence)
 
     def _is_corroborated(self, observation: LandmarkObservation) -> bool:
-        """Whether recent surprises at other landmarks are consistent with this one."""
+        """Return whether recent surprises at other landmarks are consistent with this one."""
         self._surprises = {
             identity: kept
             for identity, kept in self._surprises.items()
@@ -204,7 +204,7 @@ class MetricFilter:
                 self.covariance[axis, axis] += short
 
     def _observe_bias(self, odometry: Odometry, last: Odometry) -> None:
-        """Take odometry's bias estimate as a measurement of the state's bias.
+        """Correct the state by odometry's bias estimate, as a measurement of the bias.
 
         Odometry estimates the bias at rest, and changes it in motion when the optical flow
         contradicts the gyro.

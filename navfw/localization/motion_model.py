@@ -77,7 +77,7 @@ class MotionParams(Params):
 
 @dataclass(frozen=True, slots=True)
 class MotionNoise:
-    """Process noise without open values; meaning and units as in ``MotionParams``.
+    """Process noise with all values derived; meaning and units as in ``MotionParams``.
 
     Besides: ``yaw_by_time`` [rad per root of s] by the gyro's noise, ``bias_walk`` [rad/s per root
     of s] by its bias' random walk, and ``aside_by_turning`` [m per root of rad] by skidding.
@@ -93,7 +93,7 @@ class MotionNoise:
 
 
 def motion_noise(params: MotionParams, robot: RobotModel) -> MotionNoise:
-    """The process noise: from ``params``, and where those are None from ``robot.odometry``."""
+    """Derive the process noise from ``params``, where those are None from ``robot.odometry``."""
     sheet = robot.odometry
     slipping = sheet.slip**2 * sheet.slip_time * robot.max_v + sheet.slip_mean**2 * _BETWEEN
     noise = sheet.gyro_noise**2 / robot.control_rate
@@ -114,7 +114,7 @@ def motion_noise(params: MotionParams, robot: RobotModel) -> MotionNoise:
 
 
 def predict(state: Array, moved: Pose, drift: float, dt: float) -> tuple[Array, Array]:
-    """The state (4,) after the odometry increment ``moved`` (in the frame of the old pose).
+    """Predict the state (4,) after the odometry increment ``moved`` (in the old pose's frame).
 
     ``drift`` [rad] is added to the yaw: (the odometry's bias - that of the state) times ``dt`` [s].
     The second result is the Jacobian (4, 4) of the first.
@@ -131,7 +131,7 @@ def predict(state: Array, moved: Pose, drift: float, dt: float) -> tuple[Array, 
 
 
 def _slip(yaw: float, along: float, aside: float) -> Array:
-    """(2, 2) covariance of x and y with variances ``along`` and ``aside`` of ``yaw`` [rad]."""
+    """Return the covariance (2, 2) of x, y with variances ``along`` and ``aside`` of ``yaw``."""
     c, s = math.cos(yaw), math.sin(yaw)
     cross = c * s * (along - aside)
     return np.array(
@@ -142,9 +142,9 @@ def _slip(yaw: float, along: float, aside: float) -> Array:
 def process_noise(
     yaw: float, moved: Pose, dt: float, sigma: MotionNoise, odometry: Odometry
 ) -> Array:
-    """(4, 4) covariance that the increment ``moved`` in ``dt`` [s] adds, at ``yaw`` [rad].
+    """Compute the covariance (4, 4) that the increment ``moved`` in ``dt`` [s] adds, at ``yaw``.
 
-    ``moved`` is by ``odometry``. While its encoders give no data it follows the commanded wheel
+    ``moved`` is by ``odometry``. While the encoders are silent it follows the commanded wheel
     speeds, and its error along the path is as large as the path, unless the floor measures it.
     """
     distance = math.hypot(moved.x, moved.y)
@@ -162,7 +162,7 @@ def process_noise(
 
 
 class DeadReckoning(place_probabilities.PlaceLocalizer):
-    """Map pose = start pose composed with the odometry since the start.
+    """Adds the odometry to a known start pose; nothing corrects the pose.
 
     The covariance of (x, y, yaw) is propagated as in an EKF without measurements: it grows with
     the distance driven, the angle turned and, through the yaw, with the distance from where a
@@ -199,7 +199,7 @@ class DeadReckoning(place_probabilities.PlaceLocalizer):
     params: Params
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
-        """Start at ``pose`` (map frame).
+        """Start at ``pose`` (map).
 
         Raises:
             InputError: ``pose`` is None: without landmarks an unknown start cannot be found.
@@ -217,7 +217,7 @@ class DeadReckoning(place_probabilities.PlaceLocalizer):
     def update(
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
-        """The belief after the newest odometry; percept and detections are not used."""
+        """Return the belief after the newest odometry; percept and detections are not used."""
         posterior = self.posterior
         moved = self._last.relative(odometry.pose)
         pose = self._map_from_odom.compose(odometry.pose)
@@ -228,7 +228,7 @@ class DeadReckoning(place_probabilities.PlaceLocalizer):
         return Belief(odometry.time, pose, self._covariance, places, confidence)
 
     def _propagated(self, moved: Pose, yaw: float) -> Array:
-        """The covariance after ``moved`` (in the frame of the old pose), now heading ``yaw``."""
+        """Propagate the covariance over ``moved`` (in the old pose's frame), now at ``yaw``."""
         p = self.params
         distance, turned = math.hypot(moved.x, moved.y), abs(moved.yaw)
         before = wrap_angle(yaw - moved.yaw)

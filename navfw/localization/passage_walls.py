@@ -60,9 +60,9 @@ _FATTENING = 0.4  # chosen
 
 @dataclass(frozen=True, slots=True)
 class PassageAxis:
-    """A straight line of the map, from ``origin`` [m, map] in the direction ``yaw`` [rad].
+    """A corridor or door as a straight axis from ``origin`` [m, map] along ``yaw`` [rad].
 
-    ``length`` [m] of it is a corridor of ``width`` [m]; a door has length 0, its origin between the
+    A corridor has ``length`` and ``width`` [m]; a door has length 0 and its origin between the
     posts.
     """
 
@@ -72,17 +72,17 @@ class PassageAxis:
     width: float
 
     def frame(self, pose: Pose) -> Pose:
-        """``pose`` (map) in the frame of the axis: x along it, y to its left."""
+        """Convert ``pose`` (map) to the frame of the axis: x along it, y to its left."""
         return Pose(*self.origin, self.yaw).relative(pose)
 
     def heading_off(self, pose: Pose) -> float:
-        """Smallest angle [rad] between the heading of ``pose`` and the axis, in either sense."""
+        """Return the angle in [0, pi/2] [rad] between the heading of ``pose`` and the axis."""
         off = abs(wrap_angle(pose.yaw - self.yaw))
         return min(off, math.pi - off)
 
     @property
     def is_door(self) -> bool:
-        """Whether it is a gap in a wall across it."""
+        """Whether this is a door, a gap in a wall across the axis."""
         return self.length == 0.0
 
 
@@ -90,7 +90,7 @@ class PassageAxis:
 class PassageFix:
     """Corrections of a believed pose: ``turn`` [rad] of its yaw, ``shift`` [m] to the axis' left.
 
-    With standard deviations; infinite where no wall shows it.
+    ``turn_sigma`` and ``shift_sigma`` are standard deviations; infinite if no wall shows it.
     """
 
     axis: PassageAxis
@@ -100,7 +100,7 @@ class PassageFix:
     shift_sigma: float
 
     def rows(self) -> tuple[Array, Array, Array]:
-        """What is observed of x, y, yaw (n, 3), its corrections (n,) and their variances (n,)."""
+        """Return observed directions in x, y, yaw (n, 3), corrections (n,) and variances (n,)."""
         across = [-math.sin(self.axis.yaw), math.cos(self.axis.yaw), 0.0]
         rows = np.array([[0.0, 0.0, 1.0], across])
         observed = np.isfinite([self.turn_sigma, self.shift_sigma])
@@ -110,12 +110,12 @@ class PassageFix:
 
 
 def passage_axes(topo_map: TopoMap) -> list[PassageAxis]:
-    """The corridors and doors of a map."""
+    """Find the straight corridors and the doors of a map that are at most 3 m wide."""
     return [*_corridors(topo_map), *_doors(topo_map)]
 
 
 def _corridors(topo_map: TopoMap) -> Iterator[PassageAxis]:
-    """The straight corridors: passages one after the other on a line, as wide as the widest.
+    """Find the straight corridors: passages one after the other on a line, as wide as the widest.
 
     The width of a passage is that of its narrowest point, between things in the corridor.
     """
@@ -141,7 +141,7 @@ def _corridors(topo_map: TopoMap) -> Iterator[PassageAxis]:
 
 
 def _span(topo_map: TopoMap, axis: PassageAxis, passage: Passage) -> tuple[float, float] | None:
-    """The extent [m] of a passage along the axis; None if it is not on that line."""
+    """Return the extent [m] of a passage along the axis; None if it is not on that line."""
     ends = [axis.frame(_at(topo_map.place(name))) for name in (passage.a, passage.b)]
     if max(abs(end.y) for end in ends) > _ALIGNED:
         return None
@@ -149,7 +149,7 @@ def _span(topo_map: TopoMap, axis: PassageAxis, passage: Passage) -> tuple[float
 
 
 def _doors(topo_map: TopoMap) -> Iterator[PassageAxis]:
-    """Each door place on a straight line between two others."""
+    """Find each door place on a straight line between two others."""
     for door in topo_map.places.values():
         around = topo_map.passages_at(door.name) if door.kind == "door" else ()
         if len(around) != 2:
@@ -172,7 +172,7 @@ def _at(place: Place) -> Pose:
 
 
 def corridor_fix(axis: PassageAxis, pose: Pose, scan: PlanScan) -> PassageFix | None:
-    """Corrections of the believed ``pose`` (map) by a corridor's walls; None if too few are seen.
+    """Correct the believed ``pose`` (map) by a corridor's walls; None if too little is seen.
 
     Two parallel lines are fitted to the points of ``scan``, robustly (Cauchy weights).
     """
@@ -200,7 +200,7 @@ def corridor_fix(axis: PassageAxis, pose: Pose, scan: PlanScan) -> PassageFix | 
 
 
 def _robust_lines(design: Array, across: Array, sigma: Array, start: Array) -> tuple[Array, Array]:
-    """Parameters (3,) of the lines, with a weak prior at ``start``, and their covariance (3, 3)."""
+    """Fit parameters (3,) of the lines, with a weak prior at ``start``; and covariance (3, 3)."""
     lines, prior = start, np.diag([TOLERANCE**-2, TOLERANCE**-2, 0.3**-2])
     variance = sigma**2 + (0.5 * _SPREAD) ** 2
     information = prior
@@ -216,7 +216,7 @@ def _robust_lines(design: Array, across: Array, sigma: Array, start: Array) -> t
 
 
 def door_fix(axis: PassageAxis, pose: Pose, scan: PlanScan) -> PassageFix | None:
-    """Corrections of the believed ``pose`` (map) by a door's posts; None if not both are seen."""
+    """Correct the believed ``pose`` (map) by a door's posts; None if not both are seen."""
     points = axis.frame(pose).points_to_parent(scan.points)
     in_wall = np.abs(points[:, 0]) <= TOLERANCE + scan.sigma
     posts = []
@@ -239,7 +239,7 @@ SURE_XY, SURE_YAW = 0.1, 0.1  # chosen
 
 
 class KnownWalls:
-    """The surfaces of the walls of ``plan``."""
+    """Provides points on the walls of ``plan`` near the robot, where its pose is certain."""
 
     def __init__(self, plan: OccupancyMap) -> None:
         opened = np.pad(~plan.occupied, 1, constant_values=True)
@@ -248,11 +248,11 @@ class KnownWalls:
 
     @classmethod
     def of(cls, plan: OccupancyMap | None, robot: RobotModel) -> KnownWalls | None:
-        """The walls of ``plan``; None without one, and for a round body: it may turn anywhere."""
+        """Return the walls of ``plan``; None without it, or for a round body, which may turn."""
         return None if plan is None or robot.footprint is None else cls(plan)
 
     def around(self, belief: Belief, pose: Pose) -> Array:
-        """Points (n, 2) [m] in ``odom`` of the walls near odom ``pose``; none while unsure."""
+        """Return wall points (n, 2) [m, odom] within 2 m of odom ``pose``; none while unsure."""
         at = belief.pose
         unsure = belief.sigma > SURE_XY or math.sqrt(belief.covariance[2, 2]) > SURE_YAW
         if belief.lost or unsure:

@@ -1,4 +1,4 @@
-"""Probabilities of the places of a map: given an uncertain position, and given a situation.
+"""Probabilities of the places of a map, given an uncertain position or OFFIS' situations.
 
 A table holds, for each kind of place, the probability of each situation that OFFIS reports (METHOD
 4.4). The one that ships was learnt on simulated drives with known poses; ``navfw map
@@ -48,9 +48,9 @@ def likeliest_places(
     covariance: Array,
     count: int = COUNT,
 ) -> Mapping[str, float]:
-    """The ``count`` likeliest places with their probabilities, likeliest first; they sum to 1.
+    """Compute the probabilities of the ``count`` likeliest places, likeliest first; their sum is 1.
 
-    ``covariance`` (3, 3) is that of ``pose`` (x, y, yaw).
+    ``covariance`` (3, 3) is that of ``pose`` (x, y, yaw) in ``map``.
     """
     spread = _PLACE_RADIUS**2 + 0.5 * float(covariance[0, 0] + covariance[1, 1])
     squared = topo_map.place_distances(pose.x, pose.y) ** 2
@@ -64,7 +64,7 @@ def likeliest_places(
 
 
 class PlacePosterior:
-    """The likeliest places of a moving pose, computed again after ``refresh`` [m] only."""
+    """Computes the likeliest places of a moving pose, anew after each ``refresh`` [m] only."""
 
     def __init__(self, topo_map: TopoMap, count: int = COUNT, refresh: float = REFRESH) -> None:
         self._map = topo_map
@@ -73,7 +73,7 @@ class PlacePosterior:
         self._places: Mapping[str, float] = {}
 
     def at(self, pose: Pose, covariance: Array) -> Mapping[str, float]:
-        """Place probabilities (``likeliest_places``) for ``pose`` with ``covariance`` (3, 3)."""
+        """Return the probabilities of ``likeliest_places`` for ``pose`` (map), or the last ones."""
         if math.dist((pose.x, pose.y), self._computed_at) > self._refresh:
             self._places = likeliest_places(self._map, pose, covariance, self._count)
             self._computed_at = (pose.x, pose.y)
@@ -81,27 +81,27 @@ class PlacePosterior:
 
 
 class PlaceLocalizer(Localizer):
-    """A localiser whose beliefs list the likeliest places of the map.
+    """Base class of localisers that derive place probabilities from their pose estimate.
 
-    Its ``start`` sets ``posterior``; reading that before raises RuntimeError.
+    A subclass's ``start`` sets ``_posterior``; ``update`` lists its likeliest places in the belief.
     """
 
     _posterior: PlacePosterior | None = None
 
     def reset(self) -> None:
-        """Back to the state before ``start``."""
+        """Return to the state before ``start``."""
         self._posterior = None
 
     @property
     def posterior(self) -> PlacePosterior:
-        """The place posterior of the pose."""
+        """Computes the places' probabilities from a pose; RuntimeError before ``start``."""
         if self._posterior is None:
             raise RuntimeError("start() comes before update()")
         return self._posterior
 
 
 def known_start(pose: Pose | None, localizer: str, instead: str) -> Pose:
-    """The start ``pose``, for a ``localizer`` that cannot search for an unknown one.
+    """Check that the start ``pose`` is known, for a ``localizer`` that cannot search; return it.
 
     Raises:
         InputError: ``pose`` is None; the message recommends ``instead``.
@@ -116,7 +116,7 @@ def known_start(pose: Pose | None, localizer: str, instead: str) -> Pose:
 
 
 def probability_within(covariance: Array, radius: float = _CONFIDENCE_RADIUS) -> float:
-    """A lower bound on the probability that the position error is at most ``radius`` [m]."""
+    """Return a lower bound on the probability that the position error is at most ``radius`` [m]."""
     sigma = position_sigma(covariance)
     return 1.0 if sigma == 0.0 else -math.expm1(-0.5 * (radius / sigma) ** 2)
 
@@ -172,9 +172,9 @@ class SituationTable:
     observations: Mapping[str, float]
 
     def likelihoods(self, topo_map: TopoMap, situations: Mapping[str, float]) -> Array | None:
-        """(places,) likelihood of the ``situations`` (degrees) at each place, in [FLOOR, 1].
+        """Compute the likelihood (places,) of ``situations`` at each place, in [FLOOR, 1].
 
-        None where they carry no information.
+        ``situations`` are degrees by name. Returns None if they carry no information.
         """
         shares, certainty = situation_shares(situations)
         if certainty <= 0.0:
@@ -189,7 +189,7 @@ class SituationTable:
         return np.array([max(FLOOR, scaled[place.kind]) for place in topo_map.places.values()])
 
     def text(self, description: str) -> str:
-        """The content of a file with this table."""
+        """Return the text of a file with this table."""
         counts = ", ".join(f"{kind}: {count:.0f}" for kind, count in self.observations.items())
         lines = [
             f"description: {json.dumps(description)}",
@@ -203,12 +203,12 @@ class SituationTable:
 
 
 def observed_situations(percept: Percept | None) -> Mapping[str, float] | None:
-    """The degrees of the situations in a percept with depth, else None."""
+    """Return the degrees of the situations in a percept with depth, else None."""
     return percept.situations if percept is not None and percept.sees_depth else None
 
 
 def situation_shares(situations: Mapping[str, float]) -> tuple[Array, float]:
-    """(8,) degrees of SITUATIONS, normalised to sum 1, and their certainty in [0, 1]."""
+    """Normalise the degrees of SITUATIONS (8,) to sum 1; also return their certainty in [0, 1]."""
     degrees = np.array([max(situations.get(name, 0.0), 0.0) for name in SITUATIONS])
     total = float(degrees.sum())
     if total < 1e-6:
@@ -217,7 +217,7 @@ def situation_shares(situations: Mapping[str, float]) -> tuple[Array, float]:
 
 
 def learn_table(observations: Iterable[tuple[str, Mapping[str, float]]]) -> SituationTable:
-    """The table of ``observations``: each a kind of place, and OFFIS' degrees there.
+    """Learn a table from ``observations``, each a kind of place and OFFIS' degrees there.
 
     Left and right situations are averaged; kinds with few observations are drawn to the mean of all
     kinds.
@@ -247,7 +247,7 @@ def learn_table(observations: Iterable[tuple[str, Mapping[str, float]]]) -> Situ
 
 
 def situation_table(name: str) -> SituationTable | None:
-    """The table called ``name``: ``learnt`` (the one that ships), ``none`` (None), or a file.
+    """Return the table ``name``: ``learnt`` (the one that ships), ``none`` (None), or a file's.
 
     Raises:
         ConfigError: there is no such file, or it is not a table.
@@ -264,7 +264,7 @@ def _shipped() -> SituationTable:
 
 
 def load_table(file: str | Path) -> SituationTable:
-    """The table in a file.
+    """Load the table in a file.
 
     Raises:
         ConfigError: it breaks the schema, or its probabilities do not add up to 1.

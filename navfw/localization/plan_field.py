@@ -36,7 +36,7 @@ MIN_SIGMA = 0.03  # chosen
 
 @dataclass(frozen=True, slots=True)
 class PlanScan:
-    """Points (n, 2) [m] in base_link, and their standard deviations (n,) [m] along the rays.
+    """Seen points (n, 2) [m, base_link], with standard deviations (n,) [m] along the rays.
 
     ``origins`` (n, 2) [m, base_link] is where the camera was when it saw each point.
     """
@@ -47,7 +47,7 @@ class PlanScan:
 
 
 def scan_of(percept: Percept, robot: RobotModel) -> PlanScan:
-    """The points of obstacles and of what stands higher, seen in ``percept``."""
+    """Extract the points of upright surfaces in ``percept``: 0.12 to 2 m high, up to 4 m deep."""
     camera = robot.camera
     nearness = percept.nearness
     upright = (percept.label == Label.OBSTACLE) | (percept.label == Label.ABOVE)
@@ -69,7 +69,7 @@ def scan_of(percept: Percept, robot: RobotModel) -> PlanScan:
 
 
 class ScanMemory:
-    """Scans with their poses in ``odom``, over the last ``length`` [m] driven."""
+    """Keeps the scans of the last ``length`` [m] driven, with the robot's poses in ``odom``."""
 
     def __init__(self, length: float) -> None:
         self._length = length
@@ -79,28 +79,28 @@ class ScanMemory:
         return len(self._scans)
 
     def add(self, driven: float, odom: Pose, scan: PlanScan) -> None:
-        """Add a scan that was seen from ``odom`` after ``driven`` [m]."""
+        """Add a scan that was seen from odom pose ``odom`` after ``driven`` [m]."""
         self._scans.append((driven, odom, scan))
         self.forget(driven - self._length)
 
     def forget(self, before: float) -> None:
-        """Drop the scans from before that distance [m]; the newest one is kept."""
+        """Drop scans seen before ``before`` [m] were driven; the newest one is kept."""
         while len(self._scans) > 1 and self._scans[0][0] < before:
             self._scans.popleft()
 
     @property
     def newest(self) -> tuple[float, Pose]:
-        """Way [m] and pose in ``odom`` of the newest scan."""
+        """Distance driven [m] and pose in ``odom`` at the newest scan; IndexError without one."""
         driven, odom, _ = self._scans[-1]
         return driven, odom
 
     @property
     def poses(self) -> Iterator[Pose]:
-        """The poses in ``odom``, oldest first."""
+        """The robot's poses in ``odom`` from which the kept scans were seen, oldest first."""
         return (odom for _, odom, _ in self._scans)
 
     def cloud(self, viewpoint: Pose, count: int) -> PlanScan:
-        """About ``count`` points of all scans, evenly picked, seen from odom pose ``viewpoint``."""
+        """Return about ``count`` points of all scans, evenly picked, in the frame ``viewpoint``."""
         points, sigma, origins = [], [], []
         for _, odom, scan in self._scans:
             pose = viewpoint.relative(odom)
@@ -124,7 +124,7 @@ _SEEN_THROUGH = 12  # chosen
 
 @dataclass(frozen=True, slots=True)
 class PlanMatch:
-    """Where seen points fit the plan: ``pose`` in ``map`` with ``information`` (3, 3).
+    """The pose at which seen points fit the plan: ``pose`` in ``map``, ``information`` (3, 3).
 
     The information is that of the points only. ``belonging`` in [0, 1] is the share of the points
     that belong to the plan.
@@ -136,9 +136,9 @@ class PlanMatch:
 
 
 class PlanField:
-    """Signed distances from the walls of ``plan``, in cells: negative inside walls.
+    """Matches seen points to the walls of ``plan``, by signed distances [cells], inside < 0.
 
-    A wall that was seen through, from poses that explain what was seen behind it, is not there.
+    A wall that was seen through, from poses that explain what was seen behind it, is removed.
     """
 
     def __init__(self, plan: OccupancyMap) -> None:
@@ -151,7 +151,7 @@ class PlanField:
         self._map_from_grid = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
     def match(self, scan: PlanScan, start: Pose, information: Array) -> PlanMatch:
-        """The pose near ``start`` (map), known with ``information`` (3, 3), that fits the scan."""
+        """Fit the pose (map) to the scan, from ``start`` with prior ``information`` (3, 3)."""
         turn = self._map_from_grid
         on_grid = self.origin.relative(start)
         prior = np.diag([0.0, 0.0, 0.0, SCALE_SIGMA**-2])
@@ -175,7 +175,7 @@ class PlanField:
         )
 
     def rate(self, scan: PlanScan, poses: Array, plan_sigma: float) -> Array:
-        """Mean log likelihood (m,) of the points of ``scan`` at ``poses`` (m, 3) in ``map``.
+        """Compute the mean log likelihood (m,) of a scan's points at ``poses`` (m, 3) in ``map``.
 
         ``plan_sigma`` [m] is the standard deviation of the walls: a wide one for coarse poses.
         """
@@ -190,14 +190,14 @@ class PlanField:
         return np.asarray(rating, dtype=np.float64)
 
     def blocked(self, scan: PlanScan, poses: Array) -> Array:
-        """Share (m,) of the rays to the points that walls would block at ``poses`` (m, 3)."""
+        """Compute the share (m,) of a scan's rays that walls would block at ``poses`` (m, 3)."""
         shares = plan_kernels.share_of_blocked_rays(
             scan.points, scan.origins, self.cells, self.resolution, self._on_grid(poses)
         )
         return np.asarray(shares, dtype=np.float64)
 
     def see_through(self, scan: PlanScan, pose: Pose) -> None:
-        """Take away walls that the rays of ``scan`` from ``pose`` (map) have gone through."""
+        """Count rays of ``scan`` from ``pose`` (map) through walls; remove those often crossed."""
         plan_kernels.count_rays_through_walls(
             scan.points,
             scan.origins,
@@ -212,7 +212,7 @@ class PlanField:
             self.cells = _signed_distances(self._occupied)
 
     def clearance(self, points: Array) -> Array:
-        """Distance (n,) [m] of ``points`` (n, 2) [m, map] from the nearest wall; NaN outside."""
+        """Return distances (n,) [m] of ``points`` (n, 2) [m, map] from walls; NaN off the plan."""
         x, y = (self._on_grid(points).T[:2] / self.resolution).astype(np.intp)
         rows, columns = self.cells.shape
         inside = (x >= 0) & (y >= 0) & (x < columns) & (y < rows)
@@ -221,7 +221,7 @@ class PlanField:
         return clearances
 
     def _on_grid(self, poses: Array) -> Array:
-        """``poses`` (n, 2 or 3) of ``map`` along the axes of the grid, from its corner."""
+        """Convert ``poses`` (n, 2 or 3) from ``map`` to the axes of the grid, from its corner."""
         moved = poses.astype(np.float64)
         from_corner = poses[:, :2] - (self.origin.x, self.origin.y)
         moved[:, :2] = product(from_corner, self._map_from_grid[:2, :2])
@@ -230,13 +230,13 @@ class PlanField:
 
 
 def _signed_distances(occupied: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:
-    """Distance [cells] of each cell's centre from the nearest surface, negative inside walls."""
+    """Compute distances [cells] of cell centres from the nearest surface, inside walls < 0."""
     outside, inside = _distances(~occupied), _distances(occupied)
     return np.where(occupied, 0.5 - inside, outside - 0.5).astype(np.float32)
 
 
 def _distances(away: npt.NDArray[np.bool_]) -> Array:
-    """Distance [cells] of each cell's centre from that of the nearest cell that is False.
+    """Compute the distance [cells] of each cell's centre from the nearest cell that is False.
 
     OpenCV's precise transform is not used: its last bits differ from process to process.
     """

@@ -36,7 +36,7 @@ _ITERATIONS = 8  # chosen
 
 @numba.njit(cache=True, error_model="numpy")
 def _at(field: Floats, x: float, y: float) -> tuple[float, float, float]:
-    """Distance and its slopes along x and y, all in cells, at column ``x`` and row ``y`` [cells].
+    """Interpolate distance and slopes along x and y, in cells, at column ``x``, row ``y`` [cells].
 
     Bilinear between the centres of the cells; NaN outside.
     """
@@ -60,7 +60,7 @@ def match_points(
     start: Array,
     prior: Array,
 ) -> tuple[Array, Array, float]:
-    """The pose, and the scale of the points' distances, with which they fit the walls of the plan.
+    """Fit the pose, and a scale of the points' distances, to the walls of the plan.
 
     Gauss-Newton on the distances from the walls. Each point counts by the probability that it
     belongs to the plan: the density of its distance against a constant one of all else.
@@ -76,7 +76,7 @@ def match_points(
         prior: (4, 4) information of ``start``.
 
     Returns:
-        the state (4,), the information (4, 4) of the points alone, as if they were independent, and
+        the state (4,), the information (4, 4) of the points only, as if they were independent, and
         the mean probability of belonging to the plan.
 
     """
@@ -123,7 +123,7 @@ def match_points(
 def rate_poses(
     points: Array, sigma: Array, field: Floats, cell: float, poses: Array, plan_sigma: float
 ) -> Array:
-    """Mean log likelihood (m,) of the points at each of ``poses`` (m, 3); see ``match_points``."""
+    """Rate each of ``poses`` (m, 3) by the points' mean log likelihood; see ``match_points``."""
     rating = np.empty(poses.shape[0])
     for k in range(poses.shape[0]):
         c, s = math.cos(poses[k, 2]), math.sin(poses[k, 2])
@@ -196,7 +196,7 @@ def count_rays_through_walls(
 def share_of_blocked_rays(
     points: Array, origins: Array, field: Floats, cell: float, poses: Array
 ) -> Array:
-    """The share (m,) of the rays to seen points that a wall of the plan would have blocked.
+    """Compute the share (m,) of the rays to seen points that a wall of the plan would block.
 
     Args:
         points: (n, 2) seen points [m] in base_link.

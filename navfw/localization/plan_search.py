@@ -1,4 +1,4 @@
-"""The search for an unknown pose on a floor plan, by all that was seen on the last metres.
+"""The search for an unknown pose on a floor plan, by the scans of the last metres.
 
 What was seen is kept in the frame ``odom``, whose pose in ``map`` is then the one unknown. All
 poses of the robot on free ground are rated coarsely, the best ones refined and rated again; the
@@ -87,8 +87,8 @@ _PARTS, _MAX_PARTS = 60.0, 12  # chosen
 class PlanSearch:
     """Collects scans with their poses in ``odom``, and searches the plan for where they fit.
 
-    ``hypotheses`` is the number of poses that the last search could not distinguish, the best one
-    included; 0 before the first.
+    ``hypotheses`` is the number of poses that the last search could not distinguish, including the
+    best; 0 before the first.
     """
 
     def __init__(self, plan: OccupancyMap, field: PlanField, radius: float) -> None:
@@ -111,7 +111,7 @@ class PlanSearch:
         self._search = None
 
     def begin(self) -> None:
-        """Begin a search, unless one goes on or the last was too near."""
+        """Begin a search, unless one goes on, or scans or distance driven do not suffice yet."""
         if self._search is not None or len(self._scans) < _MIN_SCANS:
             return
         driven, odom = self._scans.newest
@@ -122,7 +122,7 @@ class PlanSearch:
     def go_on(self, seconds: float) -> Pose | None:
         """Do the part of a search that is due after ``seconds``, if one was begun.
 
-        At its end the pose of ``odom`` in ``map``; None before, and where it is not known.
+        Returns the pose of ``odom`` in ``map`` when three searches in a row found it, else None.
         """
         if self._search is None:
             return None
@@ -135,7 +135,7 @@ class PlanSearch:
         return None
 
     def _agreed_on(self, frame: Pose | None) -> Pose | None:
-        """``frame``, if several searches in a row have found it."""
+        """Return ``frame`` if several searches in a row have found it, else None."""
         previous, odom = self._previous_frame, self._scans.newest[1]
         self._previous_frame = frame
         if frame is None:
@@ -145,7 +145,7 @@ class PlanSearch:
         return frame if self._agreed >= _AGREEING else None
 
     def advantage(self, pose: Pose, other: Pose, odom: Pose) -> float:
-        """How much better the scans fit at ``pose`` than at ``other``: mean log likelihood.
+        """Return the mean log likelihood of the scans at ``pose`` minus that at ``other``.
 
         Both are poses in ``map`` of the robot at ``odom``.
         """
@@ -155,12 +155,12 @@ class PlanSearch:
         return float(better - worse)
 
     def _rating(self, cloud: PlanScan, poses: Array) -> Array:
-        """Mean log likelihood (m,) of the scans at ``poses`` (m, 3), blocked rays included."""
+        """Rate ``poses`` (m, 3) by the scans' mean log likelihood, blocked rays included."""
         blocked = self._field.blocked(cloud, poses)
         return self._field.rate(cloud, poses, _FINE_SIGMA) - _BLOCKED * blocked
 
     def _best(self, odom: Pose) -> Generator[None, None, Pose | None]:
-        """The one frame of ``odom`` that explains the scans, if all others are improbable."""
+        """Find the one frame of ``odom`` that explains the scans, if others are improbable."""
         coarse, cloud = (self._scans.cloud(odom, n) for n in (_COARSE_POINTS, _FINE_POINTS))
         path = np.array([(at.x, at.y) for at in map(odom.relative, self._scans.poses)])
         evidence = min(_EVIDENCE * len(self._scans), _MAX_EVIDENCE)
@@ -188,7 +188,7 @@ class PlanSearch:
     def _rated(
         self, cloud: PlanScan, poses: Array, sigma: float
     ) -> Generator[None, None, list[int]]:
-        """The best of ``poses`` (m, 3), by index, best first, all of them apart."""
+        """Rate ``poses`` (m, 3); return the best by index, best first, all of them apart."""
         ratings = []
         for first in range(0, len(poses), _RATED_AT_ONCE):
             ratings.append(self._field.rate(cloud, poses[first : first + _RATED_AT_ONCE], sigma))
@@ -210,7 +210,7 @@ class PlanSearch:
         return kept
 
     def _impossible(self, poses: Array, path: Array) -> Array:
-        """Which of ``poses`` (m, 3) would have led the robot through a wall, or off the plan.
+        """Return which of ``poses`` (m, 3) would have led the robot through a wall or off the plan.
 
         ``path`` (n, 2) [m] is where it came from, in its own frame.
         """
@@ -222,7 +222,7 @@ class PlanSearch:
 
 
 def _free_poses(plan: OccupancyMap, field: PlanField, radius: float) -> Array:
-    """Poses (m, 3) all over the free ground of the plan where a robot of ``radius`` [m] fits."""
+    """Return poses (m, 3) all over the free ground where a robot of ``radius`` [m] fits."""
     fits = plan.free & (field.cells * plan.resolution > 0.8 * radius)
     area = float(fits.sum()) * plan.resolution**2
     spacing = max(SPACING, math.sqrt(area * HEADINGS / _MAX_POSES))
@@ -235,11 +235,11 @@ def _free_poses(plan: OccupancyMap, field: PlanField, radius: float) -> Array:
 
 
 def _gap(a: Array, b: Array) -> float:
-    """Difference of two poses (3,), 1 where they begin to be different ones."""
+    """Return the difference of two poses (3,), 1 where they begin to be different ones."""
     distance = math.hypot(a[0] - b[0], a[1] - b[1]) / APART[0]
     return max(distance, abs(wrap_angle(float(a[2] - b[2]))) / APART[1])
 
 
 def are_close(a: Pose, b: Pose) -> bool:
-    """Whether two poses are about the same, by the limits APART."""
+    """Return whether two poses are the same to within 0.6 m and 25 degrees."""
     return _gap(np.array([a.x, a.y, a.yaw]), np.array([b.x, b.y, b.yaw])) < 1.0

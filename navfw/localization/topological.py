@@ -53,7 +53,7 @@ _MIN_DOOR_DISTANCE, _MAX_DOOR_DISTANCE = 0.4, 2.0  # chosen
 
 
 class PassageObserver:
-    """Collects scans of walls, and corrects the pose by them in the passages of a map."""
+    """Collects scans of walls, and computes corrections of the pose in a map's passages."""
 
     def __init__(self, topo_map: TopoMap, robot: RobotModel) -> None:
         axes = passage_walls.passage_axes(topo_map)
@@ -68,7 +68,7 @@ class PassageObserver:
     def observe(
         self, pose: Pose, odometry: Odometry, percept: Percept | None
     ) -> list[passage_walls.PassageFix]:
-        """Corrections of the believed ``pose`` (map) by the newest ``percept``."""
+        """Compute corrections of the believed ``pose`` (map) by ``percept``; often none."""
         odom = odometry.pose
         if self._last is not None:
             self._driven += math.dist((self._last.x, self._last.y), (odom.x, odom.y))
@@ -127,13 +127,13 @@ pose, or a given start, needs one more supporting landmark elsewhere to be repla
 
 
 class Topological(place_probabilities.PlaceLocalizer):
-    """Global localisation by a discrete filter, pose tracking by an EKF.
+    """Finds the pose on the whole map by a discrete filter, and tracks it by an EKF.
 
     The discrete filter always covers the whole map. Once most of its probability lies at one pose
     that two landmarks support, the metric filter is initialised there; when it later lies
     elsewhere, with more supporting landmarks than the tracked pose has, the metric filter is
-    initialised again there. While the two disagree the confidence falls; below ``lost_below`` the
-    belief is lost. The walls beside the map's corridors and doors correct the tracked pose, too.
+    initialised again there. While the two disagree the confidence falls; below 0.4 the belief is
+    lost. The walls beside the map's corridors and doors correct the tracked pose, too.
     """
 
     name: ClassVar[str] = "topological"
@@ -155,7 +155,7 @@ class Topological(place_probabilities.PlaceLocalizer):
     params: Params
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
-        """Start at ``pose`` (map frame), or anywhere when None."""
+        """Start at ``pose`` (map), or with a uniform belief over the map if it is None."""
         p = self.params
         self._posterior = place_probabilities.PlacePosterior(topo_map)
         self._observer = LandmarkObserver(topo_map)
@@ -177,7 +177,7 @@ class Topological(place_probabilities.PlaceLocalizer):
     def update(
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
-        """The belief after the newest odometry and, where there are any, percept and detections."""
+        """Return the belief after the newest odometry, percept (None: none) and detections."""
         posterior = self.posterior
         observations = self._observer.observe(odometry, detections)
         self.discrete.predict(odometry)
